@@ -1,0 +1,179 @@
+//! Messages that point into the author's files.
+//!
+//! A [`Diagnostic`] carries its sources, so it can be shown anywhere: as text with an excerpt
+//! (`Display`), or as data ([`Diagnostic::location`]).
+
+use std::fmt;
+use std::ops::Range;
+use std::sync::Arc;
+
+use codespan_reporting::diagnostic as codespan;
+use codespan_reporting::files::{Files, SimpleFiles};
+use codespan_reporting::term;
+
+/// A file of the author, as read.
+#[derive(Debug, PartialEq, Eq)]
+pub struct SourceFile {
+    /// Path as shown: relative to the working directory where that is shorter.
+    pub name: String,
+    /// Whole text.
+    pub text: String,
+}
+
+impl SourceFile {
+    /// Line and column of a byte offset, both counted from 1; columns count characters.
+    #[must_use]
+    pub fn line_column(&self, offset: usize) -> (usize, usize) {
+        let mut offset = offset.min(self.text.len());
+        while !self.text.is_char_boundary(offset) {
+            offset -= 1;
+        }
+        let before = &self.text[..offset];
+        let start = before.rfind('\n').map_or(0, |newline| newline + 1);
+        let line = before.bytes().filter(|byte| *byte == b'\n').count() + 1;
+        (line, before[start..].chars().count() + 1)
+    }
+}
+
+/// A stretch of one author's file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Span {
+    /// The file.
+    pub file: Arc<SourceFile>,
+    /// Byte range in its text.
+    pub range: Range<usize>,
+}
+
+impl fmt::Display for Span {
+    /// `file:line:column`, which terminals and editors open.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (line, column) = self.file.line_column(self.range.start);
+        write!(f, "{}:{line}:{column}", self.file.name)
+    }
+}
+
+/// A message with labelled places in the author's files.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Diagnostic {
+    /// What is wrong, in one sentence.
+    pub message: String,
+    /// Places, the first one being where to look; each with a remark that may be empty.
+    pub labels: Vec<(Span, String)>,
+    /// What to do next.
+    pub notes: Vec<String>,
+}
+
+impl Diagnostic {
+    /// A message without a place.
+    pub fn new(message: impl Into<String>) -> Self {
+        Self { message: message.into(), labels: Vec::new(), notes: Vec::new() }
+    }
+
+    /// Adds a place.
+    #[must_use]
+    pub fn at(mut self, span: Span, remark: impl Into<String>) -> Self {
+        self.labels.push((span, remark.into()));
+        self
+    }
+
+    /// Adds a hint.
+    #[must_use]
+    pub fn note(mut self, note: impl Into<String>) -> Self {
+        self.notes.push(note.into());
+        self
+    }
+
+    /// Where to look first.
+    #[must_use]
+    pub fn location(&self) -> Option<&Span> {
+        self.labels.first().map(|(span, _)| span)
+    }
+
+    fn render(&self) -> Result<String, codespan_reporting::files::Error> {
+        let mut files = SimpleFiles::new();
+        let mut known: Vec<(&Arc<SourceFile>, usize)> = Vec::new();
+        let mut labels = Vec::new();
+        for (index, (span, remark)) in self.labels.iter().enumerate() {
+            let id = match known.iter().find(|(file, _)| Arc::ptr_eq(file, &span.file)) {
+                Some((_, id)) => *id,
+                None => {
+                    let id = files.add(span.file.name.as_str(), span.file.text.as_str());
+                    known.push((&span.file, id));
+                    id
+                }
+            };
+            // An empty range is shown as one caret; a range past the end would not be shown.
+            let end = files.source(id)?.len();
+            let range = span.range.start.min(end)..span.range.end.min(end);
+            let label = match index {
+                0 => codespan::Label::primary(id, range),
+                _ => codespan::Label::secondary(id, range),
+            };
+            labels.push(label.with_message(remark));
+        }
+        let diagnostic = codespan::Diagnostic::error()
+            .with_message(&self.message)
+            .with_labels(labels)
+            .with_notes(self.notes.clone());
+        let config = term::Config { chars: term::Chars::ascii(), ..term::Config::default() };
+        term::emit_into_string(&config, &files, &diagnostic)
+    }
+}
+
+impl fmt::Display for Diagnostic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let text = self.render().unwrap_or_else(|_| self.message.clone());
+        f.write_str(text.trim_end())
+    }
+}
+
+impl std::error::Error for Diagnostic {}
+
+/// The name among `known` that is most likely meant by `unknown`, if any is close: equal in its
+/// last `::` part, or within a third of its letters.
+pub(crate) fn nearest<'a>(
+    unknown: &str,
+    known: impl IntoIterator<Item = &'a str>,
+) -> Option<&'a str> {
+    let last = |name: &str| name.rsplit("::").next().unwrap_or_default().to_owned();
+    known
+        .into_iter()
+        .map(|name| {
+            let whole = strsim::damerau_levenshtein(unknown, name);
+            let tail = strsim::damerau_levenshtein(&last(unknown), &last(name));
+            // The same function in another module is a better guess than a similar spelling.
+            (whole.min(tail + 1), whole, name)
+        })
+        .filter(|(distance, _, _)| *distance <= (last(unknown).len() / 3).max(1))
+        .min()
+        .map(|(_, _, name)| name)
+}
+
+/// Where `path` is best shown from the working directory.
+pub(crate) fn shown(path: &std::path::Path) -> String {
+    let here = std::env::current_dir().unwrap_or_default();
+    path.strip_prefix(&here).unwrap_or(path).display().to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_and_columns_count_characters_from_one() {
+        let file = SourceFile { name: "a".into(), text: "é = 1\nx\n".into() };
+        assert_eq!(file.line_column(0), (1, 1));
+        assert_eq!(file.line_column(3), (1, 3));
+        assert_eq!(file.line_column(7), (2, 1));
+        assert_eq!(file.line_column(999), (3, 1));
+    }
+
+    #[test]
+    fn nearest_names() {
+        let known = ["fresnel::schlick", "fresnel::dielectric", "geometry::v_cavity"];
+        assert_eq!(nearest("fresnel::schlik", known), Some("fresnel::schlick"));
+        assert_eq!(nearest("schlick", known), Some("fresnel::schlick"));
+        assert_eq!(nearest("brdf::v_cavity", known), Some("geometry::v_cavity"));
+        assert_eq!(nearest("noise::perlin", known), None);
+    }
+}

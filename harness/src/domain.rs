@@ -1,0 +1,307 @@
+//! Where the arguments of a probe come from.
+//!
+//! A domain is closed (its ends are drawn), biased toward its edges (ends, their neighbours,
+//! points at log distance from them, poles, axes), and seeded: the value of case *i* depends on
+//! the seed and on *i* alone, so any case can be drawn again without those before it. A finite
+//! domain ([`Just`], [`Grid`], [`OneOf`] and products of them) is enumerated whole.
+
+mod direction;
+mod product;
+mod range;
+mod source;
+
+use std::fmt::Debug;
+
+pub use direction::{Hemisphere, UnitRgb, UnitVector};
+pub use source::Source;
+
+/// Draws in a row that a [`filter`](Domain::filter) may reject before the check gives up. A filter
+/// that keeps 1 % is stopped by chance once in 5e8 cases.
+const REJECTIONS: u32 = 2000;
+
+/// A set of values to draw from.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is not a domain",
+    label = "expected a domain of WGSL values",
+    note = "use a closed range such as `0.0..=1.0` (not `0.0..1.0`), `UnitVector`, `Hemisphere`, \
+            `UnitRgb`, `Just(x)`, `Grid`, `OneOf`, or a tuple of them"
+)]
+pub trait Domain: Send + Sync {
+    /// What is drawn.
+    type Value: Clone + Debug + Send + Sync + 'static;
+
+    /// Draws a value; `None` if a filter rejected a long run of draws.
+    fn draw(&self, source: &mut Source) -> Option<Self::Value>;
+
+    /// Values that are always tried first, the simplest and most extreme ones at the front.
+    fn edges(&self) -> Vec<Self::Value> {
+        Vec::new()
+    }
+
+    /// Number of values of a finite domain.
+    fn size(&self) -> Option<u64> {
+        None
+    }
+
+    /// Value `index` of a finite domain; `None` past its end, or if the domain isn't finite.
+    fn nth(&self, index: u64) -> Option<Self::Value> {
+        let _ = index;
+        None
+    }
+
+    /// Applies `map` to each value.
+    fn map<T, F>(self, map: F) -> Map<Self, F>
+    where
+        Self: Sized,
+        T: Clone + Debug + Send + Sync + 'static,
+        F: Fn(Self::Value) -> T + Send + Sync,
+    {
+        Map { domain: self, map }
+    }
+
+    /// Keeps the values for which `keep` holds. A filter that rejects nearly everything is an
+    /// error of the check: build the values with [`map`](Domain::map) instead.
+    fn filter<F>(self, keep: F) -> Filter<Self, F>
+    where
+        Self: Sized,
+        F: Fn(&Self::Value) -> bool + Send + Sync,
+    {
+        Filter { domain: self, keep }
+    }
+}
+
+impl<D: Domain + ?Sized> Domain for &D {
+    type Value = D::Value;
+    fn draw(&self, source: &mut Source) -> Option<Self::Value> {
+        (**self).draw(source)
+    }
+    fn edges(&self) -> Vec<Self::Value> {
+        (**self).edges()
+    }
+    fn size(&self) -> Option<u64> {
+        (**self).size()
+    }
+    fn nth(&self, index: u64) -> Option<Self::Value> {
+        (**self).nth(index)
+    }
+}
+
+/// One value.
+#[derive(Clone, Copy, Debug)]
+pub struct Just<T>(pub T);
+
+impl<T: Clone + Debug + Send + Sync + 'static> Domain for Just<T> {
+    type Value = T;
+    fn draw(&self, _: &mut Source) -> Option<T> {
+        Some(self.0.clone())
+    }
+    fn edges(&self) -> Vec<T> {
+        vec![self.0.clone()]
+    }
+    fn size(&self) -> Option<u64> {
+        Some(1)
+    }
+    fn nth(&self, index: u64) -> Option<T> {
+        (index == 0).then(|| self.0.clone())
+    }
+}
+
+/// The listed values, each of them.
+#[derive(Clone, Debug)]
+pub struct OneOf<T>(pub Vec<T>);
+
+impl<T: Clone + Debug + Send + Sync + 'static> Domain for OneOf<T> {
+    type Value = T;
+    fn draw(&self, source: &mut Source) -> Option<T> {
+        self.nth(source.below(self.0.len() as u64))
+    }
+    fn edges(&self) -> Vec<T> {
+        self.0.iter().take(1).chain(self.0.iter().skip(1).next_back()).cloned().collect()
+    }
+    fn size(&self) -> Option<u64> {
+        Some(self.0.len() as u64)
+    }
+    fn nth(&self, index: u64) -> Option<T> {
+        usize::try_from(index).ok().and_then(|index| self.0.get(index)).cloned()
+    }
+}
+
+/// Evenly spaced values from one end to the other, both included.
+#[derive(Clone, Copy, Debug)]
+pub struct Grid {
+    first: f32,
+    last: f32,
+    count: u32,
+}
+
+impl Grid {
+    /// `count` values over `range`. A grid of one value is the range's start.
+    #[must_use]
+    pub fn linear(range: std::ops::RangeInclusive<f32>, count: u32) -> Self {
+        Self { first: *range.start(), last: *range.end(), count }
+    }
+}
+
+impl Domain for Grid {
+    type Value = f32;
+    fn draw(&self, source: &mut Source) -> Option<f32> {
+        self.nth(source.below(u64::from(self.count)))
+    }
+    fn edges(&self) -> Vec<f32> {
+        if self.count > 1 { vec![self.first, self.last] } else { vec![self.first] }
+    }
+    fn size(&self) -> Option<u64> {
+        Some(u64::from(self.count))
+    }
+    fn nth(&self, index: u64) -> Option<f32> {
+        let index = u32::try_from(index).ok().filter(|index| *index < self.count)?;
+        if index + 1 == self.count && index > 0 {
+            return Some(self.last);
+        }
+        let t = f64::from(index) / f64::from((self.count - 1).max(1));
+        let (first, last) = (f64::from(self.first), f64::from(self.last));
+        #[expect(clippy::cast_possible_truncation, reason = "arguments are quantised to f32 first")]
+        let value = (last - first).mul_add(t, first) as f32;
+        Some(value)
+    }
+}
+
+/// See [`Domain::map`].
+#[derive(Clone, Copy, Debug)]
+pub struct Map<D, F> {
+    domain: D,
+    map: F,
+}
+
+impl<D, F, T> Domain for Map<D, F>
+where
+    D: Domain,
+    T: Clone + Debug + Send + Sync + 'static,
+    F: Fn(D::Value) -> T + Send + Sync,
+{
+    type Value = T;
+    fn draw(&self, source: &mut Source) -> Option<T> {
+        self.domain.draw(source).map(&self.map)
+    }
+    fn edges(&self) -> Vec<T> {
+        self.domain.edges().into_iter().map(&self.map).collect()
+    }
+    fn size(&self) -> Option<u64> {
+        self.domain.size()
+    }
+    fn nth(&self, index: u64) -> Option<T> {
+        self.domain.nth(index).map(&self.map)
+    }
+}
+
+/// See [`Domain::filter`].
+#[derive(Clone, Copy, Debug)]
+pub struct Filter<D, F> {
+    domain: D,
+    keep: F,
+}
+
+impl<D, F> Domain for Filter<D, F>
+where
+    D: Domain,
+    F: Fn(&D::Value) -> bool + Send + Sync,
+{
+    type Value = D::Value;
+    fn draw(&self, source: &mut Source) -> Option<Self::Value> {
+        (0..REJECTIONS).find_map(|_| self.domain.draw(source).filter(&self.keep))
+    }
+    fn edges(&self) -> Vec<Self::Value> {
+        self.domain.edges().into_iter().filter(&self.keep).collect()
+    }
+}
+
+/// The cases of one check: which value each index has.
+#[derive(Clone, Debug)]
+pub(crate) struct Cases<'a, D: Domain + ?Sized> {
+    domain: &'a D,
+    edges: Vec<D::Value>,
+    seed: u64,
+    count: u64,
+}
+
+impl<'a, D: Domain + ?Sized> Cases<'a, D> {
+    /// All of a finite domain that has at most `limit` values, else `limit` cases: the edges,
+    /// then draws.
+    pub(crate) fn new(domain: &'a D, seed: u64, limit: u64) -> Self {
+        match domain.size() {
+            Some(size) if size <= limit => Self { domain, edges: Vec::new(), seed, count: size },
+            _ => Self { domain, edges: domain.edges(), seed, count: limit },
+        }
+    }
+
+    pub(crate) fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// The value of a case; `None` if the domain rejects nearly everything.
+    pub(crate) fn get(&self, index: u64) -> Option<D::Value> {
+        if self.domain.size().is_some_and(|size| size == self.count) {
+            return self.domain.nth(index);
+        }
+        usize::try_from(index)
+            .ok()
+            .and_then(|index| self.edges.get(index))
+            .cloned()
+            .or_else(|| self.domain.draw(&mut Source::new(self.seed, index)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all<D: Domain>(domain: &D, seed: u64, limit: u64) -> Vec<D::Value> {
+        let cases = Cases::new(domain, seed, limit);
+        (0..cases.count()).filter_map(|index| cases.get(index)).collect()
+    }
+
+    #[test]
+    fn finite_domains_are_enumerated_whole() {
+        let domain = (Just(1.0_f32), Grid::linear(0.0..=1.0, 3), OneOf(vec![true, false]));
+        let cases = all(&domain, 1, 1000);
+        assert_eq!(cases.len(), 6);
+        assert_eq!(cases[0], (1.0, 0.0, true));
+        assert_eq!(cases[5], (1.0, 1.0, false));
+    }
+
+    #[test]
+    fn same_seed_same_cases_and_another_seed_others() {
+        let domain = (UnitVector, 0.0..=1.0_f32);
+        assert_eq!(all(&domain, 7, 500), all(&domain, 7, 500));
+        assert_ne!(all(&domain, 7, 500), all(&domain, 8, 500));
+    }
+
+    #[test]
+    fn ranges_are_closed_and_their_ends_are_drawn() {
+        for value in all(&(0.25..=0.75_f32), 3, 20_000) {
+            assert!((0.25..=0.75).contains(&value));
+        }
+        let cases = all(&(0.0..=1.0_f32, -2.0..=2.0_f32), 3, 20_000);
+        for corner in [(0.0, -2.0), (1.0, -2.0), (0.0, 2.0), (1.0, 2.0)] {
+            assert!(cases[..64].contains(&corner), "{corner:?} is tried first");
+            assert!(cases[64..].contains(&corner), "{corner:?} is drawn again among others");
+        }
+        let near_one = cases.iter().filter(|(a, _)| *a < 1.0 && *a > 1.0 - 1e-5).count();
+        assert!(near_one > 100, "only {near_one} of 20,000 lie within 1e-5 of the end");
+    }
+
+    #[test]
+    fn a_filter_that_rejects_everything_draws_nothing() {
+        let domain = (0.0..=1.0_f32).filter(|_| false);
+        assert!(all(&domain, 1, 10).is_empty());
+        let domain = (UnitVector, UnitVector).filter(|(n, v)| n.dot(*v) > 0.0);
+        assert!(all(&domain, 1, 1000).iter().all(|(n, v)| n.dot(*v) > 0.0));
+    }
+
+    #[test]
+    fn grids_hit_both_ends_exactly() {
+        let grid = Grid::linear(0.1..=0.7, 7);
+        let values = all(&grid, 0, 100);
+        assert_eq!((values[0], values[6], values.len()), (0.1, 0.7, 7));
+    }
+}

@@ -1,0 +1,94 @@
+//! Closed ranges of scalars.
+
+use std::ops::RangeInclusive;
+
+use super::{Domain, Source};
+
+/// Values inside a range that shaders treat specially.
+const LANDMARKS: [f32; 5] = [0.0, 1.0, -1.0, 0.5, f32::MIN_POSITIVE];
+
+impl Domain for RangeInclusive<f32> {
+    type Value = f32;
+
+    /// Of 16 draws: 1 an end, 3 at log distance from an end, 1 a landmark (0, 1, 1/2, ...) of the
+    /// range, 11 uniform.
+    fn draw(&self, source: &mut Source) -> Option<f32> {
+        let (low, high) = (f64::from(*self.start()), f64::from(*self.end()));
+        let choice = source.bits();
+        let from_high = choice & 16 != 0;
+        let end = if from_high { high } else { low };
+        let value = match choice & 15 {
+            0 => end,
+            1..=3 => {
+                let distance = (high - low) * source.log_distance();
+                if from_high { high - distance } else { low + distance }
+            }
+            4 => {
+                let pick = LANDMARKS[(choice >> 5) as usize % LANDMARKS.len()];
+                f64::from(if self.contains(&pick) { pick } else { *self.start() })
+            }
+            _ => (high - low).mul_add(source.unit(), low),
+        };
+        #[expect(clippy::cast_possible_truncation, reason = "arguments are quantised to f32 first")]
+        let value = value as f32;
+        (self.start() <= self.end()).then(|| value.clamp(*self.start(), *self.end()))
+    }
+
+    fn edges(&self) -> Vec<f32> {
+        let (low, high) = (*self.start(), *self.end());
+        let mut edges = vec![low, high];
+        let inner = [low.next_up(), high.next_down()].into_iter().chain(LANDMARKS);
+        for value in inner {
+            if self.contains(&value) && !edges.contains(&value) {
+                edges.push(value);
+            }
+        }
+        edges.retain(|value| self.contains(value));
+        edges
+    }
+}
+
+macro_rules! integer {
+    ($($integer:ty),*) => {$(
+        impl Domain for RangeInclusive<$integer> {
+            type Value = $integer;
+
+            /// One draw in 8 is an end, the others are uniform.
+            fn draw(&self, source: &mut Source) -> Option<$integer> {
+                let (low, high) = (*self.start(), *self.end());
+                let count = u64::try_from(i64::from(high) - i64::from(low) + 1).ok()?;
+                Some(match source.below(16) {
+                    0 => low,
+                    1 => high,
+                    _ => {
+                        let offset = i64::try_from(source.below(count)).ok()?;
+                        <$integer>::try_from(i64::from(low) + offset).ok()?
+                    }
+                })
+            }
+
+            fn edges(&self) -> Vec<$integer> {
+                let mut edges = vec![*self.start(), *self.end()];
+                for value in [0, 1] {
+                    if self.contains(&value) && !edges.contains(&value) {
+                        edges.push(value);
+                    }
+                }
+                edges.dedup();
+                edges.retain(|value| self.contains(value));
+                edges
+            }
+
+            fn size(&self) -> Option<u64> {
+                u64::try_from(i64::from(*self.end()) - i64::from(*self.start()) + 1).ok()
+            }
+
+            fn nth(&self, index: u64) -> Option<$integer> {
+                let value = i64::from(*self.start()).checked_add(i64::try_from(index).ok()?)?;
+                <$integer>::try_from(value).ok().filter(|value| self.contains(value))
+            }
+        }
+    )*};
+}
+
+integer!(i32, u32);

@@ -1,0 +1,42 @@
+//! The stream of random numbers of one case.
+
+use rand_core::Rng;
+use rand_pcg::Pcg32;
+
+/// Random numbers for one case. The stream is determined by the seed and the case's index.
+#[derive(Clone, Debug)]
+pub struct Source(Pcg32);
+
+/// 2^64 / golden ratio: spreads consecutive indices over all bits of the state.
+const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
+
+impl Source {
+    /// The stream of case `index` under `seed`.
+    #[must_use]
+    pub fn new(seed: u64, index: u64) -> Self {
+        Self(Pcg32::new(seed ^ index.wrapping_mul(GOLDEN), index))
+    }
+
+    /// 32 random bits.
+    pub fn bits(&mut self) -> u32 {
+        self.0.next_u32()
+    }
+
+    /// Uniform in `[0, 1)`, a multiple of 2^-32.
+    pub fn unit(&mut self) -> f64 {
+        f64::from(self.bits()) / 4_294_967_296.0
+    }
+
+    /// Uniform in `0..count`; 0 if `count` is 0.
+    pub fn below(&mut self, count: u64) -> u64 {
+        let bits = u128::from(self.0.next_u64());
+        let scaled = (bits * u128::from(count)) >> 64;
+        u64::try_from(scaled).expect("a 64-bit fraction of a u64 is a u64")
+    }
+
+    /// A power of two between 1 and 2^-24, uniform in the exponent and jittered: a distance for
+    /// points that crowd toward an edge down to the last bit of an `f32` near 1.
+    pub fn log_distance(&mut self) -> f64 {
+        (-24.0 * self.unit()).exp2()
+    }
+}

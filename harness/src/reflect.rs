@@ -1,0 +1,436 @@
+//! What a WGSL function takes, returns and needs, read from naga's validated IR.
+//!
+//! A [`Program`] is the one place from which linked text, IR and source map are reachable;
+//! whatever transforms or interprets shaders starts from it.
+
+mod layout;
+
+use std::fmt;
+use std::ops::Range;
+use std::sync::Arc;
+
+use naga::front::wgsl;
+use naga::proc::Layouter;
+use naga::valid::{Capabilities, GlobalUse, ModuleInfo, ShaderStages, ValidationFlags, Validator};
+
+pub(crate) use layout::{LayoutError, bytes_of};
+
+use crate::diagnostic::{Diagnostic, Span};
+use crate::package::{Linked, Package, PackageError};
+use crate::value::{Scalar, Shape};
+
+/// A linked and validated shader: text, IR, and the way back to the author's files.
+#[derive(Debug)]
+pub struct Program {
+    linked: Linked,
+    module: naga::Module,
+    info: ModuleInfo,
+    layouter: Layouter,
+}
+
+/// A function as a probe sees it.
+#[derive(Clone, Debug)]
+pub struct Function {
+    /// Author's path: `fresnel::schlick`.
+    pub path: String,
+    /// Name in the linked text.
+    pub(crate) name: String,
+    /// From `fn` to the closing brace, in the author's file.
+    pub span: Span,
+    /// The comment lines (`///`) above it.
+    pub doc: String,
+    /// Name and type of each parameter.
+    pub parameters: Vec<(String, Shape)>,
+    /// Type of the result.
+    pub result: Shape,
+    /// The resources that it reads, directly or through what it calls.
+    pub bindings: Vec<Binding>,
+}
+
+impl fmt::Display for Function {
+    /// The signature: `fresnel::schlick(f0: vec3<f32>, v_dot_h: f32) -> vec3<f32>`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}(", self.path)?;
+        for (index, (name, shape)) in self.parameters.iter().enumerate() {
+            let separator = if index > 0 { ", " } else { "" };
+            write!(f, "{separator}{name}: {shape}")?;
+        }
+        write!(f, ") -> {}", self.result)
+    }
+}
+
+/// A resource variable.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Binding {
+    /// Author's path: `environment::sky`.
+    pub path: String,
+    /// `@group`
+    pub group: u32,
+    /// `@binding`
+    pub binding: u32,
+    /// What it is.
+    pub kind: BindingKind,
+    pub(crate) ty: naga::Handle<naga::Type>,
+}
+
+impl Binding {
+    /// The variable's own name, without its module.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        self.path.rsplit("::").next().unwrap_or_default()
+    }
+}
+
+/// The kind of a resource variable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BindingKind {
+    /// `var<uniform>`
+    Uniform,
+    /// `var<storage>`
+    Storage {
+        /// `read_write`
+        writable: bool,
+    },
+    /// `texture_2d<f32>`
+    Texture2d,
+    /// `texture_cube<f32>`
+    TextureCube,
+    /// `sampler`
+    Sampler,
+    /// Something that no fixture can supply yet.
+    Other,
+}
+
+impl fmt::Display for BindingKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Uniform => "uniform buffer",
+            Self::Storage { .. } => "storage buffer",
+            Self::Texture2d => "texture_2d<f32>",
+            Self::TextureCube => "texture_cube<f32>",
+            Self::Sampler => "sampler",
+            Self::Other => "resource of an unsupported kind",
+        })
+    }
+}
+
+/// Why a shader can't be reflected or a function can't be probed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReflectError {
+    /// The package is at fault.
+    #[error(transparent)]
+    Package(#[from] PackageError),
+    /// naga rejects the shader.
+    #[error("{0}")]
+    Invalid(Box<Diagnostic>),
+    /// The function is valid, but can't be called by a compute kernel.
+    #[error("{0}")]
+    Unprobeable(Box<Diagnostic>),
+}
+
+impl Program {
+    /// Links and validates the closure of one function.
+    ///
+    /// # Errors
+    /// If it can't be linked, or isn't valid WGSL.
+    pub fn of_function(package: &Package, path: &str) -> Result<Self, ReflectError> {
+        Self::from_linked(package.link(path)?)
+    }
+
+    /// Links and validates the closure of some declarations of one module.
+    pub(crate) fn of_items(
+        package: &Package,
+        module: &str,
+        items: &[&str],
+    ) -> Result<Self, ReflectError> {
+        Self::from_linked(package.link_items(module, items)?)
+    }
+
+    fn from_linked(linked: Linked) -> Result<Self, ReflectError> {
+        let invalid = |diagnostic| ReflectError::Invalid(Box::new(diagnostic));
+        let module = wgsl::parse_str(&linked.text).map_err(|error| {
+            let labels = error.labels().map(|(span, text)| (span.to_range(), text.to_owned()));
+            let notes = error.notes().map(str::to_owned).collect();
+            invalid(to_author(&linked, error.message().to_owned(), labels, notes))
+        })?;
+        let info = Validator::new(ValidationFlags::all(), Capabilities::all())
+            .validate(&module)
+            .map_err(|error| {
+                let labels = error.spans().map(|(span, text)| (span.to_range(), text.clone()));
+                let labels: Vec<_> = labels.collect();
+                let (message, notes) = causes(error.as_inner());
+                invalid(to_author(&linked, message, labels.into_iter(), notes))
+            })?;
+        let mut layouter = Layouter::default();
+        layouter
+            .update(module.to_ctx())
+            .map_err(|error| invalid(Diagnostic::new(error.to_string())))?;
+        Ok(Self { linked, module, info, layouter })
+    }
+
+    /// The linked WGSL.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        &self.linked.text
+    }
+
+    /// naga's IR of [`text`](Self::text).
+    #[must_use]
+    pub fn module(&self) -> &naga::Module {
+        &self.module
+    }
+
+    /// The author's place for a range of [`text`](Self::text).
+    #[must_use]
+    pub fn resolve(&self, range: Range<usize>) -> Option<Span> {
+        self.linked.map.resolve(range)
+    }
+
+    /// A message from wgpu or naga about linked text, with its author's place.
+    pub(crate) fn diagnose(&self, message: String, range: Option<Range<usize>>) -> Diagnostic {
+        to_author(&self.linked, message, [(range, String::new())].into_iter(), Vec::new())
+    }
+
+    pub(crate) fn layouter(&self) -> &Layouter {
+        &self.layouter
+    }
+
+    /// Reflects a function by its author's path.
+    ///
+    /// # Errors
+    /// If a probe can't call it: pointers, runtime-sized arrays, no result, 64-bit types, or
+    /// operations that only a fragment shader has.
+    pub fn function(&self, path: &str) -> Result<Function, ReflectError> {
+        let name = path.rsplit("::").next().unwrap_or(path);
+        let found = self
+            .module
+            .functions
+            .iter()
+            .find(|(_, function)| function.name.as_deref() == Some(name));
+        let Some((handle, function)) = found else {
+            let span = Span { file: Arc::clone(&self.linked.file), range: 0..0 };
+            let message = format!("`{path}` is an entry point or isn't a function");
+            return Err(unprobeable(
+                Diagnostic::new(message)
+                    .at(span, "in this module")
+                    .note("a probe calls plain functions; entry points are drawn as frames"),
+            ));
+        };
+        let span = self.function_span(handle);
+        let refuse = |what: String, note: &str| {
+            let message = format!("`{path}` can't be probed: {what}");
+            unprobeable(Diagnostic::new(message).at(span.clone(), "declared here").note(note))
+        };
+        let stages = self.info[handle].available_stages;
+        if !stages.contains(ShaderStages::COMPUTE) {
+            return Err(refuse(
+                "it uses operations of fragment shaders (derivatives, implicit-LOD sampling or \
+                 discard)"
+                    .to_owned(),
+                "use textureSampleLevel or textureSampleGrad, or pass derivatives as arguments",
+            ));
+        }
+        let mut parameters = Vec::new();
+        for argument in &function.arguments {
+            let name = argument.name.clone().unwrap_or_default();
+            let shape = self.shape(argument.ty).map_err(|reason| {
+                refuse(format!("its parameter `{name}` is {reason}"), "pass values, return values")
+            })?;
+            parameters.push((name, shape));
+        }
+        let result = function.result.as_ref().ok_or_else(|| {
+            refuse("it returns nothing".to_owned(), "return the value that should be checked")
+        })?;
+        let result = self.shape(result.ty).map_err(|reason| {
+            refuse(format!("its result is {reason}"), "pass values, return values")
+        })?;
+        Ok(Function {
+            path: path.to_owned(),
+            name: name.to_owned(),
+            doc: doc_above(&span),
+            parameters,
+            result,
+            bindings: self.bindings(|global| self.info[handle][global]),
+            span,
+        })
+    }
+
+    /// The resources of an entry point.
+    pub(crate) fn entry_point_bindings(&self, name: &str) -> Option<Vec<Binding>> {
+        let index = self.module.entry_points.iter().position(|entry| entry.name == name)?;
+        let info = self.info.get_entry_point(index);
+        Some(self.bindings(|global| info[global]))
+    }
+
+    /// The first binding number of group 0 that the program leaves free.
+    pub(crate) fn free_binding(&self) -> u32 {
+        let used = self.module.global_variables.iter().filter_map(|(_, global)| {
+            global.binding.as_ref().filter(|binding| binding.group == 0).map(|b| b.binding + 1)
+        });
+        used.max().unwrap_or(0)
+    }
+
+    fn bindings(
+        &self,
+        usage: impl Fn(naga::Handle<naga::GlobalVariable>) -> GlobalUse,
+    ) -> Vec<Binding> {
+        let mut bindings: Vec<Binding> = self
+            .module
+            .global_variables
+            .iter()
+            .filter(|(handle, _)| !usage(*handle).is_empty())
+            .filter_map(|(_, global)| {
+                let resource = global.binding.as_ref()?;
+                let name = global.name.clone().unwrap_or_default();
+                Some(Binding {
+                    path: self.linked.names.get(&name).cloned().unwrap_or(name),
+                    group: resource.group,
+                    binding: resource.binding,
+                    kind: self.binding_kind(global),
+                    ty: global.ty,
+                })
+            })
+            .collect();
+        bindings.sort_by_key(|binding| (binding.group, binding.binding));
+        bindings
+    }
+
+    fn binding_kind(&self, global: &naga::GlobalVariable) -> BindingKind {
+        use naga::{AddressSpace, ImageClass, ImageDimension, ScalarKind, TypeInner};
+        match (global.space, &self.module.types[global.ty].inner) {
+            (AddressSpace::Uniform, _) => BindingKind::Uniform,
+            (AddressSpace::Storage { access }, _) => {
+                BindingKind::Storage { writable: access.contains(naga::StorageAccess::STORE) }
+            }
+            (_, TypeInner::Sampler { comparison: false }) => BindingKind::Sampler,
+            (
+                _,
+                TypeInner::Image {
+                    dim,
+                    arrayed: false,
+                    class: ImageClass::Sampled { kind: ScalarKind::Float, multi: false },
+                },
+            ) => match dim {
+                ImageDimension::D2 => BindingKind::Texture2d,
+                ImageDimension::Cube => BindingKind::TextureCube,
+                ImageDimension::D1 | ImageDimension::D3 => BindingKind::Other,
+            },
+            _ => BindingKind::Other,
+        }
+    }
+
+    fn function_span(&self, handle: naga::Handle<naga::Function>) -> Span {
+        let range = self.module.functions.get_span(handle).to_range().unwrap_or(0..0);
+        self.resolve(range)
+            .unwrap_or(Span { file: Arc::clone(&self.linked.file), range: 0..0 })
+    }
+
+    /// The shape of a naga type, or what it is that a probe can't pass.
+    fn shape(&self, ty: naga::Handle<naga::Type>) -> Result<Shape, String> {
+        use naga::{ArraySize, TypeInner};
+        let ty = &self.module.types[ty];
+        Ok(match &ty.inner {
+            TypeInner::Scalar(scalar) => Shape::Scalar(scalar_of(*scalar)?),
+            TypeInner::Vector { size, scalar } => {
+                Shape::Vector { size: *size as u8, scalar: scalar_of(*scalar)? }
+            }
+            TypeInner::Matrix { columns, rows, scalar } => Shape::Matrix {
+                columns: *columns as u8,
+                rows: *rows as u8,
+                scalar: scalar_of(*scalar)?,
+            },
+            TypeInner::Array { base, size: ArraySize::Constant(length), .. } => {
+                Shape::Array { element: Box::new(self.shape(*base)?), length: length.get() }
+            }
+            TypeInner::Array { .. } => return Err("an array without a fixed size".to_owned()),
+            TypeInner::Pointer { .. } | TypeInner::ValuePointer { .. } => {
+                return Err("a pointer, which has no value outside the shader".to_owned());
+            }
+            TypeInner::Struct { members, .. } => {
+                let name = ty.name.clone().unwrap_or_default();
+                let members = members
+                    .iter()
+                    .map(|member| {
+                        Ok((member.name.clone().unwrap_or_default(), self.shape(member.ty)?))
+                    })
+                    .collect::<Result<_, String>>()?;
+                Shape::Struct { name, members }
+            }
+            TypeInner::Atomic(_) => return Err("an atomic".to_owned()),
+            TypeInner::Image { .. } | TypeInner::Sampler { .. } => {
+                return Err("a texture or sampler; bind it as a variable instead".to_owned());
+            }
+            _ => return Err("of a type that can't be passed".to_owned()),
+        })
+    }
+}
+
+fn scalar_of(scalar: naga::Scalar) -> Result<Scalar, String> {
+    use naga::ScalarKind;
+    match (scalar.kind, scalar.width) {
+        (ScalarKind::Float, 4) => Ok(Scalar::F32),
+        (ScalarKind::Float, 2) => Ok(Scalar::F16),
+        (ScalarKind::Sint, 4) => Ok(Scalar::I32),
+        (ScalarKind::Uint, 4) => Ok(Scalar::U32),
+        (ScalarKind::Bool, _) => Ok(Scalar::Bool),
+        (_, width) => Err(format!("made of {}-bit scalars", u32::from(width) * 8)),
+    }
+}
+
+fn unprobeable(diagnostic: Diagnostic) -> ReflectError {
+    ReflectError::Unprobeable(Box::new(diagnostic))
+}
+
+/// The message of an error and those of its causes.
+fn causes(error: &dyn std::error::Error) -> (String, Vec<String>) {
+    let mut chain = std::iter::successors(error.source(), |cause| cause.source());
+    (error.to_string(), chain.by_ref().map(ToString::to_string).collect())
+}
+
+fn to_author(
+    linked: &Linked,
+    message: String,
+    labels: impl Iterator<Item = (Option<Range<usize>>, String)>,
+    notes: Vec<String>,
+) -> Diagnostic {
+    let mut diagnostic = Diagnostic { message, labels: Vec::new(), notes };
+    for (range, text) in labels {
+        if let Some(span) = range.and_then(|range| linked.map.resolve(range)) {
+            // naga speaks of mangled names; the author's are shown.
+            diagnostic = diagnostic.at(span, demangle(linked, &text));
+        }
+    }
+    diagnostic.message = demangle(linked, &diagnostic.message);
+    diagnostic.notes = diagnostic.notes.iter().map(|note| demangle(linked, note)).collect();
+    if diagnostic.labels.is_empty() {
+        let span = Span { file: Arc::clone(&linked.file), range: 0..0 };
+        diagnostic = diagnostic.at(span, "in this module");
+    }
+    diagnostic
+}
+
+fn demangle(linked: &Linked, text: &str) -> String {
+    linked
+        .names
+        .iter()
+        .filter(|(mangled, path)| mangled.contains("package_") && !path.is_empty())
+        .fold(text.to_owned(), |text, (mangled, path)| text.replace(mangled, path))
+}
+
+/// The `///` lines right above a function.
+fn doc_above(span: &Span) -> String {
+    let before = span.file.text.get(..span.range.start).unwrap_or_default();
+    // The line that the function starts on, up to the function, holds attributes at most.
+    let above = before.rfind('\n').map_or("", |newline| &before[..newline]);
+    let mut lines: Vec<&str> = above
+        .lines()
+        .rev()
+        .map(str::trim_start)
+        .take_while(|line| line.starts_with("//") || line.starts_with('@'))
+        .filter_map(|line| line.strip_prefix("///"))
+        .map(|line| line.strip_prefix(' ').unwrap_or(line))
+        .collect();
+    lines.reverse();
+    lines.join("\n")
+}

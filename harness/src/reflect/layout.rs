@@ -1,0 +1,166 @@
+//! WGSL memory layout of uniform and storage buffers, taken from naga.
+//!
+//! Only fixtures live in host-shareable buffers; arguments and results travel as lanes. The
+//! offsets and strides are the ones that naga computed for the author's own declaration.
+
+use naga::proc::Layouter;
+use naga::{ArraySize, Handle, Module, Type, TypeInner};
+
+/// Why lanes can't be laid out as a variable's type.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LayoutError {
+    /// More or fewer lanes than the type holds.
+    #[error("the fixture has {supplied} scalars, the variable holds {expected}")]
+    Count {
+        /// Scalars supplied.
+        supplied: usize,
+        /// Scalars in the variable's type; for a runtime-sized array, in whole elements.
+        expected: usize,
+    },
+    /// A type that no buffer fixture can fill.
+    #[error("the variable's type can't be filled from values")]
+    Unsupported,
+}
+
+/// The bytes of a value of type `ty`, from its lanes. A runtime-sized array takes as many elements
+/// as there are lanes for.
+pub(crate) fn bytes_of(
+    module: &Module,
+    layouter: &Layouter,
+    ty: Handle<Type>,
+    lanes: &[u32],
+) -> Result<Vec<u8>, LayoutError> {
+    let mut writer = Writer { module, layouter, lanes, at: 0, bytes: Vec::new() };
+    writer.write(ty, 0)?;
+    if writer.at != lanes.len() {
+        return Err(LayoutError::Count { supplied: lanes.len(), expected: writer.at });
+    }
+    let size = match module.types[ty].inner {
+        TypeInner::Array { size: ArraySize::Dynamic, .. } => writer.bytes.len(),
+        _ => layouter[ty].size as usize,
+    };
+    // A buffer binding's size is a multiple of 16 in uniform space, and padding is zero.
+    writer.bytes.resize(size.max(writer.bytes.len()).next_multiple_of(16), 0);
+    Ok(writer.bytes)
+}
+
+struct Writer<'a> {
+    module: &'a Module,
+    layouter: &'a Layouter,
+    lanes: &'a [u32],
+    at: usize,
+    bytes: Vec<u8>,
+}
+
+impl Writer<'_> {
+    fn scalar(&mut self, scalar: naga::Scalar, offset: usize) -> Result<(), LayoutError> {
+        let expected = self.at + 1;
+        let count = LayoutError::Count { supplied: self.lanes.len(), expected };
+        let lane = *self.lanes.get(self.at).ok_or(count)?;
+        self.at += 1;
+        let half = half::f16::from_f32(f32::from_bits(lane));
+        match scalar.width {
+            4 => self.put(offset, &lane.to_le_bytes()),
+            2 => self.put(offset, &half.to_le_bytes()),
+            _ => return Err(LayoutError::Unsupported),
+        }
+        Ok(())
+    }
+
+    fn put(&mut self, offset: usize, bytes: &[u8]) {
+        if self.bytes.len() < offset + bytes.len() {
+            self.bytes.resize(offset + bytes.len(), 0);
+        }
+        self.bytes[offset..offset + bytes.len()].copy_from_slice(bytes);
+    }
+
+    fn vector(
+        &mut self,
+        size: naga::VectorSize,
+        scalar: naga::Scalar,
+        offset: usize,
+    ) -> Result<(), LayoutError> {
+        (0..size as usize)
+            .try_for_each(|i| self.scalar(scalar, offset + i * usize::from(scalar.width)))
+    }
+
+    fn write(&mut self, ty: Handle<Type>, offset: usize) -> Result<(), LayoutError> {
+        let module = self.module;
+        match &module.types[ty].inner {
+            TypeInner::Scalar(scalar) | TypeInner::Atomic(scalar) => self.scalar(*scalar, offset),
+            TypeInner::Vector { size, scalar } => self.vector(*size, *scalar, offset),
+            TypeInner::Matrix { columns, rows, scalar } => {
+                // A column is aligned as a vector: three rows take the room of four.
+                let rows_in_memory = if *rows == naga::VectorSize::Tri { 4 } else { *rows as usize };
+                let stride = rows_in_memory * usize::from(scalar.width);
+                (0..*columns as usize)
+                    .try_for_each(|column| self.vector(*rows, *scalar, offset + column * stride))
+            }
+            TypeInner::Array { base, size, stride } => {
+                let stride = *stride as usize;
+                match size {
+                    ArraySize::Constant(length) => (0..length.get() as usize)
+                        .try_for_each(|index| self.write(*base, offset + index * stride)),
+                    ArraySize::Dynamic => {
+                        let mut index = 0;
+                        while self.at < self.lanes.len() {
+                            self.write(*base, offset + index * stride)?;
+                            index += 1;
+                        }
+                        let end = offset + index * stride;
+                        self.bytes.resize(end.max(self.bytes.len()), 0);
+                        Ok(())
+                    }
+                    ArraySize::Pending(_) => Err(LayoutError::Unsupported),
+                }
+            }
+            TypeInner::Struct { members, .. } => members
+                .iter()
+                .try_for_each(|member| self.write(member.ty, offset + member.offset as usize)),
+            _ => Err(LayoutError::Unsupported),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lay_out(wgsl: &str, lanes: &[u32]) -> Result<Vec<u32>, LayoutError> {
+        let module = naga::front::wgsl::parse_str(wgsl).expect("valid WGSL");
+        let mut layouter = Layouter::default();
+        layouter.update(module.to_ctx()).expect("types have layouts");
+        let (_, global) = module.global_variables.iter().next().expect("one variable");
+        let bytes = bytes_of(&module, &layouter, global.ty, lanes)?;
+        Ok(bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
+    }
+
+    #[test]
+    fn members_arrays_and_columns_are_padded_as_wgsl_says() {
+        let wgsl = "struct S { a: f32, b: vec3<f32>, c: u32, m: mat2x3<f32> }\n\
+                    @group(0) @binding(0) var<uniform> s: S;";
+        let words = lay_out(wgsl, &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]).expect("fits");
+        assert_eq!(words, [1, 0, 0, 0, 2, 3, 4, 5, 6, 7, 8, 0, 9, 10, 11, 0]);
+    }
+
+    #[test]
+    fn runtime_arrays_take_whole_elements() {
+        let wgsl = "struct S { a: vec3<f32>, b: f32, c: f32 }\n\
+                    @group(0) @binding(0) var<storage, read> s: array<S>;";
+        let words = lay_out(wgsl, &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10]).expect("fits");
+        assert_eq!(words.len(), 16);
+        assert_eq!(words[..5], [1, 2, 3, 4, 5]);
+        assert_eq!(words[8..13], [6, 7, 8, 9, 10]);
+        assert!(matches!(lay_out(wgsl, &[1, 2, 3]), Err(LayoutError::Count { expected: 4, .. })));
+    }
+
+    #[test]
+    fn too_many_values_are_an_error() {
+        let wgsl = "@group(0) @binding(0) var<uniform> v: vec4<f32>;";
+        assert!(matches!(
+            lay_out(wgsl, &[0; 5]),
+            Err(LayoutError::Count { supplied: 5, expected: 4 })
+        ));
+    }
+}

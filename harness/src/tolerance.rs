@@ -1,0 +1,445 @@
+//! How far a shader's result may be from its reference.
+//!
+//! A tolerance is a tree of bounds. Each bound turns a lane's error into the ratio error / bound,
+//! which passes up to 1: `any` takes the smallest ratio of its parts, `all` the largest. NaN and
+//! infinite results have an infinite ratio under every tolerance, and only `ratio <= 1` passes, so
+//! no comparison with NaN can be mistaken for agreement.
+
+use std::fmt;
+
+/// Units in the last place: the number of `f32` steps between the result and the reference.
+///
+/// Distances are taken on the ordered line of all `f32`, so `-0` equals `+0`, denormals count as
+/// steps and a binade's end is no jump. Below `f32::MIN_POSITIVE` WGSL allows results to be
+/// flushed to zero, so two values closer than that are never told apart;
+/// [`near_zero`](Tolerance::near_zero) widens that band where a function cancels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ulp(pub f64);
+
+/// Relative error: `|result - reference| <= bound * |reference|`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rel(pub f64);
+
+/// Absolute error, in the unit of the value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Abs(pub f64);
+
+/// A bound on the error of each lane, made of [`Ulp`], [`Rel`] and [`Abs`].
+///
+/// Integer and boolean lanes must be equal whatever the tolerance.
+///
+/// ```
+/// use karat::{Abs, Rel, Tolerance, Ulp};
+///
+/// let tolerance = Rel(1e-4).or(Abs(1e-6));
+/// assert!(tolerance.measure(0, 5e-7, 0.0).passes());
+/// assert!(!tolerance.measure(0, f32::NAN, 0.0).passes());
+/// // One bound a component: only the last one is loose.
+/// let tolerance = Tolerance::per_lane([Ulp(1.0).into(), Ulp(1.0).into(), Rel(0.1).into()]);
+/// assert!(!tolerance.measure(0, 1.05, 1.0).passes());
+/// assert!(tolerance.measure(2, 1.05, 1.0).passes());
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+#[must_use]
+pub enum Tolerance {
+    /// Distance in `f32` steps, with steps never smaller than those at `band`.
+    Ulp {
+        /// Largest distance that passes.
+        bound: f64,
+        /// Magnitude below which the error is absolute: `bound` steps of the size found at `band`.
+        band: f64,
+    },
+    /// See [`Rel`].
+    Rel(f64),
+    /// See [`Abs`].
+    Abs(f64),
+    /// Passes if any part passes.
+    Any(Vec<Tolerance>),
+    /// Passes if all parts pass.
+    All(Vec<Tolerance>),
+    /// One tolerance a lane, in the order of the value's components.
+    PerLane(Vec<Tolerance>),
+}
+
+/// The unit of an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// `f32` steps.
+    Ulp,
+    /// Relative.
+    Rel,
+    /// Absolute.
+    Abs,
+    /// Integers and booleans: 0 or 1.
+    Exact,
+}
+
+impl Unit {
+    /// Short name, as printed after a number.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ulp => "ulp",
+            Self::Rel => "rel",
+            Self::Abs => "abs",
+            Self::Exact => "different",
+        }
+    }
+}
+
+/// One lane's error against one bound.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measure {
+    /// Error / bound; infinite for NaN and infinities.
+    pub ratio: f64,
+    /// Error in `unit`.
+    pub error: f64,
+    /// Largest error that passes, in `unit`.
+    pub bound: f64,
+    /// Unit of `error` and `bound`.
+    pub unit: Unit,
+}
+
+impl Measure {
+    pub(crate) const ZERO: Self = Self { ratio: 0.0, error: 0.0, bound: 0.0, unit: Unit::Exact };
+
+    fn new(error: f64, bound: f64, unit: Unit) -> Self {
+        // 0/0 is exact agreement under an exact bound. Anything that isn't a number fails.
+        let ratio = if error == 0.0 { 0.0 } else { error / bound };
+        let ratio = if ratio >= 0.0 { ratio } else { f64::INFINITY };
+        Self { ratio, error, bound, unit }
+    }
+
+    pub(crate) fn equality(equal: bool) -> Self {
+        Self::new(if equal { 0.0 } else { 1.0 }, 0.0, Unit::Exact)
+    }
+
+    /// Whether the error is within the bound. False for NaN.
+    #[must_use]
+    pub fn passes(&self) -> bool {
+        self.ratio <= 1.0
+    }
+}
+
+impl fmt::Display for Measure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.unit {
+            Unit::Exact if self.error == 0.0 => f.write_str("equal"),
+            Unit::Exact => f.write_str("different"),
+            Unit::Ulp => write!(f, "{} ulp", significant(self.error)),
+            Unit::Rel | Unit::Abs => write!(f, "{} {}", self.unit.name(), significant(self.error)),
+        }
+    }
+}
+
+/// Three significant digits; an exponent where plain digits would be long.
+pub(crate) fn significant(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let exponent = value.abs().log10().floor();
+    if (-3.0..6.0).contains(&exponent) {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 5")]
+        let digits = (2.0 - exponent).clamp(0.0, 5.0) as usize;
+        let text = format!("{value:.digits$}");
+        if text.contains('.') {
+            return text.trim_end_matches('0').trim_end_matches('.').to_owned();
+        }
+        text
+    } else {
+        format!("{value:.2e}")
+    }
+}
+
+impl Tolerance {
+    /// One tolerance for each lane (component, matrix element, structure member), in order.
+    pub fn per_lane(lanes: impl IntoIterator<Item = Self>) -> Self {
+        Self::PerLane(lanes.into_iter().collect())
+    }
+
+    /// Passes where this or `other` passes.
+    pub fn or(self, other: impl Into<Self>) -> Self {
+        match self {
+            Self::Any(mut parts) => {
+                parts.push(other.into());
+                Self::Any(parts)
+            }
+            first => Self::Any(vec![first, other.into()]),
+        }
+    }
+
+    /// Passes where this and `other` pass.
+    pub fn and(self, other: impl Into<Self>) -> Self {
+        match self {
+            Self::All(mut parts) => {
+                parts.push(other.into());
+                Self::All(parts)
+            }
+            first => Self::All(vec![first, other.into()]),
+        }
+    }
+
+    /// Measures ulps near zero in steps of the size found at `magnitude`: what a function that
+    /// subtracts values of that size can promise. Other bounds are unchanged.
+    pub fn near_zero(self, magnitude: f64) -> Self {
+        let map = |parts: Vec<Self>| parts.into_iter().map(|t| t.near_zero(magnitude)).collect();
+        match self {
+            Self::Ulp { bound, .. } => Self::Ulp { bound, band: magnitude },
+            Self::Any(parts) => Self::Any(map(parts)),
+            Self::All(parts) => Self::All(map(parts)),
+            Self::PerLane(parts) => Self::PerLane(map(parts)),
+            other => other,
+        }
+    }
+
+    /// How many lanes this tolerance was declared for; `None` if it fits any number.
+    #[must_use]
+    pub fn lanes(&self) -> Option<usize> {
+        match self {
+            Self::PerLane(lanes) => Some(lanes.len()),
+            Self::Any(parts) | Self::All(parts) => parts.iter().find_map(Self::lanes),
+            _ => None,
+        }
+    }
+
+    /// The error of one `f32` lane. A lane without a tolerance of its own fails.
+    #[must_use]
+    pub fn measure(&self, lane: usize, actual: f32, expected: f64) -> Measure {
+        let value = f64::from(actual);
+        let error = (value - expected).abs();
+        if !actual.is_finite() || !expected.is_finite() {
+            return Measure { ratio: f64::INFINITY, error: f64::NAN, bound: 0.0, unit: self.unit() };
+        }
+        match self {
+            Self::Ulp { bound, band } => {
+                // Inside the band a step is the spacing at `band`; nothing is told apart that a
+                // flush to zero could make equal.
+                let distance = if value.abs().max(expected.abs()) <= *band {
+                    error / spacing(*band)
+                } else {
+                    (ordinal(value) - ordinal(expected)).abs().min(error / spacing(*band))
+                };
+                let flushed = error < f64::from(f32::MIN_POSITIVE);
+                Measure::new(if flushed { 0.0 } else { distance }, *bound, Unit::Ulp)
+            }
+            Self::Rel(bound) => {
+                let relative = if error == 0.0 { 0.0 } else { error / expected.abs() };
+                Measure::new(relative, *bound, Unit::Rel)
+            }
+            Self::Abs(bound) => Measure::new(error, *bound, Unit::Abs),
+            Self::Any(parts) => parts
+                .iter()
+                .map(|part| part.measure(lane, actual, expected))
+                .min_by(|a, b| a.ratio.total_cmp(&b.ratio))
+                .unwrap_or(Measure::equality(false)),
+            Self::All(parts) => parts
+                .iter()
+                .map(|part| part.measure(lane, actual, expected))
+                .max_by(|a, b| a.ratio.total_cmp(&b.ratio))
+                .unwrap_or(Measure::equality(false)),
+            Self::PerLane(lanes) => lanes
+                .get(lane)
+                .map_or(Measure::equality(false), |t| t.measure(lane, actual, expected)),
+        }
+    }
+
+    fn unit(&self) -> Unit {
+        match self {
+            Self::Ulp { .. } => Unit::Ulp,
+            Self::Rel(_) => Unit::Rel,
+            Self::Abs(_) => Unit::Abs,
+            Self::Any(parts) | Self::All(parts) | Self::PerLane(parts) => {
+                parts.first().map_or(Unit::Exact, Self::unit)
+            }
+        }
+    }
+}
+
+impl fmt::Display for Tolerance {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let join = |f: &mut fmt::Formatter<'_>, parts: &[Self], separator: &str| {
+            for (index, part) in parts.iter().enumerate() {
+                if index > 0 {
+                    f.write_str(separator)?;
+                }
+                write!(f, "{part}")?;
+            }
+            Ok(())
+        };
+        match self {
+            Self::Ulp { bound, band } if *band <= f64::from(f32::MIN_POSITIVE) => {
+                write!(f, "{bound} ulp")
+            }
+            Self::Ulp { bound, band } => write!(f, "{bound} ulp (absolute below {band})"),
+            Self::Rel(bound) => write!(f, "rel {bound:e}"),
+            Self::Abs(bound) => write!(f, "abs {bound:e}"),
+            Self::Any(parts) => join(f, parts, " or "),
+            Self::All(parts) => join(f, parts, " and "),
+            Self::PerLane(parts) => {
+                f.write_str("[")?;
+                join(f, parts, ", ")?;
+                f.write_str("]")
+            }
+        }
+    }
+}
+
+macro_rules! leaf {
+    ($($leaf:ident => $tree:expr;)*) => {$(
+        impl From<$leaf> for Tolerance {
+            fn from(leaf: $leaf) -> Self {
+                let tree: fn($leaf) -> Self = $tree;
+                tree(leaf)
+            }
+        }
+
+        impl $leaf {
+            /// Passes where this or `other` passes.
+            pub fn or(self, other: impl Into<Tolerance>) -> Tolerance {
+                Tolerance::from(self).or(other)
+            }
+
+            /// Passes where this and `other` pass.
+            pub fn and(self, other: impl Into<Tolerance>) -> Tolerance {
+                Tolerance::from(self).and(other)
+            }
+        }
+    )*};
+}
+
+leaf! {
+    Ulp => |ulp| Tolerance::Ulp { bound: ulp.0, band: f64::from(f32::MIN_POSITIVE) };
+    Rel => |rel| Tolerance::Rel(rel.0);
+    Abs => |abs| Tolerance::Abs(abs.0);
+}
+
+impl Ulp {
+    /// See [`Tolerance::near_zero`].
+    pub fn near_zero(self, magnitude: f64) -> Tolerance {
+        Tolerance::from(self).near_zero(magnitude)
+    }
+}
+
+/// The number of `f32` steps between two values: `None` if either is NaN.
+///
+/// `-0` and `+0` are the same point, and the line has no gap at zero or at a binade's end.
+///
+/// ```
+/// assert_eq!(karat::ulp_distance(-0.0, 0.0), Some(0));
+/// assert_eq!(karat::ulp_distance(-f32::from_bits(1), f32::from_bits(1)), Some(2));
+/// assert_eq!(karat::ulp_distance(f32::MAX, f32::INFINITY), Some(1));
+/// assert_eq!(karat::ulp_distance(f32::NAN, f32::NAN), None);
+/// ```
+#[must_use]
+pub fn ulp_distance(a: f32, b: f32) -> Option<u64> {
+    let ordered = |value: f32| {
+        let magnitude = i64::from(value.to_bits() & 0x7fff_ffff);
+        if value.is_sign_negative() { -magnitude } else { magnitude }
+    };
+    (!a.is_nan() && !b.is_nan()).then(|| ordered(a).abs_diff(ordered(b)))
+}
+
+/// The position of a real number on the ordered line of `f32`: the index of the `f32` at or below
+/// it (by magnitude) plus the fraction of the step to the next. Values beyond `f32::MAX` continue
+/// with the last spacing.
+fn ordinal(value: f64) -> f64 {
+    let magnitude = value.abs();
+    #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32, by design")]
+    let mut below = (magnitude as f32).min(f32::MAX);
+    if f64::from(below) > magnitude {
+        below = below.next_down();
+    }
+    let step = spacing(f64::from(below));
+    let index = f64::from(below.to_bits()) + (magnitude - f64::from(below)) / step;
+    if value < 0.0 { -index } else { index }
+}
+
+/// Distance from the `f32` at `magnitude` to the next larger one.
+fn spacing(magnitude: f64) -> f64 {
+    #[expect(clippy::cast_possible_truncation, reason = "the binade of the nearest f32 is meant")]
+    let value = (magnitude.abs() as f32).min(f32::MAX);
+    // The exponent field holds e + 127; a normal's step is 2^(e - 23), a denormal's 2^-149.
+    let exponent = (value.to_bits() >> 23).max(1);
+    f64::from(exponent.cast_signed() - 150).exp2()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn passes(tolerance: impl Into<Tolerance>, actual: f32, expected: f64) -> bool {
+        tolerance.into().measure(0, actual, expected).passes()
+    }
+
+    #[test]
+    fn distance_is_ordered_across_zero_denormals_and_infinity() {
+        let tiny = f32::from_bits(1);
+        assert_eq!(ulp_distance(tiny, -tiny), Some(2));
+        assert_eq!(ulp_distance(0.0, -0.0), Some(0));
+        assert_eq!(ulp_distance(f32::MIN_POSITIVE, f32::MIN_POSITIVE.next_down()), Some(1));
+        assert_eq!(ulp_distance(1.0, 1.0_f32.next_down()), Some(1));
+        assert_eq!(ulp_distance(2.0, 2.0_f32.next_up()), Some(1));
+        assert_eq!(ulp_distance(f32::MAX, f32::INFINITY), Some(1));
+        assert_eq!(ulp_distance(f32::NEG_INFINITY, f32::INFINITY), Some(2 * 0x7f80_0000));
+        assert_eq!(ulp_distance(f32::NAN, 1.0), None);
+    }
+
+    #[test]
+    fn real_references_lie_between_floats() {
+        let half_step = 1.0 + f64::from(f32::EPSILON) / 2.0;
+        assert!((ordinal(half_step) - ordinal(1.0) - 0.5).abs() < 1e-9);
+        assert!(passes(Ulp(0.5), 1.0, half_step));
+        assert!(!passes(Ulp(0.49), 1.0, half_step));
+        assert!(passes(Ulp(1.0), 1.0_f32.next_down(), 1.0));
+        assert!(!passes(Ulp(1.0), 1.0 + 2.0 * f32::EPSILON, 1.0));
+    }
+
+    #[test]
+    fn nothing_that_is_not_a_number_passes() {
+        let everything = Abs(f64::INFINITY).or(Rel(f64::INFINITY)).or(Ulp(f64::INFINITY));
+        for actual in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            for expected in [0.0, 1.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+                assert!(!passes(everything.clone(), actual, expected), "{actual} {expected}");
+            }
+        }
+        assert!(!passes(everything, 1.0, f64::NAN));
+        assert!(!passes(Abs(f64::NAN), 1.5, 1.0), "a bound that is NaN lets nothing pass");
+        assert!(!passes(Tolerance::All(vec![]), 1.0, 1.0), "an empty tolerance checks nothing");
+        assert!(!passes(Tolerance::Any(vec![]), 1.0, 1.0));
+    }
+
+    #[test]
+    fn flushed_denormals_are_equal_and_cancellation_has_its_band() {
+        assert!(passes(Ulp(0.0), 0.0, 1e-39));
+        assert!(!passes(Ulp(4.0), 1e-9, 0.0));
+        assert!(passes(Ulp(4.0).near_zero(1e-2), 1e-9, 0.0));
+        assert!(!passes(Ulp(4.0).near_zero(1e-2), 1e-8, 0.0), "4 steps at 0.01 are 3.7e-9");
+        assert!(!passes(Rel(1e-3), 1e-9, 0.0));
+        assert!(passes(Rel(1e-3).or(Abs(1e-8)), 1e-9, 0.0));
+        assert!(!passes(Rel(1e-3).and(Abs(1e-8)), 1e-9, 0.0));
+    }
+
+    #[test]
+    fn a_value_too_large_for_f32_fails() {
+        assert!(!passes(Ulp(4.0), f32::INFINITY, 1e39));
+        assert!(!passes(Ulp(4.0), f32::MAX, 1e39));
+    }
+
+    #[test]
+    fn the_last_component_has_its_own_bound() {
+        let tolerance = Tolerance::per_lane([Abs(1.0).into(), Abs(1.0).into(), Abs(0.0).into()]);
+        assert!(tolerance.measure(1, 0.5, 0.0).passes());
+        assert!(!tolerance.measure(2, 0.5, 0.0).passes());
+        assert!(!tolerance.measure(3, 0.0, 0.0).passes(), "a lane without a bound fails");
+    }
+
+    #[test]
+    fn display_reads_as_written() {
+        let tolerance = Ulp(4.0).or(Abs(1e-6)).near_zero(0.01);
+        assert_eq!(tolerance.to_string(), "4 ulp (absolute below 0.01) or abs 1e-6");
+        assert_eq!(significant(0.000_123_4), "1.23e-4");
+        assert_eq!(significant(12.345), "12.3");
+        assert_eq!(significant(2.0), "2");
+        assert_eq!(significant(123_456.0), "123456");
+    }
+}

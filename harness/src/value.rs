@@ -1,0 +1,334 @@
+//! What crosses the CPU/GPU boundary.
+//!
+//! A value travels as *lanes*: its scalars in declaration order, each in one 32-bit word. The
+//! probe kernel puts the value together again from its lanes, so no WGSL memory layout (padding,
+//! alignment, strides) is involved and none can be got wrong. [`Shape`] names the WGSL type, and
+//! is the same for host types ([`Shareable`]), for their `f64` twins ([`Mirror`]) and for the
+//! signature that naga reflects: the three are compared before anything is dispatched.
+
+mod mirror;
+mod shareable;
+
+use std::fmt;
+
+pub use mirror::Mirror;
+pub use shareable::{Arguments, Shareable};
+
+/// A WGSL scalar type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Scalar {
+    /// `f32`
+    F32,
+    /// `f16`; its lane holds the value widened to `f32`, which is exact.
+    F16,
+    /// `i32`
+    I32,
+    /// `u32`
+    U32,
+    /// `bool`; its lane holds 0 or 1.
+    Bool,
+}
+
+impl Scalar {
+    /// The WGSL keyword.
+    #[must_use]
+    pub fn wgsl(self) -> &'static str {
+        match self {
+            Self::F32 => "f32",
+            Self::F16 => "f16",
+            Self::I32 => "i32",
+            Self::U32 => "u32",
+            Self::Bool => "bool",
+        }
+    }
+
+    /// Whether a lane of this type is compared with a tolerance. Integers and booleans are not:
+    /// they are equal or wrong.
+    #[must_use]
+    pub fn is_float(self) -> bool {
+        matches!(self, Self::F32 | Self::F16)
+    }
+
+    /// The value in a lane. Exact for each scalar type.
+    #[must_use]
+    pub fn decode(self, lane: u32) -> f64 {
+        match self {
+            Self::F32 | Self::F16 => f64::from(f32::from_bits(lane)),
+            Self::I32 => f64::from(lane.cast_signed()),
+            Self::U32 | Self::Bool => f64::from(lane),
+        }
+    }
+}
+
+/// A WGSL type that a probe can pass or read.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum Shape {
+    /// `f32`, `i32`, ...
+    Scalar(Scalar),
+    /// `vecN<T>`
+    Vector {
+        /// Number of components, 2 to 4.
+        size: u8,
+        /// Type of a component.
+        scalar: Scalar,
+    },
+    /// `matCxR<T>`, stored by columns.
+    Matrix {
+        /// Number of columns, 2 to 4.
+        columns: u8,
+        /// Number of rows, 2 to 4.
+        rows: u8,
+        /// Type of a component.
+        scalar: Scalar,
+    },
+    /// `array<T, N>`
+    Array {
+        /// Type of an element.
+        element: Box<Shape>,
+        /// Number of elements, at least 1.
+        length: u32,
+    },
+    /// A WGSL structure.
+    Struct {
+        /// Name as the author wrote it.
+        name: String,
+        /// Members in order, with their names.
+        members: Vec<(String, Shape)>,
+    },
+}
+
+impl Shape {
+    /// The scalars of the value, in the order of its lanes.
+    #[must_use]
+    pub fn lanes(&self) -> Vec<Scalar> {
+        let mut lanes = Vec::new();
+        self.visit(&mut String::new(), &mut |_, scalar| lanes.push(scalar));
+        lanes
+    }
+
+    /// The name of each lane as an access in WGSL: `""` for a scalar, `".x"`, `"[2].y"`, `".weight"`.
+    #[must_use]
+    pub fn lane_names(&self) -> Vec<String> {
+        let mut names = Vec::new();
+        self.visit(&mut String::new(), &mut |name, _| names.push(name.to_owned()));
+        names
+    }
+
+    fn visit(&self, prefix: &mut String, lane: &mut impl FnMut(&str, Scalar)) {
+        let mut nested = |suffix: &str, shape: &Self| {
+            let length = prefix.len();
+            prefix.push_str(suffix);
+            shape.visit(prefix, lane);
+            prefix.truncate(length);
+        };
+        match self {
+            Self::Scalar(scalar) => lane(prefix, *scalar),
+            Self::Vector { size, scalar } => {
+                for name in [".x", ".y", ".z", ".w"].iter().take(usize::from(*size)) {
+                    nested(name, &Self::Scalar(*scalar));
+                }
+            }
+            Self::Matrix { columns, rows, scalar } => {
+                let column = Self::Vector { size: *rows, scalar: *scalar };
+                for index in 0..*columns {
+                    nested(&format!("[{index}]"), &column);
+                }
+            }
+            Self::Array { element, length } => {
+                for index in 0..*length {
+                    nested(&format!("[{index}]"), element);
+                }
+            }
+            Self::Struct { members, .. } => {
+                for (name, shape) in members {
+                    nested(&format!(".{name}"), shape);
+                }
+            }
+        }
+    }
+
+    /// Whether a host value of this shape can stand for the WGSL type `wgsl`.
+    ///
+    /// Structures agree by their members, not by their names. A reference computes in `f64` and
+    /// cannot tell `f16` from `f32`: its `f32` stands for both when `result` is set.
+    #[must_use]
+    pub fn stands_for(&self, wgsl: &Self, result: bool) -> bool {
+        let scalars = |host: Scalar, shader: Scalar| {
+            host == shader || (result && host == Scalar::F32 && shader == Scalar::F16)
+        };
+        match (self, wgsl) {
+            (Self::Scalar(a), Self::Scalar(b)) => scalars(*a, *b),
+            (Self::Vector { size: a, scalar: s }, Self::Vector { size: b, scalar: t }) => {
+                a == b && scalars(*s, *t)
+            }
+            (
+                Self::Matrix { columns, rows, scalar },
+                Self::Matrix { columns: c, rows: r, scalar: t },
+            ) => columns == c && rows == r && scalars(*scalar, *t),
+            (Self::Array { element, length }, Self::Array { element: e, length: l }) => {
+                length == l && element.stands_for(e, result)
+            }
+            (Self::Struct { members, .. }, Self::Struct { members: others, .. }) => {
+                members.len() == others.len()
+                    && members.iter().zip(others).all(|((name, shape), (other, wgsl))| {
+                        name == other && shape.stands_for(wgsl, result)
+                    })
+            }
+            _ => false,
+        }
+    }
+
+    /// Whether any lane is an `f16`, which a path must support.
+    #[must_use]
+    pub fn needs_f16(&self) -> bool {
+        self.lanes().contains(&Scalar::F16)
+    }
+
+    /// The value in `lanes` as one would write it in WGSL, with the shortest decimals that read
+    /// back to the same bits.
+    #[must_use]
+    pub fn format(&self, lanes: &[u32]) -> String {
+        let mut at = 0;
+        let mut text = String::new();
+        self.format_into(lanes, &mut at, &mut text);
+        text
+    }
+
+    fn format_into(&self, lanes: &[u32], at: &mut usize, text: &mut String) {
+        let mut list = |open: &str, close: &str, shapes: &mut dyn Iterator<Item = (&str, &Self)>| {
+            text.push_str(open);
+            for (index, (label, shape)) in shapes.enumerate() {
+                if index > 0 {
+                    text.push_str(", ");
+                }
+                text.push_str(label);
+                shape.format_into(lanes, at, text);
+            }
+            text.push_str(close);
+        };
+        match self {
+            Self::Scalar(scalar) => {
+                text.push_str(&format_lane(*scalar, lanes.get(*at).copied().unwrap_or_default()));
+                *at += 1;
+            }
+            Self::Vector { size, scalar } => {
+                let component = Self::Scalar(*scalar);
+                list("(", ")", &mut (0..*size).map(|_| ("", &component)));
+            }
+            Self::Matrix { columns, rows, scalar } => {
+                let column = Self::Vector { size: *rows, scalar: *scalar };
+                list("(", ")", &mut (0..*columns).map(|_| ("", &column)));
+            }
+            Self::Array { element, length } => {
+                list("[", "]", &mut (0..*length).map(|_| ("", &**element)));
+            }
+            Self::Struct { members, .. } => {
+                let labels: Vec<_> =
+                    members.iter().map(|(name, shape)| (format!("{name}: "), shape)).collect();
+                list("{ ", " }", &mut labels.iter().map(|(label, shape)| (label.as_str(), *shape)));
+            }
+        }
+    }
+}
+
+impl fmt::Display for Shape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Scalar(scalar) => f.write_str(scalar.wgsl()),
+            Self::Vector { size, scalar } => write!(f, "vec{size}<{}>", scalar.wgsl()),
+            Self::Matrix { columns, rows, scalar } => {
+                write!(f, "mat{columns}x{rows}<{}>", scalar.wgsl())
+            }
+            Self::Array { element, length } => write!(f, "array<{element}, {length}>"),
+            Self::Struct { name, .. } => f.write_str(name),
+        }
+    }
+}
+
+/// One lane in decimal: the shortest digits that read back to the same bits.
+#[must_use]
+pub fn format_lane(scalar: Scalar, lane: u32) -> String {
+    match scalar {
+        Scalar::F32 | Scalar::F16 => format_f32(f32::from_bits(lane)),
+        Scalar::I32 => lane.cast_signed().to_string(),
+        Scalar::U32 => lane.to_string(),
+        Scalar::Bool => (lane != 0).to_string(),
+    }
+}
+
+/// An `f32` in decimal: the shortest digits that read back to the same bits, with an exponent
+/// where plain digits would be long. `-0`, `NaN` and `inf` keep their names.
+#[must_use]
+pub fn format_f32(value: f32) -> String {
+    let size = value.abs();
+    if value == 0.0 || (1e-4..1e7).contains(&size) || !value.is_finite() {
+        format!("{value}")
+    } else {
+        format!("{value:e}")
+    }
+}
+
+/// An `f32` in C99 hexadecimal, which shows every bit: `0x1.99999ap-4`.
+#[must_use]
+pub fn hexfloat(value: f32) -> String {
+    if value.is_nan() {
+        return format!("NaN(0x{:08x})", value.to_bits());
+    }
+    if value.is_infinite() {
+        return format!("{value}");
+    }
+    let bits = value.to_bits();
+    let sign = if value.is_sign_negative() { "-" } else { "" };
+    // The fraction's 23 bits are shown as 24: six hexadecimal digits, trailing zeros dropped.
+    let fraction = format!("{:06x}", (bits & 0x007f_ffff) << 1);
+    let fraction = fraction.trim_end_matches('0');
+    let point = if fraction.is_empty() { "" } else { "." };
+    match (bits >> 23) & 0xff {
+        0 if bits << 1 == 0 => format!("{sign}0x0p+0"),
+        0 => format!("{sign}0x0{point}{fraction}p-126"), // a denormal has no leading one
+        exponent => {
+            let exponent = exponent.cast_signed() - 127;
+            format!("{sign}0x1{point}{fraction}p{exponent:+}")
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hexfloat_shows_every_bit() {
+        assert_eq!(hexfloat(0.1), "0x1.99999ap-4");
+        assert_eq!(hexfloat(1.0), "0x1p+0");
+        assert_eq!(hexfloat(-0.0), "-0x0p+0");
+        assert_eq!(hexfloat(f32::from_bits(1)), "0x0.000002p-126");
+        assert_eq!(hexfloat(f32::MAX), "0x1.fffffep+127");
+        assert_eq!(hexfloat(f32::NEG_INFINITY), "-inf");
+        assert_eq!(hexfloat(f32::from_bits(0x7fc0_0001)), "NaN(0x7fc00001)");
+    }
+
+    #[test]
+    fn decimals_read_back_to_the_same_bits() {
+        for value in [0.1, 1e-30, 16_777_216.0, -0.0, f32::MIN_POSITIVE, f32::MAX, 1.5e9] {
+            let text = format_f32(value);
+            assert_eq!(text.parse::<f32>().map(f32::to_bits), Ok(value.to_bits()), "{text}");
+        }
+    }
+
+    #[test]
+    fn lanes_are_named_as_wgsl_accesses() {
+        let shape = Shape::Struct {
+            name: "Hit".into(),
+            members: vec![
+                ("n".into(), Shape::Vector { size: 3, scalar: Scalar::F32 }),
+                (
+                    "ids".into(),
+                    Shape::Array { element: Box::new(Shape::Scalar(Scalar::U32)), length: 2 },
+                ),
+            ],
+        };
+        assert_eq!(shape.lane_names(), [".n.x", ".n.y", ".n.z", ".ids[0]", ".ids[1]"]);
+        assert_eq!(shape.format(&[0, 0x3f80_0000, 0, 7, 8]), "{ n: (0, 1, 0), ids: [7, 8] }");
+    }
+}

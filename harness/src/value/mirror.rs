@@ -1,0 +1,107 @@
+//! The `f64` side: what a reference receives and returns.
+
+use glam::{
+    BVec2, BVec3, BVec4, DMat2, DMat3, DMat4, DVec2, DVec3, DVec4, IVec2, IVec3, IVec4, UVec2,
+    UVec3, UVec4,
+};
+
+use super::{Scalar, Shape};
+
+/// The `f64` twin of a [`Shareable`](super::Shareable) type: `f64` for `f32`, `DVec3` for `Vec3`.
+///
+/// Integers and booleans are their own mirrors.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` can't be the result of a reference",
+    label = "a reference computes in f64",
+    note = "use f64 for `f32`, glam's DVec and DMat types for vectors and matrices; i32, u32, bool \
+            and their vectors stay as they are"
+)]
+pub trait Mirror: Clone + std::fmt::Debug + Send + 'static {
+    /// The WGSL type that the value is compared with.
+    fn shape() -> Shape;
+
+    /// Appends the value of each lane. Integers and booleans are exact in `f64`.
+    fn lanes(&self, lanes: &mut Vec<f64>);
+}
+
+macro_rules! scalar {
+    ($($mirror:ty, $scalar:ident, |$v:ident| $lane:expr;)*) => {$(
+        impl Mirror for $mirror {
+            fn shape() -> Shape {
+                Shape::Scalar(Scalar::$scalar)
+            }
+            fn lanes(&self, lanes: &mut Vec<f64>) {
+                let $v = *self;
+                lanes.push($lane);
+            }
+        }
+    )*};
+}
+
+scalar! {
+    f64, F32, |v| v;
+    i32, I32, |v| f64::from(v);
+    u32, U32, |v| f64::from(v);
+    bool, Bool, |v| f64::from(u8::from(v));
+}
+
+macro_rules! vector {
+    ($($mirror:ty, $component:ty, $size:literal, $scalar:ident;)*) => {$(
+        impl Mirror for $mirror {
+            fn shape() -> Shape {
+                Shape::Vector { size: $size, scalar: Scalar::$scalar }
+            }
+            fn lanes(&self, lanes: &mut Vec<f64>) {
+                for component in <[$component; $size]>::from(*self) {
+                    component.lanes(lanes);
+                }
+            }
+        }
+    )*};
+}
+
+vector! {
+    DVec2, f64, 2, F32;
+    DVec3, f64, 3, F32;
+    DVec4, f64, 4, F32;
+    IVec2, i32, 2, I32;
+    IVec3, i32, 3, I32;
+    IVec4, i32, 4, I32;
+    UVec2, u32, 2, U32;
+    UVec3, u32, 3, U32;
+    UVec4, u32, 4, U32;
+    BVec2, bool, 2, Bool;
+    BVec3, bool, 3, Bool;
+    BVec4, bool, 4, Bool;
+}
+
+macro_rules! matrix {
+    ($($mirror:ty, $order:literal;)*) => {$(
+        impl Mirror for $mirror {
+            fn shape() -> Shape {
+                Shape::Matrix { columns: $order, rows: $order, scalar: Scalar::F32 }
+            }
+            fn lanes(&self, lanes: &mut Vec<f64>) {
+                lanes.extend(self.to_cols_array());
+            }
+        }
+    )*};
+}
+
+matrix! {
+    DMat2, 2;
+    DMat3, 3;
+    DMat4, 4;
+}
+
+impl<T: Mirror, const N: usize> Mirror for [T; N] {
+    fn shape() -> Shape {
+        let length = u32::try_from(N).expect("a WGSL array has fewer than 2^32 elements");
+        Shape::Array { element: Box::new(T::shape()), length }
+    }
+    fn lanes(&self, lanes: &mut Vec<f64>) {
+        for element in self {
+            element.lanes(lanes);
+        }
+    }
+}

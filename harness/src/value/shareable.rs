@@ -1,0 +1,308 @@
+//! Host types that can be an argument of a WGSL function.
+
+use std::fmt::Debug;
+
+use glam::{
+    BVec2, BVec3, BVec4, DMat2, DMat3, DMat4, DVec2, DVec3, DVec4, IVec2, IVec3, IVec4, Mat2, Mat3,
+    Mat4, UVec2, UVec3, UVec4, Vec2, Vec3, Vec4,
+};
+use half::f16;
+
+use super::{Mirror, Scalar, Shape};
+
+/// A type that crosses the CPU/GPU boundary: scalars, glam's vectors and matrices, arrays, and
+/// structures declared with [`shareable!`](crate::shareable).
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` can't be passed to a WGSL function",
+    label = "not a WGSL value",
+    note = "use f32, i32, u32, bool, half::f16, glam's f32 vectors and matrices, arrays of them, \
+            or declare a structure with `karat::shareable!`"
+)]
+pub trait Shareable: Clone + Debug + PartialEq + Send + Sync + 'static {
+    /// The same value in `f64`: what a reference receives.
+    type Mirror: Mirror;
+
+    /// The WGSL type.
+    fn shape() -> Shape;
+
+    /// Appends the lanes of the value.
+    fn store(&self, lanes: &mut Vec<u32>);
+
+    /// Takes the value from its lanes, in the order of [`store`](Self::store). Missing lanes read
+    /// as zero bits.
+    fn load(lanes: &mut std::slice::Iter<'_, u32>) -> Self;
+
+    /// The value in `f64`, exactly.
+    fn widen(&self) -> Self::Mirror;
+}
+
+fn next(lanes: &mut std::slice::Iter<'_, u32>) -> u32 {
+    lanes.next().copied().unwrap_or_default()
+}
+
+macro_rules! scalar {
+    ($($host:ty, $mirror:ty, $scalar:ident, |$v:ident| $store:expr, |$lane:ident| $load:expr, $widen:expr;)*) => {$(
+        impl Shareable for $host {
+            type Mirror = $mirror;
+            fn shape() -> Shape {
+                Shape::Scalar(Scalar::$scalar)
+            }
+            fn store(&self, lanes: &mut Vec<u32>) {
+                let $v = *self;
+                lanes.push($store);
+            }
+            fn load(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
+                let $lane = next(lanes);
+                $load
+            }
+            fn widen(&self) -> $mirror {
+                let $v = *self;
+                $widen
+            }
+        }
+    )*};
+}
+
+scalar! {
+    f32, f64, F32, |v| v.to_bits(), |lane| Self::from_bits(lane), f64::from(v);
+    f16, f64, F16, |v| v.to_f32().to_bits(), |lane| Self::from_f32(f32::from_bits(lane)), v.to_f64();
+    i32, i32, I32, |v| v.cast_unsigned(), |lane| lane.cast_signed(), v;
+    u32, u32, U32, |v| v, |lane| lane, v;
+    bool, bool, Bool, |v| u32::from(v), |lane| lane != 0, v;
+}
+
+macro_rules! vector {
+    ($($host:ty, $mirror:ty, $component:ty, $size:literal, $scalar:ident, $widen:expr;)*) => {$(
+        impl Shareable for $host {
+            type Mirror = $mirror;
+            fn shape() -> Shape {
+                Shape::Vector { size: $size, scalar: Scalar::$scalar }
+            }
+            fn store(&self, lanes: &mut Vec<u32>) {
+                for component in <[$component; $size]>::from(*self) {
+                    component.store(lanes);
+                }
+            }
+            fn load(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
+                let components: [$component; $size] = std::array::from_fn(|_| <$component>::load(lanes));
+                Self::from(components)
+            }
+            fn widen(&self) -> $mirror {
+                let widen: fn(Self) -> $mirror = $widen;
+                widen(*self)
+            }
+        }
+    )*};
+}
+
+vector! {
+    Vec2, DVec2, f32, 2, F32, |v| v.as_dvec2();
+    Vec3, DVec3, f32, 3, F32, |v| v.as_dvec3();
+    Vec4, DVec4, f32, 4, F32, |v| v.as_dvec4();
+    IVec2, IVec2, i32, 2, I32, |v| v;
+    IVec3, IVec3, i32, 3, I32, |v| v;
+    IVec4, IVec4, i32, 4, I32, |v| v;
+    UVec2, UVec2, u32, 2, U32, |v| v;
+    UVec3, UVec3, u32, 3, U32, |v| v;
+    UVec4, UVec4, u32, 4, U32, |v| v;
+    BVec2, BVec2, bool, 2, Bool, |v| v;
+    BVec3, BVec3, bool, 3, Bool, |v| v;
+    BVec4, BVec4, bool, 4, Bool, |v| v;
+}
+
+macro_rules! matrix {
+    ($($host:ty, $mirror:ty, $order:literal, $lanes:literal, $widen:ident;)*) => {$(
+        impl Shareable for $host {
+            type Mirror = $mirror;
+            fn shape() -> Shape {
+                Shape::Matrix { columns: $order, rows: $order, scalar: Scalar::F32 }
+            }
+            fn store(&self, lanes: &mut Vec<u32>) {
+                lanes.extend(self.to_cols_array().map(f32::to_bits));
+            }
+            fn load(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
+                let columns: [f32; $lanes] = std::array::from_fn(|_| f32::load(lanes));
+                Self::from_cols_array(&columns)
+            }
+            fn widen(&self) -> $mirror {
+                self.$widen()
+            }
+        }
+    )*};
+}
+
+matrix! {
+    Mat2, DMat2, 2, 4, as_dmat2;
+    Mat3, DMat3, 3, 9, as_dmat3;
+    Mat4, DMat4, 4, 16, as_dmat4;
+}
+
+impl<T: Shareable, const N: usize> Shareable for [T; N] {
+    type Mirror = [T::Mirror; N];
+    fn shape() -> Shape {
+        let length = u32::try_from(N).expect("a WGSL array has fewer than 2^32 elements");
+        Shape::Array { element: Box::new(T::shape()), length }
+    }
+    fn store(&self, lanes: &mut Vec<u32>) {
+        for element in self {
+            element.store(lanes);
+        }
+    }
+    fn load(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
+        std::array::from_fn(|_| T::load(lanes))
+    }
+    fn widen(&self) -> Self::Mirror {
+        std::array::from_fn(|index| self[index].widen())
+    }
+}
+
+/// The arguments of one case: a [`Shareable`] value, or a tuple of up to six.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` can't be the arguments of a WGSL function",
+    label = "expected a WGSL value or a tuple of one to six of them"
+)]
+pub trait Arguments: Clone + Debug + Send + Sync + 'static {
+    /// The WGSL type of each argument.
+    fn shapes() -> Vec<Shape>;
+    /// Appends the lanes of all arguments.
+    fn store_all(&self, lanes: &mut Vec<u32>);
+    /// Takes the arguments from their lanes.
+    fn load_all(lanes: &mut std::slice::Iter<'_, u32>) -> Self;
+}
+
+impl<T: Shareable> Arguments for T {
+    fn shapes() -> Vec<Shape> {
+        vec![T::shape()]
+    }
+    fn store_all(&self, lanes: &mut Vec<u32>) {
+        self.store(lanes);
+    }
+    fn load_all(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
+        Self::load(lanes)
+    }
+}
+
+macro_rules! arguments {
+    ($(($($name:ident $index:tt),+))*) => {$(
+        impl<$($name: Shareable),+> Arguments for ($($name,)+) {
+            fn shapes() -> Vec<Shape> {
+                vec![$($name::shape()),+]
+            }
+            fn store_all(&self, lanes: &mut Vec<u32>) {
+                $(self.$index.store(lanes);)+
+            }
+            fn load_all(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
+                ($($name::load(lanes),)+)
+            }
+        }
+    )*};
+}
+
+arguments! {
+    (A 0)
+    (A 0, B 1)
+    (A 0, B 1, C 2)
+    (A 0, B 1, C 2, D 3)
+    (A 0, B 1, C 2, D 3, E 4)
+    (A 0, B 1, C 2, D 3, E 4, F 5)
+}
+
+/// Declares a structure that crosses the CPU/GPU boundary, with its `f64` mirror.
+///
+/// Member names and types must be those of the WGSL structure; the type's name may differ.
+///
+/// ```
+/// karat::shareable! {
+///     /// What `lighting::shade` returns.
+///     pub struct Shaded mirrors ShadedMirror {
+///         weight: f32,
+///         color: glam::Vec3,
+///     }
+/// }
+/// let reference = |weight: f64| ShadedMirror { weight, color: glam::DVec3::ONE };
+/// assert_eq!(reference(0.5).weight, 0.5);
+/// ```
+#[macro_export]
+macro_rules! shareable {
+    ($(#[$meta:meta])* $vis:vis struct $name:ident mirrors $mirror:ident {
+        $($(#[$field_meta:meta])* $field:ident : $type:ty),+ $(,)?
+    }) => {
+        $(#[$meta])*
+        #[derive(Clone, Debug, PartialEq)]
+        $vis struct $name {
+            $($(#[$field_meta])* pub $field: $type),+
+        }
+
+        #[doc = concat!("[`", stringify!($name), "`] in `f64`: what references receive and return.")]
+        #[derive(Clone, Debug, PartialEq)]
+        $vis struct $mirror {
+            $($(#[$field_meta])* pub $field: <$type as $crate::Shareable>::Mirror),+
+        }
+
+        impl $crate::Shareable for $name {
+            type Mirror = $mirror;
+            fn shape() -> $crate::Shape {
+                $crate::Shape::Struct {
+                    name: stringify!($name).to_owned(),
+                    members: vec![$((
+                        stringify!($field).to_owned(),
+                        <$type as $crate::Shareable>::shape(),
+                    )),+],
+                }
+            }
+            fn store(&self, lanes: &mut Vec<u32>) {
+                $($crate::Shareable::store(&self.$field, lanes);)+
+            }
+            fn load(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
+                Self { $($field: <$type as $crate::Shareable>::load(lanes)),+ }
+            }
+            fn widen(&self) -> $mirror {
+                $mirror { $($field: $crate::Shareable::widen(&self.$field)),+ }
+            }
+        }
+
+        impl $crate::Mirror for $mirror {
+            fn shape() -> $crate::Shape {
+                <$name as $crate::Shareable>::shape()
+            }
+            fn lanes(&self, lanes: &mut Vec<f64>) {
+                $($crate::Mirror::lanes(&self.$field, lanes);)+
+            }
+        }
+    };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn round_trip<T: Shareable>(value: T) {
+        let mut lanes = Vec::new();
+        value.store(&mut lanes);
+        assert_eq!(lanes.len(), T::shape().lanes().len());
+        assert_eq!(T::load(&mut lanes.iter()), value);
+        let mut widened = Vec::new();
+        value.widen().lanes(&mut widened);
+        let decoded: Vec<f64> = T::shape()
+            .lanes()
+            .iter()
+            .zip(&lanes)
+            .map(|(scalar, lane)| scalar.decode(*lane))
+            .collect();
+        assert_eq!(decoded, widened);
+    }
+
+    #[test]
+    fn values_survive_their_lanes() {
+        round_trip(0.1_f32);
+        round_trip(f16::from_f32(0.333));
+        round_trip(-7_i32);
+        round_trip(u32::MAX);
+        round_trip(true);
+        round_trip(Vec4::new(1.0, -2.0, 3.5, f32::MIN_POSITIVE));
+        round_trip(IVec3::new(-1, 0, i32::MAX));
+        round_trip(BVec3::new(true, false, true));
+        round_trip(Mat3::from_cols_array(&[1., 2., 3., 4., 5., 6., 7., 8., 9.]));
+        round_trip([Vec2::X, Vec2::Y, Vec2::ONE]);
+    }
+}
