@@ -13,6 +13,7 @@ mod source;
 use std::fmt::Debug;
 
 pub use direction::{Hemisphere, UnitRgb, UnitVector};
+pub use range::Integers;
 pub use source::Source;
 
 /// Draws in a row that a [`filter`](Domain::filter) may reject before the check gives up. A filter
@@ -23,8 +24,8 @@ const REJECTIONS: u32 = 2000;
 #[diagnostic::on_unimplemented(
     message = "`{Self}` is not a domain",
     label = "expected a domain of WGSL values",
-    note = "use a closed range such as `0.0..=1.0` (not `0.0..1.0`), `UnitVector`, `Hemisphere`, \
-            `UnitRgb`, `Just(x)`, `Grid`, `OneOf`, or a tuple of them"
+    note = "use a closed range such as `0.0..=1.0` (not `0.0..1.0`), `Integers(0..=7_u32)`, \
+            `UnitVector`, `Hemisphere`, `UnitRgb`, `Just(x)`, `Grid`, `OneOf`, or a tuple of them"
 )]
 pub trait Domain: Send + Sync {
     /// What is drawn.

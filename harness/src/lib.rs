@@ -1,13 +1,59 @@
-//! x
+//! Karat tests WGSL shaders from Rust: functions against references, frames against goldens.
+//!
+//! ```no_run
+//! use karat::prelude::*;
+//!
+//! static SHADERS: Package = karat::package!("shaders"); // a folder beside Cargo.toml
+//!
+//! // #[test]
+//! fn lambert_is_what_the_textbook_says() {
+//!     SHADERS
+//!         .function("brdf::lambert")
+//!         .over((0.0..=1.0, 0.0..=1.0)) // albedo, n_dot_l: seeded, edge-biased, one dispatch
+//!         .agrees_with(|albedo: f64, n_dot_l: f64| albedo / std::f64::consts::PI * n_dot_l, Ulp(4.0));
+//! }
+//! ```
+//!
+//! A check is a plain `#[test]`. It links the function's closure from the shader folder, compares
+//! its signature with the domain and the reference, generates a compute kernel, runs it on each
+//! selected execution path ([`Path`]) and compares the results with the reference, which computes
+//! in `f64` from the same `f32` arguments.
+//!
+//! What can be asserted is on [`Check`]; where arguments come from on [`Domain`]; how far results
+//! may differ on [`Tolerance`]; what else a function may read on [`Fixture`].
+
+mod check;
 mod diagnostic;
 mod domain;
+mod fixture;
 mod package;
+mod path;
+mod probe;
+pub mod record;
 mod reflect;
 mod tolerance;
 mod value;
-pub use diagnostic::*;
-pub use domain::*;
-pub use package::*;
-pub use reflect::*;
-pub use tolerance::*;
-pub use value::*;
+
+pub use check::{
+    Agreement, CaseFailure, Census, Check, Disagreement, Failure, PathDisagreement, Probe,
+    Reference,
+};
+pub use diagnostic::{Diagnostic, SourceFile, Span};
+pub use domain::{
+    Domain, Filter, Grid, Hemisphere, Integers, Just, Map, OneOf, Source, UnitRgb, UnitVector,
+};
+pub use fixture::{CubeMap, Fixture, FixtureError, Sampler, Storage, Texture, Uniform};
+pub use package::{FunctionItem, Package, PackageError};
+pub use path::{Adapter, Path, PathError, adapter};
+pub use probe::{ProbeError, Probed, call};
+pub use reflect::{Binding, BindingKind, Function, LayoutError, Program, ReflectError};
+pub use tolerance::{Abs, Measure, Rel, Tolerance, Ulp, Unit, ulp_distance};
+pub use value::{Arguments, Mirror, Scalar, Shape, Shareable, format_f32, format_lane, hexfloat};
+
+/// What a test file needs: `use karat::prelude::*;`.
+pub mod prelude {
+    pub use crate::{
+        Abs, CubeMap, Domain, Grid, Hemisphere, Integers, Just, OneOf, Package, Path, Rel, Sampler,
+        Storage, Texture, Tolerance, Ulp, Uniform, UnitRgb, UnitVector,
+    };
+}

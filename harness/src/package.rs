@@ -69,7 +69,9 @@ macro_rules! package {
 #[non_exhaustive]
 pub enum PackageError {
     /// The folder or file isn't there.
-    #[error("the shader folder `{0}` doesn't exist; `karat::package!` takes a path relative to Cargo.toml")]
+    #[error(
+        "the shader folder `{0}` doesn't exist; `karat::package!` takes a path relative to Cargo.toml"
+    )]
     Missing(String),
     /// The folder has no module.
     #[error("the shader folder `{0}` has no .wgsl or .wesl file")]
@@ -91,7 +93,10 @@ pub enum PackageError {
         line: usize,
     },
     /// An import names a package that isn't a dependency.
-    #[error("package `{package}` has no dependency `{name}`{}; declare it with `depends_on`", did_you_mean(nearest))]
+    #[error(
+        "package `{package}` has no dependency `{name}`{}; declare it with `depends_on`",
+        did_you_mean(nearest)
+    )]
     UnknownPackage {
         /// What was asked for.
         name: String,
@@ -111,7 +116,10 @@ pub enum PackageError {
         nearest: Option<String>,
     },
     /// A path names a function that the package hasn't.
-    #[error("package `{package}` has no function `{path}` among its {count}{}", did_you_mean(nearest))]
+    #[error(
+        "package `{package}` has no function `{path}` among its {count}{}",
+        did_you_mean(nearest)
+    )]
     UnknownFunction {
         /// What was asked for.
         path: String,
@@ -235,7 +243,9 @@ impl Package {
                 found
             }
             Origin::File { .. } => vec![String::new()],
-            Origin::Memory { modules, .. } => modules.iter().map(|(name, _)| name.clone()).collect(),
+            Origin::Memory { modules, .. } => {
+                modules.iter().map(|(name, _)| name.clone()).collect()
+            }
         };
         modules.sort();
         modules.dedup();
@@ -252,8 +262,7 @@ impl Package {
         for module in self.modules()? {
             let components =
                 module.split("::").filter(|part| !part.is_empty()).map(str::to_owned).collect();
-            let path =
-                wesl::ModulePath::new(wgsl_parse::syntax::PathOrigin::Absolute, components);
+            let path = wesl::ModulePath::new(wgsl_parse::syntax::PathOrigin::Absolute, components);
             let file = library.read(&path)?;
             let unit =
                 wgsl_parse::parse_str(&file.text).map_err(|error| syntax_error(&error, &file))?;
@@ -280,7 +289,11 @@ impl Package {
 }
 
 /// Where `fn name` stands inside a declaration.
-fn name_range(file: &SourceFile, whole: std::ops::Range<usize>, name: &str) -> std::ops::Range<usize> {
+fn name_range(
+    file: &SourceFile,
+    whole: std::ops::Range<usize>,
+    name: &str,
+) -> std::ops::Range<usize> {
     let text = file.text.get(whole.clone()).unwrap_or_default();
     let after = text.find("fn").map_or(0, |at| at + 2);
     match text[after..].find(name) {
@@ -300,7 +313,10 @@ fn scan(folder: &Path, prefix: &str, found: &mut Vec<String>) -> Result<(), Pack
             if !stem.starts_with('.') && stem != "target" {
                 scan(&path, &name, found)?;
             }
-        } else if library::EXTENSIONS.iter().any(|known| path.extension().is_some_and(|e| e == *known)) {
+        } else if library::EXTENSIONS
+            .iter()
+            .any(|known| path.extension().is_some_and(|e| e == *known))
+        {
             found.push(name);
         }
     }

@@ -13,7 +13,8 @@ use naga::front::wgsl;
 use naga::proc::Layouter;
 use naga::valid::{Capabilities, GlobalUse, ModuleInfo, ShaderStages, ValidationFlags, Validator};
 
-pub(crate) use layout::{LayoutError, bytes_of};
+pub use layout::LayoutError;
+pub(crate) use layout::bytes_of;
 
 use crate::diagnostic::{Diagnostic, Span};
 use crate::package::{Linked, Package, PackageError};
@@ -322,8 +323,7 @@ impl Program {
 
     fn function_span(&self, handle: naga::Handle<naga::Function>) -> Span {
         let range = self.module.functions.get_span(handle).to_range().unwrap_or(0..0);
-        self.resolve(range)
-            .unwrap_or(Span { file: Arc::clone(&self.linked.file), range: 0..0 })
+        self.resolve(range).unwrap_or(Span { file: Arc::clone(&self.linked.file), range: 0..0 })
     }
 
     /// The shape of a naga type, or what it is that a probe can't pass.

@@ -208,7 +208,12 @@ impl Tolerance {
         let value = f64::from(actual);
         let error = (value - expected).abs();
         if !actual.is_finite() || !expected.is_finite() {
-            return Measure { ratio: f64::INFINITY, error: f64::NAN, bound: 0.0, unit: self.unit() };
+            return Measure {
+                ratio: f64::INFINITY,
+                error: f64::NAN,
+                bound: 0.0,
+                unit: self.unit(),
+            };
         }
         match self {
             Self::Ulp { bound, band } => {

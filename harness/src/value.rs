@@ -195,17 +195,18 @@ impl Shape {
     }
 
     fn format_into(&self, lanes: &[u32], at: &mut usize, text: &mut String) {
-        let mut list = |open: &str, close: &str, shapes: &mut dyn Iterator<Item = (&str, &Self)>| {
-            text.push_str(open);
-            for (index, (label, shape)) in shapes.enumerate() {
-                if index > 0 {
-                    text.push_str(", ");
+        let mut list =
+            |open: &str, close: &str, shapes: &mut dyn Iterator<Item = (&str, &Self)>| {
+                text.push_str(open);
+                for (index, (label, shape)) in shapes.enumerate() {
+                    if index > 0 {
+                        text.push_str(", ");
+                    }
+                    text.push_str(label);
+                    shape.format_into(lanes, at, text);
                 }
-                text.push_str(label);
-                shape.format_into(lanes, at, text);
-            }
-            text.push_str(close);
-        };
+                text.push_str(close);
+            };
         match self {
             Self::Scalar(scalar) => {
                 text.push_str(&format_lane(*scalar, lanes.get(*at).copied().unwrap_or_default()));

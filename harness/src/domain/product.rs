@@ -24,13 +24,13 @@ macro_rules! product {
                 let total: usize = lengths.iter().product();
                 (0..total.min(COMBINATIONS))
                     .map(|mut rest| {
-                        #[expect(unused_assignments, reason = "the last part leaves no rest")]
                         let combination = ($({
                             let length = lengths[$index];
                             let value = edges.$index[rest % length].clone();
                             rest /= length;
                             value
                         },)+);
+                        let _ = rest; // 0: the last part leaves none
                         combination
                     })
                     .collect()

@@ -1,4 +1,4 @@
-//! Closed ranges of scalars.
+//! Closed ranges of numbers.
 
 use std::ops::RangeInclusive;
 
@@ -48,14 +48,21 @@ impl Domain for RangeInclusive<f32> {
     }
 }
 
+/// A closed range of `i32` or `u32`: `Integers(0..=7_u32)`.
+///
+/// Ranges of integers are iterators already, and would have two methods `map` and two `filter`
+/// if they were domains themselves.
+#[derive(Clone, Debug)]
+pub struct Integers<T>(pub RangeInclusive<T>);
+
 macro_rules! integer {
     ($($integer:ty),*) => {$(
-        impl Domain for RangeInclusive<$integer> {
+        impl Domain for Integers<$integer> {
             type Value = $integer;
 
             /// One draw in 8 is an end, the others are uniform.
             fn draw(&self, source: &mut Source) -> Option<$integer> {
-                let (low, high) = (*self.start(), *self.end());
+                let (low, high) = (*self.0.start(), *self.0.end());
                 let count = u64::try_from(i64::from(high) - i64::from(low) + 1).ok()?;
                 Some(match source.below(16) {
                     0 => low,
@@ -68,24 +75,24 @@ macro_rules! integer {
             }
 
             fn edges(&self) -> Vec<$integer> {
-                let mut edges = vec![*self.start(), *self.end()];
+                let mut edges = vec![*self.0.start(), *self.0.end()];
                 for value in [0, 1] {
-                    if self.contains(&value) && !edges.contains(&value) {
+                    if self.0.contains(&value) && !edges.contains(&value) {
                         edges.push(value);
                     }
                 }
                 edges.dedup();
-                edges.retain(|value| self.contains(value));
+                edges.retain(|value| self.0.contains(value));
                 edges
             }
 
             fn size(&self) -> Option<u64> {
-                u64::try_from(i64::from(*self.end()) - i64::from(*self.start()) + 1).ok()
+                u64::try_from(i64::from(*self.0.end()) - i64::from(*self.0.start()) + 1).ok()
             }
 
             fn nth(&self, index: u64) -> Option<$integer> {
-                let value = i64::from(*self.start()).checked_add(i64::try_from(index).ok()?)?;
-                <$integer>::try_from(value).ok().filter(|value| self.contains(value))
+                let value = i64::from(*self.0.start()).checked_add(i64::try_from(index).ok()?)?;
+                <$integer>::try_from(value).ok().filter(|value| self.0.contains(value))
             }
         }
     )*};

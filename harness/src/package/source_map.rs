@@ -49,7 +49,8 @@ impl SourceMap {
         let new = lexemes(printed, at, unmangle);
         let source = file.text.get(original.clone()).unwrap_or_default();
         let old = lexemes(source, original.start, &|_| None);
-        let words = |lexemes: &[Lexeme<'_>]| lexemes.iter().map(|l| l.text.to_string()).collect::<Vec<_>>();
+        let words =
+            |lexemes: &[Lexeme<'_>]| lexemes.iter().map(|l| l.text.to_string()).collect::<Vec<_>>();
         let (old_words, new_words) = (words(&old), words(&new));
         let mut push = |lexeme: &Lexeme<'_>, original: Range<usize>| {
             let linked = lexeme.range.clone();

@@ -31,7 +31,7 @@ pub(crate) fn bytes_of(
     ty: Handle<Type>,
     lanes: &[u32],
 ) -> Result<Vec<u8>, LayoutError> {
-    let mut writer = Writer { module, layouter, lanes, at: 0, bytes: Vec::new() };
+    let mut writer = Writer { module, lanes, at: 0, bytes: Vec::new() };
     writer.write(ty, 0)?;
     if writer.at != lanes.len() {
         return Err(LayoutError::Count { supplied: lanes.len(), expected: writer.at });
@@ -47,7 +47,6 @@ pub(crate) fn bytes_of(
 
 struct Writer<'a> {
     module: &'a Module,
-    layouter: &'a Layouter,
     lanes: &'a [u32],
     at: usize,
     bytes: Vec<u8>,
@@ -92,7 +91,8 @@ impl Writer<'_> {
             TypeInner::Vector { size, scalar } => self.vector(*size, *scalar, offset),
             TypeInner::Matrix { columns, rows, scalar } => {
                 // A column is aligned as a vector: three rows take the room of four.
-                let rows_in_memory = if *rows == naga::VectorSize::Tri { 4 } else { *rows as usize };
+                let rows_in_memory =
+                    if *rows == naga::VectorSize::Tri { 4 } else { *rows as usize };
                 let stride = rows_in_memory * usize::from(scalar.width);
                 (0..*columns as usize)
                     .try_for_each(|column| self.vector(*rows, *scalar, offset + column * stride))

@@ -1,0 +1,60 @@
+//! Rust functions that say what a shader should return.
+
+use crate::value::{Arguments, Mirror, Shape, Shareable};
+
+/// A reference for arguments `A`: a function of their `f64` mirrors.
+///
+/// `fn(DVec3, f64) -> DVec3` is a reference for a domain of `(Vec3, f32)`.
+#[diagnostic::on_unimplemented(
+    message = "this reference doesn't take the arguments that the domain draws",
+    label = "expected a function of the `f64` mirrors of `{A}`",
+    note = "a domain of `(Vec3, f32)` needs `fn(DVec3, f64) -> _`; closures need their parameter \
+            types written out"
+)]
+pub trait Reference<A: Arguments>: Sync {
+    /// The WGSL type of the result.
+    fn shape(&self) -> Shape;
+    /// Appends the expected value of each lane.
+    fn expect(&self, arguments: &A, lanes: &mut Vec<f64>);
+}
+
+impl<F, A, R> Reference<A> for F
+where
+    A: Shareable,
+    F: Fn(A::Mirror) -> R + Sync,
+    R: Mirror,
+{
+    fn shape(&self) -> Shape {
+        R::shape()
+    }
+    fn expect(&self, arguments: &A, lanes: &mut Vec<f64>) {
+        self(arguments.widen()).lanes(lanes);
+    }
+}
+
+macro_rules! reference {
+    ($(($($name:ident $index:tt),+))*) => {$(
+        impl<F, R, $($name),+> Reference<($($name,)+)> for F
+        where
+            $($name: Shareable,)+
+            F: Fn($($name::Mirror),+) -> R + Sync,
+            R: Mirror,
+        {
+            fn shape(&self) -> Shape {
+                R::shape()
+            }
+            fn expect(&self, arguments: &($($name,)+), lanes: &mut Vec<f64>) {
+                self($(arguments.$index.widen()),+).lanes(lanes);
+            }
+        }
+    )*};
+}
+
+reference! {
+    (A 0)
+    (A 0, B 1)
+    (A 0, B 1, C 2)
+    (A 0, B 1, C 2, D 3)
+    (A 0, B 1, C 2, D 3, E 4)
+    (A 0, B 1, C 2, D 3, E 4, G 5)
+}

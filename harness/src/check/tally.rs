@@ -1,0 +1,219 @@
+//! What the cases of one path add up to.
+
+use rayon::prelude::*;
+
+use crate::tolerance::{Measure, Tolerance};
+use crate::value::Scalar;
+
+/// The judgement of one case: its worst lane.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Judged {
+    pub(crate) measure: Measure,
+    pub(crate) lane: usize,
+    pub(crate) class: Class,
+}
+
+/// How a failing value is wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Class {
+    Nan,
+    Infinite,
+    WrongSign,
+    TooLow,
+    TooHigh,
+    Other,
+}
+
+/// How many cases failed, and how.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Census {
+    /// Cases that were compared.
+    pub cases: u64,
+    /// Cases that failed.
+    pub failures: u64,
+    /// Failures whose worst component is NaN.
+    pub nan: u64,
+    /// Failures whose worst component is infinite.
+    pub infinite: u64,
+    /// Failures whose worst component has the opposite sign of the reference.
+    pub wrong_sign: u64,
+    /// Failures below the reference.
+    pub too_low: u64,
+    /// Failures above the reference.
+    pub too_high: u64,
+}
+
+/// A case worth showing.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shown {
+    pub(crate) case: u64,
+    pub(crate) judged: Judged,
+}
+
+/// The sum over a path's cases. Merging is independent of order.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Tally {
+    pub(crate) census: Census,
+    /// The largest ratio; of equals the first case.
+    pub(crate) worst: Option<Shown>,
+    /// The failing case of the lowest index: edges come first, and are the simplest.
+    pub(crate) first: Option<Shown>,
+}
+
+impl Tally {
+    fn add(&mut self, case: u64, judged: Judged) {
+        let shown = Some(Shown { case, judged });
+        let mut one = Self { worst: shown, ..Self::default() };
+        one.census.cases = 1;
+        if !judged.measure.passes() {
+            one.census.failures = 1;
+            one.first = shown;
+            match judged.class {
+                Class::Nan => one.census.nan = 1,
+                Class::Infinite => one.census.infinite = 1,
+                Class::WrongSign => one.census.wrong_sign = 1,
+                Class::TooLow => one.census.too_low = 1,
+                Class::TooHigh => one.census.too_high = 1,
+                Class::Other => {}
+            }
+        }
+        *self = self.merge(one);
+    }
+
+    pub(crate) fn merge(self, other: Self) -> Self {
+        let (a, b) = (self.census, other.census);
+        let worse = |a: Shown, b: Shown| {
+            let order = a.judged.measure.ratio.total_cmp(&b.judged.measure.ratio);
+            if order.then(b.case.cmp(&a.case)).is_ge() { a } else { b }
+        };
+        let earlier = |a: Shown, b: Shown| if a.case <= b.case { a } else { b };
+        Self {
+            census: Census {
+                cases: a.cases + b.cases,
+                failures: a.failures + b.failures,
+                nan: a.nan + b.nan,
+                infinite: a.infinite + b.infinite,
+                wrong_sign: a.wrong_sign + b.wrong_sign,
+                too_low: a.too_low + b.too_low,
+                too_high: a.too_high + b.too_high,
+            },
+            worst: either(self.worst, other.worst, worse),
+            first: either(self.first, other.first, earlier),
+        }
+    }
+}
+
+fn either(
+    a: Option<Shown>,
+    b: Option<Shown>,
+    pick: impl Fn(Shown, Shown) -> Shown,
+) -> Option<Shown> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(pick(a, b)),
+        (a, b) => a.or(b),
+    }
+}
+
+/// Cases that one task judges; large enough that a task costs more than its start.
+const TASK: usize = 2048;
+
+/// Judges each case of a batch: `words` holds `stride` words a case.
+pub(crate) fn tally(
+    first_case: u64,
+    words: &[u32],
+    stride: usize,
+    judge: impl Fn(usize, &[u32]) -> Judged + Sync,
+) -> Tally {
+    words
+        .par_chunks(stride * TASK)
+        .enumerate()
+        .map(|(task, words)| {
+            let mut tally = Tally::default();
+            for (index, case) in (task * TASK..).zip(words.chunks_exact(stride)) {
+                tally.add(first_case + index as u64, judge(index, case));
+            }
+            tally
+        })
+        .reduce(Tally::default, Tally::merge)
+}
+
+/// Compares a result with its reference lane by lane; the worst lane counts.
+pub(crate) fn compare(
+    scalars: &[Scalar],
+    actual: &[u32],
+    expected: &[f64],
+    tolerance: &Tolerance,
+) -> Judged {
+    let mut worst = Judged { measure: Measure::ZERO, lane: 0, class: Class::Other };
+    for (lane, scalar) in scalars.iter().enumerate() {
+        let (word, reference) = (actual[lane], expected[lane]);
+        let measure = if scalar.is_float() {
+            tolerance.measure(lane, f32::from_bits(word), reference)
+        } else {
+            Measure::equality(scalar.decode(word) == reference)
+        };
+        if lane == 0 || measure.ratio > worst.measure.ratio {
+            let class = classify(scalar.decode(word), reference);
+            worst = Judged { measure, lane, class };
+        }
+    }
+    worst
+}
+
+fn classify(actual: f64, expected: f64) -> Class {
+    if actual.is_nan() {
+        Class::Nan
+    } else if actual.is_infinite() {
+        Class::Infinite
+    } else if actual * expected < 0.0 {
+        Class::WrongSign
+    } else if actual < expected {
+        Class::TooLow
+    } else if actual > expected {
+        Class::TooHigh
+    } else {
+        Class::Other
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tolerance::{Abs, Ulp};
+
+    #[test]
+    fn one_bad_case_of_many_is_found_wherever_it_is() {
+        let scalars = [Scalar::F32, Scalar::F32];
+        let tolerance = Tolerance::from(Ulp(1.0));
+        for bad in [0, 1, 2047, 2048, 4999] {
+            for value in [f32::NAN, f32::INFINITY, -1.0, 0.5, 1.5] {
+                let mut words = vec![1.0_f32.to_bits(); 10_000];
+                words[2 * bad + 1] = value.to_bits();
+                let sum = tally(100, &words, 2, |_, actual| {
+                    compare(&scalars, actual, &[1.0, 1.0], &tolerance)
+                });
+                assert_eq!((sum.census.cases, sum.census.failures), (5000, 1));
+                let worst = sum.worst.expect("5000 cases");
+                assert_eq!((worst.case, worst.judged.lane), (100 + bad as u64, 1));
+                assert_eq!(sum.first.map(|first| first.case), Some(worst.case));
+            }
+        }
+    }
+
+    #[test]
+    fn integers_must_be_equal_under_any_tolerance() {
+        let tolerance = Tolerance::from(Abs(10.0));
+        let judged = compare(&[Scalar::U32], &[3], &[4.0], &tolerance);
+        assert!(!judged.measure.passes());
+        assert!(compare(&[Scalar::U32], &[4], &[4.0], &tolerance).measure.passes());
+    }
+
+    #[test]
+    fn failures_are_classed() {
+        assert_eq!(classify(f64::NAN, 1.0), Class::Nan);
+        assert_eq!(classify(f64::INFINITY, 1.0), Class::Infinite);
+        assert_eq!(classify(-0.1, 0.1), Class::WrongSign);
+        assert_eq!(classify(0.1, 0.2), Class::TooLow);
+        assert_eq!(classify(0.3, 0.2), Class::TooHigh);
+    }
+}

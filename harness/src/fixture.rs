@@ -1,0 +1,366 @@
+//! What a test supplies for the resource variables that its function reads.
+
+use glam::{Vec3, Vec4};
+
+use crate::diagnostic::nearest;
+use crate::path::{Device, PathError};
+use crate::reflect::{Binding, BindingKind, LayoutError, Program, bytes_of};
+use crate::value::Shareable;
+
+/// A cube map of linear RGBA values, faces in the order +X, -X, +Y, -Y, +Z, -Z.
+///
+/// Stored in 32-bit floats where the path can filter them, else in 16-bit floats.
+#[derive(Clone, Debug)]
+pub struct CubeMap {
+    size: u32,
+    texels: Vec<[f32; 4]>,
+}
+
+impl CubeMap {
+    /// The same radiance in every direction.
+    #[must_use]
+    pub fn constant(rgb: Vec3) -> Self {
+        Self { size: 1, texels: vec![rgb.extend(1.0).to_array(); 6] }
+    }
+
+    /// A radiance for each direction, evaluated at the texels' centres. `size` is the length of a
+    /// face's side in texels, at least 1.
+    #[must_use]
+    pub fn from_fn(size: u32, radiance: impl Fn(Vec3) -> Vec3) -> Self {
+        let texels = (0..6 * size * size)
+            .map(|index| {
+                let (face, row, column) =
+                    (index / (size * size), index / size % size, index % size);
+                let coordinate = |texel: u32| {
+                    (2 * texel + 1) as f32 / size as f32 - 1.0 // centres, in [-1, 1]
+                };
+                let direction = face_direction(face, coordinate(column), coordinate(row));
+                radiance(direction.normalize()).extend(1.0).to_array()
+            })
+            .collect();
+        Self { size, texels }
+    }
+
+    /// Texels by face, row and column.
+    ///
+    /// # Panics
+    /// If there aren't 6 * size * size texels.
+    #[must_use]
+    pub fn from_texels(size: u32, texels: Vec<[f32; 4]>) -> Self {
+        let expected = 6 * size as usize * size as usize;
+        assert_eq!(texels.len(), expected, "a cube map of size {size} has {expected} texels");
+        Self { size, texels }
+    }
+}
+
+/// The direction through a face's point, `s` to the right and `t` downward in [-1, 1], as WebGPU
+/// and Direct3D orient faces.
+fn face_direction(face: u32, s: f32, t: f32) -> Vec3 {
+    match face {
+        0 => Vec3::new(1.0, -t, -s),
+        1 => Vec3::new(-1.0, -t, s),
+        2 => Vec3::new(s, 1.0, t),
+        3 => Vec3::new(s, -1.0, -t),
+        4 => Vec3::new(s, -t, 1.0),
+        _ => Vec3::new(-s, -t, -1.0),
+    }
+}
+
+/// A 2D texture of linear RGBA values, rows from the top.
+#[derive(Clone, Debug)]
+pub struct Texture {
+    width: u32,
+    height: u32,
+    texels: Vec<[f32; 4]>,
+}
+
+impl Texture {
+    /// One texel.
+    #[must_use]
+    pub fn constant(rgba: Vec4) -> Self {
+        Self { width: 1, height: 1, texels: vec![rgba.to_array()] }
+    }
+
+    /// A value for each texel, by column and row.
+    #[must_use]
+    pub fn from_fn(width: u32, height: u32, value: impl Fn(u32, u32) -> Vec4) -> Self {
+        let texels = (0..height)
+            .flat_map(|row| (0..width).map(move |column| (column, row)))
+            .map(|(column, row)| value(column, row).to_array())
+            .collect();
+        Self { width, height, texels }
+    }
+}
+
+/// How a texture is sampled. Coordinates outside [0, 1] are clamped to the edge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sampler {
+    /// Linear between texels and between mip levels.
+    Linear,
+    /// The nearest texel.
+    Nearest,
+}
+
+/// A value for a `var<uniform>`, or for a `var<storage>` that holds one value.
+#[derive(Clone, Debug)]
+pub struct Uniform(Vec<u32>);
+
+impl Uniform {
+    /// The value, laid out as the variable's type.
+    pub fn new(value: impl Shareable) -> Self {
+        let mut lanes = Vec::new();
+        value.store(&mut lanes);
+        Self(lanes)
+    }
+}
+
+/// Elements for a `var<storage>` array.
+#[derive(Clone, Debug)]
+pub struct Storage(Vec<u32>);
+
+impl Storage {
+    /// The elements, laid out as the variable's type.
+    pub fn new<T: Shareable>(elements: impl IntoIterator<Item = T>) -> Self {
+        let mut lanes = Vec::new();
+        for element in elements {
+            element.store(&mut lanes);
+        }
+        Self(lanes)
+    }
+}
+
+/// What stands behind a resource variable.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub enum Fixture {
+    /// `texture_cube<f32>`
+    CubeMap(CubeMap),
+    /// `texture_2d<f32>`
+    Texture(Texture),
+    /// `sampler`
+    Sampler(Sampler),
+    /// `var<uniform>`
+    Uniform(Uniform),
+    /// `var<storage>`
+    Storage(Storage),
+}
+
+impl Fixture {
+    fn kind(&self) -> &'static str {
+        match self {
+            Self::CubeMap(_) => "a CubeMap",
+            Self::Texture(_) => "a Texture",
+            Self::Sampler(_) => "a Sampler",
+            Self::Uniform(_) => "a Uniform",
+            Self::Storage(_) => "a Storage",
+        }
+    }
+
+    fn fits(&self, kind: BindingKind) -> bool {
+        matches!(
+            (self, kind),
+            (Self::CubeMap(_), BindingKind::TextureCube)
+                | (Self::Texture(_), BindingKind::Texture2d)
+                | (Self::Sampler(_), BindingKind::Sampler)
+                | (Self::Uniform(_), BindingKind::Uniform | BindingKind::Storage { .. })
+                | (Self::Storage(_), BindingKind::Storage { .. } | BindingKind::Uniform)
+        )
+    }
+}
+
+macro_rules! into_fixture {
+    ($($name:ident),*) => {$(
+        impl From<$name> for Fixture {
+            fn from(fixture: $name) -> Self {
+                Self::$name(fixture)
+            }
+        }
+    )*};
+}
+
+into_fixture!(CubeMap, Texture, Sampler, Uniform, Storage);
+
+/// Why fixtures and variables don't match.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FixtureError {
+    /// A variable without a fixture.
+    #[error("`{variable}` ({kind}) has no fixture; add `.with(\"{variable}\", ...)`")]
+    Missing {
+        /// The variable.
+        variable: String,
+        /// What it is.
+        kind: BindingKind,
+    },
+    /// A fixture without a variable.
+    #[error("the shader reads no variable `{name}`{}",
+        nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
+    Unused {
+        /// What the fixture was called.
+        name: String,
+        /// The closest variable.
+        nearest: Option<String>,
+    },
+    /// A fixture of another kind than its variable.
+    #[error("`{variable}` is a {kind}, the fixture is {fixture}")]
+    Kind {
+        /// The variable.
+        variable: String,
+        /// What it is.
+        kind: BindingKind,
+        /// What was supplied.
+        fixture: &'static str,
+    },
+    /// Values that don't fill the variable's type.
+    #[error("`{variable}`: {source}")]
+    Layout {
+        /// The variable.
+        variable: String,
+        /// How they differ.
+        source: LayoutError,
+    },
+    /// The device refused.
+    #[error(transparent)]
+    Path(#[from] PathError),
+}
+
+/// Fixtures by the name of their variable: `environment`, or `sky::environment`.
+pub(crate) type Fixtures = Vec<(String, Fixture)>;
+
+/// A fixture on a device.
+pub(crate) enum Resource {
+    Buffer(wgpu::Buffer),
+    View(wgpu::TextureView),
+    Sampler(wgpu::Sampler),
+}
+
+impl Resource {
+    pub(crate) fn binding(&self) -> wgpu::BindingResource<'_> {
+        match self {
+            Self::Buffer(buffer) => buffer.as_entire_binding(),
+            Self::View(view) => wgpu::BindingResource::TextureView(view),
+            Self::Sampler(sampler) => wgpu::BindingResource::Sampler(sampler),
+        }
+    }
+}
+
+/// Matches fixtures with variables, both ways: each variable has one, each one has a variable.
+pub(crate) fn resolve<'a>(
+    bindings: &'a [Binding],
+    fixtures: &'a Fixtures,
+) -> Result<Vec<(&'a Binding, &'a Fixture)>, FixtureError> {
+    let named = |binding: &Binding, name: &str| binding.path == name || binding.name() == name;
+    for (name, _) in fixtures {
+        if !bindings.iter().any(|binding| named(binding, name)) {
+            let known = bindings.iter().map(Binding::name);
+            let nearest = nearest(name, known).map(str::to_owned);
+            return Err(FixtureError::Unused { name: name.clone(), nearest });
+        }
+    }
+    bindings
+        .iter()
+        .map(|binding| {
+            let (variable, kind) = (binding.path.clone(), binding.kind);
+            let found = fixtures.iter().rev().find(|(name, _)| named(binding, name));
+            match found {
+                None => Err(FixtureError::Missing { variable, kind }),
+                Some((_, fixture)) if !fixture.fits(kind) => {
+                    Err(FixtureError::Kind { variable, kind, fixture: fixture.kind() })
+                }
+                Some((_, fixture)) => Ok((binding, fixture)),
+            }
+        })
+        .collect()
+}
+
+/// Puts a fixture on a device.
+pub(crate) fn upload(
+    device: &Device,
+    program: &Program,
+    binding: &Binding,
+    fixture: &Fixture,
+) -> Result<Resource, FixtureError> {
+    let resource = match fixture {
+        Fixture::Uniform(Uniform(lanes)) | Fixture::Storage(Storage(lanes)) => {
+            let bytes = bytes_of(program.module(), program.layouter(), binding.ty, lanes).map_err(
+                |source| FixtureError::Layout { variable: binding.path.clone(), source },
+            )?;
+            let usage = match binding.kind {
+                BindingKind::Uniform => wgpu::BufferUsages::UNIFORM,
+                _ => wgpu::BufferUsages::STORAGE,
+            };
+            device.checked(|| {
+                let buffer = device.device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some(&binding.path),
+                    size: bytes.len() as u64,
+                    usage: usage | wgpu::BufferUsages::COPY_DST,
+                    mapped_at_creation: false,
+                });
+                device.queue.write_buffer(&buffer, 0, &bytes);
+                Resource::Buffer(buffer)
+            })?
+        }
+        Fixture::CubeMap(CubeMap { size, texels }) => {
+            upload_texture(device, *size, *size, 6, texels)?
+        }
+        Fixture::Texture(Texture { width, height, texels }) => {
+            upload_texture(device, *width, *height, 1, texels)?
+        }
+        Fixture::Sampler(sampler) => {
+            let (filter, mipmap_filter) = match sampler {
+                Sampler::Linear => (wgpu::FilterMode::Linear, wgpu::MipmapFilterMode::Linear),
+                Sampler::Nearest => (wgpu::FilterMode::Nearest, wgpu::MipmapFilterMode::Nearest),
+            };
+            device.checked(|| {
+                Resource::Sampler(device.device.create_sampler(&wgpu::SamplerDescriptor {
+                    mag_filter: filter,
+                    min_filter: filter,
+                    mipmap_filter,
+                    ..wgpu::SamplerDescriptor::default()
+                }))
+            })?
+        }
+    };
+    Ok(resource)
+}
+
+fn upload_texture(
+    device: &Device,
+    width: u32,
+    height: u32,
+    layers: u32,
+    texels: &[[f32; 4]],
+) -> Result<Resource, PathError> {
+    let format = device.float_format();
+    let halves: Vec<[half::f16; 4]>;
+    let (bytes, texel_size): (Vec<u8>, u32) = if format == wgpu::TextureFormat::Rgba32Float {
+        (bytemuck::cast_slice(texels).to_vec(), 16)
+    } else {
+        halves = texels.iter().map(|texel| texel.map(half::f16::from_f32)).collect();
+        (halves.iter().flatten().flat_map(|half| half.to_le_bytes()).collect(), 8)
+    };
+    let size = wgpu::Extent3d { width, height, depth_or_array_layers: layers };
+    device.checked(|| {
+        let texture = device.device.create_texture(&wgpu::TextureDescriptor {
+            label: None,
+            size,
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        });
+        let layout = wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(width * texel_size),
+            rows_per_image: Some(height),
+        };
+        device.queue.write_texture(texture.as_image_copy(), &bytes, layout, size);
+        let dimension = (layers == 6).then_some(wgpu::TextureViewDimension::Cube);
+        Resource::View(texture.create_view(&wgpu::TextureViewDescriptor {
+            dimension,
+            ..wgpu::TextureViewDescriptor::default()
+        }))
+    })
+}

@@ -1,0 +1,187 @@
+//! An opened path: adapter, device, queue, and the pipelines made so far.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex};
+
+use super::{Adapter, Path, PathError};
+
+/// A device of one path.
+pub(crate) struct Device {
+    path: Path,
+    adapter: Adapter,
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
+    pipelines: Mutex<HashMap<blake3::Hash, Arc<wgpu::ComputePipeline>>>,
+}
+
+impl Device {
+    pub(super) fn open(path: Path) -> Result<Self, PathError> {
+        let unavailable = |reason: String| PathError::Unavailable { path, reason };
+        if !path.exists() {
+            return Err(unavailable("this platform doesn't have it".to_owned()));
+        }
+        // Several tests of a process ask at once; drivers are loaded one after the other.
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
+            backends: path.backends(),
+            // Validation layers cost more than the test; wgpu's own validation stays on.
+            flags: wgpu::InstanceFlags::empty(),
+            ..wgpu::InstanceDescriptor::new_without_display_handle()
+        });
+        let adapters = pollster::block_on(instance.enumerate_adapters(path.backends()));
+        let wanted = std::env::var("KARAT_ADAPTER").ok().filter(|name| !name.is_empty());
+        let mut candidates: Vec<_> = adapters
+            .into_iter()
+            .filter(|adapter| {
+                let name = adapter.get_info().name.to_lowercase();
+                wanted.as_ref().is_none_or(|wanted| name.contains(&wanted.to_lowercase()))
+            })
+            .collect();
+        candidates.sort_by_key(|adapter| preference(adapter.get_info().device_type));
+        let adapter = candidates.into_iter().next().ok_or_else(|| {
+            unavailable(match wanted {
+                Some(wanted) => format!("no adapter's name contains `{wanted}` (KARAT_ADAPTER)"),
+                None => "no adapter found: no driver is installed, or none loads".to_owned(),
+            })
+        })?;
+        let compute = wgpu::DownlevelFlags::COMPUTE_SHADERS;
+        if !adapter.get_downlevel_capabilities().flags.contains(compute) {
+            return Err(unavailable("its driver has no compute shaders".to_owned()));
+        }
+        let optional = wgpu::Features::SHADER_F16 | wgpu::Features::FLOAT32_FILTERABLE;
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("karat"),
+            required_features: adapter.features() & optional,
+            required_limits: adapter.limits(),
+            memory_hints: wgpu::MemoryHints::MemoryUsage,
+            ..wgpu::DeviceDescriptor::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
+            .map_err(|error| unavailable(error.to_string()))?;
+        let info = adapter.get_info();
+        let driver = format!("{} {}", info.driver, info.driver_info).trim().to_owned();
+        let adapter = Adapter {
+            path: path.name().to_owned(),
+            software: info.device_type == wgpu::DeviceType::Cpu
+                || info.name.to_lowercase().contains("llvmpipe"),
+            name: info.name,
+            driver,
+        };
+        Ok(Self { path, adapter, device, queue, pipelines: Mutex::default() })
+    }
+
+    pub(crate) fn path(&self) -> Path {
+        self.path
+    }
+
+    pub(crate) fn adapter(&self) -> &Adapter {
+        &self.adapter
+    }
+
+    pub(crate) fn has_f16(&self) -> bool {
+        self.device.features().contains(wgpu::Features::SHADER_F16)
+    }
+
+    /// The best format of sampled float textures: full precision where it can be filtered.
+    pub(crate) fn float_format(&self) -> wgpu::TextureFormat {
+        if self.device.features().contains(wgpu::Features::FLOAT32_FILTERABLE) {
+            wgpu::TextureFormat::Rgba32Float
+        } else {
+            wgpu::TextureFormat::Rgba16Float
+        }
+    }
+
+    /// Runs `work`; what wgpu reports meanwhile becomes an error.
+    pub(crate) fn checked<T>(&self, work: impl FnOnce() -> T) -> Result<T, PathError> {
+        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);
+        let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let value = work();
+        // Scopes end in the reverse of the order in which they began.
+        let validation = pollster::block_on(validation.pop());
+        let internal = pollster::block_on(internal.pop());
+        let memory = pollster::block_on(memory.pop());
+        match validation.or(internal).or(memory) {
+            None => Ok(value),
+            Some(error) => Err(PathError::Driver { path: self.path, message: error.to_string() }),
+        }
+    }
+
+    /// The compute pipeline of a kernel; made once for the same text.
+    pub(crate) fn compute_pipeline(
+        &self,
+        wgsl: &str,
+        entry_point: &str,
+    ) -> Result<Arc<wgpu::ComputePipeline>, PathError> {
+        let key = blake3::hash(wgsl.as_bytes());
+        let lock = || self.pipelines.lock().expect("no thread panics while it holds the lock");
+        if let Some(pipeline) = lock().get(&key) {
+            return Ok(Arc::clone(pipeline));
+        }
+        let pipeline = Arc::new(self.checked(|| {
+            let module = self.shader_module(wgsl);
+            self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(entry_point),
+                layout: None,
+                module: &module,
+                entry_point: Some(entry_point),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: None,
+            })
+        })?);
+        lock().insert(key, Arc::clone(&pipeline));
+        Ok(pipeline)
+    }
+
+    pub(crate) fn shader_module(&self, wgsl: &str) -> wgpu::ShaderModule {
+        self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: None,
+            source: wgpu::ShaderSource::Wgsl(wgsl.into()),
+        })
+    }
+
+    /// Waits for all submitted work. The caller holds a deadline's guard.
+    pub(crate) fn wait(&self) -> Result<(), PathError> {
+        self.device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .map(drop)
+            .map_err(|error| PathError::Driver { path: self.path, message: error.to_string() })
+    }
+
+    /// Copies the mapped contents of a read-back buffer. Unmaps it.
+    pub(crate) fn read_back<T>(
+        &self,
+        buffer: &wgpu::Buffer,
+        size: u64,
+        read: impl FnOnce(&[u8]) -> T,
+    ) -> Result<T, PathError> {
+        let failed = |message: String| PathError::Driver { path: self.path, message };
+        let (sender, receiver) = std::sync::mpsc::channel();
+        let slice = buffer.slice(0..size);
+        slice.map_async(wgpu::MapMode::Read, move |result| {
+            // The receiver lives until the result is taken.
+            drop(sender.send(result));
+        });
+        self.wait()?;
+        receiver
+            .try_recv()
+            .map_err(|_| failed("the mapping of a buffer never completed".to_owned()))?
+            .map_err(|error| failed(error.to_string()))?;
+        let value = {
+            let view = slice.get_mapped_range().map_err(|error| failed(error.to_string()))?;
+            read(&view)
+        };
+        buffer.unmap();
+        Ok(value)
+    }
+}
+
+/// Hardware first; a software rasteriser last but one.
+fn preference(kind: wgpu::DeviceType) -> u8 {
+    match kind {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Cpu => 3,
+        wgpu::DeviceType::Other => 4,
+    }
+}

@@ -1,0 +1,139 @@
+//! Calling one WGSL function over many cases.
+//!
+//! The kernel is ordinary WGSL (`karat show` prints it). Results are poisoned before a dispatch
+//! and each invocation writes back a canary that only this dispatch knows, so a kernel that
+//! doesn't run, or runs on other data, is an error and never a verdict.
+
+mod kernel;
+mod runner;
+
+pub(crate) use kernel::Kernel;
+pub(crate) use runner::{BATCH, Dispatch, Runner};
+
+use crate::fixture::FixtureError;
+use crate::package::Package;
+use crate::path::{Path, PathError};
+use crate::reflect::{Function, Program, ReflectError};
+use crate::value::Shape;
+
+/// A function, linked, reflected, and with its kernel.
+#[derive(Debug)]
+pub struct Probed {
+    pub(crate) program: Program,
+    pub(crate) function: Function,
+    pub(crate) kernel: Kernel,
+}
+
+impl Probed {
+    /// Prepares a probe of `path` (`fresnel::schlick`).
+    ///
+    /// # Errors
+    /// If there is no such function, the shader isn't valid, or a kernel can't call it.
+    pub fn new(package: &Package, path: &str) -> Result<Self, ProbeError> {
+        let program = Program::of_function(package, path)?;
+        let function = program.function(path)?;
+        let kernel = Kernel::new(&program, &function);
+        Ok(Self { program, function, kernel })
+    }
+
+    /// The function's signature, place, comment and resources.
+    #[must_use]
+    pub fn function(&self) -> &Function {
+        &self.function
+    }
+
+    /// The whole text that is compiled: the function's closure, then the kernel.
+    #[must_use]
+    pub fn kernel(&self) -> &str {
+        &self.kernel.text
+    }
+}
+
+/// Why a function gave no results.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ProbeError {
+    /// The shader is at fault, or can't be probed.
+    #[error(transparent)]
+    Reflect(#[from] ReflectError),
+    /// Fixtures and variables don't match.
+    #[error(transparent)]
+    Fixture(#[from] FixtureError),
+    /// A path can't be used.
+    #[error(transparent)]
+    Path(#[from] PathError),
+    /// The driver doesn't compile the kernel.
+    #[error("the probe of `{function}` doesn't compile: {error}")]
+    Compile {
+        /// The function.
+        function: String,
+        /// What the driver says.
+        error: PathError,
+    },
+    /// The path has no 16-bit floats.
+    #[error("`{function}` needs f16, which path `{path}` doesn't have")]
+    F16 {
+        /// The function.
+        function: String,
+        /// The path.
+        path: Path,
+    },
+    /// Cases without a result.
+    #[error(
+        "the kernel of `{function}` wrote no result for {count} of {cases} cases on path `{path}` \
+         (first: case {first} of its dispatch): the driver didn't run it, or ran something else"
+    )]
+    NotWritten {
+        /// The function.
+        function: String,
+        /// The path.
+        path: Path,
+        /// First case without a result.
+        first: u32,
+        /// How many have none.
+        count: usize,
+        /// Of how many.
+        cases: usize,
+    },
+    /// The read-back has the wrong length.
+    #[error("the device returned {found} words instead of {expected}")]
+    Length {
+        /// Words that were asked for.
+        expected: usize,
+        /// Words that came.
+        found: usize,
+    },
+}
+
+/// Calls a function on one path with arguments given as lanes, and returns the result's lanes.
+/// `cases` holds the lanes of each case, one after the other.
+///
+/// # Errors
+/// If the path doesn't open, a fixture is missing, or the kernel gives no results.
+pub fn call(probed: &Probed, path: Path, cases: &[Vec<u32>]) -> Result<Vec<Vec<u32>>, ProbeError> {
+    let device = crate::path::open(path)?;
+    let runner = Runner::new(device, probed, &Vec::new(), cases.len().min(BATCH))?;
+    let mut results = Vec::with_capacity(cases.len());
+    for (number, batch) in (1..).zip(cases.chunks(runner.capacity())) {
+        let canary = canary(0, number);
+        let dispatch = runner.dispatch(batch.len(), &batch.concat(), canary)?;
+        runner.read(dispatch, |words| {
+            let stride = runner.stride_out();
+            results.extend(words.chunks_exact(stride).map(|case| case[..stride - 1].to_vec()));
+        })?;
+    }
+    Ok(results)
+}
+
+/// A word that no other dispatch of the process writes back, and that isn't the poison.
+pub(crate) fn canary(seed: u64, number: u64) -> u32 {
+    use std::sync::atomic::{AtomicU64, Ordering};
+    static DISPATCHES: AtomicU64 = AtomicU64::new(0);
+    let unique = DISPATCHES.fetch_add(1, Ordering::Relaxed);
+    crate::domain::Source::new(seed ^ number, unique).bits()
+}
+
+/// The shapes of a function's parameters.
+pub(crate) fn parameter_shapes(function: &Function) -> Vec<&Shape> {
+    function.parameters.iter().map(|(_, shape)| shape).collect()
+}

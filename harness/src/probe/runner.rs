@@ -1,0 +1,245 @@
+//! A kernel on a device: buffers, bind groups, dispatch and read-back.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::kernel::{ENTRY_POINT, Kernel, WORKGROUP};
+use super::{ProbeError, Probed};
+use crate::fixture::{self, Fixtures, Resource};
+use crate::path::{Device, PathError, guard};
+
+/// Results are set to this before a dispatch: a quiet NaN that no kernel computes, so a result
+/// that was never written can't be mistaken for a value.
+const POISON: u32 = 0x7fc0_dead;
+
+/// Cases of one dispatch. Large enough to fill a GPU, small enough for 20 MB of a wide function.
+pub(crate) const BATCH: usize = 65_536;
+
+/// One probe on one device.
+pub(crate) struct Runner {
+    device: &'static Device,
+    pipeline: Arc<wgpu::ComputePipeline>,
+    groups: Vec<wgpu::BindGroup>,
+    arguments: Option<wgpu::Buffer>,
+    results: wgpu::Buffer,
+    poison: wgpu::Buffer,
+    batch: wgpu::Buffer,
+    staging: wgpu::Buffer,
+    capacity: usize,
+    words_in: usize,
+    stride_out: usize,
+    function: String,
+}
+
+/// A dispatch whose results haven't been read.
+#[must_use]
+pub(crate) struct Dispatch {
+    cases: usize,
+    canary: u32,
+    _deadline: crate::path::Guard,
+}
+
+impl Runner {
+    /// Compiles the kernel, uploads the fixtures and makes room for `cases` cases a dispatch, or
+    /// for as many as the device's limits allow.
+    pub(crate) fn new(
+        device: &'static Device,
+        probed: &Probed,
+        fixtures: &Fixtures,
+        cases: usize,
+    ) -> Result<Self, ProbeError> {
+        let Probed { program, function, kernel } = probed;
+        let needs_f16 = function.result.needs_f16()
+            || function.parameters.iter().any(|(_, shape)| shape.needs_f16());
+        if needs_f16 && !device.has_f16() {
+            let (function, path) = (function.path.clone(), device.path());
+            return Err(ProbeError::F16 { function, path });
+        }
+        let path = device.path();
+        let name = function.path.clone();
+        let _deadline = guard(move || format!("compiling the probe of `{name}` on path {path}"));
+        let pipeline = device
+            .compute_pipeline(&kernel.text, ENTRY_POINT)
+            .map_err(|error| ProbeError::Compile { function: function.path.clone(), error })?;
+
+        let stride_out = kernel.words_out + 1;
+        let capacity = cases.min(Self::largest_batch(device, kernel)).max(1);
+        let buffer = |label, words: usize, usage| {
+            device.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size: words as u64 * 4,
+                usage,
+                mapped_at_creation: false,
+            })
+        };
+        use wgpu::BufferUsages as Usage;
+        let words = capacity * stride_out;
+        let (arguments, results, poison, batch, staging) = device.checked(|| {
+            let arguments = (kernel.words_in > 0).then(|| {
+                buffer("arguments", capacity * kernel.words_in, Usage::STORAGE | Usage::COPY_DST)
+            });
+            let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST;
+            let results = buffer("results", words, usage);
+            let poison = buffer("poison", words, Usage::COPY_SRC | Usage::COPY_DST);
+            device.queue.write_buffer(&poison, 0, bytemuck::cast_slice(&vec![POISON; words]));
+            let batch = buffer("batch", 4, Usage::UNIFORM | Usage::COPY_DST);
+            let staging = buffer("staging", words, Usage::MAP_READ | Usage::COPY_DST);
+            (arguments, results, poison, batch, staging)
+        })?;
+
+        let mut resources: BTreeMap<u32, Vec<(u32, Resource)>> = BTreeMap::new();
+        for (binding, fixture) in fixture::resolve(&function.bindings, fixtures)? {
+            let resource = fixture::upload(device, program, binding, fixture)?;
+            resources.entry(binding.group).or_default().push((binding.binding, resource));
+        }
+        let last_group = resources.keys().copied().max().unwrap_or(0);
+        let groups = device.checked(|| {
+            (0..=last_group)
+                .map(|group| {
+                    let mut entries: Vec<_> = resources
+                        .get(&group)
+                        .into_iter()
+                        .flatten()
+                        .map(|(binding, resource)| wgpu::BindGroupEntry {
+                            binding: *binding,
+                            resource: resource.binding(),
+                        })
+                        .collect();
+                    if group == 0 {
+                        let own = [arguments.as_ref(), Some(&results), Some(&batch)];
+                        for (offset, buffer) in (0..).zip(own) {
+                            entries.extend(buffer.map(|buffer| wgpu::BindGroupEntry {
+                                binding: kernel.first_binding + offset,
+                                resource: buffer.as_entire_binding(),
+                            }));
+                        }
+                    }
+                    device.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                        label: None,
+                        layout: &pipeline.get_bind_group_layout(group),
+                        entries: &entries,
+                    })
+                })
+                .collect()
+        })?;
+        Ok(Self {
+            device,
+            pipeline,
+            groups,
+            arguments,
+            results,
+            poison,
+            batch,
+            staging,
+            capacity,
+            words_in: kernel.words_in,
+            stride_out,
+            function: function.path.clone(),
+        })
+    }
+
+    fn largest_batch(device: &Device, kernel: &Kernel) -> usize {
+        let limits = device.device.limits();
+        let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let widest = 4 * kernel.words_in.max(kernel.words_out + 1);
+        usize::try_from(bytes).unwrap_or(usize::MAX) / widest
+    }
+
+    pub(crate) fn device(&self) -> &'static Device {
+        self.device
+    }
+
+    /// Cases of one dispatch.
+    pub(crate) fn capacity(&self) -> usize {
+        self.capacity
+    }
+
+    /// Words between one case's results and the next one's.
+    pub(crate) fn stride_out(&self) -> usize {
+        self.stride_out
+    }
+
+    /// Starts a dispatch over `cases` cases with these arguments. `canary` is written back by
+    /// each invocation, mixed with its index.
+    pub(crate) fn dispatch(
+        &self,
+        cases: usize,
+        arguments: &[u32],
+        canary: u32,
+    ) -> Result<Dispatch, ProbeError> {
+        assert!(cases <= self.capacity, "a batch is no larger than the runner's capacity");
+        assert_eq!(arguments.len(), cases * self.words_in, "each case has all its arguments");
+        let (path, function) = (self.device.path(), self.function.clone());
+        let deadline = guard(move || {
+            format!("the probe of `{function}` on path {path} ({cases} cases in one dispatch)")
+        });
+        let invocations = u32::try_from(cases).expect("a batch fits in 32 bits");
+        let limit = self.device.device.limits().max_compute_workgroups_per_dimension;
+        let groups = invocations.div_ceil(WORKGROUP);
+        let (columns, rows) = (groups.min(limit), groups.div_ceil(limit));
+        let batch = [invocations, canary, columns * WORKGROUP, 0];
+        self.device.checked(|| {
+            if let Some(buffer) = &self.arguments {
+                self.device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(arguments));
+            }
+            self.device.queue.write_buffer(&self.batch, 0, bytemuck::cast_slice(&batch));
+            let mut encoder = self.device.device.create_command_encoder(&Default::default());
+            let size = self.bytes(cases);
+            encoder.copy_buffer_to_buffer(&self.poison, 0, &self.results, 0, size);
+            {
+                let mut pass = encoder.begin_compute_pass(&Default::default());
+                pass.set_pipeline(&self.pipeline);
+                for (index, group) in (0..).zip(&self.groups) {
+                    pass.set_bind_group(index, group, &[]);
+                }
+                pass.dispatch_workgroups(columns, rows, 1);
+            }
+            encoder.copy_buffer_to_buffer(&self.results, 0, &self.staging, 0, size);
+            self.device.queue.submit([encoder.finish()]);
+        })?;
+        Ok(Dispatch { cases, canary, _deadline: deadline })
+    }
+
+    fn bytes(&self, cases: usize) -> u64 {
+        (cases * self.stride_out * 4) as u64
+    }
+
+    /// Waits for a dispatch and hands its results to `read`: for each case, the words of its
+    /// result and one more. Each case's canary has been checked.
+    pub(crate) fn read<T>(
+        &self,
+        dispatch: Dispatch,
+        read: impl FnOnce(&[u32]) -> T,
+    ) -> Result<T, ProbeError> {
+        let Dispatch { cases, canary, _deadline } = dispatch;
+        let value = self.device.read_back(&self.staging, self.bytes(cases), |bytes| {
+            let words: &[u32] = bytemuck::cast_slice(bytes);
+            let expected = cases * self.stride_out;
+            if words.len() != expected {
+                return Err(ProbeError::Length { expected, found: words.len() });
+            }
+            let unwritten = || {
+                (0_u32..).zip(words.chunks_exact(self.stride_out)).filter(|(case, result)| {
+                    result.last().is_none_or(|word| *word != canary ^ *case)
+                })
+            };
+            match unwritten().next() {
+                None => Ok(read(words)),
+                Some((first, _)) => Err(ProbeError::NotWritten {
+                    function: self.function.clone(),
+                    path: self.device.path(),
+                    first,
+                    count: unwritten().count(),
+                    cases,
+                }),
+            }
+        });
+        value.map_err(PathError::into_probe)?
+    }
+}
+
+impl PathError {
+    fn into_probe(self) -> ProbeError {
+        ProbeError::Path(self)
+    }
+}

@@ -1,0 +1,180 @@
+//! What a run found, as data: one JSON line for each verdict.
+//!
+//! Every process of a run appends to a file of its own in the folder that `KARAT_RECORD` names;
+//! the command line reads them all. Nothing is written when the variable isn't set.
+
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::sync::{Mutex, OnceLock};
+
+use serde::{Deserialize, Serialize};
+
+use crate::path::Adapter;
+
+/// Version of the format. Lines with another version are refused.
+pub const SCHEMA: u32 = 1;
+
+/// What a check concluded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// Every case of every path agreed.
+    Pass,
+    /// At least one case disagreed.
+    Fail,
+    /// Nothing could be compared.
+    Error,
+}
+
+/// One verdict.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// See [`SCHEMA`].
+    pub schema: u32,
+    /// Name of the test that made it.
+    pub test: String,
+    /// What was checked.
+    pub subject: Subject,
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Each path that ran.
+    pub paths: Vec<PathRecord>,
+    /// The whole message of a failure or error.
+    pub message: Option<String>,
+}
+
+/// What a verdict is about.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Subject {
+    /// A WGSL function.
+    Function {
+        /// Folder of the package.
+        package: String,
+        /// `fresnel::schlick`
+        function: String,
+        /// Which check: `agrees_with`, ...
+        check: String,
+        /// What was asserted: the tolerance, or the statement.
+        assertion: String,
+        /// `file:line:column` of the function; empty if it wasn't found.
+        location: String,
+        /// Seed of the cases.
+        seed: u64,
+    },
+    /// A rendered frame.
+    Frame {
+        /// Name of the golden.
+        golden: String,
+        /// The tolerance.
+        assertion: String,
+    },
+}
+
+/// What one path gave.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PathRecord {
+    /// Path, adapter and driver.
+    pub adapter: Adapter,
+    /// Cases (or pixels) that were compared.
+    pub cases: u64,
+    /// How many of them failed.
+    pub failures: u64,
+    /// The largest error, in its unit: `2.5 ulp`.
+    pub worst: String,
+    /// The largest error over its bound.
+    pub ratio: Option<f64>,
+}
+
+/// Appends a verdict to this process's file, if a run is being recorded.
+///
+/// # Panics
+/// If the record can't be written: a verdict that is lost would be missing from the report.
+pub(crate) fn write(record: &Record) {
+    let Some(folder) = std::env::var_os("KARAT_RECORD").filter(|folder| !folder.is_empty()) else {
+        return;
+    };
+    static FILE: OnceLock<Mutex<File>> = OnceLock::new();
+    let folder = Path::new(&folder);
+    let file = FILE.get_or_init(|| {
+        let path = folder.join(format!("{}.jsonl", std::process::id()));
+        let opened = std::fs::create_dir_all(folder)
+            .and_then(|()| OpenOptions::new().create(true).append(true).open(&path));
+        match opened {
+            Ok(file) => Mutex::new(file),
+            Err(error) => panic!("can't write the record `{}`: {error}", path.display()),
+        }
+    });
+    let mut line = serde_json::to_string(record).expect("a record is plain data");
+    line.push('\n');
+    let mut file = file.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    if let Err(error) = file.write_all(line.as_bytes()) {
+        panic!("can't write the record in `{}`: {error}", folder.display());
+    }
+}
+
+/// Why a record can't be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordError {
+    /// The folder or a file can't be read.
+    #[error("can't read the record `{path}`: {source}")]
+    Read {
+        /// The folder or file.
+        path: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A line isn't a record of this version.
+    #[error("`{path}` line {line} isn't a record of version {SCHEMA}: {reason}")]
+    Line {
+        /// The file.
+        path: String,
+        /// The line, from 1.
+        line: usize,
+        /// Why.
+        reason: String,
+    },
+}
+
+/// Reads the records of all processes of a run, in an order that doesn't depend on their timing.
+///
+/// # Errors
+/// If a file can't be read or a line isn't a record.
+pub fn read(folder: &Path) -> Result<Vec<Record>, RecordError> {
+    let failed = |path: &Path| {
+        let path = path.display().to_string();
+        move |source| RecordError::Read { path, source }
+    };
+    let mut records = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(failed(folder))? {
+        let path = entry.map_err(failed(folder))?.path();
+        if path.extension().is_none_or(|extension| extension != "jsonl") {
+            continue;
+        }
+        let file = File::open(&path).map_err(failed(&path))?;
+        for (line, text) in (1..).zip(BufReader::new(file).lines()) {
+            let text = text.map_err(failed(&path))?;
+            let bad = |reason: String| RecordError::Line {
+                path: path.display().to_string(),
+                line,
+                reason,
+            };
+            let record: Record = serde_json::from_str(&text).map_err(|e| bad(e.to_string()))?;
+            if record.schema != SCHEMA {
+                return Err(bad(format!("it has version {}", record.schema)));
+            }
+            records.push(record);
+        }
+    }
+    let key = |record: &Record| {
+        let subject = match &record.subject {
+            Subject::Function { function, check, .. } => format!("{function} {check}"),
+            Subject::Frame { golden, .. } => format!("~{golden}"),
+        };
+        (subject, record.test.clone())
+    };
+    records.sort_by_cached_key(key);
+    Ok(records)
+}

@@ -1,0 +1,54 @@
+// Masking and shadowing of microfacets. All functions return the visible share, in 0..=1.
+// n_dot_x, v_dot_h are cosines in 0..=1; alpha is the GGX width, in (0, 1].
+
+/// V-shaped grooves: min(1, 2 N.H N.V / V.H, 2 N.H N.L / V.H).
+/// Cook and Torrance 1982, "Geometrical attenuation factor".
+///
+/// Both quotients grow without bound as `v_dot_h` approaches 0, so G is 1 there. The comparison
+/// comes before the division, so that V.H = 0 never divides and G is exactly 1 where nothing is
+/// masked. A NaN fails the comparison and gets through.
+fn v_cavity(n_dot_h: f32, n_dot_v: f32, n_dot_l: f32, v_dot_h: f32) -> f32 {
+    let visible = 2.0 * n_dot_h * min(n_dot_v, n_dot_l);
+    if (visible >= v_dot_h) {
+        return 1.0;
+    }
+    return visible / v_dot_h;
+}
+
+/// Smith masking of GGX for one direction. Walter et al. 2007, eq. 34.
+///
+/// The tangent is multiplied out: cos^2 + alpha^2 sin^2 has no pole at grazing and, written as
+/// below, no difference that cancels.
+fn smith_g1(alpha: f32, n_dot_x: f32) -> f32 {
+    // The positive characteristic function of eq. 34; it also keeps 0 / 0 away at alpha = 0.
+    if (n_dot_x <= 0.0) {
+        return 0.0;
+    }
+    return 2.0 * n_dot_x / (n_dot_x + projected_width(alpha, n_dot_x));
+}
+
+/// Masking times shadowing, as if the two were independent. Walter et al. 2007, eq. 23.
+fn smith_separable(alpha: f32, n_dot_v: f32, n_dot_l: f32) -> f32 {
+    return smith_g1(alpha, n_dot_v) * smith_g1(alpha, n_dot_l);
+}
+
+/// Masking and shadowing correlated by the height of the facet. Heitz 2014, eq. 99.
+///
+/// 1 + Lambda(v) + Lambda(l) with Lambda = (width / cos - 1) / 2: the ones cancel exactly on
+/// paper, so they never appear here. Divided rather than multiplied out: the product of two
+/// small cosines would underflow and end in 0 / 0.
+fn smith_correlated(alpha: f32, n_dot_v: f32, n_dot_l: f32) -> f32 {
+    if (n_dot_v <= 0.0 || n_dot_l <= 0.0) {
+        return 0.0; // the characteristic functions of eq. 99
+    }
+    let masking = projected_width(alpha, n_dot_v) / n_dot_v;
+    let shadowing = projected_width(alpha, n_dot_l) / n_dot_l;
+    return 2.0 / (masking + shadowing);
+}
+
+/// sqrt(cos^2 + alpha^2 sin^2): how wide the GGX ellipsoid looks from the direction with cosine
+/// `n_dot_x`. Both terms are positive for alpha <= 1.
+fn projected_width(alpha: f32, n_dot_x: f32) -> f32 {
+    let alpha2 = alpha * alpha;
+    return sqrt(alpha2 + (1.0 - alpha2) * n_dot_x * n_dot_x);
+}

@@ -1,0 +1,82 @@
+//! Twin of `layering.wgsl`: a thin shiny layer over any base. PV227 lecture 11, task 3.
+//!
+//! `environment`, `base` and `white` are radiances in W/(m^2 sr), at least 0; cosines and `mask`
+//! lie in 0..=1.
+
+use glam::DVec3;
+
+use crate::fresnel;
+
+/// Reflectance of a dielectric of index 1.5 at normal incidence.
+const COAT_F0: f64 = 0.04;
+
+/// L_o = F_c L_environment + (1 - F_c) L_base, F_c = Schlick(0.04, N.V).
+#[must_use]
+pub fn thin_coat(environment: DVec3, base: DVec3, n_dot_v: f64) -> DVec3 {
+    reflectance(n_dot_v) * environment + transmittance(n_dot_v) * base
+}
+
+/// (1 - F_c(v)) (1 - F_c(l)).
+#[must_use]
+pub fn thin_coat_reciprocal_weight(n_dot_v: f64, n_dot_l: f64) -> f64 {
+    transmittance(n_dot_v) * transmittance(n_dot_l)
+}
+
+/// (1 - mask) base + mask white.
+#[must_use]
+pub fn masked_base(base: DVec3, white: DVec3, mask: f64) -> DVec3 {
+    (1.0 - mask) * base + mask * white
+}
+
+fn reflectance(n_dot_x: f64) -> f64 {
+    fresnel::schlick(DVec3::splat(COAT_F0), n_dot_x).x
+}
+
+/// 1 - F_c = (1 - f0) (1 - (1 - c)^5), the bracket as -expm1(5 log1p(-c)): relative precision
+/// down to the smallest cosine, where the difference would leave 0.
+fn transmittance(n_dot_x: f64) -> f64 {
+    (1.0 - COAT_F0) * -(5.0 * (-n_dot_x).ln_1p()).exp_m1()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const COSINES: [f64; 5] = [0.0, 1e-3, 0.2, 0.7, 1.0];
+
+    #[test]
+    fn transmittance_completes_reflectance() {
+        for c in COSINES {
+            assert!((transmittance(c) + reflectance(c) - 1.0).abs() < 1e-15, "{c}");
+        }
+    }
+
+    #[test]
+    fn a_white_furnace_stays_white() {
+        for c in COSINES {
+            let radiance = thin_coat(DVec3::ONE, DVec3::ONE, c);
+            assert!(radiance.abs_diff_eq(DVec3::ONE, 1e-15), "{c}");
+        }
+    }
+
+    #[test]
+    fn the_reciprocal_weight_loses_eight_percent() {
+        // Coat and white Lambertian base at normal incidence: F(1) + (1 - F(1)) int 2 c (1 - F(c)),
+        // and int 2 c (1 - c)^5 = 2 / 42.
+        let n = 100_000;
+        let base: f64 = (0..n)
+            .map(|i| (f64::from(i) + 0.5) / f64::from(n))
+            .map(|c| 2.0 * c * thin_coat_reciprocal_weight(1.0, c) / f64::from(n))
+            .sum();
+        let expected = 0.96 * 0.96 * (1.0 - 2.0 / 42.0);
+        assert!((base - expected).abs() < 1e-8);
+        assert!((1.0 - (0.04 + base) - 0.0823).abs() < 1e-4);
+    }
+
+    #[test]
+    fn the_mask_interpolates() {
+        let (base, white) = (DVec3::new(0.1, 0.2, 3.0), DVec3::splat(0.9));
+        assert_eq!(masked_base(base, white, 0.0), base);
+        assert_eq!(masked_base(base, white, 1.0), white);
+    }
+}

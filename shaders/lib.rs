@@ -1,0 +1,25 @@
+//! Physically based shading and image-based lighting in WGSL, each module with its Rust twin.
+//!
+//! `X.wgsl` is the shader; `X.rs` holds its references: the same functions in f64, in the form in
+//! which the cited paper prints them. The two sides share no code and, where the shader is
+//! optimised, no algebra, so that agreement between them is evidence.
+//!
+//! Shader functions are pure: values in, values out. Bindings live in `environment.wgsl` (the
+//! light), which `diffuse.wgsl` and `specular.wgsl` sample, and in `scene.wgsl` (the frame).
+//! Arguments come in one order: material (`f0`, `alpha`), frame (`n`), `v`, `l`, random numbers
+//! (`u`).
+
+pub mod diffuse;
+pub mod environment;
+pub mod fresnel;
+pub mod geometry;
+pub mod layering;
+pub mod math;
+pub mod sampling;
+pub mod scene;
+pub mod specular;
+
+use karat::Package;
+
+/// The WGSL modules of this folder.
+pub static PBR: Package = karat::package!(".");

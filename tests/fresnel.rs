@@ -1,0 +1,65 @@
+//! Fresnel reflectance against the formulas of the papers.
+
+use glam::Vec3;
+use karat::prelude::*;
+use shaders::{PBR, fresnel};
+
+/// `1 - v_dot_h` is exact or off by half an ulp, which the fifth power makes five halves; with
+/// the roundings of three products, a difference and a sum, 11 ulp is a bound.
+#[test]
+fn schlick() {
+    PBR.function("fresnel::schlick")
+        .over((UnitRgb, 0.0..=1.0))
+        .agrees_with(fresnel::schlick, Ulp(11.0));
+}
+
+#[test]
+fn schlick_lies_between_f0_and_one() {
+    PBR.function("fresnel::schlick")
+        .over((UnitRgb, 0.0..=1.0))
+        .satisfies("lies between f0 and 1, to one rounding", |(f0, _), f: Vec3| {
+            f.cmpge(f0).all() && f.max_element() <= 1.0 + f32::EPSILON
+        });
+}
+
+/// V.H of two unit vectors that are equal often rounds to just above 1.
+#[test]
+fn schlick_survives_cosines_that_round_above_one() {
+    let above_one = (0..=8_u32).map(|steps| f32::from_bits(1.0_f32.to_bits() + steps)).collect();
+    PBR.function("fresnel::schlick")
+        .over((UnitRgb, OneOf(above_one)))
+        .satisfies("is f0", |(f0, _), f: Vec3| f.abs_diff_eq(f0, f32::EPSILON));
+}
+
+/// From the rarer side nothing cancels: sums, products and one division lose 13 ulp where r_p
+/// vanishes beside r_s.
+#[test]
+fn dielectric_into_the_denser_medium() {
+    PBR.function("fresnel::dielectric")
+        .over((1.0..=2.5, 0.0..=1.0))
+        .agrees_with(fresnel::dielectric, Ulp(24.0));
+}
+
+/// Near the critical angle g^2 = eta^2 - 1 + c^2 cancels and the reflectance has an infinite
+/// slope in it: with g^2 >= 0.01 an error of 1e-7 in g^2 is 5e-7 in g, and twice that, times the
+/// slope of r in g (below 2), in the reflectance.
+#[test]
+fn dielectric_away_from_the_critical_angle() {
+    let domain = (0.4..=1.0, 0.0..=1.0_f32).filter(|(eta, cosine): &(f32, f32)| {
+        let g2 = f64::from(*eta).powi(2) - 1.0 + f64::from(*cosine).powi(2);
+        g2.abs() > 1e-2
+    });
+    PBR.function("fresnel::dielectric")
+        .over(domain)
+        .agrees_with(fresnel::dielectric, Ulp(24.0).or(Abs(4e-6)));
+}
+
+/// At the critical angle itself an error of 1.2e-7 in g^2 is sqrt(1.2e-7) = 3.5e-4 in g, and the
+/// reflectance falls from 1 with a slope of up to 2 (1 + eta^2) / (eta^2 c) in g: no algebra in
+/// f32 does better.
+#[test]
+fn dielectric_around_the_critical_angle() {
+    PBR.function("fresnel::dielectric")
+        .over((0.4..=1.0, 0.0..=1.0))
+        .agrees_with(fresnel::dielectric, Abs(2e-3));
+}

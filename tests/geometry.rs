@@ -1,0 +1,66 @@
+//! Shadowing and masking against the formulas of the papers.
+
+use karat::prelude::*;
+use shaders::{PBR, geometry};
+
+/// Products of values that may be tiny end below the smallest normal f32, where WGSL may flush:
+/// nothing that small is ever seen.
+const UNDERFLOW: Abs = Abs(1e-30);
+
+/// Widths of the distribution, from the smallest that f32 resolves to the widest.
+const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
+
+/// Two products and a division (2.5 ulp by WGSL).
+#[test]
+fn v_cavity() {
+    PBR.function("geometry::v_cavity")
+        .over((0.0..=1.0, 0.0..=1.0, 0.0..=1.0, 0.0..=1.0))
+        .agrees_with(geometry::v_cavity, Ulp(4.0).or(UNDERFLOW));
+}
+
+/// WGSL inherits sqrt from 1 / inverseSqrt: 4.5 ulp; the sum under it and the division add to 10.
+#[test]
+fn smith_g1() {
+    PBR.function("geometry::smith_g1")
+        .over((ALPHA, 0.0..=1.0))
+        .agrees_with(geometry::smith_g1, Ulp(10.0));
+}
+
+/// Twice the error of one factor, and a product.
+#[test]
+fn smith_separable() {
+    PBR.function("geometry::smith_separable")
+        .over((ALPHA, 0.0..=1.0, 0.0..=1.0))
+        .agrees_with(geometry::smith_separable, Ulp(20.0).or(UNDERFLOW));
+}
+
+/// Two square roots, weighted, summed and divided: nothing cancels.
+#[test]
+fn smith_correlated() {
+    PBR.function("geometry::smith_correlated")
+        .over((ALPHA, 0.0..=1.0, 0.0..=1.0))
+        .agrees_with(geometry::smith_correlated, Ulp(16.0).or(UNDERFLOW));
+}
+
+/// A surface that hides from v what it hides from l.
+#[test]
+fn masking_is_symmetric_in_v_and_l() {
+    for function in ["geometry::smith_separable", "geometry::smith_correlated"] {
+        PBR.function(function)
+            .over((ALPHA, 0.0..=1.0, 0.0..=1.0))
+            .invariant_under(|(alpha, v, l)| (alpha, l, v), Ulp(2.0));
+    }
+    PBR.function("geometry::v_cavity")
+        .over((0.0..=1.0, 0.0..=1.0, 0.0..=1.0, 0.0..=1.0))
+        .invariant_under(|(h, v, l, v_dot_h)| (h, l, v, v_dot_h), Ulp(0.0));
+}
+
+/// Correlated heights are seen together more often than independent ones. Heitz 2014, sec. 6.
+#[test]
+fn masking_is_a_probability() {
+    for function in ["geometry::smith_separable", "geometry::smith_correlated"] {
+        PBR.function(function)
+            .over((ALPHA, 0.0..=1.0, 0.0..=1.0))
+            .satisfies("lies in 0..=1", |_, g: f32| (0.0..=1.0 + f32::EPSILON).contains(&g));
+    }
+}
