@@ -12,10 +12,12 @@ const COAT_F0: f32 = 0.04;
 /// Radiance that leaves a coated surface: F_c of `environment`, the radiance from the mirror
 /// direction, and the rest of `base`, the radiance that the surface would send uncoated.
 ///
-/// White `environment` and white `base` give white: no energy is lost. The price is that the
-/// weight of the base depends on V alone, so the layered BRDF isn't reciprocal.
+/// White `environment` and white `base` give white, to the bit: the difference is exactly 0. (The
+/// sum F + (1 - F) is 1 on paper, but a compiler may fold the 1 into Schlick's f0 and round the
+/// two apart.) No energy is lost. The price is that the weight of the base depends on V alone, so
+/// the layered BRDF isn't reciprocal.
 fn thin_coat(environment: vec3f, base: vec3f, n_dot_v: f32) -> vec3f {
-    return schlick(vec3f(COAT_F0), n_dot_v) * environment + transmittance(n_dot_v) * base;
+    return base + schlick(vec3f(COAT_F0), n_dot_v) * (environment - base);
 }
 
 /// The reciprocal weight of the base: light crosses the coat on its way in and on its way out.
@@ -28,8 +30,11 @@ fn thin_coat_reciprocal_weight(n_dot_v: f32, n_dot_l: f32) -> f32 {
 
 /// The base with semi-transparent white areas, below the coat: `mask` = 0 is `base`, 1 `white`,
 /// the radiance of a white Lambertian in the same place.
+///
+/// Not `mix`: some drivers compute it as base + (white - base) * mask, which at mask = 1 returns
+/// the rounding error of a bright base where `white` is dark.
 fn masked_base(base: vec3f, white: vec3f, mask: f32) -> vec3f {
-    return mix(base, white, mask);
+    return base * (1.0 - mask) + white * mask;
 }
 
 /// 1 - F_c, the share of light that crosses the coat once.

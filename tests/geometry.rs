@@ -10,11 +10,16 @@ const UNDERFLOW: Abs = Abs(1e-30);
 /// Widths of the distribution, from the smallest that f32 resolves to the widest.
 const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 
-/// Two products and a division (2.5 ulp by WGSL).
+/// Two products and a division (2.5 ulp by WGSL). Where a product is so small that it has lost
+/// digits as a denormal, so has the quotient: those cosines are left out.
 #[test]
 fn v_cavity() {
+    let cosines = (0.0..=1.0, 0.0..=1.0, 0.0..=1.0, 0.0..=1.0_f32).filter(|(h, v, l, _)| {
+        let product = h * v.min(*l);
+        product == 0.0 || product >= f32::MIN_POSITIVE
+    });
     PBR.function("geometry::v_cavity")
-        .over((0.0..=1.0, 0.0..=1.0, 0.0..=1.0, 0.0..=1.0))
+        .over(cosines)
         .agrees_with(geometry::v_cavity, Ulp(4.0).or(UNDERFLOW));
 }
 

@@ -9,20 +9,21 @@ fn radiance() -> impl Domain<Value = Vec3> {
     (0.0..=50.0_f32, 0.0..=50.0_f32, 0.0..=50.0_f32).map(|(r, g, b)| Vec3::new(r, g, b))
 }
 
-/// Nothing cancels: two weights of up to 6 roundings each, two products and a sum.
+/// The difference of two radiances up to 50 is rounded to 4e-6, F to 11 ulp of at most 1, which
+/// 50 makes 3e-5; the sum cancels where the base is bright and F near 1.
 #[test]
 fn thin_coat() {
     PBR.function("layering::thin_coat")
         .over((radiance(), radiance(), 0.0..=1.0))
-        .agrees_with(layering::thin_coat, Ulp(14.0).or(Abs(1e-30)));
+        .agrees_with(layering::thin_coat, Ulp(14.0).or(Abs(3e-5)));
 }
 
-/// White furnace: what the coat doesn't reflect, a white base does.
+/// White furnace: what the coat doesn't reflect, a white base does, to the bit.
 #[test]
 fn a_coat_over_a_white_base_neither_gains_nor_loses() {
     PBR.function("layering::thin_coat")
         .over((Just(Vec3::ONE), Just(Vec3::ONE), Grid::linear(0.0..=1.0, 4097)))
-        .agrees_with(|_: glam::DVec3, _: glam::DVec3, _: f64| glam::DVec3::ONE, Ulp(2.0));
+        .agrees_with(|_: glam::DVec3, _: glam::DVec3, _: f64| glam::DVec3::ONE, Ulp(0.0));
 }
 
 #[test]
@@ -39,7 +40,7 @@ fn the_reciprocal_weight_is_reciprocal() {
         .invariant_under(|(v, l)| (l, v), Ulp(0.0));
 }
 
-/// WGSL's mix is e1 * (1 - e3) + e2 * e3: three roundings of positive terms.
+/// Three roundings of positive terms, and that of 1 - mask.
 #[test]
 fn masked_base() {
     PBR.function("layering::masked_base")
