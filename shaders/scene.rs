@@ -33,24 +33,15 @@ const MATERIALS: [(Vec3, Vec3); SIDE as usize] = [
 
 const PLASTIC_F0: Vec3 = Vec3::splat(0.04);
 
-/// What the spheres of one instance are made of.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Material {
-    /// Albedo per channel; black for metals.
-    pub diffuse: Vec3,
-    /// Reflectance at normal incidence per channel.
-    pub f0: Vec3,
-    /// GGX width, as the lecture feeds it: not squared.
-    pub roughness: f32,
-}
-
-impl Material {
-    /// The value in the layout of the WGSL struct: a `vec3f` starts at a multiple of 16 bytes, and
-    /// `roughness` fits behind the last one.
-    #[must_use]
-    pub fn to_array(self) -> [f32; 8] {
-        let ([dr, dg, db], [fr, fg, fb]) = (self.diffuse.to_array(), self.f0.to_array());
-        [dr, dg, db, 0.0, fr, fg, fb, self.roughness]
+karat::shareable! {
+    /// What the spheres of one instance are made of.
+    pub struct Material mirrors MaterialMirror {
+        /// Albedo per channel; black for metals.
+        diffuse: Vec3,
+        /// Reflectance at normal incidence per channel.
+        f0: Vec3,
+        /// GGX width, as the lecture feeds it: not squared.
+        roughness: f32,
     }
 }
 
@@ -61,23 +52,13 @@ pub fn materials() -> Vec<Material> {
     ROUGHNESSES.into_iter().flat_map(row).collect()
 }
 
-/// Where the frame is seen from.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Camera {
-    /// From world space to clip space: right-handed, depth from 0 (near) to 1.
-    pub view_projection: Mat4,
-    /// In world space.
-    pub position: Vec3,
-}
-
-impl Camera {
-    /// The value in the layout of the WGSL struct, the matrix by columns.
-    #[must_use]
-    pub fn to_array(self) -> [f32; 20] {
-        let mut floats = [0.0; 20];
-        floats[..16].copy_from_slice(&self.view_projection.to_cols_array());
-        floats[16..19].copy_from_slice(&self.position.to_array());
-        floats
+karat::shareable! {
+    /// Where the frame is seen from.
+    pub struct Camera mirrors CameraMirror {
+        /// From world space to clip space: right-handed, depth from 0 (near) to 1.
+        view_projection: Mat4,
+        /// In world space.
+        position: Vec3,
     }
 }
 

@@ -1,1 +1,83 @@
-fn main() {}
+//! `cargo ci`: everything that CI runs, run the same way on any machine.
+//!
+//! Each command is a list of steps with a name, a wall time and a verdict; see [`step`].
+//! This package stays small on purpose: `cargo ci setup` has to compile and run before the
+//! graphics libraries that the harness needs are there.
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+mod bench;
+mod command;
+mod demo;
+mod licence;
+mod lint;
+mod setup;
+mod step;
+mod suite;
+
+/// Everything that CI runs, run the same way here.
+#[derive(Parser)]
+#[command(name = "cargo ci", bin_name = "cargo ci", after_help = EXAMPLES)]
+struct Cli {
+    #[command(subcommand)]
+    task: Task,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  cargo ci setup           make sure Vulkan and GL can load; install Mesa if they can't
+  cargo ci demo            from a fresh clone to verdicts on every path
+  cargo ci lint            the quick half of CI, before a commit
+  cargo ci test            all of CI, before a push
+  cargo ci bench -- probe  the benchmarks whose name contains `probe`
+
+No GPU is needed: Mesa's lavapipe (Vulkan) and llvmpipe (GL) run on the processor.";
+
+#[derive(Subcommand)]
+enum Task {
+    /// Find the execution paths, and install Mesa's software drivers where one is missing.
+    ///
+    /// On Linux both Vulkan and GL must be loadable, in software or hardware. Debian, Fedora
+    /// and Arch (and their relatives) get the missing packages; elsewhere the names are printed.
+    /// macOS and Windows bring Metal and DX12 along, so nothing is installed there.
+    Setup {
+        /// Only report: install nothing, and fail if a path is missing.
+        #[arg(long)]
+        check: bool,
+    },
+    /// Set up, build, and run the shader tests on every path; stop at the first failure.
+    Demo,
+    /// All that CI runs: set up, lint, then every test. Later steps run even if one fails.
+    Test,
+    /// Formatting, Clippy, documentation and licences: CI without the tests.
+    Lint,
+    /// Run the benchmarks; arguments after `--` go to them.
+    Bench {
+        /// Arguments for the benchmarks.
+        #[arg(last = true)]
+        arguments: Vec<String>,
+    },
+}
+
+fn main() -> ExitCode {
+    match Cli::parse().task {
+        Task::Setup { check: false } => step::verdict(setup::install_missing()),
+        Task::Setup { check: true } => step::verdict(setup::check()),
+        Task::Demo => demo::run(),
+        Task::Test => suite::run(),
+        Task::Lint => lint::run(),
+        Task::Bench { arguments } => step::verdict(bench::run(&arguments)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    #[test]
+    fn command_line_is_consistent() {
+        super::Cli::command().debug_assert();
+    }
+}

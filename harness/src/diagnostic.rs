@@ -5,6 +5,7 @@
 
 use std::fmt;
 use std::ops::Range;
+use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
 use codespan_reporting::diagnostic as codespan;
@@ -149,10 +150,20 @@ pub(crate) fn nearest<'a>(
         .map(|(_, _, name)| name)
 }
 
-/// Where `path` is best shown from the working directory.
-pub(crate) fn shown(path: &std::path::Path) -> String {
+/// A path as it is best shown: absolute without `..`, or relative to the working directory.
+pub(crate) fn shown(path: &Path) -> String {
     let here = std::env::current_dir().unwrap_or_default();
-    path.strip_prefix(&here).unwrap_or(path).display().to_string()
+    let mut clean = PathBuf::new();
+    for component in here.join(path).components() {
+        match component {
+            Component::ParentDir => {
+                clean.pop();
+            }
+            Component::CurDir => {}
+            other => clean.push(other),
+        }
+    }
+    clean.strip_prefix(&here).map_or(clean.clone(), Path::to_path_buf).display().to_string()
 }
 
 #[cfg(test)]

@@ -244,12 +244,12 @@ impl Resource {
     }
 }
 
-/// Matches fixtures with variables, both ways: each variable has one, each one has a variable.
-pub(crate) fn resolve<'a>(
-    bindings: &'a [Binding],
-    fixtures: &'a Fixtures,
-) -> Result<Vec<(&'a Binding, &'a Fixture)>, FixtureError> {
-    let named = |binding: &Binding, name: &str| binding.path == name || binding.name() == name;
+fn named(binding: &Binding, name: &str) -> bool {
+    binding.path == name || binding.name() == name
+}
+
+/// Refuses a fixture that no variable is called by: a misspelt name would be ignored otherwise.
+pub(crate) fn check_used(bindings: &[Binding], fixtures: &Fixtures) -> Result<(), FixtureError> {
     for (name, _) in fixtures {
         if !bindings.iter().any(|binding| named(binding, name)) {
             let known = bindings.iter().map(Binding::name);
@@ -257,12 +257,19 @@ pub(crate) fn resolve<'a>(
             return Err(FixtureError::Unused { name: name.clone(), nearest });
         }
     }
+    Ok(())
+}
+
+/// The fixture of each variable, the last one given where there are several.
+pub(crate) fn resolve<'a>(
+    bindings: &'a [Binding],
+    fixtures: &'a Fixtures,
+) -> Result<Vec<(&'a Binding, &'a Fixture)>, FixtureError> {
     bindings
         .iter()
         .map(|binding| {
             let (variable, kind) = (binding.path.clone(), binding.kind);
-            let found = fixtures.iter().rev().find(|(name, _)| named(binding, name));
-            match found {
+            match fixtures.iter().rev().find(|(name, _)| named(binding, name)) {
                 None => Err(FixtureError::Missing { variable, kind }),
                 Some((_, fixture)) if !fixture.fits(kind) => {
                     Err(FixtureError::Kind { variable, kind, fixture: fixture.kind() })

@@ -26,6 +26,9 @@ mod check;
 mod diagnostic;
 mod domain;
 mod fixture;
+mod frame;
+mod golden;
+mod image;
 mod package;
 mod path;
 mod probe;
@@ -43,6 +46,12 @@ pub use domain::{
     Domain, Filter, Grid, Hemisphere, Integers, Just, Map, OneOf, Source, UnitRgb, UnitVector,
 };
 pub use fixture::{CubeMap, Fixture, FixtureError, Sampler, Storage, Texture, Uniform};
+pub use frame::{Frame, FrameAgreement, FrameError, Mesh};
+pub use golden::{
+    AcceptError, DEFAULT_RELATIVE, FrameDifference, FrameMargin, GoldenError, Goldens, Outlier,
+    Pending, Provenance,
+};
+pub use image::{Image, ImageError, NonFinite, Precision};
 pub use package::{FunctionItem, Package, PackageError};
 pub use path::{Adapter, Path, PathError, adapter};
 pub use probe::{ProbeError, Probed, call};

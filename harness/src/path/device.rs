@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex};
 use super::{Adapter, Path, PathError};
 
 /// A device of one path.
+#[derive(Debug)]
 pub(crate) struct Device {
     path: Path,
     adapter: Adapter,

@@ -88,6 +88,7 @@ impl Runner {
         })?;
 
         let mut resources: BTreeMap<u32, Vec<(u32, Resource)>> = BTreeMap::new();
+        fixture::check_used(&function.bindings, fixtures)?;
         for (binding, fixture) in fixture::resolve(&function.bindings, fixtures)? {
             let resource = fixture::upload(device, program, binding, fixture)?;
             resources.entry(binding.group).or_default().push((binding.binding, resource));

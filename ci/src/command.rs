@@ -1,0 +1,112 @@
+//! Child processes: started in the workspace's root, with their output going straight to ours.
+
+use std::error::Error;
+use std::ffi::{OsStr, OsString};
+use std::fmt;
+use std::path::PathBuf;
+use std::process::{Command, ExitStatus};
+
+use anyhow::{Context, Result};
+
+/// The workspace's root, where every child runs.
+pub(crate) fn root() -> PathBuf {
+    let package = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
+    package.parent().map_or_else(|| package.clone(), PathBuf::from)
+}
+
+/// A `cargo` command, run by the very cargo that runs us where it says who it is.
+pub(crate) fn cargo(arguments: &[&str]) -> Command {
+    let program = std::env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo"));
+    let mut command = Command::new(program);
+    command.args(arguments).current_dir(root());
+    command
+}
+
+/// Runs a command to its end; its output streams to ours. Failing is an error that carries
+/// the exit status: see [`exit_code`].
+pub(crate) fn run(command: &mut Command) -> Result<()> {
+    let line = describe(command);
+    let status = command.status().with_context(|| {
+        format!("could not start `{line}`; is its program installed and on PATH?")
+    })?;
+    if status.success() { Ok(()) } else { Err(Failure { line, status }.into()) }
+}
+
+/// Whether a command runs and succeeds; what it prints is dropped.
+pub(crate) fn succeeds(command: &mut Command) -> bool {
+    command.output().is_ok_and(|output| output.status.success())
+}
+
+/// The command as one would type it, with the variables it is given.
+pub(crate) fn describe(command: &Command) -> String {
+    let variables = command.get_envs().filter_map(|(name, value)| {
+        Some(format!("{}={}", name.display(), quoted(&value?.to_string_lossy())))
+    });
+    let program = PathBuf::from(command.get_program());
+    let program = program.file_stem().unwrap_or(command.get_program()).to_os_string();
+    let words = std::iter::once(program.as_os_str()).chain(command.get_args());
+    variables
+        .chain(words.map(OsStr::to_string_lossy).map(|word| quoted(&word)))
+        .collect::<Vec<_>>()
+        .join(" ")
+}
+
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_=,.:/+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) { word.to_owned() } else { format!("'{word}'") }
+}
+
+/// The exit code to leave with for an error: the failing child's own, or 1.
+pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
+    error
+        .downcast_ref::<Failure>()
+        .and_then(|failure| u8::try_from(failure.status.code()?).ok())
+        .unwrap_or(1)
+}
+
+/// A child that ran and failed.
+#[derive(Debug)]
+struct Failure {
+    line: String,
+    status: ExitStatus,
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "`{}` failed ({}); its output is above", self.line, self.status)
+    }
+}
+
+impl Error for Failure {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_reads_as_one_types_it() {
+        let mut command = Command::new("/opt/rust/bin/cargo");
+        command.args(["doc", "--cfg", "feature = x"]).env("RUSTDOCFLAGS", "-Dwarnings");
+        assert_eq!(describe(&command), "RUSTDOCFLAGS=-Dwarnings cargo doc --cfg 'feature = x'");
+    }
+
+    #[test]
+    fn the_workspace_root_holds_the_manifest() {
+        assert!(root().join("Cargo.toml").is_file());
+    }
+
+    #[test]
+    fn a_childs_exit_code_is_kept() {
+        let error = run(cargo(&["--no-such-option"]).stderr(std::process::Stdio::null()))
+            .expect_err("cargo refuses the option");
+        assert_eq!(exit_code(&error), 1);
+        assert!(error.to_string().contains("`cargo --no-such-option` failed"), "{error}");
+        assert_eq!(exit_code(&anyhow::anyhow!("no child at all")), 1);
+    }
+
+    #[test]
+    fn a_missing_program_is_named() {
+        let error = run(&mut Command::new("karat-no-such-program")).expect_err("it isn't there");
+        assert!(error.to_string().contains("could not start `karat-no-such-program`"), "{error}");
+    }
+}

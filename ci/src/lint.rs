@@ -1,0 +1,50 @@
+//! `cargo ci lint`: formatting, Clippy, documentation and licences.
+
+use std::process::{Command, ExitCode};
+
+use anyhow::{Context, Result};
+
+use crate::step::Steps;
+use crate::{command, licence};
+
+/// The lint steps alone.
+pub(crate) fn run() -> ExitCode {
+    let mut steps = Steps::new("cargo ci lint");
+    self::steps(&mut steps);
+    steps.finish()
+}
+
+/// Appends the lint steps, cheapest first.
+pub(crate) fn steps(steps: &mut Steps) {
+    steps.run("format", format);
+    steps.run("licences", licence::check);
+    steps.run("clippy", clippy);
+    steps.run("documentation", documentation);
+}
+
+fn format() -> Result<()> {
+    component("rustfmt", "fmt")?;
+    command::run(&mut command::cargo(&["fmt", "--all", "--check"]))
+        .context("run `cargo fmt --all` to format")
+}
+
+fn clippy() -> Result<()> {
+    component("clippy", "clippy")?;
+    let clippy = ["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"];
+    command::run(&mut command::cargo(&clippy))
+}
+
+fn documentation() -> Result<()> {
+    let mut doc = command::cargo(&["doc", "--workspace", "--no-deps", "--locked"]);
+    command::run(doc.env("RUSTDOCFLAGS", "-Dwarnings"))
+}
+
+/// Makes sure of a toolchain component, which a minimal toolchain lacks.
+fn component(name: &str, subcommand: &str) -> Result<()> {
+    if command::succeeds(&mut command::cargo(&[subcommand, "--version"])) {
+        return Ok(());
+    }
+    command::run(Command::new("rustup").args(["component", "add", name])).with_context(|| {
+        format!("`cargo {subcommand}` is missing; install the toolchain's component `{name}`")
+    })
+}

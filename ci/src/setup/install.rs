@@ -1,0 +1,211 @@
+//! Installing Mesa's software drivers with the distribution's own package manager.
+
+use std::process::Command;
+
+use anyhow::{Context, Result, bail};
+
+use super::host::Host;
+use crate::command;
+
+/// Distributions by package manager.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum Family {
+    Debian,
+    Fedora,
+    Arch,
+    /// One that we can't install on, by the name it gives itself.
+    Other(String),
+}
+
+impl Family {
+    /// The family of the machine's distribution.
+    pub(crate) fn of(host: &Host) -> Self {
+        let places = ["/etc/os-release", "/usr/lib/os-release"];
+        let read = |place| std::fs::read_to_string(host.path(place)).ok();
+        let text = places.into_iter().find_map(read).unwrap_or_default();
+        Self::from_os_release(&text)
+    }
+
+    /// Reads `os-release`: `ID` names the distribution, `ID_LIKE` those it descends from,
+    /// the closest first.
+    fn from_os_release(text: &str) -> Self {
+        let value = |key: &str| {
+            let mut lines = text.lines().filter_map(|line| line.trim().split_once('='));
+            let (_, value) = lines.find(|(name, _)| *name == key)?;
+            Some(value.trim_matches(['"', '\'']).to_owned())
+        };
+        let own = value("ID").unwrap_or_default();
+        let like = value("ID_LIKE").unwrap_or_default();
+        for name in std::iter::once(own.as_str()).chain(like.split_whitespace()) {
+            match name {
+                "debian" | "ubuntu" => return Self::Debian,
+                "fedora" | "rhel" | "centos" => return Self::Fedora,
+                "arch" => return Self::Arch,
+                _ => {}
+            }
+        }
+        Self::Other(if own.is_empty() { std::env::consts::OS.to_owned() } else { own })
+    }
+
+    /// The commands that install all that the paths need, in order.
+    fn commands(&self) -> &'static [Package] {
+        match self {
+            Self::Debian => &[
+                Package {
+                    // A stale or broken list of one repository need not concern our packages:
+                    // the install decides.
+                    failing: Failing::Tolerated,
+                    line: "apt-get -o DPkg::Lock::Timeout=120 update",
+                },
+                Package {
+                    failing: Failing::Fatal,
+                    line: "apt-get -o DPkg::Lock::Timeout=120 install -y --no-install-recommends \
+                           mesa-vulkan-drivers libvulkan1 libegl1 libgl1-mesa-dri",
+                },
+            ],
+            Self::Fedora => &[Package {
+                failing: Failing::Fatal,
+                line: "dnf install -y mesa-vulkan-drivers vulkan-loader mesa-libEGL \
+                       mesa-dri-drivers",
+            }],
+            Self::Arch => &[Package {
+                failing: Failing::Fatal,
+                line: "pacman -Sy --noconfirm --needed vulkan-swrast vulkan-icd-loader mesa",
+            }],
+            Self::Other(_) => &[],
+        }
+    }
+}
+
+/// One run of a package manager.
+struct Package {
+    line: &'static str,
+    failing: Failing,
+}
+
+enum Failing {
+    Fatal,
+    Tolerated,
+}
+
+/// How the package manager can be run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Privilege {
+    Root,
+    Sudo,
+    Lacking,
+}
+
+impl Privilege {
+    /// What we have here.
+    pub(crate) fn current() -> Self {
+        let id = Command::new("id").arg("-u").output();
+        if id.is_ok_and(|output| output.stdout.trim_ascii() == b"0") {
+            Self::Root
+        } else if command::succeeds(Command::new("sudo").arg("--version")) {
+            Self::Sudo
+        } else {
+            Self::Lacking
+        }
+    }
+
+    /// A package manager's command, run with it.
+    fn command(self, line: &str) -> Command {
+        let mut words = line.split_whitespace();
+        // sudo drops most variables, so this one goes by way of `env`.
+        let quiet = "DEBIAN_FRONTEND=noninteractive";
+        let mut command = match self {
+            Self::Sudo => {
+                let mut command = Command::new("sudo");
+                command.args(["env", quiet]);
+                command
+            }
+            Self::Root | Self::Lacking => {
+                let mut command = Command::new(words.next().unwrap_or_default());
+                command.env("DEBIAN_FRONTEND", "noninteractive");
+                command
+            }
+        };
+        command.args(words);
+        command
+    }
+}
+
+/// Installs the drivers, streaming the package manager's output.
+pub(crate) fn run(family: &Family, privilege: Privilege) -> Result<()> {
+    if family.commands().is_empty() || privilege == Privilege::Lacking {
+        bail!("{}", advice(family));
+    }
+    for Package { line, failing } in family.commands() {
+        let mut command = privilege.command(line);
+        eprintln!("running: {}", command::describe(&command));
+        match (command::run(&mut command), failing) {
+            (Ok(()), _) => {}
+            (Err(error), Failing::Tolerated) => eprintln!("going on although {error:#}"),
+            (Err(error), Failing::Fatal) => {
+                return Err(error).context("could not install Mesa's software drivers");
+            }
+        }
+    }
+    Ok(())
+}
+
+/// What to type by hand.
+pub(crate) fn advice(family: &Family) -> String {
+    if let Family::Other(name) = family {
+        return format!(
+            "setup can't install packages on `{name}`; install the Vulkan loader, Mesa's \
+             lavapipe (Vulkan), libEGL and Mesa's llvmpipe (GL), then run `cargo ci setup` again"
+        );
+    }
+    let lines: Vec<&str> = family.commands().iter().map(|package| package.line).collect();
+    format!("to install what is missing, run as root: {}", lines.join(" && "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distributions_are_known_by_their_own_name_or_an_ancestors() {
+        let debian = "PRETTY_NAME=\"Debian GNU/Linux 12 (bookworm)\"\nID=debian\n";
+        assert_eq!(Family::from_os_release(debian), Family::Debian);
+        let mint = "ID=linuxmint\nID_LIKE=\"ubuntu debian\"\n";
+        assert_eq!(Family::from_os_release(mint), Family::Debian);
+        let rocky = "ID=\"rocky\"\nID_LIKE=\"rhel centos fedora\"\n";
+        assert_eq!(Family::from_os_release(rocky), Family::Fedora);
+        assert_eq!(Family::from_os_release("ID_LIKE='arch'\nID=manjaro"), Family::Arch);
+        assert_eq!(Family::from_os_release("ID=alpine"), Family::Other("alpine".to_owned()));
+        // `VERSION_ID` and a comment must not be taken for `ID`.
+        let decoys = "VERSION_ID=debian\n# ID=arch\nID=nixos\n";
+        assert_eq!(Family::from_os_release(decoys), Family::Other("nixos".to_owned()));
+    }
+
+    #[test]
+    fn sudo_is_put_before_the_package_manager() {
+        let line = "pacman -Sy mesa";
+        assert_eq!(
+            command::describe(&Privilege::Sudo.command(line)),
+            "sudo env DEBIAN_FRONTEND=noninteractive pacman -Sy mesa"
+        );
+        assert_eq!(
+            command::describe(&Privilege::Root.command(line)),
+            "DEBIAN_FRONTEND=noninteractive pacman -Sy mesa"
+        );
+    }
+
+    #[test]
+    fn without_privilege_or_a_known_distribution_it_says_what_to_type() {
+        let message =
+            |family, privilege| run(&family, privilege).expect_err("it can't").to_string();
+        assert_eq!(
+            message(Family::Fedora, Privilege::Lacking),
+            "to install what is missing, run as root: dnf install -y mesa-vulkan-drivers \
+             vulkan-loader mesa-libEGL mesa-dri-drivers"
+        );
+        assert!(
+            message(Family::Other("alpine".to_owned()), Privilege::Root)
+                .starts_with("setup can't install packages on `alpine`; install the Vulkan loader")
+        );
+    }
+}

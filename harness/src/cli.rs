@@ -1,0 +1,134 @@
+//! `karat`: the loop around the tests.
+//!
+//! Exit codes: 0 when all is well; 1 when a check fails, a frame differs or a path is missing; 2
+//! when the command couldn't do its work.
+
+mod call;
+mod doctor;
+mod goldens;
+mod list;
+mod project;
+mod show;
+mod table;
+mod test;
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{CommandFactory, Parser, Subcommand};
+
+/// The exit code of a command that did its work: whether all was well.
+type Outcome = anyhow::Result<Verdict>;
+
+/// Whether what a command looked at is as it should be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Verdict {
+    Good,
+    Bad,
+}
+
+#[derive(Parser)]
+#[command(
+    name = "karat",
+    version,
+    about = "Tests WGSL shaders: functions against references, frames against goldens.",
+    after_help = "Start with `karat doctor`, then `karat test`.\n\
+                  Environment: KARAT_PATHS (vulkan, gl, all), KARAT_REQUIRE (paths that must run), \
+                  KARAT_ADAPTER (part of a name),\nKARAT_DEADLINE (seconds), KARAT_SEED and \
+                  KARAT_CASE (replay), NO_COLOR."
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Run the tests and print function x path with cases and worst error
+    #[command(after_help = "Examples:\n  karat test\n  karat test schlick --paths all\n  \
+                            karat test -p tests --require vulkan,gl\n\
+                            Fails if a test fails, or if no check ran at all.")]
+    Test(test::Args),
+    /// List the functions of the shader packages, with signatures and whether they are tested
+    List(list::Args),
+    /// Print the linked shader of a function with its generated kernel
+    Show(show::Args),
+    /// Call a function and print its value on every path
+    #[command(after_help = "Examples:\n  karat call fresnel::schlick 0.04,0.04,0.04 0.3\n  \
+                            karat call fresnel::schlick --cases in.csv --out out.csv --path vulkan\n  \
+                            karat call double 21 --package my.wgsl\n\
+                            A vector's components are joined by commas. A table has one case a row \
+                            and one scalar a column;\nits head names them (f0.x,f0.y,f0.z,v_dot_h) or \
+                            is left out. Numbers read and print as the exact f32.")]
+    Call(call::Args),
+    /// Tell which execution paths open, with drivers and versions, and how to get what is missing
+    Doctor(doctor::Args),
+    /// List frames that differ from their golden, or have none
+    Pending(goldens::PendingArgs),
+    /// Make a pending frame the golden
+    #[command(
+        after_help = "Examples:\n  karat accept scene --because \"the coat conserves energy\"\n  \
+                            karat accept 'furnace/*' --because \"new mesh\""
+    )]
+    Accept(goldens::AcceptArgs),
+    /// Delete a pending frame
+    Reject(goldens::RejectArgs),
+    /// Write an EXR image as a tone-mapped PNG, to look at it
+    Preview(goldens::PreviewArgs),
+    /// Print a completion script for a shell
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+}
+
+/// Where the shaders are.
+#[derive(clap::Args)]
+struct PackageArgs {
+    /// Folder of WGSL modules, or one file [default: as in `metadata.karat` of Cargo.toml, else
+    /// `shaders`]
+    #[arg(long, value_name = "DIR")]
+    package: Option<PathBuf>,
+}
+
+/// Runs the command of the process's arguments.
+pub(crate) fn run() -> ExitCode {
+    let cli = Cli::parse();
+    let mut out = anstream::stdout().lock();
+    let result = match cli.command {
+        Command::Test(args) => test::run(&args, &mut out),
+        Command::List(args) => list::run(&args, &mut out),
+        Command::Show(args) => show::run(&args, &mut out),
+        Command::Call(args) => call::run(&args, &mut out),
+        Command::Doctor(args) => doctor::run(&args, &mut out),
+        Command::Pending(args) => goldens::pending(&args, &mut out),
+        Command::Accept(args) => goldens::accept(&args, &mut out),
+        Command::Reject(args) => goldens::reject(&args, &mut out),
+        Command::Preview(args) => goldens::preview(&args, &mut out),
+        Command::Completions { shell } => {
+            clap_complete::generate(shell, &mut Cli::command(), "karat", &mut out);
+            Ok(Verdict::Good)
+        }
+    };
+    let result = result.and_then(|verdict| Ok(out.flush().map(|()| verdict)?));
+    match result {
+        Ok(Verdict::Good) => ExitCode::SUCCESS,
+        Ok(Verdict::Bad) => ExitCode::from(1),
+        // Whoever reads the output has seen enough: `karat list | head`.
+        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            let text = format!("{error:#}");
+            let prefix = if text.starts_with("error") { "" } else { "error: " };
+            // There is nowhere left to report that stderr is closed.
+            drop(writeln!(anstream::stderr(), "{prefix}{text}"));
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error
+        .downcast_ref::<std::io::Error>()
+        .is_some_and(|error| error.kind() == std::io::ErrorKind::BrokenPipe)
+}

@@ -1,0 +1,217 @@
+//! `karat call`: a shader as a calculator.
+
+use std::io::Write;
+use std::path::{Path as FilePath, PathBuf};
+
+use anyhow::{Context, bail, ensure};
+use indicatif::{ProgressBar, ProgressStyle};
+use karat::{Function, Path, Probed, Scalar, Shape, format_lane, hexfloat};
+
+use super::project::Project;
+use super::table::{DIM, HEAD};
+use super::{Outcome, PackageArgs, Verdict};
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// The function: `module::name`
+    function: String,
+    /// Its arguments; components are joined by commas
+    #[arg(allow_hyphen_values = true)]
+    arguments: Vec<String>,
+    /// Path to run on; may be repeated [default: every path that opens]
+    #[arg(long = "path", value_name = "PATH")]
+    paths: Vec<String>,
+    /// Evaluate a table (CSV) instead
+    #[arg(long, value_name = "IN.CSV", conflicts_with = "arguments")]
+    cases: Option<PathBuf>,
+    /// Where the table goes [default: standard output]
+    #[arg(long, value_name = "OUT.CSV", requires = "cases")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    package: PackageArgs,
+}
+
+/// Rows of a table that are evaluated before the progress bar moves.
+const STEP: usize = 65_536;
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    let package = Project::find()?.package_of(&args.package, &args.function)?;
+    let probed = Probed::new(&package, &args.function)?;
+    let paths = paths(&args.paths)?;
+    match &args.cases {
+        Some(cases) => table(&probed, &paths, cases, args.out.as_deref(), out),
+        None => single(&probed, &paths, &args.arguments, out),
+    }
+}
+
+fn paths(names: &[String]) -> anyhow::Result<Vec<Path>> {
+    if names.is_empty() {
+        let open: Vec<_> =
+            Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok()).collect();
+        ensure!(!open.is_empty(), "no execution path opens; `karat doctor` tells why");
+        return Ok(open);
+    }
+    names.iter().map(|name| Ok(name.parse()?)).collect()
+}
+
+fn single(probed: &Probed, paths: &[Path], arguments: &[String], out: &mut dyn Write) -> Outcome {
+    let function = probed.function();
+    let expected = function.parameters.len();
+    ensure!(
+        arguments.len() == expected,
+        "`{}` takes {expected} arguments, not {}\n  {function}",
+        function.path,
+        arguments.len()
+    );
+    let mut lanes = Vec::new();
+    for (text, (name, shape)) in arguments.iter().zip(&function.parameters) {
+        let words: Vec<&str> = text.split(',').collect();
+        let scalars = shape.lanes();
+        ensure!(
+            words.len() == scalars.len(),
+            "argument `{name}` is a {shape} of {} components, `{text}` has {}",
+            scalars.len(),
+            words.len()
+        );
+        for (word, scalar) in words.iter().zip(scalars) {
+            lanes.push(parse(word, scalar).with_context(|| format!("argument `{name}`"))?);
+        }
+    }
+    writeln!(out, "{DIM}{function}{DIM:#}")?;
+    for path in paths {
+        let results = karat::call(probed, *path, std::slice::from_ref(&lanes))?;
+        let result = results.first().context("the probe returned nothing")?;
+        write!(out, "{HEAD}{path:<8}{HEAD:#} {}", function.result.format(result))?;
+        let hexadecimal: Vec<String> = result
+            .iter()
+            .zip(function.result.lanes())
+            .filter(|(_, scalar)| scalar.is_float())
+            .map(|(lane, _)| hexfloat(f32::from_bits(*lane)))
+            .collect();
+        if !hexadecimal.is_empty() {
+            write!(out, "  {DIM}{}{DIM:#}", hexadecimal.join(" "))?;
+        }
+        writeln!(out)?;
+    }
+    Ok(Verdict::Good)
+}
+
+fn table(
+    probed: &Probed,
+    paths: &[Path],
+    input: &FilePath,
+    output: Option<&FilePath>,
+    out: &mut dyn Write,
+) -> Outcome {
+    let function = probed.function();
+    let columns = columns(function);
+    let rows = read(input, &columns)?;
+    ensure!(!rows.is_empty(), "`{}` holds no case", input.display());
+
+    let steps = (rows.len() * paths.len()) as u64;
+    let bar = ProgressBar::new(steps).with_style(
+        ProgressStyle::with_template("{bar:40} {human_pos} of {human_len} cases, {eta} left")
+            .expect("the template is valid"),
+    );
+    let mut results: Vec<Vec<Vec<u32>>> = Vec::new();
+    for path in paths {
+        let mut values = Vec::with_capacity(rows.len());
+        for batch in rows.chunks(STEP) {
+            values.extend(karat::call(probed, *path, batch)?);
+            bar.inc(batch.len() as u64);
+        }
+        results.push(values);
+    }
+    bar.finish_and_clear();
+
+    let mut head: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
+    for path in paths {
+        let lanes = function.result.lane_names().into_iter();
+        head.extend(lanes.map(|lane| format!("{path}{lane}")));
+    }
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(&head)?;
+    let scalars = function.result.lanes();
+    for (index, row) in rows.iter().enumerate() {
+        let inputs =
+            row.iter().zip(&columns).map(|(lane, (_, scalar))| format_lane(*scalar, *lane));
+        let values = results.iter().flat_map(|values| {
+            values[index].iter().zip(&scalars).map(|(lane, scalar)| format_lane(*scalar, *lane))
+        });
+        writer.write_record(inputs.chain(values))?;
+    }
+    let bytes = writer.into_inner().context("a table in memory")?;
+    match output {
+        Some(path) => std::fs::write(path, bytes)
+            .with_context(|| format!("can't write `{}`", path.display()))?,
+        None => out.write_all(&bytes)?,
+    }
+    Ok(Verdict::Good)
+}
+
+/// Name and type of each scalar that a case consists of.
+fn columns(function: &Function) -> Vec<(String, Scalar)> {
+    let of = |(name, shape): &(String, Shape)| {
+        let lanes = shape.lane_names().into_iter().map(|lane| format!("{name}{lane}"));
+        lanes.zip(shape.lanes()).collect::<Vec<_>>()
+    };
+    function.parameters.iter().flat_map(of).collect()
+}
+
+fn read(input: &FilePath, columns: &[(String, Scalar)]) -> anyhow::Result<Vec<Vec<u32>>> {
+    let shown = input.display();
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .trim(csv::Trim::All)
+        .comment(Some(b'#'))
+        .from_path(input)
+        .with_context(|| format!("can't read `{shown}`"))?;
+    let mut order: Vec<usize> = (0..columns.len()).collect();
+    let mut rows = Vec::new();
+    for (index, record) in reader.records().enumerate() {
+        let record = record.with_context(|| format!("in `{shown}`"))?;
+        let line = record.position().map_or(index as u64 + 1, csv::Position::line);
+        let names = || columns.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(",");
+        ensure!(
+            record.len() == columns.len(),
+            "`{shown}` line {line} has {} columns, a case has {}: {}",
+            record.len(),
+            columns.len(),
+            names()
+        );
+        // A head names the columns, in any order.
+        if index == 0 && record.iter().any(|word| columns.iter().any(|(name, _)| name == word)) {
+            for (place, word) in record.iter().enumerate() {
+                let column = columns.iter().position(|(name, _)| name == word);
+                let Some(column) = column else {
+                    bail!("`{shown}` has a column `{word}`; the columns are {}", names());
+                };
+                order[column] = place;
+            }
+            continue;
+        }
+        let lanes = columns.iter().zip(&order).map(|((name, scalar), place)| {
+            parse(&record[*place], *scalar)
+                .with_context(|| format!("`{shown}` line {line}, column `{name}`"))
+        });
+        rows.push(lanes.collect::<anyhow::Result<_>>()?);
+    }
+    Ok(rows)
+}
+
+/// A scalar's lane. Decimals are rounded to the nearest f32, which the shortest decimals of that
+/// f32 name exactly.
+fn parse(word: &str, scalar: Scalar) -> anyhow::Result<u32> {
+    let word = word.trim();
+    let bad = || format!("`{word}` isn't a value of type {}", scalar.wgsl());
+    Ok(match scalar {
+        Scalar::F32 => word.parse::<f32>().with_context(bad)?.to_bits(),
+        Scalar::F16 => {
+            let value = half::f16::from_f32(word.parse::<f32>().with_context(bad)?);
+            value.to_f32().to_bits()
+        }
+        Scalar::I32 => word.parse::<i32>().with_context(bad)?.cast_unsigned(),
+        Scalar::U32 => word.parse::<u32>().with_context(bad)?,
+        Scalar::Bool => u32::from(word.parse::<bool>().with_context(bad)?),
+    })
+}

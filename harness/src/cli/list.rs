@@ -1,0 +1,104 @@
+//! `karat list`
+
+use std::collections::BTreeSet;
+use std::io::Write;
+
+use karat::record::{self, Subject};
+use karat::{FunctionItem, Package, Probed};
+use serde::Serialize;
+
+use super::project::Project;
+use super::table::{BAD, DIM, GOOD, Table};
+use super::{Outcome, PackageArgs, Verdict};
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    package: PackageArgs,
+}
+
+#[derive(Serialize)]
+struct Entry {
+    package: String,
+    function: String,
+    location: String,
+    signature: Option<String>,
+    doc: String,
+    /// Whether the last `karat test` checked it.
+    tested: bool,
+    /// Why it can't be probed.
+    error: Option<String>,
+}
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    let project = Project::find()?;
+    let tested = tested_functions(&project);
+    let mut entries = Vec::new();
+    for package in project.packages(&args.package)? {
+        for item in callable(&package)? {
+            entries.push(entry(&package, item, &tested));
+        }
+    }
+    anyhow::ensure!(!entries.is_empty(), "the packages hold no function");
+    if args.json {
+        serde_json::to_writer_pretty(&mut *out, &entries)?;
+        writeln!(out)?;
+        return Ok(Verdict::Good);
+    }
+    let mut table = Table::new(&["function", "tested", "at"], &[]);
+    for entry in &entries {
+        let (style, state) = match (entry.tested, &entry.error) {
+            (true, _) => (GOOD, "yes"),
+            (false, None) => (DIM, "no"),
+            (false, Some(_)) => (BAD, "can't be probed"),
+        };
+        let name = entry.signature.as_ref().unwrap_or(&entry.function).clone();
+        table.row(style, vec![name, state.to_owned(), entry.location.clone()]);
+    }
+    table.write(out)?;
+    for error in entries.iter().filter_map(|entry| entry.error.as_ref()) {
+        writeln!(out, "\n{error}")?;
+    }
+    Ok(Verdict::Good)
+}
+
+/// The functions that a probe could call: all but entry points.
+pub(super) fn callable(package: &Package) -> anyhow::Result<Vec<FunctionItem>> {
+    let functions = package.functions()?;
+    Ok(functions.into_iter().filter(|item| !item.entry_point).collect())
+}
+
+fn entry(package: &Package, item: FunctionItem, tested: &BTreeSet<String>) -> Entry {
+    let probed = Probed::new(package, &item.path);
+    let (signature, doc, error) = match &probed {
+        Ok(probed) => {
+            let function = probed.function();
+            (Some(function.to_string()), function.doc.clone(), None)
+        }
+        Err(error) => (None, String::new(), Some(error.to_string())),
+    };
+    Entry {
+        package: package.name(),
+        location: item.span.to_string(),
+        tested: tested.contains(&item.path),
+        function: item.path,
+        signature,
+        doc,
+        error,
+    }
+}
+
+/// The functions that the last `karat test` checked; none if there was no run.
+fn tested_functions(project: &Project) -> BTreeSet<String> {
+    let records = record::read(&project.output().join("record")).unwrap_or_default();
+    records
+        .into_iter()
+        .filter_map(|record| match record.subject {
+            Subject::Function { function, .. } => Some(function),
+            Subject::Frame { .. } => None,
+        })
+        .collect()
+}

@@ -1,0 +1,104 @@
+//! Where a project keeps its shaders, goldens and records.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use karat::Package;
+use serde::Deserialize;
+
+use super::PackageArgs;
+
+/// The `metadata.karat` table of a Cargo.toml.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Settings {
+    /// Shader folders, relative to the manifest.
+    packages: Option<Vec<PathBuf>>,
+    /// Folder of goldens, relative to the manifest.
+    golden: Option<PathBuf>,
+}
+
+/// The project around the working directory.
+#[derive(Debug)]
+pub(super) struct Project {
+    root: PathBuf,
+    settings: Settings,
+}
+
+impl Project {
+    /// The Cargo workspace of the working directory, or else the nearest package, or else the
+    /// working directory itself.
+    pub(super) fn find() -> anyhow::Result<Self> {
+        let here = std::env::current_dir().context("the working directory is gone")?;
+        let mut nearest = None;
+        for folder in here.ancestors() {
+            let manifest = folder.join("Cargo.toml");
+            let Ok(text) = std::fs::read_to_string(&manifest) else { continue };
+            let table: toml::Table =
+                text.parse().with_context(|| format!("in `{}`", manifest.display()))?;
+            let workspace = table.contains_key("workspace");
+            if workspace || nearest.is_none() {
+                nearest = Some((folder.to_owned(), table));
+            }
+            if workspace {
+                break;
+            }
+        }
+        let Some((root, table)) = nearest else {
+            return Ok(Self { root: here, settings: Settings::default() });
+        };
+        let settings = ["workspace", "package"]
+            .iter()
+            .find_map(|section| table.get(*section)?.get("metadata")?.get("karat").cloned());
+        let settings = match settings {
+            Some(settings) => settings
+                .try_into()
+                .with_context(|| format!("`metadata.karat` in `{}`", root.display()))?,
+            None => Settings::default(),
+        };
+        Ok(Self { root, settings })
+    }
+
+    /// The folder of the manifest.
+    pub(super) fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The shader packages: the one given, or the project's.
+    pub(super) fn packages(&self, args: &PackageArgs) -> anyhow::Result<Vec<Package>> {
+        let folders = match (&args.package, &self.settings.packages) {
+            (Some(folder), _) => vec![folder.clone()],
+            (None, Some(folders)) => folders.iter().map(|folder| self.root.join(folder)).collect(),
+            (None, None) => vec![self.root.join("shaders")],
+        };
+        folders
+            .iter()
+            .map(|folder| {
+                Package::open(folder).context("name the shader folder with --package DIR")
+            })
+            .collect()
+    }
+
+    /// The package that holds a function; the first one if none does, for its error message.
+    pub(super) fn package_of(&self, args: &PackageArgs, path: &str) -> anyhow::Result<Package> {
+        let mut packages = self.packages(args)?;
+        let holds = |package: &Package| {
+            package.functions().is_ok_and(|known| known.iter().any(|item| item.path == path))
+        };
+        let index = packages.iter().position(holds).unwrap_or(0);
+        anyhow::ensure!(!packages.is_empty(), "`metadata.karat` lists no shader package");
+        Ok(packages.swap_remove(index))
+    }
+
+    /// The folder of goldens.
+    pub(super) fn golden(&self) -> PathBuf {
+        let folder = self.settings.golden.clone();
+        self.root.join(folder.unwrap_or_else(|| PathBuf::from("golden")))
+    }
+
+    /// The folder of what runs leave behind.
+    pub(super) fn output(&self) -> PathBuf {
+        let target = std::env::var_os("CARGO_TARGET_DIR").map(PathBuf::from);
+        self.root.join(target.unwrap_or_else(|| PathBuf::from("target"))).join("karat")
+    }
+}

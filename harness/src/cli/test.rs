@@ -1,0 +1,219 @@
+//! `karat test`: runs the tests and prints what their records hold.
+
+use std::collections::BTreeSet;
+use std::io::{BufRead, BufReader, IsTerminal, Write};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+use karat::record::{self, Record, Subject, Verdict as Recorded};
+
+use super::list::callable;
+use super::project::Project;
+use super::table::{BAD, DIM, GOOD, HEAD, Table};
+use super::{Outcome, PackageArgs, Verdict};
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// Only tests whose names contain this
+    filter: Option<String>,
+    /// Only tests of this Cargo package; may be repeated [default: the whole workspace]
+    #[arg(short = 'p', long = "cargo-package", value_name = "NAME")]
+    cargo_packages: Vec<String>,
+    /// Execution paths: `vulkan`, `vulkan,gl`, or `all` that open
+    #[arg(long, value_name = "PATHS", env = "KARAT_PATHS")]
+    paths: Option<String>,
+    /// Paths that must run
+    #[arg(long, value_name = "PATHS", env = "KARAT_REQUIRE")]
+    require: Option<String>,
+    #[command(flatten)]
+    package: PackageArgs,
+}
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    let project = Project::find()?;
+    let folder = project.output().join("record");
+    clear(&folder)?;
+    let passed = run_cargo(args, &project, &folder, out)?;
+    let records = if folder.is_dir() { record::read(&folder)? } else { Vec::new() };
+    if records.is_empty() {
+        let filter = match &args.filter {
+            Some(filter) => format!("no check ran in a test whose name contains `{filter}`"),
+            None => "no test ran a check".to_owned(),
+        };
+        bail!("{filter}; a run that compared nothing is no success");
+    }
+    let failed = write_functions(&records, out)?;
+    let failed = write_frames(&records, out)? + failed;
+    // With a filter most functions aren't tested on purpose.
+    if args.filter.is_none() {
+        write_untested(&records, &project, args, out)?;
+    }
+    let count = records.len();
+    let good = passed && failed == 0;
+    let style = if good { GOOD } else { BAD };
+    let cases: u64 = records.iter().flat_map(|record| &record.paths).map(|path| path.cases).sum();
+    writeln!(out, "\n{style}{count} checks, {failed} failed{style:#}, {cases} cases compared")?;
+    writeln!(out, "{DIM}record: {}{DIM:#}", folder.display())?;
+    if failed == 0 && !passed {
+        writeln!(out, "{BAD}a test failed outside of Karat's checks, see above{BAD:#}")?;
+    }
+    Ok(if good { Verdict::Good } else { Verdict::Bad })
+}
+
+/// Removes the record of the last run.
+fn clear(folder: &Path) -> anyhow::Result<()> {
+    match std::fs::remove_dir_all(folder) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(error).with_context(|| format!("can't clear `{}`", folder.display()))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Runs `cargo test`; whether it succeeded. On a terminal a bar stands for tests that pass.
+fn run_cargo(
+    args: &Args,
+    project: &Project,
+    folder: &Path,
+    out: &mut dyn Write,
+) -> anyhow::Result<bool> {
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut command = Command::new(cargo);
+    command.current_dir(project.root()).args(["test", "--no-fail-fast"]);
+    match args.cargo_packages.as_slice() {
+        [] => {
+            command.arg("--workspace");
+        }
+        packages => {
+            for package in packages {
+                command.args(["--package", package]);
+            }
+        }
+    }
+    // Benchmarks and examples check nothing.
+    command.args(["--lib", "--bins", "--tests"]).args(&args.filter);
+    command.env("KARAT_RECORD", folder);
+    command.envs(args.paths.as_ref().map(|paths| ("KARAT_PATHS", paths)));
+    command.envs(args.require.as_ref().map(|paths| ("KARAT_REQUIRE", paths)));
+    command.stdout(Stdio::piped());
+    let mut child = command.spawn().context("can't run `cargo test`")?;
+    let lines = BufReader::new(child.stdout.take().context("cargo's output is piped")?).lines();
+
+    let bar = if std::io::stderr().is_terminal() {
+        ProgressBar::new(0).with_style(
+            ProgressStyle::with_template("{bar:40} {pos} of {len} tests  {wide_msg}")
+                .expect("the template is valid"),
+        )
+    } else {
+        ProgressBar::hidden()
+    };
+    for line in lines {
+        let line = line.context("cargo's output ended early")?;
+        let running = line.strip_prefix("running ").and_then(|rest| rest.split(' ').next());
+        if let Some(count) = running.and_then(|count| count.parse::<u64>().ok()) {
+            bar.inc_length(count);
+        } else if let Some(name) =
+            line.strip_prefix("test ").and_then(|l| l.strip_suffix(" ... ok"))
+        {
+            bar.inc(1);
+            bar.set_message(name.to_owned());
+        } else if !is_noise(&line) {
+            bar.suspend(|| writeln!(out, "{line}"))?;
+        }
+    }
+    bar.finish_and_clear();
+    Ok(child.wait().context("`cargo test` vanished")?.success())
+}
+
+/// Lines that say nothing beyond the table.
+fn is_noise(line: &str) -> bool {
+    line.is_empty() || line.starts_with("test result: ok")
+}
+
+/// One row for each check and path; the number of checks that failed.
+fn write_functions(records: &[Record], out: &mut dyn Write) -> anyhow::Result<usize> {
+    let head = ["function", "check", "path", "cases", "worst", "of bound", "asserted"];
+    let mut table = Table::new(&head, &[3, 5]);
+    let mut failed = 0;
+    for record in records {
+        let Subject::Function { function, check, assertion, .. } = &record.subject else {
+            continue;
+        };
+        failed += usize::from(record.verdict != Recorded::Pass);
+        let name = |check: &str| vec![function.clone(), check.to_owned()];
+        if record.paths.is_empty() {
+            let mut cells = name(check);
+            cells.extend(["-", "0", "ERROR", ""].map(str::to_owned));
+            cells.push(assertion.clone());
+            table.row(BAD, cells);
+        }
+        for path in &record.paths {
+            let good = path.failures == 0 && path.cases > 0;
+            let worst = if good { path.worst.clone() } else { format!("{} FAIL", path.worst) };
+            let share =
+                path.ratio.map_or_else(String::new, |ratio| format!("{:.0}%", 100.0 * ratio));
+            let mut cells = name(check);
+            cells.extend([path.adapter.path.clone(), path.cases.to_string(), worst, share]);
+            cells.push(assertion.clone());
+            table.row(if good { GOOD } else { BAD }, cells);
+        }
+    }
+    if !table.is_empty() {
+        table.write(out)?;
+    }
+    Ok(failed)
+}
+
+fn write_frames(records: &[Record], out: &mut dyn Write) -> anyhow::Result<usize> {
+    let mut table = Table::new(&["frame", "path", "pixels", "worst", "asserted"], &[2]);
+    let mut failed = 0;
+    for record in records {
+        let Subject::Frame { golden, assertion } = &record.subject else { continue };
+        failed += usize::from(record.verdict != Recorded::Pass);
+        for path in &record.paths {
+            let good = path.failures == 0;
+            let worst = if good { path.worst.clone() } else { "FAIL".to_owned() };
+            let cells = [golden, &path.adapter.path, &path.cases.to_string(), &worst, assertion];
+            table.row(if good { GOOD } else { BAD }, cells.map(String::clone).to_vec());
+        }
+        if record.paths.is_empty() {
+            let cells = [golden, "-", "0", "ERROR", assertion];
+            table.row(BAD, cells.map(str::to_owned).to_vec());
+        }
+    }
+    if !table.is_empty() {
+        writeln!(out)?;
+        table.write(out)?;
+    }
+    Ok(failed)
+}
+
+fn write_untested(
+    records: &[Record],
+    project: &Project,
+    args: &Args,
+    out: &mut dyn Write,
+) -> anyhow::Result<()> {
+    let tested: BTreeSet<&str> = records
+        .iter()
+        .filter_map(|record| match &record.subject {
+            Subject::Function { function, .. } => Some(function.as_str()),
+            Subject::Frame { .. } => None,
+        })
+        .collect();
+    let mut untested = Vec::new();
+    for package in project.packages(&args.package)? {
+        let items = callable(&package)?;
+        untested.extend(items.into_iter().filter(|item| !tested.contains(item.path.as_str())));
+    }
+    if untested.is_empty() {
+        return Ok(());
+    }
+    writeln!(out, "\n{HEAD}functions with no test of their own{HEAD:#}")?;
+    for item in untested {
+        writeln!(out, "{DIM}{}  {}{DIM:#}", item.path, item.span)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,286 @@
+//! Frames: a scene drawn off-screen into linear float colour.
+//!
+//! A frame is a list of draws over one module's resources: meshes with a vertex and a fragment
+//! function, and full-screen triangles. With a depth pre-pass, depth alone is drawn first and the
+//! colour pass tests for equality, so each fragment is shaded once.
+
+mod renderer;
+
+use glam::Vec3;
+
+use crate::check::Identity;
+use crate::fixture::{Fixture, FixtureError, Fixtures};
+use crate::golden::{DEFAULT_RELATIVE, FrameMargin, GoldenError, Goldens, Rendered};
+use crate::image::Image;
+use crate::package::Package;
+use crate::path::{self, Adapter, Path, PathError};
+use crate::record::{self, PathRecord, Record, Subject, Verdict};
+use crate::reflect::ReflectError;
+
+/// Triangles, with their corners' positions at `@location(0)` as `vec3<f32>`.
+#[derive(Clone, Debug)]
+pub struct Mesh {
+    pub(crate) positions: Vec<Vec3>,
+    pub(crate) indices: Vec<u32>,
+}
+
+impl Mesh {
+    /// A mesh of triangles, counter-clockwise seen from outside; others are culled.
+    ///
+    /// # Panics
+    /// If an index has no position, or the indices aren't whole triangles.
+    #[must_use]
+    pub fn new(positions: Vec<Vec3>, indices: Vec<u32>) -> Self {
+        assert_eq!(indices.len() % 3, 0, "a triangle has three indices");
+        let highest = indices.iter().max().copied().unwrap_or(0);
+        assert!((highest as usize) < positions.len(), "index {highest} has no position");
+        Self { positions, indices }
+    }
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Draw {
+    pub(crate) vertex: String,
+    pub(crate) fragment: String,
+    /// `None`: one triangle that covers the frame, from `@builtin(vertex_index)`.
+    pub(crate) mesh: Option<(Mesh, u32)>,
+}
+
+/// A frame to be drawn.
+#[derive(Clone, Debug)]
+#[must_use = "a frame draws nothing until `.render(...)` or `.matches(...)`"]
+pub struct Frame<'a> {
+    package: &'a Package,
+    module: String,
+    width: u32,
+    height: u32,
+    fixtures: Fixtures,
+    draws: Vec<Draw>,
+    prepass: bool,
+    relative: f32,
+}
+
+/// What a frame that matches its golden was compared on.
+#[derive(Clone, Debug)]
+pub struct FrameAgreement {
+    /// Name of the golden.
+    pub case: String,
+    /// Each path with its margin.
+    pub paths: Vec<(Adapter, FrameMargin)>,
+}
+
+/// Why a frame has no verdict, or a bad one.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FrameError {
+    /// The shader is at fault.
+    #[error(transparent)]
+    Reflect(#[from] ReflectError),
+    /// Fixtures and variables don't match.
+    #[error(transparent)]
+    Fixture(#[from] FixtureError),
+    /// A path can't be used.
+    #[error(transparent)]
+    Path(#[from] PathError),
+    /// No such entry point.
+    #[error("module `{module}` has no {stage} entry point `{name}`")]
+    EntryPoint {
+        /// The module.
+        module: String,
+        /// `vertex` or `fragment`.
+        stage: &'static str,
+        /// What was asked for.
+        name: String,
+    },
+    /// Nothing is drawn.
+    #[error("the frame draws nothing; add `.mesh(...)` or `.fullscreen(...)`")]
+    Empty,
+    /// The golden differs, is missing or can't be used.
+    #[error("on {adapter}\n{source}")]
+    Golden {
+        /// What rendered the frame.
+        adapter: Adapter,
+        /// What is wrong.
+        source: GoldenError,
+    },
+}
+
+impl Package {
+    /// Starts a frame of `width` x `height` pixels, drawn with entry points of `module`.
+    pub fn frame(&self, module: &str, width: u32, height: u32) -> Frame<'_> {
+        Frame {
+            package: self,
+            module: module.to_owned(),
+            width,
+            height,
+            fixtures: Vec::new(),
+            draws: Vec::new(),
+            prepass: false,
+            relative: DEFAULT_RELATIVE,
+        }
+    }
+}
+
+impl Frame<'_> {
+    /// Supplies a texture, sampler or buffer for the resource variable `name`.
+    pub fn with(mut self, name: &str, fixture: impl Into<Fixture>) -> Self {
+        self.fixtures.push((name.to_owned(), fixture.into()));
+        self
+    }
+
+    /// Draws `instances` copies of a mesh.
+    pub fn mesh(mut self, vertex: &str, fragment: &str, mesh: Mesh, instances: u32) -> Self {
+        let (vertex, fragment) = (vertex.to_owned(), fragment.to_owned());
+        self.draws.push(Draw { vertex, fragment, mesh: Some((mesh, instances)) });
+        self
+    }
+
+    /// Draws one triangle whose three corners the vertex function makes from
+    /// `@builtin(vertex_index)`. At depth 1 it is seen where no mesh is.
+    pub fn fullscreen(mut self, vertex: &str, fragment: &str) -> Self {
+        let (vertex, fragment) = (vertex.to_owned(), fragment.to_owned());
+        self.draws.push(Draw { vertex, fragment, mesh: None });
+        self
+    }
+
+    /// Draws depth alone first, then colour where the depth is equal.
+    pub fn depth_prepass(mut self) -> Self {
+        self.prepass = true;
+        self
+    }
+
+    /// Sets the largest relative difference of a channel from the golden (default 1e-3).
+    pub fn tolerance(mut self, relative: f32) -> Self {
+        self.relative = relative;
+        self
+    }
+
+    /// Draws the frame on one path.
+    ///
+    /// # Errors
+    /// If the shader isn't valid, a fixture is missing, or the path doesn't open.
+    pub fn render(&self, path: Path) -> Result<Image, FrameError> {
+        self.render_on(path::open(path)?).map(|(image, _)| image)
+    }
+
+    fn render_on(&self, device: &'static path::Device) -> Result<(Image, String), FrameError> {
+        if self.draws.is_empty() {
+            return Err(FrameError::Empty);
+        }
+        renderer::render(device, self)
+    }
+
+    /// Draws the frame on each selected path and compares it with a golden.
+    ///
+    /// # Panics
+    /// With the [`FrameError`], if it differs or there is nothing to compare with.
+    #[track_caller]
+    pub fn matches(&self, goldens: &Goldens, case: &str) -> FrameAgreement {
+        match self.try_matches(goldens, case) {
+            Ok(agreement) => agreement,
+            Err(error) => panic!("{error}"),
+        }
+    }
+
+    /// [`matches`](Self::matches) without the panic.
+    ///
+    /// # Errors
+    /// If it differs or there is nothing to compare with.
+    pub fn try_matches(&self, goldens: &Goldens, case: &str) -> Result<FrameAgreement, FrameError> {
+        let mut paths = Vec::new();
+        let mut records = Vec::new();
+        let result = self.compare(goldens, case, &mut paths, &mut records);
+        let (verdict, message) = match &result {
+            Ok(()) => (Verdict::Pass, None),
+            Err(error @ FrameError::Golden { source: GoldenError::Differs { .. }, .. }) => {
+                (Verdict::Fail, Some(error.to_string()))
+            }
+            Err(error) => (Verdict::Error, Some(error.to_string())),
+        };
+        record::write(&Record {
+            schema: record::SCHEMA,
+            test: Identity::current().test,
+            subject: Subject::Frame {
+                golden: case.to_owned(),
+                assertion: format!("matches its golden to rel {:e}", self.relative),
+            },
+            verdict,
+            paths: records,
+            message,
+        });
+        result.map(|()| FrameAgreement { case: case.to_owned(), paths })
+    }
+
+    fn compare(
+        &self,
+        goldens: &Goldens,
+        case: &str,
+        paths: &mut Vec<(Adapter, FrameMargin)>,
+        records: &mut Vec<PathRecord>,
+    ) -> Result<(), FrameError> {
+        for device in path::selected()? {
+            let adapter = device.adapter();
+            let (image, shader) = self.render_on(device)?;
+            let frame = Rendered { image: &image, adapter, shader, relative: self.relative };
+            let compared = goldens.check(case, &frame);
+            let mut entry = PathRecord {
+                adapter: adapter.clone(),
+                cases: u64::from(self.width) * u64::from(self.height),
+                failures: 0,
+                worst: String::new(),
+                ratio: None,
+            };
+            match compared {
+                Ok(margin) => {
+                    entry.ratio = Some(f64::from(margin.ratio));
+                    entry.worst = if margin.identical {
+                        "equal".to_owned()
+                    } else {
+                        let relative = f64::from(margin.relative);
+                        format!("rel {}", crate::tolerance::significant(relative))
+                    };
+                    records.push(entry);
+                    paths.push((adapter.clone(), margin));
+                }
+                Err(source) => {
+                    entry.failures = failures(&source);
+                    records.push(entry);
+                    return Err(FrameError::Golden { adapter: adapter.clone(), source });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn failures(error: &GoldenError) -> u64 {
+    use crate::golden::FrameDifference;
+    match error {
+        GoldenError::Differs { difference, .. } => match **difference {
+            FrameDifference::Values { outliers, .. } => outliers as u64,
+            _ => 1,
+        },
+        _ => 1,
+    }
+}
+
+impl Frame<'_> {
+    pub(crate) fn package(&self) -> &Package {
+        self.package
+    }
+    pub(crate) fn module(&self) -> &str {
+        &self.module
+    }
+    pub(crate) fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+    pub(crate) fn fixtures(&self) -> &Fixtures {
+        &self.fixtures
+    }
+    pub(crate) fn draws(&self) -> &[Draw] {
+        &self.draws
+    }
+    pub(crate) fn has_prepass(&self) -> bool {
+        self.prepass
+    }
+}

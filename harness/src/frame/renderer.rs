@@ -1,0 +1,313 @@
+//! Draws a frame on a device and reads it back.
+
+use std::collections::BTreeMap;
+
+use super::{Draw, Frame, FrameError, Mesh};
+use crate::fixture::{self, Resource};
+use crate::image::Image;
+use crate::path::{Device, guard};
+use crate::reflect::{Binding, Program};
+
+const COLOR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+/// Bytes of a pixel of `COLOR`.
+const PIXEL: u32 = 16;
+
+/// A draw with its pipelines.
+struct Prepared {
+    buffers: Option<(wgpu::Buffer, wgpu::Buffer)>,
+    vertices: u32,
+    instances: u32,
+    depth: Option<(wgpu::RenderPipeline, Vec<wgpu::BindGroup>)>,
+    color: (wgpu::RenderPipeline, Vec<wgpu::BindGroup>),
+}
+
+/// The frame, and the hash of the WGSL that drew it.
+pub(super) fn render(
+    device: &'static Device,
+    frame: &Frame<'_>,
+) -> Result<(Image, String), FrameError> {
+    let (width, height) = frame.size();
+    let mut items: Vec<&str> = Vec::new();
+    for draw in frame.draws() {
+        items.extend([draw.vertex.as_str(), draw.fragment.as_str()]);
+    }
+    let program = Program::of_items(frame.package(), frame.module(), &items)?;
+    let shader = blake3::hash(program.text().as_bytes()).to_hex().to_string();
+
+    let bindings_of = |stage: &'static str, name: &str| {
+        program.entry_point_bindings(name).ok_or_else(|| FrameError::EntryPoint {
+            module: frame.module().to_owned(),
+            stage,
+            name: name.to_owned(),
+        })
+    };
+    let mut stages = Vec::new();
+    for draw in frame.draws() {
+        let vertex = bindings_of("vertex", &draw.vertex)?;
+        let fragment = bindings_of("fragment", &draw.fragment)?;
+        let mut both = vertex.clone();
+        both.extend(fragment.into_iter().filter(|binding| !vertex.contains(binding)));
+        stages.push((vertex, both));
+    }
+    let all: Vec<Binding> = stages.iter().flat_map(|(_, both)| both.clone()).collect();
+    fixture::check_used(&all, frame.fixtures())?;
+    let mut resources: BTreeMap<(u32, u32), Resource> = BTreeMap::new();
+    for (binding, fixture) in fixture::resolve(&all, frame.fixtures())? {
+        let key = (binding.group, binding.binding);
+        if let std::collections::btree_map::Entry::Vacant(entry) = resources.entry(key) {
+            entry.insert(fixture::upload(device, &program, binding, fixture)?);
+        }
+    }
+
+    let (module, path) = (frame.module().to_owned(), device.path());
+    let _deadline =
+        guard(move || format!("the {width} x {height} frame of module `{module}` on path {path}"));
+    let painter = Painter { device, frame, resources: &resources };
+    let image = device.checked(|| {
+        let shader = device.shader_module(program.text());
+        let draws: Vec<Prepared> = frame
+            .draws()
+            .iter()
+            .zip(&stages)
+            .map(|(draw, (vertex, both))| painter.prepare(&shader, draw, vertex, both))
+            .collect();
+        painter.paint(&draws)
+    })?;
+    let unpadded = (width * PIXEL) as usize;
+    let stride = padded(width) as usize;
+    let size = u64::from(padded(width)) * u64::from(height);
+    let pixels = device.read_back(&image, size, |bytes| {
+        let rows = bytes.chunks_exact(stride).map(|row| &row[..unpadded]);
+        rows.flat_map(|row| bytemuck::pod_collect_to_vec::<u8, [f32; 4]>(row)).collect()
+    })?;
+    Ok((Image::new(width, height, pixels), shader))
+}
+
+/// Bytes of a row in a buffer that a texture is copied to.
+fn padded(width: u32) -> u32 {
+    (width * PIXEL).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT)
+}
+
+struct Painter<'a> {
+    device: &'static Device,
+    frame: &'a Frame<'a>,
+    resources: &'a BTreeMap<(u32, u32), Resource>,
+}
+
+impl Painter<'_> {
+    fn prepare(
+        &self,
+        shader: &wgpu::ShaderModule,
+        draw: &Draw,
+        vertex: &[Binding],
+        both: &[Binding],
+    ) -> Prepared {
+        let (buffers, vertices, instances) = match &draw.mesh {
+            Some((mesh, instances)) => {
+                (Some(self.upload(mesh)), mesh.indices.len() as u32, *instances)
+            }
+            None => (None, 3, 1),
+        };
+        let bound = |pipeline: wgpu::RenderPipeline, bindings: &[Binding]| {
+            let groups = self.bind(&pipeline, bindings);
+            (pipeline, groups)
+        };
+        // Only meshes are drawn in advance: what covers the frame is behind them.
+        let depth = (self.frame.has_prepass() && draw.mesh.is_some())
+            .then(|| bound(self.pipeline(shader, draw, false), vertex));
+        let color = bound(self.pipeline(shader, draw, true), both);
+        Prepared { buffers, vertices, instances, depth, color }
+    }
+
+    fn upload(&self, mesh: &Mesh) -> (wgpu::Buffer, wgpu::Buffer) {
+        let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
+        let upload = |bytes: &[u8], usage| {
+            let buffer = self.device.device.create_buffer(&wgpu::BufferDescriptor {
+                label: None,
+                size: bytes.len() as u64,
+                usage: usage | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            });
+            self.device.queue.write_buffer(&buffer, 0, bytes);
+            buffer
+        };
+        let vertices = upload(bytemuck::cast_slice(&positions), wgpu::BufferUsages::VERTEX);
+        let indices = upload(bytemuck::cast_slice(&mesh.indices), wgpu::BufferUsages::INDEX);
+        (vertices, indices)
+    }
+
+    fn pipeline(
+        &self,
+        shader: &wgpu::ShaderModule,
+        draw: &Draw,
+        color: bool,
+    ) -> wgpu::RenderPipeline {
+        let attributes = wgpu::vertex_attr_array![0 => Float32x3];
+        let layout = wgpu::VertexBufferLayout {
+            array_stride: 12,
+            step_mode: wgpu::VertexStepMode::Vertex,
+            attributes: &attributes,
+        };
+        let with_buffer = [Some(layout)];
+        let buffers: &[_] = if draw.mesh.is_some() { &with_buffer } else { &[] };
+        let (compare, write) = match (color, self.frame.has_prepass()) {
+            (true, true) => (wgpu::CompareFunction::Equal, false),
+            (true, false) => (wgpu::CompareFunction::LessEqual, true),
+            (false, _) => (wgpu::CompareFunction::Less, true),
+        };
+        let targets = [Some(wgpu::ColorTargetState::from(COLOR))];
+        self.device.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(&draw.fragment),
+            layout: None,
+            vertex: wgpu::VertexState {
+                module: shader,
+                entry_point: Some(&draw.vertex),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                buffers,
+            },
+            primitive: wgpu::PrimitiveState {
+                cull_mode: draw.mesh.is_some().then_some(wgpu::Face::Back),
+                ..wgpu::PrimitiveState::default()
+            },
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: DEPTH,
+                depth_write_enabled: Some(write),
+                depth_compare: Some(compare),
+                stencil: wgpu::StencilState::default(),
+                bias: wgpu::DepthBiasState::default(),
+            }),
+            multisample: wgpu::MultisampleState::default(),
+            fragment: color.then_some(wgpu::FragmentState {
+                module: shader,
+                entry_point: Some(&draw.fragment),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                targets: &targets,
+            }),
+            multiview_mask: None,
+            cache: None,
+        })
+    }
+
+    fn bind(&self, pipeline: &wgpu::RenderPipeline, bindings: &[Binding]) -> Vec<wgpu::BindGroup> {
+        let groups = bindings.iter().map(|binding| binding.group + 1).max().unwrap_or(0);
+        (0..groups)
+            .map(|group| {
+                let entries: Vec<_> = bindings
+                    .iter()
+                    .filter(|binding| binding.group == group)
+                    .map(|binding| wgpu::BindGroupEntry {
+                        binding: binding.binding,
+                        resource: self.resources[&(group, binding.binding)].binding(),
+                    })
+                    .collect();
+                self.device.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                    label: None,
+                    layout: &pipeline.get_bind_group_layout(group),
+                    entries: &entries,
+                })
+            })
+            .collect()
+    }
+
+    /// Submits both passes and the copy into a buffer, which it returns.
+    fn paint(&self, draws: &[Prepared]) -> wgpu::Buffer {
+        let (width, height) = self.frame.size();
+        let device = &self.device.device;
+        let size = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };
+        let texture = |format, usage| {
+            device.create_texture(&wgpu::TextureDescriptor {
+                label: None,
+                size,
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage: usage | wgpu::TextureUsages::RENDER_ATTACHMENT,
+                view_formats: &[],
+            })
+        };
+        let color = texture(COLOR, wgpu::TextureUsages::COPY_SRC);
+        let depth = texture(DEPTH, wgpu::TextureUsages::empty());
+        let color_view = color.create_view(&wgpu::TextureViewDescriptor::default());
+        let depth_view = depth.create_view(&wgpu::TextureViewDescriptor::default());
+        let mut encoder = device.create_command_encoder(&Default::default());
+        let mut loaded = wgpu::LoadOp::Clear(1.0);
+        if self.frame.has_prepass() {
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                depth_stencil_attachment: Some(depth_attachment(&depth_view, loaded)),
+                ..wgpu::RenderPassDescriptor::default()
+            });
+            for draw in draws {
+                if let Some(depth) = &draw.depth {
+                    record(&mut pass, draw, depth);
+                }
+            }
+            loaded = wgpu::LoadOp::Load;
+        }
+        {
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                    view: &color_view,
+                    depth_slice: None,
+                    resolve_target: None,
+                    ops: wgpu::Operations {
+                        load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                        store: wgpu::StoreOp::Store,
+                    },
+                })],
+                depth_stencil_attachment: Some(depth_attachment(&depth_view, loaded)),
+                ..wgpu::RenderPassDescriptor::default()
+            });
+            for draw in draws {
+                record(&mut pass, draw, &draw.color);
+            }
+        }
+        let bytes_per_row = padded(width);
+        let staging = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("frame"),
+            size: u64::from(bytes_per_row) * u64::from(height),
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let layout = wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(bytes_per_row),
+            rows_per_image: Some(height),
+        };
+        let target = wgpu::TexelCopyBufferInfo { buffer: &staging, layout };
+        encoder.copy_texture_to_buffer(color.as_image_copy(), target, size);
+        self.device.queue.submit([encoder.finish()]);
+        staging
+    }
+}
+
+fn depth_attachment(
+    view: &wgpu::TextureView,
+    load: wgpu::LoadOp<f32>,
+) -> wgpu::RenderPassDepthStencilAttachment<'_> {
+    wgpu::RenderPassDepthStencilAttachment {
+        view,
+        depth_ops: Some(wgpu::Operations { load, store: wgpu::StoreOp::Store }),
+        stencil_ops: None,
+    }
+}
+
+fn record(
+    pass: &mut wgpu::RenderPass<'_>,
+    draw: &Prepared,
+    (pipeline, groups): &(wgpu::RenderPipeline, Vec<wgpu::BindGroup>),
+) {
+    pass.set_pipeline(pipeline);
+    for (index, group) in (0..).zip(groups) {
+        pass.set_bind_group(index, group, &[]);
+    }
+    match &draw.buffers {
+        Some((vertices, indices)) => {
+            pass.set_vertex_buffer(0, vertices.slice(..));
+            pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
+            pass.draw_indexed(0..draw.vertices, 0, 0..draw.instances);
+        }
+        None => pass.draw(0..draw.vertices, 0..draw.instances),
+    }
+}

@@ -1,0 +1,218 @@
+//! Golden images: what a frame should look like, in HDR.
+//!
+//! A golden is `<case>.exr` and `<case>.toml`, the same facts as text. A frame that differs, or
+//! has no golden, fails and leaves `<case>.new.exr` beside it (with `CI` set, in the report's
+//! folder instead). Only accepting writes a golden.
+
+mod compare;
+mod pending;
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+pub use compare::{FrameDifference, FrameMargin, Outlier};
+pub use pending::{AcceptError, Pending};
+
+use crate::image::{Image, ImageError, Precision};
+use crate::path::Adapter;
+
+/// A folder of goldens.
+///
+/// ```
+/// static GOLDEN: karat::Goldens = karat::goldens!("golden"); // relative to Cargo.toml
+/// # let _ = &GOLDEN;
+/// ```
+#[derive(Clone, Debug)]
+pub struct Goldens {
+    base: std::borrow::Cow<'static, str>,
+    folder: std::borrow::Cow<'static, str>,
+}
+
+/// Declares a folder of [`Goldens`], relative to the manifest of the crate that calls it.
+#[macro_export]
+macro_rules! goldens {
+    ($folder:expr) => {
+        $crate::Goldens::relative(env!("CARGO_MANIFEST_DIR"), $folder)
+    };
+}
+
+/// Largest relative difference of a channel, unless a frame says otherwise: twice the step of the
+/// half floats that goldens are stored in.
+pub const DEFAULT_RELATIVE: f32 = 1e-3;
+
+/// What is known of a golden or a pending frame, stored in its EXR and beside it as TOML.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Provenance {
+    /// Version of this format.
+    pub schema: u32,
+    /// Name of the golden.
+    pub case: String,
+    /// blake3 of the linked WGSL.
+    pub shader: String,
+    /// blake3 of size and pixels, as stored.
+    pub pixels: String,
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+    /// Colour space of the values.
+    pub color_space: String,
+    /// How samples are stored.
+    pub precision: Precision,
+    /// Largest relative difference of a channel.
+    pub relative: String,
+    /// What rendered it. The name of a software rasteriser holds its compiler's version and its
+    /// vector width, which its results depend on.
+    pub adapter: Adapter,
+    /// Vendor and model of the processor: software rasterisers differ between them.
+    pub processor: String,
+    /// Pixels of the golden that this frame was compared with; empty if there was none.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub compared_with: String,
+    /// Who accepted it.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub accepted_by: String,
+    /// When, in UTC.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub accepted_at: String,
+    /// Why.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub because: String,
+}
+
+/// Version of [`Provenance`].
+const SCHEMA: u32 = 1;
+
+/// A frame to be compared.
+#[derive(Clone, Debug)]
+pub(crate) struct Rendered<'a> {
+    pub(crate) image: &'a Image,
+    pub(crate) adapter: &'a Adapter,
+    pub(crate) shader: String,
+    pub(crate) relative: f32,
+}
+
+/// Why a frame has no verdict, or a bad one.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum GoldenError {
+    /// A name that isn't one path component or several joined by `/`.
+    #[error("`{0}` can't name a golden: use letters, digits, `-`, `_` and `/`")]
+    Name(String),
+    /// There is no golden yet.
+    #[error(
+        "frame `{case}` has no golden; look at `{pending}` and accept it with \
+         `karat accept {case} --because \"...\"`"
+    )]
+    Missing {
+        /// The golden.
+        case: String,
+        /// The frame that was rendered.
+        pending: String,
+    },
+    /// The golden can't be read. It isn't overwritten.
+    #[error(
+        "the golden of frame `{case}` can't be used: {source}; restore it from version control"
+    )]
+    Unreadable {
+        /// The golden.
+        case: String,
+        /// Why.
+        source: ImageError,
+    },
+    /// The frame differs.
+    #[error(
+        "frame `{case}` differs from its golden: {difference}\n  look at `{pending}`, then `karat accept {case} --because \"...\"` or `karat reject {case}`"
+    )]
+    Differs {
+        /// The golden.
+        case: String,
+        /// How.
+        difference: Box<FrameDifference>,
+        /// The frame that was rendered.
+        pending: String,
+    },
+    /// The pending frame can't be written.
+    #[error("frame `{case}` fails ({failure}), and its pending image can't be written: {source}")]
+    Pending {
+        /// The golden.
+        case: String,
+        /// The failure that it would have shown.
+        failure: String,
+        /// Why.
+        source: ImageError,
+    },
+}
+
+impl Goldens {
+    /// A folder relative to `base`. [`goldens!`](crate::goldens) fills in the manifest's folder.
+    #[must_use]
+    pub const fn relative(base: &'static str, folder: &'static str) -> Self {
+        use std::borrow::Cow;
+        Self { base: Cow::Borrowed(base), folder: Cow::Borrowed(folder) }
+    }
+
+    /// A folder.
+    #[must_use]
+    pub fn open(folder: &Path) -> Self {
+        let folder = folder.to_string_lossy().into_owned().into();
+        Self { base: std::borrow::Cow::Borrowed(""), folder }
+    }
+
+    /// The folder.
+    #[must_use]
+    pub fn folder(&self) -> PathBuf {
+        Path::new(self.base.as_ref()).join(self.folder.as_ref())
+    }
+
+    fn golden(&self, case: &str) -> PathBuf {
+        self.folder().join(format!("{case}.exr"))
+    }
+
+    /// Compares a frame with its golden.
+    pub(crate) fn check(
+        &self,
+        case: &str,
+        frame: &Rendered<'_>,
+    ) -> Result<FrameMargin, GoldenError> {
+        let sound = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
+        if !case.split('/').all(|part| !part.is_empty() && part.chars().all(sound)) {
+            return Err(GoldenError::Name(case.to_owned()));
+        }
+        let failed = |case: &str, failure: &str, source: ImageError| GoldenError::Pending {
+            case: case.to_owned(),
+            failure: failure.to_owned(),
+            source,
+        };
+        let (golden, metadata) = match Image::read_exr(&self.golden(case)) {
+            Ok(read) => read,
+            Err(ImageError::Missing { .. }) => {
+                let pending = self
+                    .write_pending(case, frame, "", Precision::Half)
+                    .map_err(|source| failed(case, "it has no golden", source))?;
+                return Err(GoldenError::Missing { case: case.to_owned(), pending });
+            }
+            Err(source) => return Err(GoldenError::Unreadable { case: case.to_owned(), source }),
+        };
+        // A golden made by another tool has no provenance of ours; it is float to be on the safe
+        // side.
+        let provenance: Option<Provenance> =
+            metadata.and_then(|metadata| serde_json::from_str(&metadata).ok());
+        let precision = provenance.map_or(Precision::Float, |provenance| provenance.precision);
+        let actual = frame.image.rounded_to(precision);
+        match compare::compare(&golden, &actual, frame.relative) {
+            Ok(margin) => {
+                self.remove_pending(case);
+                Ok(margin)
+            }
+            Err(difference) => {
+                let pending = self
+                    .write_pending(case, frame, &golden.hash(), precision)
+                    .map_err(|source| failed(case, &difference.to_string(), source))?;
+                let (case, difference) = (case.to_owned(), Box::new(difference));
+                Err(GoldenError::Differs { case, difference, pending })
+            }
+        }
+    }
+}

@@ -1,0 +1,196 @@
+//! Float images: what a frame is read back as, and what a golden holds.
+
+mod exr;
+mod png;
+
+use half::f16;
+
+pub(crate) use self::exr::write_whole;
+pub use self::exr::{ImageError, Precision};
+
+/// Linear RGBA in 32-bit floats, rows from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    width: u32,
+    height: u32,
+    pixels: Vec<[f32; 4]>,
+}
+
+/// How many values of an image are no finite numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct NonFinite {
+    /// Pixels with a NaN.
+    pub nan: usize,
+    /// Pixels with an infinity and no NaN.
+    pub infinite: usize,
+    /// Column and row of the first one.
+    pub first: Option<(u32, u32)>,
+}
+
+impl Image {
+    /// An image from its pixels.
+    ///
+    /// # Panics
+    /// If there aren't `width * height` pixels.
+    #[must_use]
+    pub fn new(width: u32, height: u32, pixels: Vec<[f32; 4]>) -> Self {
+        let expected = width as usize * height as usize;
+        assert_eq!(pixels.len(), expected, "a {width} x {height} image has {expected} pixels");
+        Self { width, height, pixels }
+    }
+
+    /// Width in pixels.
+    #[must_use]
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Height in pixels.
+    #[must_use]
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// All pixels, row by row from the top.
+    #[must_use]
+    pub fn pixels(&self) -> &[[f32; 4]] {
+        &self.pixels
+    }
+
+    /// All pixels, to be changed.
+    pub fn pixels_mut(&mut self) -> &mut [[f32; 4]] {
+        &mut self.pixels
+    }
+
+    /// The image that a file of this precision gives back.
+    #[must_use]
+    pub fn rounded_to(&self, precision: Precision) -> Self {
+        let round = |value: &f32| match precision {
+            Precision::Half => f16::from_f32(*value).to_f32(),
+            Precision::Float => *value,
+        };
+        let pixels = self.pixels.iter().map(|pixel| pixel.each_ref().map(round)).collect();
+        Self { pixels, ..*self }
+    }
+
+    /// A hash of size and pixel bits.
+    #[must_use]
+    pub fn hash(&self) -> String {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&self.width.to_le_bytes());
+        hasher.update(&self.height.to_le_bytes());
+        hasher.update(bytemuck::cast_slice(&self.pixels));
+        hasher.finalize().to_hex().to_string()
+    }
+
+    /// Counts NaN and infinities.
+    #[must_use]
+    pub fn non_finite(&self) -> NonFinite {
+        let mut census = NonFinite::default();
+        for (index, pixel) in (0..).zip(&self.pixels) {
+            if pixel.iter().all(|value| value.is_finite()) {
+                continue;
+            }
+            if pixel.iter().any(|value| value.is_nan()) {
+                census.nan += 1;
+            } else {
+                census.infinite += 1;
+            }
+            census.first = census.first.or(Some((index % self.width, index / self.width)));
+        }
+        census
+    }
+
+    /// The logarithmic mean of luminance: the brightness that an exposure would map to grey.
+    /// Black and non-finite pixels are left out; an image of nothing else has 1.
+    #[must_use]
+    pub fn key(&self) -> f32 {
+        let logarithms = self.pixels.iter().map(luminance).filter(|l| l.is_normal() && *l > 0.0);
+        let (count, sum) =
+            logarithms.fold((0_u32, 0.0), |(count, sum), l| (count + 1, sum + f64::from(l).ln()));
+        if count == 0 {
+            return 1.0;
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "a mean of f32 luminances")]
+        let key = (sum / f64::from(count)).exp() as f32;
+        key
+    }
+}
+
+/// Luminance of linear sRGB, ITU-R BT.709.
+fn luminance([r, g, b, _]: &[f32; 4]) -> f32 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
+}
+
+impl approx::AbsDiffEq for Image {
+    type Epsilon = f32;
+
+    fn default_epsilon() -> f32 {
+        f32::EPSILON
+    }
+
+    /// Same size, and each channel within `epsilon`. NaN equals nothing.
+    fn abs_diff_eq(&self, other: &Self, epsilon: f32) -> bool {
+        self.all_channels(other, |a, b| a.abs_diff_eq(&b, epsilon))
+    }
+}
+
+impl approx::RelativeEq for Image {
+    fn default_max_relative() -> f32 {
+        f32::EPSILON
+    }
+
+    /// Same size, and each channel within `epsilon` or relatively within `max_relative`.
+    fn relative_eq(&self, other: &Self, epsilon: f32, max_relative: f32) -> bool {
+        self.all_channels(other, |a, b| a.relative_eq(&b, epsilon, max_relative))
+    }
+}
+
+impl Image {
+    fn all_channels(&self, other: &Self, equal: impl Fn(f32, f32) -> bool) -> bool {
+        (self.width, self.height) == (other.width, other.height)
+            && self
+                .pixels
+                .iter()
+                .flatten()
+                .zip(other.pixels.iter().flatten())
+                .all(|(a, b)| equal(*a, *b))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use approx::{AbsDiffEq, RelativeEq};
+
+    use super::*;
+
+    fn grey(value: f32) -> Image {
+        Image::new(3, 2, vec![[value, value, value, 1.0]; 6])
+    }
+
+    #[test]
+    fn non_finite_pixels_are_counted_and_placed() {
+        let mut image = grey(0.5);
+        image.pixels_mut()[4][2] = f32::NAN;
+        image.pixels_mut()[5][0] = f32::INFINITY;
+        let expected = NonFinite { nan: 1, infinite: 1, first: Some((1, 1)) };
+        assert_eq!(image.non_finite(), expected);
+        assert!(!image.abs_diff_eq(&image, 1.0), "an image with NaN equals nothing");
+    }
+
+    #[test]
+    fn comparisons_see_one_channel_of_one_pixel() {
+        let (a, mut b) = (grey(0.5), grey(0.5));
+        assert!(a.relative_eq(&b, 0.0, 0.0));
+        b.pixels_mut()[5][2] += 0.01;
+        assert!(!a.relative_eq(&b, 0.0, 1e-3));
+        assert!(a.abs_diff_eq(&b, 0.011));
+        assert_ne!(a.hash(), b.hash());
+    }
+
+    #[test]
+    fn the_key_is_the_logarithmic_mean() {
+        assert!((grey(0.25).key() - 0.25).abs() < 1e-6);
+        assert_eq!(grey(0.0).key(), 1.0);
+    }
+}
