@@ -39,7 +39,7 @@ const SPACING: vec2f = vec2f(3.2, 2.2);
 
 // Few enough for a software rasteriser. A power of two makes the diffuse furnace exact.
 const DIFFUSE_SAMPLES: u32 = 256u;
-const SPECULAR_SAMPLES: u32 = 256u;
+const SPECULAR_SAMPLES: u32 = 512u;
 
 /// The least N.V that is shaded. Weights are bounded however small it is; at 1e-3 the rounding
 /// of N.V, about 1e-7, is still 1e-4 of it.

@@ -30,8 +30,12 @@ fn studio() -> CubeMap {
     CubeMap::from_texels(ENVIRONMENT, environment::cube_map(ENVIRONMENT, environment::studio))
 }
 
+/// Where a path draws and filters 16-bit floats only, as GL does here, one pixel in a hundred is
+/// off by more than the 1e-3 of lavapipe: up to 4 % where a mirror shows the edge of a light.
+const GL_TOLERANCE: f32 = 5e-2;
+
 /// Diffuse and importance-sampled specular light of the studio on 8 materials x 8 roughnesses.
 #[test]
 fn scene_in_the_studio() {
-    lit_scene(studio()).matches(&GOLDEN, "scene");
+    lit_scene(studio()).tolerance_on(Path::Gl, GL_TOLERANCE).matches(&GOLDEN, "scene");
 }

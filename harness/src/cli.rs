@@ -56,6 +56,7 @@ enum Command {
     Show(show::Args),
     /// Call a function and print its value on every path
     #[command(after_help = "Examples:\n  karat call fresnel::schlick 0.04,0.04,0.04 0.3\n  \
+                            karat call layering::thin_coat --path vulkan -- -1,0,0 1,1,1 0.5\n  \
                             karat call fresnel::schlick --cases in.csv --out out.csv --path vulkan\n  \
                             karat call double 21 --package my.wgsl\n\
                             A vector's components are joined by commas. A table has one case a row \

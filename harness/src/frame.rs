@@ -58,6 +58,7 @@ pub struct Frame<'a> {
     draws: Vec<Draw>,
     prepass: bool,
     relative: f32,
+    relative_on: Vec<(Path, f32)>,
 }
 
 /// What a frame that matches its golden was compared on.
@@ -117,6 +118,7 @@ impl Package {
             draws: Vec::new(),
             prepass: false,
             relative: DEFAULT_RELATIVE,
+            relative_on: Vec::new(),
         }
     }
 }
@@ -152,6 +154,12 @@ impl Frame<'_> {
     /// Sets the largest relative difference of a channel from the golden (default 1e-3).
     pub fn tolerance(mut self, relative: f32) -> Self {
         self.relative = relative;
+        self
+    }
+
+    /// Sets another tolerance for one path, whose driver or formats the golden wasn't made on.
+    pub fn tolerance_on(mut self, path: Path, relative: f32) -> Self {
+        self.relative_on.push((path, relative));
         self
     }
 
@@ -221,7 +229,9 @@ impl Frame<'_> {
         for device in path::selected()? {
             let adapter = device.adapter();
             let (image, shader) = self.render_on(device)?;
-            let frame = Rendered { image: &image, adapter, shader, relative: self.relative };
+            let own = self.relative_on.iter().rev().find(|(path, _)| *path == device.path());
+            let relative = own.map_or(self.relative, |(_, relative)| *relative);
+            let frame = Rendered { image: &image, adapter, shader, relative };
             let compared = goldens.check(case, &frame);
             let mut entry = PathRecord {
                 adapter: adapter.clone(),

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 pub use compare::{FrameDifference, FrameMargin, Outlier};
-pub use pending::{AcceptError, Pending};
+pub use pending::{AcceptError, Acceptance, Pending};
 
 use crate::image::{Image, ImageError, Precision};
 use crate::path::Adapter;

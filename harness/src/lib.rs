@@ -48,8 +48,8 @@ pub use domain::{
 pub use fixture::{CubeMap, Fixture, FixtureError, Sampler, Storage, Texture, Uniform};
 pub use frame::{Frame, FrameAgreement, FrameError, Mesh};
 pub use golden::{
-    AcceptError, DEFAULT_RELATIVE, FrameDifference, FrameMargin, GoldenError, Goldens, Outlier,
-    Pending, Provenance,
+    AcceptError, Acceptance, DEFAULT_RELATIVE, FrameDifference, FrameMargin, GoldenError, Goldens,
+    Outlier, Pending, Provenance,
 };
 pub use image::{Image, ImageError, NonFinite, Precision};
 pub use package::{FunctionItem, Package, PackageError};

@@ -16,7 +16,7 @@ pub(super) struct Args {
     /// The function: `module::name`
     function: String,
     /// Its arguments; components are joined by commas
-    #[arg(allow_hyphen_values = true)]
+    #[arg(allow_negative_numbers = true)]
     arguments: Vec<String>,
     /// Path to run on; may be repeated [default: every path that opens]
     #[arg(long = "path", value_name = "PATH")]

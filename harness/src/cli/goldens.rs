@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use anyhow::ensure;
-use karat::{Goldens, Image, Pending};
+use karat::{Acceptance, Goldens, Image, Pending};
 
 use super::project::Project;
 use super::table::{DIM, Table};
@@ -46,6 +46,9 @@ pub(super) struct AcceptArgs {
     /// Why the new image is right; kept with the golden
     #[arg(long, value_name = "REASON")]
     because: String,
+    /// Who accepts [default: Git's user.name, else the login name]
+    #[arg(long, value_name = "NAME")]
+    by: Option<String>,
     /// Accept a frame that wasn't rendered on lavapipe
     #[arg(long)]
     any_adapter: bool,
@@ -106,8 +109,13 @@ fn select(goldens: &Goldens, frames: &[String]) -> anyhow::Result<Vec<Pending>> 
 
 pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
     let goldens = args.folder.open()?;
+    let acceptance = Acceptance {
+        because: args.because.clone(),
+        by: args.by.clone(),
+        any_adapter: args.any_adapter,
+    };
     for pending in select(&goldens, &args.frames)? {
-        goldens.accept(&pending, &args.because, args.any_adapter)?;
+        goldens.accept(&pending, &acceptance)?;
         writeln!(out, "accepted {}", pending.case)?;
     }
     Ok(Verdict::Good)

@@ -2,16 +2,17 @@
 
 use std::collections::BTreeMap;
 
+use half::f16;
+
 use super::{Draw, Frame, FrameError, Mesh};
 use crate::fixture::{self, Resource};
 use crate::image::Image;
 use crate::path::{Device, guard};
 use crate::reflect::{Binding, Program};
 
-const COLOR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
-/// Bytes of a pixel of `COLOR`.
-const PIXEL: u32 = 16;
+/// Channels of a pixel: RGBA.
+const CHANNELS: u32 = 4;
 
 /// A draw with its pipelines.
 struct Prepared {
@@ -74,19 +75,39 @@ pub(super) fn render(
             .collect();
         painter.paint(&draws)
     })?;
-    let unpadded = (width * PIXEL) as usize;
-    let stride = padded(width) as usize;
-    let size = u64::from(padded(width)) * u64::from(height);
-    let pixels = device.read_back(&image, size, |bytes| {
-        let rows = bytes.chunks_exact(stride).map(|row| &row[..unpadded]);
-        rows.flat_map(|row| bytemuck::pod_collect_to_vec::<u8, [f32; 4]>(row)).collect()
+    let row = Row::new(device.color_format(), width);
+    let pixels = device.read_back(&image, row.stride * u64::from(height), |bytes| {
+        let rows = bytes.chunks_exact(row.stride as usize);
+        rows.flat_map(|bytes| row.pixels(bytes)).collect()
     })?;
     Ok((Image::new(width, height, pixels), shader))
 }
 
-/// Bytes of a row in a buffer that a texture is copied to.
-fn padded(width: u32) -> u32 {
-    (width * PIXEL).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT)
+/// A row of pixels in a buffer that a texture is copied to.
+struct Row {
+    width: usize,
+    half: bool,
+    /// Bytes from one row to the next.
+    stride: u64,
+}
+
+impl Row {
+    fn new(format: wgpu::TextureFormat, width: u32) -> Self {
+        let half = format == wgpu::TextureFormat::Rgba16Float;
+        let bytes = width * CHANNELS * if half { 2 } else { 4 };
+        let stride = u64::from(bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT));
+        Self { width: width as usize, half, stride }
+    }
+
+    fn pixels(&self, bytes: &[u8]) -> Vec<[f32; 4]> {
+        if self.half {
+            let pixels = &bytes[..self.width * 8];
+            let halves: Vec<[u16; 4]> = bytemuck::pod_collect_to_vec(pixels);
+            halves.into_iter().map(|p| p.map(|bits| f16::from_bits(bits).to_f32())).collect()
+        } else {
+            bytemuck::pod_collect_to_vec(&bytes[..self.width * 16])
+        }
+    }
 }
 
 struct Painter<'a> {
@@ -156,7 +177,7 @@ impl Painter<'_> {
             (true, false) => (wgpu::CompareFunction::LessEqual, true),
             (false, _) => (wgpu::CompareFunction::Less, true),
         };
-        let targets = [Some(wgpu::ColorTargetState::from(COLOR))];
+        let targets = [Some(wgpu::ColorTargetState::from(self.device.color_format()))];
         self.device.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some(&draw.fragment),
             layout: None,
@@ -227,7 +248,7 @@ impl Painter<'_> {
                 view_formats: &[],
             })
         };
-        let color = texture(COLOR, wgpu::TextureUsages::COPY_SRC);
+        let color = texture(self.device.color_format(), wgpu::TextureUsages::COPY_SRC);
         let depth = texture(DEPTH, wgpu::TextureUsages::empty());
         let color_view = color.create_view(&wgpu::TextureViewDescriptor::default());
         let depth_view = depth.create_view(&wgpu::TextureViewDescriptor::default());
@@ -263,16 +284,16 @@ impl Painter<'_> {
                 record(&mut pass, draw, &draw.color);
             }
         }
-        let bytes_per_row = padded(width);
+        let stride = Row::new(self.device.color_format(), width).stride;
         let staging = device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("frame"),
-            size: u64::from(bytes_per_row) * u64::from(height),
+            size: stride * u64::from(height),
             usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
         let layout = wgpu::TexelCopyBufferLayout {
             offset: 0,
-            bytes_per_row: Some(bytes_per_row),
+            bytes_per_row: Some(u32::try_from(stride).expect("a row fits in 32 bits")),
             rows_per_image: Some(height),
         };
         let target = wgpu::TexelCopyBufferInfo { buffer: &staging, layout };

@@ -18,6 +18,17 @@ pub struct Pending {
     pub provenance: Provenance,
 }
 
+/// The decision to accept.
+#[derive(Clone, Debug, Default)]
+pub struct Acceptance {
+    /// Why the new image is right.
+    pub because: String,
+    /// Who accepts; `None`: Git's `user.name`, else the login name.
+    pub by: Option<String>,
+    /// Whether the frame may come from something else than lavapipe.
+    pub any_adapter: bool,
+}
+
 /// Why a pending frame isn't accepted.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -144,24 +155,20 @@ impl Goldens {
         Ok(selected)
     }
 
-    /// Makes a pending frame the golden, with the reason for it.
+    /// Makes a pending frame the golden.
     ///
     /// # Errors
     /// Without a reason; if the golden changed since the frame was compared; if the frame wasn't
-    /// rendered on lavapipe and `any_adapter` isn't set; if a file can't be written.
-    pub fn accept(
-        &self,
-        pending: &Pending,
-        because: &str,
-        any_adapter: bool,
-    ) -> Result<(), AcceptError> {
+    /// rendered on lavapipe and any adapter isn't allowed; if a file can't be written.
+    pub fn accept(&self, pending: &Pending, acceptance: &Acceptance) -> Result<(), AcceptError> {
         let case = pending.case.clone();
-        if because.trim().is_empty() {
+        let because = acceptance.because.trim();
+        if because.is_empty() {
             return Err(AcceptError::NoReason(case));
         }
         let adapter = &pending.provenance.adapter;
         let canonical = adapter.path == "vulkan" && adapter.name.contains("llvmpipe");
-        if !canonical && !any_adapter {
+        if !canonical && !acceptance.any_adapter {
             return Err(AcceptError::Adapter { case, adapter: adapter.to_string() });
         }
         let path = self.golden(&case);
@@ -180,9 +187,9 @@ impl Goldens {
         let (image, _) = Image::read_exr(&pending.path)?;
         let provenance = Provenance {
             compared_with: String::new(),
-            accepted_by: person(),
+            accepted_by: acceptance.by.clone().unwrap_or_else(person),
             accepted_at: humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
-            because: because.trim().to_owned(),
+            because: because.to_owned(),
             ..pending.provenance.clone()
         };
         let metadata = serde_json::to_string(&provenance).expect("provenance is plain data");

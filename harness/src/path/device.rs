@@ -12,6 +12,7 @@ pub(crate) struct Device {
     adapter: Adapter,
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
+    color_format: wgpu::TextureFormat,
     pipelines: Mutex<HashMap<blake3::Hash, Arc<wgpu::ComputePipeline>>>,
 }
 
@@ -58,6 +59,10 @@ impl Device {
         };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
             .map_err(|error| unavailable(error.to_string()))?;
+        let full = wgpu::TextureFormat::Rgba32Float;
+        let usages = adapter.get_texture_format_features(full).allowed_usages;
+        let renderable = usages.contains(wgpu::TextureUsages::RENDER_ATTACHMENT);
+        let color_format = if renderable { full } else { wgpu::TextureFormat::Rgba16Float };
         let info = adapter.get_info();
         let driver = format!("{} {}", info.driver, info.driver_info).trim().to_owned();
         let adapter = Adapter {
@@ -67,7 +72,7 @@ impl Device {
             name: info.name,
             driver,
         };
-        Ok(Self { path, adapter, device, queue, pipelines: Mutex::default() })
+        Ok(Self { path, adapter, device, queue, color_format, pipelines: Mutex::default() })
     }
 
     pub(crate) fn path(&self) -> Path {
@@ -89,6 +94,11 @@ impl Device {
         } else {
             wgpu::TextureFormat::Rgba16Float
         }
+    }
+
+    /// The format of frames: 32-bit floats, or 16-bit floats where the path can't draw into those.
+    pub(crate) fn color_format(&self) -> wgpu::TextureFormat {
+        self.color_format
     }
 
     /// Runs `work`; what wgpu reports meanwhile becomes an error.
