@@ -209,8 +209,7 @@ where
         tolerance: impl Into<Tolerance>,
     ) -> Result<Agreement, Failure> {
         let tolerance = tolerance.into();
-        let assertion = format!("agrees with its reference to {tolerance}");
-        self.recorded("agrees_with", assertion, |session| {
+        self.recorded("agrees_with", tolerance.to_string(), |session| {
             session.expect_result(&reference.shape(), "the reference returns", Some(&tolerance))?;
             let scalars = session.scalars();
             session.run(|batch, dispatches| {
@@ -267,7 +266,7 @@ where
                     if judged.measure.passes() {
                         let arguments = batch.values[case].clone();
                         let result = R::load(&mut actual.iter());
-                        judged.measure = Measure::equality(holds(arguments, result));
+                        judged.measure = Measure::statement(holds(arguments, result));
                     }
                     (judged, None)
                 })
@@ -299,8 +298,7 @@ where
         tolerance: impl Into<Tolerance>,
     ) -> Result<Agreement, Failure> {
         let tolerance = tolerance.into();
-        let assertion = format!("is invariant under the transformation to {tolerance}");
-        self.recorded("invariant_under", assertion, |session| {
+        self.recorded("invariant_under", tolerance.to_string(), |session| {
             session.expect_lanes(&tolerance)?;
             let scalars = session.scalars();
             session.run(|batch, dispatches| {
@@ -325,7 +323,7 @@ where
     /// Prepares the session, runs `check` and records its verdict.
     fn recorded(
         self,
-        name: &str,
+        name: &'static str,
         assertion: String,
         check: impl FnOnce(&Session<'_, D>) -> Result<Vec<PathTally>, Failure>,
     ) -> Result<Agreement, Failure> {
@@ -342,7 +340,7 @@ where
             seed,
         };
         let mut paths = Vec::new();
-        let result = Session::open(&self, &identity, seed, assertion).and_then(|session| {
+        let result = Session::open(&self, &identity, seed, (name, assertion)).and_then(|session| {
             if let Subject::Function { location, .. } = &mut subject {
                 *location = session.probed.function.span.to_string();
             }
@@ -376,11 +374,16 @@ fn finite(scalars: &[Scalar], actual: &[u32]) -> Judged {
         .zip(actual)
         .position(|(scalar, word)| scalar.is_float() && !f32::from_bits(*word).is_finite());
     let Some(lane) = bad else {
-        return Judged { measure: Measure::ZERO, lane: 0, class: Class::Other };
+        return Judged { measure: Measure::statement(true), lane: 0, class: Class::Other };
     };
     let nan = f32::from_bits(actual[lane]).is_nan();
     Judged {
-        measure: Measure { ratio: f64::INFINITY, error: f64::NAN, bound: 0.0, unit: Unit::Exact },
+        measure: Measure {
+            ratio: f64::INFINITY,
+            error: f64::NAN,
+            bound: 0.0,
+            unit: Unit::Statement,
+        },
         lane,
         class: if nan { Class::Nan } else { Class::Infinite },
     }
@@ -393,7 +396,8 @@ struct Session<'a, D: Domain> {
     cases: Cases<'a, D>,
     identity: &'a Identity,
     seed: u64,
-    assertion: String,
+    /// The verb and what it asserts.
+    assertion: (&'static str, String),
 }
 
 /// The cases of one dispatch.
@@ -433,7 +437,7 @@ where
         check: &'a Check<'_, D>,
         identity: &'a Identity,
         seed: u64,
-        assertion: String,
+        assertion: (&'static str, String),
     ) -> Result<Self, Failure> {
         let probed = Probed::new(check.probe.package, &check.probe.path)?;
         let function = &probed.function;
@@ -624,7 +628,8 @@ where
         }
         Err(Failure::Disagreement(Box::new(Disagreement {
             function: self.probed.function.clone(),
-            assertion: self.assertion.clone(),
+            check: self.assertion.0,
+            assertion: self.assertion.1.clone(),
             paths,
             agreeing,
             seed: self.seed,

@@ -323,10 +323,19 @@ fn scan(folder: &Path, prefix: &str, found: &mut Vec<String>) -> Result<(), Pack
     Ok(())
 }
 
+/// Most alternatives that are worth reading in a syntax error.
+const ALTERNATIVES: usize = 5;
+
 /// A parse error at its place.
 fn syntax_error(error: &wgsl_parse::Error, file: &Arc<SourceFile>) -> PackageError {
     let range = error.span.range();
     let span = Span { file: Arc::clone(file), range };
-    let message = format!("syntax error: {}", error.error);
+    let message = error.error.to_string();
+    // Where an expression may stand, the parser lists every token that begins one.
+    let message = match message.split_once(", expected") {
+        Some((found, expected)) if expected.matches(',').count() >= ALTERNATIVES => found,
+        _ => &message,
+    };
+    let message = format!("syntax error: {message}");
     PackageError::Shader(Box::new(Diagnostic::new(message).at(span, "")))
 }

@@ -159,9 +159,14 @@ impl Program {
             .validate(&module)
             .map_err(|error| {
                 let labels = error.spans().map(|(span, text)| (span.to_range(), text.clone()));
-                let labels: Vec<_> = labels.collect();
+                // The innermost place says most; naga's labels name its own data structures.
+                let mut labels: Vec<_> = labels.map(|(range, _)| (range, String::new())).collect();
+                labels.sort_by_key(|(range, _)| {
+                    range.as_ref().map_or(usize::MAX, ExactSizeIterator::len)
+                });
+                labels.dedup();
                 let (message, notes) = causes(error.as_inner());
-                invalid(to_author(&linked, message, labels.into_iter(), notes))
+                invalid(to_author(&linked, message, labels.into_iter().take(2), notes))
             })?;
         let mut layouter = Layouter::default();
         layouter
@@ -186,11 +191,6 @@ impl Program {
     #[must_use]
     pub fn resolve(&self, range: Range<usize>) -> Option<Span> {
         self.linked.map.resolve(range)
-    }
-
-    /// A message from wgpu or naga about linked text, with its author's place.
-    pub(crate) fn diagnose(&self, message: String, range: Option<Range<usize>>) -> Diagnostic {
-        to_author(&self.linked, message, [(range, String::new())].into_iter(), Vec::new())
     }
 
     pub(crate) fn layouter(&self) -> &Layouter {
@@ -382,10 +382,25 @@ fn unprobeable(diagnostic: Diagnostic) -> ReflectError {
     ReflectError::Unprobeable(Box::new(diagnostic))
 }
 
-/// The message of an error and those of its causes.
+/// The innermost cause of an error, then what led to it.
 fn causes(error: &dyn std::error::Error) -> (String, Vec<String>) {
-    let mut chain = std::iter::successors(error.source(), |cause| cause.source());
-    (error.to_string(), chain.by_ref().map(ToString::to_string).collect())
+    let chain = std::iter::successors(Some(error), |cause| cause.source());
+    let mut messages: Vec<String> =
+        chain.map(|cause| without_handles(&cause.to_string())).collect();
+    let message = messages.pop().unwrap_or_default();
+    messages.reverse();
+    (message, messages)
+}
+
+/// naga's messages without its handles, `[6]` and `Some([6])`, which mean nothing to an author.
+fn without_handles(message: &str) -> String {
+    let is_handle = |word: &str| {
+        let word = word.trim_matches(|c| matches!(c, ',' | '.' | ':'));
+        let word = word.strip_prefix("Some(").and_then(|w| w.strip_suffix(')')).unwrap_or(word);
+        let digits = word.strip_prefix('[').and_then(|word| word.strip_suffix(']'));
+        digits.is_some_and(|digits| digits.bytes().all(|byte| byte.is_ascii_digit()))
+    };
+    message.split(' ').filter(|word| !is_handle(word)).collect::<Vec<_>>().join(" ")
 }
 
 fn to_author(

@@ -72,6 +72,8 @@ pub enum Unit {
     Abs,
     /// Integers and booleans: 0 or 1.
     Exact,
+    /// A statement: 0 if it holds, 1 if it doesn't.
+    Statement,
 }
 
 impl Unit {
@@ -83,6 +85,7 @@ impl Unit {
             Self::Rel => "rel",
             Self::Abs => "abs",
             Self::Exact => "different",
+            Self::Statement => "doesn't hold",
         }
     }
 }
@@ -114,6 +117,10 @@ impl Measure {
         Self::new(if equal { 0.0 } else { 1.0 }, 0.0, Unit::Exact)
     }
 
+    pub(crate) fn statement(holds: bool) -> Self {
+        Self { unit: Unit::Statement, ..Self::equality(holds) }
+    }
+
     /// Whether the error is within the bound. False for NaN.
     #[must_use]
     pub fn passes(&self) -> bool {
@@ -125,7 +132,8 @@ impl fmt::Display for Measure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.unit {
             Unit::Exact if self.error == 0.0 => f.write_str("equal"),
-            Unit::Exact => f.write_str("different"),
+            Unit::Statement if self.error == 0.0 => f.write_str("holds"),
+            Unit::Exact | Unit::Statement => f.write_str(self.unit.name()),
             Unit::Ulp => write!(f, "{} ulp", significant(self.error)),
             Unit::Rel | Unit::Abs => write!(f, "{} {}", self.unit.name(), significant(self.error)),
         }

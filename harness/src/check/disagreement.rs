@@ -16,7 +16,9 @@ use crate::value::{Scalar, Shape, format_f32, hexfloat};
 pub struct Disagreement {
     /// The function.
     pub function: Function,
-    /// The check and what it asserted: `agrees_with a reference to 4 ulp`.
+    /// The verb: `agrees_with`.
+    pub check: &'static str,
+    /// What it asserts: the tolerance, or the statement.
     pub assertion: String,
     /// Each path that disagrees.
     pub paths: Vec<PathDisagreement>,
@@ -156,9 +158,9 @@ impl CaseFailure {
 impl fmt::Display for Disagreement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let span = first_line(&self.function);
-        let diagnostic =
-            Diagnostic::new(format!("`{}` fails: {}", self.function.path, self.assertion))
-                .at(span, "");
+        let Self { check, assertion, .. } = self;
+        let message = format!("`{}` fails {check}: {assertion}", self.function.path);
+        let diagnostic = Diagnostic::new(message).at(span, "");
         writeln!(f, "{diagnostic}")?;
         for path in &self.paths {
             let Census { cases, failures, nan, infinite, wrong_sign, too_low, too_high } =

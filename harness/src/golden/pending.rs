@@ -70,15 +70,12 @@ pub enum AcceptError {
 }
 
 impl Goldens {
-    /// Where pending frames are written: beside their goldens, or with `CI` set in the build's
-    /// folder, as nothing may change the sources there.
+    /// Where pending frames are written: beside their goldens or, with `CI` set, in the folder of
+    /// build output, as nothing may change the sources there.
     fn pending_folder(&self) -> PathBuf {
         match std::env::var_os("CI").filter(|value| !value.is_empty()) {
             None => self.folder(),
-            Some(_) => std::env::var_os("KARAT_PENDING").map_or_else(
-                || Path::new(self.base.as_ref()).join("target/karat/pending"),
-                PathBuf::from,
-            ),
+            Some(_) => build_output().join("karat/pending"),
         }
     }
 
@@ -210,6 +207,14 @@ impl Goldens {
             AcceptError::Image(ImageError::Write { path: shown(&pending.path), source })
         })
     }
+}
+
+/// Cargo's target folder, which it marks for backup programs; the working directory if the test
+/// wasn't built by Cargo.
+fn build_output() -> PathBuf {
+    let exe = std::env::current_exe().unwrap_or_default();
+    let marked = exe.ancestors().find(|folder| folder.join("CACHEDIR.TAG").is_file());
+    marked.map_or_else(PathBuf::new, Path::to_path_buf)
 }
 
 /// Who accepts: the name that Git signs commits with, or the login name.

@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use wesl::{ModulePath, ResolveError, Resolver};
+use wgsl_parse::lexer::Lexer;
 use wgsl_parse::syntax::PathOrigin;
 
 use super::{Origin, Package, PackageError};
-use crate::diagnostic::{SourceFile, nearest, shown};
+use crate::diagnostic::{SourceFile, Span, nearest, shown};
 
 /// File extensions of modules, in the order in which they are looked for.
 pub(super) const EXTENSIONS: [&str; 2] = ["wgsl", "wesl"];
@@ -40,6 +41,16 @@ impl<'a> Library<'a> {
     /// Whether a module exists, readable or not.
     pub(super) fn has(&self, path: &ModulePath) -> bool {
         self.owner(path).is_ok_and(|package| package.find(&path.components).is_some())
+    }
+
+    /// Where a name stands first in the modules read so far.
+    pub(super) fn find_name(&self, name: &str) -> Option<Span> {
+        self.files.borrow().values().find_map(|file| {
+            let mut tokens = Lexer::new(&file.text).map_while(Result::ok);
+            let (start, _, end) =
+                tokens.find(|(start, _, end)| &file.text[*start..*end] == name)?;
+            Some(Span { file: Arc::clone(file), range: start..end })
+        })
     }
 
     /// The package that a path leads into.

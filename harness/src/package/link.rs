@@ -143,12 +143,14 @@ fn wesl_error(error: wesl::Error, library: &Library<'_>, root: &ModulePath) -> P
         return syntax_error(parse, &file);
     }
     let message = error.error.to_string();
-    // The last word between backquotes is the name that the linker could not resolve.
+    // The last word between backquotes is the name that the linker could not resolve. It doesn't
+    // say where, but that is where the name stands.
     let name = message.rsplit('`').nth(1).and_then(|name| name.rsplit("::").next());
-    let span = error.detail.span.map(|span| span.range()).or_else(|| {
-        let start = file.text.find(name.filter(|name| !name.is_empty())?)?;
-        Some(start..start + name.map_or(0, str::len))
-    });
-    let span = Span { file: Arc::clone(&file), range: span.unwrap_or(0..0) };
+    let span = match (&error.detail.span, name) {
+        (Some(span), _) => Some(Span { file: Arc::clone(&file), range: span.range() }),
+        (None, Some(name)) => library.find_name(name),
+        (None, None) => None,
+    };
+    let span = span.unwrap_or(Span { file, range: 0..0 });
     PackageError::Shader(Box::new(Diagnostic::new(message).at(span, "")))
 }

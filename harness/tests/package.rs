@@ -1,0 +1,276 @@
+//! Linking: what works across modules and packages, and what each error says.
+
+use std::path::Path;
+
+use karat::{Package, ProbeError, Probed};
+
+fn error(package: &Package, function: &str) -> String {
+    match Probed::new(package, function) {
+        Ok(probed) => panic!("`{function}` was linked:\n{}", probed.kernel()),
+        Err(error) => error.to_string(),
+    }
+}
+
+fn write(folder: &Path, file: &str, text: impl AsRef<[u8]>) {
+    let path = folder.join(file);
+    std::fs::create_dir_all(path.parent().expect("in the folder")).expect("a folder");
+    std::fs::write(path, text).expect("written");
+}
+
+/// What an error says, with the temporary folder's name taken out.
+fn error_in(folder: &tempfile::TempDir, function: &str) -> String {
+    let package = Package::open(folder.path()).expect("a folder");
+    let name = package.name();
+    let parent = folder.path().parent().expect("in another folder").display().to_string();
+    error(&package, function).replace(&format!("{parent}/"), "").replace(&name, "shaders")
+}
+
+const MATH: &str = "const PI: f32 = 3.14159265;\n\n\
+                    // Squares its argument.\n\
+                    fn square(x: f32) -> f32 {\n    return x * x;\n}\n";
+
+#[test]
+fn imports_are_followed_through_modules_and_packages() {
+    let noise = Package::from_modules(
+        "noise",
+        [
+            (
+                "value",
+                "import package::hash::mix_bits;\nfn noise(i: u32) -> f32 { return f32(mix_bits(i)); }",
+            ),
+            ("hash", "fn mix_bits(i: u32) -> u32 { return i * 747796405u; }"),
+        ],
+    );
+    let textures = Package::from_modules(
+        "textures",
+        [("marble", "import noise::value::noise as value_noise;\nfn marble(i: u32) -> f32 { return value_noise(i) + 1.0; }")],
+    )
+    .depends_on("noise", &noise);
+    let package = Package::from_modules(
+        "shaders",
+        [
+            ("math", MATH.to_owned()),
+            ("area", "import package::math::{PI, square};\nfn disk(r: f32) -> f32 { return PI * square(r); }".to_owned()),
+            ("inline", "fn ball(r: f32) -> f32 { return package::math::PI * r; }".to_owned()),
+            ("wall", "import textures::marble::marble;\nfn wall(i: u32) -> f32 { return marble(i); }".to_owned()),
+        ],
+    )
+    .depends_on("textures", &textures);
+    for function in ["area::disk", "inline::ball", "wall::wall"] {
+        let probed = Probed::new(&package, function).unwrap_or_else(|e| panic!("{function}: {e}"));
+        assert_eq!(probed.function().path, function);
+    }
+    // Only the closure is linked.
+    let kernel = Probed::new(&package, "inline::ball").expect("linked").kernel().to_owned();
+    assert!(!kernel.contains("square"), "{kernel}");
+}
+
+#[test]
+fn features_choose_branches() {
+    let source = "fn f() -> f32 {\n    @if(fast) return 1.0;\n    @if(!fast) return 2.0;\n}";
+    let slow = Probed::new(&Package::from_source("s", source), "f").expect("linked");
+    let fast = Package::from_source("s", source).feature("fast", true);
+    let fast = Probed::new(&fast, "f").expect("linked");
+    assert!(slow.kernel().contains("return 2.0") && !slow.kernel().contains("return 1.0"));
+    assert!(fast.kernel().contains("return 1.0") && !fast.kernel().contains("return 2.0"));
+}
+
+#[test]
+fn bindings_that_a_function_does_not_use_are_left_out() {
+    let source = "@group(0) @binding(0) var<uniform> unused: vec4f;\n\
+                  @group(0) @binding(1) var<uniform> used: vec4f;\n\
+                  fn f() -> f32 { return used.x; }\nfn g() -> f32 { return 1.0; }";
+    let package = Package::from_source("s", source);
+    let bindings = |name| Probed::new(&package, name).expect("linked").function().bindings.clone();
+    assert_eq!(bindings("f").iter().map(|b| b.path.as_str()).collect::<Vec<_>>(), ["used"]);
+    assert!(bindings("g").is_empty());
+    let kernel = Probed::new(&package, "f").expect("linked").kernel().to_owned();
+    assert!(!kernel.contains("unused"));
+}
+
+#[test]
+fn signatures_spans_and_comments_are_reflected() {
+    let source = "struct Hit { t: f32, n: vec3<f32>, ids: array<u32, 2> }\n\n\
+                  /// Distance along a ray.\n/// Negative behind the eye.\n\
+                  fn hit(origin: vec3f, axes: mat3x3f, on: bool) -> Hit {\n    \
+                  return Hit(origin.x, axes[0], array<u32, 2>(1u, select(0u, 1u, on)));\n}";
+    let probed = Probed::new(&Package::from_source("rays", source), "hit").expect("linked");
+    let function = probed.function();
+    assert_eq!(function.to_string(), "hit(origin: vec3<f32>, axes: mat3x3<f32>, on: bool) -> Hit");
+    assert_eq!(function.doc, "Distance along a ray.\nNegative behind the eye.");
+    assert_eq!(function.span.to_string(), "<rays>:5:1");
+    assert_eq!(function.result.lane_names(), [".t", ".n.x", ".n.y", ".n.z", ".ids[0]", ".ids[1]"]);
+}
+
+#[test]
+fn a_syntax_error_is_shown_where_it_is() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(
+        folder.path(),
+        "area.wgsl",
+        "import package::math::square;\n\nfn f(x: f32) -> f32 { return square(x); }",
+    );
+    write(
+        folder.path(),
+        "math.wgsl",
+        "// A module\nfn square(x: f32) -> f32 {\n    let y = x * ;\n    return y;\n}",
+    );
+    insta::assert_snapshot!(error_in(&folder, "area::f"));
+}
+
+#[test]
+fn a_type_error_in_an_imported_module_is_shown_at_its_line_and_column() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(
+        folder.path(),
+        "area.wgsl",
+        "import package::math::square;\n\nfn f(x: f32) -> f32 { return square(x); }",
+    );
+    write(
+        folder.path(),
+        "math.wgsl",
+        "// Comments, @if branches and names are gone from the linked text.\n\
+         import package::constants::PI;\n\n\
+         fn square(x: f32) -> f32 {\n    // Also gone.\n    @if(fast) return 0.0;\n    \
+         let scaled   =   x * PI;\n    return scaled * vec2f(1.0, 2.0);\n}",
+    );
+    write(folder.path(), "constants.wgsl", "const PI = 3.14;");
+    insta::assert_snapshot!(error_in(&folder, "area::f"));
+}
+
+#[test]
+fn an_unknown_name_inside_a_function_is_shown_where_it_is() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), "area.wgsl", "fn f(x: f32) -> f32 {\n    return sqare(x);\n}");
+    insta::assert_snapshot!(error_in(&folder, "area::f"));
+}
+
+#[test]
+fn an_unresolved_import_is_shown_at_the_import() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), "math.wgsl", MATH);
+    write(
+        folder.path(),
+        "item.wgsl",
+        "import package::math::{PI, sqare};\nfn f(x: f32) -> f32 { return sqare(x); }",
+    );
+    write(
+        folder.path(),
+        "module.wgsl",
+        "// First line.\nimport package::mathe::square;\nfn f(x: f32) -> f32 { return square(x); }",
+    );
+    write(
+        folder.path(),
+        "package.wgsl",
+        "import noise::value::perlin;\nfn f(x: f32) -> f32 { return perlin(x); }",
+    );
+    write(
+        folder.path(),
+        "inline.wgsl",
+        "fn f(x: f32) -> f32 {\n    return package::math::cube(x);\n}",
+    );
+    let errors = ["item::f", "module::f", "package::f", "inline::f"].map(|f| error_in(&folder, f));
+    insta::assert_snapshot!(errors.join("\n\n"));
+}
+
+#[test]
+fn an_import_cycle_is_shown_with_its_route() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), "a.wgsl", "@publish import package::b::x;\nfn f() -> f32 { return x; }");
+    write(folder.path(), "b.wgsl", "@publish import package::c::x;");
+    write(folder.path(), "c.wgsl", "@publish import package::b::x;");
+    insta::assert_snapshot!(error_in(&folder, "a::f"));
+}
+
+/// Modules may import each other; what can't be is that declarations need each other.
+#[test]
+fn modules_may_import_each_other_but_functions_may_not_recurse() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(
+        folder.path(),
+        "a.wgsl",
+        "import package::b::g;\nfn f(x: f32) -> f32 { return g(x); }\nconst A = 2.0;",
+    );
+    write(folder.path(), "b.wgsl", "import package::a::A;\nfn g(x: f32) -> f32 { return A * x; }");
+    let package = Package::open(folder.path()).expect("a folder");
+    assert!(Probed::new(&package, "a::f").is_ok());
+    write(folder.path(), "b.wgsl", "import package::a::f;\nfn g(x: f32) -> f32 { return f(x); }");
+    insta::assert_snapshot!(error_in(&folder, "a::f"));
+}
+
+#[test]
+fn a_duplicate_name_is_shown_twice() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(
+        folder.path(),
+        "a.wgsl",
+        "fn f() -> f32 { return 1.0; }\n\nfn f() -> f32 { return 2.0; }",
+    );
+    insta::assert_snapshot!(error_in(&folder, "a::f"));
+}
+
+#[test]
+fn a_file_that_is_not_utf8_names_its_line() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), "a.wgsl", b"// fine\n// caf\xe9\nfn f() -> f32 { return 1.0; }");
+    insta::assert_snapshot!(error_in(&folder, "a::f"));
+}
+
+#[test]
+fn missing_and_empty_folders_are_errors() {
+    let missing = Package::open("no/such/folder").expect_err("missing");
+    assert!(missing.to_string().contains("no/such/folder` doesn't exist"), "{missing}");
+    static DECLARED: Package = karat::package!("no/such/folder");
+    assert!(error(&DECLARED, "a::f").contains("doesn't exist"));
+    let folder = tempfile::tempdir().expect("a folder");
+    insta::assert_snapshot!(error_in(&folder, "a::f"));
+}
+
+#[test]
+fn an_unknown_function_names_the_nearest() {
+    let package = Package::from_modules("shaders", [("math", MATH)]);
+    insta::assert_snapshot!(
+        [error(&package, "math::sqare"), error(&package, "square"), error(&package, "maths::x")]
+            .join("\n")
+    );
+}
+
+#[test]
+fn what_a_probe_cannot_call_is_refused_with_the_reason() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(
+        folder.path(),
+        "a.wgsl",
+        "fn pointer(p: ptr<function, f32>) -> f32 { return *p; }\n\
+         fn nothing(x: f32) { _ = x; }\n\
+         fn texture(t: texture_2d<f32>) -> vec4f { return textureLoad(t, vec2(0), 0); }\n\
+         fn slope(x: f32) -> f32 { return dpdx(x); }\n\
+         @fragment fn entry() -> @location(0) vec4f { return vec4f(1.0); }\n",
+    );
+    let errors = ["pointer", "nothing", "texture", "slope", "entry"]
+        .map(|name| error_in(&folder, &format!("a::{name}")));
+    insta::assert_snapshot!(errors.join("\n\n"));
+}
+
+#[test]
+fn one_file_is_a_package_and_both_extensions_are_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), "one.wgsl", "fn f() -> f32 { return 1.0; }");
+    write(folder.path(), "deep/two.wesl", "fn g() -> f32 { return 2.0; }");
+    let file = Package::open(folder.path().join("one.wgsl")).expect("a file");
+    assert!(Probed::new(&file, "f").is_ok());
+    let package = Package::open(folder.path()).expect("a folder");
+    assert!(Probed::new(&package, "deep::two::g").is_ok());
+    assert_eq!(package.modules().expect("readable"), ["deep::two", "one"]);
+}
+
+#[test]
+fn errors_carry_their_place_as_data() {
+    let package = Package::from_source("s", "fn f() -> f32 {\n  return 1u;\n}");
+    let Err(ProbeError::Reflect(karat::ReflectError::Invalid(diagnostic))) =
+        Probed::new(&package, "f")
+    else {
+        panic!("a type error is found by naga");
+    };
+    assert_eq!(diagnostic.location().map(ToString::to_string).as_deref(), Some("<s>:2:10"));
+}

@@ -1,0 +1,401 @@
+//! Proof that each kind of check can fail: a fault is planted, and must be seen.
+
+use std::path::Path as FilePath;
+use std::process::{Command, Output};
+use std::time::{Duration, Instant};
+
+use glam::{DVec3, Vec3};
+use karat::prelude::*;
+use karat::{Acceptance, Disagreement, Failure, Goldens, Image, Precision, ProbeError};
+use shaders::{PBR, fresnel, geometry};
+
+/// The shader library with one text replaced in one module.
+fn mutant(module: &str, original: &str, fault: &str) -> Package {
+    let mut modules = Vec::new();
+    for name in PBR.modules().expect("the library is readable") {
+        let path = PBR.root().join(format!("{name}.wgsl"));
+        let mut text = std::fs::read_to_string(path).expect("the library is readable");
+        if name == module {
+            assert!(text.contains(original), "`{original}` isn't in {module}.wgsl any more");
+            text = text.replacen(original, fault, 1);
+        }
+        modules.push((name, text));
+    }
+    Package::from_modules("mutant", modules)
+}
+
+#[track_caller]
+fn disagreement<T>(result: Result<T, Failure>) -> Disagreement {
+    match result {
+        Ok(_) => panic!("the fault was not seen"),
+        Err(Failure::Disagreement(disagreement)) => *disagreement,
+        Err(other) => panic!("the check failed for another reason: {other}"),
+    }
+}
+
+fn schlick(package: &Package) -> Result<karat::Agreement, Failure> {
+    package
+        .function("fresnel::schlick")
+        .over((UnitRgb, 0.0..=1.0))
+        .try_agrees_with(fresnel::schlick, Ulp(11.0))
+}
+
+#[test]
+fn the_unchanged_library_agrees() {
+    let agreement = schlick(&mutant("fresnel", "abs(1.0 - v_dot_h)", "abs(1.0 - v_dot_h)"));
+    assert_eq!(agreement.expect("no fault is planted").cases, 65_536);
+}
+
+#[test]
+fn a_wrong_constant_in_schlick() {
+    let faults = [
+        ("f0 + (1.0 - f0)", "f0 + (0.999 - f0)"),
+        ("abs(1.0 - v_dot_h)", "abs(1.0001 - v_dot_h)"),
+        ("f0 + (1.0 - f0)", "f0 - (1.0 - f0)"),
+        ("pow5(abs(1.0 - v_dot_h))", "abs(1.0 - v_dot_h)"),
+    ];
+    for (original, fault) in faults {
+        let found = disagreement(schlick(&mutant("fresnel", original, fault)));
+        assert!(found.paths.iter().all(|path| path.census.failures > 0), "{fault}");
+    }
+    let found = disagreement(schlick(&mutant("math", "x2 * x2 * x", "x2 * x2")));
+    assert_eq!(found.function.path, "fresnel::schlick", "a fault in what it calls is seen too");
+}
+
+#[test]
+fn swapped_arguments() {
+    let package = mutant(
+        "geometry",
+        "fn smith_g1(alpha: f32, n_dot_x: f32)",
+        "fn smith_g1(n_dot_x: f32, alpha: f32)",
+    );
+    let swapped = package
+        .function("geometry::smith_g1")
+        .over((1e-4..=1.0, 0.0..=1.0))
+        .try_agrees_with(geometry::smith_g1, Ulp(10.0));
+    disagreement(swapped);
+    let package = mutant("layering", "(environment - base)", "(base - environment)");
+    let coat = package
+        .function("layering::thin_coat")
+        .over((Just(Vec3::ONE), Just(Vec3::ZERO), 0.0..=1.0))
+        .try_agrees_with(shaders::layering::thin_coat, Ulp(14.0).or(Abs(3e-5)));
+    disagreement(coat);
+}
+
+/// 65,536 inputs, one of which gives NaN (or an infinity): found under the loosest tolerance.
+#[test]
+fn one_bad_result_of_65536() {
+    for (bits, nan, infinite) in [("0x7fc00000u", 1, 0), ("0x7f800000u", 0, 1)] {
+        let wgsl = format!(
+            "fn f(i: u32) -> f32 {{ return select(1.0, bitcast<f32>(i - 54321u + {bits}), \
+             i == 54321u); }}"
+        );
+        let package = Package::from_source("planted", wgsl);
+        let over = || package.function("f").over(Integers(0..=65_535_u32));
+        let loose = Abs(f64::INFINITY).or(Rel(f64::INFINITY));
+        let found = disagreement(over().try_agrees_with(|_: u32| 1.0, loose));
+        for path in &found.paths {
+            assert_eq!((path.census.cases, path.census.failures), (65_536, 1));
+            assert_eq!((path.census.nan, path.census.infinite), (nan, infinite));
+            assert_eq!(path.worst.arguments, [("i".to_owned(), "54321".to_owned())]);
+        }
+        disagreement(over().try_satisfies("is anything", |_, _: f32| true));
+        disagreement(over().try_invariant_under(|i| i, Abs(f64::INFINITY)));
+    }
+}
+
+#[test]
+fn a_statement_that_does_not_hold() {
+    let found = PBR
+        .function("fresnel::schlick")
+        .over((UnitRgb, 0.0..=1.0))
+        .try_satisfies("is below 0.999", |_, f: Vec3| f.max_element() < 0.999);
+    assert_eq!(disagreement(found).check, "satisfies");
+}
+
+#[test]
+fn a_function_that_is_not_symmetric() {
+    let package = mutant("geometry", "masking + shadowing", "masking + 1.001 * shadowing");
+    let found = package
+        .function("geometry::smith_correlated")
+        .over((1e-4..=1.0, 0.0..=1.0, 0.0..=1.0))
+        .try_invariant_under(|(alpha, v, l)| (alpha, l, v), Ulp(2.0));
+    assert_eq!(disagreement(found).check, "invariant_under");
+}
+
+/// The tolerance of the last component counts: only `z` is wrong, and only `z` is strict.
+#[test]
+fn a_fault_in_the_last_component() {
+    let wgsl = "fn f(x: f32) -> vec3f { return vec3f(x, x, x * 1.001); }";
+    let package = Package::from_source("planted", wgsl);
+    let tolerance = Tolerance::per_lane([Rel(0.1).into(), Rel(0.1).into(), Ulp(1.0).into()]);
+    let found = package.function("f").over(1.0..=2.0).try_agrees_with(DVec3::splat, tolerance);
+    assert!(disagreement(found).paths.iter().all(|path| path.worst.component == ".z"));
+}
+
+#[test]
+fn a_reference_that_is_not_a_number() {
+    let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");
+    let found = package.function("f").over(-1.0..=1.0).try_agrees_with(f64::sqrt, Abs(10.0));
+    assert!(matches!(found, Err(Failure::Reference { .. })), "{found:?}");
+}
+
+#[test]
+fn nothing_to_compare() {
+    let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");
+    let identity = |x: f64| x;
+    let found = [
+        package.function("f").over(0.0..=1.0).cases(0).try_agrees_with(identity, Ulp(0.0)),
+        package.function("f").over(OneOf::<f32>(vec![])).try_agrees_with(identity, Ulp(0.0)),
+        package
+            .function("f")
+            .over((0.0..=1.0).filter(|_: &f32| false))
+            .try_agrees_with(identity, Ulp(0.0)),
+        package
+            .function("f")
+            .over((0.0..=1.0).filter(|x: &f32| x.to_bits() % 1_000_003 == 1))
+            .try_agrees_with(identity, Ulp(0.0)),
+        #[expect(clippy::reversed_empty_ranges, reason = "an accidentally empty domain")]
+        package.function("f").over(1.0..=0.0).try_agrees_with(identity, Ulp(0.0)),
+    ];
+    for (index, found) in found.iter().enumerate() {
+        assert!(matches!(found, Err(Failure::Domain { .. })), "{index}: {found:?}");
+    }
+}
+
+#[test]
+fn a_domain_or_reference_of_other_types() {
+    let package = Package::from_source("planted", "fn f(x: f32, n: u32) -> f32 { return x; }");
+    let mismatches = [
+        package.function("f").over(0.0..=1.0).try_agrees_with(|x: f64| x, Ulp(0.0)),
+        package
+            .function("f")
+            .over((0.0..=1.0, Integers(0..=7_i32)))
+            .try_agrees_with(|x: f64, _: i32| x, Ulp(0.0)),
+        package
+            .function("f")
+            .over((0.0..=1.0, Integers(0..=7_u32)))
+            .try_agrees_with(|x: f64, _: u32| DVec3::splat(x), Ulp(0.0)),
+        package.function("f").over((0.0..=1.0, Integers(0..=7_u32))).try_agrees_with(
+            |x: f64, _: u32| x,
+            Tolerance::per_lane([Ulp(0.0).into(), Ulp(0.0).into()]),
+        ),
+    ];
+    let texts = mismatches.map(|found| match found {
+        Err(failure @ Failure::Signature { .. }) => failure.to_string(),
+        other => panic!("not a mismatch of signatures: {other:?}"),
+    });
+    assert_eq!(
+        texts[0],
+        "`f` takes (f32, u32), the domain draws (f32)\n  f(x: f32, n: u32) -> f32\n  at <planted>:1:1"
+    );
+    assert!(texts[1].contains("takes (f32, u32), the domain draws (f32, i32)"), "{}", texts[1]);
+    assert!(texts[2].contains("returns f32, the reference returns vec3<f32>"), "{}", texts[2]);
+    assert!(texts[3].contains("returns 1 components, the tolerance is declared for 2"));
+}
+
+#[test]
+fn an_unknown_function_and_a_missing_fixture() {
+    let error =
+        PBR.function("fresnel::schlik").over(0.0..=1.0).try_agrees_with(|x: f64| x, Ulp(0.0));
+    assert!(error.expect_err("unknown").to_string().contains("did you mean `fresnel::schlick`?"));
+
+    let radiance = || PBR.function("environment::radiance");
+    let constant = |_: DVec3| DVec3::ONE;
+    let message = |result: Result<karat::Agreement, Failure>| match result {
+        Err(Failure::Probe(ProbeError::Fixture(error))) => error.to_string(),
+        other => panic!("not an error of fixtures: {other:?}"),
+    };
+    let cube = || CubeMap::constant(Vec3::ONE);
+    assert_eq!(
+        message(radiance().over(UnitVector).try_agrees_with(constant, Ulp(0.0))),
+        "`environment::environment` (texture_cube<f32>) has no fixture; add \
+         `.with(\"environment::environment\", ...)`"
+    );
+    let misspelt =
+        radiance().with("enviroment", cube()).with("environment_sampler", Sampler::Linear);
+    assert!(
+        message(misspelt.over(UnitVector).try_agrees_with(constant, Ulp(0.0)))
+            .contains("did you mean `environment`?")
+    );
+    let wrong = radiance()
+        .with("environment", Texture::constant(glam::Vec4::ONE))
+        .with("environment_sampler", Sampler::Linear);
+    assert!(
+        message(wrong.over(UnitVector).try_agrees_with(constant, Ulp(0.0)))
+            .contains("is a texture_cube<f32>, the fixture is a Texture")
+    );
+}
+
+/// What a failure says, with what differs between machines taken out.
+#[test]
+fn the_message_shows_line_inputs_values_error_census_and_replay() {
+    let fault = "abs(1.0 - v_dot_h) * 1.01";
+    let found = disagreement(schlick(&mutant("fresnel", "abs(1.0 - v_dot_h)", fault)));
+    let text = found.to_string();
+    let at = found.function.span.to_string();
+    for part in [
+        "error: `fresnel::schlick` fails agrees_with: 11 ulp",
+        &at,
+        "fn schlick(f0: vec3f, v_dot_h: f32) -> vec3f {",
+        "of 65536 cases fail (",
+        "too high",
+        "worst (case ",
+        "     f0 = (",
+        "v_dot_h = ",
+        " (0x1.",
+        "error = ",
+        " ulp (11 allowed)",
+        "first (case ",
+        "replay: KARAT_PATHS=",
+        "KARAT_SEED=0x",
+        "KARAT_CASE=",
+        "cargo test -p tests --test must_fail -- --exact \
+         the_message_shows_line_inputs_values_error_census_and_replay",
+    ] {
+        assert!(text.contains(part), "`{part}` is missing in:\n{text}");
+    }
+}
+
+/// Runs a planted fault in a process of its own.
+fn planted(fault: &[&str], environment: &[(&str, &str)]) -> (Output, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_planted"));
+    for name in ["CI", "KARAT_PATHS", "KARAT_REQUIRE", "KARAT_RECORD"] {
+        command.env_remove(name);
+    }
+    let output = command
+        .args(fault)
+        .envs(environment.iter().copied())
+        .output()
+        .expect("the planted program was built with this test");
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    (output, text)
+}
+
+#[test]
+fn no_fault_succeeds() {
+    let (output, text) = planted(&["none"], &[]);
+    assert!(output.status.success(), "{text}");
+}
+
+/// Mesa and the loader find no driver: what is required must run, and something must run at all.
+#[test]
+fn no_adapter() {
+    let hidden = [
+        ("VK_DRIVER_FILES", "/dev/null"),
+        ("VK_ICD_FILENAMES", "/dev/null"),
+        ("KARAT_REQUIRE", "vulkan"),
+    ];
+    let (output, text) = planted(&["none"], &hidden);
+    assert!(!output.status.success(), "{text}");
+    assert!(text.contains("execution path `vulkan` is required, but unavailable"), "{text}");
+    let (output, text) = planted(&["none"], &[("KARAT_ADAPTER", "no such adapter")]);
+    assert!(!output.status.success(), "{text}");
+    assert!(text.contains("no execution path opens on this machine"), "{text}");
+    let (output, text) = planted(&["none"], &[("KARAT_PATHS", "vulcan")]);
+    assert!(!output.status.success() && text.contains("did you mean `vulkan`?"), "{text}");
+}
+
+/// A shader that never ends is reported within the deadline, and nothing stays behind.
+#[test]
+fn an_endless_loop() {
+    for path in ["vulkan", "gl"] {
+        if karat::adapter(path.parse().expect("a path")).is_err() {
+            continue; // KARAT_REQUIRE makes a missing path fail elsewhere
+        }
+        let start = Instant::now();
+        let (output, text) =
+            planted(&["endless_loop"], &[("KARAT_DEADLINE", "1.5"), ("KARAT_PATHS", path)]);
+        assert!(!output.status.success(), "{text}");
+        assert!(text.contains("`endless` on path"), "{text}");
+        assert!(text.contains("did not finish within 1.5 s"), "{text}");
+        // Collecting its output has waited for the process: it is gone, not a zombie.
+        assert!(start.elapsed() < Duration::from_secs(30), "on {path}: {:?}", start.elapsed());
+    }
+}
+
+fn golden_fault(folder: &FilePath, environment: &[(&str, &str)]) -> (bool, String) {
+    let folder = folder.display().to_string();
+    let (output, text) = planted(&["golden", &folder], environment);
+    (output.status.success(), text)
+}
+
+/// Renders, accepts, agrees; then the golden is damaged in each way there is.
+#[test]
+fn goldens_that_are_missing_shifted_resized_or_corrupt() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let golden = folder.path().join("gradient.exr");
+    let pending = folder.path().join("gradient.new.exr");
+
+    let (agrees, text) = golden_fault(folder.path(), &[]);
+    assert!(!agrees && text.contains("has no golden"), "{text}");
+    assert!(pending.is_file() && !golden.exists(), "only accepting writes a golden");
+
+    let goldens = Goldens::open(folder.path());
+    let accept = |because: &str| {
+        let pending = goldens.select("gradient").expect("it is pending");
+        let because = because.to_owned();
+        goldens.accept(&pending[0], &Acceptance { because, by: None, any_adapter: true })
+    };
+    assert!(accept(" ").is_err(), "a reason is needed");
+    accept("the first one").expect("accepted");
+    assert!(golden.is_file() && folder.path().join("gradient.toml").is_file() && !pending.exists());
+    let (agrees, text) = golden_fault(folder.path(), &[]);
+    assert!(agrees, "{text}");
+
+    let (original, metadata) = Image::read_exr(&golden).expect("just written");
+    let bytes = std::fs::read(&golden).expect("just written");
+    let plant = |image: &Image| {
+        image.write_exr(&golden, Precision::Half, metadata.as_deref()).expect("written");
+        let planted = std::fs::read(&golden).expect("just written");
+        let (agrees, text) = golden_fault(folder.path(), &[]);
+        assert!(!agrees, "the fault was not seen: {text}");
+        assert_eq!(std::fs::read(&golden).expect("there"), planted, "goldens aren't overwritten");
+        text
+    };
+
+    let mut shifted = original.clone();
+    shifted.pixels_mut().rotate_right(1);
+    assert!(plant(&shifted).contains("pixels are off"));
+    let mut one = original.clone();
+    one.pixels_mut()[300][2] *= 1.01;
+    assert!(plant(&one).contains("1 of 512 pixels are off by more than rel 1e-3"));
+    let mut broken = original.clone();
+    broken.pixels_mut()[0][0] = f32::NAN;
+    assert!(plant(&broken).contains("the golden itself has 1 pixels with NaN"));
+    let resized = Image::new(16, 32, original.pixels().to_vec());
+    assert!(plant(&resized).contains("it is 32 x 16, the golden 16 x 32"));
+
+    std::fs::write(&golden, &bytes[..bytes.len() / 2]).expect("written");
+    let (agrees, text) = golden_fault(folder.path(), &[]);
+    assert!(!agrees && text.contains("isn't a readable OpenEXR image"), "{text}");
+    assert_eq!(std::fs::metadata(&golden).expect("there").len(), bytes.len() as u64 / 2);
+
+    // The frame that was pending was compared with another golden than this one.
+    plant(&shifted);
+    original.write_exr(&golden, Precision::Half, metadata.as_deref()).expect("written");
+    assert!(accept("stale").is_err_and(|error| error.to_string().contains("has changed since")));
+}
+
+/// In CI nothing is written beside the goldens.
+#[test]
+fn ci_leaves_the_folder_of_goldens_alone() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (agrees, text) = golden_fault(folder.path(), &[("CI", "true")]);
+    assert!(!agrees && text.contains("has no golden"), "{text}");
+    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
+    assert!(text.contains("gradient.new.exr"), "the pending file is named: {text}");
+}
+
+/// A golden that wasn't rendered on lavapipe would fail on every other machine.
+#[test]
+fn accepting_off_the_canonical_rasteriser_is_refused() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (_, text) = golden_fault(folder.path(), &[("KARAT_PATHS", "gl")]);
+    assert!(text.contains("has no golden"), "{text}");
+    let goldens = Goldens::open(folder.path());
+    let pending = goldens.select("*").expect("it is pending");
+    let acceptance = Acceptance { because: "why".to_owned(), by: None, any_adapter: false };
+    let error = goldens.accept(&pending[0], &acceptance).expect_err("rendered on GL");
+    assert!(error.to_string().contains("goldens are made on lavapipe"), "{error}");
+}

@@ -1,0 +1,63 @@
+//! Checks with a planted fault, run as a process of its own by `must_fail.rs`.
+//!
+//! The name of the fault is the argument. The process prints what the check says and exits with 0
+//! if it agrees: a must-fail test wants anything else.
+
+use std::process::ExitCode;
+
+use karat::prelude::*;
+use karat::{Frame, Goldens};
+
+/// A function whose loops never end: `x` is never negative. There are three of them because
+/// llvmpipe's GL leaves each loop after 65,535 rounds.
+const ENDLESS: &str = "fn endless(x: f32) -> f32 {
+    var sum = x;
+    while sum >= 0.0 {
+        while sum >= 0.0 {
+            while sum >= 0.0 {
+                sum = sum * 1.5 + 1.0;
+                if sum > 1e30 { sum = x; }
+            }
+        }
+    }
+    return sum;
+}";
+
+/// A frame whose every pixel is different.
+const GRADIENT: &str = include_str!("gradient.wgsl");
+
+fn main() -> ExitCode {
+    let fault = std::env::args().nth(1).unwrap_or_default();
+    let verdict = match fault.as_str() {
+        "endless_loop" => check(ENDLESS, "endless"),
+        "none" => check("fn id(x: f32) -> f32 { return x; }", "id"),
+        "golden" => frame(),
+        _ => Err(format!("there is no fault `{fault}`")),
+    };
+    let (code, text) = match verdict {
+        Ok(text) => (ExitCode::SUCCESS, text),
+        Err(text) => (ExitCode::FAILURE, text),
+    };
+    eprintln!("{text}");
+    code
+}
+
+fn check(wgsl: &str, function: &str) -> Result<String, String> {
+    Package::from_source("planted", wgsl)
+        .function(function)
+        .over(0.0..=1.0)
+        .try_agrees_with(|x: f64| x, Ulp(0.0))
+        .map(|agreement| agreement.to_string())
+        .map_err(|failure| failure.to_string())
+}
+
+/// Compares a frame with the golden `gradient` of the folder given as the second argument.
+fn frame() -> Result<String, String> {
+    let folder = std::env::args().nth(2).ok_or("name the folder of goldens")?;
+    let package = Package::from_source("gradient", GRADIENT);
+    let frame: Frame<'_> = package.frame("", 32, 16).fullscreen("corners", "gradient");
+    frame
+        .try_matches(&Goldens::open(folder.as_ref()), "gradient")
+        .map(|agreement| format!("{agreement:?}"))
+        .map_err(|error| error.to_string())
+}
