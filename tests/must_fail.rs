@@ -299,16 +299,19 @@ fn no_adapter() {
 /// A shader that never ends is reported within the deadline, and nothing stays behind.
 #[test]
 fn an_endless_loop() {
-    for path in ["vulkan", "gl"] {
-        if karat::adapter(path.parse().expect("a path")).is_err() {
+    for path in [Path::Vulkan, Path::Gl] {
+        if karat::adapter(path).is_err() {
             continue; // KARAT_REQUIRE makes a missing path fail elsewhere
         }
         let start = Instant::now();
-        let (output, text) =
-            planted(&["endless_loop"], &[("KARAT_DEADLINE", "1.5"), ("KARAT_PATHS", path)]);
+        let environment = [("KARAT_DEADLINE", "1.5"), ("KARAT_PATHS", path.name())];
+        let (output, text) = planted(&["endless_loop"], &environment);
         assert!(!output.status.success(), "{text}");
-        assert!(text.contains("`endless` on path"), "{text}");
-        assert!(text.contains("did not finish within 1.5 s"), "{text}");
+        let reported = text.contains(&format!("`endless` on path {path}"))
+            && text.contains("did not finish within 1.5 s");
+        // llvmpipe's GL leaves any loop after 65,535 rounds, and its result is wrong instead.
+        let left = path == Path::Gl && text.contains("`endless` fails agrees_with");
+        assert!(reported || left, "{text}");
         // Collecting its output has waited for the process: it is gone, not a zombie.
         assert!(start.elapsed() < Duration::from_secs(30), "on {path}: {:?}", start.elapsed());
     }
