@@ -8,15 +8,14 @@ use std::process::ExitCode;
 use karat::prelude::*;
 use karat::{Frame, Goldens};
 
-/// A function whose loop never ends: `x` is never negative.
-const ENDLESS: &str = "fn endless(x: f32) -> f32 {
-    var sum = x;
-    while sum >= 0.0 {
-        sum = sum * 1.5 + 1.0;
-        if sum > 1e30 { sum = x; }
-    }
-    return sum;
-}";
+/// A function whose loop never ends, as `sum` is never negative. llvmpipe leaves a loop after
+/// 65,535 rounds; with a long body those take minutes.
+fn endless() -> String {
+    let body = "sum = sin(sum) + 1.5;\n".repeat(64);
+    format!(
+        "fn endless(x: f32) -> f32 {{ var sum = x; while sum >= 0.0 {{ {body} }} return sum; }}"
+    )
+}
 
 /// A frame whose every pixel is different.
 const GRADIENT: &str = include_str!("gradient.wgsl");
@@ -24,7 +23,7 @@ const GRADIENT: &str = include_str!("gradient.wgsl");
 fn main() -> ExitCode {
     let fault = std::env::args().nth(1).unwrap_or_default();
     let verdict = match fault.as_str() {
-        "endless_loop" => check(ENDLESS, "endless"),
+        "endless_loop" => check(&endless(), "endless"),
         "none" => check("fn id(x: f32) -> f32 { return x; }", "id"),
         "golden" => frame(),
         _ => Err(format!("there is no fault `{fault}`")),
