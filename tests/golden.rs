@@ -30,8 +30,9 @@ fn studio() -> CubeMap {
     CubeMap::from_texels(ENVIRONMENT, environment::cube_map(ENVIRONMENT, environment::studio))
 }
 
-/// Where a path draws and filters 16-bit floats only, as GL does here, one pixel in a hundred is
-/// off by more than the 1e-3 of lavapipe: up to 4 % where a mirror shows the edge of a light.
+/// wgpu's GL draws into 16-bit floats here, which rounds one pixel in a hundred by more than the
+/// 1e-3 of lavapipe, and doesn't filter across the edges of cube-map faces: where a mirror shows
+/// such an edge inside a light, up to 4 %.
 const GL_TOLERANCE: f32 = 5e-2;
 
 /// Diffuse and importance-sampled specular light of the studio on 8 materials x 8 roughnesses.

@@ -1,8 +1,8 @@
 //! `cargo ci test`: all of CI.
 
-use std::process::ExitCode;
+use std::process::{Command, ExitCode};
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 
 use crate::setup::{self, PATHS};
 use crate::step::Steps;
@@ -20,15 +20,21 @@ pub(crate) fn run() -> ExitCode {
     steps.finish()
 }
 
+/// Builds with the features that `cargo test` will ask for: with `--package karat` some
+/// dependencies would lack features that other members turn on, and be compiled twice.
 fn build() -> Result<()> {
-    command::run(&mut command::cargo(&["test", "--workspace", "--locked", "--no-run"]))
+    let build = ["build", "--workspace", "--locked", "--bins", "--tests"];
+    command::run(&mut command::cargo(&build))
 }
 
 /// Opens the paths for real, where `setup` only saw that their libraries are there.
 pub(crate) fn open_paths() -> Result<()> {
-    let karat = ["run", "--quiet", "--locked", "--package", "karat", "--"];
-    let doctor = ["doctor", "--require", PATHS];
-    command::run(&mut command::cargo(&[&karat[..], &doctor[..]].concat()))
+    // The build step has just put karat beside us, so cargo need not be asked again.
+    let karat = std::env::current_exe()
+        .context("could not find out where cargo puts its programs; run `cargo karat doctor`")?
+        .with_file_name(format!("karat{}", std::env::consts::EXE_SUFFIX));
+    let mut doctor = Command::new(karat);
+    command::run(doctor.args(["doctor", "--require", PATHS]).current_dir(command::root()))
 }
 
 fn test() -> Result<()> {

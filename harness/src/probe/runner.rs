@@ -244,3 +244,74 @@ impl PathError {
         ProbeError::Path(self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::package::Package;
+
+    fn probed(change: impl Fn(String) -> String) -> Probed {
+        let package = Package::from_source("s", "fn f(x: f32) -> f32 { return x + 1.0; }");
+        let mut probed = Probed::new(&package, "f").expect("a valid function");
+        probed.kernel.text = change(probed.kernel.text);
+        probed
+    }
+
+    fn run(probed: &Probed, cases: usize) -> Vec<Result<usize, ProbeError>> {
+        let devices = crate::path::selected().expect("a path opens");
+        let run = |device| {
+            let runner = Runner::new(device, probed, &Vec::new(), cases)?;
+            let arguments: Vec<u32> = (0..cases).map(|i| (i as f32).to_bits()).collect();
+            let dispatch = runner.dispatch(cases, &arguments, 0x1234_5678)?;
+            runner.read(dispatch, |words| {
+                let right = |(i, case): &(usize, &[u32])| case[0] == (*i as f32 + 1.0).to_bits();
+                words.chunks_exact(runner.stride_out()).enumerate().filter(right).count()
+            })
+        };
+        devices.into_iter().map(run).collect()
+    }
+
+    #[test]
+    fn each_case_of_a_batch_is_computed_at_any_size() {
+        for cases in [1, 63, 64, 65, 1000, BATCH] {
+            for computed in run(&probed(|text| text), cases) {
+                assert_eq!(computed.expect("runs"), cases);
+            }
+        }
+    }
+
+    /// A kernel that returns before it writes: the results are poison, and no verdict.
+    #[test]
+    fn a_kernel_that_never_writes_is_an_error() {
+        let guard = "if karat_case >= karat_batch.x { return; }";
+        let silent = probed(|text| text.replace(guard, "if karat_batch.x >= 0u { return; }"));
+        for result in run(&silent, 1000) {
+            let error = result.expect_err("nothing was written");
+            let found = matches!(error, ProbeError::NotWritten { count: 1000, cases: 1000, .. });
+            assert!(found, "{error}");
+        }
+    }
+
+    /// A kernel that skips one case of many.
+    #[test]
+    fn one_unwritten_case_is_an_error() {
+        let guard = "if karat_case >= karat_batch.x { return; }";
+        let skipping = "if karat_case >= karat_batch.x || karat_case == 777u { return; }";
+        for result in run(&probed(|text| text.replace(guard, skipping)), 1000) {
+            let error = result.expect_err("case 777 was not written");
+            assert!(
+                matches!(error, ProbeError::NotWritten { first: 777, count: 1, .. }),
+                "{error}"
+            );
+        }
+    }
+
+    /// A kernel of another dispatch: right shape, wrong canary.
+    #[test]
+    fn a_stale_canary_is_an_error() {
+        let stale = probed(|text| text.replace("karat_batch.y ^ karat_case", "karat_case"));
+        for result in run(&stale, 100) {
+            assert!(matches!(result, Err(ProbeError::NotWritten { count: 100, .. })));
+        }
+    }
+}
