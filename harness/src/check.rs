@@ -215,9 +215,12 @@ where
             session.run(|batch, dispatches| {
                 // The device works on the dispatches meanwhile.
                 let expected = batch.expected(session, &reference)?;
-                session.judge(batch, dispatches, |_, case, actual| {
+                let expect = |_, case: usize| {
+                    Some(expected[case * scalars.len()..][..scalars.len()].to_vec())
+                };
+                session.judge(batch, dispatches, expect, |_, case, actual| {
                     let expected = &expected[case * scalars.len()..][..scalars.len()];
-                    (compare(&scalars, actual, expected, &tolerance), Some(expected.to_vec()))
+                    compare(&scalars, actual, expected, &tolerance)
                 })
             })
         })
@@ -261,14 +264,15 @@ where
             session.expect_result(&R::shape(), "the statement takes", None)?;
             let scalars = session.scalars();
             session.run(|batch, dispatches| {
-                session.judge(batch, dispatches, |_, case, actual| {
+                let expect = |_, _| None;
+                session.judge(batch, dispatches, expect, |_, case, actual| {
                     let mut judged = finite(&scalars, actual);
                     if judged.measure.passes() {
                         let arguments = batch.values[case].clone();
                         let result = R::load(&mut actual.iter());
                         judged.measure = Measure::statement(holds(arguments, result));
                     }
-                    (judged, None)
+                    judged
                 })
             })
         })
@@ -308,13 +312,15 @@ where
                 }
                 let transformed = batch.transformed(&transform);
                 let dispatches = session.dispatch(&transformed)?;
-                session.judge(batch, dispatches, |path, case, actual| {
-                    // What the plain arguments gave is what the transformed ones should.
+                // What the plain arguments gave is what the transformed ones should.
+                let expect = |path: usize, case: usize| -> Vec<f64> {
                     let stride = scalars.len() + 1;
                     let before = &plain[path][case * stride..][..scalars.len()];
-                    let expected: Vec<f64> =
-                        scalars.iter().zip(before).map(|(s, word)| s.decode(*word)).collect();
-                    (compare(&scalars, actual, &expected, &tolerance), Some(expected))
+                    scalars.iter().zip(before).map(|(s, word)| s.decode(*word)).collect()
+                };
+                let shown = |path, case| Some(expect(path, case));
+                session.judge(batch, dispatches, shown, |path, case, actual| {
+                    compare(&scalars, actual, &expect(path, case), &tolerance)
                 })
             })
         })
@@ -560,12 +566,13 @@ where
     }
 
     /// Reads each path's results and judges them. `judge` gets the path's index, the case's index
-    /// in the batch and the result's words, and returns what it expected, to be shown.
+    /// in the batch and the result's words; `expect` says what a failing case should have been.
     fn judge(
         &self,
         batch: &Batch<D::Value>,
         dispatches: Vec<Dispatch>,
-        judge: impl Fn(usize, usize, &[u32]) -> (Judged, Option<Vec<f64>>) + Sync,
+        expect: impl Fn(usize, usize) -> Option<Vec<f64>>,
+        judge: impl Fn(usize, usize, &[u32]) -> Judged + Sync,
     ) -> Result<Vec<PathTally>, Failure> {
         let words = self.scalars().len();
         let mut tallies = Vec::with_capacity(self.runners.len());
@@ -573,12 +580,12 @@ where
             let tally = runner.read(dispatch, |results| {
                 let stride = runner.stride_out();
                 let sum = tally(batch.first, results, stride, |case, result| {
-                    judge(path, case, &result[..words]).0
+                    judge(path, case, &result[..words])
                 });
                 let show = |shown: Shown| {
                     let case = usize::try_from(shown.case - batch.first).expect("in this batch");
                     let actual = &results[case * stride..][..words];
-                    let (judged, expected) = judge(path, case, actual);
+                    let (judged, expected) = (judge(path, case, actual), expect(path, case));
                     let mut arguments = Vec::new();
                     batch.values[case].store_all(&mut arguments);
                     let function = &self.probed.function;

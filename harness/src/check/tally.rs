@@ -62,22 +62,25 @@ pub(crate) struct Tally {
 
 impl Tally {
     fn add(&mut self, case: u64, judged: Judged) {
-        let shown = Some(Shown { case, judged });
-        let mut one = Self { worst: shown, ..Self::default() };
-        one.census.cases = 1;
-        if !judged.measure.passes() {
-            one.census.failures = 1;
-            one.first = shown;
-            match judged.class {
-                Class::Nan => one.census.nan = 1,
-                Class::Infinite => one.census.infinite = 1,
-                Class::WrongSign => one.census.wrong_sign = 1,
-                Class::TooLow => one.census.too_low = 1,
-                Class::TooHigh => one.census.too_high = 1,
-                Class::Other => {}
-            }
+        self.census.cases += 1;
+        let shown = Shown { case, judged };
+        let largest = self.worst.map_or(f64::NEG_INFINITY, |worst| worst.judged.measure.ratio);
+        if judged.measure.ratio > largest {
+            self.worst = Some(shown);
         }
-        *self = self.merge(one);
+        if judged.measure.passes() {
+            return;
+        }
+        self.census.failures += 1;
+        self.first = self.first.or(Some(shown));
+        match judged.class {
+            Class::Nan => self.census.nan += 1,
+            Class::Infinite => self.census.infinite += 1,
+            Class::WrongSign => self.census.wrong_sign += 1,
+            Class::TooLow => self.census.too_low += 1,
+            Class::TooHigh => self.census.too_high += 1,
+            Class::Other => {}
+        }
     }
 
     pub(crate) fn merge(self, other: Self) -> Self {
@@ -153,9 +156,12 @@ pub(crate) fn compare(
             Measure::equality(scalar.decode(word) == reference)
         };
         if lane == 0 || measure.ratio > worst.measure.ratio {
-            let class = classify(scalar.decode(word), reference);
-            worst = Judged { measure, lane, class };
+            worst = Judged { measure, lane, class: Class::Other };
         }
+    }
+    if !worst.measure.passes() {
+        let lane = worst.lane;
+        worst.class = classify(scalars[lane].decode(actual[lane]), expected[lane]);
     }
     worst
 }

@@ -1,0 +1,101 @@
+//! What one would write without Karat: a wgpu loop for one function, by hand.
+
+use glam::DVec2;
+use shaders::sampling;
+
+/// The function under test with its kernel, as one would copy them together.
+const WGSL: &str = include_str!("bare.wgsl");
+
+/// An opened device.
+pub(crate) struct Bare {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+}
+
+impl Bare {
+    pub(crate) fn open() -> Self {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
+            backends: wgpu::Backends::VULKAN,
+            flags: wgpu::InstanceFlags::empty(),
+            ..wgpu::InstanceDescriptor::new_without_display_handle()
+        });
+        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
+        let adapter = adapters.into_iter().next().expect("a Vulkan adapter");
+        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            required_limits: adapter.limits(),
+            memory_hints: wgpu::MemoryHints::MemoryUsage,
+            ..wgpu::DeviceDescriptor::default()
+        }))
+        .expect("the device opens");
+        Self { device, queue }
+    }
+
+    /// From source to verdict: the largest absolute error over `cases` cases.
+    pub(crate) fn run(&self, cases: u32) -> f64 {
+        let Self { device, queue } = self;
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: None,
+            source: wgpu::ShaderSource::Wgsl(WGSL.into()),
+        });
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: None,
+            layout: None,
+            module: &module,
+            entry_point: Some("main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        let mut state = 1_u32;
+        let mut random = || {
+            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            f64::from(state) / 4_294_967_296.0
+        };
+        let inputs: Vec<[f32; 3]> = (0..cases)
+            .map(|_| [1e-4 + (1.0 - 1e-4) * random(), random(), random()].map(|v| v as f32))
+            .collect();
+        let size = u64::from(cases) * 12;
+        let buffer = |usage| {
+            device.create_buffer(&wgpu::BufferDescriptor {
+                label: None,
+                size,
+                usage,
+                mapped_at_creation: false,
+            })
+        };
+        let arguments = buffer(wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST);
+        let results = buffer(wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC);
+        let staging = buffer(wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
+        queue.write_buffer(&arguments, 0, bytemuck::cast_slice(&inputs));
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: arguments.as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 1, resource: results.as_entire_binding() },
+            ],
+        });
+        let mut encoder = device.create_command_encoder(&Default::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(&pipeline);
+            pass.set_bind_group(0, &group, &[]);
+            pass.dispatch_workgroups(cases.div_ceil(64), 1, 1);
+        }
+        encoder.copy_buffer_to_buffer(&results, 0, &staging, 0, size);
+        queue.submit([encoder.finish()]);
+        let slice = staging.slice(..);
+        slice.map_async(wgpu::MapMode::Read, |result| result.expect("the buffer maps"));
+        device.poll(wgpu::PollType::wait_indefinitely()).expect("the queue ends");
+        let view = slice.get_mapped_range().expect("it is mapped");
+        let outputs: &[[f32; 3]] = bytemuck::cast_slice(&view);
+        let mut worst = 0.0_f64;
+        for ([alpha, x, y], output) in inputs.iter().zip(outputs) {
+            let u = DVec2::new(f64::from(*x), f64::from(*y));
+            let expected = sampling::ggx_normal(f64::from(*alpha), u).to_array();
+            for (actual, expected) in output.iter().zip(expected) {
+                worst = worst.max((f64::from(*actual) - expected).abs());
+            }
+        }
+        worst
+    }
+}

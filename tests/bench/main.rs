@@ -1,0 +1,156 @@
+//! Karat's benchmark: `cargo ci bench`.
+//!
+//! Built in the profile that `cargo test` uses, as that is what an author waits for. Machines are
+//! noisy: what is compared is measured alternately in one run, and each figure is a median with
+//! its spread.
+
+mod bare;
+
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use karat::prelude::*;
+use shaders::{PBR, fresnel, sampling};
+
+use self::bare::Bare;
+
+/// Repetitions of what starts a process.
+const STARTS: usize = 9;
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().collect();
+    match arguments.get(1).map(String::as_str) {
+        Some("--child") => child(&arguments[2]),
+        _ => {
+            starts();
+            throughput();
+            memory();
+        }
+    }
+}
+
+/// A process of its own does one thing and ends.
+fn child(task: &str) {
+    match task {
+        "schlick" => {
+            PBR.function("fresnel::schlick")
+                .over((UnitRgb, 0.0..=1.0))
+                .agrees_with(fresnel::schlick, Ulp(11.0));
+        }
+        "karat" => {
+            ggx(1_000_000);
+            print!("{}", peak_memory());
+        }
+        "bare" => {
+            assert!(Bare::open().run(1_000_000) < 6e-4);
+            print!("{}", peak_memory());
+        }
+        other => panic!("there is no task `{other}`"),
+    }
+}
+
+fn ggx(cases: u64) {
+    let u = (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(x, y)| glam::Vec2::new(x, y));
+    PBR.function("sampling::ggx_normal")
+        .over((1e-4..=1.0, u))
+        .cases(cases)
+        .agrees_with(sampling::ggx_normal, Abs(6e-4));
+}
+
+/// Median, smallest and largest.
+struct Spread([f64; 3]);
+
+impl Spread {
+    fn of(mut values: Vec<f64>) -> Self {
+        values.sort_by(f64::total_cmp);
+        let (middle, last) = (values.len() / 2, values.len() - 1);
+        Self([values[middle], values[0], values[last]])
+    }
+}
+
+impl std::fmt::Display for Spread {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self([median, smallest, largest]) = self;
+        write!(f, "{median:>8.3}  ({smallest:.3} to {largest:.3})")
+    }
+}
+
+fn spawn(task: &str, environment: &[(&str, &str)]) -> (Duration, String) {
+    let exe = std::env::current_exe().expect("this program has a path");
+    let start = Instant::now();
+    let output = Command::new(exe)
+        .args(["--child", task])
+        .env("NODEVICE_SELECT", "1")
+        .envs(environment.iter().copied())
+        .output()
+        .expect("this program runs");
+    let time = start.elapsed();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    (time, String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+fn starts() {
+    println!("65,536 cases of fresnel::schlick, process start to verdict [s]");
+    for (name, paths) in [("one path ", "vulkan"), ("two paths", "vulkan,gl")] {
+        let mut cold = Vec::new();
+        let mut warm = Vec::new();
+        for _ in 0..STARTS {
+            let cache = tempfile::tempdir().expect("a temporary folder");
+            let folder = cache.path().display().to_string();
+            let environment = [("KARAT_PATHS", paths), ("MESA_SHADER_CACHE_DIR", folder.as_str())];
+            cold.push(spawn("schlick", &environment).0.as_secs_f64());
+            warm.push(spawn("schlick", &environment).0.as_secs_f64());
+        }
+        println!("  {name}, driver cache cold  {}", Spread::of(cold));
+        println!("  {name}, driver cache warm  {}", Spread::of(warm));
+    }
+}
+
+fn throughput() {
+    println!("\nsampling::ggx_normal, from source to verdict on an open device, one path");
+    println!("  cases      Karat [1e6/s]                  bare loop [1e6/s]              ratio");
+    let bare = Bare::open();
+    for (cases, repetitions) in [(1_000_u32, 41), (100_000, 21), (1_000_000, 9)] {
+        ggx(u64::from(cases));
+        bare.run(cases);
+        let rate = |time: Duration| f64::from(cases) / time.as_secs_f64() / 1e6;
+        let (mut ours, mut theirs, mut ratios) = (Vec::new(), Vec::new(), Vec::new());
+        for _ in 0..repetitions {
+            let start = Instant::now();
+            ggx(u64::from(cases));
+            let karat = rate(start.elapsed());
+            let start = Instant::now();
+            assert!(bare.run(cases) < 6e-4);
+            let loop_ = rate(start.elapsed());
+            ours.push(karat);
+            theirs.push(loop_);
+            ratios.push(karat / loop_);
+        }
+        let [ours, theirs, ratios] = [ours, theirs, ratios].map(Spread::of);
+        println!("  {cases:<9}  {ours}  {theirs}  {ratios}");
+    }
+}
+
+/// The largest resident size of this process so far, in MB; 0 where the system doesn't tell.
+fn peak_memory() -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"));
+    let kilobytes = line.and_then(|line| line.split_whitespace().nth(1)?.parse::<f64>().ok());
+    kilobytes.unwrap_or(0.0) / 1024.0
+}
+
+fn memory() {
+    println!("\npeak memory of a process with 1,000,000 cases of sampling::ggx_normal [MB]");
+    let measure = |task| {
+        let runs = (0..3).map(|_| {
+            let (_, text) = spawn(task, &[("KARAT_PATHS", "vulkan")]);
+            text.parse::<f64>().expect("the child prints its peak")
+        });
+        Spread::of(runs.collect())
+    };
+    let (karat, bare) = (measure("karat"), measure("bare"));
+    println!(
+        "  Karat      {karat}\n  bare loop  {bare}\n  above      {:>8.3}",
+        karat.0[0] - bare.0[0]
+    );
+}
