@@ -539,22 +539,28 @@ where
 
     fn draw(&self, first: u64, size: u64) -> Result<Batch<D::Value>, Failure> {
         let size = usize::try_from(size).expect("a batch fits in memory");
-        let values: Option<Vec<D::Value>> = (0..size)
+        let parts: Option<Vec<(Vec<D::Value>, Vec<u32>)>> = (0..size.div_ceil(TASK))
             .into_par_iter()
-            .with_min_len(TASK)
-            .map(|index| self.cases.get(first + index as u64))
+            .map(|task| {
+                let mut values = Vec::with_capacity(TASK);
+                let mut lanes = Vec::new();
+                for index in task * TASK..size.min((task + 1) * TASK) {
+                    let value = self.cases.get(first + index as u64)?;
+                    value.store_all(&mut lanes);
+                    values.push(value);
+                }
+                Some((values, lanes))
+            })
             .collect();
-        let values = values.ok_or_else(|| Failure::Domain {
+        let parts = parts.ok_or_else(|| Failure::Domain {
             function: self.probed.function.path.clone(),
             reason: "rejects nearly everything that its filter sees: build the values with `map` \
                      instead"
                 .to_owned(),
         })?;
-        let mut lanes = Vec::new();
-        for value in &values {
-            value.store_all(&mut lanes);
-        }
-        Ok(Batch { first, values, lanes })
+        let (values, lanes): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
+        let values = values.into_iter().flatten().collect();
+        Ok(Batch { first, values, lanes: lanes.concat() })
     }
 
     fn dispatch(&self, batch: &LanesOnly<'_>) -> Result<Vec<Dispatch>, Failure> {

@@ -223,6 +223,8 @@ pub(crate) struct Cases<'a, D: Domain + ?Sized> {
     edges: Vec<D::Value>,
     seed: u64,
     count: u64,
+    /// Whether case i is the domain's value i.
+    enumerated: bool,
 }
 
 impl<'a, D: Domain + ?Sized> Cases<'a, D> {
@@ -230,8 +232,10 @@ impl<'a, D: Domain + ?Sized> Cases<'a, D> {
     /// then draws.
     pub(crate) fn new(domain: &'a D, seed: u64, limit: u64) -> Self {
         match domain.size() {
-            Some(size) if size <= limit => Self { domain, edges: Vec::new(), seed, count: size },
-            _ => Self { domain, edges: domain.edges(), seed, count: limit },
+            Some(count) if count <= limit => {
+                Self { domain, edges: Vec::new(), seed, count, enumerated: true }
+            }
+            _ => Self { domain, edges: domain.edges(), seed, count: limit, enumerated: false },
         }
     }
 
@@ -241,7 +245,7 @@ impl<'a, D: Domain + ?Sized> Cases<'a, D> {
 
     /// The value of a case; `None` if the domain rejects nearly everything.
     pub(crate) fn get(&self, index: u64) -> Option<D::Value> {
-        if self.domain.size().is_some_and(|size| size == self.count) {
+        if self.enumerated {
             return self.domain.nth(index);
         }
         usize::try_from(index)
