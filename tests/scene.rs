@@ -1,6 +1,6 @@
 //! The pure functions of the test scene.
 
-use glam::{DVec2, Mat4, Vec2, Vec3};
+use glam::{Mat4, Vec2, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, scene};
 
@@ -19,7 +19,7 @@ fn view_direction() {
     PBR.function("scene::view_direction").over(cameras).cases(4096).satisfies(
         "is parallel to the reference",
         |(matrix, ndc): (Mat4, Vec2), direction: Vec3| {
-            let expected = scene::view_direction(matrix.as_dmat4(), DVec2::from(ndc.as_dvec2()));
+            let expected = scene::view_direction(matrix.as_dmat4(), ndc.as_dvec2());
             direction.as_dvec3().normalize().abs_diff_eq(expected.normalize(), 1e-6)
         },
     );

@@ -539,7 +539,7 @@ where
 
     fn draw(&self, first: u64, size: u64) -> Result<Batch<D::Value>, Failure> {
         let size = usize::try_from(size).expect("a batch fits in memory");
-        let parts: Option<Vec<(Vec<D::Value>, Vec<u32>)>> = (0..size.div_ceil(TASK))
+        let parts: Option<Vec<(Vec<_>, Vec<_>)>> = (0..size.div_ceil(TASK))
             .into_par_iter()
             .map(|task| {
                 let mut values = Vec::with_capacity(TASK);

@@ -100,9 +100,9 @@ pub enum FrameError {
     #[error("on {adapter}\n{source}")]
     Golden {
         /// What rendered the frame.
-        adapter: Adapter,
+        adapter: Box<Adapter>,
         /// What is wrong.
-        source: GoldenError,
+        source: Box<GoldenError>,
     },
 }
 
@@ -200,10 +200,12 @@ impl Frame<'_> {
         let result = self.compare(goldens, case, &mut paths, &mut records);
         let (verdict, message) = match &result {
             Ok(()) => (Verdict::Pass, None),
-            Err(error @ FrameError::Golden { source: GoldenError::Differs { .. }, .. }) => {
-                (Verdict::Fail, Some(error.to_string()))
+            Err(error) => {
+                let differs = matches!(error, FrameError::Golden { source, .. }
+                    if matches!(**source, GoldenError::Differs { .. }));
+                let verdict = if differs { Verdict::Fail } else { Verdict::Error };
+                (verdict, Some(error.to_string()))
             }
-            Err(error) => (Verdict::Error, Some(error.to_string())),
         };
         record::write(&Record {
             schema: record::SCHEMA,
@@ -255,7 +257,10 @@ impl Frame<'_> {
                 Err(source) => {
                     entry.failures = failures(&source);
                     records.push(entry);
-                    return Err(FrameError::Golden { adapter: adapter.clone(), source });
+                    return Err(FrameError::Golden {
+                        adapter: Box::new(adapter.clone()),
+                        source: Box::new(source),
+                    });
                 }
             }
         }

@@ -4,6 +4,8 @@
 //! noisy: what is compared is measured alternately in one run, and each figure is a median with
 //! its spread.
 
+#![expect(clippy::print_stdout, reason = "a benchmark prints its figures")]
+
 mod bare;
 
 use std::process::Command;
