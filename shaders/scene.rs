@@ -193,7 +193,7 @@ mod tests {
     #[test]
     fn the_grid_reads_like_a_page() {
         assert_eq!(materials().len(), 64);
-        let gold_second_row = materials()[8 + 5];
+        let gold_second_row = &materials()[8 + 5];
         assert_eq!(gold_second_row.f0, Vec3::new(1.0, 0.782, 0.344));
         assert_eq!(gold_second_row.roughness, 0.05);
         let (first, last) = (sphere_centre(0), sphere_centre(63));
@@ -251,20 +251,5 @@ mod tests {
             assert!(seen.truncate().abs_diff_eq(ndc, 1e-6), "{seen} for {ndc}");
         }
         assert!(view_direction(matrix, DVec2::ZERO).normalize().abs_diff_eq(DVec3::NEG_Z, 1e-6));
-    }
-
-    #[test]
-    fn layouts_follow_wgsl() {
-        let material = Material {
-            diffuse: Vec3::new(1.0, 2.0, 3.0),
-            f0: Vec3::new(4.0, 5.0, 6.0),
-            roughness: 7.0,
-        };
-        assert_eq!(material.to_array(), [1.0, 2.0, 3.0, 0.0, 4.0, 5.0, 6.0, 7.0]);
-        let camera = camera(WIDE);
-        let floats = camera.to_array();
-        // Column 3 holds the translation, and the position follows the 64 bytes of the matrix.
-        assert_eq!(floats[12..16], camera.view_projection.w_axis.to_array());
-        assert_eq!(floats[16..], [0.0, 0.0, camera.position.z, 0.0]);
     }
 }

@@ -155,7 +155,6 @@ fn nothing_to_compare() {
             .function("f")
             .over((0.0..=1.0).filter(|x: &f32| x.to_bits() % 1_000_003 == 1))
             .try_agrees_with(identity, Ulp(0.0)),
-        #[expect(clippy::reversed_empty_ranges, reason = "an accidentally empty domain")]
         package.function("f").over(1.0..=0.0).try_agrees_with(identity, Ulp(0.0)),
     ];
     for (index, found) in found.iter().enumerate() {
