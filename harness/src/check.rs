@@ -1,8 +1,9 @@
 //! Checks: what a test asserts of a WGSL function.
 //!
 //! Each verb runs the function over the domain's cases on every selected path and returns an
-//! [`Agreement`] that says how much was compared, or panics with a [`Failure`]; the `try_` forms
-//! return it. A check that compared nothing is an error.
+//! [`Agreement`] that says how much was compared, or panics with a [`Failure`]. The `try_` forms
+//! return the failure and leave the verdict to the caller, so the record of the run doesn't hold
+//! theirs. A check that compared nothing is an error.
 
 mod disagreement;
 mod identity;
@@ -196,7 +197,7 @@ where
         reference: impl Reference<D::Value>,
         tolerance: impl Into<Tolerance>,
     ) -> Agreement {
-        or_panic(self.try_agrees_with(reference, tolerance))
+        or_panic(self.compare(reference, tolerance.into(), Recording::On))
     }
 
     /// [`agrees_with`](Self::agrees_with) without the panic.
@@ -208,8 +209,16 @@ where
         reference: impl Reference<D::Value>,
         tolerance: impl Into<Tolerance>,
     ) -> Result<Agreement, Failure> {
-        let tolerance = tolerance.into();
-        self.recorded("agrees_with", tolerance.to_string(), |session| {
+        self.compare(reference, tolerance.into(), Recording::Off)
+    }
+
+    fn compare(
+        self,
+        reference: impl Reference<D::Value>,
+        tolerance: Tolerance,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        self.conclude("agrees_with", tolerance.to_string(), recording, |session| {
             session.expect_result(&reference.shape(), "the reference returns", Some(&tolerance))?;
             let scalars = session.scalars();
             session.run(|batch, dispatches| {
@@ -248,7 +257,7 @@ where
         statement: &str,
         holds: impl Fn(D::Value, R) -> bool + Sync,
     ) -> Agreement {
-        or_panic(self.try_satisfies(statement, holds))
+        or_panic(self.judge(statement, holds, Recording::On))
     }
 
     /// [`satisfies`](Self::satisfies) without the panic.
@@ -260,7 +269,16 @@ where
         statement: &str,
         holds: impl Fn(D::Value, R) -> bool + Sync,
     ) -> Result<Agreement, Failure> {
-        self.recorded("satisfies", statement.to_owned(), |session| {
+        self.judge(statement, holds, Recording::Off)
+    }
+
+    fn judge<R: Shareable>(
+        self,
+        statement: &str,
+        holds: impl Fn(D::Value, R) -> bool + Sync,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        self.conclude("satisfies", statement.to_owned(), recording, |session| {
             session.expect_result(&R::shape(), "the statement takes", None)?;
             let scalars = session.scalars();
             session.run(|batch, dispatches| {
@@ -289,7 +307,7 @@ where
         transform: impl Fn(D::Value) -> D::Value + Sync,
         tolerance: impl Into<Tolerance>,
     ) -> Agreement {
-        or_panic(self.try_invariant_under(transform, tolerance))
+        or_panic(self.transform(transform, tolerance.into(), Recording::On))
     }
 
     /// [`invariant_under`](Self::invariant_under) without the panic.
@@ -301,8 +319,16 @@ where
         transform: impl Fn(D::Value) -> D::Value + Sync,
         tolerance: impl Into<Tolerance>,
     ) -> Result<Agreement, Failure> {
-        let tolerance = tolerance.into();
-        self.recorded("invariant_under", tolerance.to_string(), |session| {
+        self.transform(transform, tolerance.into(), Recording::Off)
+    }
+
+    fn transform(
+        self,
+        transform: impl Fn(D::Value) -> D::Value + Sync,
+        tolerance: Tolerance,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        self.conclude("invariant_under", tolerance.to_string(), recording, |session| {
             session.expect_lanes(&tolerance)?;
             let scalars = session.scalars();
             session.run(|batch, dispatches| {
@@ -327,10 +353,11 @@ where
     }
 
     /// Prepares the session, runs `check` and records its verdict.
-    fn recorded(
+    fn conclude(
         self,
         name: &'static str,
         assertion: String,
+        recording: Recording,
         check: impl FnOnce(&Session<'_, D>) -> Result<Vec<PathTally>, Failure>,
     ) -> Result<Agreement, Failure> {
         let identity = Identity::current();
@@ -351,9 +378,12 @@ where
                 *location = session.probed.function.span.to_string();
             }
             let tallies = check(&session)?;
-            paths = tallies.iter().map(PathTally::record).collect();
+            paths = tallies.iter().map(|path| path.record(&session.assertion.1)).collect();
             session.conclude(tallies)
         });
+        if recording == Recording::Off {
+            return result;
+        }
         let (verdict, message) = match &result {
             Ok(_) => (Verdict::Pass, None),
             Err(failure @ Failure::Disagreement(_)) => (Verdict::Fail, Some(failure.to_string())),
@@ -363,6 +393,13 @@ where
         record::write(&Record { schema: record::SCHEMA, test, subject, verdict, paths, message });
         result
     }
+}
+
+/// Whether a verdict goes into the record of the run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Recording {
+    On,
+    Off,
 }
 
 #[track_caller]
@@ -423,7 +460,7 @@ struct PathTally {
 }
 
 impl PathTally {
-    fn record(&self) -> PathRecord {
+    fn record(&self, asserted: &str) -> PathRecord {
         let worst = self.tally.worst.map(|worst| worst.judged.measure);
         PathRecord {
             adapter: self.adapter.clone(),
@@ -431,6 +468,7 @@ impl PathTally {
             failures: self.tally.census.failures,
             worst: worst.map_or_else(String::new, |measure| measure.to_string()),
             ratio: worst.map(|measure| measure.ratio).filter(|ratio| ratio.is_finite()),
+            asserted: asserted.to_owned(),
         }
     }
 }

@@ -184,22 +184,10 @@ impl Frame<'_> {
     /// With the [`FrameError`], if it differs or there is nothing to compare with.
     #[track_caller]
     pub fn matches(&self, goldens: &Goldens, case: &str) -> FrameAgreement {
-        match self.try_matches(goldens, case) {
-            Ok(agreement) => agreement,
-            Err(error) => panic!("{error}"),
-        }
-    }
-
-    /// [`matches`](Self::matches) without the panic.
-    ///
-    /// # Errors
-    /// If it differs or there is nothing to compare with.
-    pub fn try_matches(&self, goldens: &Goldens, case: &str) -> Result<FrameAgreement, FrameError> {
-        let mut paths = Vec::new();
         let mut records = Vec::new();
-        let result = self.compare(goldens, case, &mut paths, &mut records);
+        let result = self.compare(goldens, case, &mut records);
         let (verdict, message) = match &result {
-            Ok(()) => (Verdict::Pass, None),
+            Ok(_) => (Verdict::Pass, None),
             Err(error) => {
                 let differs = matches!(error, FrameError::Golden { source, .. }
                     if matches!(**source, GoldenError::Differs { .. }));
@@ -210,24 +198,33 @@ impl Frame<'_> {
         record::write(&Record {
             schema: record::SCHEMA,
             test: Identity::current().test,
-            subject: Subject::Frame {
-                golden: case.to_owned(),
-                assertion: format!("matches its golden to rel {:e}", self.relative),
-            },
+            subject: Subject::Frame { golden: case.to_owned() },
             verdict,
             paths: records,
             message,
         });
-        result.map(|()| FrameAgreement { case: case.to_owned(), paths })
+        match result {
+            Ok(agreement) => agreement,
+            Err(error) => panic!("{error}"),
+        }
+    }
+
+    /// [`matches`](Self::matches) without the panic. The verdict is left to the caller and isn't
+    /// recorded.
+    ///
+    /// # Errors
+    /// If it differs or there is nothing to compare with.
+    pub fn try_matches(&self, goldens: &Goldens, case: &str) -> Result<FrameAgreement, FrameError> {
+        self.compare(goldens, case, &mut Vec::new())
     }
 
     fn compare(
         &self,
         goldens: &Goldens,
         case: &str,
-        paths: &mut Vec<(Adapter, FrameMargin)>,
         records: &mut Vec<PathRecord>,
-    ) -> Result<(), FrameError> {
+    ) -> Result<FrameAgreement, FrameError> {
+        let mut paths = Vec::new();
         for device in path::selected()? {
             let adapter = device.adapter();
             let (image, shader) = self.render_on(device)?;
@@ -241,6 +238,7 @@ impl Frame<'_> {
                 failures: 0,
                 worst: String::new(),
                 ratio: None,
+                asserted: format!("rel {relative:e}"),
             };
             match compared {
                 Ok(margin) => {
@@ -264,7 +262,7 @@ impl Frame<'_> {
                 }
             }
         }
-        Ok(())
+        Ok(FrameAgreement { case: case.to_owned(), paths })
     }
 }
 

@@ -67,8 +67,6 @@ pub enum Subject {
     Frame {
         /// Name of the golden.
         golden: String,
-        /// The tolerance.
-        assertion: String,
     },
 }
 
@@ -83,8 +81,10 @@ pub struct PathRecord {
     pub failures: u64,
     /// The largest error, in its unit: `2.5 ulp`.
     pub worst: String,
-    /// The largest error over its bound.
+    /// The largest error over its bound; `None` if it isn't a number.
     pub ratio: Option<f64>,
+    /// What was asserted on this path: the tolerance, or the statement.
+    pub asserted: String,
 }
 
 /// Appends a verdict to this process's file, if a run is being recorded.
@@ -171,7 +171,7 @@ pub fn read(folder: &Path) -> Result<Vec<Record>, RecordError> {
     let key = |record: &Record| {
         let subject = match &record.subject {
             Subject::Function { function, check, .. } => format!("{function} {check}"),
-            Subject::Frame { golden, .. } => format!("~{golden}"),
+            Subject::Frame { golden } => format!("~{golden}"),
         };
         (subject, record.test.clone())
     };

@@ -159,6 +159,12 @@ pub(crate) fn significant(value: f64) -> String {
     }
 }
 
+/// A bound as its author would write it; three digits of one that was computed.
+fn exponent(bound: f64) -> String {
+    let exact = format!("{bound:e}");
+    if exact.len() <= 7 { exact } else { format!("{bound:.2e}") }
+}
+
 impl Tolerance {
     /// One tolerance for each lane (component, matrix element, structure member), in order.
     pub fn per_lane(lanes: impl IntoIterator<Item = Self>) -> Self {
@@ -284,8 +290,8 @@ impl fmt::Display for Tolerance {
                 write!(f, "{bound} ulp")
             }
             Self::Ulp { bound, band } => write!(f, "{bound} ulp (absolute below {band})"),
-            Self::Rel(bound) => write!(f, "rel {bound:e}"),
-            Self::Abs(bound) => write!(f, "abs {bound:e}"),
+            Self::Rel(bound) => write!(f, "rel {}", exponent(*bound)),
+            Self::Abs(bound) => write!(f, "abs {}", exponent(*bound)),
             Self::Any(parts) => join(f, parts, " or "),
             Self::All(parts) => join(f, parts, " and "),
             Self::PerLane(parts) => {
