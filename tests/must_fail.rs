@@ -277,6 +277,26 @@ fn no_fault_succeeds() {
     assert!(output.status.success(), "{text}");
 }
 
+/// The replay command runs the failing case alone, with the same inputs.
+#[test]
+fn replay() {
+    let (_, text) = planted(&["too_large"], &[]);
+    let line = text.lines().find_map(|line| line.trim().strip_prefix("replay: "));
+    let words = line.expect("a failure says how to replay it").split(' ');
+    let environment: Vec<(&str, &str)> = words.map_while(|word| word.split_once('=')).collect();
+    assert_eq!(environment.len(), 3, "path, seed and case: {environment:?}");
+    let (output, again) = planted(&["too_large"], &environment);
+    assert!(!output.status.success(), "{again}");
+    assert!(again.contains("1 of 1 cases fail"), "{again}");
+    let worst = |text: &str| {
+        let from = text.find("  worst (case").expect("a failure shows the worst case");
+        text[from..].lines().take(6).collect::<Vec<_>>().join("\n")
+    };
+    assert_eq!(worst(&text), worst(&again));
+    let (output, text) = planted(&["too_large"], &[("KARAT_CASE", "99999999")]);
+    assert!(!output.status.success() && text.contains("none with index 99999999"), "{text}");
+}
+
 /// Mesa and the loader find no driver: what is required must run, and something must run at all.
 #[test]
 fn no_adapter() {

@@ -24,6 +24,7 @@ fn main() -> ExitCode {
     let fault = std::env::args().nth(1).unwrap_or_default();
     let verdict = match fault.as_str() {
         "endless_loop" => check(&endless(), "endless"),
+        "too_large" => check("fn above(x: f32) -> f32 { return x + x * x * 0.001; }", "above"),
         "none" => check("fn id(x: f32) -> f32 { return x; }", "id"),
         "golden" => frame(),
         _ => Err(format!("there is no fault `{fault}`")),

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 
-use super::{Adapter, Path, PathError};
+use super::{Adapter, Path, PathError, guard};
 
 /// A device of one path.
 #[derive(Debug)]
@@ -22,7 +22,7 @@ impl Device {
         if !path.exists() {
             return Err(unavailable("this platform doesn't have it".to_owned()));
         }
-        // Several tests of a process ask at once; drivers are loaded one after the other.
+        let _deadline = guard(move || format!("opening path {path}"));
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
             backends: path.backends(),
             // Validation layers cost more than the test; wgpu's own validation stays on.
