@@ -1,4 +1,5 @@
-//! Testing a shader of one's own: `cargo test -p karat --example srgb`.
+//! Testing a shader of one's own: `cargo test -p karat --example srgb`, or `cargo run` to see what
+//! a check compares.
 //!
 //! In a project, this is a file in `tests/`, and the shaders are in a folder beside Cargo.toml.
 
@@ -6,15 +7,16 @@ use karat::prelude::*;
 
 static SHADERS: Package = karat::package!("examples/shaders");
 
-#[expect(clippy::print_stdout, reason = "it tells how to run the tests")]
-fn main() {
-    println!("This example is a set of tests: cargo test -p karat --example srgb");
-}
-
 /// The reference: the standard's formula, in f64.
-#[cfg(test)]
 fn encode(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// Outside of a test, a check tells what it compared.
+#[expect(clippy::print_stdout, reason = "it shows an agreement")]
+fn main() {
+    let check = SHADERS.function("srgb::encode").over(0.0..=1.0);
+    println!("{}", check.agrees_with(encode, Abs(1e-6)));
 }
 
 /// WGSL takes pow(x, y) as exp2(y * log2(x)): near 1, log2 has an absolute error of 2^-21 and

@@ -108,8 +108,10 @@ pub(crate) fn run() -> ExitCode {
         Command::Reject(args) => goldens::reject(&args, &mut out),
         Command::Preview(args) => goldens::preview(&args, &mut out),
         Command::Completions { shell } => {
-            clap_complete::generate(shell, &mut Cli::command(), "karat", &mut out);
-            Ok(Verdict::Good)
+            // The generator panics where it can't write, so it writes to memory.
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Cli::command(), "karat", &mut script);
+            out.write_all(&script).map(|()| Verdict::Good).map_err(Into::into)
         }
     };
     let result = result.and_then(|verdict| Ok(out.flush().map(|()| verdict)?));
@@ -129,7 +131,9 @@ pub(crate) fn run() -> ExitCode {
 }
 
 fn is_broken_pipe(error: &anyhow::Error) -> bool {
-    error
-        .downcast_ref::<std::io::Error>()
-        .is_some_and(|error| error.kind() == std::io::ErrorKind::BrokenPipe)
+    let kind = match error.downcast_ref::<serde_json::Error>() {
+        Some(error) => error.io_error_kind(),
+        None => error.downcast_ref().map(std::io::Error::kind),
+    };
+    kind == Some(std::io::ErrorKind::BrokenPipe)
 }

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 pub(crate) use link::Linked;
-use wgsl_parse::syntax::GlobalDeclaration;
+use wgsl_parse::syntax::{GlobalDeclaration, PathOrigin};
 
 use crate::diagnostic::{Diagnostic, SourceFile, Span, shown};
 
@@ -257,32 +257,36 @@ impl Package {
     /// # Errors
     /// If a module can't be read or parsed.
     pub fn functions(&self) -> Result<Vec<FunctionItem>, PackageError> {
-        let library = library::Library::new(self);
+        let modules = self.modules()?;
+        let functions = modules.iter().map(|module| self.functions_in(module));
+        Ok(functions.collect::<Result<Vec<_>, _>>()?.concat())
+    }
+
+    /// The functions of one module (`""` in a package of one module), in the order of lines.
+    ///
+    /// # Errors
+    /// If the module can't be read or parsed.
+    pub fn functions_in(&self, module: &str) -> Result<Vec<FunctionItem>, PackageError> {
+        use wgsl_parse::syntax::Attribute;
+        let components = module.split("::").filter(|part| !part.is_empty()).map(str::to_owned);
+        let path = wesl::ModulePath::new(PathOrigin::Absolute, components.collect());
+        let file = library::Library::new(self).read(&path)?;
+        let unit =
+            wgsl_parse::parse_str(&file.text).map_err(|error| syntax_error(&error, &file))?;
         let mut functions = Vec::new();
-        for module in self.modules()? {
-            let components =
-                module.split("::").filter(|part| !part.is_empty()).map(str::to_owned).collect();
-            let path = wesl::ModulePath::new(wgsl_parse::syntax::PathOrigin::Absolute, components);
-            let file = library.read(&path)?;
-            let unit =
-                wgsl_parse::parse_str(&file.text).map_err(|error| syntax_error(&error, &file))?;
-            for declaration in &unit.global_declarations {
-                let GlobalDeclaration::Function(function) = declaration.node() else { continue };
-                let name = function.ident.name().clone();
-                let whole = declaration.span().range();
-                let range = name_range(&file, whole, &name);
-                functions.push(FunctionItem {
-                    path: if module.is_empty() { name } else { format!("{module}::{name}") },
-                    span: Span { file: Arc::clone(&file), range },
-                    entry_point: function.attributes.iter().any(|attribute| {
-                        use wgsl_parse::syntax::Attribute;
-                        matches!(
-                            attribute.node(),
-                            Attribute::Compute | Attribute::Vertex | Attribute::Fragment
-                        )
-                    }),
-                });
-            }
+        for declaration in &unit.global_declarations {
+            let GlobalDeclaration::Function(function) = declaration.node() else { continue };
+            let name = function.ident.name().clone();
+            let range = name_range(&file, declaration.span().range(), &name);
+            let entry_point = function.attributes.iter().any(|attribute| {
+                matches!(
+                    attribute.node(),
+                    Attribute::Compute | Attribute::Vertex | Attribute::Fragment
+                )
+            });
+            let path = if module.is_empty() { name } else { format!("{module}::{name}") };
+            let span = Span { file: Arc::clone(&file), range };
+            functions.push(FunctionItem { path, span, entry_point });
         }
         Ok(functions)
     }

@@ -5,7 +5,7 @@ use std::path::{Path as FilePath, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
-use karat::{Function, Path, Probed, Scalar, Shape, format_lane, hexfloat};
+use karat::{Function, Path, ProbeError, Probed, Scalar, Shape, format_lane, hexfloat};
 
 use super::project::Project;
 use super::table::{DIM, HEAD};
@@ -35,21 +35,28 @@ pub(super) struct Args {
 const STEP: usize = 65_536;
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    // Clap drops what `--out` requires as soon as arguments, which `--cases` excludes, are there.
+    ensure!(args.out.is_none() || args.cases.is_some(), "--out needs a table: --cases IN.CSV");
     let package = Project::find()?.package_of(&args.package, &args.function)?;
     let probed = Probed::new(&package, &args.function)?;
-    let paths = paths(&args.paths)?;
+    let paths = paths(&probed, &args.paths)?;
     match &args.cases {
         Some(cases) => table(&probed, &paths, cases, args.out.as_deref(), out),
         None => single(&probed, &paths, &args.arguments, out),
     }
 }
 
-fn paths(names: &[String]) -> anyhow::Result<Vec<Path>> {
+fn paths(probed: &Probed, names: &[String]) -> anyhow::Result<Vec<Path>> {
     if names.is_empty() {
         let open: Vec<_> =
             Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok()).collect();
         ensure!(!open.is_empty(), "no execution path opens; `karat doctor` tells why");
-        return Ok(open);
+        // Unless they are asked for, paths without f16 are left out where it is needed.
+        let able =
+            |path: &Path| !matches!(karat::call(probed, *path, &[]), Err(ProbeError::F16 { .. }));
+        let able: Vec<_> = open.into_iter().filter(able).collect();
+        ensure!(!able.is_empty(), "`{}` needs f16, which no path has", probed.function().path);
+        return Ok(able);
     }
     names.iter().map(|name| Ok(name.parse()?)).collect()
 }
@@ -105,6 +112,11 @@ fn table(
 ) -> Outcome {
     let function = probed.function();
     let columns = columns(function);
+    ensure!(
+        !columns.is_empty(),
+        "`{}` takes no arguments, so a table has no columns",
+        function.path
+    );
     let rows = read(input, &columns)?;
     ensure!(!rows.is_empty(), "`{}` holds no case", input.display());
 
@@ -160,21 +172,23 @@ fn columns(function: &Function) -> Vec<(String, Scalar)> {
 
 fn read(input: &FilePath, columns: &[(String, Scalar)]) -> anyhow::Result<Vec<Vec<u32>>> {
     let shown = input.display();
+    let text = std::fs::read_to_string(input).with_context(|| format!("can't read `{shown}`"))?;
     let mut reader = csv::ReaderBuilder::new()
         .has_headers(false)
+        .flexible(true) // each row is compared with the signature, not with the row above it
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
-        .from_path(input)
-        .with_context(|| format!("can't read `{shown}`"))?;
+        .from_reader(text.as_bytes());
     let mut order: Vec<usize> = (0..columns.len()).collect();
     let mut rows = Vec::new();
     for (index, record) in reader.records().enumerate() {
         let record = record.with_context(|| format!("in `{shown}`"))?;
-        let line = record.position().map_or(index as u64 + 1, csv::Position::line);
+        let line = || line(&text, &record);
         let names = || columns.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(",");
         ensure!(
             record.len() == columns.len(),
-            "`{shown}` line {line} has {} columns, a case has {}: {}",
+            "`{shown}` line {} has {} columns, a case has {}: {}",
+            line(),
             record.len(),
             columns.len(),
             names()
@@ -186,17 +200,31 @@ fn read(input: &FilePath, columns: &[(String, Scalar)]) -> anyhow::Result<Vec<Ve
                 let Some(column) = column else {
                     bail!("`{shown}` has a column `{word}`; the columns are {}", names());
                 };
+                let again = record.iter().take(place).any(|before| before == word);
+                ensure!(!again, "`{shown}` has two columns `{word}`; the columns are {}", names());
                 order[column] = place;
             }
             continue;
         }
         let lanes = columns.iter().zip(&order).map(|((name, scalar), place)| {
             parse(&record[*place], *scalar)
-                .with_context(|| format!("`{shown}` line {line}, column `{name}`"))
+                .with_context(|| format!("`{shown}` line {}, column `{name}`", line()))
         });
         rows.push(lanes.collect::<anyhow::Result<_>>()?);
     }
     Ok(rows)
+}
+
+/// The line of a record, from 1. A record's position is where its reader stood before it: comments
+/// and empty lines may follow.
+fn line(text: &str, record: &csv::StringRecord) -> usize {
+    let start = record.position().map_or(0, |position| position.byte() as usize);
+    let rest = text.get(start..).unwrap_or_default();
+    let skipped = rest
+        .split_inclusive('\n')
+        .take_while(|line| line.starts_with('#') || line.trim_end_matches(['\r', '\n']).is_empty());
+    let start = start + skipped.map(str::len).sum::<usize>();
+    text.get(..start).unwrap_or_default().matches('\n').count() + 1
 }
 
 /// A scalar's lane. Decimals are rounded to the nearest f32, which the shortest decimals of that
@@ -205,10 +233,16 @@ fn parse(word: &str, scalar: Scalar) -> anyhow::Result<u32> {
     let word = word.trim();
     let bad = || format!("`{word}` isn't a value of type {}", scalar.wgsl());
     Ok(match scalar {
-        Scalar::F32 => word.parse::<f32>().with_context(bad)?.to_bits(),
-        Scalar::F16 => {
-            let value = half::f16::from_f32(word.parse::<f32>().with_context(bad)?);
-            value.to_f32().to_bits()
+        Scalar::F32 | Scalar::F16 => {
+            let value: f32 = word.parse().with_context(bad)?;
+            let value = match scalar {
+                Scalar::F16 => half::f16::from_f32(value).to_f32(),
+                _ => value,
+            };
+            // An infinity is written `inf`: digits that overflow are a slip.
+            let digits = word.contains(|c: char| c.is_ascii_digit());
+            ensure!(value.is_finite() || !digits, "`{word}` is too large for {}", scalar.wgsl());
+            value.to_bits()
         }
         Scalar::I32 => word.parse::<i32>().with_context(bad)?.cast_unsigned(),
         Scalar::U32 => word.parse::<u32>().with_context(bad)?,

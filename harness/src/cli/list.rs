@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::io::Write;
 
 use karat::record::{self, Subject};
-use karat::{FunctionItem, Package, Probed};
+use karat::{FunctionItem, Package, PackageError, Probed};
 use serde::Serialize;
 
 use super::project::Project;
@@ -35,11 +35,18 @@ struct Entry {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
-    let tested = tested_functions(&project);
+    let tested = tested_functions(&project)?;
     let mut entries = Vec::new();
     for package in project.packages(&args.package)? {
-        for item in callable(&package)? {
-            entries.push(entry(&package, item, &tested));
+        for module in package.modules()? {
+            // A module that doesn't parse hides no other.
+            match package.functions_in(&module) {
+                Ok(items) => {
+                    let items = items.into_iter().filter(|item| !item.entry_point);
+                    entries.extend(items.map(|item| entry(&package, item, &tested)));
+                }
+                Err(error) => entries.push(broken(&package, module, &error)),
+            }
         }
     }
     anyhow::ensure!(!entries.is_empty(), "the packages hold no function");
@@ -51,9 +58,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut table = Table::new(&["function", "tested", "at"], &[]);
     for entry in &entries {
         let (style, state) = match (entry.tested, &entry.error) {
-            (true, _) => (GOOD, "yes"),
+            (_, Some(_)) => (BAD, "can't be probed"),
+            (true, None) => (GOOD, "yes"),
             (false, None) => (DIM, "no"),
-            (false, Some(_)) => (BAD, "can't be probed"),
         };
         let name = entry.signature.as_ref().unwrap_or(&entry.function).clone();
         table.row(style, vec![name, state.to_owned(), entry.location.clone()]);
@@ -91,14 +98,29 @@ fn entry(package: &Package, item: FunctionItem, tested: &BTreeSet<String>) -> En
     }
 }
 
+/// A module that can't be read or parsed.
+fn broken(package: &Package, module: String, error: &PackageError) -> Entry {
+    Entry {
+        package: package.name(),
+        function: module,
+        location: String::new(),
+        signature: None,
+        doc: String::new(),
+        tested: false,
+        error: Some(error.to_string()),
+    }
+}
+
 /// The functions that the last `karat test` checked; none if there was no run.
-fn tested_functions(project: &Project) -> BTreeSet<String> {
-    let records = record::read(&project.output().join("record")).unwrap_or_default();
-    records
+fn tested_functions(project: &Project) -> anyhow::Result<BTreeSet<String>> {
+    let folder = project.output().join("record");
+    let records = if folder.is_dir() { record::read(&folder)? } else { Vec::new() };
+    let functions = records
         .into_iter()
         .filter_map(|record| match record.subject {
             Subject::Function { function, .. } => Some(function),
             Subject::Frame { .. } => None,
         })
-        .collect()
+        .collect();
+    Ok(functions)
 }

@@ -142,23 +142,7 @@ fn write_functions(records: &[Record], out: &mut dyn Write) -> anyhow::Result<us
             continue;
         };
         failed += usize::from(record.verdict != Recorded::Pass);
-        let name = |check: &str| vec![function.clone(), check.to_owned()];
-        if record.paths.is_empty() {
-            let mut cells = name(check);
-            cells.extend(["-", "0", "ERROR", ""].map(str::to_owned));
-            cells.push(assertion.clone());
-            table.row(BAD, cells);
-        }
-        for path in &record.paths {
-            let good = path.failures == 0 && path.cases > 0;
-            let worst = if good { path.worst.clone() } else { format!("{} FAIL", path.worst) };
-            let share =
-                path.ratio.map_or_else(String::new, |ratio| format!("{:.0}%", 100.0 * ratio));
-            let mut cells = name(check);
-            cells.extend([path.adapter.path.clone(), path.cases.to_string(), worst, share]);
-            cells.push(assertion.clone());
-            table.row(if good { GOOD } else { BAD }, cells);
-        }
+        add_rows(&mut table, &[function, check], record, assertion);
     }
     if !table.is_empty() {
         table.write(out)?;
@@ -167,27 +151,37 @@ fn write_functions(records: &[Record], out: &mut dyn Write) -> anyhow::Result<us
 }
 
 fn write_frames(records: &[Record], out: &mut dyn Write) -> anyhow::Result<usize> {
-    let mut table = Table::new(&["frame", "path", "pixels", "worst", "asserted"], &[2]);
+    let head = ["frame", "path", "pixels", "worst", "of bound", "asserted"];
+    let mut table = Table::new(&head, &[2, 4]);
     let mut failed = 0;
     for record in records {
-        let Subject::Frame { golden, assertion } = &record.subject else { continue };
+        let Subject::Frame { golden } = &record.subject else { continue };
         failed += usize::from(record.verdict != Recorded::Pass);
-        for path in &record.paths {
-            let good = path.failures == 0;
-            let worst = if good { path.worst.clone() } else { "FAIL".to_owned() };
-            let cells = [golden, &path.adapter.path, &path.cases.to_string(), &worst, assertion];
-            table.row(if good { GOOD } else { BAD }, cells.map(String::clone).to_vec());
-        }
-        if record.paths.is_empty() {
-            let cells = [golden, "-", "0", "ERROR", assertion];
-            table.row(BAD, cells.map(str::to_owned).to_vec());
-        }
+        add_rows(&mut table, &[golden], record, "matches its golden");
     }
     if !table.is_empty() {
         writeln!(out)?;
         table.write(out)?;
     }
     Ok(failed)
+}
+
+/// A row for each path of a record, or one that says that none ran.
+fn add_rows(table: &mut Table, names: &[&str], record: &Record, assertion: &str) {
+    let mut row = |style, cells: [&str; 5]| {
+        let cells = names.iter().chain(&cells).map(ToString::to_string).collect();
+        table.row(style, cells);
+    };
+    if record.paths.is_empty() {
+        row(BAD, ["-", "0", "ERROR", "", assertion]);
+    }
+    for path in &record.paths {
+        let good = path.failures == 0 && path.cases > 0;
+        let worst = if good { path.worst.clone() } else { format!("FAIL {}", path.worst) };
+        let share = path.ratio.map_or_else(String::new, |ratio| format!("{:.0}%", 100.0 * ratio));
+        let (style, cases) = (if good { GOOD } else { BAD }, path.cases.to_string());
+        row(style, [&path.adapter.path, &cases, worst.trim_end(), &share, &path.asserted]);
+    }
 }
 
 fn write_untested(

@@ -159,7 +159,9 @@ impl<T: Shareable, const N: usize> Shareable for [T; N] {
 /// The arguments of one case: a [`Shareable`] value, or a tuple of up to six.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` can't be the arguments of a WGSL function",
-    label = "expected a WGSL value or a tuple of one to six of them"
+    label = "expected a WGSL value or a tuple of one to six of them",
+    note = "WGSL values are f32, i32, u32, bool, half::f16, glam's f32 vectors and matrices, arrays \
+            of them, and structures declared with `karat::shareable!`"
 )]
 pub trait Arguments: Clone + Debug + Send + Sync + 'static {
     /// The WGSL type of each argument.

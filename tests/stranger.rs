@@ -1,0 +1,273 @@
+//! Karat in a project that isn't ours: its own workspace, outside this folder.
+
+use std::path::{Path as FilePath, PathBuf};
+use std::process::{Command, Output};
+
+use tempfile::TempDir;
+
+const MATH: &str = "const PI: f32 = 3.14159265;\n\n\
+    fn pow5(x: f32) -> f32 {\n    let x2 = x * x;\n    return x2 * x2 * x;\n}\n";
+
+const BRDF: &str = "import package::math::{PI, pow5};\n\n\
+    fn schlick(f0: vec3f, cosine: f32) -> vec3f {\n    \
+        return f0 + (1.0 - f0) * pow5(1.0 - cosine);\n}\n\n\
+    fn lambert(albedo: f32, n_dot_l: f32) -> f32 {\n    return albedo / PI * n_dot_l;\n}\n";
+
+/// The fault is a pi that should divide.
+const FAULT: (&str, &str) = ("albedo / PI", "albedo * PI");
+
+const TESTS: &str = r#"
+use glam::DVec3;
+use karat::prelude::*;
+
+static SHADERS: Package = karat::package!("shaders");
+
+#[test]
+fn schlick() {
+    SHADERS.function("brdf::schlick").over((UnitRgb, 0.0..=1.0)).agrees_with(
+        |f0: DVec3, cosine: f64| f0 + (1.0 - f0) * (1.0 - cosine).powi(5),
+        Ulp(11.0),
+    );
+}
+
+#[test]
+fn lambert() {
+    SHADERS.function("brdf::lambert").over((0.0..=1.0, 0.0..=1.0)).agrees_with(
+        |albedo: f64, n_dot_l: f64| albedo / std::f64::consts::PI * n_dot_l,
+        Ulp(8.0), // a pi, a division (2.5) and a product
+    );
+}
+"#;
+
+/// What rustc should refuse, each in a way that tells what to write instead.
+const MISFITS: &str = r#"
+use karat::prelude::*;
+
+static SHADERS: Package = karat::package!("shaders");
+
+#[test]
+fn a_reference_in_f32() {
+    SHADERS.function("math::pow5").over(0.0..=1.0).agrees_with(|x: f32| x.powi(5), Ulp(4.0));
+}
+
+#[test]
+fn a_reference_of_other_arguments() {
+    SHADERS
+        .function("brdf::lambert")
+        .over((0.0..=1.0, 0.0..=1.0))
+        .agrees_with(|albedo: f64| albedo, Ulp(4.0));
+}
+
+#[test]
+fn a_half_open_range() {
+    SHADERS.function("math::pow5").over(0.0..1.0).agrees_with(|x: f64| x.powi(5), Ulp(4.0));
+}
+
+#[test]
+fn a_result_of_f32() {
+    SHADERS.function("math::pow5").over(0.0..=1.0).agrees_with(|x: f64| x as f32, Ulp(4.0));
+}
+
+#[test]
+fn arguments_of_f64() {
+    SHADERS.function("math::pow5").over(Just(1.0_f64)).agrees_with(|x: f64| x.powi(5), Ulp(4.0));
+}
+"#;
+
+fn repository() -> &'static FilePath {
+    FilePath::new(env!("CARGO_MANIFEST_DIR")).parent().expect("this package is in the workspace")
+}
+
+fn read(path: &FilePath) -> String {
+    std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// A Cargo project of two shader modules and a file of tests.
+struct Project {
+    folder: TempDir,
+}
+
+impl Project {
+    fn new(name: &str, tests: &str) -> Self {
+        let root = read(&repository().join("Cargo.toml"));
+        // With our profiles and our lock file the libraries that Karat needs are those that were
+        // compiled for this test. Karat itself is compiled once more: without optimisation that
+        // takes 10 s instead of 40 s.
+        let profiles = root.find("[profile.dev]").map(|at| &root[at..]).expect("it has profiles");
+        let karat = repository().join("harness");
+        let manifest = format!(
+            "[package]\nname = \"{name}\"\nedition = \"2024\"\n\n[workspace]\n\n\
+             [dev-dependencies]\nkarat = {{ path = {karat:?} }}\nglam = \"0.34\"\n\n\
+             {profiles}\n[profile.dev.package.karat]\nopt-level = 0\n"
+        );
+        let project = Self { folder: tempfile::tempdir().expect("a temporary folder") };
+        project.write("Cargo.toml", &manifest);
+        project.write("Cargo.lock", &read(&repository().join("Cargo.lock")));
+        project.write("src/lib.rs", "//! An application.\n");
+        project.write("tests/brdf.rs", tests);
+        project.write("shaders/math.wgsl", MATH);
+        project.write("shaders/brdf.wgsl", BRDF);
+        project
+    }
+
+    fn write(&self, file: &str, text: &str) {
+        let path = self.folder.path().join(file);
+        std::fs::create_dir_all(path.parent().expect("in the folder")).expect("a folder");
+        std::fs::write(path, text).expect("written");
+    }
+
+    /// Runs a program as a stranger would: in the project, knowing nothing of the run around it.
+    fn run(&self, program: &FilePath, arguments: &[&str]) -> Ran {
+        let mut command = Command::new(program);
+        let own = ["CI", "CARGO_TARGET_DIR", "CARGO_CRATE_NAME", "CARGO_PRIMARY_PACKAGE"];
+        let prefixes = ["KARAT_", "CARGO_PKG_", "CARGO_MANIFEST_", "CARGO_BIN_"];
+        for (name, _) in std::env::vars_os() {
+            let text = name.to_string_lossy();
+            if own.contains(&&*text) || prefixes.iter().any(|prefix| text.starts_with(prefix)) {
+                command.env_remove(name);
+            }
+        }
+        // Our folder of intermediate output, where the libraries are; the records of the run go
+        // to the project's own `target`, not to those of the run around this one. Cargo has given
+        // its lock back before it runs a test.
+        let built = FilePath::new(env!("CARGO_TARGET_TMPDIR")).parent().expect("in the output");
+        command.env("CARGO_BUILD_BUILD_DIR", built).env("CARGO_NET_OFFLINE", "true");
+        command.env("CARGO_TERM_COLOR", "never").env("NO_COLOR", "1");
+        command.env("RUST_BACKTRACE", "0");
+        command.current_dir(self.folder.path()).args(arguments);
+        Ran::of(command.output().unwrap_or_else(|e| panic!("{}: {e}", program.display())))
+    }
+
+    fn cargo(&self, arguments: &[&str]) -> Ran {
+        self.run(&cargo(), arguments)
+    }
+}
+
+#[derive(Debug)]
+struct Ran {
+    code: Option<i32>,
+    out: String,
+    err: String,
+}
+
+impl Ran {
+    fn of(output: Output) -> Self {
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        Self { code: output.status.code(), out: text(&output.stdout), err: text(&output.stderr) }
+    }
+
+    #[track_caller]
+    fn says(&self, code: i32, parts: &[&str]) {
+        let Self { out, err, .. } = self;
+        assert_eq!(self.code, Some(code), "\n{err}\n{out}");
+        for part in parts {
+            assert!(out.contains(part) || err.contains(part), "no `{part}` in:\n{err}\n{out}");
+        }
+    }
+}
+
+fn cargo() -> PathBuf {
+    std::env::var_os("CARGO").map_or_else(|| PathBuf::from("cargo"), PathBuf::from)
+}
+
+/// The command line, built from the sources as they are: `cargo test` of this package builds
+/// Karat's library only.
+fn karat() -> PathBuf {
+    let folder = FilePath::new(env!("CARGO_BIN_EXE_planted")).parent().expect("in a folder");
+    let profile = match folder.file_name().and_then(|name| name.to_str()) {
+        Some("debug") | None => "dev",
+        Some(name) => name,
+    };
+    let status = Command::new(cargo())
+        .args(["build", "--offline", "--quiet", "--package", "karat", "--profile", profile])
+        .arg("--target-dir")
+        .arg(folder.parent().expect("in the folder of output"))
+        .current_dir(repository())
+        .status();
+    assert!(status.is_ok_and(|status| status.success()), "the command line doesn't compile");
+    folder.join("karat").with_extension(std::env::consts::EXE_EXTENSION)
+}
+
+/// The columns of the row about `function`.
+fn row<'a>(table: &'a str, function: &str) -> Vec<&'a str> {
+    let line = table.lines().find(|line| line.starts_with(function));
+    line.unwrap_or_else(|| panic!("no row of {function} in:\n{table}")).split_whitespace().collect()
+}
+
+#[test]
+fn a_project_of_its_own() {
+    let karat = karat();
+    let project = Project::new("stranger", TESTS);
+    assert!(BRDF.contains(FAULT.0));
+    project.write("shaders/brdf.wgsl", &BRDF.replace(FAULT.0, FAULT.1));
+
+    let failing = project.cargo(&["test", "--offline"]);
+    let parts = [
+        "test schlick ... ok",
+        "test lambert ... FAILED",
+        "error: `brdf::lambert` fails agrees_with: 8 ulp",
+        "shaders/brdf.wgsl:7:1",
+        "fn lambert(albedo: f32, n_dot_l: f32) -> f32 {",
+        " cases fail (",
+        "too high",
+        "  replay: KARAT_PATHS=",
+        "cargo test -p stranger --test brdf -- --exact lambert",
+    ];
+    failing.says(101, &parts);
+
+    // The command that the message tells to run, as it stands there.
+    if cfg!(unix) {
+        let replay = failing.out.lines().find_map(|line| line.trim().strip_prefix("replay: "));
+        let replay = replay.expect("it was found above");
+        let again = project.run(FilePath::new("sh"), &["-c", replay]);
+        again.says(101, &["test lambert ... FAILED", "  1 of 1 cases fail (100.000%)"]);
+        assert!(!again.out.contains("schlick") && !again.err.contains("Compiling"), "{again:?}");
+    }
+
+    let none = project.run(&karat, &["test", "nosuchtest"]);
+    none.says(2, &["error: no check ran in a test whose name contains `nosuchtest`"]);
+    let listed = project.run(&karat, &["list"]);
+    assert!(!listed.out.contains(" yes "), "nothing ran: {}", listed.out);
+
+    let table = project.run(&karat, &["test"]);
+    table.says(1, &["2 checks, 1 failed", "functions with no test of their own\nmath::pow5  "]);
+    assert!(row(&table.out, "brdf::lambert ").contains(&"FAIL"), "{}", table.out);
+    let schlick = row(&table.out, "brdf::schlick ");
+    assert_eq!((schlick[1], schlick[3]), ("agrees_with", "65536"), "{}", table.out);
+
+    let listed = project.run(&karat, &["list"]);
+    listed.says(0, &[]);
+    for (function, tested) in [("brdf::lambert", "yes"), ("brdf::schlick", "yes"), ("math::", "no")]
+    {
+        assert!(row(&listed.out, function).contains(&tested), "{}", listed.out);
+    }
+
+    // A shader is read when a test runs: mending it compiles no Rust.
+    project.write("shaders/brdf.wgsl", BRDF);
+    let mended = project.cargo(&["test", "--offline"]);
+    mended.says(0, &["test schlick ... ok", "test lambert ... ok", "Finished"]);
+    assert!(!mended.err.contains("Compiling"), "{}", mended.err);
+    let table = project.run(&karat, &["test"]);
+    table.says(0, &["2 checks, 0 failed, 131072 cases compared"]);
+    assert!(!table.out.contains("FAIL") && !table.err.contains("Compiling"), "{table:?}");
+    project.run(&karat, &["test", "lambert"]).says(0, &["1 checks, 0 failed"]);
+}
+
+#[test]
+fn what_does_not_fit_is_explained_by_the_compiler() {
+    let project = Project::new("misfit", MISFITS);
+    let refused = project.cargo(&["test", "--offline", "--no-run", "--test", "brdf"]);
+    refused.says(
+        101,
+        &[
+            "--> tests/brdf.rs:",
+            "expected closure signature `fn(f64) -> _`",
+            "this reference doesn't take the arguments that the domain draws",
+            "expected a function of the `f64` mirrors of `(f32, f32)`",
+            "`std::ops::Range<{float}>` is not a domain",
+            "use a closed range such as `0.0..=1.0` (not `0.0..1.0`)",
+            "`f32` can't be the result of a reference",
+            "`f64` can't be the arguments of a WGSL function",
+        ],
+    );
+}
