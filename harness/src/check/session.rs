@@ -1,0 +1,357 @@
+//! A check in progress: cases are drawn, dispatched on every path, and judged.
+
+use rayon::prelude::*;
+
+use super::tally::{Judged, Shown, Tally, tally};
+use super::{
+    Agreement, CaseFailure, Check, Disagreement, Failure, Identity, PathDisagreement, Reference,
+};
+use crate::domain::{Cases, Domain};
+use crate::path::{self, Adapter, Path};
+use crate::probe::{self, BATCH, Dispatch, Probed, Runner};
+use crate::record::PathRecord;
+use crate::reflect::Function;
+use crate::tolerance::{Measure, Tolerance};
+use crate::value::{Arguments, Scalar, Shape};
+
+/// Cases that one task draws or computes the reference of.
+const TASK: usize = 2048;
+
+/// A check in progress.
+pub(super) struct Session<'a, D: Domain> {
+    pub(super) probed: Probed,
+    pub(super) runners: Vec<Runner>,
+    cases: Cases<'a, D>,
+    identity: &'a Identity,
+    seed: u64,
+    /// The verb and what it asserts.
+    pub(super) assertion: (&'static str, String),
+}
+
+/// The cases of one dispatch.
+pub(super) struct Batch<V> {
+    first: u64,
+    pub(super) values: Vec<V>,
+    lanes: Vec<u32>,
+}
+
+/// One path's sum, and what is needed to show its failures.
+pub(super) struct PathTally {
+    adapter: Adapter,
+    path: Path,
+    tally: Tally,
+    worst: Option<CaseFailure>,
+    first: Option<CaseFailure>,
+}
+
+impl PathTally {
+    pub(super) fn record(&self, asserted: &str) -> PathRecord {
+        let worst = self.tally.worst.map(|worst| worst.judged.measure);
+        PathRecord {
+            adapter: self.adapter.clone(),
+            cases: self.tally.census.cases,
+            failures: self.tally.census.failures,
+            worst: worst.map_or_else(String::new, |measure| measure.to_string()),
+            ratio: worst.map(|measure| measure.ratio).filter(|ratio| ratio.is_finite()),
+            asserted: asserted.to_owned(),
+        }
+    }
+}
+
+impl<'a, D: Domain> Session<'a, D>
+where
+    D::Value: Arguments,
+{
+    pub(super) fn open(
+        check: &'a Check<'_, D>,
+        identity: &'a Identity,
+        seed: u64,
+        assertion: (&'static str, String),
+    ) -> Result<Self, Failure> {
+        let probed = Probed::new(check.probe.package, &check.probe.path)?;
+        let function = &probed.function;
+        let supplied = D::Value::shapes();
+        let declared = probe::parameter_shapes(function);
+        let list = |shapes: &[&Shape]| {
+            let names: Vec<String> = shapes.iter().map(ToString::to_string).collect();
+            format!("({})", names.join(", "))
+        };
+        let fits = supplied.len() == declared.len()
+            && supplied.iter().zip(&declared).all(|(host, wgsl)| host.stands_for(wgsl, false));
+        if !fits {
+            let supplied: Vec<&Shape> = supplied.iter().collect();
+            let mismatch =
+                format!("takes {}, the domain draws {}", list(&declared), list(&supplied));
+            return Err(signature(function, mismatch));
+        }
+        let cases = Cases::new(&check.domain, seed, check.cases);
+        if cases.count() == 0 {
+            let reason = "has no value, so nothing would be checked".to_owned();
+            return Err(Failure::Domain { function: function.path.clone(), reason });
+        }
+        let capacity = usize::try_from(cases.count()).unwrap_or(BATCH).min(BATCH);
+        let runners = path::selected()?
+            .into_iter()
+            .map(|device| Runner::new(device, &probed, &check.probe.fixtures, capacity))
+            .collect::<Result<_, _>>()?;
+        Ok(Self { probed, runners, cases, identity, seed, assertion })
+    }
+
+    pub(super) fn scalars(&self) -> Vec<Scalar> {
+        self.probed.function.result.lanes()
+    }
+
+    pub(super) fn expect_result(
+        &self,
+        host: &Shape,
+        who: &str,
+        tolerance: Option<&Tolerance>,
+    ) -> Result<(), Failure> {
+        let function = &self.probed.function;
+        if !host.stands_for(&function.result, true) {
+            let mismatch = format!("returns {}, {who} {host}", function.result);
+            return Err(signature(function, mismatch));
+        }
+        tolerance.map_or(Ok(()), |tolerance| self.expect_lanes(tolerance))
+    }
+
+    pub(super) fn expect_lanes(&self, tolerance: &Tolerance) -> Result<(), Failure> {
+        let lanes = self.scalars().len();
+        match tolerance.lanes() {
+            Some(declared) if declared != lanes => {
+                let mismatch =
+                    format!("returns {lanes} components, the tolerance is declared for {declared}");
+                Err(signature(&self.probed.function, mismatch))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Draws batch after batch, dispatches it on every path and hands it to `judge`.
+    pub(super) fn run(
+        &self,
+        mut judge: impl FnMut(&Batch<D::Value>, Vec<Dispatch>) -> Result<Vec<PathTally>, Failure>,
+    ) -> Result<Vec<PathTally>, Failure> {
+        let (start, end) = match self.identity.case {
+            Some(case) if case < self.cases.count() => (case, case + 1),
+            Some(case) => {
+                let count = self.cases.count();
+                let reason = format!("has {count} cases, none with index {case} (KARAT_CASE)");
+                let function = self.probed.function.path.clone();
+                return Err(Failure::Domain { function, reason });
+            }
+            None => (0, self.cases.count()),
+        };
+        let capacity = self.runners.iter().map(Runner::capacity).min().unwrap_or(BATCH);
+        let mut sums: Vec<PathTally> = Vec::new();
+        let mut first = start;
+        while first < end {
+            let size = (end - first).min(capacity as u64);
+            let batch = self.draw(first, size)?;
+            let dispatches = self.dispatch(&batch.lanes_only())?;
+            let tallies = judge(&batch, dispatches)?;
+            if sums.is_empty() {
+                sums = tallies;
+            } else {
+                sums = sums.into_iter().zip(tallies).map(|(a, b)| a.merge(b)).collect();
+            }
+            first += size;
+        }
+        Ok(sums)
+    }
+
+    fn draw(&self, first: u64, size: u64) -> Result<Batch<D::Value>, Failure> {
+        let size = usize::try_from(size).expect("a batch fits in memory");
+        let parts: Option<Vec<(Vec<_>, Vec<_>)>> = (0..size.div_ceil(TASK))
+            .into_par_iter()
+            .map(|task| {
+                let mut values = Vec::with_capacity(TASK);
+                let mut lanes = Vec::new();
+                for index in task * TASK..size.min((task + 1) * TASK) {
+                    let value = self.cases.get(first + index as u64)?;
+                    value.store_all(&mut lanes);
+                    values.push(value);
+                }
+                Some((values, lanes))
+            })
+            .collect();
+        let parts = parts.ok_or_else(|| Failure::Domain {
+            function: self.probed.function.path.clone(),
+            reason: "rejects nearly everything that its filter sees: build the values with `map` \
+                     instead"
+                .to_owned(),
+        })?;
+        let (values, lanes): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
+        let values = values.into_iter().flatten().collect();
+        Ok(Batch { first, values, lanes: lanes.concat() })
+    }
+
+    pub(super) fn dispatch(&self, batch: &LanesOnly<'_>) -> Result<Vec<Dispatch>, Failure> {
+        let dispatches = self.runners.iter().map(|runner| {
+            let canary = probe::canary(self.seed, batch.first);
+            runner.dispatch(batch.cases, &batch.lanes, canary)
+        });
+        Ok(dispatches.collect::<Result<_, _>>()?)
+    }
+
+    /// Reads each path's results and judges them. `judge` gets the path's index, the case's index
+    /// in the batch and the result's words; `expect` says what a failing case should have been.
+    pub(super) fn judge(
+        &self,
+        batch: &Batch<D::Value>,
+        dispatches: Vec<Dispatch>,
+        expect: impl Fn(usize, usize) -> Option<Vec<f64>>,
+        judge: impl Fn(usize, usize, &[u32]) -> Judged + Sync,
+    ) -> Result<Vec<PathTally>, Failure> {
+        let words = self.scalars().len();
+        let mut tallies = Vec::with_capacity(self.runners.len());
+        for (path, (runner, dispatch)) in self.runners.iter().zip(dispatches).enumerate() {
+            let tally = runner.read(dispatch, |results| {
+                let stride = runner.stride_out();
+                let sum = tally(batch.first, results, stride, |case, result| {
+                    judge(path, case, &result[..words])
+                });
+                let show = |shown: Shown| {
+                    let case = usize::try_from(shown.case - batch.first).expect("in this batch");
+                    let actual = &results[case * stride..][..words];
+                    let (judged, expected) = (judge(path, case, actual), expect(path, case));
+                    let mut arguments = Vec::new();
+                    batch.values[case].store_all(&mut arguments);
+                    let function = &self.probed.function;
+                    let expected = expected.as_deref();
+                    CaseFailure::new(function, shown.case, &arguments, actual, expected, &judged)
+                };
+                let failing = sum.census.failures > 0;
+                let worst = sum.worst.filter(|_| failing).map(show);
+                (sum, worst, sum.first.map(show))
+            })?;
+            let (tally, worst, first) = tally;
+            let device = runner.device();
+            let adapter = device.adapter().clone();
+            tallies.push(PathTally { adapter, path: device.path(), tally, worst, first });
+        }
+        Ok(tallies)
+    }
+
+    pub(super) fn conclude(&self, tallies: Vec<PathTally>) -> Result<Agreement, Failure> {
+        let function = self.probed.function.path.clone();
+        let compared = tallies.iter().map(|path| path.tally.census.cases).min().unwrap_or(0);
+        let declared = if self.identity.case.is_some() { 1 } else { self.cases.count() };
+        if compared < declared {
+            let reason = format!("declares {declared} cases, but {compared} were compared");
+            return Err(Failure::Domain { function, reason });
+        }
+        if tallies.iter().all(|path| path.tally.census.failures == 0) {
+            let worst_of = |path: &PathTally| {
+                path.tally.worst.map_or(Measure::ZERO, |worst| worst.judged.measure)
+            };
+            let worst = tallies.iter().map(worst_of).max_by(|a, b| a.ratio.total_cmp(&b.ratio));
+            let paths = tallies.iter().map(|path| (path.adapter.clone(), worst_of(path))).collect();
+            let worst = worst.unwrap_or(Measure::ZERO);
+            return Ok(Agreement { function, cases: compared, paths, worst });
+        }
+        let mut agreeing = Vec::new();
+        let mut paths = Vec::new();
+        for PathTally { adapter, path, tally, worst, first } in tallies {
+            let Some(worst) = worst else {
+                agreeing.push(adapter);
+                continue;
+            };
+            let replay = self.identity.replay(path, self.seed, worst.case);
+            let first = first.filter(|first| first.case != worst.case);
+            let census = tally.census;
+            paths.push(PathDisagreement { adapter, census, worst, first, replay });
+        }
+        Err(Failure::Disagreement(Box::new(Disagreement {
+            function: self.probed.function.clone(),
+            check: self.assertion.0,
+            assertion: self.assertion.1.clone(),
+            paths,
+            agreeing,
+            seed: self.seed,
+        })))
+    }
+}
+
+impl PathTally {
+    fn merge(self, other: Self) -> Self {
+        let tally = self.tally.merge(other.tally);
+        let pick = |shown: Option<Shown>, a: Option<CaseFailure>, b: Option<CaseFailure>| {
+            let case = shown.map(|shown| shown.case);
+            [a, b].into_iter().flatten().find(|failure| Some(failure.case) == case)
+        };
+        let worst = tally.worst.filter(|_| tally.census.failures > 0);
+        Self {
+            worst: pick(worst, self.worst, other.worst),
+            first: pick(tally.first, self.first, other.first),
+            tally,
+            ..self
+        }
+    }
+}
+
+/// The arguments of a batch as words.
+pub(super) struct LanesOnly<'a> {
+    first: u64,
+    cases: usize,
+    lanes: std::borrow::Cow<'a, [u32]>,
+}
+
+impl<V: Arguments> Batch<V> {
+    fn lanes_only(&self) -> LanesOnly<'_> {
+        let (first, cases) = (self.first, self.values.len());
+        LanesOnly { first, cases, lanes: self.lanes.as_slice().into() }
+    }
+
+    pub(super) fn transformed(&self, transform: impl Fn(V) -> V + Sync) -> LanesOnly<'_> {
+        let mut lanes = Vec::with_capacity(self.lanes.len());
+        for value in &self.values {
+            transform(value.clone()).store_all(&mut lanes);
+        }
+        LanesOnly { first: self.first, cases: self.values.len(), lanes: lanes.into() }
+    }
+
+    /// The reference's lanes of each case. A value that isn't finite is an error.
+    pub(super) fn expected<D: Domain<Value = V>>(
+        &self,
+        session: &Session<'_, D>,
+        reference: &impl Reference<V>,
+    ) -> Result<Vec<f64>, Failure> {
+        let parts: Vec<Vec<f64>> = self
+            .values
+            .par_chunks(TASK)
+            .map(|values| {
+                let mut lanes = Vec::new();
+                for value in values {
+                    reference.expect(value, &mut lanes);
+                }
+                lanes
+            })
+            .collect();
+        let expected = parts.concat();
+        match expected.iter().position(|value| !value.is_finite()) {
+            None => Ok(expected),
+            Some(at) => {
+                let function = &session.probed.function;
+                let names = function.result.lane_names();
+                let case = at / names.len();
+                Err(Failure::Reference {
+                    function: function.path.clone(),
+                    value: expected[at],
+                    place: format!("result{}", names[at % names.len()]),
+                    case: self.first + case as u64,
+                    arguments: format!("{:?}", self.values[case]),
+                })
+            }
+        }
+    }
+}
+
+fn signature(function: &Function, mismatch: String) -> Failure {
+    Failure::Signature {
+        function: function.path.clone(),
+        mismatch,
+        signature: function.to_string(),
+        location: function.span.to_string(),
+    }
+}

@@ -1,0 +1,86 @@
+//! How a check ends.
+
+use std::fmt;
+
+use super::Disagreement;
+use crate::path::{Adapter, PathError};
+use crate::probe::ProbeError;
+use crate::tolerance::Measure;
+
+/// What a check compared, and how close it came.
+#[derive(Clone, Debug)]
+pub struct Agreement {
+    /// The function.
+    pub function: String,
+    /// Cases compared on each path.
+    pub cases: u64,
+    /// Each path with its worst error.
+    pub paths: Vec<(Adapter, Measure)>,
+    /// The worst error of all paths.
+    pub worst: Measure,
+}
+
+/// Why a check didn't agree.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Failure {
+    /// Values differ by more than is allowed.
+    #[error("{0}")]
+    Disagreement(Box<Disagreement>),
+    /// The function gave no results.
+    #[error(transparent)]
+    Probe(#[from] ProbeError),
+    /// Domain, reference and function don't fit together.
+    #[error("`{function}` {mismatch}\n  {signature}\n  at {location}")]
+    Signature {
+        /// The function's path.
+        function: String,
+        /// What differs.
+        mismatch: String,
+        /// The function's signature in WGSL.
+        signature: String,
+        /// Where it is declared.
+        location: String,
+    },
+    /// The domain draws nothing.
+    #[error("the domain of `{function}` {reason}")]
+    Domain {
+        /// The function's path.
+        function: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The reference is not a number.
+    #[error(
+        "the reference of `{function}` returned {value} at {place} for case {case}: {arguments}; \
+         a reference is finite on the whole domain, so restrict the domain or mend the reference"
+    )]
+    Reference {
+        /// The function's path.
+        function: String,
+        /// What it returned.
+        value: f64,
+        /// The component.
+        place: String,
+        /// The case.
+        case: u64,
+        /// Its arguments.
+        arguments: String,
+    },
+}
+
+impl From<PathError> for Failure {
+    fn from(error: PathError) -> Self {
+        Self::Probe(ProbeError::Path(error))
+    }
+}
+
+impl fmt::Display for Agreement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {} cases agree", self.function, self.cases)?;
+        for (adapter, worst) in &self.paths {
+            write!(f, "; {} worst {worst}", adapter.path)?;
+        }
+        Ok(())
+    }
+}
