@@ -162,7 +162,7 @@ impl Domain for Grid {
         let t = f64::from(index) / f64::from((self.count - 1).max(1));
         let (first, last) = (f64::from(self.first), f64::from(self.last));
         #[expect(clippy::cast_possible_truncation, reason = "arguments are quantised to f32 first")]
-        let value = (last - first).mul_add(t, first) as f32;
+        let value = (first + (last - first) * t) as f32;
         Some(value)
     }
 }

@@ -47,7 +47,7 @@ impl Domain for UnitVector {
                     _ => Vec3::new(near.y, near.z, near.x),
                 }
             }
-            _ => direction(source.unit().mul_add(2.0, -1.0), source.unit()).as_vec3(),
+            _ => direction(2.0 * source.unit() - 1.0, source.unit()).as_vec3(),
         })
     }
 

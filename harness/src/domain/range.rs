@@ -27,7 +27,7 @@ impl Domain for RangeInclusive<f32> {
                 let pick = LANDMARKS[(choice >> 5) as usize % LANDMARKS.len()];
                 f64::from(if self.contains(&pick) { pick } else { *self.start() })
             }
-            _ => (high - low).mul_add(source.unit(), low),
+            _ => low + (high - low) * source.unit(),
         };
         #[expect(clippy::cast_possible_truncation, reason = "arguments are quantised to f32 first")]
         let value = value as f32;
