@@ -22,6 +22,16 @@ pub(crate) fn cargo(arguments: &[&str]) -> Command {
     command
 }
 
+/// The `karat` program, which the build step has put beside ours.
+pub(crate) fn karat(arguments: &[&str]) -> Result<Command> {
+    let program = std::env::current_exe()
+        .context("could not find out where cargo puts its programs; run `cargo karat` instead")?
+        .with_file_name(format!("karat{}", std::env::consts::EXE_SUFFIX));
+    let mut command = Command::new(program);
+    command.args(arguments).current_dir(root());
+    Ok(command)
+}
+
 /// Runs a command to its end; its output streams to ours. Failing is an error that carries
 /// the exit status: see [`exit_code`].
 pub(crate) fn run(command: &mut Command) -> Result<()> {

@@ -2,6 +2,8 @@
 
 use std::process::ExitCode;
 
+use anyhow::Context;
+
 use crate::setup::{self, PATHS};
 use crate::step::Steps;
 use crate::{command, suite};
@@ -16,12 +18,32 @@ pub(crate) fn run() -> ExitCode {
     steps.finish()
 }
 
+/// Builds for the whole workspace, as the tests are: for fewer packages Cargo would choose other
+/// features of shared dependencies, and compile them twice.
 fn build() -> anyhow::Result<()> {
-    command::run(&mut command::cargo(&["build", "--locked", "--package", "karat"]))
+    command::run(&mut command::cargo(&["build", "--workspace", "--locked", "--bin", "karat"]))
 }
 
 fn shader_tests() -> anyhow::Result<()> {
-    let karat = ["run", "--quiet", "--locked", "--package", "karat", "--"];
-    let test = ["test", "-p", "tests", "--paths", "all", "--require", PATHS];
-    command::run(&mut command::cargo(&[&karat[..], &test[..]].concat()))
+    let mut karat = command::karat(&["test", "--paths", "all", "--require", PATHS])?;
+    for name in twins()?.iter().map(String::as_str).chain(["golden"]) {
+        karat.args(["--test", name]);
+    }
+    command::run(&mut karat)
+}
+
+/// The tests of shader modules: those with the name of a module.
+fn twins() -> anyhow::Result<Vec<String>> {
+    let mut names = Vec::new();
+    let root = command::root();
+    for entry in std::fs::read_dir(root.join("shaders")).context("the shader library is gone")? {
+        let path = entry?.path();
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let shader = path.extension().is_some_and(|extension| extension == "wgsl");
+        if shader && root.join("tests").join(&stem).with_extension("rs").is_file() {
+            names.push(stem);
+        }
+    }
+    names.sort();
+    Ok(names)
 }

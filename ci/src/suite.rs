@@ -1,8 +1,8 @@
 //! `cargo ci test`: all of CI.
 
-use std::process::{Command, ExitCode};
+use std::process::ExitCode;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 
 use crate::setup::{self, PATHS};
 use crate::step::Steps;
@@ -23,18 +23,15 @@ pub(crate) fn run() -> ExitCode {
 /// Builds with the features that `cargo test` will ask for: with `--package karat` some
 /// dependencies would lack features that other members turn on, and be compiled twice.
 fn build() -> Result<()> {
-    let build = ["build", "--workspace", "--locked", "--bins", "--tests"];
+    // Not `--bins`: this program runs, and Windows doesn't replace what runs.
+    let build =
+        ["build", "--workspace", "--locked", "--bin", "karat", "--bin", "planted", "--tests"];
     command::run(&mut command::cargo(&build))
 }
 
 /// Opens the paths for real, where `setup` only saw that their libraries are there.
 pub(crate) fn open_paths() -> Result<()> {
-    // The build step has just put karat beside us, so cargo need not be asked again.
-    let karat = std::env::current_exe()
-        .context("could not find out where cargo puts its programs; run `cargo karat doctor`")?
-        .with_file_name(format!("karat{}", std::env::consts::EXE_SUFFIX));
-    let mut doctor = Command::new(karat);
-    command::run(doctor.args(["doctor", "--require", PATHS]).current_dir(command::root()))
+    command::run(&mut command::karat(&["doctor", "--require", PATHS])?)
 }
 
 fn test() -> Result<()> {

@@ -21,6 +21,9 @@ pub(super) struct Args {
     /// Only tests of this Cargo package; may be repeated [default: the whole workspace]
     #[arg(short = 'p', long = "cargo-package", value_name = "NAME")]
     cargo_packages: Vec<String>,
+    /// Only this test target (the name of a file in `tests/`); may be repeated
+    #[arg(long = "test", value_name = "NAME")]
+    targets: Vec<String>,
     /// Execution paths: `vulkan`, `vulkan,gl`, or `all` that open
     #[arg(long, value_name = "PATHS", env = "KARAT_PATHS")]
     paths: Option<String>,
@@ -93,7 +96,17 @@ fn run_cargo(
         }
     }
     // Unit tests and integration tests; examples, benchmarks and documentation check nothing.
-    command.arg("--tests").args(&args.filter);
+    match args.targets.as_slice() {
+        [] => {
+            command.arg("--tests");
+        }
+        targets => {
+            for target in targets {
+                command.args(["--test", target]);
+            }
+        }
+    }
+    command.args(&args.filter);
     command.env("KARAT_RECORD", folder);
     command.envs(args.paths.as_ref().map(|paths| ("KARAT_PATHS", paths)));
     command.envs(args.require.as_ref().map(|paths| ("KARAT_REQUIRE", paths)));
