@@ -425,12 +425,12 @@ fn to_author(
     diagnostic
 }
 
+/// The author's names for mangled ones. Longer names first: one may begin another.
 fn demangle(linked: &Linked, text: &str) -> String {
-    linked
-        .names
-        .iter()
-        .filter(|(mangled, path)| mangled.contains("package_") && !path.is_empty())
-        .fold(text.to_owned(), |text, (mangled, path)| text.replace(mangled, path))
+    let is_mangled = |(name, path): &(&String, &String)| path.rsplit("::").next() != Some(name);
+    let mut mangled: Vec<_> = linked.names.iter().filter(is_mangled).collect();
+    mangled.sort_by_key(|(name, _)| std::cmp::Reverse(name.len()));
+    mangled.into_iter().fold(text.to_owned(), |text, (name, path)| text.replace(name, path))
 }
 
 /// The `///` lines right above a function.
