@@ -92,7 +92,7 @@ fn one_bad_result_of_65536() {
         );
         let package = Package::from_source("planted", wgsl);
         let over = || package.function("f").over(Integers(0..=65_535_u32));
-        let loose = Abs(f64::INFINITY).or(Rel(f64::INFINITY));
+        let loose = Abs(1e300).or(Rel(1e300));
         let found = disagreement(over().try_agrees_with(|_: u32| 1.0, loose));
         for path in &found.paths {
             assert_eq!((path.census.cases, path.census.failures), (65_536, 1));
@@ -100,7 +100,7 @@ fn one_bad_result_of_65536() {
             assert_eq!(path.worst.arguments, [("i".to_owned(), "54321".to_owned())]);
         }
         disagreement(over().try_satisfies("is anything", |_, _: f32| true));
-        disagreement(over().try_invariant_under(|i| i, Abs(f64::INFINITY)));
+        disagreement(over().try_invariant_under(|i| i ^ 1, Abs(1e300)));
     }
 }
 
@@ -160,6 +160,125 @@ fn nothing_to_compare() {
     for (index, found) in found.iter().enumerate() {
         assert!(matches!(found, Err(Failure::Domain { .. })), "{index}: {found:?}");
     }
+}
+
+/// A transformation that changes nothing, and bounds that bound nothing.
+#[test]
+fn a_check_that_could_not_fail() {
+    let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");
+    let over = || package.function("f").over(0.0..=1.0);
+    let found = over().try_invariant_under(|x| x, Ulp(0.0));
+    assert!(matches!(found, Err(Failure::Domain { .. })), "{found:?}");
+    for bound in [f64::INFINITY, f64::NAN, -1.0] {
+        let tolerances = [Tolerance::from(Ulp(bound)), Rel(1.0).or(Abs(bound))];
+        for tolerance in tolerances {
+            let found = over().try_agrees_with(|_: f64| 5.0, tolerance);
+            assert!(matches!(found, Err(Failure::Signature { .. })), "{bound}: {found:?}");
+        }
+    }
+    let pictures = Package::from_source("gradient", include_str!("planted/gradient.wgsl"));
+    let goldens = Goldens::open("no such folder".as_ref());
+    for relative in [f32::NAN, f32::INFINITY, -1.0] {
+        let frame = pictures.frame("", 8, 8).fullscreen("corners", "gradient").tolerance(relative);
+        let error = frame.try_matches(&goldens, "gradient").expect_err("a useless tolerance");
+        assert!(error.to_string().contains("the tolerance of the frame is"), "{error}");
+    }
+}
+
+/// Names that the kernel or WGSL itself uses would change what is computed.
+#[test]
+fn shaders_that_redefine_what_the_kernel_uses() {
+    let shadows = [
+        "fn select(a: u32, b: u32, c: bool) -> u32 { return b; }\n\
+         fn f(x: f32) -> bool { return select(0u, 1u, x > 0.0) == 7u; }",
+        "fn clamp(x: f32, a: f32, b: f32) -> f32 { return x; }\n\
+         fn f(x: f32) -> bool { return clamp(x, 0.0, 1.0) > 0.0; }",
+        "fn karat_case(x: f32) -> f32 { return x; }\nfn f(x: f32) -> bool { return karat_case(x) > 0.0; }",
+    ];
+    for wgsl in shadows {
+        let package = Package::from_source("planted", wgsl);
+        let found = package.function("f").over(0.0..=1.0).try_agrees_with(|_: f64| true, Ulp(0.0));
+        let error = found.expect_err("a name is redefined").to_string();
+        assert!(error.contains("can't be declared in a shader under test"), "{error}");
+    }
+}
+
+/// A result that depends on other cases of its dispatch is no function of its arguments.
+#[test]
+fn functions_that_share_state_between_cases() {
+    let shared = [
+        ("var<workgroup> w: array<f32, 1>;\nfn f(x: f32) -> f32 { w[0] = x; return w[0]; }", "w"),
+        (
+            "@group(0) @binding(0) var<storage, read_write> s: array<f32, 4>;\n\
+          fn f(x: f32) -> f32 { s[0] += x; return s[0]; }",
+            "s",
+        ),
+    ];
+    for (wgsl, name) in shared {
+        let package = Package::from_source("planted", wgsl);
+        let found = package.function("f").over(0.0..=1.0).try_agrees_with(|x: f64| x, Ulp(0.0));
+        let error = found.expect_err("state is shared").to_string();
+        assert!(error.contains("which other cases of the same dispatch see"), "{error}");
+        assert!(error.contains(&format!("`{name}`")), "{error}");
+    }
+}
+
+karat::shareable! {
+    struct Gains mirrors GainsMirror { gain: f32, bias: f32 }
+}
+
+karat::shareable! {
+    struct Swapped mirrors SwappedMirror { bias: f32, gain: f32 }
+}
+
+/// Fixtures are compared with their variables by type and by the names of members.
+#[test]
+fn fixtures_of_another_type() {
+    let wgsl = "struct Gains { gain: f32, bias: f32 }\n\
+                @group(0) @binding(0) var<uniform> gains: Gains;\n\
+                @group(0) @binding(1) var<storage, read> table: array<f32>;\n\
+                fn f(x: f32) -> f32 { return gains.gain * x + gains.bias + table[0]; }";
+    let package = Package::from_source("planted", wgsl);
+    let check = |gains: Uniform, table: Storage| {
+        let probe = package.function("f").with("gains", gains).with("table", table);
+        probe.over(0.0..=1.0).try_agrees_with(|x: f64| 2.0 * x + 3.5, Abs(1e-6))
+    };
+    let right = || Uniform::new(Gains { gain: 2.0, bias: 3.0 });
+    let table = || Storage::new([0.5_f32]);
+    check(right(), table()).expect("the fixtures fit");
+    let swapped = Uniform::new(Swapped { bias: 3.0, gain: 2.0 });
+    let wrong = [
+        (swapped, table(), "holds { gain: f32, bias: f32 }, the fixture { bias: f32, gain: f32 }"),
+        (Uniform::new([1.0_f32; 2]), table(), "holds { gain: f32, bias: f32 }, the fixture array"),
+        (right(), Storage::new([7_u32]), "holds f32, the fixture u32"),
+        (right(), Storage::new(Vec::<f32>::new()), "is empty"),
+    ];
+    for (gains, table, message) in wrong {
+        let error = check(gains, table).expect_err(message).to_string();
+        assert!(error.contains(message), "{error}");
+    }
+}
+
+/// Many threads share a device: each gets its own results, every time.
+#[test]
+fn many_threads_on_one_device() {
+    let package = Package::from_source("s", "fn f(x: f32, k: f32) -> f32 { return x + k; }");
+    std::thread::scope(|scope| {
+        for thread in 0..8_u8 {
+            let package = &package;
+            scope.spawn(move || {
+                for round in 0..25_u8 {
+                    let k = f32::from(thread) + f32::from(round);
+                    package
+                        .function("f")
+                        .over((0.0..=1.0, Just(k)))
+                        .cases(257)
+                        .try_agrees_with(|x: f64, k: f64| x + k, Ulp(1.0))
+                        .expect("each thread reads its own results");
+                }
+            });
+        }
+    });
 }
 
 #[test]
@@ -394,6 +513,20 @@ fn goldens_that_are_missing_shifted_resized_or_corrupt() {
     plant(&shifted);
     original.write_exr(&golden, Precision::Half, metadata.as_deref()).expect("written");
     assert!(accept("stale").is_err_and(|error| error.to_string().contains("has changed since")));
+}
+
+/// A frame with NaN is never right: not as a frame, and not as a golden.
+#[test]
+fn a_frame_with_nan_is_not_accepted() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder_name = folder.path().display().to_string();
+    let (output, text) = planted(&["nan_frame", &folder_name], &[]);
+    assert!(!output.status.success() && text.contains("512 pixels with NaN"), "{text}");
+    let goldens = Goldens::open(folder.path());
+    let pending = goldens.select("gradient").expect("it is pending");
+    let acceptance = Acceptance { because: "why".to_owned(), by: None, any_adapter: true };
+    let error = goldens.accept(&pending[0], &acceptance).expect_err("it has NaN");
+    assert!(error.to_string().contains("nothing could ever agree with it"), "{error}");
 }
 
 /// In CI nothing is written beside the goldens.

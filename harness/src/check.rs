@@ -27,10 +27,6 @@ use crate::record::{self, Record, Subject, Verdict};
 use crate::tolerance::{Measure, Tolerance, Unit};
 use crate::value::{Arguments, Scalar, Shareable};
 
-/// Cases of a check unless it says otherwise: one dispatch, and enough draws that each edge of
-/// six arguments meets each other edge.
-const CASES: u64 = 65_536;
-
 /// A function of a package, to be checked.
 ///
 /// ```no_run
@@ -70,7 +66,7 @@ impl<'a> Probe<'a> {
     where
         D::Value: Arguments,
     {
-        Check { probe: self, domain, cases: CASES, seed: None }
+        Check { probe: self, domain, cases: None, seed: None }
     }
 }
 
@@ -80,7 +76,7 @@ impl<'a> Probe<'a> {
 pub struct Check<'a, D> {
     probe: Probe<'a>,
     domain: D,
-    cases: u64,
+    cases: Option<u64>,
     seed: Option<u64>,
 }
 
@@ -88,10 +84,11 @@ impl<D: Domain> Check<'_, D>
 where
     D::Value: Arguments,
 {
-    /// Sets the number of cases (default 65,536). A finite domain of at most that many values is
-    /// enumerated instead.
+    /// Sets the number of cases. A finite domain of at most that many values is enumerated instead.
+    /// Without this, a finite domain of up to 2^20 values is enumerated, and of others 65,536 cases
+    /// are drawn.
     pub fn cases(mut self, cases: u64) -> Self {
-        self.cases = cases;
+        self.cases = Some(cases);
         self
     }
 
@@ -247,12 +244,14 @@ where
         self.conclude("invariant_under", tolerance.to_string(), recording, |session| {
             session.expect_lanes(&tolerance)?;
             let scalars = session.scalars();
-            session.run(|batch, dispatches| {
+            let mut changed = false;
+            let tallies = session.run(|batch, dispatches| {
                 let mut plain = Vec::with_capacity(dispatches.len());
                 for (runner, dispatch) in session.runners.iter().zip(dispatches) {
                     plain.push(runner.read(dispatch, <[u32]>::to_vec)?);
                 }
                 let transformed = batch.transformed(&transform);
+                changed |= transformed.lanes != batch.lanes;
                 let dispatches = session.dispatch(&transformed)?;
                 // What the plain arguments gave is what the transformed ones should.
                 let expect = |path: usize, case: usize| -> Vec<f64> {
@@ -264,7 +263,13 @@ where
                 session.judge(batch, dispatches, shown, |path, case, actual| {
                     compare(&scalars, actual, &expect(path, case), &tolerance)
                 })
-            })
+            })?;
+            if !changed {
+                let function = session.probed.function.path.clone();
+                let reason = "has no case that the transformation changes".to_owned();
+                return Err(Failure::Domain { function, reason });
+            }
+            Ok(tallies)
         })
     }
 

@@ -25,7 +25,8 @@ const REJECTIONS: u32 = 2000;
     message = "`{Self}` is not a domain",
     label = "expected a domain of WGSL values",
     note = "use a closed range such as `0.0..=1.0` (not `0.0..1.0`), `Integers(0..=7_u32)`, \
-            `UnitVector`, `Hemisphere`, `UnitRgb`, `Just(x)`, `Grid`, `OneOf`, or a tuple of them"
+            `UnitVector`, `Hemisphere`, `UnitRgb`, `Just(x)`, `Grid`, `OneOf`, or a tuple of up to \
+            six of them"
 )]
 pub trait Domain: Send + Sync {
     /// What is drawn.
@@ -37,6 +38,12 @@ pub trait Domain: Send + Sync {
     /// Values that are always tried first, the simplest and most extreme ones at the front.
     fn edges(&self) -> Vec<Self::Value> {
         Vec::new()
+    }
+
+    /// Whether the domain has no value, as a range that ends before it starts. A domain whose
+    /// filter rejects everything isn't known to be empty.
+    fn is_empty(&self) -> bool {
+        self.size() == Some(0)
     }
 
     /// Number of values of a finite domain.
@@ -78,6 +85,9 @@ impl<D: Domain + ?Sized> Domain for &D {
     }
     fn edges(&self) -> Vec<Self::Value> {
         (**self).edges()
+    }
+    fn is_empty(&self) -> bool {
+        (**self).is_empty()
     }
     fn size(&self) -> Option<u64> {
         (**self).size()
@@ -151,6 +161,9 @@ impl Domain for Grid {
     fn edges(&self) -> Vec<f32> {
         if self.count > 1 { vec![self.first, self.last] } else { vec![self.first] }
     }
+    fn is_empty(&self) -> bool {
+        self.count == 0 || !self.first.is_finite() || !self.last.is_finite()
+    }
     fn size(&self) -> Option<u64> {
         Some(u64::from(self.count))
     }
@@ -187,6 +200,9 @@ where
     fn edges(&self) -> Vec<T> {
         self.domain.edges().into_iter().map(&self.map).collect()
     }
+    fn is_empty(&self) -> bool {
+        self.domain.is_empty()
+    }
     fn size(&self) -> Option<u64> {
         self.domain.size()
     }
@@ -214,6 +230,9 @@ where
     fn edges(&self) -> Vec<Self::Value> {
         self.domain.edges().into_iter().filter(&self.keep).collect()
     }
+    fn is_empty(&self) -> bool {
+        self.domain.is_empty()
+    }
 }
 
 /// The cases of one check: which value each index has.
@@ -228,11 +247,11 @@ pub(crate) struct Cases<'a, D: Domain + ?Sized> {
 }
 
 impl<'a, D: Domain + ?Sized> Cases<'a, D> {
-    /// All of a finite domain that has at most `limit` values, else `limit` cases: the edges,
+    /// All of a finite domain that has at most `enumerated` values, else `limit` cases: the edges,
     /// then draws.
-    pub(crate) fn new(domain: &'a D, seed: u64, limit: u64) -> Self {
+    pub(crate) fn new(domain: &'a D, seed: u64, limit: u64, enumerated: u64) -> Self {
         match domain.size() {
-            Some(count) if count <= limit => {
+            Some(count) if count <= enumerated => {
                 Self { domain, edges: Vec::new(), seed, count, enumerated: true }
             }
             _ => Self { domain, edges: domain.edges(), seed, count: limit, enumerated: false },
@@ -261,7 +280,7 @@ mod tests {
     use super::*;
 
     fn all<D: Domain>(domain: &D, seed: u64, limit: u64) -> Vec<D::Value> {
-        let cases = Cases::new(domain, seed, limit);
+        let cases = Cases::new(domain, seed, limit, limit);
         (0..cases.count()).filter_map(|index| cases.get(index)).collect()
     }
 

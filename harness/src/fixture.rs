@@ -5,7 +5,7 @@ use glam::{Vec3, Vec4};
 use crate::diagnostic::nearest;
 use crate::path::{Device, PathError};
 use crate::reflect::{Binding, BindingKind, LayoutError, Program, bytes_of};
-use crate::value::Shareable;
+use crate::value::{Shape, Shareable};
 
 /// A cube map of linear RGBA values, faces in the order +X, -X, +Y, -Y, +Z, -Z.
 ///
@@ -103,20 +103,20 @@ pub enum Sampler {
 
 /// A value for a `var<uniform>`, or for a `var<storage>` that holds one value.
 #[derive(Clone, Debug)]
-pub struct Uniform(Vec<u32>);
+pub struct Uniform(Values);
 
 impl Uniform {
     /// The value, laid out as the variable's type.
-    pub fn new(value: impl Shareable) -> Self {
+    pub fn new<T: Shareable>(value: T) -> Self {
         let mut lanes = Vec::new();
         value.store(&mut lanes);
-        Self(lanes)
+        Self(Values { shape: T::shape(), lanes })
     }
 }
 
 /// Elements for a `var<storage>` array.
 #[derive(Clone, Debug)]
-pub struct Storage(Vec<u32>);
+pub struct Storage(Values);
 
 impl Storage {
     /// The elements, laid out as the variable's type.
@@ -125,7 +125,27 @@ impl Storage {
         for element in elements {
             element.store(&mut lanes);
         }
-        Self(lanes)
+        Self(Values { shape: T::shape(), lanes })
+    }
+}
+
+/// The lanes of a value, or of the elements of an array.
+#[derive(Clone, Debug)]
+struct Values {
+    /// The type of the value or element.
+    shape: Shape,
+    lanes: Vec<u32>,
+}
+
+impl Values {
+    /// Whether these are the values of a variable of shape `wgsl`: the type itself, or elements of
+    /// that array type.
+    fn fit(&self, wgsl: &Shape) -> bool {
+        let element = match wgsl {
+            Shape::Array { element, .. } => self.shape.stands_for(element, false),
+            _ => false,
+        };
+        element || self.shape.stands_for(wgsl, false)
     }
 }
 
@@ -211,6 +231,35 @@ pub enum FixtureError {
         /// What was supplied.
         fixture: &'static str,
     },
+    /// Values of another type than the variable.
+    #[error("`{variable}` holds {wgsl}, the fixture {supplied}")]
+    Type {
+        /// The variable.
+        variable: String,
+        /// Its type, or that of its elements.
+        wgsl: String,
+        /// What was supplied.
+        supplied: String,
+    },
+    /// No value, or a texture without a texel.
+    #[error("the fixture of `{variable}` is empty")]
+    Empty {
+        /// The variable.
+        variable: String,
+    },
+    /// A texel that the path's format can't hold.
+    #[error(
+        "a texel of `{variable}` is {value}, but path `{path}` filters 16-bit floats only, which \
+         end at 65504"
+    )]
+    Range {
+        /// The variable.
+        variable: String,
+        /// The value.
+        value: f32,
+        /// The path.
+        path: crate::path::Path,
+    },
     /// Values that don't fill the variable's type.
     #[error("`{variable}`: {source}")]
     Layout {
@@ -288,10 +337,18 @@ pub(crate) fn upload(
     fixture: &Fixture,
 ) -> Result<Resource, FixtureError> {
     let resource = match fixture {
-        Fixture::Uniform(Uniform(lanes)) | Fixture::Storage(Storage(lanes)) => {
-            let bytes = bytes_of(program.module(), program.layouter(), binding.ty, lanes).map_err(
-                |source| FixtureError::Layout { variable: binding.path.clone(), source },
-            )?;
+        Fixture::Uniform(Uniform(values)) | Fixture::Storage(Storage(values)) => {
+            let variable = || binding.path.clone();
+            let wgsl = program.buffer_shape(binding.ty);
+            if let Some(wgsl) = wgsl.filter(|wgsl| !values.fit(wgsl)) {
+                let (wgsl, supplied) = (members(&wgsl), members(&values.shape));
+                return Err(FixtureError::Type { variable: variable(), wgsl, supplied });
+            }
+            if values.lanes.is_empty() {
+                return Err(FixtureError::Empty { variable: variable() });
+            }
+            let bytes = bytes_of(program.module(), program.layouter(), binding.ty, &values.lanes)
+                .map_err(|source| FixtureError::Layout { variable: variable(), source })?;
             let usage = match binding.kind {
                 BindingKind::Uniform => wgpu::BufferUsages::UNIFORM,
                 _ => wgpu::BufferUsages::STORAGE,
@@ -308,10 +365,10 @@ pub(crate) fn upload(
             })?
         }
         Fixture::CubeMap(CubeMap { size, texels }) => {
-            upload_texture(device, *size, *size, 6, texels)?
+            upload_texture(device, binding, [*size, *size, 6], texels)?
         }
         Fixture::Texture(Texture { width, height, texels }) => {
-            upload_texture(device, *width, *height, 1, texels)?
+            upload_texture(device, binding, [*width, *height, 1], texels)?
         }
         Fixture::Sampler(sampler) => {
             let (filter, mipmap_filter) = match sampler {
@@ -333,12 +390,20 @@ pub(crate) fn upload(
 
 fn upload_texture(
     device: &Device,
-    width: u32,
-    height: u32,
-    layers: u32,
+    binding: &Binding,
+    [width, height, layers]: [u32; 3],
     texels: &[[f32; 4]],
-) -> Result<Resource, PathError> {
+) -> Result<Resource, FixtureError> {
+    let variable = binding.path.clone();
+    if texels.is_empty() {
+        return Err(FixtureError::Empty { variable });
+    }
     let format = device.float_format();
+    let half = format == wgpu::TextureFormat::Rgba16Float;
+    let overflows = |v: &&f32| v.is_finite() && !half::f16::from_f32(**v).is_finite();
+    if let Some(value) = texels.iter().flatten().find(overflows).filter(|_| half) {
+        return Err(FixtureError::Range { variable, value: *value, path: device.path() });
+    }
     let halves: Vec<[half::f16; 4]>;
     let (bytes, texel_size): (Vec<u8>, u32) = if format == wgpu::TextureFormat::Rgba32Float {
         (bytemuck::cast_slice(texels).to_vec(), 16)
@@ -347,7 +412,7 @@ fn upload_texture(
         (halves.iter().flatten().flat_map(|half| half.to_le_bytes()).collect(), 8)
     };
     let size = wgpu::Extent3d { width, height, depth_or_array_layers: layers };
-    device.checked(|| {
+    let resource = device.checked(|| {
         let texture = device.device.create_texture(&wgpu::TextureDescriptor {
             label: None,
             size,
@@ -369,5 +434,18 @@ fn upload_texture(
             dimension,
             ..wgpu::TextureViewDescriptor::default()
         }))
-    })
+    })?;
+    Ok(resource)
+}
+
+/// A type with its members, where it has any.
+fn members(shape: &Shape) -> String {
+    match shape {
+        Shape::Struct { members, .. } => {
+            let members: Vec<String> =
+                members.iter().map(|(name, shape)| format!("{name}: {shape}")).collect();
+            format!("{{ {} }}", members.join(", "))
+        }
+        other => other.to_string(),
+    }
 }

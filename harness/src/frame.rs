@@ -93,6 +93,21 @@ pub enum FrameError {
         /// What was asked for.
         name: String,
     },
+    /// A tolerance that isn't a number of at least 0.
+    #[error("the tolerance of the frame is {0}; it is a relative difference of at least 0")]
+    Tolerance(f32),
+    /// A side of 0 pixels, or more than the device can draw.
+    #[error("the frame is {width} x {height}; path `{path}` draws 1 to {limit} pixels a side")]
+    Size {
+        /// Pixels across.
+        width: u32,
+        /// Pixels down.
+        height: u32,
+        /// The path.
+        path: Path,
+        /// Longest side.
+        limit: u32,
+    },
     /// Nothing is drawn.
     #[error("the frame draws nothing; add `.mesh(...)` or `.fullscreen(...)`")]
     Empty,
@@ -175,6 +190,11 @@ impl Frame<'_> {
         if self.draws.is_empty() {
             return Err(FrameError::Empty);
         }
+        let (width, height) = (self.width, self.height);
+        let limit = device.device.limits().max_texture_dimension_2d;
+        if width.min(height) == 0 || width.max(height) > limit {
+            return Err(FrameError::Size { width, height, path: device.path(), limit });
+        }
         renderer::render(device, self)
     }
 
@@ -225,6 +245,12 @@ impl Frame<'_> {
         records: &mut Vec<PathRecord>,
     ) -> Result<FrameAgreement, FrameError> {
         let mut paths = Vec::new();
+        let tolerances = self.relative_on.iter().map(|(_, relative)| *relative);
+        for relative in tolerances.chain([self.relative]) {
+            if !(relative >= 0.0 && relative.is_finite()) {
+                return Err(FrameError::Tolerance(relative));
+            }
+        }
         for device in path::selected()? {
             let adapter = device.adapter();
             let (image, shader) = self.render_on(device)?;

@@ -185,6 +185,15 @@ impl Goldens {
             failure: failure.to_owned(),
             source,
         };
+        let census = frame.image.non_finite();
+        if census.first.is_some() {
+            let difference = FrameDifference::NonFinite(census);
+            let pending = self
+                .write_pending(case, frame, "", Precision::Float)
+                .map_err(|source| failed(case, &difference.to_string(), source))?;
+            let (case, difference) = (case.to_owned(), Box::new(difference));
+            return Err(GoldenError::Differs { case, difference, pending });
+        }
         let (golden, metadata) = match Image::read_exr(&self.golden(case)) {
             Ok(read) => read,
             Err(ImageError::Missing { .. }) => {

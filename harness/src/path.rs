@@ -189,7 +189,9 @@ fn select(paths: Option<&str>, required: Option<&str>) -> Result<Vec<&'static De
     let mut devices =
         required.iter().map(|path| must_open(*path)).collect::<Result<Vec<_>, _>>()?;
     match paths {
-        Some("all") => devices.extend(Path::ALL.iter().filter_map(|path| open(*path).ok())),
+        Some(names) if names.split(',').any(|name| name.trim() == "all") => {
+            devices.extend(Path::ALL.iter().filter_map(|path| open(*path).ok()))
+        }
         Some(names) => {
             let named: Vec<Path> = list(names)?;
             for path in named {

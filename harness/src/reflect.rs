@@ -150,6 +150,22 @@ impl Program {
 
     fn from_linked(linked: Linked) -> Result<Self, ReflectError> {
         let invalid = |diagnostic| ReflectError::Invalid(Box::new(diagnostic));
+        if let Some(name) = linked.names.keys().find(|name| is_reserved(name)) {
+            let text = linked.text.as_str();
+            let is_word = |at: &usize| {
+                let around =
+                    [text[..*at].chars().next_back(), text[at + name.len()..].chars().next()];
+                around.iter().flatten().all(|c| !c.is_alphanumeric() && *c != '_')
+            };
+            let place = text.match_indices(name.as_str()).map(|(at, _)| at).find(is_word);
+            let range = place.map(|at| at..at + name.len());
+            let message = format!("`{name}` can't be declared in a shader under test");
+            let note = "WGSL's own names must keep their meaning in imported modules and in the \
+                        generated kernel, and names that begin with `karat_` are the kernel's"
+                .to_owned();
+            let labels = [(range, "rename this".to_owned())].into_iter();
+            return Err(invalid(to_author(&linked, message, labels, vec![note])));
+        }
         let module = wgsl::parse_str(&linked.text).map_err(|error| {
             let labels = error.labels().map(|(span, text)| (span.to_range(), text.to_owned()));
             let notes = error.notes().map(str::to_owned).collect();
@@ -215,7 +231,7 @@ impl Program {
             return Err(unprobeable(
                 Diagnostic::new(message)
                     .at(span, "in this module")
-                    .note("a probe calls plain functions; entry points are drawn as frames"),
+                    .note("a probe calls plain functions: move what should be tested into one"),
             ));
         };
         let span = self.function_span(handle);
@@ -230,6 +246,12 @@ impl Program {
                  discard)"
                     .to_owned(),
                 "use textureSampleLevel or textureSampleGrad, or pass derivatives as arguments",
+            ));
+        }
+        if let Some(shared) = self.shared_state(&self.info[handle]) {
+            return Err(refuse(
+                format!("it {shared}, which other cases of the same dispatch see"),
+                "pass values, return values: a result must not depend on its neighbours",
             ));
         }
         let mut parameters = Vec::new();
@@ -270,6 +292,40 @@ impl Program {
             global.binding.as_ref().filter(|binding| binding.group == 0).map(|b| b.binding + 1)
         });
         used.max().unwrap_or(0)
+    }
+
+    /// What a function shares with other invocations, if anything.
+    fn shared_state(&self, info: &naga::valid::FunctionInfo) -> Option<String> {
+        use naga::AddressSpace;
+        use naga::valid::UniformityRequirements;
+        if info.uniformity.requirements.contains(UniformityRequirements::WORK_GROUP_BARRIER) {
+            return Some("waits at a barrier".to_owned());
+        }
+        self.module.global_variables.iter().find_map(|(handle, global)| {
+            let name = global.name.as_deref().unwrap_or_default();
+            match global.space {
+                AddressSpace::WorkGroup if !info[handle].is_empty() => {
+                    Some(format!("uses the workgroup variable `{name}`"))
+                }
+                AddressSpace::Storage { .. }
+                    if info[handle].intersects(GlobalUse::WRITE | GlobalUse::ATOMIC) =>
+                {
+                    Some(format!("writes the storage buffer `{name}`"))
+                }
+                _ => None,
+            }
+        })
+    }
+
+    /// The shape of a buffer variable's type, or of an element of its runtime-sized array; `None`
+    /// if the type has no shape.
+    pub(crate) fn buffer_shape(&self, ty: naga::Handle<naga::Type>) -> Option<Shape> {
+        match &self.module.types[ty].inner {
+            naga::TypeInner::Array { base, size: naga::ArraySize::Dynamic, .. } => {
+                self.shape(*base).ok()
+            }
+            _ => self.shape(ty).ok(),
+        }
     }
 
     fn bindings(
@@ -364,6 +420,24 @@ impl Program {
             _ => return Err("of a type that can't be passed".to_owned()),
         })
     }
+}
+
+/// Whether a declaration of this name would change the meaning of the kernel or of imported
+/// modules: only imported names are mangled.
+fn is_reserved(name: &str) -> bool {
+    use wgsl_types::idents::{
+        BUILTIN_CONSTRUCTOR_NAMES, BUILTIN_FUNCTION_NAMES, BUILTIN_TYPE_GENERATOR_NAMES,
+        BUILTIN_TYPE_NAMES,
+    };
+    name.starts_with("karat_")
+        || [
+            BUILTIN_FUNCTION_NAMES,
+            BUILTIN_CONSTRUCTOR_NAMES,
+            BUILTIN_TYPE_NAMES,
+            BUILTIN_TYPE_GENERATOR_NAMES,
+        ]
+        .iter()
+        .any(|names| names.contains(&name))
 }
 
 fn scalar_of(scalar: naga::Scalar) -> Result<Scalar, String> {

@@ -216,6 +216,18 @@ impl Tolerance {
         }
     }
 
+    /// The first bound that bounds nothing: NaN, infinite or negative.
+    pub(crate) fn unusable(&self) -> Option<f64> {
+        match self {
+            Self::Ulp { bound, .. } | Self::Rel(bound) | Self::Abs(bound) => {
+                (!(*bound >= 0.0 && bound.is_finite())).then_some(*bound)
+            }
+            Self::Any(parts) | Self::All(parts) | Self::PerLane(parts) => {
+                parts.iter().find_map(Self::unusable)
+            }
+        }
+    }
+
     /// The error of one `f32` lane. A lane without a tolerance of its own fails.
     #[must_use]
     pub fn measure(&self, lane: usize, actual: f32, expected: f64) -> Measure {

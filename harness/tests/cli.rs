@@ -434,9 +434,12 @@ fn pending_frames_are_listed_accepted_and_rejected() {
     let project = project();
     let folder = project.path();
     let golden = folder.join("golden");
+    let missing = karat(folder, &["pending"]);
+    assert_eq!(missing.code, Some(2), "{missing:?}");
+    assert!(missing.err.contains("name the folder of goldens with --golden DIR"), "{missing:?}");
+    std::fs::create_dir_all(golden.join("furnace")).expect("a folder");
     assert_eq!(karat(folder, &["pending"]).good(), "no frame is pending\n");
     assert_eq!(karat(folder, &["pending", "--json"]).good(), "[]\n");
-    std::fs::create_dir_all(golden.join("furnace")).expect("a folder");
     pending_frame(&golden, "scene", "llvmpipe (LLVM 15.0.6, 256 bits)");
     pending_frame(&golden, "furnace/rough", "llvmpipe (LLVM 15.0.6, 256 bits)");
     pending_frame(&golden, "furnace/smooth", "GeForce");

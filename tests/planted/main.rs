@@ -26,7 +26,9 @@ fn main() -> ExitCode {
         "endless_loop" => check(&endless(), "endless"),
         "too_large" => check("fn above(x: f32) -> f32 { return x + x * x * 0.001; }", "above"),
         "none" => check("fn id(x: f32) -> f32 { return x; }", "id"),
-        "golden" => frame(),
+        "golden" => frame(GRADIENT),
+        // Not a constant: WGSL refuses those.
+        "nan_frame" => frame(&GRADIENT.replace("0.5, 1.0)", "sqrt(-at.x), 1.0)")),
         _ => Err(format!("there is no fault `{fault}`")),
     };
     let (code, text) = match verdict {
@@ -47,9 +49,9 @@ fn check(wgsl: &str, function: &str) -> Result<String, String> {
 }
 
 /// Compares a frame with the golden `gradient` of the folder given as the second argument.
-fn frame() -> Result<String, String> {
+fn frame(wgsl: &str) -> Result<String, String> {
     let folder = std::env::args().nth(2).ok_or("name the folder of goldens")?;
-    let package = Package::from_source("gradient", GRADIENT);
+    let package = Package::from_source("gradient", wgsl);
     let frame: Frame<'_> = package.frame("", 32, 16).fullscreen("corners", "gradient");
     frame
         .try_matches(&Goldens::open(folder.as_ref()), "gradient")

@@ -118,7 +118,7 @@ impl CaseFailure {
         for (name, value) in &self.arguments {
             writeln!(f, "    {name:>width$} = {value}")?;
         }
-        writeln!(f, "    {:>width$} = {}", "result", self.result)?;
+        writeln!(f, "    {:>width$} = {}", "returned", self.result)?;
         let place = if self.component.is_empty() {
             String::new()
         } else {

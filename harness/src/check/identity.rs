@@ -1,5 +1,7 @@
 //! Which test is running: its name seeds its cases and leads the replay command.
 
+use std::path::Path as FilePath;
+
 use crate::path::Path;
 
 /// The running test and the case selection of the environment.
@@ -7,57 +9,132 @@ use crate::path::Path;
 pub(crate) struct Identity {
     /// The test's name: its module path inside the test binary.
     pub(crate) test: String,
-    /// `KARAT_SEED`, which replaces the seed of every check.
+    /// `KARAT_SEED`, which replaces the seed of the selected check, or of all.
     seed: Option<u64>,
     /// `KARAT_CASE`, which selects one case.
-    pub(crate) case: Option<u64>,
+    selection: Option<Selection>,
+}
+
+/// One case: of the check that a replay command names, or of every check.
+#[derive(Clone, Debug)]
+struct Selection {
+    /// `function/check`
+    check: Option<String>,
+    case: u64,
 }
 
 impl Identity {
+    /// Reads the thread's name and the environment.
+    ///
+    /// # Panics
+    /// If `KARAT_SEED` or `KARAT_CASE` isn't a number.
     pub(crate) fn current() -> Self {
-        let number = |name: &str| {
-            let text = std::env::var(name).ok().filter(|text| !text.is_empty())?;
-            let digits = text.trim().replace('_', "");
-            let number = match digits.strip_prefix("0x") {
-                Some(hexadecimal) => u64::from_str_radix(hexadecimal, 16),
-                None => digits.parse(),
-            };
-            Some(number.unwrap_or_else(|error| panic!("{name}={text} isn't a number: {error}")))
-        };
+        let variable = |name| std::env::var(name).ok().filter(|text| !text.is_empty());
+        let selection = variable("KARAT_CASE").map(|text| match text.rsplit_once('/') {
+            Some((check, case)) => {
+                Selection { check: Some(check.to_owned()), case: number("KARAT_CASE", case) }
+            }
+            None => Selection { check: None, case: number("KARAT_CASE", &text) },
+        });
+        let seed = variable("KARAT_SEED").map(|text| number("KARAT_SEED", &text));
         // The test runner names each test's thread. A program that isn't a test runs on `main`.
         let test = std::thread::current().name().unwrap_or("main").to_owned();
-        Self { test, seed: number("KARAT_SEED"), case: number("KARAT_CASE") }
+        Self { test, seed, selection }
     }
 
-    /// The seed of a check: from the names of test and function, so that it stays the same
+    /// Whether the environment speaks of this check: it names it, or names none.
+    fn selects(&self, function: &str, check: &str) -> bool {
+        let named = self.selection.as_ref().and_then(|selection| selection.check.as_ref());
+        named.is_none_or(|named| *named == format!("{function}/{check}"))
+    }
+
+    /// The seed of a check: from the names of test, function and check, so that it stays the same
     /// wherever and in whatever order the tests run.
     pub(crate) fn seed(&self, function: &str, check: &str) -> u64 {
-        self.seed.unwrap_or_else(|| {
+        self.seed.filter(|_| self.selects(function, check)).unwrap_or_else(|| {
             let hash = blake3::hash(format!("{}\n{function}\n{check}", self.test).as_bytes());
             hash.as_bytes().iter().take(8).fold(0, |seed, byte| seed << 8 | u64::from(*byte))
         })
     }
 
-    /// The command that runs this check again, on one path and one case.
-    pub(crate) fn replay(&self, path: Path, seed: u64, case: u64) -> String {
-        // Cargo tells a test which package it belongs to; the binary's name tells which target.
-        let package = std::env::var("CARGO_PKG_NAME").ok();
-        let binary = std::env::current_exe().ok().and_then(|exe| {
-            let stem = exe.file_stem()?.to_str()?.to_owned();
-            Some(stem.rsplit_once('-').map_or(stem.clone(), |(name, _)| name.to_owned()))
-        });
-        let mut command =
-            format!("KARAT_PATHS={path} KARAT_SEED={seed:#x} KARAT_CASE={case} cargo test");
-        if let Some(package) = &package {
-            command.push_str(&format!(" -p {package}"));
-        }
-        match binary {
-            Some(binary) if package.as_ref().is_some_and(|p| p.replace('-', "_") == binary) => {
-                command.push_str(" --lib");
+    /// The one case of a check that is to run; `None`: all of them. A test may check a function
+    /// twice in the same way: a check that hasn't the case isn't the one that was meant.
+    pub(crate) fn case(&self, function: &str, check: &str, count: u64) -> Option<u64> {
+        let selection = self.selection.as_ref().filter(|_| self.selects(function, check))?;
+        (selection.check.is_none() || selection.case < count).then_some(selection.case)
+    }
+
+    /// The command that runs a check again, on one path and one case.
+    pub(crate) fn replay(
+        &self,
+        path: Path,
+        seed: u64,
+        function: &str,
+        check: &str,
+        case: u64,
+    ) -> String {
+        let environment =
+            format!("KARAT_PATHS={path} KARAT_SEED={seed:#x} KARAT_CASE={function}/{check}/{case}");
+        let exe = std::env::current_exe().unwrap_or_default();
+        // Cargo tells a test which package it belongs to; a test's thread has the test's name.
+        let package = std::env::var("CARGO_PKG_NAME").ok().filter(|_| self.test != "main");
+        match package {
+            None => format!("{environment} {}", exe.display()),
+            Some(package) => {
+                let target = target(&exe, &package);
+                format!("{environment} cargo test -p {package} {target} -- --exact {}", self.test)
             }
-            Some(binary) => command.push_str(&format!(" --test {binary}")),
-            None => {}
         }
-        format!("{command} -- --exact {}", self.test)
+    }
+}
+
+fn number(name: &str, text: &str) -> u64 {
+    let digits = text.trim().replace('_', "").to_lowercase();
+    let number = match digits.strip_prefix("0x") {
+        Some(hexadecimal) => u64::from_str_radix(hexadecimal, 16),
+        None => digits.parse(),
+    };
+    number.unwrap_or_else(|error| panic!("{name}={text} isn't a number: {error}"))
+}
+
+/// Cargo's option for the target that a test binary was built from, by where it lies and what it
+/// is called: `target/debug/deps/fresnel-1a2b...`.
+fn target(exe: &FilePath, package: &str) -> String {
+    let stem = exe.file_stem().unwrap_or_default().to_string_lossy();
+    let name = stem.rsplit_once('-').map_or(&*stem, |(name, _)| name);
+    let folder = exe.parent().and_then(FilePath::file_name).unwrap_or_default();
+    if folder == "examples" {
+        format!("--example {name}")
+    } else if name == package.replace('-', "_") {
+        "--lib --bins".to_owned()
+    } else {
+        format!("--test {name}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn targets_are_told_by_their_place_and_name() {
+        let of = |exe: &str| target(FilePath::new(exe), "my-crate");
+        assert_eq!(of("/t/debug/deps/fresnel-0a1b"), "--test fresnel");
+        assert_eq!(of("/t/debug/examples/srgb-0a1b"), "--example srgb");
+        assert_eq!(of("/t/debug/deps/my_crate-0a1b"), "--lib --bins");
+    }
+
+    #[test]
+    fn a_named_case_selects_one_check() {
+        let named = Selection { check: Some("a::f/agrees_with".to_owned()), case: 7 };
+        let identity = |selection| Identity { test: "t".to_owned(), seed: Some(1), selection };
+        let one = identity(Some(named));
+        assert_eq!(one.case("a::f", "agrees_with", 100), Some(7));
+        assert_eq!(one.case("a::f", "agrees_with", 5), None);
+        assert_eq!(one.case("a::f", "satisfies", 100), None);
+        assert_eq!(one.seed("a::f", "agrees_with"), 1);
+        assert_ne!(one.seed("a::f", "satisfies"), 1);
+        let any = identity(Some(Selection { check: None, case: 7 }));
+        assert_eq!(any.case("b::g", "satisfies", 5), Some(7));
     }
 }

@@ -14,6 +14,13 @@ use crate::reflect::Function;
 use crate::tolerance::{Measure, Tolerance};
 use crate::value::{Arguments, Scalar, Shape};
 
+/// Cases of a check unless it says otherwise: one dispatch, and enough draws that each edge of
+/// six arguments meets each other edge.
+const CASES: u64 = 65_536;
+
+/// Values of a finite domain that are all tried unless a number of cases is asked for.
+const ENUMERATED: u64 = 1 << 20;
+
 /// Cases that one task draws or computes the reference of.
 const TASK: usize = 2048;
 
@@ -22,6 +29,8 @@ pub(super) struct Session<'a, D: Domain> {
     pub(super) probed: Probed,
     pub(super) runners: Vec<Runner>,
     cases: Cases<'a, D>,
+    /// The one case that a replay selects.
+    case: Option<u64>,
     identity: &'a Identity,
     seed: u64,
     /// The verb and what it asserts.
@@ -32,7 +41,7 @@ pub(super) struct Session<'a, D: Domain> {
 pub(super) struct Batch<V> {
     first: u64,
     pub(super) values: Vec<V>,
-    lanes: Vec<u32>,
+    pub(super) lanes: Vec<u32>,
 }
 
 /// One path's sum, and what is needed to show its failures.
@@ -84,9 +93,14 @@ where
                 format!("takes {}, the domain draws {}", list(&declared), list(&supplied));
             return Err(signature(function, mismatch));
         }
-        let cases = Cases::new(&check.domain, seed, check.cases);
-        if cases.count() == 0 {
-            let reason = "has no value, so nothing would be checked".to_owned();
+        let cases = match check.cases {
+            Some(cases) => Cases::new(&check.domain, seed, cases, cases),
+            None => Cases::new(&check.domain, seed, CASES, ENUMERATED),
+        };
+        if cases.count() == 0 || check.domain.is_empty() {
+            let reason = "has no value, so nothing would be checked: a range ends before it \
+                          starts or at NaN, a list is empty, or no case is asked for"
+                .to_owned();
             return Err(Failure::Domain { function: function.path.clone(), reason });
         }
         let capacity = usize::try_from(cases.count()).unwrap_or(BATCH).min(BATCH);
@@ -94,7 +108,8 @@ where
             .into_iter()
             .map(|device| Runner::new(device, &probed, &check.probe.fixtures, capacity))
             .collect::<Result<_, _>>()?;
-        Ok(Self { probed, runners, cases, identity, seed, assertion })
+        let case = identity.case(&probed.function.path, assertion.0, cases.count());
+        Ok(Self { probed, runners, cases, case, identity, seed, assertion })
     }
 
     pub(super) fn scalars(&self) -> Vec<Scalar> {
@@ -117,6 +132,10 @@ where
 
     pub(super) fn expect_lanes(&self, tolerance: &Tolerance) -> Result<(), Failure> {
         let lanes = self.scalars().len();
+        if let Some(bound) = tolerance.unusable() {
+            let mismatch = format!("is compared to {tolerance}, and {bound} bounds nothing");
+            return Err(signature(&self.probed.function, mismatch));
+        }
         match tolerance.lanes() {
             Some(declared) if declared != lanes => {
                 let mismatch =
@@ -132,7 +151,7 @@ where
         &self,
         mut judge: impl FnMut(&Batch<D::Value>, Vec<Dispatch>) -> Result<Vec<PathTally>, Failure>,
     ) -> Result<Vec<PathTally>, Failure> {
-        let (start, end) = match self.identity.case {
+        let (start, end) = match self.case {
             Some(case) if case < self.cases.count() => (case, case + 1),
             Some(case) => {
                 let count = self.cases.count();
@@ -236,7 +255,7 @@ where
     pub(super) fn conclude(&self, tallies: Vec<PathTally>) -> Result<Agreement, Failure> {
         let function = self.probed.function.path.clone();
         let compared = tallies.iter().map(|path| path.tally.census.cases).min().unwrap_or(0);
-        let declared = if self.identity.case.is_some() { 1 } else { self.cases.count() };
+        let declared = if self.case.is_some() { 1 } else { self.cases.count() };
         if compared < declared {
             let reason = format!("declares {declared} cases, but {compared} were compared");
             return Err(Failure::Domain { function, reason });
@@ -257,7 +276,13 @@ where
                 agreeing.push(adapter);
                 continue;
             };
-            let replay = self.identity.replay(path, self.seed, worst.case);
+            let replay = self.identity.replay(
+                path,
+                self.seed,
+                &self.probed.function.path,
+                self.assertion.0,
+                worst.case,
+            );
             let first = first.filter(|first| first.case != worst.case);
             let census = tally.census;
             paths.push(PathDisagreement { adapter, census, worst, first, replay });
@@ -294,7 +319,7 @@ impl PathTally {
 pub(super) struct LanesOnly<'a> {
     first: u64,
     cases: usize,
-    lanes: std::borrow::Cow<'a, [u32]>,
+    pub(super) lanes: std::borrow::Cow<'a, [u32]>,
 }
 
 impl<V: Arguments> Batch<V> {

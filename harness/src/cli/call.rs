@@ -19,7 +19,7 @@ pub(super) struct Args {
     #[arg(allow_negative_numbers = true)]
     arguments: Vec<String>,
     /// Path to run on; may be repeated [default: every path that opens]
-    #[arg(long = "path", value_name = "PATH")]
+    #[arg(long = "path", value_name = "PATH", value_delimiter = ',', env = "KARAT_PATHS")]
     paths: Vec<String>,
     /// Evaluate a table (CSV) instead
     #[arg(long, value_name = "IN.CSV", conflicts_with = "arguments")]
@@ -47,7 +47,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 }
 
 fn paths(probed: &Probed, names: &[String]) -> anyhow::Result<Vec<Path>> {
-    if names.is_empty() {
+    if names.is_empty() || names.iter().any(|name| name == "all") {
         let open: Vec<_> =
             Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok()).collect();
         ensure!(!open.is_empty(), "no execution path opens; `karat doctor` tells why");

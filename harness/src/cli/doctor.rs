@@ -11,7 +11,7 @@ use super::{Outcome, Verdict};
 #[derive(clap::Args)]
 pub(super) struct Args {
     /// Fail unless these paths open
-    #[arg(long, value_name = "PATHS", value_delimiter = ',')]
+    #[arg(long, value_name = "PATHS", value_delimiter = ',', env = "KARAT_REQUIRE")]
     require: Vec<String>,
     /// Print JSON
     #[arg(long)]
@@ -39,8 +39,13 @@ struct PathReport {
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
-    let required: Vec<Path> =
-        args.require.iter().map(|name| name.trim().parse()).collect::<Result<_, _>>()?;
+    let required: Vec<Path> = args
+        .require
+        .iter()
+        .map(|name| name.trim())
+        .filter(|name| !name.is_empty())
+        .map(str::parse)
+        .collect::<Result<_, _>>()?;
     // A required path is looked at even where the platform can't have it.
     let paths = Path::ALL.into_iter().filter(|path| path.exists() || required.contains(path));
     let paths: Vec<PathReport> = paths

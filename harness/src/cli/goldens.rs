@@ -19,13 +19,16 @@ struct FolderArgs {
 
 impl FolderArgs {
     fn open(&self) -> anyhow::Result<Goldens> {
-        Ok(match &self.golden {
-            Some(folder) => {
-                ensure!(folder.is_dir(), "there is no folder `{}`", folder.display());
-                Goldens::open(folder)
-            }
-            None => Goldens::open(&Project::find()?.golden()),
-        })
+        let folder = match &self.golden {
+            Some(folder) => folder.clone(),
+            None => Project::find()?.golden(),
+        };
+        ensure!(
+            folder.is_dir(),
+            "there is no folder `{}`; name the folder of goldens with --golden DIR",
+            folder.display()
+        );
+        Ok(Goldens::open(&folder))
     }
 }
 

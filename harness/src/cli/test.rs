@@ -36,10 +36,12 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
+    // The record of the last run stays until there is another one.
     let folder = project.output().join("record");
-    clear(&folder)?;
-    let passed = run_cargo(args, &project, &folder, out)?;
-    let records = if folder.is_dir() { record::read(&folder)? } else { Vec::new() };
+    let running = project.output().join("record.running");
+    clear(&running)?;
+    let passed = run_cargo(args, &project, &running, out)?;
+    let records = if running.is_dir() { record::read(&running)? } else { Vec::new() };
     if records.is_empty() {
         let filter = match &args.filter {
             Some(filter) => format!("no check ran in a test whose name contains `{filter}`"),
@@ -47,6 +49,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         };
         bail!("{filter}; a run that compared nothing is no success");
     }
+    clear(&folder)?;
+    std::fs::rename(&running, &folder)
+        .with_context(|| format!("can't keep the record as `{}`", folder.display()))?;
     let failed = write_functions(&records, out)?;
     let failed = write_frames(&records, out)? + failed;
     // With a filter most functions aren't tested on purpose.

@@ -36,6 +36,10 @@ macro_rules! product {
                     .collect()
             }
 
+            fn is_empty(&self) -> bool {
+                $(self.$index.is_empty())||+
+            }
+
             fn size(&self) -> Option<u64> {
                 Some(1_u64)$(.and_then(|size| size.checked_mul(self.$index.size()?)))+
             }

@@ -34,6 +34,10 @@ impl Domain for RangeInclusive<f32> {
         (self.start() <= self.end()).then(|| value.clamp(*self.start(), *self.end()))
     }
 
+    fn is_empty(&self) -> bool {
+        !(self.start() <= self.end() && self.start().is_finite() && self.end().is_finite())
+    }
+
     fn edges(&self) -> Vec<f32> {
         let (low, high) = (*self.start(), *self.end());
         let mut edges = vec![low, high];
@@ -87,7 +91,8 @@ macro_rules! integer {
             }
 
             fn size(&self) -> Option<u64> {
-                u64::try_from(i64::from(*self.0.end()) - i64::from(*self.0.start()) + 1).ok()
+                let count = i64::from(*self.0.end()) - i64::from(*self.0.start()) + 1;
+                Some(u64::try_from(count).unwrap_or(0)) // an empty range has a negative count
             }
 
             fn nth(&self, index: u64) -> Option<$integer> {

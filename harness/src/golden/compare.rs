@@ -96,7 +96,8 @@ impl fmt::Display for FrameDifference {
                 )?;
                 write!(f, "  pixels off at a tolerance of")?;
                 for (factor, share) in [1.0, 10.0, 100.0, 1000.0].into_iter().zip(sweep) {
-                    write!(f, " {:e}: {share:.3}%;", relative * factor)?;
+                    let tolerance = crate::tolerance::significant(f64::from(relative * factor));
+                    write!(f, " {tolerance}: {share:.3}%;")?;
                 }
                 Ok(())
             }
@@ -111,13 +112,14 @@ impl fmt::Display for NonFinite {
     }
 }
 
-/// Differences below this share of the golden's key are invisible at any exposure that shows the
-/// frame: it is a stop and a half below what 8 bits resolve with the key at middle grey.
-const DARK: f32 = 1e-2;
+/// What is darker than this share of the golden's key is compared as if it were that bright. The
+/// key is at middle grey on a screen, so the floor is 1/180 of what 8 bits resolve: black pixels
+/// with rounding noise pass, and dark regions of a frame with bright ones are still compared.
+const DARK: f32 = 1e-4;
 
 /// Compares by size, finiteness, bits, and then each channel of each pixel: the difference may be
-/// `relative` times the golden's value, or times a hundredth of the golden's key where that is
-/// more. There is no allowance for outliers.
+/// `relative` times the golden's value, or (but for alpha) times the share `DARK` of the golden's
+/// key where that is more. There is no allowance for outliers.
 pub(super) fn compare(
     golden: &Image,
     actual: &Image,
@@ -153,11 +155,18 @@ pub(super) fn compare(
         let mut largest = 0.0_f32;
         for channel in 0..4 {
             let (golden, actual) = (expected[channel], value[channel]);
+            // Alpha is no light: it has no exposure that could hide a difference.
+            let floor = if channel == 3 { 0.0 } else { floor };
             let ratio = (actual - golden).abs() / (relative * golden.abs().max(floor));
-            // 0/0 under a tolerance of 0 is equality.
-            let ratio = if actual == golden { 0.0 } else { ratio };
+            // Equal is equal, also under a tolerance of 0; what isn't a ratio of at least 0 comes
+            // of a tolerance that isn't one, and lets nothing pass.
+            let ratio = match ratio {
+                _ if actual == golden => 0.0,
+                ratio if ratio >= 0.0 => ratio,
+                _ => f32::INFINITY,
+            };
             largest = largest.max(ratio);
-            if !(ratio <= worst.ratio) {
+            if ratio > worst.ratio {
                 worst = Outlier { x, y, channel, golden, actual, ratio };
             }
         }
@@ -225,6 +234,26 @@ mod tests {
             let error = compare(&broken, &ramp(), 1e9);
             assert!(matches!(error, Err(FrameDifference::GoldenNonFinite(_))));
             assert!(compare(&broken, &broken, 1e9).is_err(), "equal bits are no excuse");
+        }
+    }
+
+    #[test]
+    fn a_tolerance_that_is_not_a_number_lets_nothing_pass() {
+        let mut changed = ramp();
+        changed.pixels_mut()[7][1] = 0.9;
+        for relative in [f32::NAN, -1.0] {
+            assert!(compare(&ramp(), &changed, relative).is_err(), "{relative}");
+        }
+    }
+
+    #[test]
+    fn dark_regions_of_bright_frames_and_alpha_are_compared() {
+        let mut golden = Image::new(16, 16, vec![[6e4, 6e4, 6e4, 1.0]; 256]);
+        golden.pixels_mut()[..32].fill([0.05, 0.05, 0.05, 1.0]);
+        for changed in [[0.15, 0.05, 0.05, 1.0], [0.05, 0.05, 0.05, 0.9]] {
+            let mut actual = golden.clone();
+            actual.pixels_mut()[3] = changed;
+            assert!(compare(&golden, &actual, 1e-3).is_err(), "{changed:?}");
         }
     }
 

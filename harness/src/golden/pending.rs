@@ -56,6 +56,9 @@ pub enum AcceptError {
         /// What rendered it.
         adapter: String,
     },
+    /// The frame can't be matched by any other.
+    #[error("`{0}` has NaN or infinite pixels; nothing could ever agree with it")]
+    NonFinite(String),
     /// The golden is another one than the frame was compared with.
     #[error(
         "the golden of `{0}` has changed since the pending frame was rendered; run the test again"
@@ -182,6 +185,9 @@ impl Goldens {
             return Err(AcceptError::Stale(case));
         }
         let (image, _) = Image::read_exr(&pending.path)?;
+        if image.non_finite().first.is_some() {
+            return Err(AcceptError::NonFinite(case));
+        }
         let provenance = Provenance {
             compared_with: String::new(),
             accepted_by: acceptance.by.clone().unwrap_or_else(person),

@@ -19,20 +19,26 @@ pub(crate) struct Guard {
 const DEFAULT: Duration = Duration::from_secs(60);
 
 /// The deadline in force: `KARAT_DEADLINE` in seconds, or a minute.
+///
+/// # Panics
+/// If the variable isn't a number of seconds.
 fn limit() -> Duration {
-    std::env::var("KARAT_DEADLINE")
-        .ok()
-        .and_then(|seconds| seconds.trim().parse().ok())
+    let Ok(text) = std::env::var("KARAT_DEADLINE") else { return DEFAULT };
+    if text.trim().is_empty() {
+        return DEFAULT;
+    }
+    let seconds = text.trim().parse().ok();
+    seconds
         .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
-        .unwrap_or(DEFAULT)
+        .unwrap_or_else(|| panic!("KARAT_DEADLINE={text} isn't a number of seconds"))
 }
 
 /// Ends the process unless the guard is dropped within the deadline. `what` says what was running
 /// and how to run it again.
 pub(crate) fn guard(what: impl FnOnce() -> String + Send + 'static) -> Guard {
     let (done, wait) = channel::<()>();
+    let limit = limit();
     std::thread::spawn(move || {
-        let limit = limit();
         if wait.recv_timeout(limit) == Err(RecvTimeoutError::Timeout) {
             // Written past the test runner's capture, which dies with the process.
             let message = format!(

@@ -1,9 +1,14 @@
 //! An opened path: adapter, device, queue, and the pipelines made so far.
 
 use std::collections::HashMap;
+use std::sync::mpsc::RecvTimeoutError;
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use super::{Adapter, Path, PathError, guard};
+
+/// How long a poll's callback is waited for before polling again.
+const CALLBACK: Duration = Duration::from_millis(5);
 
 /// A device of one path.
 #[derive(Debug)]
@@ -172,11 +177,20 @@ impl Device {
             // The receiver lives until the result is taken.
             drop(sender.send(result));
         });
-        self.wait()?;
-        receiver
-            .try_recv()
-            .map_err(|_| failed("the mapping of a buffer never completed".to_owned()))?
-            .map_err(|error| failed(error.to_string()))?;
+        // Another thread's poll may have taken the callback and not have called it yet, so the
+        // end of this thread's poll doesn't mean that the mapping has ended. The caller's
+        // deadline bounds the loop.
+        let mapped = loop {
+            self.wait()?;
+            match receiver.recv_timeout(CALLBACK) {
+                Ok(mapped) => break mapped,
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => {
+                    return Err(failed("the mapping of a buffer was given up".to_owned()));
+                }
+            }
+        };
+        mapped.map_err(|error| failed(error.to_string()))?;
         let value = {
             let view = slice.get_mapped_range().map_err(|error| failed(error.to_string()))?;
             read(&view)
