@@ -18,6 +18,15 @@ pub(crate) fn run() -> ExitCode {
     steps.finish()
 }
 
+/// Sets up, and opens the paths for real: what `setup` alone can't, as it needs the harness built.
+pub(crate) fn set_up() -> ExitCode {
+    let mut steps = Steps::new("cargo ci setup");
+    let _ = steps.run("setup", setup::install_missing)
+        && steps.run("build", build)
+        && steps.run("paths", suite::open_paths);
+    steps.finish()
+}
+
 /// Builds for the whole workspace, as the tests are: for fewer packages Cargo would choose other
 /// features of shared dependencies, and compile them twice.
 fn build() -> anyhow::Result<()> {

@@ -27,7 +27,7 @@ struct Cli {
 
 const EXAMPLES: &str = "\
 Examples:
-  cargo ci setup           make sure Vulkan and GL can load; install Mesa if they can't
+  cargo ci setup           make sure Vulkan and GL open; install Mesa if they don't
   cargo ci demo            from a fresh clone to verdicts on every path
   cargo ci lint            the quick half of CI, before a commit
   cargo ci test            all of CI, before a push
@@ -41,7 +41,8 @@ enum Task {
     ///
     /// On Linux both Vulkan and GL must be loadable, in software or hardware. Debian, Fedora
     /// and Arch (and their relatives) get the missing packages; elsewhere the names are printed.
-    /// macOS and Windows bring Metal and DX12 along, so nothing is installed there.
+    /// macOS and Windows bring Metal and DX12 along, so nothing is installed there. Then the
+    /// harness is built, and opens each path.
     Setup {
         /// Only report: install nothing, and fail if a path is missing.
         #[arg(long)]
@@ -63,7 +64,7 @@ enum Task {
 
 fn main() -> ExitCode {
     match Cli::parse().task {
-        Task::Setup { check: false } => step::verdict(setup::install_missing()),
+        Task::Setup { check: false } => demo::set_up(),
         Task::Setup { check: true } => step::verdict(setup::check()),
         Task::Demo => demo::run(),
         Task::Test => suite::run(),

@@ -1,6 +1,6 @@
 //! `cargo ci setup`: makes sure that the execution paths the tests require can load.
 //!
-//! It looks at files only, so it takes milliseconds and needs nothing from the harness.
+//! This step looks at files only, so it takes milliseconds and needs nothing from the harness.
 //! `karat doctor` opens the paths for real; the commands that build it run it afterwards.
 
 use anyhow::{Result, bail};

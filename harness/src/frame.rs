@@ -15,7 +15,7 @@ use crate::image::Image;
 use crate::package::Package;
 use crate::path::{self, Adapter, Path, PathError};
 use crate::record::{self, PathRecord, Record, Subject, Verdict};
-use crate::reflect::ReflectError;
+use crate::reflect::{ReflectError, Stage};
 
 /// Triangles, with their corners' positions at `@location(0)` as `vec3<f32>`.
 #[derive(Clone, Debug)]
@@ -88,8 +88,8 @@ pub enum FrameError {
     EntryPoint {
         /// The module.
         module: String,
-        /// `vertex` or `fragment`.
-        stage: &'static str,
+        /// The stage that it should belong to.
+        stage: Stage,
         /// What was asked for.
         name: String,
     },

@@ -55,7 +55,7 @@ pub use image::{Image, ImageError, NonFinite, Precision};
 pub use package::{FunctionItem, Package, PackageError};
 pub use path::{Adapter, Path, PathError, adapter};
 pub use probe::{ProbeError, Probed, call};
-pub use reflect::{Binding, BindingKind, Function, LayoutError, Program, ReflectError};
+pub use reflect::{Binding, BindingKind, Function, LayoutError, Program, ReflectError, Stage};
 pub use tolerance::{Abs, Measure, Rel, Tolerance, Ulp, Unit, ulp_distance};
 pub use value::{Arguments, Mirror, Scalar, Shape, Shareable, format_f32, format_lane, hexfloat};
 

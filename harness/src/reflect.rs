@@ -115,6 +115,24 @@ impl fmt::Display for BindingKind {
     }
 }
 
+/// A stage of a draw.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// `@vertex`
+    Vertex,
+    /// `@fragment`
+    Fragment,
+}
+
+impl fmt::Display for Stage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Vertex => "vertex",
+            Self::Fragment => "fragment",
+        })
+    }
+}
+
 /// Why a shader can't be reflected or a function can't be probed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -280,8 +298,13 @@ impl Program {
     }
 
     /// The resources of an entry point.
-    pub(crate) fn entry_point_bindings(&self, name: &str) -> Option<Vec<Binding>> {
-        let index = self.module.entry_points.iter().position(|entry| entry.name == name)?;
+    pub(crate) fn entry_point_bindings(&self, stage: Stage, name: &str) -> Option<Vec<Binding>> {
+        let naga_stage = match stage {
+            Stage::Vertex => naga::ShaderStage::Vertex,
+            Stage::Fragment => naga::ShaderStage::Fragment,
+        };
+        let mut entries = self.module.entry_points.iter();
+        let index = entries.position(|entry| entry.name == name && entry.stage == naga_stage)?;
         let info = self.info.get_entry_point(index);
         Some(self.bindings(|global| info[global]))
     }

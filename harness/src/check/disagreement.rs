@@ -148,6 +148,10 @@ impl CaseFailure {
             (Some(expected), false) => {
                 let actual = crate::value::format_lane(self.scalar, self.actual);
                 writeln!(f, "    {:>width$} = {actual}{place}", "actual")?;
+                let expected = match self.scalar {
+                    Scalar::Bool => (expected != 0.0).to_string(),
+                    _ => expected.to_string(),
+                };
                 writeln!(f, "    {:>width$} = {expected}", "expected")
             }
             (None, _) => Ok(()),

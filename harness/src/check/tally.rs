@@ -161,7 +161,9 @@ pub(crate) fn compare(
     }
     if !worst.measure.passes() {
         let lane = worst.lane;
-        worst.class = classify(scalars[lane].decode(actual[lane]), expected[lane]);
+        if scalars[lane].is_float() {
+            worst.class = classify(scalars[lane].decode(actual[lane]), expected[lane]);
+        }
     }
     worst
 }

@@ -194,7 +194,7 @@ fn read(input: &FilePath, columns: &[(String, Scalar)]) -> anyhow::Result<Vec<Ve
             names()
         );
         // A head names the columns, in any order.
-        if index == 0 && record.iter().any(|word| columns.iter().any(|(name, _)| name == word)) {
+        if index == 0 && record.iter().any(is_name) {
             for (place, word) in record.iter().enumerate() {
                 let column = columns.iter().position(|(name, _)| name == word);
                 let Some(column) = column else {
@@ -213,6 +213,11 @@ fn read(input: &FilePath, columns: &[(String, Scalar)]) -> anyhow::Result<Vec<Ve
         rows.push(lanes.collect::<anyhow::Result<_>>()?);
     }
     Ok(rows)
+}
+
+/// Whether a word of a table's first row is a name: it reads as no value of any type.
+fn is_name(word: &str) -> bool {
+    word.parse::<f64>().is_err() && word.parse::<bool>().is_err()
 }
 
 /// The line of a record, from 1. A record's position is where its reader stood before it: comments

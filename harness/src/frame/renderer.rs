@@ -8,7 +8,7 @@ use super::{Draw, Frame, FrameError, Mesh};
 use crate::fixture::{self, Resource};
 use crate::image::Image;
 use crate::path::{Device, guard};
-use crate::reflect::{Binding, Program};
+use crate::reflect::{Binding, Program, Stage};
 
 const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 /// Channels of a pixel: RGBA.
@@ -36,8 +36,8 @@ pub(super) fn render(
     let program = Program::of_items(frame.package(), frame.module(), &items)?;
     let shader = blake3::hash(program.text().as_bytes()).to_hex().to_string();
 
-    let bindings_of = |stage: &'static str, name: &str| {
-        program.entry_point_bindings(name).ok_or_else(|| FrameError::EntryPoint {
+    let bindings_of = |stage: Stage, name: &str| {
+        program.entry_point_bindings(stage, name).ok_or_else(|| FrameError::EntryPoint {
             module: frame.module().to_owned(),
             stage,
             name: name.to_owned(),
@@ -45,8 +45,8 @@ pub(super) fn render(
     };
     let mut stages = Vec::new();
     for draw in frame.draws() {
-        let vertex = bindings_of("vertex", &draw.vertex)?;
-        let fragment = bindings_of("fragment", &draw.fragment)?;
+        let vertex = bindings_of(Stage::Vertex, &draw.vertex)?;
+        let fragment = bindings_of(Stage::Fragment, &draw.fragment)?;
         let mut both = vertex.clone();
         both.extend(fragment.into_iter().filter(|binding| !vertex.contains(binding)));
         stages.push((vertex, both));
