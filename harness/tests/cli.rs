@@ -280,7 +280,7 @@ fn a_faulty_table_is_an_error_that_names_the_line() {
         ("x\n1\n# why\n\ntwo\n", "`in.csv` line 5, column `x`: `two` isn't a value of type f32"),
         ("1\n\n1e99\n", "`in.csv` line 3, column `x`: `1e99` is too large for f32"),
         ("1,2\n", "`in.csv` line 1 has 2 columns, a case has 1: x"),
-        ("value\n1\n", "`in.csv` line 1, column `x`: `value` isn't a value of type f32"),
+        ("value\n1\n", "`in.csv` has a column `value`; the columns are x"),
         ("", "`in.csv` holds no case"),
         ("x\n", "`in.csv` holds no case"),
         ("# nothing\n", "`in.csv` holds no case"),
