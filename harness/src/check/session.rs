@@ -181,11 +181,12 @@ where
 
     fn draw(&self, first: u64, size: u64) -> Result<Batch<D::Value>, Failure> {
         let size = usize::try_from(size).expect("a batch fits in memory");
+        let words: usize = D::Value::shapes().iter().map(|shape| shape.lanes().len()).sum();
         let parts: Option<Vec<(Vec<_>, Vec<_>)>> = (0..size.div_ceil(TASK))
             .into_par_iter()
             .map(|task| {
                 let mut values = Vec::with_capacity(TASK);
-                let mut lanes = Vec::new();
+                let mut lanes = Vec::with_capacity(TASK * words);
                 for index in task * TASK..size.min((task + 1) * TASK) {
                     let value = self.cases.get(first + index as u64)?;
                     value.store_all(&mut lanes);
@@ -342,11 +343,13 @@ impl<V: Arguments> Batch<V> {
         session: &Session<'_, D>,
         reference: &impl Reference<V>,
     ) -> Result<Vec<f64>, Failure> {
+        let function = &session.probed.function;
+        let names = function.result.lane_names();
         let parts: Vec<Vec<f64>> = self
             .values
             .par_chunks(TASK)
             .map(|values| {
-                let mut lanes = Vec::new();
+                let mut lanes = Vec::with_capacity(values.len() * names.len());
                 for value in values {
                     reference.expect(value, &mut lanes);
                 }
@@ -357,8 +360,6 @@ impl<V: Arguments> Batch<V> {
         match expected.iter().position(|value| !value.is_finite()) {
             None => Ok(expected),
             Some(at) => {
-                let function = &session.probed.function;
-                let names = function.result.lane_names();
                 let case = at / names.len();
                 Err(Failure::Reference {
                     function: function.path.clone(),
