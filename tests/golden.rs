@@ -42,10 +42,10 @@ fn scene() {
 /// and drawing again gives the same bits.
 #[test]
 fn a_depth_prepass_changes_no_pixel() {
-    for path in [Path::Vulkan, Path::Gl] {
-        if karat::adapter(path).is_err() {
-            continue; // KARAT_REQUIRE makes a missing path fail elsewhere
-        }
+    let open = Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok());
+    let open: Vec<Path> = open.collect();
+    assert!(!open.is_empty(), "no execution path opens, so nothing would be checked");
+    for path in open {
         let render = |frame: Frame<'_>| frame.render(path).expect("the scene is drawn");
         let plain = render(scene_in_the_studio(160, 90));
         let prepass = render(scene_in_the_studio(160, 90).depth_prepass());

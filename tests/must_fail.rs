@@ -437,10 +437,10 @@ fn no_adapter() {
 /// A shader that never ends is reported within the deadline, and nothing stays behind.
 #[test]
 fn an_endless_loop() {
-    for path in [Path::Vulkan, Path::Gl] {
-        if karat::adapter(path).is_err() {
-            continue; // KARAT_REQUIRE makes a missing path fail elsewhere
-        }
+    let open = Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok());
+    let open: Vec<Path> = open.collect();
+    assert!(!open.is_empty(), "no execution path opens, so nothing would be checked");
+    for path in open {
         let start = Instant::now();
         let environment = [("KARAT_DEADLINE", "1.5"), ("KARAT_PATHS", path.name())];
         let (output, text) = planted(&["endless_loop"], &environment);

@@ -125,7 +125,7 @@ pub fn call(probed: &Probed, path: Path, cases: &[Vec<u32>]) -> Result<Vec<Vec<u
     Ok(results)
 }
 
-/// A word that no other dispatch of the process writes back, and that isn't the poison.
+/// A word that another dispatch of the process writes back by chance only, once in 2^32.
 pub(crate) fn canary(seed: u64, number: u64) -> u32 {
     use std::sync::atomic::{AtomicU64, Ordering};
     static DISPATCHES: AtomicU64 = AtomicU64::new(0);

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::kernel::{ENTRY_POINT, Kernel, WORKGROUP};
 use super::{ProbeError, Probed};
 use crate::fixture::{self, Fixtures, Resource};
-use crate::path::{Device, PathError, guard};
+use crate::path::{Device, guard};
 
 /// Results are set to this before a dispatch: a quiet NaN that no kernel computes, so a result
 /// that was never written can't be mistaken for a value.
@@ -235,13 +235,7 @@ impl Runner {
                 }),
             }
         });
-        value.map_err(PathError::into_probe)?
-    }
-}
-
-impl PathError {
-    fn into_probe(self) -> ProbeError {
-        ProbeError::Path(self)
+        value?
     }
 }
 
