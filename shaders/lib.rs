@@ -5,18 +5,23 @@
 //! optimised, no algebra, so that agreement between them is evidence.
 //!
 //! Shader functions are pure: values in, values out. Bindings live in `environment.wgsl` (the
-//! light), which `diffuse.wgsl` and `specular.wgsl` sample, and in `scene.wgsl` (the frame).
+//! light), which `irradiance.wgsl` and `specular.wgsl` sample, and in `scene.wgsl` (the frame).
 //! Arguments come in one order: material (`f0`, `alpha`), frame (`n`), `v`, `l`, random numbers
 //! (`u`).
 
-pub mod diffuse;
+pub mod brdf;
+pub mod distribution;
 pub mod environment;
 pub mod fresnel;
 pub mod geometry;
+pub mod irradiance;
 pub mod layering;
+pub mod materials;
 pub mod math;
+pub mod radiometry;
 pub mod sampling;
 pub mod scene;
+pub mod sensor;
 pub mod specular;
 
 use karat::Package;

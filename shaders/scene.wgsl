@@ -4,7 +4,7 @@
 // Drawn twice with `vertex`: depth only, then with `fragment` and depth test `equal`, so that
 // each pixel is shaded once. The background passes the same test where no sphere is.
 
-import package::diffuse::diffuse_irradiance_estimate;
+import package::irradiance::diffuse_irradiance_estimate;
 import package::environment::radiance;
 import package::fresnel::schlick;
 import package::specular::specular_estimate;

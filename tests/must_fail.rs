@@ -13,7 +13,7 @@ use shaders::{PBR, fresnel, geometry};
 fn mutant(module: &str, original: &str, fault: &str) -> Package {
     let mut modules = Vec::new();
     for name in PBR.modules().expect("the library is readable") {
-        let path = PBR.root().join(format!("{name}.wgsl"));
+        let path = PBR.root().join(format!("{}.wgsl", name.replace("::", "/")));
         let mut text = std::fs::read_to_string(path).expect("the library is readable");
         if name == module {
             assert!(text.contains(original), "`{original}` isn't in {module}.wgsl any more");

@@ -2,11 +2,11 @@
 
 use glam::{DVec3, Vec3};
 use karat::prelude::*;
-use shaders::{PBR, diffuse};
+use shaders::{PBR, irradiance};
 
 /// A Lambertian in a furnace of radiance 1, over all normals.
 fn furnace() -> karat::Probe<'static> {
-    PBR.function("diffuse::diffuse_irradiance_estimate")
+    PBR.function("irradiance::diffuse_irradiance_estimate")
         .with("environment", CubeMap::constant(Vec3::ONE))
         .with("environment_sampler", Sampler::Linear)
 }
@@ -24,7 +24,7 @@ fn a_white_furnace_returns_its_light() {
 #[test]
 fn it_agrees_with_the_estimator_in_its_general_form() {
     furnace().over((UnitVector, Integers(1..=64_u32))).cases(4096).agrees_with(
-        |n: DVec3, samples: u32| diffuse::diffuse_irradiance_estimate(n, samples, |_| DVec3::ONE),
+        |n: DVec3, samples: u32| irradiance::diffuse_irradiance_estimate(n, samples, |_| DVec3::ONE),
         Abs(2e-6),
     );
 }
