@@ -1,96 +1,16 @@
 //! What a test supplies for the resource variables that its function reads.
 
-use glam::{Vec3, Vec4};
+mod cube_map;
+mod texture;
+
+pub use cube_map::{CubeMap, CubeMapError};
+use texture::Level;
+pub use texture::Texture;
 
 use crate::diagnostic::nearest;
 use crate::path::{Device, PathError};
 use crate::reflect::{Binding, BindingKind, LayoutError, Program, bytes_of};
 use crate::value::{Shape, Shareable};
-
-/// A cube map of linear RGBA values, faces in the order +X, -X, +Y, -Y, +Z, -Z.
-///
-/// Stored in 32-bit floats where the path can filter them, else in 16-bit floats.
-#[derive(Clone, Debug)]
-pub struct CubeMap {
-    size: u32,
-    texels: Vec<[f32; 4]>,
-}
-
-impl CubeMap {
-    /// The same radiance in every direction.
-    #[must_use]
-    pub fn constant(rgb: Vec3) -> Self {
-        Self { size: 1, texels: vec![rgb.extend(1.0).to_array(); 6] }
-    }
-
-    /// A radiance for each direction, evaluated at the texels' centres. `size` is the length of a
-    /// face's side in texels, at least 1.
-    #[must_use]
-    pub fn from_fn(size: u32, radiance: impl Fn(Vec3) -> Vec3) -> Self {
-        let texels = (0..6 * size * size)
-            .map(|index| {
-                let (face, row, column) =
-                    (index / (size * size), index / size % size, index % size);
-                let coordinate = |texel: u32| {
-                    (2 * texel + 1) as f32 / size as f32 - 1.0 // centres, in [-1, 1]
-                };
-                let direction = face_direction(face, coordinate(column), coordinate(row));
-                radiance(direction.normalize()).extend(1.0).to_array()
-            })
-            .collect();
-        Self { size, texels }
-    }
-
-    /// Texels by face, row and column.
-    ///
-    /// # Panics
-    /// If there aren't 6 * size * size texels.
-    #[must_use]
-    pub fn from_texels(size: u32, texels: Vec<[f32; 4]>) -> Self {
-        let expected = 6 * size as usize * size as usize;
-        assert_eq!(texels.len(), expected, "a cube map of size {size} has {expected} texels");
-        Self { size, texels }
-    }
-}
-
-/// The direction through a face's point, `s` to the right and `t` downward in [-1, 1], as WebGPU
-/// and Direct3D orient faces.
-fn face_direction(face: u32, s: f32, t: f32) -> Vec3 {
-    match face {
-        0 => Vec3::new(1.0, -t, -s),
-        1 => Vec3::new(-1.0, -t, s),
-        2 => Vec3::new(s, 1.0, t),
-        3 => Vec3::new(s, -1.0, -t),
-        4 => Vec3::new(s, -t, 1.0),
-        _ => Vec3::new(-s, -t, -1.0),
-    }
-}
-
-/// A 2D texture of linear RGBA values, rows from the top.
-#[derive(Clone, Debug)]
-pub struct Texture {
-    width: u32,
-    height: u32,
-    texels: Vec<[f32; 4]>,
-}
-
-impl Texture {
-    /// One texel.
-    #[must_use]
-    pub fn constant(rgba: Vec4) -> Self {
-        Self { width: 1, height: 1, texels: vec![rgba.to_array()] }
-    }
-
-    /// A value for each texel, by column and row.
-    #[must_use]
-    pub fn from_fn(width: u32, height: u32, value: impl Fn(u32, u32) -> Vec4) -> Self {
-        let texels = (0..height)
-            .flat_map(|row| (0..width).map(move |column| (column, row)))
-            .map(|(column, row)| value(column, row).to_array())
-            .collect();
-        Self { width, height, texels }
-    }
-}
 
 /// How a texture is sampled. Coordinates outside [0, 1] are clamped to the edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -364,12 +284,8 @@ pub(crate) fn upload(
                 Resource::Buffer(buffer)
             })?
         }
-        Fixture::CubeMap(CubeMap { size, texels }) => {
-            upload_texture(device, binding, [*size, *size, 6], texels)?
-        }
-        Fixture::Texture(Texture { width, height, texels }) => {
-            upload_texture(device, binding, [*width, *height, 1], texels)?
-        }
+        Fixture::CubeMap(CubeMap { levels }) => upload_texture(device, binding, levels, 6)?,
+        Fixture::Texture(Texture { levels }) => upload_texture(device, binding, levels, 1)?,
         Fixture::Sampler(sampler) => {
             let (filter, mipmap_filter) = match sampler {
                 Sampler::Linear => (wgpu::FilterMode::Linear, wgpu::MipmapFilterMode::Linear),
@@ -391,44 +307,48 @@ pub(crate) fn upload(
 fn upload_texture(
     device: &Device,
     binding: &Binding,
-    [width, height, layers]: [u32; 3],
-    texels: &[[f32; 4]],
+    levels: &[Level],
+    layers: u32,
 ) -> Result<Resource, FixtureError> {
-    let variable = binding.path.clone();
-    if texels.is_empty() {
-        return Err(FixtureError::Empty { variable });
-    }
+    let variable = || binding.path.clone();
     let format = device.float_format();
     let half = format == wgpu::TextureFormat::Rgba16Float;
     let overflows = |v: &&f32| v.is_finite() && !half::f16::from_f32(**v).is_finite();
-    if let Some(value) = texels.iter().flatten().find(overflows).filter(|_| half) {
-        return Err(FixtureError::Range { variable, value: *value, path: device.path() });
+    let texels = || levels.iter().flat_map(|level| level.texels.iter().flatten());
+    if texels().next().is_none() {
+        return Err(FixtureError::Empty { variable: variable() });
     }
-    let halves: Vec<[half::f16; 4]>;
-    let (bytes, texel_size): (Vec<u8>, u32) = if format == wgpu::TextureFormat::Rgba32Float {
-        (bytemuck::cast_slice(texels).to_vec(), 16)
-    } else {
-        halves = texels.iter().map(|texel| texel.map(half::f16::from_f32)).collect();
-        (halves.iter().flatten().flat_map(|half| half.to_le_bytes()).collect(), 8)
+    if let Some(value) = texels().find(overflows).filter(|_| half) {
+        let path = device.path();
+        return Err(FixtureError::Range { variable: variable(), value: *value, path });
+    }
+    let extent = |level: &Level| wgpu::Extent3d {
+        width: level.width,
+        height: level.height,
+        depth_or_array_layers: layers,
     };
-    let size = wgpu::Extent3d { width, height, depth_or_array_layers: layers };
     let resource = device.checked(|| {
         let texture = device.device.create_texture(&wgpu::TextureDescriptor {
             label: None,
-            size,
-            mip_level_count: 1,
+            size: extent(&levels[0]),
+            mip_level_count: levels.len() as u32,
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
             format,
             usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
             view_formats: &[],
         });
-        let layout = wgpu::TexelCopyBufferLayout {
-            offset: 0,
-            bytes_per_row: Some(width * texel_size),
-            rows_per_image: Some(height),
-        };
-        device.queue.write_texture(texture.as_image_copy(), &bytes, layout, size);
+        for (mip_level, level) in (0..).zip(levels) {
+            let bytes = if half { halves(&level.texels) } else { words(&level.texels) };
+            let texel_size = if half { 8 } else { 16 };
+            let layout = wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(level.width * texel_size),
+                rows_per_image: Some(level.height),
+            };
+            let target = wgpu::TexelCopyTextureInfo { mip_level, ..texture.as_image_copy() };
+            device.queue.write_texture(target, &bytes, layout, extent(level));
+        }
         let dimension = (layers == 6).then_some(wgpu::TextureViewDimension::Cube);
         Resource::View(texture.create_view(&wgpu::TextureViewDescriptor {
             dimension,
@@ -436,6 +356,14 @@ fn upload_texture(
         }))
     })?;
     Ok(resource)
+}
+
+fn words(texels: &[[f32; 4]]) -> Vec<u8> {
+    bytemuck::cast_slice(texels).to_vec()
+}
+
+fn halves(texels: &[[f32; 4]]) -> Vec<u8> {
+    texels.iter().flatten().flat_map(|value| half::f16::from_f32(*value).to_le_bytes()).collect()
 }
 
 /// A type with its members, where it has any.

@@ -45,7 +45,9 @@ pub use diagnostic::{Diagnostic, SourceFile, Span};
 pub use domain::{
     Domain, Filter, Grid, Hemisphere, Integers, Just, Map, OneOf, Source, UnitRgb, UnitVector,
 };
-pub use fixture::{CubeMap, Fixture, FixtureError, Sampler, Storage, Texture, Uniform};
+pub use fixture::{
+    CubeMap, CubeMapError, Fixture, FixtureError, Sampler, Storage, Texture, Uniform,
+};
 pub use frame::{Frame, FrameAgreement, FrameError, Mesh};
 pub use golden::{
     AcceptError, Acceptance, DEFAULT_RELATIVE, FrameDifference, FrameMargin, GoldenError, Goldens,
