@@ -1,8 +1,8 @@
 //! Twin of `environment.wgsl`: the light of the test scene and its cube map.
 
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use glam::DVec3;
+use glam::{DVec2, DVec3, Vec2};
 
 /// Faces in the order of WebGPU's array layers: +X, -X, +Y, -Y, +Z, -Z.
 pub const FACES: usize = 6;
@@ -120,28 +120,118 @@ pub fn face_direction(face: usize, u: f64, v: f64) -> DVec3 {
     }
 }
 
+karat::shareable! {
+    /// A point of a cube's surface.
+    pub struct FacePoint mirrors FacePointMirror {
+        /// Below 6.
+        face: u32,
+        /// From the top left, in 0..=1.
+        uv: Vec2,
+    }
+}
+
+/// Vulkan 1.3, table of section 16.5.4 and the equations of 16.5.5, from direction to face and
+/// (s, t), the way a sampler goes. On edges Z wins over Y and Y over X.
+#[must_use]
+pub fn face_point(r: DVec3) -> FacePointMirror {
+    let major = r.abs().max_element();
+    let (face, s, t) = if r.z == major {
+        (4, r.x, -r.y)
+    } else if r.z == -major {
+        (5, -r.x, -r.y)
+    } else if r.y == major {
+        (2, r.x, r.z)
+    } else if r.y == -major {
+        (3, r.x, -r.z)
+    } else if r.x == major {
+        (0, -r.z, -r.y)
+    } else {
+        (1, r.z, -r.y)
+    };
+    FacePointMirror { face, uv: 0.5 * (DVec2::new(s, t) / major + DVec2::ONE) }
+}
+
+/// OpenEXR's ImfEnvmap.h: longitude falls from pi at u = 0 to -pi at u = 1, latitude from pi / 2
+/// at v = 0 to -pi / 2 at v = 1. The poles are at longitude 0.
+#[must_use]
+pub fn equirectangular_uv(direction: DVec3) -> DVec2 {
+    let d = direction.normalize();
+    let longitude = if d.x == 0.0 && d.z == 0.0 { 0.0 } else { d.x.atan2(d.z) };
+    DVec2::new((PI - longitude) / TAU, d.y.acos() / PI)
+}
+
+/// OpenEXR's ImfEnvmap.h: (sin longitude cos latitude, sin latitude, cos longitude cos latitude).
+#[must_use]
+pub fn equirectangular_direction(uv: DVec2) -> DVec3 {
+    let (longitude, latitude) = (PI * (1.0 - 2.0 * uv.x), PI * (0.5 - uv.y));
+    DVec3::new(longitude.sin() * latitude.cos(), latitude.sin(), longitude.cos() * latitude.cos())
+}
+
+/// Kay and Kajiya 1986: a ray is in a box while it is in all three slabs, so it leaves the box
+/// where it leaves the first slab. The result points from `centre` to there.
+///
+/// `position` and `centre` lie in the box. A ray parallel to a slab never leaves it.
+#[must_use]
+pub fn parallax_box(
+    position: DVec3,
+    direction: DVec3,
+    centre: DVec3,
+    low: DVec3,
+    high: DVec3,
+) -> DVec3 {
+    let mut leave = f64::INFINITY;
+    for axis in (0..3).filter(|axis| direction[*axis] != 0.0) {
+        let one = (low[axis] - position[axis]) / direction[axis];
+        let other = (high[axis] - position[axis]) / direction[axis];
+        leave = leave.min(one.max(other));
+    }
+    position + leave * direction - centre
+}
+
+/// The greater root of (d.d) t^2 + 2 (q.d) t + q.q - r^2 = 0, q = position - centre, by the
+/// quadratic formula. `position` lies in the sphere.
+#[must_use]
+pub fn parallax_sphere(position: DVec3, direction: DVec3, centre: DVec3, radius: f64) -> DVec3 {
+    let q = position - centre;
+    let (a, b) = (direction.dot(direction), 2.0 * q.dot(direction));
+    let c = q.dot(q) - radius * radius;
+    q + (-b + (b * b - 4.0 * a * c).sqrt()) / (2.0 * a) * direction
+}
+
+/// Krivanek and Colbert 2008: max(0, 1/2 log2(Omega_s / Omega_p)), Omega_s = 1 / (N pdf) sr for
+/// the sample, Omega_p = 4 pi / (6 size^2) sr, the mean of the texels.
+#[must_use]
+pub fn mip_level(pdf: f64, samples: u32, size: u32) -> f64 {
+    let sample = 1.0 / (f64::from(samples) * pdf);
+    let texel = 4.0 * PI / (6.0 * f64::from(size).powi(2));
+    (0.5 * (sample / texel).log2()).max(0.0)
+}
+
+/// Radiance 1 + slope . d: the first spherical-harmonics band over a constant. `slope` is at most
+/// 1 long.
+pub fn linear(slope: DVec3) -> impl Fn(DVec3) -> DVec3 {
+    move |d| DVec3::splat(1.0 + slope.dot(d))
+}
+
+/// White on the side of `axis`, black on the other.
+pub fn half_sky(axis: DVec3) -> impl Fn(DVec3) -> DVec3 {
+    move |d| DVec3::splat(if axis.dot(d) >= 0.0 { 1.0 } else { 0.0 })
+}
+
+/// A black sky with a sun about the unit vector `axis`, `half_angle` in radians, so bright that
+/// its irradiance on a surface that faces it is pi: that of a white sky.
+pub fn small_sun(axis: DVec3, half_angle: f64) -> impl Fn(DVec3) -> DVec3 {
+    // pi / int cos dw = pi / (pi sin^2).
+    let radiance = half_angle.sin().powi(-2);
+    move |d| DVec3::splat(if axis.dot(d) >= half_angle.cos() { radiance } else { 0.0 })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     const AXES: [DVec3; FACES] =
         [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
-
-    /// From direction to (face, u, v), the way a sampler goes: Vulkan 1.3, tables of sections
-    /// 16.5.4 and 16.5.5.
-    fn look_up(r: DVec3) -> (usize, f64, f64) {
-        let major = r.abs().max_element();
-        let (face, s, t) = if r.x.abs() == major {
-            if r.x > 0.0 { (0, -r.z, -r.y) } else { (1, r.z, -r.y) }
-        } else if r.y.abs() == major {
-            if r.y > 0.0 { (2, r.x, r.z) } else { (3, r.x, -r.z) }
-        } else if r.z > 0.0 {
-            (4, r.x, -r.y)
-        } else {
-            (5, -r.x, -r.y)
-        };
-        (face, 0.5 * (s / major + 1.0), 0.5 * (t / major + 1.0))
-    }
 
     #[test]
     fn faces_look_along_the_axes() {
@@ -154,9 +244,9 @@ mod tests {
     fn faces_invert_the_look_up_of_a_sampler() {
         for face in 0..FACES {
             for (u, v) in [(0.1, 0.2), (0.9, 0.3), (0.4, 0.8)] {
-                let (found, s, t) = look_up(face_direction(face, u, v));
-                assert_eq!(found, face);
-                assert!((s - u).abs() < 1e-15 && (t - v).abs() < 1e-15, "{face}");
+                let found = face_point(7.0 * face_direction(face, u, v));
+                assert_eq!(found.face as usize, face);
+                assert!(found.uv.abs_diff_eq(DVec2::new(u, v), 1e-15), "{face}");
             }
         }
     }
@@ -209,5 +299,122 @@ mod tests {
                 assert!((at(i + 1) - at(i)).abs().max_element() < 0.05 * 5.9, "{tilt}, {i}");
             }
         }
+    }
+
+    #[test]
+    fn edges_belong_to_z_then_y() {
+        assert_eq!(face_point(DVec3::ONE).face, 4);
+        assert_eq!(face_point(DVec3::NEG_ONE).face, 5);
+        assert_eq!(face_point(DVec3::new(-1.0, 1.0, 0.5)).face, 2);
+        assert_eq!(face_point(DVec3::new(1.0, -1.0, 0.5)).face, 3);
+    }
+
+    #[test]
+    fn latitude_and_longitude_are_where_openexr_has_them() {
+        let cases = [
+            (DVec3::Z, 0.5, 0.5),
+            (DVec3::X, 0.25, 0.5),
+            (DVec3::NEG_X, 0.75, 0.5),
+            (DVec3::Y, 0.5, 0.0),
+            (DVec3::NEG_Y, 0.5, 1.0),
+            (DVec3::NEG_Z, 0.0, 0.5),
+            (DVec3::new(-0.0, 0.0, -1.0), 1.0, 0.5),
+        ];
+        for (direction, u, v) in cases {
+            let uv = equirectangular_uv(direction);
+            assert!(uv.abs_diff_eq(DVec2::new(u, v), 1e-15), "{direction}: {uv}");
+            assert!(equirectangular_direction(uv).abs_diff_eq(direction, 1e-15), "{direction}");
+        }
+        let tilted = DVec3::new(0.36, -0.48, -0.8);
+        assert!(equirectangular_direction(equirectangular_uv(tilted)).abs_diff_eq(tilted, 1e-15));
+    }
+
+    const LOW: DVec3 = DVec3::new(-2.0, -1.0, -3.0);
+    const HIGH: DVec3 = DVec3::new(1.0, 1.5, 2.0);
+    const CENTRE: DVec3 = DVec3::new(-0.2, 0.3, 0.1);
+
+    #[test]
+    fn parallax_ends_on_the_wall_ahead() {
+        let position = DVec3::new(0.5, -0.7, 1.2);
+        for axis in AXES {
+            let seen = CENTRE + parallax_box(position, axis, CENTRE, LOW, HIGH);
+            let wall = if axis.dot(DVec3::ONE) > 0.0 { HIGH } else { LOW };
+            let expected = position + axis * axis.dot(wall - position);
+            assert!(seen.abs_diff_eq(expected, 1e-15), "{axis}: {seen}");
+
+            let seen = parallax_sphere(position, axis, CENTRE, 4.0);
+            assert!((seen.length() - 4.0).abs() < 1e-14);
+            assert!((CENTRE + seen - position).normalize().abs_diff_eq(axis, 1e-15));
+        }
+        // In a wall, along it and out of it.
+        let wall = DVec3::new(HIGH.x, 0.0, 0.0);
+        let up = CENTRE + parallax_box(wall, DVec3::Y, CENTRE, LOW, HIGH);
+        assert!(up.abs_diff_eq(DVec3::new(HIGH.x, HIGH.y, 0.0), 1e-15));
+        assert!((CENTRE + parallax_box(wall, DVec3::X, CENTRE, LOW, HIGH)).distance(wall) < 1e-15);
+    }
+
+    #[test]
+    fn parallax_vanishes_at_the_centre() {
+        let d = DVec3::new(0.36, -0.48, -0.8);
+        let seen = parallax_box(CENTRE, d, CENTRE, LOW, HIGH).normalize();
+        assert!(seen.abs_diff_eq(d, 1e-15));
+        assert!(parallax_sphere(CENTRE, d, CENTRE, 3.0).abs_diff_eq(3.0 * d, 1e-14));
+    }
+
+    #[test]
+    fn parallax_is_continuous() {
+        // Round a great circle through all walls, in steps of 0.01 degrees. The point that is hit
+        // moves by less than 65 a radian: 4.4, the longest way, over the cosine at which a wall is met,
+        // which is the distance to the wall, 0.3 or more, over the way.
+        let position = DVec3::new(0.5, -0.7, 1.2);
+        let step = 0.01_f64.to_radians();
+        let at = |i: i32| {
+            let (sin, cos) = (f64::from(i) * step).sin_cos();
+            let d = DVec3::new(0.6 * cos, sin, 0.8 * cos);
+            [
+                parallax_box(position, d, CENTRE, LOW, HIGH),
+                parallax_sphere(position, d, CENTRE, 4.0),
+            ]
+        };
+        for i in 0..36_000 {
+            for (here, next) in at(i).into_iter().zip(at(i + 1)) {
+                assert!(here.distance(next) < 65.0 * step, "{i}: {here} {next}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_sample_as_large_as_a_texel_takes_the_first_level() {
+        let texel = 4.0 * PI / (6.0 * 64.0 * 64.0);
+        assert!(mip_level(1.0 / texel, 1, 64).abs() < 1e-12);
+        // Four texels are one of the next level; less than one has no level.
+        assert!((mip_level(0.25 / texel, 1, 64) - 1.0).abs() < 1e-12);
+        assert!((mip_level(0.25 / texel, 16, 64)).abs() < 1e-12);
+        // One sample for the whole sphere averages it: six texels, log4(6) below one.
+        assert!((mip_level(1.0 / (4.0 * PI), 1, 64) - 6.0 - 0.5 * 6.0_f64.log2()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn levels_fall_as_densities_rise() {
+        let level = |i: i32| mip_level(1.01_f64.powi(i), 32, 64);
+        for i in -1000..1000 {
+            assert!(level(i + 1) <= level(i), "{i}");
+        }
+        assert!(level(-1000) > 10.0 && level(1000) == 0.0);
+    }
+
+    #[test]
+    fn the_small_sun_is_as_bright_as_a_white_sky() {
+        // int L cos dw over the cap, from the angle to its axis.
+        let half_angle = 0.1;
+        let sun = small_sun(DVec3::Z, half_angle);
+        let n = 10_000;
+        let irradiance: f64 = (0..n)
+            .map(|i| (f64::from(i) + 0.5) / f64::from(n) * half_angle)
+            .map(|t| TAU * sun(DVec3::new(t.sin(), 0.0, t.cos())).x * t.cos() * t.sin())
+            .sum::<f64>()
+            * half_angle
+            / f64::from(n);
+        assert!((irradiance - PI).abs() < 1e-8, "{irradiance}");
     }
 }

@@ -1,6 +1,9 @@
 //! The environment map, supplied as a fixture.
 
-use glam::{DVec3, Vec3};
+use std::f64::consts::PI;
+
+use glam::{DVec2, DVec3, Vec2, Vec3};
+use karat::Failure;
 use karat::prelude::*;
 use shaders::{PBR, environment};
 
@@ -58,4 +61,341 @@ fn directions_find_their_texel() {
             .over(UnitVector)
             .agrees_with(|d: DVec3| 0.5 * (d.normalize() + DVec3::ONE), Abs(8e-3));
     }
+}
+
+/// A cube map whose texels are noise in 0..=1, on all levels alike.
+fn noise(size: u32) -> CubeMap {
+    let mut state = 1_u32;
+    let mut texel = || {
+        [(); 4].map(|()| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32
+        })
+    };
+    let levels = (0..=size.ilog2()).map(|level| {
+        let side = (size >> level) as usize;
+        (0..6 * side * side).map(|_| texel()).collect()
+    });
+    CubeMap::from_levels(size, levels.collect())
+}
+
+/// At its centre a texel is alone.
+#[test]
+fn a_texel_is_found_at_its_centre() {
+    let size = 8;
+    let cube_map = noise(size);
+    let centre = |texel: u32| (f64::from(texel) + 0.5) / f64::from(size);
+    let directions = (0..6 * size * size)
+        .map(|i| {
+            let (face, row, column) = (i / (size * size), i / size % size, i % size);
+            environment::face_direction(face as usize, centre(column), centre(row)).as_vec3()
+        })
+        .collect();
+    let texels: Vec<_> = cube_map.texels(0).expect("the first level").to_vec();
+    PBR.function("environment::radiance")
+        .with("environment", cube_map)
+        .with("environment_sampler", Sampler::Linear)
+        .over(OneOf(directions))
+        .agrees_with(
+            |d: DVec3| {
+                let point = environment::face_point(d);
+                let texel = (point.uv * f64::from(size)).floor();
+                let index = (f64::from(point.face * size) + texel.y) * f64::from(size) + texel.x;
+                let [r, g, b, _] = texels[index as usize].map(f64::from);
+                DVec3::new(r, g, b)
+            },
+            HALF.or(Abs(1e-6)),
+        );
+}
+
+/// The weights of a linear filter have 8 bits: 1/512 for each of two directions and for the
+/// level, between values that differ by up to 1; the texels are half floats at worst, 2^-12.
+const FILTER: Abs = Abs(3.0 / 512.0 + 2.5e-4);
+
+fn noisy() -> karat::Probe<'static> {
+    PBR.function("environment::radiance_level")
+        .with("environment", noise(16))
+        .with("environment_sampler", Sampler::Linear)
+}
+
+/// Where all texels of the filter are on one face, on both levels.
+#[test]
+fn radiance_level_inside_faces() {
+    let cube_map = noise(16);
+    let domain = (UnitVector, 0.0..=3.0).filter(|(d, level): &(Vec3, f32)| {
+        let uv = environment::face_point(d.as_dvec3()).uv;
+        // Half a texel of the coarser level, whose faces have 16, 8, 4 or 2.
+        let margin = 0.5 * f64::from(level.ceil()).exp2() / 16.0;
+        (uv - DVec2::splat(0.5)).abs().max_element() <= 0.5 - margin
+    });
+    noisy()
+        .over(domain)
+        .agrees_with(|d: DVec3, level: f64| cube_map.sample_level(d, level).truncate(), FILTER);
+}
+
+/// Over edges and corners as well, and beyond the last level. wgpu's desktop GL clamps to the face
+/// there, so that path alone may differ.
+#[test]
+fn radiance_level_across_edges() {
+    let cube_map = noise(16);
+    let near_edges = (UnitVector, 0.0..=1.0_f32, Integers(0..=2_u32)).map(|(d, share, count)| {
+        // Some directions are moved onto an edge or a corner: components made equal to the largest.
+        let largest = d.abs().max_element();
+        let mut moved = d;
+        for axis in 0..count as usize {
+            moved[axis] = d[axis].signum() * largest * (1.0 - 0.1 * share * share);
+        }
+        moved
+    });
+    let found = noisy()
+        .over((near_edges, -1.0..=6.0))
+        .try_agrees_with(|d: DVec3, level: f64| cube_map.sample_level(d, level).truncate(), FILTER);
+    match found {
+        Ok(_) => {}
+        Err(Failure::Disagreement(found)) => {
+            assert!(
+                found.paths.iter().all(|path| path.adapter.path == Path::Gl.to_string()),
+                "{found}"
+            );
+        }
+        Err(other) => panic!("{other}"),
+    }
+}
+
+/// Each level has its own number for a colour: what returns is the level.
+#[test]
+fn levels_are_interpolated_and_end_at_the_last() {
+    let levels = (0..5).map(|level| vec![[level as f32; 4]; 6 << (2 * (4 - level))]).collect();
+    PBR.function("environment::radiance_level")
+        .with("environment", CubeMap::from_levels(16, levels))
+        .with("environment_sampler", Sampler::Linear)
+        .over((UnitVector, -1.0..=7.0))
+        // Fractions of levels have 8 bits.
+        .agrees_with(|_: DVec3, level: f64| DVec3::splat(level.clamp(0.0, 4.0)), Abs(1.0 / 512.0));
+}
+
+/// Two numbers in 0..=1, both ends included.
+fn unit_square() -> impl Domain<Value = Vec2> {
+    (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(x, y)| Vec2::new(x, y))
+}
+
+/// A product and a sum, on numbers up to 1.
+#[test]
+fn face_direction() {
+    PBR.function("environment::face_direction")
+        .over((Integers(0..=5_u32), unit_square()))
+        .agrees_with(
+            |face: u32, uv: DVec2| environment::face_direction(face as usize, uv.x, uv.y),
+            Abs(1.2e-7),
+        );
+}
+
+/// The article writes the cube's faces out, with y upward in -1..=1, and leaves face 4 to the
+/// default: they are WebGPU's.
+#[test]
+fn the_faces_of_the_article() {
+    PBR.function("environment::face_direction")
+        .over((Integers(0..=5_u32), unit_square()))
+        .agrees_with(
+            |face: u32, uv: DVec2| {
+                let (x, y) = (2.0 * uv.x - 1.0, 1.0 - 2.0 * uv.y);
+                match face {
+                    2 => DVec3::new(x, 1.0, -y),
+                    3 => DVec3::new(x, -1.0, y),
+                    0 => DVec3::new(1.0, y, -x),
+                    1 => DVec3::new(-1.0, y, x),
+                    5 => DVec3::new(-x, y, -1.0),
+                    _ => DVec3::new(x, y, 1.0),
+                }
+            },
+            Abs(1.2e-7),
+        );
+}
+
+/// A division of 2.5 ulp, halved, and a sum.
+#[test]
+fn face_point() {
+    PBR.function("environment::face_point")
+        .over(UnitVector)
+        .agrees_with(environment::face_point, Abs(3e-7));
+    // Edges and corners, where the face depends on which of equal components counts.
+    let component = || OneOf(vec![-1.0_f32, -0.5, 0.0, 0.5, 1.0]);
+    let grid = (component(), component(), component()).map(|(x, y, z)| Vec3::new(x, y, z));
+    PBR.function("environment::face_point")
+        .over(grid.filter(|d: &Vec3| *d != Vec3::ZERO))
+        .agrees_with(environment::face_point, Abs(3e-7));
+}
+
+#[test]
+fn face_point_inverts_face_direction() {
+    PBR.function("environment::face_point").over(UnitVector).satisfies(
+        "lies on the ray",
+        |d, point: environment::FacePoint| {
+            let uv = point.uv.as_dvec2();
+            let back = environment::face_direction(point.face as usize, uv.x, uv.y);
+            back.normalize().cross(d.as_dvec3()).length() < 1e-6 && back.dot(d.as_dvec3()) > 0.0
+        },
+    );
+}
+
+/// WGSL grants atan2 4096 ulp, 4.9e-4 of up to pi; divided by 2 pi that is 2.5e-4, by pi 4.9e-4.
+#[test]
+fn equirectangular_uv() {
+    // The seam: u is 0 on one side of it and 1 on the other.
+    let domain = UnitVector.filter(|d: &Vec3| d.z > 0.0 || d.x.abs() > 1e-5 * -d.z);
+    PBR.function("environment::equirectangular_uv")
+        .over(domain)
+        .agrees_with(environment::equirectangular_uv, Abs(5e-4));
+}
+
+/// Poles and seam included: what is at uv is the direction. 4096 ulp of atan2, in two angles.
+#[test]
+fn equirectangular_uv_finds_every_direction() {
+    PBR.function("environment::equirectangular_uv").over(UnitVector).satisfies(
+        "is where the direction is",
+        |d, uv: Vec2| {
+            let back = environment::equirectangular_direction(uv.as_dvec2());
+            Vec2::ZERO.cmple(uv).all()
+                && Vec2::ONE.cmpge(uv).all()
+                && back.distance(d.as_dvec3()) < 2e-3
+        },
+    );
+}
+
+/// A pole is a row, and in it the middle.
+#[test]
+fn poles_are_in_the_middle_of_their_row() {
+    PBR.function("environment::equirectangular_uv")
+        .over(OneOf(vec![Vec3::Y, Vec3::NEG_Y]))
+        .agrees_with(|d: DVec3| DVec2::new(0.5, 0.5 - 0.5 * d.y), Abs(1e-6));
+}
+
+/// WGSL promises 2^-11 = 4.9e-4 for sin and cos, whose products have twice that.
+#[test]
+fn equirectangular_direction() {
+    PBR.function("environment::equirectangular_direction")
+        .over(unit_square())
+        .agrees_with(environment::equirectangular_direction, Abs(1e-3));
+}
+
+/// Corners of a room, and two points in it: 0 and 1 are its walls.
+type Room = (Vec3, Vec3, Vec3, Vec3, Vec3);
+
+/// A room of 0.2 to 20 across each axis, with `position` and `centre` anywhere in it.
+fn room(share: std::ops::RangeInclusive<f32>) -> impl Domain<Value = Room> {
+    let point = move || {
+        let share = || share.clone();
+        (share(), share(), share()).map(|(x, y, z)| Vec3::new(x, y, z))
+    };
+    let side =
+        || (0.1..=10.0_f32, 0.1..=10.0_f32, 0.1..=10.0_f32).map(|(x, y, z)| Vec3::new(x, y, z));
+    (point(), UnitVector, point(), side(), side()).map(|(position, d, centre, below, above)| {
+        let inside = |share: Vec3| ((above + below) * share - below).clamp(-below, above);
+        (inside(position), d, inside(centre), -below, above)
+    })
+}
+
+/// A difference, a quotient (2.5 ulp) and a product: 5e-7 of a way of up to 35, and the rounding of
+/// two points up to 10.
+#[test]
+fn parallax_box() {
+    PBR.function("environment::parallax_box")
+        .over(room(0.0..=1.0))
+        .agrees_with(environment::parallax_box, Abs(2e-5));
+}
+
+/// Continuity: a small turn moves the point that is seen by a little, walls and edges included. At
+/// 1/10 of the sides from each wall, the way is at most 35, and the cosine at which a wall is met
+/// at least 0.02 / 35.
+#[test]
+fn parallax_box_is_continuous() {
+    let turn = 1e-6;
+    let from_a_room = (room(0.1..=0.9), UnitVector)
+        .map(|((p, d, c, low, high), aside)| (p, (d + turn * aside).normalize(), c, low, high));
+    PBR.function("environment::parallax_box").over(from_a_room).invariant_under(
+        |(p, d, c, low, high)| {
+            (p, (d + turn * Vec3::new(d.y, d.z, -d.x)).normalize(), c, low, high)
+        },
+        Abs(5e-3),
+    );
+}
+
+/// At the centre of the cube map the sum adds 0 to a multiple of the direction: one rounding.
+#[test]
+fn parallax_vanishes_at_the_centre() {
+    let along = |d: DVec3, seen: Vec3| {
+        let seen = seen.as_dvec3();
+        seen.dot(d) > 0.0 && seen.cross(d).length() <= 2e-7 * seen.length()
+    };
+    let centred = room(0.0..=1.0)
+        .filter(|(_, _, c, low, high): &Room| c.cmpgt(*low).all() && c.cmplt(*high).all())
+        .map(|(_, d, c, low, high)| (c, d, c, low, high));
+    PBR.function("environment::parallax_box")
+        .over(centred)
+        .satisfies("is the direction", |(_, d, ..), seen: Vec3| along(d.as_dvec3(), seen));
+    PBR.function("environment::parallax_sphere")
+        .over((UnitVector, UnitVector, 0.1..=20.0).map(|(c, d, r)| (c, d, c, r)))
+        .satisfies("is the direction", |(_, d, ..), seen: Vec3| along(d.as_dvec3(), seen));
+}
+
+/// A ball of radius 0.1 to 20 about a point, and another point in it, up to the surface.
+fn ball() -> impl Domain<Value = (Vec3, Vec3, Vec3, f32)> {
+    (UnitVector, 0.0..=0.999_f32, UnitVector, UnitVector, 0.1..=20.0_f32).map(
+        |(to_position, share, direction, centre, radius)| {
+            (centre + share * radius * to_position, direction, centre, radius)
+        },
+    )
+}
+
+/// Rounding of the position, up to 21, is 1e-6 in q; near the surface, where sqrt(b^2 + c) may
+/// be as small as sqrt(2e-3) radii, that is multiplied by 22.
+#[test]
+fn parallax_sphere() {
+    PBR.function("environment::parallax_sphere")
+        .over(ball())
+        .agrees_with(environment::parallax_sphere, Rel(1e-6).or(Abs(1e-4)));
+}
+
+/// Where a ray ends, it is on the sphere.
+#[test]
+fn parallax_sphere_ends_on_the_sphere() {
+    PBR.function("environment::parallax_sphere")
+        .over(ball())
+        .satisfies("is a radius away", |(.., radius), seen: Vec3| {
+            (seen.length() / radius - 1.0).abs() < 1e-5
+        });
+}
+
+/// Solid angles of samples from 1e-12 sr to the sphere, over the range of sizes and counts. Half
+/// of log2's 3 ulp; near 1 its error is absolute, 2^-21, as is what the rounding of its argument
+/// leaves.
+#[test]
+fn mip_level() {
+    PBR.function("environment::mip_level")
+        .over((log_density(), Integers(1..=4096_u32), Integers(1..=8192_u32)))
+        .agrees_with(environment::mip_level, Ulp(4.0).or(Abs(1e-6)));
+}
+
+/// Densities from 1/100 of a uniform one to that of a mirror.
+fn log_density() -> impl Domain<Value = f32> {
+    (-7.0..=20.0_f32).map(|log: f32| log.exp() / (4.0 * PI as f32))
+}
+
+/// Only how many samples there are a steradian counts; four times as many are a level less.
+#[test]
+fn levels_depend_on_samples_per_steradian() {
+    PBR.function("environment::mip_level")
+        .over((log_density(), Integers(1..=1024_u32), Integers(1..=8192_u32)))
+        .invariant_under(|(pdf, samples, size)| (pdf / 4.0, 4 * samples, size), Ulp(0.0));
+}
+
+/// A constant environment is the same on each level.
+#[test]
+fn a_constant_environment_is_constant_at_every_level() {
+    let color = Vec3::new(0.25, 1.0, 3.5);
+    PBR.function("environment::radiance_level")
+        .with("environment", CubeMap::from_fn(16, move |_| color).with_mips())
+        .with("environment_sampler", Sampler::Linear)
+        .over((UnitVector, 0.0..=5.0))
+        .agrees_with(move |_: DVec3, _: f64| color.as_dvec3(), Ulp(2.0).or(HALF));
 }
