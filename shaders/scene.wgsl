@@ -7,7 +7,7 @@
 import package::irradiance::diffuse_irradiance_estimate;
 import package::environment::radiance;
 import package::fresnel::schlick;
-import package::specular::specular_estimate;
+import package::specular::estimate;
 
 struct Camera {
     view_projection: mat4x4f, // right-handed, depth 0..1
@@ -91,7 +91,7 @@ fn fragment(in: Varyings) -> @location(0) vec4f {
     // The lecture's scene feeds its roughness to the sampler as it is; others square it first.
     let alpha = material.roughness;
 
-    var color = specular_estimate(material.f0, alpha, n, v, SPECULAR_SAMPLES);
+    var color = estimate(material.f0, alpha, n, v, SPECULAR_SAMPLES);
     if (any(material.diffuse > vec3f(0.0))) { // metals, five columns of eight, skip the loop
         // What the interface reflects doesn't reach the pigment. Without this factor, which the
         // lecture leaves out, a plastic reflects more than it receives at grazing.
