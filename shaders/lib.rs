@@ -11,6 +11,7 @@
 
 pub mod brdf;
 pub mod camera;
+pub mod compensation;
 pub mod distribution;
 pub mod environment;
 pub mod fresnel;

@@ -61,7 +61,7 @@ pub fn walls(direction: DVec3) -> DVec3 {
         if point.x < 0.0 { DVec3::new(0.9, 0.06, 0.05) } else { DVec3::new(0.06, 0.7, 0.08) }
     } else if distances.y == distances.min_element() {
         let floor = DVec3::new(0.25, 0.22, 0.2);
-        if point.y < 0.0 { floor } else { grey.lerp(DVec3::splat(8.0), lamp(point)) }
+        if point.y < 0.0 { floor } else { grey.lerp(DVec3::splat(3.0), lamp(point)) }
     } else {
         // Front and back wall are darker towards the floor.
         grey * (0.8 + 0.4 * point.y)
@@ -83,11 +83,11 @@ mod tests {
     fn walls_are_where_they_are_said_to_be() {
         assert!(walls(DVec3::NEG_X).x > 10.0 * walls(DVec3::NEG_X).y);
         assert!(walls(DVec3::X).y > 8.0 * walls(DVec3::X).x);
-        assert_eq!(walls(DVec3::Y), DVec3::splat(8.0));
+        assert_eq!(walls(DVec3::Y), DVec3::splat(3.0));
         assert_eq!(walls(DVec3::NEG_Y), DVec3::new(0.25, 0.22, 0.2));
         // The lamp ends 0.8 to the right of the middle, at a height of 1.
         assert_eq!(walls(DVec3::new(0.85, 1.0, 0.0)), DVec3::splat(0.35));
-        assert_eq!(walls(DVec3::new(0.65, 1.0, 0.0)), DVec3::splat(8.0));
+        assert_eq!(walls(DVec3::new(0.65, 1.0, 0.0)), DVec3::splat(3.0));
     }
 
     #[test]

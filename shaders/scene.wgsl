@@ -6,6 +6,7 @@
 // passes the same test where no sphere is.
 
 import package::camera::{camera, covering_corner, view_direction};
+import package::compensation::{compensated, coupled};
 import package::environment::{environment, environment_sampler, radiance};
 import package::irradiance;
 import package::layering::{masked_base, plastic, thin_coat};
@@ -202,10 +203,25 @@ fn split_sum_fragment(in: Varyings) -> @location(0) vec4f {
     let level = specular::prefiltered_level(alpha, textureNumLevels(prefiltered));
     let light =
         textureSampleLevel(prefiltered, environment_sampler, reflect(-s.v, s.n), level).rgb;
-    let entry =
-        textureSampleLevel(split_sum_table, environment_sampler, vec2f(n_dot_v, alpha), 0.0).rg;
-    let specular_part = specular::split_sum(s.f0, entry, light);
+    let specular_part = specular::split_sum(s.f0, table_entry(s), light);
     return vec4f(plastic(s.f0, diffuse_light(s), specular_part, n_dot_v), 1.0);
+}
+
+/// Scale and bias of f0 for this width and view.
+fn table_entry(s: Surface) -> vec2f {
+    let place = vec2f(dot(s.n, s.v), alpha_from_roughness(s.roughness));
+    return textureSampleLevel(split_sum_table, environment_sampler, place, 0.0).rg;
+}
+
+/// With the energy that `fragment` loses: white materials vanish in white light.
+@fragment
+fn compensated_fragment(in: Varyings) -> @location(0) vec4f {
+    let s = surface(in);
+    let table = table_entry(s);
+    if (all(s.diffuse == vec3f(0.0))) {
+        return vec4f(compensated(s.f0, specular_light(s), table), 1.0);
+    }
+    return vec4f(coupled(s.f0, diffuse_light(s), specular_light(s), table), 1.0);
 }
 
 struct Background {

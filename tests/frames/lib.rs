@@ -5,11 +5,11 @@ use std::error::Error;
 
 use glam::Vec3;
 use karat::prelude::*;
-use karat::{Frame, Image, Mesh};
+use karat::{Frame, Mesh};
 use shaders::camera::Camera;
 use shaders::maps::{self, MapSettings};
 use shaders::scene::{self, Painted, Samples};
-use shaders::{PBR, environment, probe_room};
+use shaders::{PBR, environment, probe_room, specular};
 
 /// Texels along a face of the environment: the sun is 10 texels wide.
 pub const ENVIRONMENT: u32 = 128;
@@ -19,8 +19,8 @@ pub const IRRADIANCE: u32 = 32;
 const FACE: u32 = 96;
 /// Texels along a side of the split sum's table.
 pub const TABLE: u32 = 32;
-/// Mip levels of the prefiltered environment: the last one has faces of 8 texels a side.
-pub const PREFILTERED_LEVELS: u32 = 5;
+/// Mip levels of the prefiltered environment: the last one has faces of 4 texels a side.
+pub const PREFILTERED_LEVELS: u32 = 6;
 /// Normals for each texel of a prefiltered level, and for each entry of the table.
 const PREFILTERED_SAMPLES: u32 = 1024;
 /// Bands and segments of a sphere: facets of 5.6 degrees.
@@ -40,7 +40,7 @@ pub const FRAMES: [(&str, &str); 14] = [
     ("irradiance", "the six faces of its irradiance map"),
     ("lambert", "the article's Lambert object, lit by the irradiance map of a room"),
     ("lambert_parallax", "the same with directions corrected by their place in the room"),
-    ("furnace", "the scene in white light with white materials: what is seen is lost energy"),
+    ("furnace", "white materials in white light, with compensation: the spheres vanish"),
     ("split_sum", "the scene with Karis' split sum in place of the specular estimator"),
 ];
 
@@ -138,7 +138,8 @@ pub fn frame(name: &str, shot: &Shot) -> Result<Frame<'static>, Box<dyn Error>> 
         }
         "furnace" => {
             let white = Shot { environment: Some(CubeMap::constant(Vec3::ONE)), ..shot.clone() };
-            spheres(&white, "fragment", &scene::white_spheres(), usual, SMALL)
+            spheres(&white, "compensated_fragment", &scene::white_spheres(), usual, SMALL)
+                .with("split_sum_table", split_sum_table(shot)?)
         }
         "split_sum" => spheres(shot, "split_sum_fragment", &painted, usual, SMALL)
             .with("prefiltered", prefiltered(shot)?)
@@ -244,7 +245,7 @@ pub fn prefiltered(shot: &Shot) -> Result<CubeMap, Box<dyn Error>> {
     let mut levels = Vec::new();
     for level in 0..PREFILTERED_LEVELS {
         let side = ENVIRONMENT >> level;
-        let alpha = 0.0;
+        let alpha = specular::prefiltered_alpha(f64::from(level), PREFILTERED_LEVELS) as f32;
         let settings = MapSettings { side, samples: PREFILTERED_SAMPLES, alpha };
         let faces = map(shot.light(), "prefiltered_fragment", settings).render(shot.path)?;
         levels.push(maps::faces(&faces, side).iter().flat_map(|f| f.pixels().to_vec()).collect());

@@ -14,7 +14,7 @@ use frames::Shot;
 use glam::{DVec2, DVec3};
 use karat::prelude::*;
 use karat::{Goldens, Image};
-use rand_core::{RngCore, SeedableRng};
+use rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
 use shaders::scene::{self, Painted, Samples};
 use shaders::{environment, irradiance, maps, probe_room, sampling};
@@ -25,12 +25,16 @@ use trace::Scene;
 static GOLDEN: Goldens = karat::goldens!("../golden");
 
 /// Copies of the sample points, each moved differently.
-const COPIES: usize = 32;
+const COPIES: usize = 128;
 
-/// Standard deviations by which a pixel may be off. A deviation that is estimated from 32 copies
-/// is exceeded five-fold by chance in 2 of 10^5 cases (Student's t); a frame has about 450 values,
-/// three a pixel, that are no more than a few hundred independent ones.
-const DEVIATIONS: f64 = 6.0;
+/// Standard deviations by which a pixel may be off. Where errors are normal, five are exceeded by
+/// chance in 6 of 10^7 cases; a frame has about 600 values.
+const DEVIATIONS: f64 = 5.0;
+
+/// The errors of narrow lobes are not normal: one normal more that reflects the sun brightens a
+/// pixel by half, and only one copy in a hundred has it. So a pixel may also be off by this many
+/// times the largest error of a copy.
+const RARE: f64 = 1.5;
 
 /// What `f32` makes of sums of 512 terms and of directions that are off by 1e-6 in front of edges
 /// of lights, relative; and where the golden is stored as half floats, 4.9e-4 more.
@@ -63,19 +67,27 @@ impl Spheres {
 
     /// Pixels to be computed again: three on each sphere, one near its edge, and what they show.
     fn pixels(&self) -> Vec<((u32, u32), Surface)> {
-        let toward_camera = [(0.3, 0.2), (-0.75, 0.45), (0.1, -0.95)];
+        let toward_camera = [(0.3, 0.2), (-0.75, 0.45), (0.1, -0.8)];
         let of_sphere = |instance: u32| {
             toward_camera.map(|(x, y): (f64, f64)| {
-                let normal = DVec3::new(x, y, (1.0 - x * x - y * y).sqrt());
-                let pixel = self.scene.pixel_of(scene::sphere_centre(instance) + normal);
-                let ray = self.scene.ray(pixel);
-                let hit = self.scene.trace(ray).expect("the pixel shows a sphere");
-                assert_eq!(hit.instance, instance);
-                let painted = self.painted[instance as usize];
-                (pixel, Surface::new(painted, &self.mask, hit, ray))
+                // The middle of a pixel may miss what its corner shows: further in, it doesn't.
+                let inward = (0..8).map(|step| 0.95_f64.powi(step) * DVec2::new(x, y));
+                let seen = inward.map(|at| self.shown(instance, at)).find_map(|found| found);
+                seen.expect("the camera sees the sphere")
             })
         };
         (0..scene::SIDE * scene::SIDE).flat_map(of_sphere).collect()
+    }
+
+    /// The pixel that shows the point of a sphere with this normal, seen from the front, and the
+    /// surface there.
+    fn shown(&self, instance: u32, at: DVec2) -> Option<((u32, u32), Surface)> {
+        let normal = at.extend((1.0 - at.length_squared()).sqrt());
+        let pixel = self.scene.pixel_of(scene::sphere_centre(instance) + normal);
+        let ray = self.scene.ray(pixel);
+        let hit = self.scene.trace(ray).filter(|hit| hit.instance == instance)?;
+        let painted = self.painted[instance as usize];
+        Some((pixel, Surface::new(painted, &self.mask, hit, ray)))
     }
 
     /// Pixels between spheres, and their rays.
@@ -100,8 +112,10 @@ fn seen(image: &Image, (x, y): (u32, u32)) -> DVec3 {
 /// The golden itself, and the frame as each open path draws it, smaller.
 fn images(name: &str) -> Vec<(String, Image)> {
     let file = GOLDEN.folder().join(format!("{name}.exr"));
-    let (golden, _) = Image::read_exr(&file).expect("the golden is readable");
-    let mut images = vec![("the golden".to_owned(), golden)];
+    let mut images = Vec::new();
+    if let Ok((golden, _)) = Image::read_exr(&file) {
+        images.push(("the golden".to_owned(), golden));
+    }
     for path in Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok()) {
         let shot = Shot::golden(path).sized(240, 135);
         let frame = frames::frame(name, &shot).expect("the frame can be described");
@@ -110,15 +124,16 @@ fn images(name: &str) -> Vec<(String, Image)> {
     images
 }
 
-/// `points` moved by a vector of the unit square, each copy by another.
-fn copies(points: u32) -> impl ParallelIterator<Item = Vec<DVec2>> {
-    (0..COPIES as u64).into_par_iter().map(move |copy| {
-        let mut random = rand_pcg::Pcg64::seed_from_u64(copy);
+/// Copies of the centred Hammersley set of `count` points, each moved by another vector of the
+/// unit square.
+fn copies(count: u32) -> Vec<Vec<DVec2>> {
+    let copy = |seed| {
+        let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
         let mut unit = || f64::from(random.next_u32()) / 2_f64.powi(32);
         let by = DVec2::new(unit(), unit());
-        let moved = |i| (sampling::hammersley_centred(i, points) + by).fract();
-        (0..points).map(moved).collect()
-    })
+        (0..count).map(|i| (sampling::hammersley_centred(i, count) + by).fract()).collect()
+    };
+    (0..COPIES as u64).map(copy).collect()
 }
 
 /// Mean and standard deviation of one copy.
@@ -130,37 +145,54 @@ fn statistics(values: &[DVec3]) -> (DVec3, DVec3) {
 }
 
 /// What is wrong with a channel, if anything.
-fn complaint(what: &str, pixel: (u32, u32), seen: DVec3, expected: DVec3, bound: DVec3) -> Option<String> {
+fn complaint(
+    what: &str,
+    pixel: (u32, u32),
+    seen: DVec3,
+    expected: DVec3,
+    bound: DVec3,
+) -> Option<String> {
     let error = (seen - expected).abs();
     // NaN is within no bound.
     let good = error.cmple(bound).all();
     (!good).then(|| format!("{what} {pixel:?}: {seen} for {expected}, {bound} allowed"))
 }
 
+/// What is asked of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Questions {
+    Formula,
+    /// And integral, which takes longer.
+    Both,
+}
+
 /// Complaints about the pixels of a frame of the 64 spheres, by formula and by integral.
-fn complaints(name: &str, image: &Image, rounding: f64) -> Vec<String> {
+fn complaints(name: &str, image: &Image, rounding: f64, questions: Questions) -> Vec<String> {
     let spheres = Spheres::new(name, (image.width(), image.height()));
     let filtered = name.starts_with("filtered");
+    let samples = if filtered { Samples::FILTERED } else { Samples::DEFAULT };
+    let (diffuse, specular) = (copies(samples.diffuse), copies(samples.specular));
     let light = |gather| Light { map: &spheres.light, gather };
     let rounded = |value: DVec3| rounding * (value + DVec3::splat(0.01));
     let of_sphere = |(pixel, surface): &((u32, u32), Surface)| {
-        let samples = if filtered { Samples::FILTERED } else { Samples::DEFAULT };
-        let gather = if filtered { Gather::Filtered(samples) } else { Gather::Same(samples) };
+        let gather = if filtered { Gather::Filtered(&samples) } else { Gather::Same(&samples) };
         let (seen, same) = (seen(image, *pixel), shade(name, surface, &light(gather)));
         let mut found = Vec::from_iter(complaint("formula", *pixel, seen, same, rounded(same)));
-        if !filtered {
+        if questions == Questions::Both && !filtered {
             let shaded = |gather| shade(name, surface, &light(gather));
-            let moved: Vec<_> = copies(samples.diffuse)
-                .zip(copies(samples.specular))
+            let moved: Vec<_> = diffuse
+                .iter()
+                .zip(&specular)
                 .map(|(diffuse, specular)| shaded(Gather::Moved { diffuse, specular }))
                 .collect();
-            let independent: Vec<_> = copies(samples.specular)
-                .map(|points| shaded(Gather::Independent { points }))
-                .collect();
-            let (_, own) = statistics(&moved);
+            let independent: Vec<_> =
+                specular.iter().map(|points| shaded(Gather::Independent { points })).collect();
+            let (center, own) = statistics(&moved);
+            let largest = |largest: DVec3, copy: &DVec3| largest.max((copy - center).abs());
+            let rare = RARE * moved.iter().fold(DVec3::ZERO, largest);
             let (integral, other) = statistics(&independent);
             let deviation = (own * own + other * other / COPIES as f64).map(f64::sqrt);
-            let bound = DEVIATIONS * deviation + rounded(integral);
+            let bound = rare.max(DEVIATIONS * deviation) + rounded(integral);
             found.extend(complaint("integral", *pixel, seen, integral, bound));
         }
         found
@@ -181,8 +213,9 @@ fn rounding_on(source: &str) -> f64 {
 
 #[track_caller]
 fn agree(name: &str) {
-    for (source, image) in images(name) {
-        let found = complaints(name, &image, rounding_on(&source));
+    for (index, (source, image)) in images(name).into_iter().enumerate() {
+        let questions = if index == 0 { Questions::Both } else { Questions::Formula };
+        let found = complaints(name, &image, rounding_on(&source), questions);
         assert!(found.is_empty(), "{name} of {source}:\n{}", found.join("\n"));
     }
 }

@@ -43,23 +43,23 @@ impl Surface {
 }
 
 /// How light is gathered.
-#[derive(Clone, Debug)]
-pub enum Gather {
+#[derive(Clone, Copy, Debug)]
+pub enum Gather<'a> {
     /// With the samples of the shader.
-    Same(Samples),
+    Same(&'a Samples),
     /// From mip levels, with the samples of the shader.
-    Filtered(Samples),
+    Filtered(&'a Samples),
     /// With the shader's densities, but at these points of the unit square.
-    Moved { diffuse: Vec<DVec2>, specular: Vec<DVec2> },
+    Moved { diffuse: &'a [DVec2], specular: &'a [DVec2] },
     /// With other densities than the shader's: cosine, and visible normals.
-    Independent { points: Vec<DVec2> },
+    Independent { points: &'a [DVec2] },
 }
 
 /// The light of a scene, and how it is gathered.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Light<'a> {
     pub map: &'a CubeMap,
-    pub gather: Gather,
+    pub gather: Gather<'a>,
 }
 
 impl Light<'_> {
@@ -74,7 +74,7 @@ impl Light<'_> {
     /// Irradiance over pi.
     fn diffuse(&self, n: DVec3) -> DVec3 {
         let radiance = |l: DVec3| self.radiance(l);
-        match &self.gather {
+        match self.gather {
             Gather::Same(samples) => irradiance::estimate(n, samples.diffuse, radiance),
             Gather::Filtered(samples) => {
                 let level = |l: DVec3, level: f64| self.level(l, level);
@@ -102,7 +102,7 @@ impl Light<'_> {
         }
         let frame = sampling::orthonormal_basis(n);
         let local_v = frame.transpose() * v;
-        match &self.gather {
+        match self.gather {
             Gather::Same(samples) => {
                 specular::estimate(f0, alpha, n, v, samples.specular, radiance)
             }
@@ -159,7 +159,8 @@ fn ggx(alpha: f64, h: DVec3) -> f64 {
 /// The colour of a pixel of frame `name` that shows `s`.
 pub fn shade(name: &str, s: &Surface, light: &Light<'_>) -> DVec3 {
     let n_dot_v = s.n.dot(s.v);
-    let plastic = |s: &Surface| layering::plastic(s.f0, diffuse(s, light), light.specular(s), n_dot_v);
+    let plastic =
+        |s: &Surface| layering::plastic(s.f0, diffuse(s, light), light.specular(s), n_dot_v);
     let coated = |base: DVec3| {
         let mirrored = 2.0 * n_dot_v * s.n - s.v;
         layering::thin_coat(light.radiance(mirrored), base, n_dot_v)
@@ -169,9 +170,7 @@ pub fn shade(name: &str, s: &Surface, light: &Light<'_>) -> DVec3 {
             layering::plastic(s.f0, diffuse(s, light), DVec3::ZERO, n_dot_v)
         }
         "specular" | "filtered_specular" => light.specular(s),
-        "masked_roughness" => {
-            plastic(&Surface { alpha: s.alpha + (0.5 - s.alpha) * s.mask, ..*s })
-        }
+        "masked_roughness" => plastic(&Surface { alpha: s.alpha + (0.5 - s.alpha) * s.mask, ..*s }),
         "layered" => coated(plastic(s)),
         "masked_layered" => coated(plastic(s).lerp(light.diffuse(s.n), s.mask)),
         _ => plastic(s),
