@@ -51,28 +51,32 @@ fn dielectric(eta: f32, cos_i: f32) -> f32 {
 /// Exact reflectance of unpolarised light at a metal, of complex index `eta` + i `k`, seen from
 /// air. Born and Wolf 1999, section 14.2; Pharr et al. 2023 (pbrt-v4), section 9.3.6.
 ///
-/// `eta` made for 0.05..=10 and `k` for 0..=10; at k = 0 it is a dielectric. `cos_i` lies in
-/// 0..=1. eta = 1 and k = 0 is no interface and the result is 0.
+/// `eta` is made for 0.05..=10 and `k` for 0..=10, k at least 1e-18 where it isn't 0, so that its
+/// square is a normal number. At k = 0 it is a dielectric, and eta = 1 no interface with the
+/// result 0. `cos_i` lies in 0..=1.
 ///
-/// As in `dielectric`, with complex numbers: e = (eta + i k)^2, g^2 = e - sin^2 and q = e - 1,
-///     r_s = -q / (c + g)^2        r_p = q (c^2 (e + 1) - 1) / (e c + g)^2
-/// Squared moduli of these need no complex division, and nothing cancels in them, except what
-/// cancels in `dielectric`, too.
+/// As in `dielectric`, with complex numbers: e = (eta + i k)^2, q = e - 1 and g^2 = q + c^2,
+///     r_s = -q / (c + g)^2        r_p = q (c^2 e - s^2) / (e c + g)^2
+/// Squared moduli of these need no complex division. Nothing cancels in them, except what cancels
+/// in `dielectric`, too: c^2 e - s^2 at Brewster's angle, and g^2 near the critical angle.
 fn conductor(eta: f32, k: f32, cos_i: f32) -> f32 {
-    // |eta + i k - 1|^2 |eta + i k + 1|^2
-    let q = ((eta - 1.0) * (eta - 1.0) + k * k) * ((eta + 1.0) * (eta + 1.0) + k * k);
-    if (q == 0.0) {
+    // |q|^2 = |eta + i k - 1|^2 |eta + i k + 1|^2
+    let q2 = ((eta - 1.0) * (eta - 1.0) + k * k) * ((eta + 1.0) * (eta + 1.0) + k * k);
+    if (q2 == 0.0) {
         return 0.0;
     }
     let c2 = cos_i * cos_i;
+    let s2 = (1.0 - cos_i) * (1.0 + cos_i);
     let e = vec2f((eta - k) * (eta + k), 2.0 * eta * k);
-    let g = complex_root(vec2f(e.x - (1.0 - cos_i) * (1.0 + cos_i), e.y));
+    let q = (eta - 1.0) * (eta + 1.0) - k * k;
+    // g^2 by the smaller two of e - s^2 = q + c^2: at grazing, q is exact where e rounds to 1.
+    let g = complex_root(vec2f(select(e.x - s2, q + c2, c2 < 0.5), e.y));
     let s = g + vec2f(cos_i, 0.0);
     let p = e * cos_i + g;
-    let brewster = vec2f(c2 * (e.x + 1.0) - 1.0, c2 * e.y);
-    let s2 = dot(s, s);
-    let p2 = dot(p, p);
-    return 0.5 * q * (1.0 / (s2 * s2) + dot(brewster, brewster) / (p2 * p2));
+    let brewster = vec2f(c2 * e.x - s2, c2 * e.y);
+    let r_s = 1.0 / dot(s, s);
+    let r_p = length(brewster) / dot(p, p);
+    return 0.5 * q2 * (r_s * r_s + r_p * r_p);
 }
 
 /// The root with positive parts of z.x + i z.y, z.y >= 0. The part that is a sum is taken from
