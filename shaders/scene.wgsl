@@ -4,7 +4,7 @@
 // Drawn twice with `vertex`: depth only, then with `fragment` and depth test `equal`, so that
 // each pixel is shaded once. The background passes the same test where no sphere is.
 
-import package::irradiance::diffuse_irradiance_estimate;
+import package::irradiance;
 import package::environment::radiance;
 import package::fresnel::schlick;
 import package::specular::specular_estimate;
@@ -96,7 +96,7 @@ fn fragment(in: Varyings) -> @location(0) vec4f {
         // What the interface reflects doesn't reach the pigment. Without this factor, which the
         // lecture leaves out, a plastic reflects more than it receives at grazing.
         let transmitted = 1.0 - schlick(material.f0, dot(n, v));
-        color += material.diffuse * transmitted * diffuse_irradiance_estimate(n, DIFFUSE_SAMPLES);
+        color += material.diffuse * transmitted * irradiance::estimate(n, DIFFUSE_SAMPLES);
     }
     return vec4f(color, 1.0);
 }
