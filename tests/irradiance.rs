@@ -1,21 +1,71 @@
-//! Diffuse light from an environment.
+//! Diffuse light from an environment: constant, where all ways are exact; linear and a cosine
+//! lobe, which have closed forms; and all ways against each other.
 
 use glam::{DVec3, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, irradiance};
 
-/// A Lambertian in a furnace of radiance 1, over all normals.
-fn furnace() -> karat::Probe<'static> {
-    PBR.function("irradiance::diffuse_irradiance_estimate")
-        .with("environment", CubeMap::constant(Vec3::ONE))
+/// What smooth environments of about 1 may be off by when they are sampled.
+///
+/// 64 texels a side are 1/32 of the half face apart. Linear interpolation is off by at most 1/8 of
+/// that squared, times the curvature, at most 2: 2.5e-4. Weights have 8 bits, of a difference of
+/// 1/32 between texels: 6e-5. On GL, texels are half floats, 2.4e-4 off in 1..2, and the 3 % of
+/// directions within half a texel of a face's edge see their own face only, 1/64 off at the edge
+/// itself: both have either sign, and don't show in a mean.
+const INTERPOLATION: f64 = 3e-4;
+
+/// Texels a side of the environments.
+const SIZE: u32 = 64;
+
+fn in_environment(function: &str, environment: CubeMap) -> karat::Probe<'static> {
+    PBR.function(function)
+        .with("environment", environment)
         .with("environment_sampler", Sampler::Linear)
+}
+
+/// A furnace of radiance 1.
+fn furnace(function: &str) -> karat::Probe<'static> {
+    in_environment(function, CubeMap::constant(Vec3::ONE))
+}
+
+/// Radiance 1 on average, with another gradient for each colour: at most 1 long.
+fn sky(d: DVec3) -> DVec3 {
+    DVec3::from_array(GRADIENTS.map(|gradient| 1.0 + gradient.dot(d)))
+}
+
+const GRADIENTS: [DVec3; 3] =
+    [DVec3::new(0.5, 0.0, 0.0), DVec3::new(0.0, 0.6, -0.8), DVec3::new(-0.3, 0.4, 0.5)];
+
+/// E / pi below the sky.
+fn below_sky(n: DVec3) -> DVec3 {
+    DVec3::from_array(GRADIENTS.map(|gradient| irradiance::linear(n, 1.0, gradient)))
+}
+
+/// A lamp with a cosine's fall-off, about an axis in no face's middle.
+fn lamp(d: DVec3) -> DVec3 {
+    DVec3::splat(LAMP.dot(d).max(0.0))
+}
+
+const LAMP: DVec3 = DVec3::new(0.48, 0.8, -0.36);
+
+fn below_lamp(n: DVec3) -> DVec3 {
+    DVec3::splat(irradiance::cosine_lobe(n, LAMP))
+}
+
+fn cube_map(radiance: impl Fn(DVec3) -> DVec3) -> CubeMap {
+    CubeMap::from_fn(SIZE, |d| radiance(d.as_dvec3()).as_vec3())
+}
+
+/// What the sampler returns.
+fn seen(map: &CubeMap) -> impl Fn(DVec3) -> DVec3 {
+    move |d| map.sample_level(d, 0.0).truncate()
 }
 
 /// Centred points have the mean cosine 1/2 exactly where their number is a power of two; a sum of
 /// up to 1024 terms is rounded 1024 times.
 #[test]
 fn a_white_furnace_returns_its_light() {
-    furnace()
+    furnace("irradiance::estimate")
         .over((UnitVector, OneOf(vec![1, 2, 64, 256, 1024_u32])))
         .cases(4096)
         .agrees_with(|_: DVec3, _: u32| DVec3::ONE, Abs(1e-5));
@@ -23,10 +73,287 @@ fn a_white_furnace_returns_its_light() {
 
 #[test]
 fn it_agrees_with_the_estimator_in_its_general_form() {
-    furnace().over((UnitVector, Integers(1..=64_u32))).cases(4096).agrees_with(
-        |n: DVec3, samples: u32| {
-            irradiance::diffuse_irradiance_estimate(n, samples, |_| DVec3::ONE)
-        },
-        Abs(2e-6),
-    );
+    furnace("irradiance::estimate")
+        .over((UnitVector, Integers(1..=64_u32)))
+        .cases(4096)
+        .agrees_with(
+            |n: DVec3, samples: u32| irradiance::estimate(n, samples, |_| DVec3::ONE),
+            Abs(2e-6),
+        );
+}
+
+/// Whatever the level: the weight is 1, a sum of ones has no error, and a division 2.5 ulp.
+#[test]
+fn a_furnace_is_exact_at_every_level() {
+    let sizes = OneOf(vec![1, 16, 2048_u32]);
+    furnace("irradiance::filtered_estimate")
+        .over((UnitVector, Integers(1..=300_u32), sizes))
+        .cases(4096)
+        .agrees_with(|_: DVec3, _: u32, _: u32| DVec3::ONE, Ulp(4.0));
+    let levels = CubeMap::from_fn(16, |_| Vec3::splat(3.0)).with_mips();
+    in_environment("irradiance::filtered_estimate", levels)
+        .over((UnitVector, Integers(1..=300_u32), Just(16_u32)))
+        .cases(4096)
+        .agrees_with(|_: DVec3, _: u32, _: u32| DVec3::splat(3.0), Ulp(4.0));
+}
+
+/// Quotients of sums of up to 600 terms.
+#[test]
+fn a_furnace_is_exact_where_weights_are_divided_out() {
+    furnace("irradiance::midpoint")
+        .over((UnitVector, Integers(1..=40_u32), Integers(1..=40_u32)))
+        .cases(1024)
+        .agrees_with(|_: DVec3, _: u32, _: u32| DVec3::ONE, Abs(1e-5));
+    furnace("irradiance::texel_sum")
+        .over((UnitVector, Integers(1..=12_u32)))
+        .cases(1024)
+        .agrees_with(|_: DVec3, _: u32| DVec3::ONE, Abs(1e-5));
+}
+
+/// 1.0014 for a reason: its rings cover 6.3 and not 2 pi. 4032 terms, rounded as often.
+#[test]
+fn the_loop_is_off_by_what_it_says() {
+    furnace("irradiance::loop_corrected")
+        .over(UnitVector)
+        .cases(64)
+        .agrees_with(|n: DVec3| irradiance::loop_corrected(n, |_| DVec3::ONE), Abs(2e-5));
+    furnace("irradiance::loop_corrected")
+        .over(UnitVector)
+        .cases(64)
+        .satisfies("is 1.0014", |_, light: Vec3| (light - 1.0014).abs().max_element() < 5e-5);
+}
+
+/// What the means of 64 directions and more may be off by on GL, if all of the 3 % that lie within
+/// half a texel of an edge are off by 1/64 in one direction.
+const EDGES: Abs = Abs(5e-4);
+
+/// Sampled light against the same sums in f64 over the same cube map: only the filter of the
+/// sampler and the rounding of sums are between them.
+#[test]
+fn they_agree_with_their_twins() {
+    let map = cube_map(sky);
+    let light = seen(&map);
+    in_environment("irradiance::estimate", map.clone())
+        .over((UnitVector, Integers(64..=256_u32)))
+        .cases(256)
+        .agrees_with(|n: DVec3, samples: u32| irradiance::estimate(n, samples, &light), EDGES);
+    in_environment("irradiance::loop_corrected", map.clone())
+        .over(UnitVector)
+        .cases(64)
+        .agrees_with(|n: DVec3| irradiance::loop_corrected(n, &light), EDGES);
+    in_environment("irradiance::midpoint", map.clone())
+        .over((UnitVector, Integers(24..=40_u32), Integers(8..=30_u32)))
+        .cases(256)
+        .agrees_with(
+            |n: DVec3, phi_steps: u32, theta_steps: u32| {
+                irradiance::midpoint(n, phi_steps, theta_steps, &light)
+            },
+            EDGES,
+        );
+}
+
+/// Texel centres are sampled exactly; sums of 12,288 terms are rounded as often, to either side.
+#[test]
+fn texel_sums_agree_with_their_twins() {
+    in_environment("irradiance::texel_sum", cube_map(sky))
+        .over((UnitVector, Just(SIZE)))
+        .cases(64)
+        .agrees_with(|n: DVec3, size: u32| irradiance::texel_sum(n, size, sky), Abs(5e-5));
+    // Coarser texels have their centres where four finer ones meet. Half floats of GL, up to 4.9e-4
+    // off each, need many texels to make a good sum.
+    let map = cube_map(sky);
+    in_environment("irradiance::sh_project", map.clone())
+        .over(OneOf(vec![16, SIZE]))
+        .agrees_with(|size: u32| irradiance::sh_project(size, seen(&map)), Abs(2e-4));
+}
+
+/// Light with something in each of the nine harmonics, a third of its mean in all: radiance
+/// 0.7..=1.3.
+const BANDS: [f64; 9] = [3.544907701811032, 0.1, -0.2, 0.15, 0.2, -0.1, 0.1, 0.1, -0.15];
+
+fn banded(d: DVec3) -> DVec3 {
+    let terms = BANDS.iter().zip(irradiance::sh_basis(d));
+    DVec3::splat(terms.map(|(coefficient, basis)| coefficient * basis).sum())
+}
+
+/// Nine coefficients are all there is: no integral in the reference.
+fn below_bands(n: DVec3) -> DVec3 {
+    irradiance::sh_irradiance(BANDS.map(DVec3::splat), n)
+}
+
+/// E / pi by the normal, in closed form.
+type Below = fn(DVec3) -> DVec3;
+
+/// Three environments and what is below each.
+fn environments() -> [(CubeMap, Below); 3] {
+    [(cube_map(sky), below_sky), (cube_map(lamp), below_lamp), (cube_map(banded), below_bands)]
+}
+
+/// Centred Hammersley points are off by about log N / N, 1.5e-4 for 1024, and not by 1 / sqrt N.
+#[test]
+fn estimates_approach_the_closed_forms() {
+    for (map, below) in environments() {
+        in_environment("irradiance::estimate", map)
+            .over((UnitVector, Just(1024_u32)))
+            .cases(256)
+            .agrees_with(|n: DVec3, _: u32| below(n), Abs(INTERPOLATION + 2e-4));
+    }
+}
+
+/// 32 rings are pi/64 apart: a midpoint rule is off by 1/24 of that squared, 1e-4, times the second
+/// derivative.
+#[test]
+fn rings_approach_the_closed_forms() {
+    for (map, below) in environments() {
+        in_environment("irradiance::midpoint", map)
+            .over((UnitVector, Just(64_u32), Just(32_u32)))
+            .cases(256)
+            .agrees_with(|n: DVec3, _: u32, _: u32| below(n), Abs(INTERPOLATION + 2e-4));
+    }
+}
+
+/// No interpolation: what is left is the midpoint rule of texels 1/32 wide, 4e-5 times the second
+/// derivative, and rounding.
+#[test]
+fn texels_approach_the_closed_forms() {
+    for (map, below) in environments() {
+        in_environment("irradiance::texel_sum", map)
+            .over((UnitVector, Just(SIZE)))
+            .cases(64)
+            .agrees_with(|n: DVec3, _: u32| below(n), Abs(2e-4));
+    }
+}
+
+/// Projected and evaluated by the shader. The lamp has bands that nine coefficients leave out:
+/// 0.0052 in all, computed in the reference's tests.
+#[test]
+fn harmonics_approach_the_closed_forms() {
+    let text = "import library::irradiance::{sh_irradiance, sh_project};\n\n\
+         fn lit(n: vec3f, size: u32) -> vec3f { return sh_irradiance(sh_project(size), n); }\n";
+    let package = Package::from_source("harmonics", text).depends_on("library", &PBR);
+    for ((map, below), rest) in environments().into_iter().zip([0.0, 0.0052, 0.0]) {
+        package
+            .function("lit")
+            .with("environment", map)
+            .with("environment_sampler", Sampler::Linear)
+            .over((UnitVector, Just(SIZE)))
+            .cases(64)
+            .agrees_with(|n: DVec3, _: u32| below(n), Abs(rest + 3e-4));
+    }
+}
+
+fn filtered(n: DVec3, samples: u32, size: u32, map: &CubeMap) -> DVec3 {
+    let light = |d: DVec3, level| map.sample_level(d, level).truncate();
+    irradiance::filtered_estimate(n, samples, size, light)
+}
+
+/// Each level holds its own number, so that the result is the mean level. Drivers quantise the
+/// weight between levels, most to 8 bits: 1/512, or 4e-3 on a driver that truncates.
+#[test]
+fn filtered_directions_ask_for_the_right_levels() {
+    let levels = (0..7_u16).map(|level| {
+        let side = usize::from(64_u16 >> level);
+        vec![[f32::from(level); 4]; 6 * side * side]
+    });
+    let map = CubeMap::from_levels(SIZE, levels.collect());
+    in_environment("irradiance::filtered_estimate", map.clone())
+        .over((UnitVector, Integers(1..=4096_u32), Just(SIZE)))
+        .cases(256)
+        .agrees_with(|n: DVec3, k: u32, size: u32| filtered(n, k, size, &map), Abs(4e-3));
+}
+
+/// 1024 directions ask for texels that are 0.08 wide, 64 for 0.31. A box and a tent of width w turn
+/// light by w^2 / 4, which leaves 0.9985 and 0.975 of a gradient. On GL, where the coarse texels
+/// at the edges of faces are not filtered, a little less of it.
+#[test]
+fn filtered_directions_blur_as_much_as_their_texels() {
+    let map = cube_map(sky).with_mips();
+    for (samples, blur) in [(1024_u32, 2e-3), (64, 0.03)] {
+        in_environment("irradiance::filtered_estimate", map.clone())
+            .over((UnitVector, Just(samples), Just(SIZE)))
+            .cases(256)
+            .agrees_with(|n: DVec3, _: u32, _: u32| below_sky(n), Abs(blur));
+    }
+}
+
+/// The twin over the same levels. On GL the texels at the edges of faces are not filtered: up to
+/// 1/8 off in a level of 8 texels a side, for a fourth of the directions, with either sign.
+#[test]
+fn filtered_directions_agree_with_their_twin() {
+    let map = cube_map(sky).with_mips();
+    in_environment("irradiance::filtered_estimate", map.clone())
+        .over((UnitVector, Integers(256..=1024_u32), Just(SIZE)))
+        .cases(256)
+        .agrees_with(|n: DVec3, k: u32, size: u32| filtered(n, k, size, &map), Abs(1e-2));
+}
+
+/// A sun of radiance 50 in 0.05 sr, which lights by up to 0.8. 256 directions on the hemisphere,
+/// 0.025 sr each, hit it twice, or once, or four times.
+fn sun(d: DVec3) -> DVec3 {
+    DVec3::splat(50.0 * (128.0 * (LAMP.dot(d) - 1.0)).exp())
+}
+
+/// As many directions, filtered and not, under the same bound, an eighth of the sun. What the
+/// filter leaves is its blur: texels of levels 2 and 3 are half as wide as the sun.
+#[test]
+fn a_filter_sees_what_lies_between_directions() {
+    let map = cube_map(sun).with_mips();
+    let above = UnitVector.filter(|n| n.as_dvec3().dot(LAMP) > 0.2);
+    let bound = Abs(0.1);
+    in_environment("irradiance::filtered_estimate", map.clone())
+        .over((&above, Just(256_u32), Just(SIZE)))
+        .cases(256)
+        .agrees_with(|n: DVec3, _: u32, size: u32| irradiance::texel_sum(n, size, sun), bound);
+    let sharp = in_environment("irradiance::estimate", map)
+        .over((&above, Just(256_u32)))
+        .cases(256)
+        .try_agrees_with(|n: DVec3, _: u32| irradiance::texel_sum(n, SIZE, sun), bound);
+    assert!(matches!(sharp, Err(karat::Failure::Disagreement(_))), "{sharp:?}");
+}
+
+/// Polynomials of values up to 1, with constants up to 1.1.
+#[test]
+fn sh_basis() {
+    PBR.function("irradiance::sh_basis")
+        .over(UnitVector)
+        .agrees_with(irradiance::sh_basis, Abs(1e-6));
+}
+
+/// Coefficients from -2 to 2.
+fn coefficients() -> impl Domain<Value = [Vec3; 9]> {
+    let colours = || (UnitRgb, UnitRgb, UnitRgb);
+    (colours(), colours(), colours()).map(|(a, b, c)| {
+        [a.0, a.1, a.2, b.0, b.1, b.2, c.0, c.1, c.2].map(|rgb| 4.0 * rgb - Vec3::splat(2.0))
+    })
+}
+
+/// Nine products of numbers up to 2 with basis functions up to 1.1.
+#[test]
+fn sh_irradiance() {
+    PBR.function("irradiance::sh_irradiance")
+        .over((coefficients(), UnitVector))
+        .agrees_with(irradiance::sh_irradiance, Abs(5e-6));
+}
+
+/// Direction and density of texels: a quotient and its reciprocal root.
+#[test]
+fn texels() {
+    let indexed = (Integers(1..=104_u32), 0.0..=1.0_f32).map(|(size, share)| {
+        let count = 6 * size * size;
+        (size, ((share * count as f32) as u32).min(count - 1))
+    });
+    PBR.function("irradiance::texel_direction")
+        .over(indexed)
+        .agrees_with(irradiance::texel_direction, Abs(5e-7));
+    PBR.function("irradiance::texel_density")
+        .over(UnitVector.map(|d| d / d.abs().max_element()))
+        .agrees_with(irradiance::texel_density, Ulp(8.0));
+}
+
+/// One product.
+#[test]
+fn lambert() {
+    PBR.function("irradiance::lambert")
+        .over((UnitRgb, UnitRgb))
+        .agrees_with(irradiance::lambert, Ulp(1.0));
 }
