@@ -232,6 +232,16 @@ mod tests {
     }
 
     #[test]
+    fn half_a_sky_gives_half() {
+        // Lobes are symmetric about r, which lies in the plane that halves the sky.
+        let sky = environment::half_sky(DVec3::X);
+        for alpha in [0.1, 0.5, 1.0] {
+            let held = prefiltered(alpha, DVec3::new(0.0, 0.6, 0.8), 4096, &sky).x;
+            assert!((held - 0.5).abs() < 1e-3, "{alpha}: {held}");
+        }
+    }
+
+    #[test]
     fn constant_light_is_the_same_at_every_level() {
         let v = view(50.0);
         for alpha in [0.0, 0.05, 0.5] {
