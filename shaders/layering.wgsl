@@ -38,10 +38,26 @@ fn masked_base(base: vec3f, white: vec3f, mask: f32) -> vec3f {
 }
 
 /// 1 - F_c, the share of light that crosses the coat once.
+fn transmittance(n_dot_x: f32) -> f32 {
+    return interface_transmittance(vec3f(COAT_F0), n_dot_x).x;
+}
+
+/// Radiance that leaves a plastic: `specular`, what its interface of reflectance `f0` reflects
+/// from around the mirror direction, and the rest of `base`, what its pigment would send without
+/// an interface.
+///
+/// The lecture adds the two as they are (E16): its red plastic sends 1.58 times what it receives at
+/// grazing. As for `thin_coat`, the weight of the base depends on V alone: the price of energy that
+/// is neither gained nor lost is reciprocity.
+fn plastic(f0: vec3f, base: vec3f, specular: vec3f, n_dot_v: f32) -> vec3f {
+    return base * interface_transmittance(f0, n_dot_v) + specular;
+}
+
+/// 1 - F of Schlick's F, the share of light that crosses an interface once.
 ///
 /// With x = 1 - c: 1 - x^5 = c (1 + x + x^2 + x^3 + x^4), a sum of positive terms. The plain
 /// difference has few correct digits left at grazing, where both sides approach 1.
-fn transmittance(n_dot_x: f32) -> f32 {
+fn interface_transmittance(f0: vec3f, n_dot_x: f32) -> vec3f {
     let x = 1.0 - n_dot_x;
-    return (1.0 - COAT_F0) * n_dot_x * (1.0 + x * (1.0 + x * (1.0 + x * (1.0 + x))));
+    return (1.0 - f0) * (n_dot_x * (1.0 + x * (1.0 + x * (1.0 + x * (1.0 + x)))));
 }

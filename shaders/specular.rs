@@ -232,6 +232,16 @@ mod tests {
     }
 
     #[test]
+    fn half_a_sky_gives_half() {
+        // Lobes are symmetric about r, which lies in the plane that halves the sky.
+        let sky = environment::half_sky(DVec3::X);
+        for alpha in [0.1, 0.5, 1.0] {
+            let held = prefiltered(alpha, DVec3::new(0.0, 0.6, 0.8), 4096, &sky).x;
+            assert!((held - 0.5).abs() < 1e-3, "{alpha}: {held}");
+        }
+    }
+
+    #[test]
     fn constant_light_is_the_same_at_every_level() {
         let v = view(50.0);
         for alpha in [0.0, 0.05, 0.5] {
@@ -267,5 +277,35 @@ mod tests {
         }
         assert_eq!(prefiltered_level(0.25, 7), 3.0);
         assert_eq!(prefiltered_level(1.0, 7), 6.0);
+    }
+
+    #[test]
+    fn the_split_sum_in_the_studio() {
+        // The mean difference over 100 normals, as a share of the mean: small along the normal,
+        // large where the true lobe stretches.
+        let difference = |alpha: f64, n_dot_v: f64| {
+            let mut sum = DVec2::ZERO;
+            for i in 0..100 {
+                let u = sampling::hammersley_centred(i, 100);
+                let n = sampling::orthonormal_basis(DVec3::NEG_Z)
+                    * sampling::uniform_hemisphere(u)
+                    * if i % 2 == 0 { 1.0 } else { -1.0 };
+                let sine = (1.0 - n_dot_v * n_dot_v).sqrt();
+                let v = n_dot_v * n + sine * sampling::orthonormal_basis(n).x_axis;
+                let sky = environment::studio;
+                let full = estimate(DVec3::ONE, alpha, n, v, 256, sky).y;
+                let held = prefiltered(alpha, 2.0 * n_dot_v * n - v, 256, sky);
+                let table = split_sum_table(alpha, n_dot_v, 256);
+                let split = split_sum(DVec3::ONE, table, held).y;
+                sum += DVec2::new((split - full).abs(), full);
+            }
+            sum.x / sum.y
+        };
+        for (alpha, n_dot_v, expected) in
+            [(0.1, 1.0, 0.04), (0.3, 1.0, 0.08), (0.3, 0.7, 0.16), (0.3, 0.3, 0.41)]
+        {
+            let found = difference(alpha, n_dot_v);
+            assert!((found / expected - 1.0).abs() < 0.25, "{alpha} {n_dot_v}: {found}");
+        }
     }
 }

@@ -53,7 +53,8 @@ fn a_white_furnace_gives_no_more_than_its_light() {
 #[test]
 fn estimate() {
     for (least, tolerance) in [(0.1, Abs(1e-5)), (1e-3, Abs(5e-4))] {
-        let domain = (UnitRgb, widths(), seen(least)).map(|(f0, alpha, (n, v))| (f0, alpha, n, v, 16_u32));
+        let domain =
+            (UnitRgb, widths(), seen(least)).map(|(f0, alpha, (n, v))| (f0, alpha, n, v, 16_u32));
         furnace().over(domain).cases(8192).agrees_with(
             |f0: DVec3, alpha: f64, n: DVec3, v: DVec3, samples: u32| {
                 specular::estimate(f0, alpha, n, v, samples, white)
@@ -167,8 +168,8 @@ fn the_levels_of_filtered_estimate() {
 /// Filtering changes nothing where the light is constant: the furnace of `estimate`.
 #[test]
 fn constant_light_is_exact_at_every_level() {
-    let domain = (UnitRgb, widths(), seen(0.1))
-        .map(|(f0, alpha, (n, v))| (f0, alpha, n, v, 16_u32, SIZE));
+    let domain =
+        (UnitRgb, widths(), seen(0.1)).map(|(f0, alpha, (n, v))| (f0, alpha, n, v, 16_u32, SIZE));
     let cube_map = CubeMap::from_fn(SIZE, |_| Vec3::ONE).with_mips();
     probe("specular::filtered_estimate", cube_map).over(domain).cases(8192).agrees_with(
         |f0: DVec3, alpha: f64, n: DVec3, v: DVec3, samples: u32, _: u32| {
@@ -204,7 +205,8 @@ fn the_table_conserves_energy() {
 #[test]
 fn split_sum() {
     let table = (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(x, y)| Vec2::new(x, y));
-    let light = (0.0..=50.0_f32, 0.0..=50.0_f32, 0.0..=50.0_f32).map(|(r, g, b)| Vec3::new(r, g, b));
+    let light =
+        (0.0..=50.0_f32, 0.0..=50.0_f32, 0.0..=50.0_f32).map(|(r, g, b)| Vec3::new(r, g, b));
     PBR.function("specular::split_sum")
         .over((UnitRgb, table, light))
         .agrees_with(specular::split_sum, Ulp(3.0));
@@ -248,9 +250,93 @@ fn prefiltered_level() {
         .agrees_with(specular::prefiltered_level, Ulp(5.0));
 }
 
+/// A quotient of 2.5 ulp, squared.
 #[test]
 fn prefiltered_alpha() {
+    let domain = (0.0..=1.0_f32, Integers(2..=16_u32))
+        .map(|(share, levels)| (share * (levels - 1) as f32, levels));
     PBR.function("specular::prefiltered_alpha")
-        .over(Integers(2..=16_u32).map(|levels| (levels, levels)).map(|(levels, _)| levels))
-        .cases(1);
+        .over(domain)
+        .agrees_with(specular::prefiltered_alpha, Ulp(6.0));
+}
+
+/// Seen in the plane of the table, where both use the same samples, the split sum is the full
+/// estimator for constant light. N.V is exact here, but the view's length is not: V.H is off by
+/// 1e-7, over N.V.
+#[test]
+fn the_split_sum_is_exact_for_constant_light() {
+    for (least, tolerance) in [(0.1, Abs(1e-5)), (1e-3, Abs(5e-4))] {
+        let view = |c: f32| Vec3::new(((1.0 - c) * (1.0 + c)).sqrt(), 0.0, c);
+        let domain = (UnitRgb, widths(), least..=1.0_f32)
+            .map(move |(f0, alpha, c)| (f0, alpha, Vec3::Z, view(c), 64_u32));
+        furnace().over(domain).cases(8192).agrees_with(
+            |f0: DVec3, alpha: f64, _: DVec3, v: DVec3, samples: u32| {
+                let table = specular::split_sum_table(alpha, v.z, samples);
+                specular::split_sum(f0, table, DVec3::ONE)
+            },
+            tolerance,
+        );
+    }
+}
+
+/// Seen along the normal, where N = V = R holds, the split sum is within half of the full estimator
+/// for every normal in the studio. At N.V = 0.3 it isn't within a factor of 4: its lobe is round
+/// about the mirror direction and shows a lamp that the true one, stretched, spreads thin. (The
+/// mean difference is 8 and 41 % for alpha = 0.3: see the tests of the twin.)
+#[test]
+fn the_split_sum_in_the_studio() {
+    let cube_map = CubeMap::from_texels(SIZE, environment::cube_map(SIZE, environment::studio));
+    let found = |n_dot_v: f32, tolerance: Rel| {
+        let sine = ((1.0 - n_dot_v) * (1.0 + n_dot_v)).sqrt();
+        let domain = (0.05..=1.0_f32, UnitVector).map(move |(alpha, n)| {
+            let v = n_dot_v * n + sine * n.any_orthonormal_vector();
+            (Vec3::ONE, alpha, n, v, 256_u32)
+        });
+        let reference = |f0: DVec3, alpha: f64, n: DVec3, v: DVec3, samples: u32| {
+            let light = |d| from(&cube_map)(d, 0.0);
+            let held = specular::prefiltered(alpha, 2.0 * n.dot(v) * n - v, samples, light);
+            let table = specular::split_sum_table(alpha, n.dot(v).min(1.0), samples); // it rounds
+            specular::split_sum(f0, table, held)
+        };
+        probe("specular::estimate", cube_map.clone())
+            .over(domain)
+            .cases(128)
+            .try_agrees_with(reference, tolerance)
+    };
+    let _ = found(1.0, Rel(0.5)).expect("the split sum is close");
+    let _ = found(0.3, Rel(0.75)).expect_err("the split sum is as close at grazing");
+}
+
+/// A sun of 4 degrees, seen in a surface of alpha = 0.3 by 32 samples, about 10 degrees apart.
+/// From higher levels its light is right to 40 %; from the first level a sample hits it or not,
+/// and the result is 0 or 2.5 times too bright.
+#[test]
+fn higher_levels_hold_a_small_sun() {
+    let axis = DVec3::new(0.2, 0.3, 1.0).normalize();
+    let sun = environment::small_sun(axis, 4.0_f64.to_radians());
+    let cube_map = CubeMap::from_texels(SIZE, environment::cube_map(SIZE, sun)).with_mips();
+    let truth = |alpha: f64, n: DVec3| {
+        let light = |d| from(&cube_map)(d, 0.0);
+        specular::estimate(DVec3::ONE, alpha, n, n, 4096, light)
+    };
+    let normals = || {
+        (-0.15..=0.15_f32, -0.15..=0.15_f32)
+            .map(move |(x, y)| (axis.as_vec3() + Vec3::new(x, y, 0.0)).normalize())
+    };
+    let tolerance = Rel(0.5);
+    probe("specular::filtered_estimate", cube_map.clone())
+        .over(normals().map(|n| (Vec3::ONE, 0.3_f32, n, n, 32_u32, SIZE)))
+        .cases(64)
+        .agrees_with(
+            |_: DVec3, alpha: f64, n: DVec3, _: DVec3, _: u32, _: u32| truth(alpha, n),
+            tolerance,
+        );
+    let _ = probe("specular::estimate", cube_map.clone())
+        .over(normals().map(|n| (Vec3::ONE, 0.3_f32, n, n, 32_u32)))
+        .cases(64)
+        .try_agrees_with(
+            |_: DVec3, alpha: f64, n: DVec3, _: DVec3, _: u32| truth(alpha, n),
+            tolerance,
+        )
+        .expect_err("32 samples find a sun of 4 degrees");
 }
