@@ -4,9 +4,9 @@
 //! Random numbers `u` lie in `[0, 1]`. The shader turns each pattern by half a turn (it says
 //! why); here that is the factor -1 on the horizontal components.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
-use glam::{DMat3, DQuat, DVec2, DVec3};
+use glam::{DMat3, DQuat, DVec2, DVec3, UVec2, UVec3};
 
 /// PV227 lecture 11, "Uniform sampling for diffuse lighting": phi = 2 pi u.x, cos = u.y.
 #[must_use]
@@ -20,6 +20,19 @@ pub fn uniform_hemisphere_pdf(n_dot_l: f64) -> f64 {
     if n_dot_l >= 0.0 { TAU.recip() } else { 0.0 }
 }
 
+/// Pharr et al. 2023 (pbrt-v4), section A.5.3, Malley's method: points uniform on the disk, with
+/// radius sqrt(u.y), lifted to the hemisphere.
+#[must_use]
+pub fn cosine_hemisphere(u: DVec2) -> DVec3 {
+    half_turn(spherical(u.y.sqrt().asin(), TAU * u.x))
+}
+
+/// cos / pi at and above the horizon, 0 below.
+#[must_use]
+pub fn cosine_hemisphere_pdf(n_dot_l: f64) -> f64 {
+    n_dot_l.max(0.0) / PI
+}
+
 /// Walter et al. 2007, eq. 35 and 36: theta = atan(alpha sqrt(u) / sqrt(1 - u)).
 ///
 /// `alpha` is the GGX width, in 0..=1. `atan2` makes alpha = 0 the normal for each `u`.
@@ -27,6 +40,74 @@ pub fn uniform_hemisphere_pdf(n_dot_l: f64) -> f64 {
 pub fn ggx_normal(alpha: f64, u: DVec2) -> DVec3 {
     let theta = (alpha * u.y.sqrt()).atan2((1.0 - u.y).sqrt());
     half_turn(spherical(theta, TAU * u.x))
+}
+
+/// Walter et al. 2007, eq. 33, times cos: alpha^2 / (pi cos^3 (alpha^2 + tan^2)^2), and 0 at and
+/// below the horizon.
+#[must_use]
+pub fn ggx_normal_pdf(alpha: f64, h: DVec3) -> f64 {
+    if h.z <= 0.0 {
+        return 0.0;
+    }
+    let alpha2 = alpha * alpha;
+    alpha2 / (PI * h.z.powi(3) * (alpha2 + tan2(h)).powi(2))
+}
+
+/// Dupuy and Benyoub 2023, listing 3: in the space where the surface is a hemisphere, the normal
+/// halves the way from the view to a direction uniform on the cap that ends opposite to it.
+///
+/// `v` is in the upper hemisphere or on the horizon, u.y below 1.
+#[must_use]
+pub fn ggx_visible_normal(alpha: f64, v: DVec3, u: DVec2) -> DVec3 {
+    let w = DVec3::new(alpha * v.x, alpha * v.y, v.z).normalize();
+    // Rounding may leave the cap by an ulp, which acos wouldn't forgive.
+    let cos = ((1.0 - u.y) * (1.0 + w.z) - w.z).clamp(-1.0, 1.0);
+    let halfway = half_turn(spherical(cos.acos(), TAU * u.x)) + w;
+    DVec3::new(alpha * halfway.x, alpha * halfway.y, halfway.z).normalize()
+}
+
+/// Heitz 2018, eq. 3: G1(v) max(0, V.H) D(h) / N.V, with G1 of Walter et al. 2007, eq. 34.
+///
+/// At N.V = 0 the limit: G1 / N.V approaches 2 / alpha.
+#[must_use]
+pub fn ggx_visible_normal_pdf(alpha: f64, v: DVec3, h: DVec3) -> f64 {
+    if h.z <= 0.0 {
+        return 0.0;
+    }
+    let distribution = ggx_normal_pdf(alpha, h) / h.z;
+    let seen = if v.z > 0.0 {
+        2.0 / (1.0 + (1.0 + alpha * alpha * tan2(v)).sqrt()) / v.z
+    } else {
+        2.0 / (alpha * v.x.hypot(v.y))
+    };
+    seen * v.dot(h).max(0.0) * distribution
+}
+
+/// Walter et al. 2007, eq. 28 and 29: theta = atan(sqrt(-alpha^2 ln(1 - u))), for u.y below 1.
+#[must_use]
+pub fn beckmann_normal(alpha: f64, u: DVec2) -> DVec3 {
+    let theta = (alpha * minus_log_of_rest(u.y).sqrt()).atan();
+    half_turn(spherical(theta, TAU * u.x))
+}
+
+/// -ln(1 - x), for `x` below 1.
+#[must_use]
+pub fn minus_log_of_rest(x: f64) -> f64 {
+    -(-x).ln_1p()
+}
+
+/// Walter et al. 2007, eq. 25, times cos: exp(-tan^2 / alpha^2) / (pi alpha^2 cos^3), and 0 at
+/// and below the horizon.
+#[must_use]
+pub fn beckmann_normal_pdf(alpha: f64, h: DVec3) -> f64 {
+    if h.z <= 0.0 {
+        return 0.0;
+    }
+    let exponential = (-tan2(h) / (alpha * alpha)).exp();
+    if exponential == 0.0 {
+        return 0.0; // cos^3 may be 0 too; the exponential wins
+    }
+    exponential / (PI * alpha * alpha * h.z.powi(3))
 }
 
 /// Pharr et al. 2023 (pbrt-v4), section 8.6.1, with base 2: digit k of `i` weighs 2^-(k + 1).
@@ -60,6 +141,78 @@ pub fn orthonormal_basis(n: DVec3) -> DMat3 {
     let side = if n.z >= 0.0 { 1.0 } else { -1.0 };
     let rotation = DQuat::from_rotation_arc(side * DVec3::Z, n.normalize());
     DMat3::from_cols(rotation * DVec3::X, side * (rotation * DVec3::Y), n)
+}
+
+/// PV227 lecture 11: r.x T + r.y B + r.z N, the matrix with these columns times `r`.
+#[must_use]
+pub fn to_world(tangent: DVec3, bitangent: DVec3, n: DVec3, r: DVec3) -> DVec3 {
+    DMat3::from_cols(tangent, bitangent, n) * r
+}
+
+/// O'Neill 2014, section 6.3.4, PCG-RXS-M-XS with 32 bits of state: one step of the linear
+/// congruential generator from `x`, a shift by as much as the top four bits say, a product, a
+/// fixed shift. Jarzynski and Olano 2020 use it as a hash.
+#[must_use]
+pub fn pcg(x: u32) -> u32 {
+    let state = modulo(u64::from(x) * 747_796_405 + 2_891_336_453);
+    let shift = 4 + state / (1 << 28);
+    let word = modulo(u64::from(state ^ state >> shift) * 277_803_737);
+    word ^ word >> 22
+}
+
+/// Jarzynski and Olano 2020, section 4.1.3, pcg3d: a congruential step of each number, a round in
+/// which each gains the product of the others, a shift by half the bits, and a second round.
+#[must_use]
+pub fn pcg3d(x: UVec3) -> UVec3 {
+    let step = |x: u32| modulo(u64::from(x) * 1_664_525 + 1_013_904_223);
+    let mixed = stirred(UVec3::from_array(x.to_array().map(step)));
+    stirred(UVec3::from_array(mixed.to_array().map(|x| x ^ x >> 16)))
+}
+
+/// One round of `pcg3d`: in turn, each number gains the product of the two others.
+#[must_use]
+pub fn stirred(x: UVec3) -> UVec3 {
+    let gain = |a: u32, b: u32, c: u32| modulo(u64::from(b) * u64::from(c) + u64::from(a));
+    let first = gain(x.x, x.y, x.z);
+    let second = gain(x.y, x.z, first);
+    let third = gain(x.z, first, second);
+    UVec3::new(first, second, third)
+}
+
+/// `bits`, without the lowest 8, as a binary fraction.
+#[must_use]
+pub fn unit_float(bits: u32) -> f64 {
+    f64::from(bits / 256) / f64::from(1 << 24)
+}
+
+/// The hash of `seed` as a number in `[0, 1)`.
+#[must_use]
+pub fn random(seed: u32) -> f64 {
+    unit_float(pcg(seed))
+}
+
+/// The first two numbers of the hash of `pixel` and `i`, in `[0, 1)`.
+#[must_use]
+pub fn random_point(pixel: UVec2, i: u32) -> DVec2 {
+    let bits = pcg3d(pixel.extend(i));
+    DVec2::new(unit_float(bits.x), unit_float(bits.y))
+}
+
+/// `x` modulo 2^32, as u32 arithmetic of WGSL wraps.
+fn modulo(x: u64) -> u32 {
+    u32::try_from(x % (1 << 32)).expect("a remainder of 2^32 has 32 bits")
+}
+
+/// The squared tangent of the polar angle of `direction`, of any length.
+fn tan2(direction: DVec3) -> f64 {
+    direction.truncate().length_squared() / (direction.z * direction.z)
+}
+
+/// The unit vector with azimuth 2 pi u - pi and the polar angle that has this sine and cosine.
+#[must_use]
+pub fn turned(u: f64, sin_theta: f64, cos_theta: f64) -> DVec3 {
+    let (sin_phi, cos_phi) = (TAU * u - PI).sin_cos();
+    DVec3::new(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta)
 }
 
 /// The unit vector with polar angle `theta` and azimuth `phi`.
@@ -121,6 +274,172 @@ mod tests {
         for u in [0.0, 0.5, 1.0] {
             assert_eq!(ggx_normal(0.0, DVec2::new(0.25, u)).z, 1.0);
         }
+    }
+
+    const VIEWS: [DVec3; 4] = [
+        DVec3::Z,
+        DVec3::new(0.6, 0.0, 0.8),
+        DVec3::new(-0.48, 0.8, 0.36),
+        DVec3::new(0.28, -0.96, 0.0), // grazing
+    ];
+
+    /// The integral of `f` over the hemisphere: a midpoint rule, off by the square of its steps.
+    fn integral(f: impl Fn(DVec3) -> f64) -> f64 {
+        let (rings, sectors) = (800, 400);
+        let (d_theta, d_phi) = (PI / 2.0 / f64::from(rings), TAU / f64::from(sectors));
+        let ring = |i: i32| {
+            let theta = (f64::from(i) + 0.5) * d_theta;
+            let sector = |j: i32| f(spherical(theta, (f64::from(j) + 0.5) * d_phi));
+            (0..sectors).map(sector).sum::<f64>() * theta.sin() * d_theta * d_phi
+        };
+        (0..rings).map(ring).sum()
+    }
+
+    /// A warp of the unit square has density `pdf` exactly if small squares grow by 1 / `pdf`:
+    /// |ds/du x ds/dv| pdf = 1. Central differences with steps of 1e-5 are off by 1e-10 times
+    /// a third derivative of at most some hundreds.
+    fn assert_density(sample: impl Fn(DVec2) -> DVec3, pdf: impl Fn(DVec3) -> f64, what: &str) {
+        const STEP: f64 = 1e-5;
+        for (x, y) in (1..12).flat_map(|x| (1..12).map(move |y| (x, y))) {
+            let u = DVec2::new(f64::from(x), f64::from(y)) / 12.0;
+            let slope = |d: DVec2| (sample(u + STEP * d) - sample(u - STEP * d)) / (2.0 * STEP);
+            let growth = slope(DVec2::X).cross(slope(DVec2::Y)).length();
+            let product = growth * pdf(sample(u));
+            assert!((product - 1.0).abs() < 1e-6, "{what} at {u}: {product}");
+        }
+    }
+
+    #[test]
+    fn densities_are_those_of_the_samplers() {
+        assert_density(uniform_hemisphere, |l| uniform_hemisphere_pdf(l.z), "uniform");
+        assert_density(cosine_hemisphere, |l| cosine_hemisphere_pdf(l.z), "cosine");
+        for alpha in [0.05, 0.3, 1.0] {
+            let what = format!("GGX {alpha}");
+            assert_density(|u| ggx_normal(alpha, u), |h| ggx_normal_pdf(alpha, h), &what);
+            let what = format!("Beckmann {alpha}");
+            assert_density(|u| beckmann_normal(alpha, u), |h| beckmann_normal_pdf(alpha, h), &what);
+            for v in VIEWS {
+                let what = format!("GGX {alpha} from {v}");
+                let sample = |u| ggx_visible_normal(alpha, v, u);
+                assert_density(sample, |h| ggx_visible_normal_pdf(alpha, v, h), &what);
+            }
+        }
+    }
+
+    #[test]
+    fn densities_integrate_to_one() {
+        let one = |total: f64, what: &str| assert!((total - 1.0).abs() < 2e-4, "{what}: {total}");
+        one(integral(|l| uniform_hemisphere_pdf(l.z)), "uniform");
+        one(integral(|l| cosine_hemisphere_pdf(l.z)), "cosine");
+        for alpha in [0.1, 0.4, 1.0] {
+            one(integral(|h| ggx_normal_pdf(alpha, h)), "GGX");
+            one(integral(|h| beckmann_normal_pdf(alpha, h)), "Beckmann");
+            for v in VIEWS {
+                one(integral(|h| ggx_visible_normal_pdf(alpha, v, h)), "visible GGX");
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_comes_from_below() {
+        let below = DVec3::new(0.6, 0.0, -0.8);
+        assert_eq!(cosine_hemisphere_pdf(below.z), 0.0);
+        assert_eq!(ggx_normal_pdf(0.5, below), 0.0);
+        assert_eq!(beckmann_normal_pdf(0.5, below), 0.0);
+        assert_eq!(ggx_visible_normal_pdf(0.5, DVec3::Z, below), 0.0);
+        // Above the horizon, but turned away from the view.
+        let v = DVec3::new(-0.96, 0.0, 0.28);
+        assert_eq!(ggx_visible_normal_pdf(0.5, v, DVec3::new(0.6, 0.0, 0.8)), 0.0);
+    }
+
+    #[test]
+    fn cosine_moments() {
+        // E[cos] = 2/3, E[cos^2] = 1/2; E[x^2] = 1/4.
+        assert!((mean(|u| cosine_hemisphere(u).z) - 2.0 / 3.0).abs() < 1e-5);
+        assert!((mean(|u| cosine_hemisphere(u).z.powi(2)) - 0.5).abs() < 1e-12);
+        assert!((mean(|u| cosine_hemisphere(u).x.powi(2)) - 0.25).abs() < 1e-3);
+    }
+
+    #[test]
+    fn cumulative_distributions_invert_the_samplers() {
+        // P(tan <= t) = t^2 / (alpha^2 + t^2) for GGX, 1 - exp(-t^2 / alpha^2) for Beckmann.
+        for alpha in [1e-3, 0.2, 1.0_f64] {
+            for u in [1e-9, 0.1, 0.5, 0.9, 0.9999] {
+                let ggx = tan2(ggx_normal(alpha, DVec2::new(0.3, u)));
+                assert!((ggx / (alpha * alpha + ggx) - u).abs() < 1e-12, "{alpha}, {u}");
+                let beckmann = tan2(beckmann_normal(alpha, DVec2::new(0.3, u)));
+                let share = 1.0 - (-beckmann / (alpha * alpha)).exp();
+                assert!((share - u).abs() < 1e-12, "{alpha}, {u}");
+            }
+        }
+    }
+
+    #[test]
+    fn all_normals_are_visible_from_above() {
+        // G1 is 1 at normal incidence: what is seen is what is there.
+        for u in [DVec2::new(0.2, 0.7), DVec2::new(0.9, 0.01), DVec2::new(0.5, 0.999)] {
+            let seen = ggx_visible_normal(0.3, DVec3::Z, u);
+            assert!(seen.abs_diff_eq(ggx_normal(0.3, u), 1e-12), "{u}");
+        }
+        let h = DVec3::new(0.36, 0.48, 0.8);
+        let densities = [ggx_visible_normal_pdf(0.3, DVec3::Z, h), ggx_normal_pdf(0.3, h)];
+        assert!((densities[0] / densities[1] - 1.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn the_mean_visible_normal() {
+        // Sampled, and integrated with the density.
+        for (alpha, v) in [0.2, 0.7].into_iter().flat_map(|alpha| VIEWS.map(|v| (alpha, v))) {
+            let sampled = DVec3::from_array(
+                [DVec3::X, DVec3::Y, DVec3::Z]
+                    .map(|axis| mean(|u| ggx_visible_normal(alpha, v, u).dot(axis))),
+            );
+            let integrated = DVec3::from_array(
+                [DVec3::X, DVec3::Y, DVec3::Z]
+                    .map(|axis| integral(|h| ggx_visible_normal_pdf(alpha, v, h) * h.dot(axis))),
+            );
+            assert!(sampled.abs_diff_eq(integrated, 1e-3), "{alpha}, {v}: {sampled}");
+        }
+    }
+
+    #[test]
+    fn hashes_have_no_order_left() {
+        // What implementations in other languages return.
+        assert_eq!(pcg(0), 129_708_002);
+        let n = 1 << 16;
+        // A bit of the result flips for half of the inputs, whichever bit of the input flips.
+        for bit in 0..32 {
+            let flipped: u32 = (0..1024).map(|x| (pcg(x) ^ pcg(x ^ 1 << bit)).count_ones()).sum();
+            let share = f64::from(flipped) / (1024.0 * 32.0);
+            assert!((share - 0.5).abs() < 0.02, "bit {bit}: {share}");
+        }
+        // Mean 1/2 and 1/3 of the square: 6 standard deviations of 1 / sqrt(12 n) and 0.3 / sqrt n.
+        let moment = |power| (0..n).map(|i| random(i).powi(power)).sum::<f64>() / f64::from(n);
+        assert!((moment(1) - 0.5).abs() < 6.0 * 0.289 / 256.0);
+        assert!((moment(2) - 1.0 / 3.0).abs() < 6.0 * 0.298 / 256.0);
+        // Neighbouring pixels don't correlate: E[x y] = 1/4.
+        let product: f64 = (0..n)
+            .map(|i| {
+                let pixel = UVec2::new(i % 256, i / 256);
+                random_point(pixel, 0).x * random_point(pixel + UVec2::X, 0).x
+            })
+            .sum();
+        assert!((product / f64::from(n) - 0.25).abs() < 6.0 * 0.22 / 256.0);
+    }
+
+    #[test]
+    fn a_hash_of_32_bits_is_a_permutation() {
+        // Exhausting 2^32 takes too long; 2^20 values of a random function would collide 128 times.
+        let mut values: Vec<u32> = (0..1 << 20).map(pcg).collect();
+        values.sort_unstable();
+        values.dedup();
+        assert_eq!(values.len(), 1 << 20);
+    }
+
+    #[test]
+    fn the_frame_of_the_lecture() {
+        let world = to_world(DVec3::Y, DVec3::Z, DVec3::X, DVec3::new(1.0, 2.0, 3.0));
+        assert_eq!(world, DVec3::new(3.0, 1.0, 2.0));
     }
 
     #[test]
