@@ -121,12 +121,14 @@ fn equal_vectors_are_at_the_peak() {
     }
 }
 
-/// Only the angle counts.
+/// Only the angle counts. Each side has the errors of its own check.
 #[test]
 fn lobes_are_symmetric_in_their_vectors() {
-    for function in ["distribution::ggx_from_vectors", "distribution::beckmann_from_vectors"] {
-        PBR.function(function)
-            .over((ALPHA, pairs()).map(|(alpha, (n, h))| (alpha, n, h)))
-            .invariant_under(|(alpha, n, h)| (alpha, h, n), Rel(4e-4).or(VANISHED));
-    }
+    let swapped = |(alpha, n, h)| (alpha, h, n);
+    PBR.function("distribution::ggx_from_vectors")
+        .over((ALPHA, pairs()).map(|(alpha, (n, h))| (alpha, n, h)))
+        .invariant_under(swapped, Ulp(48.0));
+    PBR.function("distribution::beckmann_from_vectors")
+        .over((ALPHA, pairs()).map(|(alpha, (n, h))| (alpha, n, h)))
+        .invariant_under(swapped, Rel(4e-4).or(VANISHED));
 }
