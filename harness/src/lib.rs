@@ -38,8 +38,8 @@ mod tolerance;
 mod value;
 
 pub use check::{
-    Agreement, CaseFailure, Census, Check, Disagreement, Failure, PathDisagreement, Probe,
-    Reference,
+    Agreement, CaseFailure, Census, Check, Disagreement, Failure, Integral, IntegralFailure,
+    NodeFailure, PathDisagreement, Probe, Reference,
 };
 pub use diagnostic::{Diagnostic, SourceFile, Span};
 pub use domain::{
