@@ -123,8 +123,9 @@ fn cook_torrance_pdf(alpha: f32, v: vec3f, l: vec3f) -> f32 {
 /// belong:
 ///     albedo / pi (1 - F(N.L)) + (n + 2) / (4 pi (2 - 2^(-n/2))) F(V.H) (N.H)^n / max(N.L, N.V)
 ///
-/// It is what its authors call it, basically conserving: directional albedos reach 1.02. The
-/// weight of the diffuse part depends on `l` alone, so that the sum is not reciprocal.
+/// It "basically" conserves energy: directional albedos reach 1.0194, where narrow lobes are seen
+/// at 80 degrees. The weight of the diffuse part depends on `l` alone, so that the sum is not
+/// reciprocal.
 fn tri_ace_eval(albedo: vec3f, f0: vec3f, exponent: f32, v: vec3f, l: vec3f) -> vec3f {
     if (!above_horizon(v, l)) {
         return vec3f();
@@ -133,7 +134,13 @@ fn tri_ace_eval(albedo: vec3f, f0: vec3f, exponent: f32, v: vec3f, l: vec3f) -> 
     let lobe = power_of_cosine(exponent, h.n_dot_h, tan2_of_half(h));
     let normalisation = (exponent + 2.0) / (4.0 * PI * (2.0 - exp2(-0.5 * exponent)));
     let specular = schlick(f0, h.v_dot_h) * (normalisation * lobe / max(v.z, l.z));
-    return albedo / PI * (1.0 - schlick(f0, l.z)) + specular;
+    return albedo / PI * (1.0 - f0) * schlick_remainder(l.z) + specular;
+}
+
+/// 1 - (1 - x)^5, multiplied out: 1 - F(x) is (1 - f0) times this, and keeps its digits where
+/// little light gets below the surface.
+fn schlick_remainder(x: f32) -> f32 {
+    return x * (5.0 - x * (10.0 - x * (10.0 - x * (5.0 - x))));
 }
 
 /// One half of the samples in proportion to the cosine, the other mirrored at normals with density
