@@ -1,7 +1,9 @@
 //! Twin of `geometry.wgsl`: masking and shadowing of microfacets in textbook form.
 //!
-//! Results are shares in 0..=1; `n_dot_x` and `v_dot_h` are cosines in 0..=1; `alpha` is the GGX
-//! width in (0, 1].
+//! Results are shares in 0..=1; `n_dot_x` and `v_dot_h` are cosines in 0..=1; `alpha` is the width
+//! of GGX or Beckmann, in (0, 1].
+
+use std::f64::consts::PI;
 
 /// Cook and Torrance 1982, "Geometrical attenuation factor": the least of 1, masking and
 /// shadowing. 1, the limit, where `v_dot_h` is 0.
@@ -39,6 +41,34 @@ pub fn smith_correlated(alpha: f64, n_dot_v: f64, n_dot_l: f64) -> f64 {
     1.0 / (1.0 + lambda(alpha, n_dot_v) + lambda(alpha, n_dot_l))
 }
 
+/// Heitz 2014, eq. 99, divided by 4 N.V N.L, the denominator of Walter et al. 2007, eq. 20.
+#[must_use]
+pub fn smith_correlated_visibility(alpha: f64, n_dot_v: f64, n_dot_l: f64) -> f64 {
+    if n_dot_v <= 0.0 || n_dot_l <= 0.0 {
+        return 0.0;
+    }
+    smith_correlated(alpha, n_dot_v, n_dot_l) / (4.0 * n_dot_v * n_dot_l)
+}
+
+/// Karis 2013, "Specular G": Schlick's G1 = c / (c (1 - k) + k) of both directions with k =
+/// alpha / 2. Divided by c: 1 / (1 + k (1 / c - 1)).
+#[must_use]
+pub fn smith_schlick_ggx(alpha: f64, n_dot_v: f64, n_dot_l: f64) -> f64 {
+    let g1 = |c: f64| if c <= 0.0 { 0.0 } else { 1.0 / (1.0 + 0.5 * alpha * (1.0 / c - 1.0)) };
+    g1(n_dot_v) * g1(n_dot_l)
+}
+
+/// Walter et al. 2007, eq. 26: 2 / (1 + erf(a) + exp(-a^2) / (a sqrt(pi))), a = 1 / (alpha tan),
+/// and 0 at and below the horizon.
+#[must_use]
+pub fn smith_g1_beckmann(alpha: f64, n_dot_x: f64) -> f64 {
+    if n_dot_x <= 0.0 {
+        return 0.0;
+    }
+    let a = 1.0 / (alpha * tan2(n_dot_x).sqrt()); // infinite at normal incidence, where G1 is 1
+    2.0 / (1.0 + libm::erf(a) + (-a * a).exp() / (a * PI.sqrt()))
+}
+
 /// Heitz 2014, eq. 72, with 1 / a^2 = alpha^2 tan^2.
 fn lambda(alpha: f64, n_dot_x: f64) -> f64 {
     0.5 * ((1.0 + alpha * alpha * tan2(n_dot_x)).sqrt() - 1.0)
@@ -52,6 +82,7 @@ fn tan2(c: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::distribution;
 
     const ALPHAS: [f64; 4] = [1e-4, 0.1, 0.5, 1.0];
 
@@ -97,19 +128,69 @@ mod tests {
     }
 
     #[test]
+    fn visibility_of_the_widest_lobe_has_a_closed_form() {
+        // alpha = 1: 1 + 2 Lambda = 1 / cos, so that G / (4 v l) = 1 / (2 (v + l)).
+        for (v, l) in [(0.01, 0.9), (0.3, 0.3), (1.0, 1.0)] {
+            let expected = 0.5 / (v + l);
+            assert!((smith_correlated_visibility(1.0, v, l) / expected - 1.0).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn schlick_s_form_stays_near_smith_s() {
+        // Schlick 1994 fits Beckmann; with k = alpha / 2 it is within 0.16 of GGX everywhere, and
+        // equal at normal incidence and at the horizon.
+        assert_eq!(smith_schlick_ggx(0.5, 1.0, 1.0), 1.0);
+        assert_eq!(smith_schlick_ggx(0.5, 0.0, 1.0), 0.0);
+        let mut worst = 0.0_f64;
+        for alpha in ALPHAS {
+            for step in 0..=1000 {
+                let c = f64::from(step) / 1000.0;
+                let gap = smith_schlick_ggx(alpha, c, 1.0) - smith_g1(alpha, c);
+                worst = worst.max(gap.abs());
+            }
+        }
+        assert!(worst < 0.16, "{worst}");
+    }
+
+    #[test]
+    fn beckmann_s_masking_is_near_the_rational_fit() {
+        // Walter et al. 2007, eq. 27: a relative error below 0.35 % for a < 1.6, else 1.
+        for step in 1..300 {
+            let a = f64::from(step) / 100.0;
+            let cos = a / (1.0 + a * a).sqrt(); // tan = 1 / a, alpha = 1
+            let fit = if a < 1.6 {
+                (3.535 * a + 2.181 * a * a) / (1.0 + 2.276 * a + 2.577 * a * a)
+            } else {
+                1.0
+            };
+            assert!((fit / smith_g1_beckmann(1.0, cos) - 1.0).abs() < 3.6e-3, "{a}");
+        }
+        assert_eq!(smith_g1_beckmann(0.5, 1.0), 1.0);
+    }
+
+    #[test]
     fn the_projected_lobe_has_unit_area() {
         // Heitz 2014, section 3: the visible facets cover exactly the projected macrosurface,
-        // int G1 D <v, m> dm = cos(v). This is what ties G1 to the GGX distribution D (Walter et
-        // al. 2007, eq. 33); it pins alpha, the 2 and the tangent at once.
-        let (alpha, cos_v) = (0.4_f64, 0.35_f64);
+        // int G1 D <v, m> dm = cos(v). This is what ties G1 to the distribution; it pins alpha,
+        // the 2 and the tangent at once.
+        let lobes: [(fn(f64, f64) -> f64, fn(f64, f64) -> f64); 2] =
+            [(distribution::ggx, smith_g1), (distribution::beckmann, smith_g1_beckmann)];
+        for (d, g1) in lobes {
+            let covered = covered(0.4, 0.35, d, g1);
+            assert!((covered - 0.35).abs() < 1e-5, "{covered}");
+        }
+    }
+
+    /// The integral of G1 D <v, m> over the normals m.
+    fn covered(alpha: f64, cos_v: f64, d: fn(f64, f64) -> f64, g1: fn(f64, f64) -> f64) -> f64 {
         let sin_v = (1.0 - cos_v * cos_v).sqrt();
         let (rings, spokes) = (2000, 400);
         let mut sum = 0.0;
         for i in 0..rings {
             let theta = (f64::from(i) + 0.5) / f64::from(rings) * std::f64::consts::FRAC_PI_2;
             let (sin_m, cos_m) = theta.sin_cos();
-            let denominator = 1.0 + (alpha * alpha - 1.0) * cos_m * cos_m;
-            let d = alpha * alpha / (std::f64::consts::PI * denominator * denominator);
+            let d = d(alpha, cos_m);
             for j in 0..spokes {
                 let phi = (f64::from(j) + 0.5) / f64::from(spokes) * std::f64::consts::TAU;
                 let v_dot_m = sin_v * sin_m * phi.cos() + cos_v * cos_m;
@@ -118,7 +199,6 @@ mod tests {
         }
         let cell = std::f64::consts::FRAC_PI_2 / f64::from(rings) * std::f64::consts::TAU
             / f64::from(spokes);
-        let covered = smith_g1(alpha, cos_v) * sum * cell;
-        assert!((covered - cos_v).abs() < 1e-5, "{covered} for {cos_v}");
+        g1(alpha, cos_v) * sum * cell
     }
 }

@@ -1,5 +1,7 @@
 // Masking and shadowing of microfacets. All functions return the visible share, in 0..=1.
-// n_dot_x, v_dot_h are cosines in 0..=1; alpha is the GGX width, in (0, 1].
+// n_dot_x, v_dot_h are cosines in 0..=1; alpha is the width of GGX or Beckmann, in (0, 1].
+
+const INV_SQRT_PI: f32 = 0.56418958354775628695;
 
 /// V-shaped grooves: min(1, 2 N.H N.V / V.H, 2 N.H N.L / V.H).
 /// Cook and Torrance 1982, "Geometrical attenuation factor".
@@ -44,6 +46,55 @@ fn smith_correlated(alpha: f32, n_dot_v: f32, n_dot_l: f32) -> f32 {
     let masking = projected_width(alpha, n_dot_v) / n_dot_v;
     let shadowing = projected_width(alpha, n_dot_l) / n_dot_l;
     return 2.0 / (masking + shadowing);
+}
+
+/// `smith_correlated` / (4 N.V N.L): all of a microfacet BRDF but D and F.
+///
+/// Divided through by hand: G vanishes with either cosine, so that this stays finite until both
+/// vanish. At and below the horizon it is 0.
+fn smith_correlated_visibility(alpha: f32, n_dot_v: f32, n_dot_l: f32) -> f32 {
+    if (n_dot_v <= 0.0 || n_dot_l <= 0.0) {
+        return 0.0; // the characteristic functions of eq. 99
+    }
+    let masking = n_dot_l * projected_width(alpha, n_dot_v);
+    let shadowing = n_dot_v * projected_width(alpha, n_dot_l);
+    return 0.5 / (masking + shadowing);
+}
+
+/// The rational stand-in for `smith_separable` of GGX, with k = alpha / 2. Karis 2013, "Specular G".
+///
+/// For light that comes from everywhere; for single lights Karis takes another k.
+fn smith_schlick_ggx(alpha: f32, n_dot_v: f32, n_dot_l: f32) -> f32 {
+    if (n_dot_v <= 0.0 || n_dot_l <= 0.0) {
+        return 0.0; // 0 / k; this also keeps 0 / 0 away at alpha = 0
+    }
+    let k = 0.5 * alpha;
+    let masking = n_dot_v / (n_dot_v * (1.0 - k) + k);
+    let shadowing = n_dot_l / (n_dot_l * (1.0 - k) + k);
+    return masking * shadowing;
+}
+
+/// Smith masking of Beckmann's distribution for one direction. Walter et al. 2007, eq. 26.
+///
+/// erf is eq. 7.1.26 of Abramowitz and Stegun 1964, 1 - poly(t) exp(-a^2) to 1.5e-7: the
+/// exponential is needed anyway, and the result is then a thousand times closer than eq. 27, the
+/// rational fit of the same paper. With 1 + erf = 2 - poly exp, numerator and denominator of
+/// eq. 26 times a, so that grazing has no pole:
+///     G1 = 2 a / (2 a + exp(-a^2) (1 / sqrt(pi) - a poly(t)))
+fn smith_g1_beckmann(alpha: f32, n_dot_x: f32) -> f32 {
+    if (n_dot_x <= 0.0) {
+        return 0.0;
+    }
+    // As a product, which has no difference of squares; a cosine may round to just above 1.
+    let width = alpha * sqrt(abs(1.0 - n_dot_x) * (1.0 + n_dot_x));
+    if (n_dot_x >= 4.0 * width) {
+        return 1.0; // a >= 4: 1 - G1 is below exp(-16) / (4 a^3 sqrt(pi)) = 3e-10
+    }
+    let a = n_dot_x / width;
+    let t = 1.0 / (1.0 + 0.3275911 * a);
+    let poly = t * (0.254829592
+        + t * (-0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429))));
+    return 2.0 * a / (2.0 * a + exp(-a * a) * (INV_SQRT_PI - a * poly));
 }
 
 /// sqrt(cos^2 + alpha^2 sin^2): how wide the GGX ellipsoid looks from the direction with cosine

@@ -1,1 +1,134 @@
-//! Tests of `distribution`.
+//! Distributions of microfacet normals against the formulas of the papers.
+
+use glam::Vec3;
+use karat::prelude::*;
+use shaders::{PBR, distribution};
+
+/// Widths of the distribution, from the smallest that the library takes to the widest.
+const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
+
+/// An exponential below the smallest normal f32 may be flushed; its factor 1 / (pi alpha^2) is at
+/// most 3e7.
+const VANISHED: Abs = Abs(1e-30);
+
+/// exp loses 2 |x| + 3 ulp by WGSL and, for the error of its argument (a division, 2.5 ulp, and
+/// two products), 5 |x| more. It is cut at x = 87, so that its 610 ulp, with the factors beside it,
+/// stay below 640: 7.6e-5.
+const EXPONENTIAL: Ulp = Ulp(640.0);
+
+/// A normal and a half vector on its side: anywhere, and within a few widths of the narrow lobes.
+fn pairs() -> impl Domain<Value = (Vec3, Vec3)> {
+    (UnitVector, UnitVector, 1e-5..=1.0_f32)
+        .map(|(n, other, share)| {
+            let h =
+                n.as_dvec3().lerp(other.as_dvec3(), f64::from(share)).normalize_or(n.as_dvec3());
+            (n, h.as_vec3())
+        })
+        .filter(|(n, h)| {
+            // The sign of a cosine below rounding depends on the order of three products; so do
+            // the digits of one that is small, which D of Beckmann takes to the fourth power.
+            n.as_dvec3().dot(h.as_dvec3()) > 1e-2
+        })
+}
+
+/// The squared quotient: twice the division's 2.5 ulp, twice the roundings of its parts, two
+/// products.
+#[test]
+fn ggx() {
+    PBR.function("distribution::ggx")
+        .over((ALPHA, -1.0..=1.0))
+        .agrees_with(distribution::ggx, Ulp(14.0));
+}
+
+/// sin^2 has the errors of a difference, two products and a sum more. The cosine, a sum of
+/// products down to 0.01, may be off by 1e-7 / 0.01, but weighs as much as it is: alpha^2 cos^2 is
+/// then at most 1e-4 of what it is added to.
+#[test]
+fn ggx_from_vectors() {
+    PBR.function("distribution::ggx_from_vectors")
+        .over((ALPHA, pairs()).map(|(alpha, (n, h))| (alpha, n, h)))
+        .agrees_with(distribution::ggx_from_vectors, Ulp(24.0));
+}
+
+#[test]
+fn beckmann() {
+    PBR.function("distribution::beckmann")
+        .over((ALPHA, -1.0..=1.0))
+        .agrees_with(distribution::beckmann, Tolerance::from(EXPONENTIAL).or(VANISHED));
+}
+
+/// The exponent, up to 87, takes twice the relative error of N.H. Here tan^2 < 87, N.H > 0.1, and
+/// the error of the dot product 1e-7 / 0.1 = 1e-6 at most: 2 * 87 * 1e-6.
+#[test]
+fn beckmann_from_vectors() {
+    PBR.function("distribution::beckmann_from_vectors")
+        .over((ALPHA, pairs()).map(|(alpha, (n, h))| (alpha, n, h)))
+        .agrees_with(distribution::beckmann_from_vectors, Rel(2e-4).or(VANISHED));
+}
+
+/// Below 60 degrees the series is good to 4 ulp, above them WGSL's log to 3.
+#[test]
+fn blinn_phong() {
+    let exponent = ALPHA.map(|alpha| 2.0 / (alpha * alpha) - 2.0);
+    PBR.function("distribution::blinn_phong")
+        .over((exponent, -1.0..=1.0))
+        .agrees_with(distribution::blinn_phong, Tolerance::from(EXPONENTIAL).or(VANISHED));
+    PBR.function("distribution::blinn_phong")
+        .over((0.0..=300.0, -1.0..=1.0))
+        .agrees_with(distribution::blinn_phong, Tolerance::from(EXPONENTIAL).or(VANISHED));
+}
+
+/// Two exact differences (1 - alpha loses half an ulp for alpha < 1/2), products and a division.
+#[test]
+fn blinn_phong_exponent() {
+    PBR.function("distribution::blinn_phong_exponent")
+        .over(ALPHA)
+        .agrees_with(distribution::blinn_phong_exponent, Ulp(6.0));
+}
+
+/// N.H of two unit vectors that are equal often rounds to just above 1, where an unguarded GGX has
+/// a pole: at alpha = 3.45e-4, sin^2 = -alpha^2.
+#[test]
+fn cosines_that_round_above_one() {
+    let above_one =
+        || OneOf((0..=8_u32).map(|steps| f32::from_bits(1.0_f32.to_bits() + steps)).collect());
+    PBR.function("distribution::ggx")
+        .over((ALPHA, above_one()))
+        .agrees_with(distribution::ggx, Ulp(14.0));
+    PBR.function("distribution::beckmann")
+        .over((ALPHA, above_one()))
+        .agrees_with(distribution::beckmann, Tolerance::from(EXPONENTIAL).or(VANISHED));
+    PBR.function("distribution::blinn_phong").over((0.0..=1e4, above_one())).satisfies(
+        "is the peak, to 1 %",
+        |(exponent, _), d: f32| {
+            let peak = (exponent + 2.0) / std::f32::consts::TAU;
+            (d / peak - 1.0).abs() < 0.01
+        },
+    );
+}
+
+/// The pole of the lobe, exactly.
+#[test]
+fn equal_vectors_are_at_the_peak() {
+    for function in ["distribution::ggx_from_vectors", "distribution::beckmann_from_vectors"] {
+        PBR.function(function).over((ALPHA, UnitVector).map(|(alpha, n)| (alpha, n, n))).satisfies(
+            "is 1 / (pi alpha^2), but for the length of the vector",
+            |(alpha, ..), d: f32| {
+                let peak = 1.0 / (std::f64::consts::PI * f64::from(alpha).powi(2));
+                (f64::from(d) / peak - 1.0).abs() < 3e-6
+            },
+        );
+    }
+}
+
+/// Only the angle counts. Each side has the errors of its own check.
+#[test]
+fn lobes_are_symmetric_in_their_vectors() {
+    let swapped = |(alpha, n, h)| (alpha, h, n);
+    PBR.function("distribution::ggx_from_vectors")
+        .over((ALPHA, pairs()).map(|(alpha, (n, h))| (alpha, n, h)))
+        .invariant_under(swapped, Ulp(48.0));
+    PBR.function("distribution::beckmann_from_vectors")
+        .over((ALPHA, pairs()).map(|(alpha, (n, h))| (alpha, n, h)))
+        .invariant_under(swapped, Rel(4e-4).or(VANISHED));
+}

@@ -1,1 +1,188 @@
-//! (to be written)
+//! Reflectances as the sources print them.
+
+use std::f64::consts::{FRAC_1_PI, FRAC_PI_4, PI};
+
+use glam::{DVec3, Vec3};
+use karat::prelude::*;
+use karat::{Disagreement, Failure};
+use shaders::{PBR, brdf};
+
+#[track_caller]
+fn caught<T: std::fmt::Debug>(result: Result<T, Failure>) -> Disagreement {
+    match result {
+        Err(Failure::Disagreement(disagreement)) => *disagreement,
+        other => panic!("the mistake was not caught: {other:?}"),
+    }
+}
+
+/// Directions at least 6 degrees above the horizon: what is tested here is no edge.
+fn above() -> impl Domain<Value = Vec3> {
+    Hemisphere.filter(|direction: &Vec3| direction.z > 0.1)
+}
+
+/// Reflectances whose Fresnel term doesn't cancel.
+fn reflectance() -> impl Domain<Value = Vec3> {
+    UnitRgb.map(|c| (0.02 + 0.98 * c).min(Vec3::ONE))
+}
+
+/// Widths at which a normalised half vector, rounded to f32, is exact enough.
+const WIDE: std::ops::RangeInclusive<f32> = 0.1..=1.0;
+
+fn view(degrees: f64) -> Vec3 {
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    DVec3::new(sin, 0.0, cos).as_vec3()
+}
+
+/// Directions for light, and their weights times the cosine.
+fn lights(alpha: f32, v: Vec3) -> impl Iterator<Item = (Vec3, f64)> {
+    brdf::half_vector_rule(f64::from(alpha), v.as_dvec3(), 32, 32)
+        .into_iter()
+        .map(|(l, weight)| (l.as_vec3(), weight * l.z))
+}
+
+/// The nodes of a furnace for a BRDF of white `f0`.
+fn white(&(alpha, v): &(f32, Vec3)) -> Vec<((Vec3, f32, Vec3, Vec3), f64)> {
+    lights(alpha, v).map(|(l, weight)| ((Vec3::ONE, alpha, v, l), weight)).collect()
+}
+
+/// P1: pi times too bright.
+#[test]
+fn lambert_of_shaders_lacks_its_pi() {
+    let lambert = || PBR.function("as_written::brdf::lambert");
+    let domain = || (UnitRgb, Just(Vec3::Z), above());
+    let irradiated = |albedo: DVec3, n: DVec3, l: DVec3| brdf::lambert_eval(albedo, n, l) * l.z;
+    caught(lambert().over(domain()).try_agrees_with(irradiated, Rel(2.0)));
+    lambert().over(domain()).agrees_with(
+        move |albedo: DVec3, n: DVec3, l: DVec3| PI * irradiated(albedo, n, l),
+        Ulp(4.0),
+    );
+}
+
+/// P1: a white furnace returns pi for the diffuse part alone.
+#[test]
+fn mixed_conventions_return_more_than_pi() {
+    let furnace = || {
+        PBR.function("as_written::brdf::lambert_and_microfacet").integral(
+            Just((0.5_f32, view(30.0))),
+            |&(alpha, v): &(f32, Vec3)| {
+                let f0 = Vec3::splat(0.04);
+                lights(alpha, v).map(|(l, w)| ((Vec3::ONE, f0, alpha, v, l), w)).collect()
+            },
+        )
+    };
+    caught(furnace().try_is_at_most(|_| 1.0, 2.0));
+    let specular = |&(alpha, v): &(f32, Vec3)| {
+        let (alpha, v, f0) = (f64::from(alpha), v.as_dvec3(), DVec3::splat(0.04));
+        brdf::integral(alpha, v, |l| brdf::microfacet_eval(f0, alpha, v, l).x * l.z)
+    };
+    furnace().agrees_with(|view| DVec3::splat(PI + specular(view)), Abs(1e-4));
+}
+
+/// E9: exactly 4 / pi, 1.27 in a white furnace.
+#[test]
+fn cook_torrance_as_quoted_is_too_bright() {
+    let quoted = || PBR.function("as_written::brdf::cook_torrance");
+    let domain = || (reflectance(), WIDE, above(), above());
+    caught(quoted().over(domain()).try_agrees_with(brdf::cook_torrance_eval, Rel(0.27)));
+    // The corrected one has 2e-4; V.H and H of rounded vectors, with 1e-7 of error, are 2e-6 of a
+    // tangent at N.H = 0.1, which an exponent of up to 87 takes twice.
+    quoted().over(domain()).agrees_with(
+        |f0: DVec3, alpha: f64, v: DVec3, l: DVec3| {
+            brdf::cook_torrance_eval(f0, alpha, v, l) / FRAC_PI_4
+        },
+        Rel(5e-4).or(Abs(1e-20)),
+    );
+    // A narrow lobe from above: nothing is hidden, all comes back, and 27 % more.
+    let furnace = || quoted().integral(Just((0.05_f32, Vec3::Z)), white);
+    caught(furnace().try_is_at_most(|_| 1.0, 0.27));
+    furnace().agrees_with(|_| DVec3::splat(FRAC_PI_4.recip()), Abs(1e-4));
+}
+
+/// (albedo, f0, exponent, v, l)
+fn tri_ace(
+    exponent: impl Domain<Value = f32>,
+) -> impl Domain<Value = (Vec3, Vec3, f32, Vec3, Vec3)> {
+    (UnitRgb, reflectance(), exponent, above(), above())
+}
+
+/// E10: infinite at n = 2; at n = 4 the highlight is -7/8 of the right one, at n = 100 nothing.
+#[test]
+fn tri_ace_s_printed_normalisation_has_a_pole() {
+    let printed = || PBR.function("as_written::brdf::tri_ace_normalisation");
+    let reference = brdf::tri_ace_eval;
+    caught(printed().over(tri_ace(0.0..=100.0)).try_agrees_with(reference, Rel(0.5)));
+
+    let found =
+        caught(printed().over(tri_ace(Just(2.0))).try_satisfies("is finite", |_, _: Vec3| true));
+    for path in found.paths {
+        assert_eq!(path.census.infinite, path.census.cases, "{}", path.adapter.path);
+    }
+
+    let black =
+        || (reflectance(), above(), above()).map(|(f0, v, l)| (Vec3::ZERO, f0, 4.0_f32, v, l));
+    caught(
+        printed()
+            .over(black())
+            .try_satisfies("is not negative", |_, f: Vec3| f.min_element() >= 0.0),
+    );
+    printed().over(black()).agrees_with(
+        move |albedo: DVec3, f0: DVec3, n: f64, v: DVec3, l: DVec3| {
+            -7.0 / 8.0 * reference(albedo, f0, n, v, l)
+        },
+        Rel(1e-4),
+    );
+}
+
+/// E11: a black surface has no highlight, a white one 1 / pi of it.
+#[test]
+fn tri_ace_s_printed_bracket_takes_the_highlight() {
+    let printed = || PBR.function("as_written::brdf::tri_ace_bracket");
+    caught(printed().over(tri_ace(0.0..=100.0)).try_agrees_with(brdf::tri_ace_eval, Rel(0.5)));
+    printed()
+        .over(tri_ace(0.0..=100.0).map(|(_, f0, n, v, l)| (Vec3::ZERO, f0, n, v, l)))
+        .satisfies("is black", |_, f: Vec3| f == Vec3::ZERO);
+    // White f0 leaves nothing to the diffuse part.
+    printed()
+        .over(tri_ace(0.0..=100.0).map(|(_, _, n, v, l)| (Vec3::ONE, Vec3::ONE, n, v, l)))
+        .agrees_with(
+            |albedo: DVec3, f0: DVec3, n: f64, v: DVec3, l: DVec3| {
+                FRAC_1_PI * brdf::tri_ace_eval(albedo, f0, n, v, l)
+            },
+            // An exponent of 100 takes 100 times the 1e-6 that N.H is off at 0.1, and pow's own.
+            Rel(5e-4).or(Abs(1e-20)),
+        );
+}
+
+/// 1 / (2 N.V): 57.3 at 89.5 degrees, where a closed form exists.
+#[test]
+fn without_g_grazing_views_glow() {
+    let without = || PBR.function("as_written::brdf::microfacet_without_g");
+    let domain = (reflectance(), WIDE, above(), above());
+    caught(without().over(domain).try_agrees_with(brdf::microfacet_eval, Rel(0.5)));
+    let furnace = || without().integral(Just((1.0_f32, view(89.5))), white);
+    caught(furnace().try_is_at_most(|_| 1.0, 56.0));
+    let expected = 0.5 / 0.5_f64.to_radians().sin();
+    assert!((expected - 57.3).abs() < 0.01, "{expected}");
+    furnace().agrees_with(|_| DVec3::splat(expected), Rel(1e-4));
+}
+
+/// Light from below arrives: at alpha = 1, from above, 1 / (2 pi (1 + 0.001)) = 0.159, and the same
+/// for each direction down to the normal's opposite.
+#[test]
+fn clamped_dots_reflect_light_from_below() {
+    let clamped = || PBR.function("as_written::brdf::microfacet_of_clamped_dots");
+    let below = || {
+        Hemisphere
+            .filter(|l: &Vec3| l.z > 0.0 && l.z < 0.9)
+            .map(|l| (Vec3::ONE, 1.0_f32, Vec3::Z, Vec3::new(l.x, l.y, -l.z)))
+    };
+    caught(clamped().over(below()).try_agrees_with(brdf::microfacet_eval, Abs(0.15)));
+    clamped().over(below()).agrees_with(
+        |_: DVec3, _: f64, _: DVec3, _: DVec3| DVec3::splat(0.5 / (1.001 * PI)),
+        Rel(1e-5),
+    );
+    // Above the clamps nothing is wrong with it.
+    clamped()
+        .over((reflectance(), WIDE, above(), above()))
+        .agrees_with(brdf::microfacet_eval, Rel(2e-4));
+}

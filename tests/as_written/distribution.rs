@@ -1,1 +1,64 @@
-//! (to be written)
+//! Distributions in forms that lose their digits.
+
+use glam::{DVec3, Vec3};
+use karat::prelude::*;
+use karat::{Disagreement, Failure};
+use shaders::{PBR, distribution};
+
+#[track_caller]
+fn caught<T: std::fmt::Debug>(result: Result<T, Failure>) -> Disagreement {
+    match result {
+        Err(Failure::Disagreement(disagreement)) => *disagreement,
+        other => panic!("the mistake was not caught: {other:?}"),
+    }
+}
+
+/// 2.6 % at alpha = 1e-3.
+#[test]
+fn ggx_loses_alpha_beside_one() {
+    let ggx = || PBR.function("as_written::distribution::ggx");
+    // With the tolerance of the library's form.
+    caught(ggx().over((2e-4..=1.0, 0.0..=1.0)).try_agrees_with(distribution::ggx, Ulp(14.0)));
+    // alpha^2 = 1e-6 is rounded to 17 * 2^-24, and squared.
+    let rounded = 17.0 * 2.0_f64.powi(-24);
+    let share = (1e-6 / rounded).powi(2);
+    assert!((share - 0.974).abs() < 5e-4, "{share}");
+    ggx().over((Just(1e-3), Just(1.0))).agrees_with(
+        |alpha: f64, n_dot_h: f64| share * distribution::ggx(alpha, n_dot_h),
+        Ulp(8.0),
+    );
+}
+
+/// Infinite below alpha = 1.7e-4 = 2^-12.5.
+#[test]
+fn ggx_divides_by_zero() {
+    let found = caught(
+        PBR.function("as_written::distribution::ggx")
+            .over((1e-4..=1.7e-4, Just(1.0)))
+            .try_satisfies("is finite", |_, _: f32| true),
+    );
+    for path in found.paths {
+        assert_eq!(path.census.failures, path.census.cases, "{}", path.adapter.path);
+        assert_eq!(path.census.infinite, path.census.cases, "{}", path.adapter.path);
+    }
+}
+
+/// Half vectors within four widths of +Z, so that the dot product is a component: rounding it is
+/// the only error.
+fn narrow() -> impl Domain<Value = (f32, Vec3, Vec3)> {
+    (Just(0.0025_f32), 0.0..=0.01_f32).map(|(alpha, sin)| {
+        let cos = (1.0 - f64::from(sin).powi(2)).sqrt();
+        (alpha, Vec3::Z, DVec3::new(f64::from(sin), 0.0, cos).as_vec3())
+    })
+}
+
+/// 1.9 % at alpha = 0.0025, of the right form of D.
+#[test]
+fn cosines_lose_narrow_lobes() {
+    let of_dot = || PBR.function("as_written::distribution::ggx_of_dot_product").over(narrow());
+    let from_vectors = || PBR.function("distribution::ggx_from_vectors").over(narrow());
+    let reference = distribution::ggx_from_vectors;
+    from_vectors().agrees_with(reference, Ulp(24.0));
+    caught(of_dot().try_agrees_with(reference, Rel(0.018)));
+    of_dot().agrees_with(reference, Rel(0.020));
+}
