@@ -8,6 +8,7 @@ mod doctor;
 mod goldens;
 mod list;
 mod project;
+mod render;
 mod show;
 mod table;
 mod test;
@@ -27,6 +28,11 @@ enum Verdict {
     Good,
     Bad,
 }
+
+/// A command couldn't do its work, and the program that it ran has said why.
+#[derive(Debug, thiserror::Error)]
+#[error("see above")]
+struct Reported;
 
 #[derive(Parser)]
 #[command(
@@ -75,6 +81,13 @@ enum Command {
     Accept(goldens::AcceptArgs),
     /// Delete a pending frame
     Reject(goldens::RejectArgs),
+    /// Write frames of the project's gallery as EXR (linear, 32-bit float) and PNG (to look at)
+    #[command(after_help = "Examples:\n  karat render --list\n  karat render --scene\n  \
+                            karat render 'furnace/*' --size 640x360 --samples 256 --exposure -1\n\
+                            The gallery is a cargo binary of the project, made of a \
+                            karat::Gallery and named in `metadata.karat`\nof Cargo.toml. Fails if \
+                            a frame can't be rendered or has values that are not finite.")]
+    Render(karat::RenderArguments),
     /// Write an EXR image as a tone-mapped PNG, to look at it
     Preview(goldens::PreviewArgs),
     /// Print a completion script for a shell
@@ -106,6 +119,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Pending(args) => goldens::pending(&args, &mut out),
         Command::Accept(args) => goldens::accept(&args, &mut out),
         Command::Reject(args) => goldens::reject(&args, &mut out),
+        Command::Render(args) => render::run(args),
         Command::Preview(args) => goldens::preview(&args, &mut out),
         Command::Completions { shell } => {
             // The generator panics where it can't write, so it writes to memory.
@@ -120,6 +134,7 @@ pub(crate) fn run() -> ExitCode {
         Ok(Verdict::Bad) => ExitCode::from(1),
         // Whoever reads the output has seen enough: `karat list | head`.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) if error.is::<Reported>() => ExitCode::from(2),
         Err(error) => {
             let text = format!("{error:#}");
             let prefix = if text.starts_with("error") { "" } else { "error: " };

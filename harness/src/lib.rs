@@ -27,6 +27,7 @@ mod diagnostic;
 mod domain;
 mod fixture;
 mod frame;
+mod gallery;
 mod golden;
 mod image;
 mod package;
@@ -49,6 +50,9 @@ pub use fixture::{
     CubeMap, CubeMapError, Fixture, FixtureError, Sampler, Storage, Texture, Uniform,
 };
 pub use frame::{Attribute, Blend, Frame, FrameAgreement, FrameError, Mesh};
+#[doc(hidden)] // how the binary and galleries read the same arguments
+pub use gallery::{ExposureArguments, RenderArguments};
+pub use gallery::{Gallery, RenderOptions};
 pub use golden::{
     AcceptError, Acceptance, DEFAULT_RELATIVE, FrameDifference, FrameMargin, GoldenError, Goldens,
     Outlier, Pending, Provenance,

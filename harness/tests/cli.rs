@@ -480,7 +480,13 @@ fn preview_writes_a_png() {
     pending_frame(folder, "scene", "any");
     assert_eq!(karat(folder, &["preview", "scene.new.exr"]).good(), "scene.new.png\n");
     assert_eq!(karat(folder, &["preview", "scene.new.exr", "--out", "a.png"]).good(), "a.png\n");
-    for file in ["scene.new.png", "a.png"] {
+    let brighter = ["preview", "scene.new.exr", "--out", "b.png", "--exposure", "1.5"];
+    assert_eq!(karat(folder, &brighter).good(), "b.png\n");
+    let bytes = |file: &str| std::fs::read(folder.join(file)).expect("written");
+    assert!(bytes("a.png") == bytes("scene.new.png") && bytes("a.png") != bytes("b.png"));
+    let error = karat(folder, &["preview", "scene.new.exr", "--exposure", "inf"]).error();
+    assert!(error.contains("`inf` isn't a finite number of stops"), "{error}");
+    for file in ["scene.new.png", "a.png", "b.png"] {
         let png = std::fs::read(folder.join(file)).expect("written");
         assert!(png.starts_with(b"\x89PNG\r\n\x1a\n"), "{file}");
     }
@@ -495,6 +501,37 @@ fn preview_writes_a_png() {
         let error = karat(folder, &["preview", file]).error();
         assert!(error.contains(message), "{error}");
         assert!(!folder.join(file).with_extension("png").exists(), "no PNG of a bad image");
+    }
+}
+
+/// What `karat render` refuses before it builds anything; `render.rs` has the rest.
+#[test]
+fn render_explains_bad_arguments_and_how_to_declare_a_gallery() {
+    let project = project();
+    let folder = project.path();
+    let error = karat(folder, &["render", "scene"]).error();
+    for part in [
+        "error: this project declares no gallery",
+        "    [workspace.metadata.karat]\n    gallery = \"gallery\"\n",
+        "    karat::Gallery::new()\n",
+    ] {
+        assert!(error.contains(part), "no `{part}` in:\n{error}");
+    }
+    for (arguments, message) in [
+        (&["--size", "0x5"][..], "a side of 0 pixels; a side has 1 to 16384 pixels"),
+        (&["--size", "16385x1"], "a side of 16385 pixels; a side has 1 to 16384 pixels"),
+        (&["--size", "640"], "`640` isn't width x height in pixels; write them as 640x360"),
+        (&["--size", "640X360"], "`640X360` isn't width x height in pixels"),
+        (&["--samples", "0"], "invalid value '0' for '--samples <N>': 0 is not in 1.."),
+        (&["--exposure", "NaN"], "`NaN` isn't a finite number of stops"),
+        (&["--exposure", "-inf"], "`-inf` isn't a finite number of stops"),
+        (&["--environment", "sky.exr"], "'--environment <FILE>': there is no such file"),
+        (&["--environment", "shaders"], "'--environment <FILE>': it isn't a file"),
+        (&["--path", "vulcan"], "did you mean `vulkan`?"),
+        (&["--scene"], "cannot be used with '--scene'"),
+    ] {
+        let error = karat(folder, &[&["render", "scene"], arguments].concat()).error();
+        assert!(error.contains(message), "{arguments:?}: {error}");
     }
 }
 
@@ -520,6 +557,7 @@ fn usage_is_explained() {
         ("pending", ""),
         ("accept", "karat accept scene --because \""),
         ("reject", ""),
+        ("render", "karat render --scene"),
         ("preview", ""),
         ("completions", ""),
     ] {

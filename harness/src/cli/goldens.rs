@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use anyhow::ensure;
-use karat::{Acceptance, Goldens, Image, Pending};
+use karat::{Acceptance, ExposureArguments, Goldens, Image, Pending};
 
 use super::project::Project;
 use super::table::{DIM, Table};
@@ -75,6 +75,8 @@ pub(super) struct PreviewArgs {
     /// The PNG to write [default: beside the image]
     #[arg(long, value_name = "OUT.PNG")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    exposure: ExposureArguments,
 }
 
 pub(super) fn pending(args: &PendingArgs, out: &mut dyn Write) -> Outcome {
@@ -136,7 +138,7 @@ pub(super) fn reject(args: &RejectArgs, out: &mut dyn Write) -> Outcome {
 pub(super) fn preview(args: &PreviewArgs, out: &mut dyn Write) -> Outcome {
     let path = args.out.clone().unwrap_or_else(|| args.image.with_extension("png"));
     let (image, _) = Image::read_exr(&args.image)?;
-    image.write_png(&path)?;
+    image.write_png_exposed(&path, args.exposure.stops)?;
     writeln!(out, "{}", path.display())?;
     Ok(Verdict::Good)
 }

@@ -16,6 +16,8 @@ struct Settings {
     packages: Option<Vec<PathBuf>>,
     /// Folder of goldens, relative to the manifest.
     golden: Option<PathBuf>,
+    /// Name of the cargo binary that is the project's gallery.
+    gallery: Option<String>,
 }
 
 /// The project around the working directory.
@@ -94,6 +96,11 @@ impl Project {
     pub(super) fn golden(&self) -> PathBuf {
         let folder = self.settings.golden.clone();
         self.root.join(folder.unwrap_or_else(|| PathBuf::from("golden")))
+    }
+
+    /// The cargo binary that is the project's gallery, if one is declared.
+    pub(super) fn gallery(&self) -> Option<&str> {
+        self.settings.gallery.as_deref()
     }
 
     /// The folder of what runs leave behind.

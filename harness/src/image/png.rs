@@ -16,22 +16,20 @@ impl Image {
     /// # Errors
     /// If the file can't be written.
     pub fn write_png(&self, path: &Path) -> Result<(), ImageError> {
+        self.write_png_exposed(path, 0.0)
+    }
+
+    /// [`write_png`](Self::write_png), brighter by `stops`: 1 doubles the exposure, -1 halves it.
+    ///
+    /// # Errors
+    /// If the file can't be written.
+    ///
+    /// # Panics
+    /// If `stops` isn't finite.
+    pub fn write_png_exposed(&self, path: &Path, stops: f32) -> Result<(), ImageError> {
+        assert!(stops.is_finite(), "an exposure of {stops} stops");
         let failed = |source| ImageError::Write { path: shown(path), source };
-        let exposure = MIDDLE_GREY / self.key();
-        let mut bytes = Vec::with_capacity(self.pixels.len() * 3);
-        for [r, g, b, _] in &self.pixels {
-            let rgb = [*r, *g, *b];
-            if rgb.iter().any(|value| value.is_nan()) {
-                bytes.extend([255, 0, 255]);
-            } else if rgb.iter().any(|value| value.is_infinite()) {
-                bytes.extend([255, 255, 0]);
-            } else {
-                bytes.extend(rgb.map(|value| {
-                    let exposed = (value * exposure).max(0.0);
-                    to_srgb(exposed / (1.0 + exposed))
-                }));
-            }
-        }
+        let bytes = self.exposed(stops);
         let mut file = Vec::new();
         let mut encoder = png::Encoder::new(&mut file, self.width, self.height);
         encoder.set_color(png::ColorType::Rgb);
@@ -42,6 +40,28 @@ impl Image {
             .map_err(|error| failed(std::io::Error::other(error)))?;
         super::exr::write_whole(path, &file).map_err(failed)
     }
+
+    /// Three bytes a pixel.
+    fn exposed(&self, stops: f32) -> Vec<u8> {
+        let exposure = MIDDLE_GREY / self.key() * stops.exp2();
+        let mut bytes = Vec::with_capacity(self.pixels.len() * 3);
+        for [r, g, b, _] in &self.pixels {
+            let rgb = [*r, *g, *b];
+            if rgb.iter().any(|value| value.is_nan()) {
+                bytes.extend([255, 0, 255]);
+            } else if rgb.iter().any(|value| value.is_infinite()) {
+                bytes.extend([255, 255, 0]);
+            } else {
+                bytes.extend(rgb.map(|value| {
+                    // Black stays black under an exposure that overflows (0 * inf), and what
+                    // overflows is white: the quotient's form lets x be infinite.
+                    let exposed = (value * exposure).max(0.0);
+                    to_srgb(1.0 / (1.0 + 1.0 / exposed))
+                }));
+            }
+        }
+        bytes
+    }
 }
 
 /// IEC 61966-2-1, from linear in 0..=1 to 8 bits.
@@ -51,4 +71,38 @@ fn to_srgb(linear: f32) -> u8 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     let byte = (encoded * 255.0).round().clamp(0.0, 255.0) as u8;
     byte
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Red of each pixel of a grey image.
+    fn reds(values: &[f32], stops: f32) -> Vec<u8> {
+        let pixels: Vec<_> = values.iter().map(|value| [*value, *value, *value, 1.0]).collect();
+        let image = Image::new(u32::try_from(pixels.len()).expect("few"), 1, pixels);
+        image.exposed(stops).chunks(3).map(|rgb| rgb[0]).collect()
+    }
+
+    #[test]
+    fn a_stop_is_a_factor_of_two() {
+        // 0.18 / 1.18 and its like, encoded.
+        assert_eq!(reds(&[5.0], 0.0), [109]);
+        assert_eq!(reds(&[5.0], 1.0), reds(&[10.0, 2.5], 0.0)[..1]);
+        assert_eq!(reds(&[5.0], -1.0), reds(&[10.0, 2.5], 0.0)[1..]);
+    }
+
+    #[test]
+    fn no_exposure_turns_light_into_darkness() {
+        let values = [0.0, -1.0, 1e-30, 1.0, 1e30, f32::MAX];
+        assert_eq!(reds(&values, 1000.0), [0, 0, 255, 255, 255, 255]);
+        assert_eq!(reds(&values, -1000.0), [0; 6]);
+        assert_eq!(reds(&values, 0.0)[5], 255);
+    }
+
+    #[test]
+    fn what_is_not_finite_has_colours_of_its_own() {
+        let image = Image::new(2, 1, vec![[f32::NAN, 1.0, 1.0, 1.0], [f32::INFINITY; 4]]);
+        assert_eq!(image.exposed(0.0), [255, 0, 255, 255, 255, 0]);
+    }
 }
