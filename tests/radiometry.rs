@@ -19,7 +19,7 @@ const COSINE: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 const DISTANCE: std::ops::RangeInclusive<f32> = 1e-3..=1e4;
 
 /// Up to the hemisphere.
-const SOLID_ANGLE: std::ops::RangeInclusive<f32> = 1e-8..=6.283_185;
+const SOLID_ANGLE: std::ops::RangeInclusive<f32> = 1e-8..=std::f32::consts::TAU;
 
 /// A module that calls the library: facts about several functions at once.
 fn calling(functions: &str, wgsl: &str) -> Package {
