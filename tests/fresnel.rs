@@ -1,6 +1,6 @@
 //! Fresnel reflectance against the formulas of the papers.
 
-use glam::Vec3;
+use glam::{DVec2, Vec2, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, fresnel};
 
@@ -82,6 +82,17 @@ fn conductor_with_little_absorption() {
     PBR.function("fresnel::conductor")
         .over((1.0..=2.5, absorption, 0.0..=1.0))
         .agrees_with(fresnel::conductor, Ulp(32.0));
+}
+
+/// Two square roots, of which one is the modulus, 4.5 ulp each, and a division. A modulus whose
+/// square leaves f32's normal numbers is none that an index of refraction has. The polar form of the
+/// reference has 6e-17 where the cosine of a right angle is 0, times a root of up to 14.
+#[test]
+fn complex_root() {
+    let numbers = (-200.0..=200.0_f32, 0.0..=200.0_f32).map(|(x, y)| Vec2::new(x, y));
+    let normal = numbers.filter(|z| z.length_squared() > 1e-35 && (z.y == 0.0 || z.y > 1e-18));
+    let root = |z: DVec2| DVec2::from_angle(0.5 * z.to_angle()) * z.length().sqrt();
+    PBR.function("fresnel::complex_root").over(normal).agrees_with(root, Ulp(12.0).or(Abs(1e-15)));
 }
 
 /// Without absorption it is the dielectric, whose reference has other formulas.

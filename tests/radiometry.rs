@@ -127,6 +127,15 @@ fn cap_solid_angle() {
         .agrees_with(radiometry::cap_solid_angle, Ulp(9.0).or(UNDERFLOW));
 }
 
+/// Nested sums, each beside 1: the outer ones lose 2 ulp, the divisions below next to nothing.
+#[test]
+fn series_of_sine_and_arctangent() {
+    PBR.function("radiometry::sine")
+        .over(0.0..=std::f32::consts::FRAC_PI_2)
+        .agrees_with(f64::sin, Ulp(4.0));
+    PBR.function("radiometry::arctangent").over(0.0..=0.172).agrees_with(f64::atan, Ulp(3.0));
+}
+
 /// A texel of a cube map, and the number of texels across.
 fn texels(most: u32) -> impl Domain<Value = (u32, u32, u32)> {
     let place = (Integers(1..=most), 0.0..=1.0_f32, 0.0..=1.0_f32);
