@@ -32,14 +32,12 @@ const ROUGHNESSES = array<f32, 8>(0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5);
 
 /// The material of a column of the test scene; columns beyond the eighth begin again.
 fn material(column: u32) -> Material {
-    var materials = MATERIALS; // some compilers index variables only
-    return materials[column % 8u];
+    return MATERIALS[column % 8u];
 }
 
 /// The roughness of a row of the test scene; rows beyond the eighth begin again.
 fn roughness(row: u32) -> f32 {
-    var roughnesses = ROUGHNESSES;
-    return roughnesses[row % 8u];
+    return ROUGHNESSES[row % 8u];
 }
 
 /// The width of the distribution as the lecture has it: it feeds roughness to the sampler as it is.

@@ -1,6 +1,6 @@
 //! Fresnel reflectance against the formulas of the papers.
 
-use glam::Vec3;
+use glam::{DVec2, Vec2, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, fresnel};
 
@@ -84,6 +84,17 @@ fn conductor_with_little_absorption() {
         .agrees_with(fresnel::conductor, Ulp(32.0));
 }
 
+/// Two square roots, of which one is the modulus, 4.5 ulp each, and a division. A modulus whose
+/// square leaves f32's normal numbers is none that an index of refraction has. The polar form of the
+/// reference has 6e-17 where the cosine of a right angle is 0, times a root of up to 14.
+#[test]
+fn complex_root() {
+    let numbers = (-200.0..=200.0_f32, 0.0..=200.0_f32).map(|(x, y)| Vec2::new(x, y));
+    let normal = numbers.filter(|z| z.length_squared() > 1e-35 && (z.y == 0.0 || z.y > 1e-18));
+    let root = |z: DVec2| DVec2::from_angle(0.5 * z.to_angle()) * z.length().sqrt();
+    PBR.function("fresnel::complex_root").over(normal).agrees_with(root, Ulp(12.0).or(Abs(1e-15)));
+}
+
 /// Without absorption it is the dielectric, whose reference has other formulas.
 #[test]
 fn conductor_without_absorption_is_a_dielectric() {
@@ -109,11 +120,21 @@ fn schlick_average() {
         .agrees_with(fresnel::schlick_average, Ulp(4.0));
 }
 
-/// The quadrature is right to 5e-7 at eta = 2.5, 7 ulp of what is between 0.2 and 1; the sums
-/// lose the rest, in the worst case beside eta = 1.
+/// The quadrature is right to 5e-7 at eta = 2.5, 7 ulp of what is between 0.2 and 1; sums of
+/// terms of both signs lose the rest.
 #[test]
 fn dielectric_average() {
     PBR.function("fresnel::dielectric_average")
         .over(0.4..=2.5)
         .agrees_with(fresnel::dielectric_average, Ulp(24.0));
+}
+
+/// Beside eta = 1, where nothing is left of the closed form and little of f32's 1 - F.
+#[test]
+fn dielectric_average_of_almost_no_interface() {
+    for side in [0.999..=1.0, 1.0..=1.001] {
+        PBR.function("fresnel::dielectric_average")
+            .over(side)
+            .agrees_with(fresnel::dielectric_average, Ulp(24.0));
+    }
 }
