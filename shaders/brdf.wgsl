@@ -26,7 +26,8 @@ struct Half {
 }
 
 /// V.H is |v + l| / 2, half the diagonal of a rhombus. dot(v, h) is that too, but loses its digits
-/// where V approaches -L, and differs when v and l are swapped.
+/// where V approaches -L, and differs when v and l are swapped. Both directions are above the
+/// horizon, one of them by 1e-18 or more: below that v + l may vanish when it is squared.
 fn half_vector(v: vec3f, l: vec3f) -> Half {
     let m = v + l;
     let xy2 = dot(m.xy, m.xy);

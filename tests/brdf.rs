@@ -388,10 +388,11 @@ fn tri_ace_views() -> impl Domain<Value = (f32, Vec3, Vec3)> {
         .map(|(exponent, f0, degrees)| (exponent, Vec3::splat(f0), view(degrees)))
 }
 
+/// albedo, f0, exponent, v, l
+type TriAce = (Vec3, Vec3, f32, Vec3, Vec3);
+
 /// The nodes of `tri_ace_eval` over white.
-fn tri_ace_nodes(
-    &(exponent, f0, v): &(f32, Vec3, Vec3),
-) -> Vec<((Vec3, Vec3, f32, Vec3, Vec3), f64)> {
+fn tri_ace_nodes(&(exponent, f0, v): &(f32, Vec3, Vec3)) -> Vec<(TriAce, f64)> {
     let alpha = (2.0 / (exponent + 2.0)).sqrt();
     lights(alpha, v).map(|(l, w)| ((Vec3::ONE, f0, exponent, v, l), w * f64::from(l.z))).collect()
 }
@@ -475,6 +476,22 @@ fn estimators() -> Package {
     let text = names.map(import).concat() + &estimates.map(estimate).concat();
     modules.push(("estimators".to_owned(), text));
     Package::from_modules("estimators", modules)
+}
+
+/// No sample stands for more than twice its light: G2 / G1 is at most 1, and G of the V-cavity at
+/// most 2 N.H N.V / V.H, by which the weight F G V.H / (N.H N.V) is at most 2 F. In the exponentials
+/// of eval and pdf the same errors cancel; where pdf is denormal, so may be its digits.
+#[test]
+fn samples_have_bounded_weights() {
+    let package = estimators();
+    for (name, bound) in [("lambert", 1.0), ("microfacet", 1.0), ("cook_torrance", 2.0)] {
+        package
+            .function(&format!("estimators::{name}"))
+            .over((ALPHA, Hemisphere, square()))
+            .satisfies("is at most its bound", move |_, weight: f32| {
+                (0.0..=bound * (1.0 + 1e-5)).contains(&weight)
+            });
+    }
 }
 
 /// Sampler, density and reflectance together: the mean of the weights over the unit square is the
