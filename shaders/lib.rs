@@ -10,14 +10,18 @@
 //! (`u`).
 
 pub mod brdf;
+pub mod camera;
+pub mod compensation;
 pub mod distribution;
 pub mod environment;
 pub mod fresnel;
 pub mod geometry;
 pub mod irradiance;
 pub mod layering;
+pub mod maps;
 pub mod materials;
 pub mod math;
+pub mod probe_room;
 pub mod radiometry;
 pub mod sampling;
 pub mod scene;

@@ -2,81 +2,148 @@
 
 use std::f64::consts::{PI, TAU};
 
-use glam::dcamera::rh::{proj::directx::perspective, view::look_at_mat4};
-use glam::{DMat4, DVec2, DVec3, Mat4, Vec3};
+use glam::{DVec2, DVec3, Vec3, Vec4};
+use karat::Texture;
+
+use crate::camera::{Camera, Setup};
+use crate::materials::{MATERIALS, ROUGHNESSES};
 
 /// Spheres across and down.
 pub const SIDE: u32 = 8;
 
 /// Between the centres of neighbouring spheres, which have radius 1: across, down.
-const SPACING: DVec2 = DVec2::new(3.2, 2.2);
-
-/// The lecture's roughnesses, from the top row down. 0 is a mirror.
-pub const ROUGHNESSES: [f32; SIDE as usize] = [0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5];
-
-/// Albedo and reflectance at normal incidence of the lecture's materials, from the left column
-/// to the right: red, green and blue plastic, iron, copper, gold, aluminium, silver.
-///
-/// Metals: Akenine-Moeller et al. 2018 (Real-Time Rendering, 4th edition), table 9.2, linear sRGB.
-/// Sources differ, most of all for iron; gold's red, 1.022 in linear sRGB as gold is outside its
-/// gamut, is clamped to 1. Plastics: 0.04, a dielectric of index 1.5.
-const MATERIALS: [(Vec3, Vec3); SIDE as usize] = [
-    (Vec3::new(0.80, 0.05, 0.05), PLASTIC_F0),
-    (Vec3::new(0.05, 0.80, 0.05), PLASTIC_F0),
-    (Vec3::new(0.05, 0.05, 0.80), PLASTIC_F0),
-    (Vec3::ZERO, Vec3::new(0.562, 0.565, 0.578)),
-    (Vec3::ZERO, Vec3::new(0.955, 0.638, 0.538)),
-    (Vec3::ZERO, Vec3::new(1.000, 0.782, 0.344)),
-    (Vec3::ZERO, Vec3::new(0.913, 0.922, 0.924)),
-    (Vec3::ZERO, Vec3::new(0.972, 0.960, 0.915)),
-];
-
-const PLASTIC_F0: Vec3 = Vec3::splat(0.04);
+pub const SPACING: DVec2 = DVec2::new(3.2, 2.2);
 
 karat::shareable! {
-    /// What the spheres of one instance are made of.
-    pub struct Material mirrors MaterialMirror {
-        /// Albedo per channel; black for metals.
-        diffuse: Vec3,
-        /// Reflectance at normal incidence per channel.
-        f0: Vec3,
-        /// GGX width, as the lecture feeds it: not squared.
-        roughness: f32,
+    /// How many directions light is gathered from, at each pixel.
+    pub struct Samples mirrors SamplesMirror {
+        /// For the diffuse term.
+        diffuse: u32,
+        /// For the specular one.
+        specular: u32,
     }
 }
 
-/// The materials of all spheres by instance: a material a column, a roughness a row.
+impl Samples {
+    /// Few enough for a software rasteriser. Powers of two make the diffuse furnace exact.
+    pub const DEFAULT: Self = Self { diffuse: 256, specular: 512 };
+    /// For estimators that read higher mip levels.
+    pub const FILTERED: Self = Self { diffuse: 32, specular: 32 };
+}
+
+/// What a sphere is made of, as its texels say.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Painted {
+    /// Albedo of plastics, reflectance at normal incidence of metals; linear, per channel.
+    pub base_color: Vec3,
+    /// GGX width, as the lecture feeds it: not squared. 0 is a mirror.
+    pub roughness: f32,
+    /// 0 for plastics, 1 for metals.
+    pub metallic: f32,
+}
+
+/// The spheres by instance: a material a column, a roughness a row.
 #[must_use]
-pub fn materials() -> Vec<Material> {
-    let row = |roughness| MATERIALS.map(|(diffuse, f0)| Material { diffuse, f0, roughness });
+pub fn spheres() -> Vec<Painted> {
+    let row = |roughness| {
+        MATERIALS.map(|(diffuse, f0)| {
+            let metal = diffuse == Vec3::ZERO;
+            let base_color = if metal { f0 } else { diffuse };
+            Painted { base_color, roughness, metallic: f32::from(metal) }
+        })
+    };
     ROUGHNESSES.into_iter().flat_map(row).collect()
 }
 
-karat::shareable! {
-    /// Where the frame is seen from.
-    pub struct Camera mirrors CameraMirror {
-        /// From world space to clip space: right-handed, depth from 0 (near) to 1.
-        view_projection: Mat4,
-        /// In world space.
-        position: Vec3,
-    }
+/// Those that reflect all light: white plastics instead of coloured ones, perfect metals instead
+/// of real ones.
+#[must_use]
+pub fn white_spheres() -> Vec<Painted> {
+    spheres().into_iter().map(|painted| Painted { base_color: Vec3::ONE, ..painted }).collect()
 }
 
-/// The camera that sees all spheres, for a frame `aspect` times as wide as high.
+/// `base_color_map` and `surface_map`, a texel a sphere.
 ///
-/// It stands on the +Z axis. The matrix is built in f64 and rounded once.
+/// # Panics
+///
+/// If there aren't as many spheres as the scene has.
+#[must_use]
+pub fn material_maps(spheres: &[Painted]) -> [Texture; 2] {
+    assert_eq!(spheres.len(), (SIDE * SIDE) as usize, "a material for each sphere");
+    let at = |column: u32, row: u32| spheres[(row * SIDE + column) as usize];
+    [
+        Texture::from_fn(SIDE, SIDE, |column, row| at(column, row).base_color.extend(1.0)),
+        Texture::from_fn(SIDE, SIDE, |column, row| {
+            Vec4::new(at(column, row).roughness, at(column, row).metallic, 0.0, 1.0)
+        }),
+    ]
+}
+
+/// Texels along a side of a mask: a sphere is 60 pixels wide in the largest frame.
+const MASK: u32 = 64;
+
+/// A mask in R from its value at a point of the unit square, seen from the front: x to the right,
+/// y up, both in [-1, 1].
+fn mask(value: impl Fn(DVec2) -> f64) -> Texture {
+    let centre = |texel: u32| (2.0 * f64::from(texel) + 1.0) / f64::from(MASK) - 1.0;
+    Texture::from_fn(MASK, MASK, |column, row| {
+        let value = value(DVec2::new(centre(column), -centre(row)));
+        Vec4::new(value as f32, 0.0, 0.0, 1.0)
+    })
+}
+
+/// Nothing is masked.
+#[must_use]
+pub fn no_mask() -> Texture {
+    mask(|_| 0.0)
+}
+
+/// Rings about the middle of each sphere, with edges that take a third of their width, so that
+/// the values between 0 and 1 are seen, too.
+#[must_use]
+pub fn rings() -> Texture {
+    mask(|point| (0.5 + 1.5 * (3.0 * PI * point.length()).sin()).clamp(0.0, 1.0))
+}
+
+/// Dots in a square pattern, of 0.85: semi-transparent white.
+#[must_use]
+pub fn dots() -> Texture {
+    mask(|point| {
+        // Two thirds from dot to dot.
+        let from_dot = point - (1.5 * point).round() / 1.5;
+        0.85 * ((0.2 - from_dot.length()) / 0.05).clamp(0.0, 1.0)
+    })
+}
+
+/// The camera that sees all spheres, for a frame `aspect` times as wide as high. It stands on the
+/// +Z axis.
 #[must_use]
 pub fn camera(aspect: f64) -> Camera {
     // Narrow, so that the spheres at the border don't look stretched.
-    let vertical_fov = 20_f64.to_radians();
+    let field_of_view = 20_f64.to_radians();
     // Half of the grid, the radius and a border of 0.6.
     let half = 0.5 * f64::from(SIDE - 1) * SPACING + DVec2::splat(1.6);
-    let distance = half.y.max(half.x / aspect) / (0.5 * vertical_fov).tan();
-    let position = DVec3::new(0.0, 0.0, distance);
-    // The spheres are within 1 of z = 0: all of the depth range is spent on them.
-    let projection = perspective(vertical_fov, aspect, distance - 1.5, distance + 1.5);
-    let view = look_at_mat4(position, DVec3::ZERO, DVec3::Y);
-    Camera { view_projection: (projection * view).as_mat4(), position: position.as_vec3() }
+    let distance = half.y.max(half.x / aspect) / (0.5 * field_of_view).tan();
+    Setup {
+        position: DVec3::new(0.0, 0.0, distance),
+        target: DVec3::ZERO,
+        field_of_view,
+        // The spheres are within 1 of z = 0: all of the depth range is spent on them.
+        depth: [distance - 1.5, distance + 1.5],
+    }
+    .camera(aspect)
+}
+
+/// A camera that sees the spheres from the side, one behind the other, those drawn first farthest.
+#[must_use]
+pub fn oblique_camera(aspect: f64) -> Camera {
+    Setup {
+        position: DVec3::new(40.0, -8.0, 12.0),
+        target: DVec3::ZERO,
+        field_of_view: 25_f64.to_radians(),
+        depth: [20.0, 65.0],
+    }
+    .camera(aspect)
 }
 
 /// The unit sphere as positions, which are its normals too, and triangles that are
@@ -137,14 +204,6 @@ pub fn sphere_centre(instance: u32) -> DVec3 {
     (top_left + offset).extend(0.0)
 }
 
-/// The direction in which a camera sees `ndc`, of any length: the far point of the inverse
-/// projection, from the near one.
-#[must_use]
-pub fn view_direction(view_projection: DMat4, ndc: DVec2) -> DVec3 {
-    let inverse = view_projection.inverse();
-    inverse.project_point3(ndc.extend(1.0)) - inverse.project_point3(ndc.extend(0.0))
-}
-
 #[cfg(test)]
 mod tests {
     use std::collections::HashSet;
@@ -192,10 +251,9 @@ mod tests {
 
     #[test]
     fn the_grid_reads_like_a_page() {
-        assert_eq!(materials().len(), 64);
-        let gold_second_row = &materials()[8 + 5];
-        assert_eq!(gold_second_row.f0, Vec3::new(1.0, 0.782, 0.344));
-        assert_eq!(gold_second_row.roughness, 0.05);
+        let gold_second_row = spheres()[8 + 5];
+        assert_eq!(gold_second_row.base_color, Vec3::new(1.0, 0.782, 0.344));
+        assert_eq!((gold_second_row.roughness, gold_second_row.metallic), (0.05, 1.0));
         let (first, last) = (sphere_centre(0), sphere_centre(63));
         assert!(first.x < 0.0 && first.y > 0.0);
         assert!(first.abs_diff_eq(-last, 1e-12));
@@ -204,12 +262,11 @@ mod tests {
     }
 
     #[test]
-    fn metals_have_no_diffuse_and_plastics_conserve_energy() {
-        for (column, material) in materials().into_iter().enumerate() {
-            let metal = column % 8 > 2;
-            assert_eq!(material.diffuse == Vec3::ZERO, metal);
-            assert!(material.f0.min_element() >= 0.04 && material.f0.max_element() <= 1.0);
+    fn five_columns_are_metal() {
+        for (instance, painted) in spheres().into_iter().enumerate() {
+            assert_eq!(painted.metallic == 1.0, instance % 8 > 2);
         }
+        assert!(white_spheres().iter().all(|painted| painted.base_color == Vec3::ONE));
     }
 
     #[test]
@@ -238,18 +295,5 @@ mod tests {
         assert!(first.x < 0.0 && first.y > 0.0);
         let nearer = matrix.project_point3(Vec3::Z).z;
         assert!(nearer < matrix.project_point3(Vec3::ZERO).z);
-    }
-
-    #[test]
-    fn view_directions_reach_what_they_show() {
-        let camera = camera(WIDE);
-        let eye = camera.position.as_dvec3();
-        let matrix = camera.view_projection.as_dmat4();
-        for ndc in [DVec2::ZERO, DVec2::new(-0.8, 0.6), DVec2::ONE] {
-            let direction = view_direction(matrix, ndc).normalize();
-            let seen = matrix.project_point3(eye + 50.0 * direction);
-            assert!(seen.truncate().abs_diff_eq(ndc, 1e-6), "{seen} for {ndc}");
-        }
-        assert!(view_direction(matrix, DVec2::ZERO).normalize().abs_diff_eq(DVec3::NEG_Z, 1e-6));
     }
 }

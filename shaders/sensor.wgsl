@@ -1,1 +1,63 @@
-// (to be written)
+// From radiance to a display: exposure, luminance, tone, and the transfer function of sRGB.
+// PV227 lecture 11, "Sensors". For previews only: frames are linear and HDR.
+
+/// Weights of linear red, green and blue with the primaries of sRGB (and of ITU-R BT.709).
+/// IEC 61966-2-1, the second row of the matrix to XYZ.
+const LUMINANCE: vec3f = vec3f(0.2126, 0.7152, 0.0722);
+
+/// Exposure value at ISO 100 of a camera with f-number `aperture`, `shutter` time in s and
+/// sensitivity `iso`. Lagarde and de Rousiers 2014, section 5.1: log2(N^2 / t * 100 / S).
+fn ev100_from_camera(aperture: f32, shutter: f32, iso: f32) -> f32 {
+    return log2(aperture * aperture / shutter * 100.0 / iso);
+}
+
+/// What luminance in cd/m^2 is multiplied by so that the brightest which the sensor holds becomes
+/// 1. Lagarde and de Rousiers 2014, section 5.1: 1 / (1.2 * 2^EV100).
+///
+/// The 1.2 is 78 / (100 q) with q = 0.65, the part of the light that a lens lets through.
+fn exposure_from_ev100(ev100: f32) -> f32 {
+    return exp2(-ev100) / 1.2;
+}
+
+/// `radiance`, brighter by `stops`: twice as bright a stop.
+fn expose(radiance: vec3f, stops: f32) -> vec3f {
+    return radiance * exp2(stops);
+}
+
+/// Luminance of a linear colour.
+fn luminance(color: vec3f) -> f32 {
+    return dot(color, LUMINANCE);
+}
+
+/// Compresses luminance so that `white`, the least that shows as white, becomes 1.
+/// Reinhard et al. 2002, eq. 4: L (1 + L / white^2) / (1 + L).
+fn reinhard(color_luminance: f32, white: f32) -> f32 {
+    return color_luminance * reinhard_scale(color_luminance, white);
+}
+
+/// `reinhard` of a colour's luminance; hue and saturation stay. Channels brighter than the
+/// luminance may exceed 1.
+///
+/// By eq. 4 over L: black needs no division by its luminance.
+fn tone_map(color: vec3f, white: f32) -> vec3f {
+    return color * reinhard_scale(luminance(color), white);
+}
+
+fn reinhard_scale(color_luminance: f32, white: f32) -> f32 {
+    return (1.0 + color_luminance / (white * white)) / (1.0 + color_luminance);
+}
+
+/// Non-linear sRGB of a linear colour. IEC 61966-2-1.
+///
+/// Not clamped: values above 1 continue the curve, those below 0 its straight part. (The power is
+/// NaN there, but it isn't selected.)
+fn srgb_from_linear(color: vec3f) -> vec3f {
+    let curve = 1.055 * pow(color, vec3f(1.0 / 2.4)) - 0.055;
+    return select(curve, 12.92 * color, color <= vec3f(0.0031308));
+}
+
+/// Linear colour of non-linear sRGB. IEC 61966-2-1. Not clamped either.
+fn linear_from_srgb(color: vec3f) -> vec3f {
+    let curve = pow((color + 0.055) / 1.055, vec3f(2.4));
+    return select(curve, color / 12.92, color <= vec3f(0.04045));
+}

@@ -1,19 +1,21 @@
 //! Twin of `specular.wgsl`: light from an environment, reflected by GGX microfacets.
+//!
+//! `n`, `v` and `r` are unit vectors with N.V > 0; `alpha` is 0, a mirror, or lies in 1e-4..=1;
+//! `samples` is at least 1. Radiances are in W/(m^2 sr).
 
 use std::f64::consts::PI;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
-use crate::{fresnel, geometry, sampling};
+use crate::{environment, fresnel, geometry, sampling};
 
 /// The estimator in its general form, the mean of f L cos / pdf over the same normals, with D in
-/// both f and pdf: W/(m^2 sr).
+/// both f and pdf.
 ///
-/// f = D F G / (4 N.L N.V): Walter et al. 2007, eq. 20; pdf = D N.H / (4 V.H): eq. 24 and 14. `n`
-/// and `v` are unit vectors with N.V > 0; `alpha` is 0, a mirror, or lies in 1e-4..=1; `radiance`
-/// is the light from a unit direction; `samples` is at least 1.
+/// f = D F G / (4 N.L N.V): Walter et al. 2007, eq. 20; pdf = D N.H / (4 V.H): eq. 24 and 14.
+/// `radiance` is the light from a unit direction.
 #[must_use]
-pub fn specular_estimate(
+pub fn estimate(
     f0: DVec3,
     alpha: f64,
     n: DVec3,
@@ -21,9 +23,42 @@ pub fn specular_estimate(
     samples: u32,
     radiance: impl Fn(DVec3) -> DVec3,
 ) -> DVec3 {
+    mean(f0, alpha, n, v, samples, |l, _| radiance(l))
+}
+
+/// `estimate` with light from mip levels: `radiance` is the light about a unit direction, at a
+/// level. Krivanek and Colbert 2008. `size` is the side of a face in texels.
+#[must_use]
+pub fn filtered_estimate(
+    f0: DVec3,
+    alpha: f64,
+    n: DVec3,
+    v: DVec3,
+    samples: u32,
+    size: u32,
+    radiance: impl Fn(DVec3, f64) -> DVec3,
+) -> DVec3 {
+    let level = |pdf| pdf_level(pdf, samples, size);
+    mean(f0, alpha, n, v, samples, |l, pdf| radiance(l, level(pdf)))
+}
+
+/// The first level where the density is infinite, for a mirror.
+fn pdf_level(pdf: f64, samples: u32, size: u32) -> f64 {
+    if pdf == f64::INFINITY { 0.0 } else { environment::mip_level(pdf, samples, size) }
+}
+
+/// The mean of f L cos / pdf, L being a function of direction and pdf.
+fn mean(
+    f0: DVec3,
+    alpha: f64,
+    n: DVec3,
+    v: DVec3,
+    samples: u32,
+    radiance: impl Fn(DVec3, f64) -> DVec3,
+) -> DVec3 {
     let n_dot_v = n.dot(v);
     if alpha == 0.0 {
-        return fresnel::schlick(f0, n_dot_v) * radiance(2.0 * n_dot_v * n - v);
+        return fresnel::schlick(f0, n_dot_v) * radiance(2.0 * n_dot_v * n - v, f64::INFINITY);
     }
     let frame = sampling::orthonormal_basis(n);
     let sample = |i| {
@@ -39,9 +74,56 @@ pub fn specular_estimate(
         let g = geometry::v_cavity(n_dot_h, n_dot_v, n_dot_l, v_dot_h);
         let f = fresnel::schlick(f0, v_dot_h) * d * g / (4.0 * n_dot_l * n_dot_v);
         let pdf = d * n_dot_h / (4.0 * v_dot_h);
-        f * radiance(l) * n_dot_l / pdf
+        f * radiance(l, pdf) * n_dot_l / pdf
     };
     (0..samples).map(sample).sum::<DVec3>() / f64::from(samples)
+}
+
+/// Karis 2013, "Pre-filtered environment map": sum L N.L / sum N.L with N = V = R. At least 2
+/// samples.
+#[must_use]
+pub fn prefiltered(alpha: f64, r: DVec3, samples: u32, radiance: impl Fn(DVec3) -> DVec3) -> DVec3 {
+    let frame = sampling::orthonormal_basis(r);
+    let mut sum = DVec3::ZERO;
+    let mut total = 0.0;
+    for i in 0..samples {
+        let h = frame * sampling::ggx_normal(alpha, sampling::hammersley_centred(i, samples));
+        let l = 2.0 * r.dot(h) * h - r;
+        let n_dot_l = r.dot(l);
+        if n_dot_l > 0.0 {
+            sum += n_dot_l * radiance(l);
+            total += n_dot_l;
+        }
+    }
+    sum / total
+}
+
+/// Karis 2013, "Environment BRDF": the two integrals that multiply f0 and 1, from a white furnace
+/// of a black and of a white f0, between which Schlick's F is linear.
+#[must_use]
+pub fn split_sum_table(alpha: f64, n_dot_v: f64, samples: u32) -> DVec2 {
+    let v = DVec3::new((1.0 - n_dot_v * n_dot_v).sqrt(), 0.0, n_dot_v);
+    let furnace = |f0| estimate(f0, alpha, DVec3::Z, v, samples, |_| DVec3::ONE).x;
+    let offset = furnace(DVec3::ZERO);
+    DVec2::new(furnace(DVec3::ONE) - offset, offset)
+}
+
+/// Karis 2013: the product of the two sums.
+#[must_use]
+pub fn split_sum(f0: DVec3, table: DVec2, light: DVec3) -> DVec3 {
+    light * (f0 * table.x + DVec3::splat(table.y))
+}
+
+/// sqrt(alpha) of the way from the first level to the last.
+#[must_use]
+pub fn prefiltered_level(alpha: f64, levels: u32) -> f64 {
+    (f64::from(levels) - 1.0) * alpha.powf(0.5)
+}
+
+/// The square of the level's share of the last.
+#[must_use]
+pub fn prefiltered_alpha(level: f64, levels: u32) -> f64 {
+    (level / (f64::from(levels) - 1.0)).powi(2)
 }
 
 /// Walter et al. 2007, eq. 33, from sin^2: alpha^2 / (pi (cos^2 alpha^2 + sin^2)^2).
@@ -63,7 +145,7 @@ mod tests {
     /// What a perfect reflector (f0 = 1) of `alpha` returns of a white furnace.
     fn furnace(alpha: f64, degrees: f64, samples: u32) -> f64 {
         let white = |_| DVec3::ONE;
-        specular_estimate(DVec3::ONE, alpha, DVec3::Z, view(degrees), samples, white).x
+        estimate(DVec3::ONE, alpha, DVec3::Z, view(degrees), samples, white).x
     }
 
     #[test]
@@ -81,16 +163,109 @@ mod tests {
     fn a_narrow_lobe_is_a_mirror() {
         let sky = |l: DVec3| DVec3::new(1.0 + l.x, 1.0 + l.y, 1.0 + l.z);
         for degrees in [0.0, 45.0, 80.0] {
-            let estimate = |alpha| {
-                specular_estimate(DVec3::splat(0.3), alpha, DVec3::Z, view(degrees), 64, sky)
-            };
-            assert!(estimate(1e-4).abs_diff_eq(estimate(0.0), 1e-3), "{degrees}");
+            let at = |alpha| estimate(DVec3::splat(0.3), alpha, DVec3::Z, view(degrees), 64, sky);
+            assert!(at(1e-4).abs_diff_eq(at(0.0), 1e-3), "{degrees}");
         }
     }
 
     #[test]
     fn a_mirror_shows_the_mirror_direction() {
-        let seen = specular_estimate(DVec3::ONE, 0.0, DVec3::Z, view(30.0), 1, |l| l);
+        let seen = estimate(DVec3::ONE, 0.0, DVec3::Z, view(30.0), 1, |l| l);
         assert!(seen.abs_diff_eq(DVec3::new(-0.5, 0.0, 0.75_f64.sqrt()), 1e-15));
+    }
+
+    /// int f cos dw of the BRDF with F = 1, by the midpoint rule over the light's directions.
+    fn albedo(alpha: f64, degrees: f64) -> f64 {
+        let v = view(degrees);
+        let n = 1000;
+        let step = 1.0 / f64::from(n);
+        let mut sum = 0.0;
+        for i in 0..n {
+            for j in 0..n {
+                let (c, phi) = ((f64::from(i) + 0.5) * step, (f64::from(j) + 0.5) * step * PI);
+                let s = (1.0 - c * c).sqrt();
+                let l = DVec3::new(s * phi.cos(), s * phi.sin(), c);
+                let h = (l + v).normalize();
+                let d = ggx(alpha, 1.0 - h.z * h.z);
+                let g = geometry::v_cavity(h.z, v.z, l.z, v.dot(h));
+                sum += d * g / (4.0 * v.z) * step * step;
+            }
+        }
+        2.0 * PI * sum
+    }
+
+    #[test]
+    fn the_table_is_the_integral_of_the_brdf() {
+        for (alpha, degrees) in [(0.3, 0.0), (0.3, 60.0), (0.8, 30.0), (0.8, 85.0)] {
+            let table = split_sum_table(alpha, view(degrees).z, 1 << 14);
+            let expected = albedo(alpha, degrees);
+            assert!((table.x + table.y - expected).abs() < 1e-3, "{table} {expected}");
+        }
+    }
+
+    #[test]
+    fn the_split_sum_is_exact_for_constant_light() {
+        let (f0, light) = (DVec3::new(0.04, 0.5, 0.9), DVec3::new(1.0, 2.0, 3.0));
+        for alpha in [0.0, 1e-3, 0.3, 1.0] {
+            for degrees in [0.0, 45.0, 89.9] {
+                let v = view(degrees);
+                let table = split_sum_table(alpha, v.z, 256);
+                let held = prefiltered(alpha, DVec3::new(-v.x, 0.0, v.z), 256, |_| light);
+                assert!(held.abs_diff_eq(light, 1e-14));
+                let full = estimate(f0, alpha, DVec3::Z, v, 256, |_| light);
+                let split = split_sum(f0, table, held);
+                assert!(split.abs_diff_eq(full, 1e-12), "{alpha} {degrees}: {split} {full}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_split_sum_is_close_along_the_normal() {
+        // There N = V = R holds. What is left is the weight, N.L in place of G V.H / N.H.
+        let sky = environment::linear(DVec3::new(0.3, -0.2, 0.6));
+        for (alpha, bound) in [(0.1, 0.006), (0.3, 0.02), (0.5, 0.022)] {
+            let full = estimate(DVec3::ONE, alpha, DVec3::Z, DVec3::Z, 1024, &sky).x;
+            let table = split_sum_table(alpha, 1.0, 1024);
+            let split = split_sum(DVec3::ONE, table, prefiltered(alpha, DVec3::Z, 1024, &sky)).x;
+            assert!((split - full).abs() < bound, "{alpha}: {split} {full}");
+        }
+    }
+
+    #[test]
+    fn constant_light_is_the_same_at_every_level() {
+        let v = view(50.0);
+        for alpha in [0.0, 0.05, 0.5] {
+            let plain = estimate(DVec3::ONE, alpha, DVec3::Z, v, 32, |_| DVec3::ONE);
+            let filtered =
+                filtered_estimate(DVec3::ONE, alpha, DVec3::Z, v, 32, 64, |_, _| DVec3::ONE);
+            assert_eq!(plain, filtered);
+        }
+    }
+
+    #[test]
+    fn wide_lobes_and_few_samples_take_high_levels() {
+        let level = |alpha, samples| {
+            let level = |_, level| DVec3::splat(level);
+            let v = DVec3::Z;
+            filtered_estimate(DVec3::ONE, alpha, v, v, samples, 256, level).x
+        };
+        eprintln!(
+            "{:?}",
+            [level(0.1, 16), level(0.2, 16), level(0.4, 16), level(0.2, 64), level(0.2, 256)]
+        );
+        assert_eq!(level(0.0, 16), 0.0);
+        assert!(level(0.05, 16) < level(0.1, 16) && level(0.1, 16) < level(0.2, 16));
+        assert!(level(0.2, 256) < level(0.2, 64) && level(0.2, 64) < level(0.2, 16));
+        // A quarter of the samples, a level more.
+        assert!((level(0.2, 64) - level(0.2, 256) - 1.0).abs() < 0.1);
+    }
+
+    #[test]
+    fn levels_and_widths_are_inverse() {
+        for alpha in [0.0, 1e-4, 0.25, 1.0] {
+            assert!((prefiltered_alpha(prefiltered_level(alpha, 7), 7) - alpha).abs() < 1e-15);
+        }
+        assert_eq!(prefiltered_level(0.25, 7), 3.0);
+        assert_eq!(prefiltered_level(1.0, 7), 6.0);
     }
 }

@@ -63,3 +63,57 @@ fn dielectric_around_the_critical_angle() {
         .over((0.4..=1.0, 0.0..=1.0))
         .agrees_with(fresnel::dielectric, Abs(2e-3));
 }
+
+/// Metals: the modulus of q loses 6 ulp, the fourth powers of two sums with a square root four
+/// times as many as the sums, the last division 2.5. All in all the worst is r_p where it is
+/// least, and there r_s outweighs it.
+#[test]
+fn conductor() {
+    PBR.function("fresnel::conductor")
+        .over((0.05..=10.0, 0.5..=10.0, 0.0..=1.0))
+        .agrees_with(fresnel::conductor, Ulp(32.0));
+}
+
+/// Little absorption: a dielectric with a tint. From the rarer side nothing cancels but what does
+/// in the dielectric.
+#[test]
+fn conductor_with_little_absorption() {
+    let absorption = (0.0..=0.5_f32).filter(|k| *k == 0.0 || *k >= 1e-18);
+    PBR.function("fresnel::conductor")
+        .over((1.0..=2.5, absorption, 0.0..=1.0))
+        .agrees_with(fresnel::conductor, Ulp(32.0));
+}
+
+/// Without absorption it is the dielectric, whose reference has other formulas.
+#[test]
+fn conductor_without_absorption_is_a_dielectric() {
+    PBR.function("fresnel::conductor")
+        .over((1.0..=2.5, Just(0.0), 0.0..=1.0))
+        .agrees_with(|eta: f64, _: f64, cosine: f64| fresnel::dielectric(eta, cosine), Ulp(32.0));
+}
+
+#[test]
+fn conductor_reflects_no_more_than_it_receives() {
+    PBR.function("fresnel::conductor")
+        .over((0.05..=10.0, 0.0..=10.0, 0.0..=1.0))
+        .satisfies("lies in 0..=1, to the error above", |_, f: f32| {
+            (0.0..=1.0 + 16.0 * f32::EPSILON).contains(&f)
+        });
+}
+
+/// A product, a sum and a division by a constant.
+#[test]
+fn schlick_average() {
+    PBR.function("fresnel::schlick_average")
+        .over(UnitRgb)
+        .agrees_with(fresnel::schlick_average, Ulp(4.0));
+}
+
+/// The quadrature is right to 5e-7 at eta = 2.5, 7 ulp of what is between 0.2 and 1; the sums
+/// lose the rest, in the worst case beside eta = 1.
+#[test]
+fn dielectric_average() {
+    PBR.function("fresnel::dielectric_average")
+        .over(0.4..=2.5)
+        .agrees_with(fresnel::dielectric_average, Ulp(24.0));
+}

@@ -1,55 +1,105 @@
-//! Frames of the test scene against their goldens.
+//! The frames of the shader library against their goldens.
 
+use frames::Shot;
 use karat::prelude::*;
-use karat::{Frame, Goldens, Mesh};
-use shaders::{PBR, environment, scene};
+use karat::{Goldens, Image};
 
 static GOLDEN: Goldens = karat::goldens!("../golden");
-
-/// Texels along a face: the sun is 10 texels wide.
-const ENVIRONMENT: u32 = 128;
-
-/// The 64 spheres under the studio's light, with the environment behind them.
-fn scene_in_the_studio(width: u32, height: u32) -> Frame<'static> {
-    let studio = environment::cube_map(ENVIRONMENT, environment::studio);
-    let (positions, indices) = scene::sphere(32, 64);
-    let spheres = scene::SIDE * scene::SIDE;
-    PBR.frame("scene", width, height)
-        .with("camera", Uniform::new(scene::camera(f64::from(width) / f64::from(height))))
-        .with("materials", Storage::new(scene::materials()))
-        .with("environment", CubeMap::from_texels(ENVIRONMENT, studio))
-        .with("environment_sampler", Sampler::Linear)
-        .mesh("vertex", "fragment", Mesh::new(positions, indices), spheres)
-        .fullscreen("background_vertex", "background_fragment")
-}
 
 /// wgpu's GL draws into 16-bit floats here, which rounds one pixel in a hundred by more than the
 /// 1e-3 of lavapipe, and doesn't filter across the edges of cube-map faces: where a mirror shows
 /// such an edge inside a light, up to 4 %.
 const GL_TOLERANCE: f32 = 5e-2;
 
-/// Diffuse and importance-sampled specular light of the studio on 8 materials x 8 roughnesses.
-#[test]
-fn scene() {
-    // Large enough to tell the materials apart, small enough for a software rasteriser.
-    scene_in_the_studio(640, 360)
-        .depth_prepass()
+fn open_paths() -> Vec<Path> {
+    let open = Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok());
+    let open: Vec<Path> = open.collect();
+    assert!(!open.is_empty(), "no execution path opens, so nothing would be checked");
+    open
+}
+
+/// Maps that frames look up are computed on the first path, so that each path is judged for what
+/// it does itself; the maps have frames of their own.
+fn golden(name: &str) {
+    let shot = Shot::golden(open_paths()[0]);
+    frames::frame(name, &shot)
+        .expect("the frame can be described")
         .tolerance_on(Path::Gl, GL_TOLERANCE)
-        .matches(&GOLDEN, "scene");
+        .matches(&GOLDEN, name);
+}
+
+macro_rules! goldens {
+    ($($name:ident),* $(,)?) => {
+        $(#[test]
+        fn $name() {
+            golden(stringify!($name));
+        })*
+
+        #[test]
+        fn every_frame_has_its_golden() {
+            let tested = [$(stringify!($name)),*];
+            for (name, _) in frames::FRAMES {
+                assert!(tested.contains(&name), "frame `{name}` has no test");
+            }
+            assert_eq!(tested.len(), frames::FRAMES.len());
+        }
+    };
+}
+
+goldens!(
+    scene,
+    diffuse,
+    specular,
+    masked_roughness,
+    layered,
+    masked_layered,
+    filtered_diffuse,
+    filtered_specular,
+    environment,
+    irradiance,
+    lambert,
+    lambert_parallax,
+    furnace,
+    split_sum,
+);
+
+fn small(path: Path) -> Shot {
+    Shot::golden(path).sized(160, 90)
+}
+
+fn render(name: &str, shot: &Shot) -> Image {
+    let frame = frames::frame(name, shot).expect("the frame can be described");
+    frame.render(shot.path).expect("the frame is drawn")
 }
 
 /// Depth equality after a pre-pass keeps exactly the fragments that the plain depth test keeps,
 /// and drawing again gives the same bits.
 #[test]
 fn a_depth_prepass_changes_no_pixel() {
-    let open = Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok());
-    let open: Vec<Path> = open.collect();
-    assert!(!open.is_empty(), "no execution path opens, so nothing would be checked");
-    for path in open {
-        let render = |frame: Frame<'_>| frame.render(path).expect("the scene is drawn");
-        let plain = render(scene_in_the_studio(160, 90));
-        let prepass = render(scene_in_the_studio(160, 90).depth_prepass());
+    for path in open_paths() {
+        let prepass = render("scene", &small(path));
+        let plain = render("scene", &Shot { prepass: false, ..small(path) });
         assert_eq!(plain.hash(), prepass.hash(), "on {path}");
-        assert_eq!(prepass.hash(), render(scene_in_the_studio(160, 90).depth_prepass()).hash());
+        assert_eq!(prepass.hash(), render("scene", &small(path)).hash());
+    }
+}
+
+/// Light adds up: what the scene shows is the diffuse frame plus the specular one. Each is rounded
+/// to 16 bits on GL, by up to 4.9e-4.
+#[test]
+fn diffuse_and_specular_add_up_to_the_scene() {
+    for path in open_paths() {
+        let [both, diffuse, specular] =
+            ["scene", "diffuse", "specular"].map(|name| render(name, &small(path)));
+        let mut spheres = 0;
+        let pixels = both.pixels().iter().zip(diffuse.pixels()).zip(specular.pixels());
+        for ((both, diffuse), specular) in pixels.filter(|((_, a), b)| a != b) {
+            spheres += 1;
+            for channel in 0..3 {
+                let sum = diffuse[channel] + specular[channel];
+                assert!((both[channel] - sum).abs() <= 1.5e-3 * sum, "on {path}: {both:?}, {sum}");
+            }
+        }
+        assert!(spheres > 4000, "{spheres} pixels show spheres");
     }
 }

@@ -1,5 +1,6 @@
 //! Proof that each kind of check can fail: a fault is planted, and must be seen.
 
+use std::f64::consts::{PI, TAU};
 use std::path::Path as FilePath;
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
@@ -550,4 +551,46 @@ fn accepting_off_the_canonical_rasteriser_is_refused() {
     let acceptance = Acceptance { because: "why".to_owned(), by: None, any_adapter: false };
     let error = goldens.accept(&pending[0], &acceptance).expect_err("rendered on GL");
     assert!(error.to_string().contains("goldens are made on lavapipe"), "{error}");
+}
+
+/// The midpoint rule in the squared sine and the azimuth, where the cosine is in the measure: the
+/// directions of a hemisphere about +Z and the weights of an integral of `f cos`.
+fn hemisphere(size: u16) -> Vec<(Vec3, f64)> {
+    let at = |index: u16| (f64::from(index) + 0.5) / f64::from(size);
+    let node = |row: u16, column: u16| {
+        let (sine_squared, azimuth) = (at(row), TAU * at(column));
+        let (sine, cosine) = (sine_squared.sqrt(), (1.0 - sine_squared).sqrt());
+        let l = DVec3::new(sine * azimuth.cos(), sine * azimuth.sin(), cosine);
+        (l.as_vec3(), PI / (f64::from(size) * f64::from(size)))
+    };
+    (0..size).flat_map(|row| (0..size).map(move |column| node(row, column))).collect()
+}
+
+/// A diffuse BRDF whose factor is planted.
+fn diffuse(factor: &str) -> Package {
+    let wgsl = format!(
+        "fn eval(albedo: vec3f, l: vec3f) -> vec3f {{ return albedo * select(0.0, {factor}, l.z > 0.0); }}"
+    );
+    Package::from_modules("planted", [("brdf", wgsl)])
+}
+
+fn albedo_rule(albedo: &Vec3) -> Vec<((Vec3, Vec3), f64)> {
+    hemisphere(16).into_iter().map(|(l, weight)| ((*albedo, l), weight)).collect()
+}
+
+/// Rounding of `albedo / pi` and of the planted constant: two steps of `f32`.
+const ALBEDO: Rel = Rel(1.2e-7);
+
+#[test]
+fn an_integral_that_is_right() {
+    let package = diffuse("0.318309886");
+    let integral = || package.function("brdf::eval").integral(UnitRgb, albedo_rule);
+    let agreement = integral().agrees_with(|albedo| albedo.as_dvec3(), ALBEDO);
+    assert_eq!(agreement.cases, 256);
+    let agreement = integral().cases(1000).try_is_at_most(|_| 1.0, 1.2e-7);
+    assert_eq!(agreement.expect("no albedo is above 1").cases, 1000);
+    let cases = OneOf(vec![Vec3::ZERO, Vec3::splat(0.5), Vec3::ONE]);
+    let finite = package.function("brdf::eval").integral(cases, albedo_rule);
+    let agreement = finite.try_is_at_most(|albedo| albedo.as_dvec3(), 1.2e-7);
+    assert_eq!(agreement.expect("each value of a finite domain").cases, 3);
 }

@@ -1,1 +1,245 @@
-//! Tests of `radiometry`.
+//! Quantities of light against their definitions.
+
+use std::f64::consts::PI;
+
+use karat::prelude::*;
+use karat::{Agreement, Failure, Probed};
+use shaders::{PBR, radiometry};
+
+/// Results below the smallest normal f32, which WGSL may flush.
+const UNDERFLOW: Abs = Abs(1e-30);
+
+/// Light of any strength that isn't lost in f32: from starlight to the sun's 1e9 W/(m^2 sr).
+const LIGHT: std::ops::RangeInclusive<f32> = 0.0..=1e9;
+
+/// Cosines that may be divided by.
+const COSINE: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
+
+/// From a millimetre to ten kilometres.
+const DISTANCE: std::ops::RangeInclusive<f32> = 1e-3..=1e4;
+
+/// Up to the hemisphere.
+const SOLID_ANGLE: std::ops::RangeInclusive<f32> = 1e-8..=6.283_185;
+
+/// A module that calls the library: facts about several functions at once.
+fn calling(functions: &str, wgsl: &str) -> Package {
+    let text = format!("import pbr::radiometry::{{{functions}}};\n{wgsl}");
+    Package::from_source("calling", text).depends_on("pbr", &PBR)
+}
+
+#[track_caller]
+fn holds(result: Result<Agreement, Failure>) {
+    if let Err(failure) = result {
+        panic!("{failure}");
+    }
+}
+
+/// One product, with a rounded constant.
+#[test]
+fn intensity_from_flux() {
+    PBR.function("radiometry::intensity_from_flux")
+        .over(LIGHT)
+        .agrees_with(radiometry::intensity_from_flux, Ulp(2.0));
+}
+
+/// A product and two divisions, of 2.5 ulp each.
+#[test]
+fn irradiance_from_intensity() {
+    PBR.function("radiometry::irradiance_from_intensity")
+        .over((LIGHT, 0.0..=1.0, DISTANCE))
+        .agrees_with(radiometry::irradiance_from_intensity, Ulp(6.0).or(UNDERFLOW));
+}
+
+/// Twice as far needs four times the intensity, to the bit: these are powers of two.
+#[test]
+fn irradiance_falls_with_the_square_of_the_distance() {
+    PBR.function("radiometry::irradiance_from_intensity")
+        .over((LIGHT, COSINE, DISTANCE))
+        .invariant_under(
+            |(intensity, cosine, distance)| (4.0 * intensity, cosine, 2.0 * distance),
+            Ulp(0.0),
+        );
+}
+
+#[test]
+fn irradiance_from_radiance() {
+    PBR.function("radiometry::irradiance_from_radiance")
+        .over((LIGHT, SOLID_ANGLE, 0.0..=1.0))
+        .agrees_with(radiometry::irradiance_from_radiance, Ulp(2.0).or(UNDERFLOW));
+}
+
+/// Two divisions, of 2.5 ulp each.
+#[test]
+fn radiance_from_irradiance() {
+    PBR.function("radiometry::radiance_from_irradiance")
+        .over((LIGHT, SOLID_ANGLE, COSINE))
+        .agrees_with(radiometry::radiance_from_irradiance, Ulp(6.0).or(UNDERFLOW));
+}
+
+/// The series loses 3 ulp, squared 6, and three products 2.
+#[test]
+fn irradiance_from_cap() {
+    PBR.function("radiometry::irradiance_from_cap")
+        .over((LIGHT, 0.0..=std::f32::consts::FRAC_PI_2))
+        .agrees_with(radiometry::irradiance_from_cap, Ulp(9.0).or(UNDERFLOW));
+}
+
+/// Two divisions, of 2.5 ulp each, and three products.
+#[test]
+fn irradiance_from_patch() {
+    PBR.function("radiometry::irradiance_from_patch")
+        .over((LIGHT, 0.0..=1e4, 0.0..=1.0, 0.0..=1.0, DISTANCE))
+        .agrees_with(radiometry::irradiance_from_patch, Ulp(8.0).or(UNDERFLOW));
+    PBR.function("radiometry::patch_solid_angle")
+        .over((0.0..=1e4, 0.0..=1.0, DISTANCE))
+        .agrees_with(radiometry::patch_solid_angle, Ulp(6.0).or(UNDERFLOW));
+}
+
+#[test]
+fn lambert() {
+    PBR.function("radiometry::lambert_radiosity")
+        .over((0.0..=1.0, LIGHT))
+        .agrees_with(radiometry::lambert_radiosity, Ulp(1.0).or(UNDERFLOW));
+    PBR.function("radiometry::lambert_radiance")
+        .over((0.0..=1.0, LIGHT))
+        .agrees_with(radiometry::lambert_radiance, Ulp(3.0).or(UNDERFLOW));
+}
+
+#[test]
+fn mirror_brdf() {
+    PBR.function("radiometry::mirror_brdf")
+        .over((COSINE, SOLID_ANGLE))
+        .agrees_with(radiometry::mirror_brdf, Ulp(6.0));
+}
+
+#[test]
+fn conserves_energy() {
+    PBR.function("radiometry::conserves_energy")
+        .over(0.0..=2.0)
+        .agrees_with(radiometry::conserves_energy, Ulp(0.0));
+}
+
+/// The series loses 3 ulp, squared 6, and two products 2; half the angle is exact.
+#[test]
+fn cap_solid_angle() {
+    PBR.function("radiometry::cap_solid_angle")
+        .over(0.0..=std::f32::consts::PI)
+        .agrees_with(radiometry::cap_solid_angle, Ulp(9.0).or(UNDERFLOW));
+}
+
+/// A texel of a cube map, and the number of texels across.
+fn texels(most: u32) -> impl Domain<Value = (u32, u32, u32)> {
+    let place = (Integers(1..=most), 0.0..=1.0_f32, 0.0..=1.0_f32);
+    place.map(|(size, column, row)| {
+        let texel = |share: f32| ((share * size as f32) as u32).min(size - 1);
+        (size, texel(column), texel(row))
+    })
+}
+
+/// Three square roots of 4.5 ulp, of which two thirds reach the divisor, a division, the squared
+/// width of the texel (5 ulp) and the rounding of its corners: nothing cancels, however small the
+/// texel.
+#[test]
+fn texel_solid_angle() {
+    PBR.function("radiometry::texel_solid_angle")
+        .over(texels(4096))
+        .agrees_with(radiometry::texel_solid_angle, Ulp(16.0));
+}
+
+/// Faces are alike in both directions: only the diagonal that cuts the texel differs.
+#[test]
+fn texels_are_symmetric() {
+    let size_texels = || texels(4096).filter(|(size, _, _)| *size > 1);
+    PBR.function("radiometry::texel_solid_angle")
+        .over(size_texels())
+        .invariant_under(|(size, column, row)| (size, size - 1 - column, row), Ulp(16.0));
+    PBR.function("radiometry::texel_solid_angle")
+        .over(size_texels())
+        .invariant_under(|(size, column, row)| (size, row, column), Ulp(16.0));
+}
+
+/// All texels of all six faces, summed in f64: 4 pi, to the mean error of a texel.
+#[test]
+fn the_texels_of_a_cube_cover_the_sphere() {
+    let probed =
+        Probed::new(&PBR, "radiometry::texel_solid_angle").expect("the function can be probed");
+    let open: Vec<Path> =
+        Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok()).collect();
+    assert!(!open.is_empty(), "no execution path opens");
+    for path in open {
+        for size in 1..=64_u32 {
+            let texels: Vec<Vec<u32>> =
+                (0..size * size).map(|index| vec![size, index % size, index / size]).collect();
+            let results = karat::call(&probed, path, &texels).expect("the kernel runs");
+            let face: f64 = results.iter().map(|lanes| f64::from(f32::from_bits(lanes[0]))).sum();
+            let sphere = 6.0 * face / (4.0 * PI);
+            assert!((sphere - 1.0).abs() < 1e-6, "{path}, {size}: {sphere} of the sphere");
+        }
+    }
+}
+
+/// I summed over the solid angles of a cube's texels. Up to 144 roundings of a growing sum, each
+/// half an ulp and of either sign, and the error of a texel.
+#[test]
+fn isotropic_intensity_integrates_to_the_flux() {
+    let package = calling(
+        "intensity_from_flux, texel_solid_angle",
+        "fn flux(flux: f32, size: u32) -> f32 {
+            var sum = 0.0;
+            for (var i = 0u; i < size * size; i++) {
+                let solid_angle = texel_solid_angle(size, i % size, i / size);
+                sum += 6.0 * intensity_from_flux(flux) * solid_angle;
+            }
+            return sum;
+        }",
+    );
+    let flux = package.function("flux").over((LIGHT, Integers(1..=12_u32)));
+    holds(flux.try_agrees_with(|flux: f64, _: u32| flux, Ulp(32.0).or(UNDERFLOW)));
+}
+
+/// What a patch sends to a receiver at any distance, seen through the solid angle that it fills
+/// from there, is the radiance that left it. Five divisions.
+#[test]
+fn radiance_along_a_ray_is_constant() {
+    let package = calling(
+        "irradiance_from_patch, patch_solid_angle, radiance_from_irradiance",
+        "fn seen(radiance: f32, area: f32, cos_e: f32, cos_r: f32, distance: f32) -> f32 {
+            let irradiance = irradiance_from_patch(radiance, area, cos_e, cos_r, distance);
+            let solid_angle = patch_solid_angle(area, cos_e, distance);
+            return radiance_from_irradiance(irradiance, solid_angle, cos_r);
+        }",
+    );
+    let rays = || package.function("seen").over((LIGHT, 1e-4..=1.0, COSINE, COSINE, DISTANCE));
+    let radiance = |radiance: f64, _: f64, _: f64, _: f64, _: f64| radiance;
+    holds(rays().try_agrees_with(radiance, Ulp(10.0).or(UNDERFLOW)));
+    holds(rays().try_invariant_under(
+        |(l, a, e, r, distance)| (l, a, e, r, 2.0 * distance),
+        Ulp(0.0).or(UNDERFLOW),
+    ));
+}
+
+/// A mirror returns the radiance that arrives, through whatever small solid angle.
+#[test]
+fn a_mirror_keeps_the_radiance() {
+    let package = calling(
+        "irradiance_from_radiance, mirror_brdf",
+        "fn reflected(radiance: f32, n_dot_l: f32, solid_angle: f32) -> f32 {
+            let irradiance = irradiance_from_radiance(radiance, solid_angle, n_dot_l);
+            return mirror_brdf(n_dot_l, solid_angle) * irradiance;
+        }",
+    );
+    let rays = package.function("reflected").over((LIGHT, COSINE, SOLID_ANGLE));
+    holds(rays.try_agrees_with(|radiance: f64, _: f64, _: f64| radiance, Ulp(9.0).or(UNDERFLOW)));
+}
+
+/// A white Lambertian under a uniform sky is as bright as the sky.
+#[test]
+fn a_white_lambertian_vanishes_in_the_sky() {
+    let package = calling(
+        "irradiance_from_cap, lambert_radiance",
+        "fn white(sky: f32) -> f32 {
+            return lambert_radiance(1.0, irradiance_from_cap(sky, 1.57079632679));
+        }",
+    );
+    holds(package.function("white").over(LIGHT).try_agrees_with(|sky: f64| sky, Ulp(8.0)));
+}

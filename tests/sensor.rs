@@ -1,1 +1,169 @@
-//! Tests of `sensor`.
+//! Exposure, tone and the transfer function of sRGB against their standards.
+
+use glam::{DVec3, Vec3};
+use karat::prelude::*;
+use karat::{Agreement, Failure};
+use shaders::{PBR, sensor};
+
+/// Results below the smallest normal f32, which WGSL may flush.
+const UNDERFLOW: Abs = Abs(1e-30);
+
+/// Linear colours up to `most`.
+fn colors(most: f32) -> impl Domain<Value = Vec3> {
+    (0.0..=most, 0.0..=most, 0.0..=most).map(|(r, g, b)| Vec3::new(r, g, b))
+}
+
+/// A module that calls the library.
+fn calling(functions: &str, wgsl: &str) -> Package {
+    let text = format!("import pbr::sensor::{{{functions}}};\n{wgsl}");
+    Package::from_source("calling", text).depends_on("pbr", &PBR)
+}
+
+#[track_caller]
+fn holds(result: Result<Agreement, Failure>) {
+    if let Err(failure) = result {
+        panic!("{failure}");
+    }
+}
+
+/// WGSL: 3 ulp of a logarithm up to 24 in magnitude is 6e-6, 2^-21 where it is small; rounding
+/// the argument, 7 ulp at most, adds 1.2e-6.
+#[test]
+fn ev100_from_camera() {
+    PBR.function("sensor::ev100_from_camera")
+        .over((0.7..=64.0, 1.25e-4..=60.0, 50.0..=102_400.0))
+        .agrees_with(sensor::ev100_from_camera, Abs(7e-6));
+}
+
+/// WGSL: exp2 is wrong by up to 3 + 2 |x| ulp, 45 at the brightest; and a division.
+#[test]
+fn exposure_from_ev100() {
+    PBR.function("sensor::exposure_from_ev100")
+        .over(-6.0..=21.0)
+        .agrees_with(sensor::exposure_from_ev100, Ulp(48.0));
+}
+
+/// WGSL: exp2 is wrong by up to 3 + 2 |x| ulp, 23 here; and a product.
+#[test]
+fn expose() {
+    PBR.function("sensor::expose")
+        .over((colors(1e4), -10.0..=10.0))
+        .agrees_with(sensor::expose, Ulp(24.0).or(UNDERFLOW));
+}
+
+/// Three products and two sums of what is positive.
+#[test]
+fn luminance() {
+    PBR.function("sensor::luminance").over(colors(1e4)).agrees_with(sensor::luminance, Ulp(4.0));
+}
+
+/// Two divisions, of 2.5 ulp each, and sums of what is positive.
+#[test]
+fn reinhard() {
+    PBR.function("sensor::reinhard")
+        .over((0.0..=1e4, 0.1..=1e4))
+        .agrees_with(sensor::reinhard, Ulp(9.0).or(UNDERFLOW));
+}
+
+/// `reinhard` with the error of the luminance, which enters both sides of the fraction.
+#[test]
+fn tone_map() {
+    PBR.function("sensor::tone_map")
+        .over((colors(1e4), 0.1..=1e4))
+        .agrees_with(sensor::tone_map, Ulp(14.0).or(UNDERFLOW));
+}
+
+/// What eq. 4 is for: white is 1, and nothing darker than white is brighter.
+#[test]
+fn reinhard_ends_at_white() {
+    let darker = (0.0..=1.0_f32, 0.1..=1e4_f32).map(|(share, white)| (share * white, white));
+    PBR.function("sensor::reinhard").over(darker).satisfies("is at most 1", |_, mapped: f32| {
+        (0.0..=1.0 + 4.0 * f32::EPSILON).contains(&mapped)
+    });
+    let white = (0.1..=1e4_f32).map(|white| (white, white));
+    PBR.function("sensor::reinhard").over(white).agrees_with(|_: f64, _: f64| 1.0, Ulp(9.0));
+}
+
+/// WGSL takes a power from exp2(y log2 x). On the curve's part of 0..=1, log2 x is at most 8.4 and
+/// wrong by 3 ulp, 2.9e-6 (2^-21 near 1), which y and ln 2 make 8.3e-7 of the power; exp2(3.5)
+/// adds 10 ulp, 1.2e-6, which 0.055 of 0.04 to 1 raises to 3e-6 in the darkest. Beyond 1, log2 and
+/// exponent are of the same size.
+#[test]
+fn srgb_from_linear() {
+    PBR.function("sensor::srgb_from_linear")
+        .over(colors(1.0))
+        .agrees_with(sensor::srgb_from_linear, Rel(5e-6).or(UNDERFLOW));
+    PBR.function("sensor::srgb_from_linear")
+        .over(colors(100.0))
+        .agrees_with(sensor::srgb_from_linear, Rel(5e-6).or(UNDERFLOW));
+}
+
+/// As above: log2 is at most 3.5 in magnitude and wrong by 7.2e-7, which y = 2.4 and ln 2 make
+/// 1.2e-6; the rounding of the base adds 4 ulp times y, 1.2e-6, and exp2(8.3) 20 ulp, 2.4e-6.
+#[test]
+fn linear_from_srgb() {
+    PBR.function("sensor::linear_from_srgb")
+        .over(colors(1.0))
+        .agrees_with(sensor::linear_from_srgb, Rel(5e-6).or(UNDERFLOW));
+}
+
+/// The codes that textures hold, all of them; neighbours are 30 times as far apart as the error.
+#[test]
+fn linear_from_all_eight_bit_codes() {
+    let codes = Integers(0..=255_u32).map(|code| Vec3::splat(code as f32 / 255.0));
+    PBR.function("sensor::linear_from_srgb")
+        .over(codes)
+        .agrees_with(sensor::linear_from_srgb, Rel(5e-6));
+}
+
+/// Beyond 0..=1 nothing is clamped, and nothing is NaN: negative light stays on the straight part.
+#[test]
+fn srgb_is_not_clamped() {
+    let negative = (-1.0..=0.0_f32).map(Vec3::splat);
+    PBR.function("sensor::srgb_from_linear")
+        .over(&negative)
+        .agrees_with(|color: DVec3| 12.92 * color, Ulp(1.0));
+    PBR.function("sensor::linear_from_srgb")
+        .over(&negative)
+        .agrees_with(|color: DVec3| color / 12.92, Ulp(3.0));
+}
+
+/// All that happens to a preview and back: a code of eight bits survives, whichever it is.
+#[test]
+fn eight_bit_codes_survive_a_round_trip() {
+    let package = calling(
+        "linear_from_srgb, srgb_from_linear",
+        "fn round_trip(code: u32) -> u32 {
+            let linear = linear_from_srgb(vec3f(f32(code) / 255.0));
+            return u32(srgb_from_linear(linear).x * 255.0 + 0.5);
+        }",
+    );
+    let codes = package.function("round_trip").over(Integers(0..=255_u32));
+    holds(codes.try_agrees_with(|code: u32| code, Ulp(0.0)));
+}
+
+/// The two errors above, one through the other's slope.
+#[test]
+fn colors_survive_a_round_trip() {
+    let package = calling(
+        "linear_from_srgb, srgb_from_linear",
+        "fn round_trip(color: vec3f) -> vec3f {
+            return linear_from_srgb(srgb_from_linear(color));
+        }",
+    );
+    let colors = package.function("round_trip").over(colors(1.0));
+    holds(colors.try_agrees_with(|color: DVec3| color, Rel(1.5e-5).or(UNDERFLOW)));
+}
+
+/// A stop up is a stop down again.
+#[test]
+fn a_stop_of_exposure_value_is_a_stop_of_light() {
+    let package = calling(
+        "exposure_from_ev100, expose",
+        "fn exposed(radiance: vec3f, ev100: f32) -> vec3f {
+            return expose(radiance, ev100) * exposure_from_ev100(ev100);
+        }",
+    );
+    let light = package.function("exposed").over((colors(1e4), -6.0..=20.0));
+    holds(light.try_agrees_with(|radiance: DVec3, _: f64| radiance / 1.2, Ulp(90.0).or(UNDERFLOW)));
+}

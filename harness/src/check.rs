@@ -7,15 +7,17 @@
 
 mod disagreement;
 mod identity;
+mod integral;
 mod reference;
 mod session;
 mod tally;
 mod verdict;
 
-pub use disagreement::{CaseFailure, Disagreement, PathDisagreement};
+pub use disagreement::{CaseFailure, Disagreement, IntegralFailure, NodeFailure, PathDisagreement};
 pub(crate) use identity::Identity;
+pub use integral::Integral;
 pub use reference::Reference;
-use session::{PathTally, Session};
+use session::{Demand, PathTally, Session};
 pub use tally::Census;
 use tally::{Class, Judged, compare};
 pub use verdict::{Agreement, Failure};
@@ -26,6 +28,13 @@ use crate::package::Package;
 use crate::record::{self, Record, Subject, Verdict};
 use crate::tolerance::{Measure, Tolerance, Unit};
 use crate::value::{Arguments, Scalar, Shareable};
+
+/// Cases of a check unless it says otherwise: one dispatch, and enough draws that each edge of
+/// six arguments meets each other edge.
+const CASES: u64 = 65_536;
+
+/// Values of a finite domain that are all tried unless a number of cases is asked for.
+const ENUMERATED: u64 = 1 << 20;
 
 /// A function of a package, to be checked.
 ///
@@ -66,18 +75,24 @@ impl<'a> Probe<'a> {
     where
         D::Value: Arguments,
     {
-        Check { probe: self, domain, cases: None, seed: None }
+        Check { plan: Plan { probe: self, domain, cases: None, seed: None } }
     }
+}
+
+/// What every check is made of, whatever its verb.
+#[derive(Clone, Debug)]
+struct Plan<'a, D> {
+    probe: Probe<'a>,
+    domain: D,
+    cases: Option<u64>,
+    seed: Option<u64>,
 }
 
 /// A function with the arguments that it is checked over.
 #[derive(Clone, Debug)]
 #[must_use = "a check compares nothing until a verb such as `.agrees_with(...)`"]
 pub struct Check<'a, D> {
-    probe: Probe<'a>,
-    domain: D,
-    cases: Option<u64>,
-    seed: Option<u64>,
+    plan: Plan<'a, D>,
 }
 
 impl<D: Domain> Check<'_, D>
@@ -88,13 +103,13 @@ where
     /// Without this, a finite domain of up to 2^20 values is enumerated, and of others 65,536 cases
     /// are drawn.
     pub fn cases(mut self, cases: u64) -> Self {
-        self.cases = Some(cases);
+        self.plan.cases = Some(cases);
         self
     }
 
     /// Sets the seed, which otherwise derives from the test's name.
     pub fn seed(mut self, seed: u64) -> Self {
-        self.seed = Some(seed);
+        self.plan.seed = Some(seed);
         self
     }
 
@@ -273,11 +288,31 @@ where
         })
     }
 
-    /// Prepares the session, runs `check` and records its verdict.
     fn conclude(
         self,
         name: &'static str,
         assertion: String,
+        recording: Recording,
+        check: impl FnOnce(&Session<'_, D>) -> Result<Vec<PathTally>, Failure>,
+    ) -> Result<Agreement, Failure> {
+        let demand = Demand {
+            arguments: D::Value::shapes(),
+            who: "the domain draws",
+            cases: CASES,
+            enumerated: ENUMERATED,
+            calls: Some(1),
+        };
+        self.plan.conclude(name, assertion, &demand, recording, check)
+    }
+}
+
+impl<D: Domain> Plan<'_, D> {
+    /// Prepares the session, runs `check` and records its verdict.
+    fn conclude(
+        &self,
+        name: &'static str,
+        assertion: String,
+        demand: &Demand,
         recording: Recording,
         check: impl FnOnce(&Session<'_, D>) -> Result<Vec<PathTally>, Failure>,
     ) -> Result<Agreement, Failure> {
@@ -294,7 +329,8 @@ where
             seed,
         };
         let mut paths = Vec::new();
-        let result = Session::open(&self, &identity, seed, (name, assertion)).and_then(|session| {
+        let result = Session::open(self, demand, &identity, seed, (name, assertion));
+        let result = result.and_then(|session| {
             if let Subject::Function { location, .. } = &mut subject {
                 *location = session.probed.function.span.to_string();
             }

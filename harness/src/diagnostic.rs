@@ -13,12 +13,19 @@ use codespan_reporting::files::{Files, SimpleFiles};
 use codespan_reporting::term;
 
 /// A file of the author, as read.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(PartialEq, Eq)]
 pub struct SourceFile {
     /// Path as shown: relative to the working directory where that is shorter.
     pub name: String,
     /// Whole text.
     pub text: String,
+}
+
+/// The name alone: `expect` on an error would print the whole text.
+impl fmt::Debug for SourceFile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("SourceFile").field("name", &self.name).finish_non_exhaustive()
+    }
 }
 
 impl SourceFile {

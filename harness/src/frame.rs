@@ -4,9 +4,10 @@
 //! function, and full-screen triangles. With a depth pre-pass, depth alone is drawn first and the
 //! colour pass tests for equality, so each fragment is shaded once.
 
+mod mesh;
 mod renderer;
 
-use glam::Vec3;
+pub use mesh::{Attribute, Mesh};
 
 use crate::check::Identity;
 use crate::fixture::{Fixture, FixtureError, Fixtures};
@@ -17,31 +18,24 @@ use crate::path::{self, Adapter, Path, PathError};
 use crate::record::{self, PathRecord, Record, Subject, Verdict};
 use crate::reflect::{ReflectError, Stage};
 
-/// Triangles, with their corners' positions at `@location(0)` as `vec3<f32>`.
-#[derive(Clone, Debug)]
-pub struct Mesh {
-    pub(crate) positions: Vec<Vec3>,
-    pub(crate) indices: Vec<u32>,
-}
-
-impl Mesh {
-    /// A mesh of triangles, counter-clockwise seen from outside; others are culled.
-    ///
-    /// # Panics
-    /// If an index has no position, or the indices aren't whole triangles.
-    #[must_use]
-    pub fn new(positions: Vec<Vec3>, indices: Vec<u32>) -> Self {
-        assert_eq!(indices.len() % 3, 0, "a triangle has three indices");
-        let highest = indices.iter().max().copied().unwrap_or(0);
-        assert!((highest as usize) < positions.len(), "index {highest} has no position");
-        Self { positions, indices }
-    }
+/// What becomes of a pixel that is drawn again.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Blend {
+    /// The new value stays.
+    #[default]
+    Replace,
+    /// Values add up. A fragment function that returns 1 counts how often a pixel is shaded.
+    Add,
+    /// The new value covers the old one by its alpha, with which it is multiplied already.
+    Over,
 }
 
 #[derive(Clone, Debug)]
 pub(crate) struct Draw {
     pub(crate) vertex: String,
     pub(crate) fragment: String,
+    /// What the depth pre-pass runs; `None`: depth comes from the triangles alone.
+    pub(crate) depth_fragment: Option<String>,
     /// `None`: one triangle that covers the frame, from `@builtin(vertex_index)`.
     pub(crate) mesh: Option<(Mesh, u32)>,
 }
@@ -57,6 +51,7 @@ pub struct Frame<'a> {
     fixtures: Fixtures,
     draws: Vec<Draw>,
     prepass: bool,
+    blend: Blend,
     relative: f32,
     relative_on: Vec<(Path, f32)>,
 }
@@ -132,6 +127,7 @@ impl Package {
             fixtures: Vec::new(),
             draws: Vec::new(),
             prepass: false,
+            blend: Blend::Replace,
             relative: DEFAULT_RELATIVE,
             relative_on: Vec::new(),
         }
@@ -148,7 +144,12 @@ impl Frame<'_> {
     /// Draws `instances` copies of a mesh.
     pub fn mesh(mut self, vertex: &str, fragment: &str, mesh: Mesh, instances: u32) -> Self {
         let (vertex, fragment) = (vertex.to_owned(), fragment.to_owned());
-        self.draws.push(Draw { vertex, fragment, mesh: Some((mesh, instances)) });
+        self.draws.push(Draw {
+            vertex,
+            fragment,
+            depth_fragment: None,
+            mesh: Some((mesh, instances)),
+        });
         self
     }
 
@@ -156,13 +157,31 @@ impl Frame<'_> {
     /// `@builtin(vertex_index)`. At depth 1 it is seen where no mesh is.
     pub fn fullscreen(mut self, vertex: &str, fragment: &str) -> Self {
         let (vertex, fragment) = (vertex.to_owned(), fragment.to_owned());
-        self.draws.push(Draw { vertex, fragment, mesh: None });
+        self.draws.push(Draw { vertex, fragment, depth_fragment: None, mesh: None });
         self
     }
 
     /// Draws depth alone first, then colour where the depth is equal.
     pub fn depth_prepass(mut self) -> Self {
         self.prepass = true;
+        self
+    }
+
+    /// Sets the fragment function that the depth pre-pass runs for the mesh added last: one that
+    /// discards or writes depth as the colour's does. It returns nothing but a depth.
+    ///
+    /// # Panics
+    /// If no mesh was added.
+    pub fn depth_fragment(mut self, fragment: &str) -> Self {
+        let mesh = self.draws.iter_mut().rev().find(|draw| draw.mesh.is_some());
+        mesh.expect("a mesh comes before its `.depth_fragment(...)`").depth_fragment =
+            Some(fragment.to_owned());
+        self
+    }
+
+    /// Sets what becomes of a pixel that is drawn again (default: the new value stays).
+    pub fn blend(mut self, blend: Blend) -> Self {
+        self.blend = blend;
         self
     }
 
@@ -321,5 +340,8 @@ impl Frame<'_> {
     }
     pub(crate) fn has_prepass(&self) -> bool {
         self.prepass
+    }
+    pub(crate) fn blending(&self) -> Blend {
+        self.blend
     }
 }

@@ -38,8 +38,8 @@ mod tolerance;
 mod value;
 
 pub use check::{
-    Agreement, CaseFailure, Census, Check, Disagreement, Failure, PathDisagreement, Probe,
-    Reference,
+    Agreement, CaseFailure, Census, Check, Disagreement, Failure, Integral, IntegralFailure,
+    NodeFailure, PathDisagreement, Probe, Reference,
 };
 pub use diagnostic::{Diagnostic, SourceFile, Span};
 pub use domain::{
@@ -48,7 +48,7 @@ pub use domain::{
 pub use fixture::{
     CubeMap, CubeMapError, Fixture, FixtureError, Sampler, Storage, Texture, Uniform,
 };
-pub use frame::{Frame, FrameAgreement, FrameError, Mesh};
+pub use frame::{Attribute, Blend, Frame, FrameAgreement, FrameError, Mesh};
 pub use golden::{
     AcceptError, Acceptance, DEFAULT_RELATIVE, FrameDifference, FrameMargin, GoldenError, Goldens,
     Outlier, Pending, Provenance,

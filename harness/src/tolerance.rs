@@ -117,6 +117,11 @@ impl Measure {
         Self::new(if equal { 0.0 } else { 1.0 }, 0.0, Unit::Exact)
     }
 
+    /// How far `value` is above `bound`, of which `slack` is allowed.
+    pub(crate) fn excess(value: f64, bound: f64, slack: f64) -> Self {
+        Self::new(if value <= bound { 0.0 } else { value - bound }, slack, Unit::Abs)
+    }
+
     pub(crate) fn statement(holds: bool) -> Self {
         Self { unit: Unit::Statement, ..Self::equality(holds) }
     }
@@ -231,9 +236,13 @@ impl Tolerance {
     /// The error of one `f32` lane. A lane without a tolerance of its own fails.
     #[must_use]
     pub fn measure(&self, lane: usize, actual: f32, expected: f64) -> Measure {
-        let value = f64::from(actual);
+        self.measure_sum(lane, f64::from(actual), expected)
+    }
+
+    /// [`measure`](Self::measure) of a sum that was taken in `f64`; it isn't rounded first.
+    pub(crate) fn measure_sum(&self, lane: usize, value: f64, expected: f64) -> Measure {
         let error = (value - expected).abs();
-        if !actual.is_finite() || !expected.is_finite() {
+        if !value.is_finite() || !expected.is_finite() {
             return Measure {
                 ratio: f64::INFINITY,
                 error: f64::NAN,
@@ -260,17 +269,17 @@ impl Tolerance {
             Self::Abs(bound) => Measure::new(error, *bound, Unit::Abs),
             Self::Any(parts) => parts
                 .iter()
-                .map(|part| part.measure(lane, actual, expected))
+                .map(|part| part.measure_sum(lane, value, expected))
                 .min_by(|a, b| a.ratio.total_cmp(&b.ratio))
                 .unwrap_or(Measure::equality(false)),
             Self::All(parts) => parts
                 .iter()
-                .map(|part| part.measure(lane, actual, expected))
+                .map(|part| part.measure_sum(lane, value, expected))
                 .max_by(|a, b| a.ratio.total_cmp(&b.ratio))
                 .unwrap_or(Measure::equality(false)),
             Self::PerLane(lanes) => lanes
                 .get(lane)
-                .map_or(Measure::equality(false), |t| t.measure(lane, actual, expected)),
+                .map_or(Measure::equality(false), |t| t.measure_sum(lane, value, expected)),
         }
     }
 

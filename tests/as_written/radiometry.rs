@@ -1,1 +1,104 @@
-//! (to be written)
+//! E3 to E6: irradiance without a cosine, strict conservation, the wrong cosine, a mirror of 1.
+
+use std::f64::consts::PI;
+
+use karat::prelude::*;
+use karat::{Disagreement, Failure};
+use shaders::{PBR, radiometry};
+
+/// The disagreement that a check found, which it must have.
+#[track_caller]
+fn caught<T>(result: Result<T, Failure>) -> Disagreement {
+    match result {
+        Ok(_) => panic!("the mistake was not caught"),
+        Err(Failure::Disagreement(disagreement)) => *disagreement,
+        Err(other) => panic!("the check failed for another reason: {other}"),
+    }
+}
+
+/// Radiance, and into how many rings the hemisphere is cut. A sum of 64 terms is rounded 64 times.
+fn skies() -> impl Domain<Value = (f32, u32)> {
+    (1e-3..=1e3_f32, Integers(1..=64_u32))
+}
+
+const SUM: Ulp = Ulp(64.0);
+
+/// E3. A uniform sky of radiance L gives pi L; summed without the cosine it gives 2 pi L.
+#[test]
+fn radiance_summed_without_its_cosine() {
+    let sky = || PBR.function("as_written::radiometry::irradiance_of_sky").over(skies());
+    let right = |radiance: f64, _: u32| radiometry::irradiance_from_cap(radiance, PI / 2.0);
+    let found = caught(sky().try_agrees_with(right, SUM));
+    for path in &found.paths {
+        let census = path.census;
+        assert_eq!((census.failures, census.too_high), (census.cases, census.cases));
+    }
+    sky().agrees_with(|radiance: f64, _: u32| 2.0 * PI * radiance, SUM);
+}
+
+/// E4. Of all albedos the strict law gets one wrong: it forbids the white Lambertian.
+#[test]
+fn conservation_without_white() {
+    let albedos = Grid::linear(0.0..=2.0, 201);
+    let law = PBR.function("as_written::radiometry::conserves_energy").over(albedos);
+    let found = caught(law.try_agrees_with(radiometry::conserves_energy, Ulp(0.0)));
+    for path in &found.paths {
+        assert_eq!((path.census.cases, path.census.failures), (201, 1));
+        let albedo = ("directional_albedo".to_owned(), "1".to_owned());
+        assert_eq!(path.worst.arguments, [albedo]);
+        assert_eq!((path.worst.actual, path.worst.expected), (0, Some(1.0)));
+    }
+}
+
+/// E5. A Lambertian reflects its albedo wherever light comes from. By the law as written it is
+/// 2 albedo (N.L): 2 for a white one at normal incidence, which "creates" energy, and 1/2 for one
+/// of albedo 2 at N.L = 1/8, which does create it and passes.
+#[test]
+fn conservation_with_the_incoming_cosine() {
+    let over = |albedos: std::ops::RangeInclusive<f32>, n_dot_l: f32| {
+        PBR.function("as_written::radiometry::directional_albedo").over((
+            albedos,
+            Just(n_dot_l),
+            Just(64_u32),
+        ))
+    };
+    let everywhere = || {
+        PBR.function("as_written::radiometry::directional_albedo").over((
+            0.0..=2.0,
+            0.0..=1.0,
+            Just(64_u32),
+        ))
+    };
+    caught(everywhere().try_agrees_with(|albedo: f64, _: f64, _: u32| albedo, SUM));
+    let claimed = |albedo: f64, n_dot_l: f64, _: u32| 2.0 * albedo * n_dot_l;
+    everywhere().agrees_with(claimed, SUM.or(Abs(1e-30)));
+
+    // What the law is for: no conserving surface above 1, no other one below.
+    let conserves = |_, reflected: f32| reflected <= 1.0 + 1e-5;
+    caught(over(1.0..=1.0, 1.0).try_satisfies("conserves energy", conserves));
+    over(2.0..=2.0, 0.125).satisfies("is 1/2", |_, reflected: f32| (reflected - 0.5).abs() < 1e-5);
+}
+
+/// E6. A mirror keeps the radiance that arrives through a small solid angle dw: its BRDF is
+/// 1 / (cos dw). As 1, it would keep cos dw of it: 6.8e-5 of the sun's, at normal incidence.
+#[test]
+fn a_mirror_of_one() {
+    let mirror = || PBR.function("as_written::radiometry::mirror_brdf");
+    let light = (1e-4..=1.0, 1e-8..=1.0);
+    let found = caught(mirror().over(light).try_agrees_with(radiometry::mirror_brdf, Ulp(6.0)));
+    for path in &found.paths {
+        let census = path.census;
+        assert_eq!(census.too_low, census.failures);
+        assert!(census.failures > census.cases * 99 / 100, "right for a cosine and 1 sr of 1 only");
+    }
+    let sun = radiometry::cap_solid_angle(0.004_65);
+    assert!((sun - 6.8e-5).abs() < 1e-6);
+    let kept = move |(n_dot_l, solid_angle): (f32, f32), brdf: f32| {
+        let irradiance =
+            radiometry::irradiance_from_radiance(1.0, f64::from(solid_angle), f64::from(n_dot_l));
+        (f64::from(brdf) * irradiance / sun - 1.0).abs() < 1e-6
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
+    let sun = sun as f32;
+    mirror().over((Just(1.0), Just(sun))).satisfies("keeps 6.8e-5 of the sun's radiance", kept);
+}

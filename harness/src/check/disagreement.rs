@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::integral;
 use super::tally::{Census, Judged};
 use crate::diagnostic::Diagnostic;
 use crate::path::Adapter;
@@ -48,13 +49,14 @@ pub struct PathDisagreement {
 pub struct CaseFailure {
     /// Index of the case.
     pub case: u64,
-    /// Each argument: its name, and its value as WGSL would write it.
+    /// Each argument: its name, and its value as WGSL would write it. Of an
+    /// integral: `case`, and its value as `Debug` shows it.
     pub arguments: Vec<(String, String)>,
     /// The worst component: `""` for a scalar, `".y"`.
     pub component: String,
-    /// Bits of the component's value.
+    /// Bits of the component's value; for an integral, of the `f32` nearest to it.
     pub actual: u32,
-    /// What was expected there; `None` if a predicate judged.
+    /// What was expected there, or the bound; `None` if a predicate judged.
     pub expected: Option<f64>,
     /// Type of the component.
     pub scalar: Scalar,
@@ -62,27 +64,43 @@ pub struct CaseFailure {
     pub result: String,
     /// The error in its unit, with what is allowed.
     pub error: String,
+    /// The integral, if the check is one of integrals.
+    pub integral: Option<IntegralFailure>,
+}
+
+/// An integral that fails.
+#[derive(Clone, Debug)]
+pub struct IntegralFailure {
+    /// The worst component, before it is rounded to `f32`.
+    pub value: f64,
+    /// How many nodes the quadrature rule has.
+    pub nodes: usize,
+    /// The first node whose result isn't finite.
+    pub node: Option<NodeFailure>,
+}
+
+/// A node of a quadrature rule at which the function returned NaN or an infinity.
+#[derive(Clone, Debug)]
+pub struct NodeFailure {
+    /// Its place in the rule.
+    pub index: usize,
+    /// Its weight.
+    pub weight: f64,
+    /// Each argument: its name, and its value as WGSL would write it.
+    pub arguments: Vec<(String, String)>,
+    /// What the function returned.
+    pub result: String,
 }
 
 impl CaseFailure {
     pub(super) fn new(
         function: &Function,
         case: u64,
-        arguments: &[u32],
+        arguments: Vec<(String, String)>,
         actual: &[u32],
         expected: Option<&[f64]>,
         judged: &Judged,
     ) -> Self {
-        let mut rest = arguments;
-        let arguments = function
-            .parameters
-            .iter()
-            .map(|(name, shape)| {
-                let (own, others) = rest.split_at(shape.lanes().len());
-                rest = others;
-                (name.clone(), shape.format(own))
-            })
-            .collect();
         let lane = judged.lane;
         let pick = |shape: &Shape| {
             let name = shape.lane_names().into_iter().nth(lane).unwrap_or_default();
@@ -108,22 +126,39 @@ impl CaseFailure {
             scalar,
             result: function.result.format(actual),
             error,
+            integral: None,
         }
     }
 
-    fn write(&self, f: &mut fmt::Formatter<'_>, title: &str) -> fmt::Result {
+    pub(super) fn of_integral(
+        function: &Function,
+        case: u64,
+        argument: String,
+        (integral, nodes, node): (&[f64], usize, Option<NodeFailure>),
+        expected: &[f64],
+        judged: &Judged,
+    ) -> Self {
+        #[expect(clippy::cast_possible_truncation, reason = "the failure has the f64, too")]
+        let nearest: Vec<u32> = integral.iter().map(|value| (*value as f32).to_bits()).collect();
+        let arguments = vec![("case".to_owned(), argument)];
+        let failure = Self::new(function, case, arguments, &nearest, Some(expected), judged);
+        let integral = IntegralFailure { value: integral[judged.lane], nodes, node };
+        Self { integral: Some(integral), ..failure }
+    }
+
+    /// Writes the failure. `expectation` is what `expected` is called.
+    fn write(&self, f: &mut fmt::Formatter<'_>, title: &str, expectation: &str) -> fmt::Result {
         writeln!(f, "  {title} (case {})", self.case)?;
+        if let Some(integral) = &self.integral {
+            return self.write_integral(f, integral, expectation);
+        }
         let names = self.arguments.iter().map(|(name, _)| name.len());
         let width = names.chain([8]).max().unwrap_or(8);
         for (name, value) in &self.arguments {
             writeln!(f, "    {name:>width$} = {value}")?;
         }
         writeln!(f, "    {:>width$} = {}", "returned", self.result)?;
-        let place = if self.component.is_empty() {
-            String::new()
-        } else {
-            format!("  at {}", self.component)
-        };
+        let place = self.place();
         let actual = f32::from_bits(self.actual);
         match (self.expected, self.scalar.is_float()) {
             (Some(expected), true) => {
@@ -159,6 +194,58 @@ impl CaseFailure {
     }
 }
 
+impl CaseFailure {
+    fn place(&self) -> String {
+        if self.component.is_empty() { String::new() } else { format!("  at {}", self.component) }
+    }
+
+    fn write_integral(
+        &self,
+        f: &mut fmt::Formatter<'_>,
+        integral: &IntegralFailure,
+        expectation: &str,
+    ) -> fmt::Result {
+        let width = 8;
+        for (name, value) in &self.arguments {
+            writeln!(f, "    {name:>width$} = {value}")?;
+        }
+        let nodes = integral.nodes;
+        writeln!(f, "    {:>width$} = {}  over {nodes} nodes", "integral", self.result)?;
+        if let Some(NodeFailure { index, weight, arguments, result }) = &integral.node {
+            let list: Vec<_> = arguments.iter().map(|(name, v)| format!("{name} = {v}")).collect();
+            let list = list.join(", ");
+            writeln!(f, "    {:>width$} = {index}: {list} (weight {weight})", "node")?;
+            writeln!(f, "    {:>width$} = {result}", "returned")?;
+        } else {
+            writeln!(f, "    {:>width$} = {}{}", "actual", decimal(integral.value), self.place())?;
+        }
+        if let Some(expected) = self.expected {
+            writeln!(f, "    {expectation:>width$} = {}", decimal(expected))?;
+        }
+        writeln!(f, "    {:>width$} = {}", "error", self.error)
+    }
+}
+
+/// An `f64` in decimal, with an exponent where plain digits would be long.
+fn decimal(value: f64) -> String {
+    if value == 0.0 || (1e-4..1e7).contains(&value.abs()) || !value.is_finite() {
+        format!("{value}")
+    } else {
+        format!("{value:e}")
+    }
+}
+
+/// Splits the words of all arguments by the function's parameters.
+pub(super) fn arguments(function: &Function, mut words: &[u32]) -> Vec<(String, String)> {
+    let mut arguments = Vec::new();
+    for (name, shape) in &function.parameters {
+        let (own, others) = words.split_at(shape.lanes().len());
+        words = others;
+        arguments.push((name.clone(), shape.format(own)));
+    }
+    arguments
+}
+
 impl fmt::Display for Disagreement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let span = first_line(&self.function);
@@ -166,6 +253,7 @@ impl fmt::Display for Disagreement {
         let message = format!("`{}` fails {check}: {assertion}", self.function.path);
         let diagnostic = Diagnostic::new(message).at(span, "");
         writeln!(f, "{diagnostic}")?;
+        let expectation = if *check == integral::IS_AT_MOST { "at most" } else { "expected" };
         for path in &self.paths {
             let Census { cases, failures, nan, infinite, wrong_sign, too_low, too_high } =
                 path.census;
@@ -184,9 +272,9 @@ impl fmt::Display for Disagreement {
                 }
             }
             writeln!(f)?;
-            path.worst.write(f, "worst")?;
+            path.worst.write(f, "worst", expectation)?;
             if let Some(first) = &path.first {
-                first.write(f, "first")?;
+                first.write(f, "first", expectation)?;
             }
             writeln!(f, "  replay: {}", path.replay)?;
         }

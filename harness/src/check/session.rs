@@ -1,28 +1,38 @@
 //! A check in progress: cases are drawn, dispatched on every path, and judged.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
+use super::disagreement::arguments;
 use super::tally::{Judged, Shown, Tally, tally};
 use super::{
-    Agreement, CaseFailure, Check, Disagreement, Failure, Identity, PathDisagreement, Reference,
+    Agreement, CaseFailure, Disagreement, Failure, Identity, PathDisagreement, Plan, Reference,
 };
 use crate::domain::{Cases, Domain};
-use crate::path::{self, Adapter, Path};
+use crate::path::{self, Adapter, Device, Path};
 use crate::probe::{self, BATCH, Dispatch, Probed, Runner};
 use crate::record::PathRecord;
 use crate::reflect::Function;
 use crate::tolerance::{Measure, Tolerance};
 use crate::value::{Arguments, Scalar, Shape};
 
-/// Cases of a check unless it says otherwise: one dispatch, and enough draws that each edge of
-/// six arguments meets each other edge.
-const CASES: u64 = 65_536;
-
-/// Values of a finite domain that are all tried unless a number of cases is asked for.
-const ENUMERATED: u64 = 1 << 20;
-
 /// Cases that one task draws or computes the reference of.
 const TASK: usize = 2048;
+
+/// What one verb asks of a session.
+pub(super) struct Demand {
+    /// Types of the arguments that the host supplies.
+    pub(super) arguments: Vec<Shape>,
+    /// Who supplies them: `the domain draws`.
+    pub(super) who: &'static str,
+    /// Cases of a domain that isn't enumerated, unless the check says otherwise.
+    pub(super) cases: u64,
+    /// Values of a finite domain that are all tried unless a number of cases is asked for.
+    pub(super) enumerated: u64,
+    /// Calls of the function in one case; `None` where each case has its own number.
+    pub(super) calls: Option<u64>,
+}
 
 /// A check in progress.
 pub(super) struct Session<'a, D: Domain> {
@@ -51,9 +61,28 @@ pub(super) struct PathTally {
     tally: Tally,
     worst: Option<CaseFailure>,
     first: Option<CaseFailure>,
+    /// Nodes of all integrals; 0 for other checks.
+    nodes: u64,
 }
 
 impl PathTally {
+    /// A path's sum with its failures, which `show` describes.
+    pub(super) fn new(device: &Device, tally: Tally, show: impl Fn(Shown) -> CaseFailure) -> Self {
+        let failing = tally.census.failures > 0;
+        Self {
+            adapter: device.adapter().clone(),
+            path: device.path(),
+            worst: tally.worst.filter(|_| failing).map(&show),
+            first: tally.first.map(&show),
+            tally,
+            nodes: 0,
+        }
+    }
+
+    pub(super) fn with_nodes(self, nodes: u64) -> Self {
+        Self { nodes, ..self }
+    }
+
     pub(super) fn record(&self, asserted: &str) -> PathRecord {
         let worst = self.tally.worst.map(|worst| worst.judged.measure);
         PathRecord {
@@ -62,24 +91,26 @@ impl PathTally {
             failures: self.tally.census.failures,
             worst: worst.map_or_else(String::new, |measure| measure.to_string()),
             ratio: worst.map(|measure| measure.ratio).filter(|ratio| ratio.is_finite()),
-            asserted: asserted.to_owned(),
+            asserted: match self.nodes {
+                0 => asserted.to_owned(),
+                nodes => format!("{asserted} ({nodes} nodes)"),
+            },
         }
     }
 }
 
-impl<'a, D: Domain> Session<'a, D>
-where
-    D::Value: Arguments,
-{
+impl<'a, D: Domain> Session<'a, D> {
     pub(super) fn open(
-        check: &'a Check<'_, D>,
+        plan: &'a Plan<'_, D>,
+        demand: &Demand,
         identity: &'a Identity,
         seed: u64,
         assertion: (&'static str, String),
     ) -> Result<Self, Failure> {
-        let probed = Probed::new(check.probe.package, &check.probe.path)?;
+        let Plan { probe, domain, .. } = plan;
+        let probed = Probed::new(probe.package, &probe.path)?;
         let function = &probed.function;
-        let supplied = D::Value::shapes();
+        let supplied = &demand.arguments;
         let declared = probe::parameter_shapes(function);
         let list = |shapes: &[&Shape]| {
             let names: Vec<String> = shapes.iter().map(ToString::to_string).collect();
@@ -89,24 +120,25 @@ where
             && supplied.iter().zip(&declared).all(|(host, wgsl)| host.stands_for(wgsl, false));
         if !fits {
             let supplied: Vec<&Shape> = supplied.iter().collect();
-            let mismatch =
-                format!("takes {}, the domain draws {}", list(&declared), list(&supplied));
+            let (declared, supplied) = (list(&declared), list(&supplied));
+            let mismatch = format!("takes {declared}, {} {supplied}", demand.who);
             return Err(signature(function, mismatch));
         }
-        let cases = match check.cases {
-            Some(cases) => Cases::new(&check.domain, seed, cases, cases),
-            None => Cases::new(&check.domain, seed, CASES, ENUMERATED),
+        let cases = match plan.cases {
+            Some(cases) => Cases::new(domain, seed, cases, cases),
+            None => Cases::new(domain, seed, demand.cases, demand.enumerated),
         };
-        if cases.count() == 0 || check.domain.is_empty() {
+        if cases.count() == 0 || domain.is_empty() {
             let reason = "has no value, so nothing would be checked: a range ends before it \
                           starts or at NaN, a list is empty, or no case is asked for"
                 .to_owned();
             return Err(Failure::Domain { function: function.path.clone(), reason });
         }
-        let capacity = usize::try_from(cases.count()).unwrap_or(BATCH).min(BATCH);
+        let calls = demand.calls.map_or(BATCH as u64, |calls| cases.count().saturating_mul(calls));
+        let capacity = usize::try_from(calls).unwrap_or(BATCH).min(BATCH);
         let runners = path::selected()?
             .into_iter()
-            .map(|device| Runner::new(device, &probed, &check.probe.fixtures, capacity))
+            .map(|device| Runner::new(device, &probed, &probe.fixtures, capacity))
             .collect::<Result<_, _>>()?;
         let case = identity.case(&probed.function.path, assertion.0, cases.count());
         Ok(Self { probed, runners, cases, case, identity, seed, assertion })
@@ -130,6 +162,23 @@ where
         tolerance.map_or(Ok(()), |tolerance| self.expect_lanes(tolerance))
     }
 
+    /// Refuses a reference that isn't finite. `lanes` are those of one case after the other, and
+    /// `case` tells a case's index and arguments.
+    pub(super) fn expect_finite(
+        &self,
+        lanes: &[f64],
+        what: &str,
+        case: impl FnOnce(usize) -> (u64, String),
+    ) -> Result<(), Failure> {
+        let function = &self.probed.function;
+        let Some(at) = lanes.iter().position(|value| !value.is_finite()) else { return Ok(()) };
+        let names = function.result.lane_names();
+        let place = format!("{what}{}", names[at % names.len()]);
+        let (case, arguments) = case(at / names.len());
+        let (function, value) = (function.path.clone(), lanes[at]);
+        Err(Failure::Reference { function, value, place, case, arguments })
+    }
+
     pub(super) fn expect_lanes(&self, tolerance: &Tolerance) -> Result<(), Failure> {
         let lanes = self.scalars().len();
         if let Some(bound) = tolerance.unusable() {
@@ -146,64 +195,33 @@ where
         }
     }
 
-    /// Draws batch after batch, dispatches it on every path and hands it to `judge`.
-    pub(super) fn run(
-        &self,
-        mut judge: impl FnMut(&Batch<D::Value>, Vec<Dispatch>) -> Result<Vec<PathTally>, Failure>,
-    ) -> Result<Vec<PathTally>, Failure> {
-        let (start, end) = match self.case {
-            Some(case) if case < self.cases.count() => (case, case + 1),
+    /// The cases that run: all, or the one that a replay selects.
+    pub(super) fn selected(&self) -> Result<Range<u64>, Failure> {
+        let count = self.cases.count();
+        match self.case {
+            Some(case) if case < count => Ok(case..case + 1),
             Some(case) => {
-                let count = self.cases.count();
                 let reason = format!("has {count} cases, none with index {case} (KARAT_CASE)");
                 let function = self.probed.function.path.clone();
-                return Err(Failure::Domain { function, reason });
+                Err(Failure::Domain { function, reason })
             }
-            None => (0, self.cases.count()),
-        };
-        let capacity = self.runners.iter().map(Runner::capacity).min().unwrap_or(BATCH);
-        let mut sums: Vec<PathTally> = Vec::new();
-        let mut first = start;
-        while first < end {
-            let size = (end - first).min(capacity as u64);
-            let batch = self.draw(first, size)?;
-            let dispatches = self.dispatch(&batch.lanes_only())?;
-            let tallies = judge(&batch, dispatches)?;
-            if sums.is_empty() {
-                sums = tallies;
-            } else {
-                sums = sums.into_iter().zip(tallies).map(|(a, b)| a.merge(b)).collect();
-            }
-            first += size;
+            None => Ok(0..count),
         }
-        Ok(sums)
     }
 
-    fn draw(&self, first: u64, size: u64) -> Result<Batch<D::Value>, Failure> {
-        let size = usize::try_from(size).expect("a batch fits in memory");
-        let words: usize = D::Value::shapes().iter().map(|shape| shape.lanes().len()).sum();
-        let parts: Option<Vec<(Vec<_>, Vec<_>)>> = (0..size.div_ceil(TASK))
-            .into_par_iter()
-            .map(|task| {
-                let mut values = Vec::with_capacity(TASK);
-                let mut lanes = Vec::with_capacity(TASK * words);
-                for index in task * TASK..size.min((task + 1) * TASK) {
-                    let value = self.cases.get(first + index as u64)?;
-                    value.store_all(&mut lanes);
-                    values.push(value);
-                }
-                Some((values, lanes))
-            })
-            .collect();
-        let parts = parts.ok_or_else(|| Failure::Domain {
+    /// Calls of one dispatch.
+    pub(super) fn capacity(&self) -> usize {
+        self.runners.iter().map(Runner::capacity).min().unwrap_or(BATCH)
+    }
+
+    /// The value of a case.
+    pub(super) fn case(&self, index: u64) -> Result<D::Value, Failure> {
+        self.cases.get(index).ok_or_else(|| Failure::Domain {
             function: self.probed.function.path.clone(),
             reason: "rejects nearly everything that its filter sees: build the values with `map` \
                      instead"
                 .to_owned(),
-        })?;
-        let (values, lanes): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
-        let values = values.into_iter().flatten().collect();
-        Ok(Batch { first, values, lanes: lanes.concat() })
+        })
     }
 
     pub(super) fn dispatch(&self, batch: &LanesOnly<'_>) -> Result<Vec<Dispatch>, Failure> {
@@ -212,45 +230,6 @@ where
             runner.dispatch(batch.cases, &batch.lanes, canary)
         });
         Ok(dispatches.collect::<Result<_, _>>()?)
-    }
-
-    /// Reads each path's results and judges them. `judge` gets the path's index, the case's index
-    /// in the batch and the result's words; `expect` says what a failing case should have been.
-    pub(super) fn judge(
-        &self,
-        batch: &Batch<D::Value>,
-        dispatches: Vec<Dispatch>,
-        expect: impl Fn(usize, usize) -> Option<Vec<f64>>,
-        judge: impl Fn(usize, usize, &[u32]) -> Judged + Sync,
-    ) -> Result<Vec<PathTally>, Failure> {
-        let words = self.scalars().len();
-        let mut tallies = Vec::with_capacity(self.runners.len());
-        for (path, (runner, dispatch)) in self.runners.iter().zip(dispatches).enumerate() {
-            let tally = runner.read(dispatch, |results| {
-                let stride = runner.stride_out();
-                let sum = tally(batch.first, results, stride, |case, result| {
-                    judge(path, case, &result[..words])
-                });
-                let show = |shown: Shown| {
-                    let case = usize::try_from(shown.case - batch.first).expect("in this batch");
-                    let actual = &results[case * stride..][..words];
-                    let (judged, expected) = (judge(path, case, actual), expect(path, case));
-                    let mut arguments = Vec::new();
-                    batch.values[case].store_all(&mut arguments);
-                    let function = &self.probed.function;
-                    let expected = expected.as_deref();
-                    CaseFailure::new(function, shown.case, &arguments, actual, expected, &judged)
-                };
-                let failing = sum.census.failures > 0;
-                let worst = sum.worst.filter(|_| failing).map(show);
-                (sum, worst, sum.first.map(show))
-            })?;
-            let (tally, worst, first) = tally;
-            let device = runner.device();
-            let adapter = device.adapter().clone();
-            tallies.push(PathTally { adapter, path: device.path(), tally, worst, first });
-        }
-        Ok(tallies)
     }
 
     pub(super) fn conclude(&self, tallies: Vec<PathTally>) -> Result<Agreement, Failure> {
@@ -272,7 +251,7 @@ where
         }
         let mut agreeing = Vec::new();
         let mut paths = Vec::new();
-        for PathTally { adapter, path, tally, worst, first } in tallies {
+        for PathTally { adapter, path, tally, worst, first, .. } in tallies {
             let Some(worst) = worst else {
                 agreeing.push(adapter);
                 continue;
@@ -299,6 +278,82 @@ where
     }
 }
 
+impl<D: Domain> Session<'_, D>
+where
+    D::Value: Arguments,
+{
+    /// Draws batch after batch, dispatches it on every path and hands it to `judge`.
+    pub(super) fn run(
+        &self,
+        mut judge: impl FnMut(&Batch<D::Value>, Vec<Dispatch>) -> Result<Vec<PathTally>, Failure>,
+    ) -> Result<Vec<PathTally>, Failure> {
+        let Range { start: mut first, end } = self.selected()?;
+        let mut sums = Vec::new();
+        while first < end {
+            let size = (end - first).min(self.capacity() as u64);
+            let batch = self.draw(first, size)?;
+            let dispatches = self.dispatch(&batch.lanes_only())?;
+            sums = PathTally::merge_all(sums, judge(&batch, dispatches)?);
+            first += size;
+        }
+        Ok(sums)
+    }
+
+    fn draw(&self, first: u64, size: u64) -> Result<Batch<D::Value>, Failure> {
+        let size = usize::try_from(size).expect("a batch fits in memory");
+        let words: usize = D::Value::shapes().iter().map(|shape| shape.lanes().len()).sum();
+        let parts: Result<Vec<(Vec<_>, Vec<_>)>, Failure> = (0..size.div_ceil(TASK))
+            .into_par_iter()
+            .map(|task| {
+                let mut values = Vec::with_capacity(TASK);
+                let mut lanes = Vec::with_capacity(TASK * words);
+                for index in task * TASK..size.min((task + 1) * TASK) {
+                    let value = self.case(first + index as u64)?;
+                    value.store_all(&mut lanes);
+                    values.push(value);
+                }
+                Ok((values, lanes))
+            })
+            .collect();
+        let (values, lanes): (Vec<_>, Vec<_>) = parts?.into_iter().unzip();
+        let values = values.into_iter().flatten().collect();
+        Ok(Batch { first, values, lanes: lanes.concat() })
+    }
+
+    /// Reads each path's results and judges them. `judge` gets the path's index, the case's index
+    /// in the batch and the result's words; `expect` says what a failing case should have been.
+    pub(super) fn judge(
+        &self,
+        batch: &Batch<D::Value>,
+        dispatches: Vec<Dispatch>,
+        expect: impl Fn(usize, usize) -> Option<Vec<f64>>,
+        judge: impl Fn(usize, usize, &[u32]) -> Judged + Sync,
+    ) -> Result<Vec<PathTally>, Failure> {
+        let words = self.scalars().len();
+        let mut tallies = Vec::with_capacity(self.runners.len());
+        for (path, (runner, dispatch)) in self.runners.iter().zip(dispatches).enumerate() {
+            let tally = runner.read(dispatch, |results| {
+                let stride = runner.stride_out();
+                let sum = tally(batch.first, results, stride, |case, result| {
+                    judge(path, case, &result[..words])
+                });
+                PathTally::new(runner.device(), sum, |shown: Shown| {
+                    let case = usize::try_from(shown.case - batch.first).expect("in this batch");
+                    let actual = &results[case * stride..][..words];
+                    let (judged, expected) = (judge(path, case, actual), expect(path, case));
+                    let mut lanes = Vec::new();
+                    batch.values[case].store_all(&mut lanes);
+                    let function = &self.probed.function;
+                    let (arguments, expected) = (arguments(function, &lanes), expected.as_deref());
+                    CaseFailure::new(function, shown.case, arguments, actual, expected, &judged)
+                })
+            })?;
+            tallies.push(tally);
+        }
+        Ok(tallies)
+    }
+}
+
 impl PathTally {
     fn merge(self, other: Self) -> Self {
         let tally = self.tally.merge(other.tally);
@@ -311,15 +366,26 @@ impl PathTally {
             worst: pick(worst, self.worst, other.worst),
             first: pick(tally.first, self.first, other.first),
             tally,
+            nodes: self.nodes + other.nodes,
             ..self
         }
     }
+
+    /// Adds the sums of later cases to those of earlier ones, path by path.
+    pub(super) fn merge_all(sums: Vec<Self>, tallies: Vec<Self>) -> Vec<Self> {
+        if sums.is_empty() {
+            return tallies;
+        }
+        sums.into_iter().zip(tallies).map(|(a, b)| a.merge(b)).collect()
+    }
 }
 
-/// The arguments of a batch as words.
+/// The arguments of a dispatch as words.
 pub(super) struct LanesOnly<'a> {
-    first: u64,
-    cases: usize,
+    /// A number of this dispatch.
+    pub(super) first: u64,
+    /// Calls of the function.
+    pub(super) cases: usize,
     pub(super) lanes: std::borrow::Cow<'a, [u32]>,
 }
 
@@ -343,13 +409,12 @@ impl<V: Arguments> Batch<V> {
         session: &Session<'_, D>,
         reference: &impl Reference<V>,
     ) -> Result<Vec<f64>, Failure> {
-        let function = &session.probed.function;
-        let names = function.result.lane_names();
+        let words = session.scalars().len();
         let parts: Vec<Vec<f64>> = self
             .values
             .par_chunks(TASK)
             .map(|values| {
-                let mut lanes = Vec::with_capacity(values.len() * names.len());
+                let mut lanes = Vec::with_capacity(values.len() * words);
                 for value in values {
                     reference.expect(value, &mut lanes);
                 }
@@ -357,23 +422,14 @@ impl<V: Arguments> Batch<V> {
             })
             .collect();
         let expected = parts.concat();
-        match expected.iter().position(|value| !value.is_finite()) {
-            None => Ok(expected),
-            Some(at) => {
-                let case = at / names.len();
-                Err(Failure::Reference {
-                    function: function.path.clone(),
-                    value: expected[at],
-                    place: format!("result{}", names[at % names.len()]),
-                    case: self.first + case as u64,
-                    arguments: format!("{:?}", self.values[case]),
-                })
-            }
-        }
+        session.expect_finite(&expected, "result", |case| {
+            (self.first + case as u64, format!("{:?}", self.values[case]))
+        })?;
+        Ok(expected)
     }
 }
 
-fn signature(function: &Function, mismatch: String) -> Failure {
+pub(super) fn signature(function: &Function, mismatch: String) -> Failure {
     Failure::Signature {
         function: function.path.clone(),
         mismatch,

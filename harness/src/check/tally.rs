@@ -61,7 +61,7 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
-    fn add(&mut self, case: u64, judged: Judged) {
+    pub(crate) fn add(&mut self, case: u64, judged: Judged) {
         self.census.cases += 1;
         let shown = Shown { case, judged };
         let largest = self.worst.map_or(f64::NEG_INFINITY, |worst| worst.judged.measure.ratio);
@@ -168,7 +168,7 @@ pub(crate) fn compare(
     worst
 }
 
-fn classify(actual: f64, expected: f64) -> Class {
+pub(crate) fn classify(actual: f64, expected: f64) -> Class {
     if actual.is_nan() {
         Class::Nan
     } else if actual.is_infinite() {

@@ -50,6 +50,18 @@ pub enum Failure {
         /// What is wrong with it.
         reason: String,
     },
+    /// A quadrature rule sums nothing, or something that isn't a number.
+    #[error("the quadrature rule of `{function}` {reason} for case {case}: {arguments}")]
+    Rule {
+        /// The function's path.
+        function: String,
+        /// What is wrong with the rule.
+        reason: String,
+        /// The case.
+        case: u64,
+        /// Its value.
+        arguments: String,
+    },
     /// The reference is not a number.
     #[error(
         "the reference of `{function}` returned {value} at {place} for case {case}: {arguments}; \

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use half::f16;
 
-use super::{Draw, Frame, FrameError, Mesh};
+use super::{Blend, Draw, Frame, FrameError, Mesh};
 use crate::fixture::{self, Resource};
 use crate::image::Image;
 use crate::path::{Device, guard};
@@ -16,7 +16,8 @@ const CHANNELS: u32 = 4;
 
 /// A draw with its pipelines.
 struct Prepared {
-    buffers: Option<(wgpu::Buffer, wgpu::Buffer)>,
+    /// Indices, then a buffer for each attribute.
+    buffers: Option<(wgpu::Buffer, Vec<wgpu::Buffer>)>,
     vertices: u32,
     instances: u32,
     depth: Option<(wgpu::RenderPipeline, Vec<wgpu::BindGroup>)>,
@@ -32,6 +33,7 @@ pub(super) fn render(
     let mut items: Vec<&str> = Vec::new();
     for draw in frame.draws() {
         items.extend([draw.vertex.as_str(), draw.fragment.as_str()]);
+        items.extend(draw.depth_fragment.as_deref());
     }
     let program = Program::of_items(frame.package(), frame.module(), &items)?;
     let shader = blake3::hash(program.text().as_bytes()).to_hex().to_string();
@@ -47,11 +49,14 @@ pub(super) fn render(
     for draw in frame.draws() {
         let vertex = bindings_of(Stage::Vertex, &draw.vertex)?;
         let fragment = bindings_of(Stage::Fragment, &draw.fragment)?;
-        let mut both = vertex.clone();
-        both.extend(fragment.into_iter().filter(|binding| !vertex.contains(binding)));
-        stages.push((vertex, both));
+        let depth = match &draw.depth_fragment {
+            Some(fragment) => bindings_of(Stage::Fragment, fragment)?,
+            None => Vec::new(),
+        };
+        stages.push(Bindings { depth: union(&vertex, depth), color: union(&vertex, fragment) });
     }
-    let all: Vec<Binding> = stages.iter().flat_map(|(_, both)| both.clone()).collect();
+    let all = stages.iter().flat_map(|stage| stage.depth.iter().chain(&stage.color));
+    let all: Vec<Binding> = all.cloned().collect();
     fixture::check_used(&all, frame.fixtures())?;
     let mut resources: BTreeMap<(u32, u32), Resource> = BTreeMap::new();
     for (binding, fixture) in fixture::resolve(&all, frame.fixtures())? {
@@ -64,23 +69,46 @@ pub(super) fn render(
     let (module, path) = (frame.module().to_owned(), device.path());
     let _deadline =
         guard(move || format!("the {width} x {height} frame of module `{module}` on path {path}"));
-    let painter = Painter { device, frame, resources: &resources };
+    let format = color_format(device, frame.blending());
+    let painter = Painter { device, frame, format, resources: &resources };
     let image = device.checked(|| {
         let shader = device.shader_module(program.text());
         let draws: Vec<Prepared> = frame
             .draws()
             .iter()
             .zip(&stages)
-            .map(|(draw, (vertex, both))| painter.prepare(&shader, draw, vertex, both))
+            .map(|(draw, bindings)| painter.prepare(&shader, draw, bindings))
             .collect();
         painter.paint(&draws)
     })?;
-    let row = Row::new(device.color_format(), width);
+    let row = Row::new(format, width);
     let pixels = device.read_back(&image, row.stride * u64::from(height), |bytes| {
         let rows = bytes.chunks_exact(row.stride as usize);
         rows.flat_map(|bytes| row.pixels(bytes)).collect()
     })?;
     Ok((Image::new(width, height, pixels), shader))
+}
+
+/// What a draw's two pipelines read.
+struct Bindings {
+    depth: Vec<Binding>,
+    color: Vec<Binding>,
+}
+
+fn union(some: &[Binding], others: Vec<Binding>) -> Vec<Binding> {
+    let mut all = some.to_vec();
+    all.extend(others.into_iter().filter(|binding| !some.contains(binding)));
+    all
+}
+
+/// The path's format of frames; where it can't be blended, half floats can everywhere.
+fn color_format(device: &Device, blend: Blend) -> wgpu::TextureFormat {
+    let blendable = device.device.features().contains(wgpu::Features::FLOAT32_BLENDABLE);
+    if blend == Blend::Replace || blendable {
+        device.color_format()
+    } else {
+        wgpu::TextureFormat::Rgba16Float
+    }
 }
 
 /// A row of pixels in a buffer that a texture is copied to.
@@ -113,17 +141,12 @@ impl Row {
 struct Painter<'a> {
     device: &'static Device,
     frame: &'a Frame<'a>,
+    format: wgpu::TextureFormat,
     resources: &'a BTreeMap<(u32, u32), Resource>,
 }
 
 impl Painter<'_> {
-    fn prepare(
-        &self,
-        shader: &wgpu::ShaderModule,
-        draw: &Draw,
-        vertex: &[Binding],
-        both: &[Binding],
-    ) -> Prepared {
+    fn prepare(&self, shader: &wgpu::ShaderModule, draw: &Draw, bindings: &Bindings) -> Prepared {
         let (buffers, vertices, instances) = match &draw.mesh {
             Some((mesh, instances)) => {
                 (Some(self.upload(mesh)), mesh.indices.len() as u32, *instances)
@@ -136,13 +159,12 @@ impl Painter<'_> {
         };
         // Only meshes are drawn in advance: what covers the frame is behind them.
         let depth = (self.frame.has_prepass() && draw.mesh.is_some())
-            .then(|| bound(self.pipeline(shader, draw, false), vertex));
-        let color = bound(self.pipeline(shader, draw, true), both);
+            .then(|| bound(self.pipeline(shader, draw, false), &bindings.depth));
+        let color = bound(self.pipeline(shader, draw, true), &bindings.color);
         Prepared { buffers, vertices, instances, depth, color }
     }
 
-    fn upload(&self, mesh: &Mesh) -> (wgpu::Buffer, wgpu::Buffer) {
-        let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
+    fn upload(&self, mesh: &Mesh) -> (wgpu::Buffer, Vec<wgpu::Buffer>) {
         let upload = |bytes: &[u8], usage| {
             let buffer = self.device.device.create_buffer(&wgpu::BufferDescriptor {
                 label: None,
@@ -153,9 +175,12 @@ impl Painter<'_> {
             self.device.queue.write_buffer(&buffer, 0, bytes);
             buffer
         };
-        let vertices = upload(bytemuck::cast_slice(&positions), wgpu::BufferUsages::VERTEX);
         let indices = upload(bytemuck::cast_slice(&mesh.indices), wgpu::BufferUsages::INDEX);
-        (vertices, indices)
+        let columns = mesh.attributes.iter();
+        let attributes = columns
+            .map(|c| upload(bytemuck::cast_slice(&c.scalars), wgpu::BufferUsages::VERTEX))
+            .collect();
+        (indices, attributes)
     }
 
     fn pipeline(
@@ -164,20 +189,43 @@ impl Painter<'_> {
         draw: &Draw,
         color: bool,
     ) -> wgpu::RenderPipeline {
-        let attributes = wgpu::vertex_attr_array![0 => Float32x3];
-        let layout = wgpu::VertexBufferLayout {
-            array_stride: 12,
-            step_mode: wgpu::VertexStepMode::Vertex,
-            attributes: &attributes,
-        };
-        let with_buffer = [Some(layout)];
-        let buffers: &[_] = if draw.mesh.is_some() { &with_buffer } else { &[] };
+        let columns = draw.mesh.iter().flat_map(|(mesh, _)| &mesh.attributes);
+        let attributes: Vec<(u64, [wgpu::VertexAttribute; 1])> = columns
+            .map(|column| {
+                let format = [
+                    wgpu::VertexFormat::Float32,
+                    wgpu::VertexFormat::Float32x2,
+                    wgpu::VertexFormat::Float32x3,
+                    wgpu::VertexFormat::Float32x4,
+                ][column.width - 1];
+                let location = column.location;
+                let attribute =
+                    wgpu::VertexAttribute { format, offset: 0, shader_location: location };
+                (4 * column.width as u64, [attribute])
+            })
+            .collect();
+        let layouts: Vec<Option<wgpu::VertexBufferLayout<'_>>> = attributes
+            .iter()
+            .map(|(array_stride, attributes)| {
+                Some(wgpu::VertexBufferLayout {
+                    array_stride: *array_stride,
+                    step_mode: wgpu::VertexStepMode::Vertex,
+                    attributes,
+                })
+            })
+            .collect();
         let (compare, write) = match (color, self.frame.has_prepass()) {
             (true, true) => (wgpu::CompareFunction::Equal, false),
             (true, false) => (wgpu::CompareFunction::LessEqual, true),
             (false, _) => (wgpu::CompareFunction::Less, true),
         };
-        let targets = [Some(wgpu::ColorTargetState::from(self.device.color_format()))];
+        let target = wgpu::ColorTargetState {
+            blend: blend_state(self.frame.blending()),
+            ..wgpu::ColorTargetState::from(self.format)
+        };
+        let targets = [Some(target)];
+        let fragment =
+            if color { Some(draw.fragment.as_str()) } else { draw.depth_fragment.as_deref() };
         self.device.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some(&draw.fragment),
             layout: None,
@@ -185,7 +233,7 @@ impl Painter<'_> {
                 module: shader,
                 entry_point: Some(&draw.vertex),
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers,
+                buffers: &layouts,
             },
             primitive: wgpu::PrimitiveState {
                 cull_mode: draw.mesh.is_some().then_some(wgpu::Face::Back),
@@ -199,11 +247,11 @@ impl Painter<'_> {
                 bias: wgpu::DepthBiasState::default(),
             }),
             multisample: wgpu::MultisampleState::default(),
-            fragment: color.then_some(wgpu::FragmentState {
+            fragment: fragment.map(|name| wgpu::FragmentState {
                 module: shader,
-                entry_point: Some(&draw.fragment),
+                entry_point: Some(name),
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
-                targets: &targets,
+                targets: if color { &targets } else { &[] },
             }),
             multiview_mask: None,
             cache: None,
@@ -248,7 +296,7 @@ impl Painter<'_> {
                 view_formats: &[],
             })
         };
-        let color = texture(self.device.color_format(), wgpu::TextureUsages::COPY_SRC);
+        let color = texture(self.format, wgpu::TextureUsages::COPY_SRC);
         let depth = texture(DEPTH, wgpu::TextureUsages::empty());
         let color_view = color.create_view(&wgpu::TextureViewDescriptor::default());
         let depth_view = depth.create_view(&wgpu::TextureViewDescriptor::default());
@@ -284,7 +332,7 @@ impl Painter<'_> {
                 record(&mut pass, draw, &draw.color);
             }
         }
-        let stride = Row::new(self.device.color_format(), width).stride;
+        let stride = Row::new(self.format, width).stride;
         let staging = device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("frame"),
             size: stride * u64::from(height),
@@ -300,6 +348,19 @@ impl Painter<'_> {
         encoder.copy_texture_to_buffer(color.as_image_copy(), target, size);
         self.device.queue.submit([encoder.finish()]);
         staging
+    }
+}
+
+fn blend_state(blend: Blend) -> Option<wgpu::BlendState> {
+    let sum = wgpu::BlendComponent {
+        src_factor: wgpu::BlendFactor::One,
+        dst_factor: wgpu::BlendFactor::One,
+        operation: wgpu::BlendOperation::Add,
+    };
+    match blend {
+        Blend::Replace => None,
+        Blend::Add => Some(wgpu::BlendState { color: sum, alpha: sum }),
+        Blend::Over => Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
     }
 }
 
@@ -324,8 +385,10 @@ fn record(
         pass.set_bind_group(index, group, &[]);
     }
     match &draw.buffers {
-        Some((vertices, indices)) => {
-            pass.set_vertex_buffer(0, vertices.slice(..));
+        Some((indices, attributes)) => {
+            for (slot, buffer) in (0..).zip(attributes) {
+                pass.set_vertex_buffer(slot, buffer.slice(..));
+            }
             pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
             pass.draw_indexed(0..draw.vertices, 0, 0..draw.instances);
         }

@@ -54,7 +54,9 @@ impl Device {
         if !adapter.get_downlevel_capabilities().flags.contains(compute) {
             return Err(unavailable("its driver has no compute shaders".to_owned()));
         }
-        let optional = wgpu::Features::SHADER_F16 | wgpu::Features::FLOAT32_FILTERABLE;
+        let optional = wgpu::Features::SHADER_F16
+            | wgpu::Features::FLOAT32_FILTERABLE
+            | wgpu::Features::FLOAT32_BLENDABLE;
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("karat"),
             required_features: adapter.features() & optional,

@@ -1,0 +1,532 @@
+//! Integrals of a function by quadrature: the rule is the host's, the integrand the shader's.
+//!
+//! The nodes of as many cases as fill a dispatch are evaluated at once; a rule of more nodes than
+//! that takes several dispatches. `weight * value` is summed in `f64` with Neumaier's compensation,
+//! in the order of the rule, so that the sum depends neither on the number of its nodes (up to one
+//! rounding) nor on how they were dispatched. A node without a finite result fails its case.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::disagreement::{CaseFailure, NodeFailure, arguments};
+use super::session::{Demand, LanesOnly, PathTally, Session, signature};
+use super::tally::{Class, Judged, Shown, Tally, classify};
+use super::{Agreement, Failure, Plan, Probe, Recording, finite, or_panic};
+use crate::domain::Domain;
+use crate::probe::Runner;
+use crate::tolerance::{Measure, Tolerance};
+use crate::value::{Arguments, Mirror, Scalar, Shape};
+
+/// Integrals of a check unless it says otherwise: each is thousands of calls.
+const CASES: u64 = 256;
+
+/// Values of a finite domain that are all tried unless a number of integrals is asked for.
+const ENUMERATED: u64 = 65_536;
+
+/// The name of the verb that bounds from above.
+pub(super) const IS_AT_MOST: &str = "integral.is_at_most";
+
+impl<'a> Probe<'a> {
+    /// Integrates the function by quadrature, once for each of `cases`.
+    ///
+    /// `rule` turns a case into the nodes of a quadrature rule: each is a complete tuple of the
+    /// function's arguments (or the argument of a function that has one) with its weight. Cosines
+    /// and Jacobians are part of the weight. The integral is the sum of weight times result, taken
+    /// in `f64` for each component of the result, which must be floats. How far the rule itself is
+    /// from the integral is the caller's to know, and part of the tolerance.
+    ///
+    /// ```no_run
+    /// use std::f64::consts::{PI, TAU};
+    ///
+    /// use glam::{DVec3, Vec3};
+    /// use karat::prelude::*;
+    ///
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// // The midpoint rule in the squared sine and the azimuth: the cosine is in the measure.
+    /// let hemisphere = |size: u32| {
+    ///     (0..size * size).map(move |node| {
+    ///         let at = |index: u32| (f64::from(index) + 0.5) / f64::from(size);
+    ///         let (sine_squared, phi) = (at(node / size), TAU * at(node % size));
+    ///         let (sine, cosine) = (sine_squared.sqrt(), (1.0 - sine_squared).sqrt());
+    ///         let l = DVec3::new(sine * phi.cos(), sine * phi.sin(), cosine);
+    ///         (l.as_vec3(), PI / f64::from(size * size))
+    ///     })
+    /// };
+    /// // fn lambert_eval(albedo: vec3f, v: vec3f, l: vec3f) -> vec3f
+    /// SHADERS
+    ///     .function("brdf::lambert_eval")
+    ///     .integral((UnitRgb, Hemisphere(Vec3::Z)), |&(albedo, v): &(Vec3, Vec3)| {
+    ///         hemisphere(32).map(|(l, weight)| ((albedo, v, l), weight)).collect()
+    ///     })
+    ///     .agrees_with(|(albedo, _)| albedo.as_dvec3(), Rel(1e-6));
+    /// ```
+    pub fn integral<D, A, Q>(self, cases: D, rule: Q) -> Integral<'a, D, Q>
+    where
+        D: Domain,
+        A: Arguments,
+        Q: Fn(&D::Value) -> Vec<(A, f64)> + Sync,
+    {
+        Integral { plan: Plan { probe: self, domain: cases, cases: None, seed: None }, rule }
+    }
+}
+
+/// A function with the quadrature rules that it is integrated by: see [`Probe::integral`].
+#[derive(Clone, Debug)]
+#[must_use = "an integral is not taken until a verb such as `.agrees_with(...)`"]
+pub struct Integral<'a, D, Q> {
+    plan: Plan<'a, D>,
+    rule: Q,
+}
+
+/// What is asserted of an integral.
+enum Assertion {
+    AgreesWith(Tolerance),
+    /// The slack.
+    IsAtMost(f64),
+}
+
+impl<D, A, Q> Integral<'_, D, Q>
+where
+    D: Domain,
+    A: Arguments,
+    Q: Fn(&D::Value) -> Vec<(A, f64)> + Sync,
+{
+    /// Sets the number of integrals. A finite domain of at most that many values is enumerated
+    /// instead. Without this, a finite domain of up to 65,536 values is enumerated, and of others
+    /// 256 cases are drawn.
+    pub fn cases(mut self, cases: u64) -> Self {
+        self.plan.cases = Some(cases);
+        self
+    }
+
+    /// Sets the seed, which otherwise derives from the test's name.
+    pub fn seed(mut self, seed: u64) -> Self {
+        self.plan.seed = Some(seed);
+        self
+    }
+
+    /// Checks that each integral agrees with the expected one to within a tolerance, component by
+    /// component. The sum isn't rounded to `f32` before it is compared.
+    ///
+    /// # Panics
+    /// With the [`Failure`], if an integral disagrees, a node has no finite result, or nothing
+    /// could be compared.
+    #[track_caller]
+    pub fn agrees_with<E: Mirror>(
+        self,
+        expected: impl Fn(&D::Value) -> E + Sync,
+        tolerance: impl Into<Tolerance>,
+    ) -> Agreement {
+        or_panic(self.check(expected, &Assertion::AgreesWith(tolerance.into()), Recording::On))
+    }
+
+    /// [`agrees_with`](Self::agrees_with) without the panic.
+    ///
+    /// # Errors
+    /// If an integral disagrees, a node has no finite result, or nothing could be compared.
+    pub fn try_agrees_with<E: Mirror>(
+        self,
+        expected: impl Fn(&D::Value) -> E + Sync,
+        tolerance: impl Into<Tolerance>,
+    ) -> Result<Agreement, Failure> {
+        self.check(expected, &Assertion::AgreesWith(tolerance.into()), Recording::Off)
+    }
+
+    /// Checks that each integral is at most a bound plus `slack`, which is absolute: the stated
+    /// error of the quadrature and of the shader's arithmetic. The bound is a number for all
+    /// components, or one for each.
+    ///
+    /// # Panics
+    /// With the [`Failure`], if an integral exceeds its bound, a node has no finite result, or
+    /// nothing could be compared.
+    #[track_caller]
+    pub fn is_at_most<E: Mirror>(
+        self,
+        bound: impl Fn(&D::Value) -> E + Sync,
+        slack: f64,
+    ) -> Agreement {
+        or_panic(self.check(bound, &Assertion::IsAtMost(slack), Recording::On))
+    }
+
+    /// [`is_at_most`](Self::is_at_most) without the panic.
+    ///
+    /// # Errors
+    /// If an integral exceeds its bound, a node has no finite result, or nothing could be compared.
+    pub fn try_is_at_most<E: Mirror>(
+        self,
+        bound: impl Fn(&D::Value) -> E + Sync,
+        slack: f64,
+    ) -> Result<Agreement, Failure> {
+        self.check(bound, &Assertion::IsAtMost(slack), Recording::Off)
+    }
+
+    fn check<E: Mirror>(
+        self,
+        expected: impl Fn(&D::Value) -> E + Sync,
+        assertion: &Assertion,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let Self { plan, rule } = self;
+        let demand = Demand {
+            arguments: A::shapes(),
+            who: "the quadrature rule supplies",
+            cases: CASES,
+            enumerated: ENUMERATED,
+            calls: None,
+        };
+        let (name, asserted) = (assertion.name(), assertion.to_string());
+        plan.conclude(name, asserted, &demand, recording, |session| {
+            assertion.expect_result(session, &E::shape())?;
+            let Range { start: mut first, end } = session.selected()?;
+            let (mut sums, mut size) = (Vec::new(), 1);
+            while first < end {
+                let cases = first..end.min(first + size);
+                let group = Group::draw(session, cases, assertion, &rule, &expected)?;
+                sums = PathTally::merge_all(sums, group.integrate(session, assertion)?);
+                first += group.cases.len() as u64;
+                // The next group fills a dispatch if its rules are as long as these. It grows by
+                // steps, so that few long rules after short ones are in memory at once.
+                let nodes = group.nodes() / group.cases.len().max(1);
+                let fitting = session.capacity() / nodes.max(1);
+                size = (2 * size).min(fitting.max(1) as u64);
+            }
+            Ok(sums)
+        })
+    }
+}
+
+impl Assertion {
+    fn name(&self) -> &'static str {
+        match self {
+            Self::AgreesWith(_) => "integral.agrees_with",
+            Self::IsAtMost(_) => IS_AT_MOST,
+        }
+    }
+
+    /// What the caller's function returns, as a message calls it.
+    fn what(&self) -> &'static str {
+        match self {
+            Self::AgreesWith(_) => "expected",
+            Self::IsAtMost(_) => "at most",
+        }
+    }
+
+    /// Compares the result's type with that of the expected integral or the bound.
+    fn expect_result<D: Domain>(
+        &self,
+        session: &Session<'_, D>,
+        host: &Shape,
+    ) -> Result<(), Failure> {
+        let function = &session.probed.function;
+        if !session.scalars().into_iter().all(Scalar::is_float) {
+            let mismatch =
+                format!("returns {}, and an integral is a sum of floats", function.result);
+            return Err(signature(function, mismatch));
+        }
+        match self {
+            Self::AgreesWith(tolerance) => {
+                session.expect_result(host, "the expected integral is", Some(tolerance))
+            }
+            Self::IsAtMost(slack) => {
+                if *host != Shape::Scalar(Scalar::F32) {
+                    session.expect_result(host, "the bound is", None)?;
+                }
+                session.expect_lanes(&Tolerance::Abs(*slack))
+            }
+        }
+    }
+
+    fn measure(&self, lane: usize, value: f64, expected: f64) -> Measure {
+        // Minus infinity is no integral either, below whichever bound.
+        let value = if value.is_finite() { value } else { f64::NAN };
+        match self {
+            Self::AgreesWith(tolerance) => tolerance.measure_sum(lane, value, expected),
+            Self::IsAtMost(slack) => Measure::excess(value, expected, *slack),
+        }
+    }
+
+    /// Judges an integral by its worst component.
+    fn judge(&self, sum: &Sum, expected: &[f64]) -> Judged {
+        if let Some(bad) = &sum.bad {
+            let Judged { lane, class, .. } = bad.judged;
+            return Judged { measure: self.measure(lane, f64::NAN, expected[lane]), lane, class };
+        }
+        let mut worst = Judged { measure: Measure::ZERO, lane: 0, class: Class::Other };
+        for (lane, (value, expected)) in sum.totals().into_iter().zip(expected).enumerate() {
+            let measure = self.measure(lane, value, *expected);
+            if lane == 0 || measure.ratio > worst.measure.ratio {
+                let class = match self {
+                    Self::IsAtMost(_) if value.is_finite() => Class::TooHigh,
+                    _ => classify(value, *expected),
+                };
+                worst = Judged { measure, lane, class };
+            }
+        }
+        worst
+    }
+}
+
+impl std::fmt::Display for Assertion {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::AgreesWith(tolerance) => write!(f, "{tolerance}"),
+            Self::IsAtMost(slack) => write!(f, "its bound, slack {}", Tolerance::Abs(*slack)),
+        }
+    }
+}
+
+/// Cases whose nodes are in memory together.
+struct Group<V, A> {
+    first: u64,
+    cases: Vec<Case<V, A>>,
+}
+
+struct Case<V, A> {
+    value: V,
+    nodes: Vec<(A, f64)>,
+    /// The lanes of the expected integral, or of the bound.
+    expected: Vec<f64>,
+}
+
+impl<V: Clone + std::fmt::Debug + Send + Sync + 'static, A: Arguments> Group<V, A> {
+    /// Makes the rules of the cases and what their integrals should be. A rule that is empty or
+    /// has a weight that isn't finite is an error, and so is an expectation that isn't finite.
+    fn draw<D: Domain<Value = V>, E: Mirror>(
+        session: &Session<'_, D>,
+        cases: Range<u64>,
+        assertion: &Assertion,
+        rule: &(impl Fn(&V) -> Vec<(A, f64)> + Sync),
+        expected: &(impl Fn(&V) -> E + Sync),
+    ) -> Result<Self, Failure> {
+        let words = session.scalars().len();
+        let first = cases.start;
+        let cases: Vec<Result<Case<V, A>, Failure>> = cases
+            .into_par_iter()
+            .map(|index| {
+                let value = session.case(index)?;
+                let mut lanes = Vec::with_capacity(words);
+                expected(&value).lanes(&mut lanes);
+                // A bound for all components; other shapes have been compared with the result's.
+                let last = lanes.last().copied().unwrap_or(f64::NAN);
+                lanes.resize(words, last);
+                Ok(Case { nodes: rule(&value), expected: lanes, value })
+            })
+            .collect();
+        // In order, so that of several errors the same one is reported every time.
+        let mut checked = Vec::with_capacity(cases.len());
+        for (index, case) in (first..).zip(cases) {
+            let case = case?;
+            let shown = || format!("{:?}", case.value);
+            if let Some(reason) = case.unusable() {
+                let (function, arguments) = (session.probed.function.path.clone(), shown());
+                return Err(Failure::Rule { function, reason, case: index, arguments });
+            }
+            session.expect_finite(&case.expected, assertion.what(), |_| (index, shown()))?;
+            checked.push(case);
+        }
+        Ok(Self { first, cases: checked })
+    }
+
+    fn nodes(&self) -> usize {
+        self.cases.iter().map(|case| case.nodes.len()).sum()
+    }
+
+    /// Evaluates all nodes on every path and judges the sums.
+    fn integrate<D: Domain<Value = V>>(
+        &self,
+        session: &Session<'_, D>,
+        assertion: &Assertion,
+    ) -> Result<Vec<PathTally>, Failure> {
+        let scalars = session.scalars();
+        let empty = vec![Sum::new(scalars.len()); self.cases.len()];
+        let mut sums = vec![empty; session.runners.len()];
+        let mut places = (0..self.cases.len())
+            .flat_map(|case| (0..self.cases[case].nodes.len()).map(move |node| (case, node)));
+        loop {
+            let piece: Vec<(usize, usize)> = places.by_ref().take(session.capacity()).collect();
+            if piece.is_empty() {
+                break;
+            }
+            let mut lanes = Vec::new();
+            for (case, node) in &piece {
+                self.cases[*case].nodes[*node].0.store_all(&mut lanes);
+            }
+            let lanes = LanesOnly { first: self.first, cases: piece.len(), lanes: lanes.into() };
+            let dispatches = session.dispatch(&lanes)?;
+            for ((runner, dispatch), sums) in session.runners.iter().zip(dispatches).zip(&mut sums)
+            {
+                runner.read(dispatch, |results| {
+                    for ((case, node), result) in
+                        piece.iter().zip(results.chunks_exact(runner.stride_out()))
+                    {
+                        let weight = self.cases[*case].nodes[*node].1;
+                        sums[*case].add(&scalars, *node, weight, &result[..scalars.len()]);
+                    }
+                })?;
+            }
+        }
+        let tally = |(runner, sums): (&Runner, &Vec<Sum>)| {
+            let judge = |case: usize| assertion.judge(&sums[case], &self.cases[case].expected);
+            let mut tally = Tally::default();
+            for case in 0..self.cases.len() {
+                tally.add(self.first + case as u64, judge(case));
+            }
+            let show = |shown: Shown| {
+                let case = usize::try_from(shown.case - self.first).expect("in this group");
+                self.show(session, shown, &self.cases[case], &sums[case])
+            };
+            PathTally::new(runner.device(), tally, show).with_nodes(self.nodes() as u64)
+        };
+        Ok(session.runners.iter().zip(&sums).map(tally).collect())
+    }
+
+    fn show<D: Domain<Value = V>>(
+        &self,
+        session: &Session<'_, D>,
+        shown: Shown,
+        case: &Case<V, A>,
+        sum: &Sum,
+    ) -> CaseFailure {
+        let function = &session.probed.function;
+        let node = sum.bad.as_ref().map(|bad| {
+            let (values, weight) = &case.nodes[bad.node];
+            let mut lanes = Vec::new();
+            values.store_all(&mut lanes);
+            NodeFailure {
+                index: bad.node,
+                weight: *weight,
+                arguments: arguments(function, &lanes),
+                result: function.result.format(&bad.result),
+            }
+        });
+        let integral = (&*sum.totals(), case.nodes.len(), node);
+        let (value, expected) = (format!("{:?}", case.value), &case.expected);
+        CaseFailure::of_integral(function, shown.case, value, integral, expected, &shown.judged)
+    }
+}
+
+impl<V, A> Case<V, A> {
+    /// Why the rule can't be summed.
+    fn unusable(&self) -> Option<String> {
+        if self.nodes.is_empty() {
+            return Some("has no nodes, so nothing would be integrated,".to_owned());
+        }
+        let bad = self.nodes.iter().position(|(_, weight)| !weight.is_finite())?;
+        Some(format!("has the weight {} at node {bad}", self.nodes[bad].1))
+    }
+}
+
+/// The integral of one case on one path, so far.
+#[derive(Clone, Debug)]
+struct Sum {
+    lanes: Vec<Compensated>,
+    bad: Option<Bad>,
+}
+
+/// The first node of a rule whose result isn't finite.
+#[derive(Clone, Debug)]
+struct Bad {
+    node: usize,
+    result: Vec<u32>,
+    judged: Judged,
+}
+
+impl Sum {
+    fn new(lanes: usize) -> Self {
+        Self { lanes: vec![Compensated::default(); lanes], bad: None }
+    }
+
+    fn add(&mut self, scalars: &[Scalar], node: usize, weight: f64, result: &[u32]) {
+        for ((sum, scalar), word) in self.lanes.iter_mut().zip(scalars).zip(result) {
+            sum.add(weight * scalar.decode(*word));
+        }
+        if self.bad.is_none() {
+            let judged = finite(scalars, result);
+            if !judged.measure.passes() {
+                self.bad = Some(Bad { node, result: result.to_vec(), judged });
+            }
+        }
+    }
+
+    fn totals(&self) -> Vec<f64> {
+        self.lanes.iter().map(Compensated::total).collect()
+    }
+}
+
+/// Neumaier's sum (1974): the rounding error of each addition is kept and added at the end.
+#[derive(Clone, Copy, Debug, Default)]
+struct Compensated {
+    sum: f64,
+    lost: f64,
+}
+
+impl Compensated {
+    fn add(&mut self, term: f64) {
+        let sum = self.sum + term;
+        let (large, small) =
+            if self.sum.abs() >= term.abs() { (self.sum, term) } else { (term, self.sum) };
+        self.lost += (large - sum) + small;
+        self.sum = sum;
+    }
+
+    /// The sum; NaN or infinite if it overflowed or a term was.
+    fn total(&self) -> f64 {
+        self.sum + self.lost
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tolerance::{Abs, Rel};
+
+    fn sum(terms: &[(f64, f32)]) -> Sum {
+        let mut sum = Sum::new(1);
+        for (node, (weight, value)) in terms.iter().enumerate() {
+            sum.add(&[Scalar::F32], node, *weight, &[value.to_bits()]);
+        }
+        sum
+    }
+
+    #[test]
+    fn what_cancels_is_not_lost() {
+        let terms = [(1.0, 1.0), (1e100, 1.0), (1.0, 1.0), (-1e100, 1.0)];
+        assert_eq!(sum(&terms).totals(), [2.0]);
+        let tenths = sum(&[(0.1, 1.0); 1_000_000]).totals()[0];
+        assert!((tenths - 1e5).abs() < 1e-10, "{tenths}");
+    }
+
+    #[test]
+    fn no_sum_with_nan_or_infinity_passes() {
+        let loosest = Tolerance::from(Abs(1e300)).or(Rel(1e300));
+        let assertions = [Assertion::AgreesWith(loosest), Assertion::IsAtMost(f64::MAX)];
+        for assertion in assertions {
+            for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+                for weight in [0.0, 1.0, -1.0] {
+                    let sum = sum(&[(1.0, 1.0), (weight, bad), (1.0, 1.0)]);
+                    let judged = assertion.judge(&sum, &[1.0]);
+                    assert!(!judged.measure.passes(), "{weight} * {bad}");
+                    let nan = judged.class == Class::Nan;
+                    assert!(nan == bad.is_nan() && (nan || judged.class == Class::Infinite));
+                }
+            }
+            for weight in [f64::MAX, -f64::MAX] {
+                let overflow = sum(&[(weight, 2.0)]);
+                assert!(!assertion.judge(&overflow, &[1.0]).measure.passes());
+            }
+        }
+    }
+
+    #[test]
+    fn a_bound_is_closed_and_the_slack_absolute() {
+        let passes = |slack, value: f64, bound| {
+            let judged = Assertion::IsAtMost(slack).judge(&sum(&[(value, 1.0)]), &[bound]);
+            assert!(judged.measure.passes() || judged.class == Class::TooHigh);
+            judged.measure.passes()
+        };
+        assert!(passes(0.0, 1.0, 1.0) && passes(0.0, -5.0, 1.0) && passes(0.0, -2.0, -1.0));
+        assert!(!passes(0.0, 1.0_f64.next_up(), 1.0) && !passes(0.0, 0.5, -1.0));
+        assert!(passes(0.25, 1.25, 1.0) && !passes(0.25, 1.25_f64.next_up(), 1.0));
+    }
+}

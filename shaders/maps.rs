@@ -1,0 +1,68 @@
+//! Twin of `maps.wgsl`: what its frames are drawn from, and how they become textures.
+
+use glam::{DVec2, DVec3, UVec2};
+use karat::Image;
+
+use crate::environment;
+
+/// Faces across a frame of six: +X, -X, +Y, and below them -Y, +Z, -Z.
+pub const ACROSS: u32 = 3;
+/// Faces down.
+pub const DOWN: u32 = 2;
+
+karat::shareable! {
+    /// What a map is computed for.
+    pub struct MapSettings mirrors MapSettingsMirror {
+        /// Texels along a side of a face, or of the table.
+        side: u32,
+        /// Directions for each texel.
+        samples: u32,
+        /// GGX width of a prefiltered level.
+        alpha: f32,
+    }
+}
+
+/// Direction, of any length, through the texel that `pixel` shows.
+#[must_use]
+pub fn texel_direction(side: u32, pixel: UVec2) -> DVec3 {
+    let face = pixel.y / side * ACROSS + pixel.x / side;
+    let centre = |texel: u32| (f64::from(texel % side) + 0.5) / f64::from(side);
+    let uv = DVec2::new(centre(pixel.x), centre(pixel.y));
+    environment::face_direction(face as usize, uv.x, uv.y)
+}
+
+/// The six faces, `side` a side, of a frame three across and two down.
+///
+/// # Panics
+///
+/// If the frame isn't `3 side` wide and `2 side` high.
+#[must_use]
+pub fn faces(frame: &Image, side: u32) -> [Image; 6] {
+    assert_eq!([frame.width(), frame.height()], [ACROSS * side, DOWN * side], "three by two faces");
+    std::array::from_fn(|face| {
+        let (left, top) = (face % ACROSS as usize, face / ACROSS as usize);
+        let side = side as usize;
+        let rows = (0..side).map(|row| (top * side + row) * ACROSS as usize * side + left * side);
+        let pixels = rows.flat_map(|first| frame.pixels()[first..first + side].to_vec()).collect();
+        Image::new(side as u32, side as u32, pixels)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faces_are_cut_where_their_texels_were_drawn() {
+        let side = 4;
+        let pixels = (0..DOWN * side)
+            .flat_map(|y| (0..ACROSS * side).map(move |x| texel_direction(side, UVec2::new(x, y))))
+            .map(|direction| direction.as_vec3().extend(1.0).to_array())
+            .collect();
+        let faces = faces(&Image::new(ACROSS * side, DOWN * side, pixels), side);
+        for (index, face) in faces.iter().enumerate() {
+            let expected = environment::face_direction(index, 0.375, 0.125).as_vec3();
+            assert_eq!(face.pixels()[1][..3], expected.to_array(), "face {index}");
+        }
+    }
+}

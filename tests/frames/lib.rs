@@ -1,0 +1,268 @@
+//! The frames of the shader library: what `golden.rs` compares with the goldens, what
+//! `second_opinion` computes again in `f64`, and what `karat render` draws.
+
+use std::error::Error;
+
+use glam::Vec3;
+use karat::prelude::*;
+use karat::{Frame, Mesh};
+use shaders::camera::Camera;
+use shaders::maps::{self, MapSettings};
+use shaders::scene::{self, Painted, Samples};
+use shaders::{PBR, environment, probe_room, specular};
+
+/// Texels along a face of the environment: the sun is 10 texels wide.
+pub const ENVIRONMENT: u32 = 128;
+/// Texels along a face of the irradiance map, as in the article.
+pub const IRRADIANCE: u32 = 32;
+/// Pixels along a face in the frame of the environment.
+const FACE: u32 = 96;
+/// Texels along a side of the split sum's table.
+pub const TABLE: u32 = 32;
+/// Mip levels of the prefiltered environment: the last one has faces of 4 texels a side.
+pub const PREFILTERED_LEVELS: u32 = 6;
+/// Normals for each texel of a prefiltered level, and for each entry of the table.
+const PREFILTERED_SAMPLES: u32 = 1024;
+/// Bands and segments of a sphere: facets of 5.6 degrees.
+const SPHERE: (u32, u32) = (32, 64);
+
+/// Name and description of each frame; the name is also that of its golden.
+pub const FRAMES: [(&str, &str); 14] = [
+    ("scene", "diffuse and specular light of the studio on 8 materials x 8 roughnesses"),
+    ("diffuse", "the diffuse term alone: metals are black"),
+    ("specular", "the specular term alone, a mirror in the first row"),
+    ("masked_roughness", "roughness from a mask texture"),
+    ("layered", "a thin shiny coat over everything"),
+    ("masked_layered", "the coat over semi-transparent white dots"),
+    ("filtered_diffuse", "the diffuse term from 32 samples in higher mip levels"),
+    ("filtered_specular", "the specular term from 32 samples in higher mip levels"),
+    ("environment", "the six faces of the environment"),
+    ("irradiance", "the six faces of its irradiance map"),
+    ("lambert", "the article's Lambert object, lit by the irradiance map of a room"),
+    ("lambert_parallax", "the same with directions corrected by their place in the room"),
+    ("furnace", "white materials in white light, with compensation: the spheres vanish"),
+    ("split_sum", "the scene with Karis' split sum in place of the specular estimator"),
+];
+
+/// How a frame is drawn.
+#[derive(Clone, Debug)]
+pub struct Shot {
+    /// Pixels across and down; of a cube map's six faces, the frame takes what it needs.
+    pub size: Option<(u32, u32)>,
+    /// Directions for each term at each pixel, in place of the frame's own number.
+    pub samples: Option<u32>,
+    /// What lights the scene, with mip levels; `None`: the studio.
+    pub environment: Option<CubeMap>,
+    /// Where maps are computed that the frame looks up.
+    pub path: Path,
+    /// Whether depth is drawn first.
+    pub prepass: bool,
+}
+
+impl Shot {
+    /// The frame as its golden shows it, with maps computed on `path`.
+    #[must_use]
+    pub fn golden(path: Path) -> Self {
+        Self { size: None, samples: None, environment: None, path, prepass: true }
+    }
+
+    /// The same, `width` x `height` pixels large.
+    #[must_use]
+    pub fn sized(self, width: u32, height: u32) -> Self {
+        Self { size: Some((width, height)), ..self }
+    }
+
+    /// The light of the scene.
+    #[must_use]
+    pub fn light(&self) -> CubeMap {
+        self.environment.clone().unwrap_or_else(studio)
+    }
+
+    /// How many directions a frame gathers light from.
+    #[must_use]
+    pub fn samples(&self, usual: Samples) -> Samples {
+        self.samples.map_or(usual, |samples| Samples { diffuse: samples, specular: samples })
+    }
+}
+
+/// The studio as a cube map with mip levels.
+#[must_use]
+pub fn studio() -> CubeMap {
+    let texels = environment::cube_map(ENVIRONMENT, environment::studio);
+    CubeMap::from_texels(ENVIRONMENT, texels).with_mips()
+}
+
+/// The room of the article's frames as its probe sees it.
+#[must_use]
+pub fn room() -> CubeMap {
+    CubeMap::from_texels(ENVIRONMENT, environment::cube_map(ENVIRONMENT, probe_room::walls))
+}
+
+/// The unit sphere of all frames.
+#[must_use]
+pub fn sphere() -> (Vec<Vec3>, Vec<u32>) {
+    scene::sphere(SPHERE.0, SPHERE.1)
+}
+
+/// A frame by its name.
+///
+/// # Errors
+///
+/// If there is none of that name, or a map that it looks up can't be drawn.
+pub fn frame(name: &str, shot: &Shot) -> Result<Frame<'static>, Box<dyn Error>> {
+    let painted = scene::spheres();
+    let usual = Samples::DEFAULT;
+    Ok(match name {
+        "scene" => spheres(shot, "fragment", &painted, usual, (640, 360)),
+        "diffuse" => spheres(shot, "diffuse_fragment", &painted, usual, SMALL),
+        "specular" => spheres(shot, "specular_fragment", &painted, usual, SMALL),
+        "masked_roughness" => spheres(shot, "masked_roughness_fragment", &painted, usual, SMALL)
+            .with("mask", scene::rings()),
+        "layered" => spheres(shot, "layered_fragment", &painted, usual, SMALL),
+        "masked_layered" => spheres(shot, "masked_layered_fragment", &painted, usual, SMALL)
+            .with("mask", scene::dots()),
+        "filtered_diffuse" => {
+            spheres(shot, "filtered_diffuse_fragment", &painted, Samples::FILTERED, SMALL)
+        }
+        "filtered_specular" => {
+            spheres(shot, "filtered_specular_fragment", &painted, Samples::FILTERED, SMALL)
+        }
+        "environment" => {
+            let settings = MapSettings { side: FACE, samples: 0, alpha: 0.0 };
+            map(shot.light(), "environment_fragment", settings)
+        }
+        "irradiance" => irradiance_map(shot.light(), IRRADIANCE),
+        "lambert" => lambert_objects(shot, "fragment", "background_fragment")?,
+        "lambert_parallax" => {
+            lambert_objects(shot, "corrected_fragment", "corrected_background_fragment")?
+        }
+        "furnace" => {
+            let white = Shot { environment: Some(CubeMap::constant(Vec3::ONE)), ..shot.clone() };
+            spheres(&white, "compensated_fragment", &scene::white_spheres(), usual, SMALL)
+                .with("split_sum_table", split_sum_table(shot)?)
+        }
+        "split_sum" => spheres(shot, "split_sum_fragment", &painted, usual, SMALL)
+            .with("prefiltered", prefiltered(shot)?)
+            .with("split_sum_table", split_sum_table(shot)?),
+        _ => return Err(format!("there is no frame `{name}`").into()),
+    })
+}
+
+/// Large enough to tell the materials apart, small enough for a software rasteriser.
+const SMALL: (u32, u32) = (480, 270);
+
+/// The 64 spheres, drawn through the depth pre-pass with one of the scene's fragment functions,
+/// and the light behind them.
+fn spheres(
+    shot: &Shot,
+    fragment: &str,
+    painted: &[Painted],
+    samples: Samples,
+    usual_size: (u32, u32),
+) -> Frame<'static> {
+    let (width, height) = shot.size.unwrap_or(usual_size);
+    let camera = scene::camera(f64::from(width) / f64::from(height));
+    let [base_color, surface] = scene::material_maps(painted);
+    let frame = grid("scene", fragment, camera, (width, height))
+        .fullscreen("background_vertex", "background_fragment")
+        .with("samples", Uniform::new(shot.samples(samples)))
+        .with("base_color_map", base_color)
+        .with("surface_map", surface)
+        .with("mask", scene::no_mask())
+        .with("environment", shot.light())
+        .with("environment_sampler", Sampler::Linear);
+    if shot.prepass { frame.depth_prepass() } else { frame }
+}
+
+/// The 64 spheres alone, drawn with a fragment function of `module`.
+#[must_use]
+pub fn grid(
+    module: &str,
+    fragment: &str,
+    camera: Camera,
+    (width, height): (u32, u32),
+) -> Frame<'static> {
+    let (positions, indices) = sphere();
+    let mesh = Mesh::new(positions, indices);
+    PBR.frame(module, width, height).with("camera", Uniform::new(camera)).mesh(
+        "vertex",
+        fragment,
+        mesh,
+        scene::SIDE * scene::SIDE,
+    )
+}
+
+/// The article's spheres in their room.
+fn lambert_objects(
+    shot: &Shot,
+    fragment: &str,
+    background: &str,
+) -> Result<Frame<'static>, Box<dyn Error>> {
+    let (width, height) = shot.size.unwrap_or(SMALL);
+    let room = shot.environment.clone().unwrap_or_else(room);
+    let irradiance = cube_map(irradiance_map(room.clone(), IRRADIANCE), IRRADIANCE, shot.path)?;
+    let (positions, indices) = sphere();
+    let aspect = f64::from(width) / f64::from(height);
+    Ok(PBR
+        .frame("probe_room", width, height)
+        .with("camera", Uniform::new(probe_room::camera_setup().camera(aspect)))
+        .with("room", Uniform::new(probe_room::room()))
+        .with("irradiance_map", irradiance)
+        .with("environment", room)
+        .with("environment_sampler", Sampler::Linear)
+        .mesh("vertex", fragment, Mesh::new(positions, indices), probe_room::SPHERES)
+        .fullscreen("background_vertex", background)
+        .depth_prepass())
+}
+
+/// Six faces, or a table, computed by a fragment function of `maps`.
+fn map(light: CubeMap, fragment: &str, settings: MapSettings) -> Frame<'static> {
+    let (width, height) = (maps::ACROSS * settings.side, maps::DOWN * settings.side);
+    PBR.frame("maps", width, height)
+        .with("settings", Uniform::new(settings))
+        .with("environment", light)
+        .with("environment_sampler", Sampler::Linear)
+        .fullscreen("vertex", fragment)
+}
+
+/// The faces of the irradiance map of `light`.
+#[must_use]
+pub fn irradiance_map(light: CubeMap, side: u32) -> Frame<'static> {
+    map(light, "irradiance_fragment", MapSettings { side, samples: 0, alpha: 0.0 })
+}
+
+/// The cube map whose six faces a frame shows.
+fn cube_map(frame: Frame<'_>, side: u32, path: Path) -> Result<CubeMap, Box<dyn Error>> {
+    Ok(CubeMap::from_faces(&maps::faces(&frame.render(path)?, side))?)
+}
+
+/// The environment, filtered for the width that each mip level stands for.
+///
+/// # Errors
+///
+/// If a level can't be drawn.
+pub fn prefiltered(shot: &Shot) -> Result<CubeMap, Box<dyn Error>> {
+    let mut levels = Vec::new();
+    for level in 0..PREFILTERED_LEVELS {
+        let side = ENVIRONMENT >> level;
+        let alpha = specular::prefiltered_alpha(f64::from(level), PREFILTERED_LEVELS) as f32;
+        let settings = MapSettings { side, samples: PREFILTERED_SAMPLES, alpha };
+        let faces = map(shot.light(), "prefiltered_fragment", settings).render(shot.path)?;
+        levels.push(maps::faces(&faces, side).iter().flat_map(|f| f.pixels().to_vec()).collect());
+    }
+    Ok(CubeMap::from_levels(ENVIRONMENT, levels))
+}
+
+/// The split sum's table of scale and bias.
+///
+/// # Errors
+///
+/// If it can't be drawn.
+pub fn split_sum_table(shot: &Shot) -> Result<Texture, Box<dyn Error>> {
+    let settings = MapSettings { side: TABLE, samples: PREFILTERED_SAMPLES, alpha: 0.0 };
+    let table = PBR
+        .frame("maps", TABLE, TABLE)
+        .with("settings", Uniform::new(settings))
+        .fullscreen("vertex", "split_sum_fragment");
+    Ok(Texture::from(&table.render(shot.path)?))
+}

@@ -1,0 +1,33 @@
+//! Maps that are computed once and then looked up.
+
+use glam::{UVec2, Vec3};
+use karat::prelude::*;
+use shaders::{PBR, maps};
+
+/// Each pixel of a frame of six faces: a division, and what `face_direction` does with it.
+#[test]
+fn texel_direction() {
+    let pixels =
+        (OneOf(vec![1, 2, 7, 32, 96_u32]), 0.0..=1.0_f32, 0.0..=1.0_f32).map(|(side, x, y)| {
+            let pixel = |share: f32, faces: u32| {
+                ((share * (faces * side) as f32) as u32).min(faces * side - 1)
+            };
+            (side, UVec2::new(pixel(x, maps::ACROSS), pixel(y, maps::DOWN)))
+        });
+    PBR.function("maps::texel_direction")
+        .over(pixels)
+        .agrees_with(|side: u32, pixel: UVec2| maps::texel_direction(side, pixel), Abs(5e-7));
+}
+
+/// A face's texels are those that the hardware finds again in the same directions.
+#[test]
+fn faces_become_the_cube_map_that_they_show() {
+    let side = 16;
+    let color = |d: Vec3| 0.5 * (d.normalize() + Vec3::ONE);
+    let pixels = (0..maps::DOWN * side)
+        .flat_map(|y| (0..maps::ACROSS * side).map(move |x| UVec2::new(x, y)))
+        .map(|pixel| color(maps::texel_direction(side, pixel).as_vec3()).extend(1.0).to_array());
+    let frame = karat::Image::new(maps::ACROSS * side, maps::DOWN * side, pixels.collect());
+    let cube = CubeMap::from_faces(&maps::faces(&frame, side)).expect("six squares");
+    assert_eq!(cube.texels(0), CubeMap::from_fn(side, color).texels(0));
+}

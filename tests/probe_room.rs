@@ -1,0 +1,12 @@
+//! The article's spheres in their room.
+
+use karat::prelude::*;
+use shaders::{PBR, probe_room};
+
+/// A product and a difference.
+#[test]
+fn sphere_centre() {
+    PBR.function("probe_room::sphere_centre")
+        .over(Integers(0..=4_u32))
+        .agrees_with(probe_room::sphere_centre, Ulp(2.0));
+}

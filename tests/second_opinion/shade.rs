@@ -1,0 +1,199 @@
+//! What the fragment functions of `scene.wgsl` compute, in `f64`, with light gathered in a way of
+//! one's choice.
+
+use std::f64::consts::{FRAC_1_PI, PI};
+
+use glam::{DVec2, DVec3};
+use karat::{CubeMap, Texture};
+use shaders::scene::{Painted, Samples};
+use shaders::{fresnel, geometry, irradiance, layering, sampling, specular};
+
+use super::trace::{Hit, Ray};
+
+/// What is known of the point that a pixel shows.
+#[derive(Clone, Copy, Debug)]
+pub struct Surface {
+    diffuse: DVec3,
+    f0: DVec3,
+    alpha: f64,
+    mask: f64,
+    pub n: DVec3,
+    v: DVec3,
+}
+
+impl Surface {
+    pub fn new(painted: Painted, mask: &Texture, hit: Hit, ray: Ray) -> Self {
+        let base_color = painted.base_color.as_dvec3();
+        let metallic = f64::from(painted.metallic);
+        let normal = hit.normal.normalize();
+        let v = -ray.direction;
+        // As `facing_normal`: turned towards v where interpolation turned it away.
+        let missing = 1e-3 - normal.dot(v);
+        let n = if missing > 0.0 { (normal + missing * v).normalize() } else { normal };
+        let coordinate = DVec2::new(0.5 * (1.0 + normal.x), 0.5 * (1.0 - normal.y));
+        Self {
+            diffuse: base_color * (1.0 - metallic),
+            f0: DVec3::splat(0.04).lerp(base_color, metallic),
+            alpha: f64::from(painted.roughness),
+            mask: mask.sample(coordinate).x,
+            n,
+            v,
+        }
+    }
+}
+
+/// How light is gathered.
+#[derive(Clone, Copy, Debug)]
+pub enum Gather<'a> {
+    /// With the samples of the shader.
+    Same(&'a Samples),
+    /// From mip levels, with the samples of the shader.
+    Filtered(&'a Samples),
+    /// With the shader's densities, but at these points of the unit square.
+    Moved { diffuse: &'a [DVec2], specular: &'a [DVec2] },
+    /// With other densities than the shader's: cosine, and visible normals.
+    Independent { points: &'a [DVec2] },
+}
+
+/// The light of a scene, and how it is gathered.
+#[derive(Clone, Copy, Debug)]
+pub struct Light<'a> {
+    pub map: &'a CubeMap,
+    pub gather: Gather<'a>,
+}
+
+impl Light<'_> {
+    pub fn radiance(&self, direction: DVec3) -> DVec3 {
+        self.level(direction, 0.0)
+    }
+
+    fn level(&self, direction: DVec3, level: f64) -> DVec3 {
+        self.map.sample_level(direction, level).truncate()
+    }
+
+    /// Irradiance over pi.
+    fn diffuse(&self, n: DVec3) -> DVec3 {
+        let radiance = |l: DVec3| self.radiance(l);
+        match self.gather {
+            Gather::Same(samples) => irradiance::estimate(n, samples.diffuse, radiance),
+            Gather::Filtered(samples) => {
+                let level = |l: DVec3, level: f64| self.level(l, level);
+                irradiance::filtered_estimate(n, samples.diffuse, self.map.size(), level)
+            }
+            Gather::Moved { diffuse, .. } => {
+                let frame = sampling::orthonormal_basis(n);
+                mean(diffuse, |u| {
+                    let local = sampling::uniform_hemisphere(u);
+                    2.0 * local.z * radiance(frame * local)
+                })
+            }
+            Gather::Independent { points } => {
+                let frame = sampling::orthonormal_basis(n);
+                mean(points, |u| radiance(frame * sampling::cosine_hemisphere(u)))
+            }
+        }
+    }
+
+    fn specular(&self, s: &Surface) -> DVec3 {
+        let radiance = |l: DVec3| self.radiance(l);
+        let Surface { f0, alpha, n, v, .. } = *s;
+        if alpha == 0.0 {
+            return fresnel::schlick(f0, n.dot(v)) * radiance(2.0 * n.dot(v) * n - v);
+        }
+        let frame = sampling::orthonormal_basis(n);
+        let local_v = frame.transpose() * v;
+        match self.gather {
+            Gather::Same(samples) => {
+                specular::estimate(f0, alpha, n, v, samples.specular, radiance)
+            }
+            Gather::Filtered(samples) => {
+                let level = |l: DVec3, level: f64| self.level(l, level);
+                let size = self.map.size();
+                specular::filtered_estimate(f0, alpha, n, v, samples.specular, size, level)
+            }
+            Gather::Moved { specular, .. } => mean(specular, |u| {
+                let h = sampling::ggx_normal(alpha, u);
+                let density = ggx(alpha, h) * h.z;
+                frame_sample(s, local_v, h, density, |l| radiance(frame * l))
+            }),
+            Gather::Independent { points } => mean(points, |u| {
+                let h = sampling::ggx_visible_normal(alpha, local_v, u);
+                // Heitz 2018, eq. 3.
+                let visible = geometry::smith_g1(alpha, local_v.z) * local_v.dot(h) / local_v.z;
+                frame_sample(s, local_v, h, visible * ggx(alpha, h), |l| radiance(frame * l))
+            }),
+        }
+    }
+}
+
+fn mean(points: &[DVec2], term: impl Fn(DVec2) -> DVec3) -> DVec3 {
+    points.iter().map(|u| term(*u)).sum::<DVec3>() / points.len() as f64
+}
+
+/// f L cos / pdf for a normal `h` of this density, in the local frame: Walter et al. 2007, eq. 20
+/// and 14, with the lecture's G.
+fn frame_sample(
+    s: &Surface,
+    v: DVec3,
+    h: DVec3,
+    density: f64,
+    radiance: impl Fn(DVec3) -> DVec3,
+) -> DVec3 {
+    let v_dot_h = v.dot(h);
+    let l = 2.0 * v_dot_h * h - v;
+    if l.z <= 0.0 || v_dot_h <= 0.0 {
+        return DVec3::ZERO;
+    }
+    let g = geometry::v_cavity(h.z, v.z, l.z, v_dot_h);
+    let f = fresnel::schlick(s.f0, v_dot_h) * ggx(s.alpha, h) * g / (4.0 * v.z * l.z);
+    f * radiance(l) * l.z / (density / (4.0 * v_dot_h))
+}
+
+/// Walter et al. 2007, eq. 33.
+fn ggx(alpha: f64, h: DVec3) -> f64 {
+    let sin2 = h.x * h.x + h.y * h.y;
+    let width = h.z * h.z * alpha * alpha + sin2;
+    alpha * alpha / (PI * width * width)
+}
+
+/// The colour of a pixel of frame `name` that shows `s`.
+pub fn shade(name: &str, s: &Surface, light: &Light<'_>) -> DVec3 {
+    let n_dot_v = s.n.dot(s.v);
+    let plastic =
+        |s: &Surface| layering::plastic(s.f0, diffuse(s, light), light.specular(s), n_dot_v);
+    let coated = |base: DVec3| {
+        let mirrored = 2.0 * n_dot_v * s.n - s.v;
+        layering::thin_coat(light.radiance(mirrored), base, n_dot_v)
+    };
+    match name {
+        "diffuse" | "filtered_diffuse" => {
+            layering::plastic(s.f0, diffuse(s, light), DVec3::ZERO, n_dot_v)
+        }
+        "specular" | "filtered_specular" => light.specular(s),
+        "masked_roughness" => plastic(&Surface { alpha: s.alpha + (0.5 - s.alpha) * s.mask, ..*s }),
+        "layered" => coated(plastic(s)),
+        "masked_layered" => coated(plastic(s).lerp(light.diffuse(s.n), s.mask)),
+        _ => plastic(s),
+    }
+}
+
+fn diffuse(s: &Surface, light: &Light<'_>) -> DVec3 {
+    if s.diffuse == DVec3::ZERO { DVec3::ZERO } else { s.diffuse * light.diffuse(s.n) }
+}
+
+/// What the split sum makes of the specular part, from its two maps.
+pub fn split_sum(s: &Surface, light: &Light<'_>, prefiltered: &CubeMap, table: &Texture) -> DVec3 {
+    let n_dot_v = s.n.dot(s.v);
+    let level = specular::prefiltered_level(s.alpha, prefiltered.level_count());
+    let mirrored = 2.0 * n_dot_v * s.n - s.v;
+    let about = prefiltered.sample_level(mirrored, level).truncate();
+    let entry = table.sample(DVec2::new(n_dot_v, s.alpha)).truncate().truncate();
+    let specular = specular::split_sum(s.f0, entry, about);
+    layering::plastic(s.f0, diffuse(s, light), specular, n_dot_v)
+}
+
+/// Radiance of a Lambertian of `colour` in light of this irradiance over pi.
+pub fn lambert(colour: f64, irradiance_over_pi: DVec3) -> DVec3 {
+    // (colour / pi) E
+    colour * FRAC_1_PI * (PI * irradiance_over_pi)
+}

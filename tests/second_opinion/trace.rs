@@ -1,0 +1,114 @@
+//! What a pixel shows, found by a ray instead of a rasteriser, from the same triangles.
+
+use glam::{DMat4, DVec2, DVec3, Vec3};
+use shaders::camera::Camera;
+
+/// Copies of one mesh, seen by a camera.
+#[derive(Debug)]
+pub struct Scene {
+    camera: DMat4,
+    eye: DVec3,
+    size: (u32, u32),
+    /// Corners of triangles on the unit sphere: their positions are their normals.
+    triangles: Vec<[DVec3; 3]>,
+    centres: Vec<DVec3>,
+    radius: f64,
+}
+
+/// The point that a ray meets first.
+#[derive(Clone, Copy, Debug)]
+pub struct Hit {
+    pub instance: u32,
+    pub position: DVec3,
+    /// Interpolated between the corners, and so shorter than 1.
+    pub normal: DVec3,
+    distance: f64,
+}
+
+/// Where a pixel looks.
+#[derive(Clone, Copy, Debug)]
+pub struct Ray {
+    pub origin: DVec3,
+    /// Of unit length.
+    pub direction: DVec3,
+}
+
+impl Scene {
+    /// Spheres of `radius` about `centres`, for a frame of `size` pixels.
+    pub fn new(
+        camera: Camera,
+        size: (u32, u32),
+        (positions, indices): (Vec<Vec3>, Vec<u32>),
+        centres: Vec<DVec3>,
+        radius: f64,
+    ) -> Self {
+        let corner = |index: u32| positions[index as usize].as_dvec3();
+        let triangles =
+            indices.chunks_exact(3).map(|corners| [0, 1, 2].map(|i| corner(corners[i]))).collect();
+        Self {
+            camera: camera.view_projection.as_dmat4(),
+            eye: camera.position.as_dvec3(),
+            size,
+            triangles,
+            centres,
+            radius,
+        }
+    }
+
+    /// The ray through the middle of a pixel.
+    pub fn ray(&self, (x, y): (u32, u32)) -> Ray {
+        let (width, height) = (f64::from(self.size.0), f64::from(self.size.1));
+        let (x, y) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
+        let ndc = DVec2::new(2.0 * x / width - 1.0, 1.0 - 2.0 * y / height);
+        let direction = shaders::camera::view_direction(self.camera, ndc).normalize();
+        Ray { origin: self.eye, direction }
+    }
+
+    /// The pixel that shows a point.
+    pub fn pixel_of(&self, point: DVec3) -> (u32, u32) {
+        let ndc = self.camera.project_point3(point);
+        let (width, height) = (f64::from(self.size.0), f64::from(self.size.1));
+        ((0.5 * (ndc.x + 1.0) * width) as u32, (0.5 * (1.0 - ndc.y) * height) as u32)
+    }
+
+    /// The nearest triangle that faces the ray.
+    pub fn trace(&self, ray: Ray) -> Option<Hit> {
+        let mut nearest: Option<Hit> = None;
+        for (instance, centre) in (0..).zip(&self.centres) {
+            let from_centre = (ray.origin - centre) / self.radius;
+            if from_centre.cross(ray.direction).length_squared() > 1.0 {
+                continue;
+            }
+            for corners in &self.triangles {
+                let Some((distance, normal)) = intersect(from_centre, ray.direction, corners)
+                else {
+                    continue;
+                };
+                let distance = distance * self.radius;
+                if nearest.is_none_or(|hit| distance < hit.distance) {
+                    let position = ray.origin + distance * ray.direction;
+                    nearest = Some(Hit { instance, position, normal, distance });
+                }
+            }
+        }
+        nearest
+    }
+}
+
+/// Distance to a triangle, and the point of it that is met. Moeller and Trumbore 1997.
+fn intersect(origin: DVec3, direction: DVec3, [a, b, c]: &[DVec3; 3]) -> Option<(f64, DVec3)> {
+    let (ab, ac) = (b - a, c - a);
+    let p = direction.cross(ac);
+    let determinant = ab.dot(p);
+    // Positive where the corners are counter-clockwise; others are culled.
+    if determinant <= 0.0 {
+        return None;
+    }
+    let from_a = origin - a;
+    let u = from_a.dot(p) / determinant;
+    let q = from_a.cross(ab);
+    let v = direction.dot(q) / determinant;
+    let distance = ac.dot(q) / determinant;
+    let inside = u >= 0.0 && v >= 0.0 && u + v <= 1.0;
+    (inside && distance > 0.0).then(|| (distance, a + u * ab + v * ac))
+}
