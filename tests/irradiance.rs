@@ -24,9 +24,7 @@ fn a_white_furnace_returns_its_light() {
 #[test]
 fn it_agrees_with_the_estimator_in_its_general_form() {
     furnace().over((UnitVector, Integers(1..=64_u32))).cases(4096).agrees_with(
-        |n: DVec3, samples: u32| {
-            irradiance::diffuse_irradiance_estimate(n, samples, |_| DVec3::ONE)
-        },
+        |n: DVec3, samples: u32| irradiance::diffuse_irradiance_estimate(n, samples, |_| DVec3::ONE),
         Abs(2e-6),
     );
 }
