@@ -1,6 +1,6 @@
 //! The pure functions of the test scene.
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, scene};
 

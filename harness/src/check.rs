@@ -300,7 +300,7 @@ where
             who: "the domain draws",
             cases: CASES,
             enumerated: ENUMERATED,
-            calls: Some(1),
+            calls: 1,
         };
         self.plan.conclude(name, assertion, &demand, recording, check)
     }

@@ -19,8 +19,8 @@
 //! selected execution path ([`Path`]) and compares the results with the reference, which computes
 //! in `f64` from the same `f32` arguments.
 //!
-//! What can be asserted is on [`Check`]; where arguments come from on [`Domain`]; how far results
-//! may differ on [`Tolerance`]; what else a function may read on [`Fixture`].
+//! What can be asserted is on [`Check`] and [`Integral`]; where arguments come from on [`Domain`];
+//! how far results may differ on [`Tolerance`]; what else a function may read on [`Fixture`].
 
 mod check;
 mod diagnostic;

@@ -25,6 +25,7 @@ fn main() -> ExitCode {
     let verdict = match fault.as_str() {
         "endless_loop" => check(&endless(), "endless"),
         "too_large" => check("fn above(x: f32) -> f32 { return x + x * x * 0.001; }", "above"),
+        "integral" => Ok(integral()),
         "none" => check("fn id(x: f32) -> f32 { return x; }", "id"),
         "golden" => frame(GRADIENT),
         // Not a constant: WGSL refuses those.
@@ -46,6 +47,18 @@ fn check(wgsl: &str, function: &str) -> Result<String, String> {
         .try_agrees_with(|x: f64| x, Ulp(0.0))
         .map(|agreement| agreement.to_string())
         .map_err(|failure| failure.to_string())
+}
+
+/// Integrals over ten nodes, too large where the case is above one half. A verdict that is recorded
+/// panics.
+fn integral() -> String {
+    let wgsl = "fn above(c: f32, x: f32) -> f32 { return c + 0.001 * step(0.5, c) * x; }";
+    let nodes = |c: &f32| (0..10_u8).map(|x| ((*c, f32::from(x)), 0.1)).collect();
+    Package::from_source("planted", wgsl)
+        .function("above")
+        .integral(0.0..=1.0_f32, nodes)
+        .agrees_with(|c| f64::from(*c), Rel(1e-6))
+        .to_string()
 }
 
 /// Compares a frame with the golden `gradient` of the folder given as the second argument.

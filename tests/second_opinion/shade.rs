@@ -1,12 +1,12 @@
 //! What the fragment functions of `scene.wgsl` compute, in `f64`, with light gathered in a way of
 //! one's choice.
 
-use std::f64::consts::{FRAC_1_PI, PI};
+use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3};
 use karat::{CubeMap, Texture};
 use shaders::scene::{Painted, Samples};
-use shaders::{fresnel, geometry, irradiance, layering, sampling, specular};
+use shaders::{compensation, fresnel, geometry, irradiance, layering, sampling, specular};
 
 use super::trace::{Hit, Ray};
 
@@ -40,6 +40,11 @@ impl Surface {
             v,
         }
     }
+
+    /// Scale and bias of f0 for this width and view.
+    fn entry(&self, table: &Texture) -> DVec2 {
+        table.sample(DVec2::new(self.n.dot(self.v), self.alpha)).truncate().truncate()
+    }
 }
 
 /// How light is gathered.
@@ -59,6 +64,8 @@ pub enum Gather<'a> {
 #[derive(Clone, Copy, Debug)]
 pub struct Light<'a> {
     pub map: &'a CubeMap,
+    /// Whether the path filters across the edges of faces.
+    pub seamless: bool,
     pub gather: Gather<'a>,
 }
 
@@ -68,7 +75,7 @@ impl Light<'_> {
     }
 
     fn level(&self, direction: DVec3, level: f64) -> DVec3 {
-        self.map.sample_level(direction, level).truncate()
+        look_up(self.map, self.seamless, direction, level)
     }
 
     /// Irradiance over pi.
@@ -126,6 +133,16 @@ impl Light<'_> {
     }
 }
 
+/// A look-up in a cube map as a path does it.
+pub fn look_up(map: &CubeMap, seamless: bool, direction: DVec3, level: f64) -> DVec3 {
+    let texel = if seamless {
+        map.sample_level(direction, level)
+    } else {
+        map.sample_level_clamped(direction, level)
+    };
+    texel.truncate()
+}
+
 fn mean(points: &[DVec2], term: impl Fn(DVec2) -> DVec3) -> DVec3 {
     points.iter().map(|u| term(*u)).sum::<DVec3>() / points.len() as f64
 }
@@ -181,19 +198,23 @@ fn diffuse(s: &Surface, light: &Light<'_>) -> DVec3 {
     if s.diffuse == DVec3::ZERO { DVec3::ZERO } else { s.diffuse * light.diffuse(s.n) }
 }
 
-/// What the split sum makes of the specular part, from its two maps.
+/// The colour with the energy that single reflections lose, from the table of the split sum.
+pub fn compensated(s: &Surface, light: &Light<'_>, table: &Texture) -> DVec3 {
+    let entry = s.entry(table);
+    let specular = light.specular(s);
+    if s.diffuse == DVec3::ZERO {
+        compensation::compensated(s.f0, specular, entry)
+    } else {
+        compensation::coupled(s.f0, diffuse(s, light), specular, entry)
+    }
+}
+
+/// The colour with the split sum in place of the specular estimator, from its two maps.
 pub fn split_sum(s: &Surface, light: &Light<'_>, prefiltered: &CubeMap, table: &Texture) -> DVec3 {
     let n_dot_v = s.n.dot(s.v);
     let level = specular::prefiltered_level(s.alpha, prefiltered.level_count());
     let mirrored = 2.0 * n_dot_v * s.n - s.v;
-    let about = prefiltered.sample_level(mirrored, level).truncate();
-    let entry = table.sample(DVec2::new(n_dot_v, s.alpha)).truncate().truncate();
-    let specular = specular::split_sum(s.f0, entry, about);
+    let about = look_up(prefiltered, light.seamless, mirrored, level);
+    let specular = specular::split_sum(s.f0, s.entry(table), about);
     layering::plastic(s.f0, diffuse(s, light), specular, n_dot_v)
-}
-
-/// Radiance of a Lambertian of `colour` in light of this irradiance over pi.
-pub fn lambert(colour: f64, irradiance_over_pi: DVec3) -> DVec3 {
-    // (colour / pi) E
-    colour * FRAC_1_PI * (PI * irradiance_over_pi)
 }

@@ -14,7 +14,7 @@ use super::session::{Demand, LanesOnly, PathTally, Session, signature};
 use super::tally::{Class, Judged, Shown, Tally, classify};
 use super::{Agreement, Failure, Plan, Probe, Recording, finite, or_panic};
 use crate::domain::Domain;
-use crate::probe::Runner;
+use crate::probe::{BATCH, Runner};
 use crate::tolerance::{Measure, Tolerance};
 use crate::value::{Arguments, Mirror, Scalar, Shape};
 
@@ -43,10 +43,10 @@ impl<'a> Probe<'a> {
     /// use karat::prelude::*;
     ///
     /// # static SHADERS: Package = karat::package!("shaders");
-    /// // The midpoint rule in the squared sine and the azimuth: the cosine is in the measure.
-    /// let hemisphere = |size: u32| {
+    /// // Midpoints of the squared sine and the azimuth: the cosine is in the measure.
+    /// let nodes = |size: u16| {
+    ///     let at = move |index: u16| (f64::from(index) + 0.5) / f64::from(size);
     ///     (0..size * size).map(move |node| {
-    ///         let at = |index: u32| (f64::from(index) + 0.5) / f64::from(size);
     ///         let (sine_squared, phi) = (at(node / size), TAU * at(node % size));
     ///         let (sine, cosine) = (sine_squared.sqrt(), (1.0 - sine_squared).sqrt());
     ///         let l = DVec3::new(sine * phi.cos(), sine * phi.sin(), cosine);
@@ -56,8 +56,8 @@ impl<'a> Probe<'a> {
     /// // fn lambert_eval(albedo: vec3f, v: vec3f, l: vec3f) -> vec3f
     /// SHADERS
     ///     .function("brdf::lambert_eval")
-    ///     .integral((UnitRgb, Hemisphere(Vec3::Z)), |&(albedo, v): &(Vec3, Vec3)| {
-    ///         hemisphere(32).map(|(l, weight)| ((albedo, v, l), weight)).collect()
+    ///     .integral((UnitRgb, Hemisphere), |&(albedo, v): &(Vec3, Vec3)| {
+    ///         nodes(32).map(|(l, weight)| ((albedo, v, l), weight)).collect()
     ///     })
     ///     .agrees_with(|(albedo, _)| albedo.as_dvec3(), Rel(1e-6));
     /// ```
@@ -173,7 +173,7 @@ where
             who: "the quadrature rule supplies",
             cases: CASES,
             enumerated: ENUMERATED,
-            calls: None,
+            calls: BATCH,
         };
         let (name, asserted) = (assertion.name(), assertion.to_string());
         plan.conclude(name, asserted, &demand, recording, |session| {
@@ -207,8 +207,8 @@ impl Assertion {
     /// What the caller's function returns, as a message calls it.
     fn what(&self) -> &'static str {
         match self {
-            Self::AgreesWith(_) => "expected",
-            Self::IsAtMost(_) => "at most",
+            Self::AgreesWith(_) => "integral",
+            Self::IsAtMost(_) => "bound",
         }
     }
 
@@ -271,6 +271,7 @@ impl std::fmt::Display for Assertion {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::AgreesWith(tolerance) => write!(f, "{tolerance}"),
+            Self::IsAtMost(0.0) => f.write_str("its bound"),
             Self::IsAtMost(slack) => write!(f, "its bound, slack {}", Tolerance::Abs(*slack)),
         }
     }
@@ -470,9 +471,9 @@ impl Compensated {
         self.sum = sum;
     }
 
-    /// The sum; NaN or infinite if it overflowed or a term was.
+    /// The sum; NaN or infinite if it overflowed or a term was, and then `lost` is no number.
     fn total(&self) -> f64 {
-        self.sum + self.lost
+        if self.sum.is_finite() { self.sum + self.lost } else { self.sum }
     }
 }
 

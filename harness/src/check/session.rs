@@ -30,8 +30,8 @@ pub(super) struct Demand {
     pub(super) cases: u64,
     /// Values of a finite domain that are all tried unless a number of cases is asked for.
     pub(super) enumerated: u64,
-    /// Calls of the function in one case; `None` where each case has its own number.
-    pub(super) calls: Option<u64>,
+    /// Calls of the function that a case makes in one dispatch, at most.
+    pub(super) calls: usize,
 }
 
 /// A check in progress.
@@ -134,8 +134,8 @@ impl<'a, D: Domain> Session<'a, D> {
                 .to_owned();
             return Err(Failure::Domain { function: function.path.clone(), reason });
         }
-        let calls = demand.calls.map_or(BATCH as u64, |calls| cases.count().saturating_mul(calls));
-        let capacity = usize::try_from(calls).unwrap_or(BATCH).min(BATCH);
+        let count = usize::try_from(cases.count()).unwrap_or(BATCH);
+        let capacity = count.saturating_mul(demand.calls).min(BATCH);
         let runners = path::selected()?
             .into_iter()
             .map(|device| Runner::new(device, &probed, &probe.fixtures, capacity))
