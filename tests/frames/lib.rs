@@ -16,7 +16,7 @@ pub const ENVIRONMENT: u32 = 128;
 /// Texels along a face of the irradiance map, as in the article.
 pub const IRRADIANCE: u32 = 32;
 /// Pixels along a face in the frame of the environment.
-const FACE: u32 = 96;
+pub const FACE: u32 = 96;
 /// Texels along a side of the split sum's table.
 pub const TABLE: u32 = 32;
 /// Mip levels of the prefiltered environment: the last one has faces of 4 texels a side.
@@ -131,7 +131,7 @@ pub fn frame(name: &str, shot: &Shot) -> Result<Frame<'static>, Box<dyn Error>> 
             let settings = MapSettings { side: FACE, samples: 0, alpha: 0.0 };
             map(shot.light(), "environment_fragment", settings)
         }
-        "irradiance" => irradiance_map(shot.light(), IRRADIANCE),
+        "irradiance" => irradiance_map(shot.light()),
         "lambert" => lambert_objects(shot, "fragment", "background_fragment")?,
         "lambert_parallax" => {
             lambert_objects(shot, "corrected_fragment", "corrected_background_fragment")?
@@ -175,7 +175,6 @@ fn spheres(
 }
 
 /// The 64 spheres alone, drawn with a fragment function of `module`.
-#[must_use]
 pub fn grid(
     module: &str,
     fragment: &str,
@@ -200,7 +199,7 @@ fn lambert_objects(
 ) -> Result<Frame<'static>, Box<dyn Error>> {
     let (width, height) = shot.size.unwrap_or(SMALL);
     let room = shot.environment.clone().unwrap_or_else(room);
-    let irradiance = cube_map(irradiance_map(room.clone(), IRRADIANCE), IRRADIANCE, shot.path)?;
+    let irradiance = irradiance_cube(&room, shot.path)?;
     let (positions, indices) = sphere();
     let aspect = f64::from(width) / f64::from(height);
     Ok(PBR
@@ -226,14 +225,19 @@ fn map(light: CubeMap, fragment: &str, settings: MapSettings) -> Frame<'static> 
 }
 
 /// The faces of the irradiance map of `light`.
-#[must_use]
-pub fn irradiance_map(light: CubeMap, side: u32) -> Frame<'static> {
-    map(light, "irradiance_fragment", MapSettings { side, samples: 0, alpha: 0.0 })
+fn irradiance_map(light: CubeMap) -> Frame<'static> {
+    let settings = MapSettings { side: IRRADIANCE, samples: 0, alpha: 0.0 };
+    map(light, "irradiance_fragment", settings)
 }
 
-/// The cube map whose six faces a frame shows.
-fn cube_map(frame: Frame<'_>, side: u32, path: Path) -> Result<CubeMap, Box<dyn Error>> {
-    Ok(CubeMap::from_faces(&maps::faces(&frame.render(path)?, side))?)
+/// Irradiance over pi in `light`, by normal, computed on `path`.
+///
+/// # Errors
+///
+/// If it can't be drawn.
+pub fn irradiance_cube(light: &CubeMap, path: Path) -> Result<CubeMap, Box<dyn Error>> {
+    let faces = irradiance_map(light.clone()).render(path)?;
+    Ok(CubeMap::from_faces(&maps::faces(&faces, IRRADIANCE))?)
 }
 
 /// The environment, filtered for the width that each mip level stands for.

@@ -11,15 +11,15 @@ mod shade;
 mod trace;
 
 use frames::Shot;
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, UVec2};
 use karat::prelude::*;
 use karat::{Goldens, Image};
 use rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
 use shaders::scene::{self, Painted, Samples};
-use shaders::{environment, irradiance, maps, probe_room, sampling};
+use shaders::{irradiance, maps, probe_room, sampling};
 
-use shade::{Gather, Light, Surface, lambert, shade, split_sum};
+use shade::{Gather, Light, Surface, compensated, look_up, shade};
 use trace::Scene;
 
 static GOLDEN: Goldens = karat::goldens!("../golden");
@@ -40,12 +40,19 @@ const RARE: f64 = 1.5;
 /// of lights, relative; and where the golden is stored as half floats, 4.9e-4 more.
 const ROUNDING: f64 = 1.5e-3;
 
+/// On wgpu's GL here texels and frames are half floats, off by 4.9e-4 each; so are roughness and
+/// f0, on which lobes and their samples depend.
+const GL_ROUNDING: f64 = 1e-2;
+
 /// Where the second opinion comes from for a frame of the 64 spheres.
 struct Spheres {
     scene: Scene,
     painted: Vec<Painted>,
     mask: Texture,
     light: CubeMap,
+    /// Maps that the frame looks up, from where it does.
+    table: Option<Texture>,
+    prefiltered: Option<CubeMap>,
 }
 
 impl Spheres {
@@ -62,6 +69,22 @@ impl Spheres {
                 _ => scene::no_mask(),
             },
             light: if furnace { CubeMap::constant(glam::Vec3::ONE) } else { frames::studio() },
+            table: (furnace || name == "split_sum").then(|| {
+                frames::split_sum_table(&Shot::golden(first_path())).expect("the table is drawn")
+            }),
+            prefiltered: (name == "split_sum").then(|| {
+                frames::prefiltered(&Shot::golden(first_path())).expect("the levels are drawn")
+            }),
+        }
+    }
+
+    fn shade(&self, name: &str, surface: &Surface, light: &Light<'_>) -> DVec3 {
+        match (&self.table, &self.prefiltered) {
+            (Some(table), Some(prefiltered)) => {
+                shade::split_sum(surface, light, prefiltered, table)
+            }
+            (Some(table), None) => compensated(surface, light, table),
+            _ => shade(name, surface, light),
         }
     }
 
@@ -109,19 +132,49 @@ fn seen(image: &Image, (x, y): (u32, u32)) -> DVec3 {
     DVec3::new(r.into(), g.into(), b.into())
 }
 
-/// The golden itself, and the frame as each open path draws it, smaller.
-fn images(name: &str) -> Vec<(String, Image)> {
+fn open_paths() -> Vec<Path> {
+    Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok()).collect()
+}
+
+/// Where `golden.rs` has maps computed.
+fn first_path() -> Path {
+    *open_paths().first().expect("a path opens, or nothing would be checked")
+}
+
+/// An image to be judged.
+struct Exhibit {
+    /// What drew it; `None`: it is the golden.
+    path: Option<Path>,
+    image: Image,
+}
+
+impl Exhibit {
+    /// wgpu's desktop GL doesn't filter across the edges of cube-map faces.
+    fn is_seamless(&self) -> bool {
+        self.path != Some(Path::Gl)
+    }
+
+    /// By how much a value may be off that is computed from the same samples.
+    fn rounding(&self, value: DVec3) -> DVec3 {
+        let relative = if self.is_seamless() { ROUNDING } else { GL_ROUNDING };
+        relative * (value + DVec3::splat(0.01)) // of black, a hundredth of white
+    }
+}
+
+/// The golden, and the frame as each open path draws it: smaller, unless its size is that of what
+/// it shows.
+fn exhibits(name: &str, size: Option<(u32, u32)>) -> Vec<Exhibit> {
     let file = GOLDEN.folder().join(format!("{name}.exr"));
-    let mut images = Vec::new();
-    if let Ok((golden, _)) = Image::read_exr(&file) {
-        images.push(("the golden".to_owned(), golden));
-    }
-    for path in Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok()) {
-        let shot = Shot::golden(path).sized(240, 135);
+    let (golden, _) = Image::read_exr(&file).expect("the golden is readable");
+    let mut exhibits = vec![Exhibit { path: None, image: golden }];
+    for path in open_paths() {
+        // As in `golden.rs`, maps come from the first path.
+        let shot = Shot { size, ..Shot::golden(first_path()) };
         let frame = frames::frame(name, &shot).expect("the frame can be described");
-        images.push((path.to_string(), frame.render(path).expect("the frame is drawn")));
+        let image = frame.render(path).expect("the frame is drawn");
+        exhibits.push(Exhibit { path: Some(path), image });
     }
-    images
+    exhibits
 }
 
 /// Copies of the centred Hammersley set of `count` points, each moved by another vector of the
@@ -158,28 +211,27 @@ fn complaint(
     (!good).then(|| format!("{what} {pixel:?}: {seen} for {expected}, {bound} allowed"))
 }
 
-/// What is asked of an image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Questions {
-    Formula,
-    /// And integral, which takes longer.
-    Both,
-}
-
-/// Complaints about the pixels of a frame of the 64 spheres, by formula and by integral.
-fn complaints(name: &str, image: &Image, rounding: f64, questions: Questions) -> Vec<String> {
+/// Complaints about the pixels of a frame of the 64 spheres: by formula, and for the golden, as it
+/// takes longer, by integral.
+fn complaints(name: &str, exhibit: &Exhibit) -> Vec<String> {
+    let image = &exhibit.image;
     let spheres = Spheres::new(name, (image.width(), image.height()));
     let filtered = name.starts_with("filtered");
     let samples = if filtered { Samples::FILTERED } else { Samples::DEFAULT };
     let (diffuse, specular) = (copies(samples.diffuse), copies(samples.specular));
-    let light = |gather| Light { map: &spheres.light, gather };
-    let rounded = |value: DVec3| rounding * (value + DVec3::splat(0.01));
+    let seamless = exhibit.is_seamless();
+    // What these estimate isn't the integral: it is blurred, or a product of two.
+    let unbiased = !filtered && name != "split_sum";
     let of_sphere = |(pixel, surface): &((u32, u32), Surface)| {
-        let gather = if filtered { Gather::Filtered(&samples) } else { Gather::Same(&samples) };
-        let (seen, same) = (seen(image, *pixel), shade(name, surface, &light(gather)));
-        let mut found = Vec::from_iter(complaint("formula", *pixel, seen, same, rounded(same)));
-        if questions == Questions::Both && !filtered {
-            let shaded = |gather| shade(name, surface, &light(gather));
+        let shaded = |gather| {
+            let light = Light { map: &spheres.light, seamless, gather };
+            spheres.shade(name, surface, &light)
+        };
+        let same = if filtered { Gather::Filtered(&samples) } else { Gather::Same(&samples) };
+        let (seen, same) = (seen(image, *pixel), shaded(same));
+        let allowed = exhibit.rounding(same);
+        let mut found = Vec::from_iter(complaint("formula", *pixel, seen, same, allowed));
+        if exhibit.path.is_none() && unbiased {
             let moved: Vec<_> = diffuse
                 .iter()
                 .zip(&specular)
@@ -192,31 +244,35 @@ fn complaints(name: &str, image: &Image, rounding: f64, questions: Questions) ->
             let rare = RARE * moved.iter().fold(DVec3::ZERO, largest);
             let (integral, other) = statistics(&independent);
             let deviation = (own * own + other * other / COPIES as f64).map(f64::sqrt);
-            let bound = rare.max(DEVIATIONS * deviation) + rounded(integral);
+            let bound = rare.max(DEVIATIONS * deviation) + exhibit.rounding(integral);
             found.extend(complaint("integral", *pixel, seen, integral, bound));
         }
         found
     };
     let mut found: Vec<String> = spheres.pixels().par_iter().flat_map_iter(of_sphere).collect();
     for (pixel, direction) in spheres.gaps() {
-        let expected = spheres.light.sample_level(direction, 0.0).truncate();
-        found.extend(complaint("gap", pixel, seen(image, pixel), expected, rounded(expected)));
+        let expected = look_up(&spheres.light, seamless, direction, 0.0);
+        found.extend(complaint(
+            "gap",
+            pixel,
+            seen(image, pixel),
+            expected,
+            exhibit.rounding(expected),
+        ));
     }
     found
 }
 
-/// wgpu's GL stores texels and frames as half floats and doesn't filter across faces: see
-/// `golden.rs`.
-fn rounding_on(source: &str) -> f64 {
-    if source == Path::Gl.to_string() { 5e-2 } else { ROUNDING }
+#[track_caller]
+fn no_complaints(name: &str, exhibit: &Exhibit, found: &[String]) {
+    let source = exhibit.path.map_or_else(|| "the golden".to_owned(), |path| path.to_string());
+    assert!(found.is_empty(), "`{name}` of {source}:\n{}", found.join("\n"));
 }
 
 #[track_caller]
 fn agree(name: &str) {
-    for (index, (source, image)) in images(name).into_iter().enumerate() {
-        let questions = if index == 0 { Questions::Both } else { Questions::Formula };
-        let found = complaints(name, &image, rounding_on(&source), questions);
-        assert!(found.is_empty(), "{name} of {source}:\n{}", found.join("\n"));
+    for exhibit in exhibits(name, Some((240, 135))) {
+        no_complaints(name, &exhibit, &complaints(name, &exhibit));
     }
 }
 
@@ -239,4 +295,155 @@ second_opinions!(
     filtered_diffuse,
     filtered_specular,
     furnace,
+    split_sum,
 );
+
+/// Every pixel of a frame of six faces, from the direction that its texel stands for.
+fn faces(name: &str, side: u32, expected: impl Fn(bool, DVec3) -> DVec3 + Sync) {
+    for exhibit in exhibits(name, None) {
+        let (width, height) = (exhibit.image.width(), exhibit.image.height());
+        assert_eq!([width, height], [maps::ACROSS * side, maps::DOWN * side]);
+        let of_pixel = |index: u32| {
+            let pixel = (index % width, index / width);
+            let direction = maps::texel_direction(side, UVec2::from(pixel)).normalize();
+            let expected = expected(exhibit.is_seamless(), direction);
+            let allowed = exhibit.rounding(expected);
+            complaint("texel", pixel, seen(&exhibit.image, pixel), expected, allowed)
+        };
+        let step = if side > 64 { 1 } else { 7 }; // a look-up costs little, an integral much
+        let pixels = (0..width * height).into_par_iter().filter(|index| index % step == 0);
+        let found: Vec<String> = pixels.filter_map(of_pixel).collect();
+        no_complaints(name, &exhibit, &found);
+    }
+}
+
+#[test]
+fn environment() {
+    let studio = frames::studio();
+    faces("environment", frames::FACE, |seamless, direction| {
+        look_up(&studio, seamless, direction, 0.0)
+    });
+}
+
+#[test]
+fn irradiance() {
+    let studio = frames::studio();
+    faces("irradiance", frames::IRRADIANCE, |seamless, n| {
+        irradiance::midpoint(n, 126, 32, |l| look_up(&studio, seamless, l, 0.0))
+    });
+}
+
+/// The map's sum is, but for its steps, the integral: the sum of all texels, weighted by the solid
+/// angles.
+#[test]
+fn the_irradiance_map_holds_the_integral() {
+    let studio = frames::studio();
+    let frame = exhibits("irradiance", None).swap_remove(0).image;
+    for face in 0..6 {
+        let (column, row) = (face % maps::ACROSS, face / maps::ACROSS);
+        let pixel = (column * frames::IRRADIANCE + 9, row * frames::IRRADIANCE + 21);
+        let n = maps::texel_direction(frames::IRRADIANCE, UVec2::from(pixel)).normalize();
+        let light = |l: DVec3| look_up(&studio, true, l, 0.0);
+        let integral = irradiance::texel_sum(n, frames::ENVIRONMENT, light);
+        // A step of 0.05 through the sun, whose light falls off over 0.28, is off by (0.05 /
+        // 0.28)^2 / 24 of it.
+        let bound = 2e-3 * integral;
+        assert_eq!(complaint("integral", pixel, seen(&frame, pixel), integral, bound), None);
+    }
+}
+
+/// The article's objects, from the irradiance map that they look up; and from the light itself,
+/// which the map of 32 texels a side blurs.
+fn lambert_objects(name: &str, corrected: bool) {
+    let room = frames::room();
+    let map = frames::irradiance_cube(&room, first_path()).expect("the map is drawn");
+    let shape = probe_room::room();
+    let box_of = [shape.corner, shape.opposite].map(|corner| corner.as_dvec3());
+    for exhibit in exhibits(name, Some((240, 135))) {
+        let (width, height) = (exhibit.image.width(), exhibit.image.height());
+        let camera = probe_room::camera_setup().camera(f64::from(width) / f64::from(height));
+        let centres = (0..probe_room::SPHERES).map(probe_room::sphere_centre).collect();
+        let sphere = frames::sphere();
+        let scene = Scene::new(camera, (width, height), sphere, centres, probe_room::RADIUS);
+        let direction = |position: DVec3, d: DVec3| {
+            let probe = shape.probe.as_dvec3();
+            if corrected {
+                shaders::environment::parallax_box(position, d, probe, box_of[0], box_of[1])
+            } else {
+                d
+            }
+        };
+        let seamless = exhibit.is_seamless();
+        let of_pixel = |index: u32| {
+            // Every 29th pixel: no column is left out, as 29 divides neither width nor height.
+            let pixel = (index * 29 % width, index * 29 / width);
+            let (seen, ray) = (seen(&exhibit.image, pixel), scene.ray(pixel));
+            let mut found = Vec::new();
+            if let Some(hit) = scene.trace(ray) {
+                let along = direction(hit.position, hit.normal.normalize());
+                let same = probe_room::COLOUR * look_up(&map, seamless, along, 0.0);
+                found.extend(complaint("map", pixel, seen, same, exhibit.rounding(same)));
+                let light = |l: DVec3| look_up(&room, true, l, 0.0);
+                let irradiance = irradiance::midpoint(along.normalize(), 252, 64, light);
+                let integral = probe_room::COLOUR * irradiance;
+                let bound = exhibit.rounding(integral) + 1e-2 * integral;
+                found.extend(complaint("integral", pixel, seen, integral, bound));
+            } else {
+                let along = direction(ray.origin, ray.direction);
+                let same = look_up(&room, seamless, along, 0.0);
+                found.extend(complaint("wall", pixel, seen, same, exhibit.rounding(same)));
+            }
+            found
+        };
+        let pixels = (0..width * height / 29).into_par_iter();
+        let found: Vec<String> = pixels.flat_map_iter(of_pixel).collect();
+        no_complaints(name, &exhibit, &found);
+    }
+}
+
+#[test]
+fn lambert() {
+    lambert_objects("lambert", false);
+}
+
+#[test]
+fn lambert_parallax() {
+    lambert_objects("lambert_parallax", true);
+}
+
+/// A golden of a frame with something wrong in it.
+fn tampered(name: &str, change: impl Fn(&mut Image)) -> Vec<String> {
+    let mut exhibit = exhibits(name, Some((240, 135))).swap_remove(0);
+    change(&mut exhibit.image);
+    complaints(name, &exhibit)
+}
+
+fn scaled(image: &mut Image, factor: f32) {
+    for pixel in image.pixels_mut() {
+        *pixel = pixel.map(|value| value * factor);
+    }
+}
+
+/// What the lecture's estimator forgets, half of the light, is neither the formula nor within the
+/// error of the samples; half a percent is seen by the formula alone; a NaN by both.
+#[test]
+fn faults_are_seen() {
+    let count = |found: &[String], what: &str| {
+        found.iter().filter(|complaint| complaint.starts_with(what)).count()
+    };
+    let halved = tampered("diffuse", |image| scaled(image, 0.5));
+    assert!(count(&halved, "formula") >= 72, "three pixels on each of 24 plastic spheres");
+    assert!(count(&halved, "integral") >= 60, "{} pixels", count(&halved, "integral"));
+    let brighter = tampered("diffuse", |image| scaled(image, 1.005));
+    assert!(count(&brighter, "formula") >= 72);
+    let not_a_number = tampered("diffuse", |image| scaled(image, f32::NAN));
+    assert_eq!(count(&not_a_number, "formula"), 192);
+    assert_eq!(count(&not_a_number, "integral"), 192);
+}
+
+/// A frame that is shifted by a pixel: mirrors and edges tell.
+#[test]
+fn a_shifted_pixel_is_seen() {
+    let found = tampered("specular", |image| image.pixels_mut().rotate_right(1));
+    assert!(found.len() > 30, "{} pixels complain", found.len());
+}

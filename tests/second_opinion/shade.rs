@@ -12,17 +12,17 @@ use super::trace::{Hit, Ray};
 
 /// What is known of the point that a pixel shows.
 #[derive(Clone, Copy, Debug)]
-pub struct Surface {
+pub(crate) struct Surface {
     diffuse: DVec3,
     f0: DVec3,
     alpha: f64,
     mask: f64,
-    pub n: DVec3,
+    pub(crate) n: DVec3,
     v: DVec3,
 }
 
 impl Surface {
-    pub fn new(painted: Painted, mask: &Texture, hit: Hit, ray: Ray) -> Self {
+    pub(crate) fn new(painted: Painted, mask: &Texture, hit: Hit, ray: Ray) -> Self {
         let base_color = painted.base_color.as_dvec3();
         let metallic = f64::from(painted.metallic);
         let normal = hit.normal.normalize();
@@ -49,7 +49,7 @@ impl Surface {
 
 /// How light is gathered.
 #[derive(Clone, Copy, Debug)]
-pub enum Gather<'a> {
+pub(crate) enum Gather<'a> {
     /// With the samples of the shader.
     Same(&'a Samples),
     /// From mip levels, with the samples of the shader.
@@ -62,15 +62,15 @@ pub enum Gather<'a> {
 
 /// The light of a scene, and how it is gathered.
 #[derive(Clone, Copy, Debug)]
-pub struct Light<'a> {
-    pub map: &'a CubeMap,
+pub(crate) struct Light<'a> {
+    pub(crate) map: &'a CubeMap,
     /// Whether the path filters across the edges of faces.
-    pub seamless: bool,
-    pub gather: Gather<'a>,
+    pub(crate) seamless: bool,
+    pub(crate) gather: Gather<'a>,
 }
 
 impl Light<'_> {
-    pub fn radiance(&self, direction: DVec3) -> DVec3 {
+    pub(crate) fn radiance(&self, direction: DVec3) -> DVec3 {
         self.level(direction, 0.0)
     }
 
@@ -134,7 +134,7 @@ impl Light<'_> {
 }
 
 /// A look-up in a cube map as a path does it.
-pub fn look_up(map: &CubeMap, seamless: bool, direction: DVec3, level: f64) -> DVec3 {
+pub(crate) fn look_up(map: &CubeMap, seamless: bool, direction: DVec3, level: f64) -> DVec3 {
     let texel = if seamless {
         map.sample_level(direction, level)
     } else {
@@ -174,7 +174,7 @@ fn ggx(alpha: f64, h: DVec3) -> f64 {
 }
 
 /// The colour of a pixel of frame `name` that shows `s`.
-pub fn shade(name: &str, s: &Surface, light: &Light<'_>) -> DVec3 {
+pub(crate) fn shade(name: &str, s: &Surface, light: &Light<'_>) -> DVec3 {
     let n_dot_v = s.n.dot(s.v);
     let plastic =
         |s: &Surface| layering::plastic(s.f0, diffuse(s, light), light.specular(s), n_dot_v);
@@ -199,7 +199,7 @@ fn diffuse(s: &Surface, light: &Light<'_>) -> DVec3 {
 }
 
 /// The colour with the energy that single reflections lose, from the table of the split sum.
-pub fn compensated(s: &Surface, light: &Light<'_>, table: &Texture) -> DVec3 {
+pub(crate) fn compensated(s: &Surface, light: &Light<'_>, table: &Texture) -> DVec3 {
     let entry = s.entry(table);
     let specular = light.specular(s);
     if s.diffuse == DVec3::ZERO {
@@ -210,7 +210,12 @@ pub fn compensated(s: &Surface, light: &Light<'_>, table: &Texture) -> DVec3 {
 }
 
 /// The colour with the split sum in place of the specular estimator, from its two maps.
-pub fn split_sum(s: &Surface, light: &Light<'_>, prefiltered: &CubeMap, table: &Texture) -> DVec3 {
+pub(crate) fn split_sum(
+    s: &Surface,
+    light: &Light<'_>,
+    prefiltered: &CubeMap,
+    table: &Texture,
+) -> DVec3 {
     let n_dot_v = s.n.dot(s.v);
     let level = specular::prefiltered_level(s.alpha, prefiltered.level_count());
     let mirrored = 2.0 * n_dot_v * s.n - s.v;

@@ -5,7 +5,7 @@ use shaders::camera::Camera;
 
 /// Copies of one mesh, seen by a camera.
 #[derive(Debug)]
-pub struct Scene {
+pub(crate) struct Scene {
     camera: DMat4,
     eye: DVec3,
     size: (u32, u32),
@@ -17,25 +17,25 @@ pub struct Scene {
 
 /// The point that a ray meets first.
 #[derive(Clone, Copy, Debug)]
-pub struct Hit {
-    pub instance: u32,
-    pub position: DVec3,
+pub(crate) struct Hit {
+    pub(crate) instance: u32,
+    pub(crate) position: DVec3,
     /// Interpolated between the corners, and so shorter than 1.
-    pub normal: DVec3,
+    pub(crate) normal: DVec3,
     distance: f64,
 }
 
 /// Where a pixel looks.
 #[derive(Clone, Copy, Debug)]
-pub struct Ray {
-    pub origin: DVec3,
+pub(crate) struct Ray {
+    pub(crate) origin: DVec3,
     /// Of unit length.
-    pub direction: DVec3,
+    pub(crate) direction: DVec3,
 }
 
 impl Scene {
     /// Spheres of `radius` about `centres`, for a frame of `size` pixels.
-    pub fn new(
+    pub(crate) fn new(
         camera: Camera,
         size: (u32, u32),
         (positions, indices): (Vec<Vec3>, Vec<u32>),
@@ -56,7 +56,7 @@ impl Scene {
     }
 
     /// The ray through the middle of a pixel.
-    pub fn ray(&self, (x, y): (u32, u32)) -> Ray {
+    pub(crate) fn ray(&self, (x, y): (u32, u32)) -> Ray {
         let (width, height) = (f64::from(self.size.0), f64::from(self.size.1));
         let (x, y) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
         let ndc = DVec2::new(2.0 * x / width - 1.0, 1.0 - 2.0 * y / height);
@@ -65,14 +65,14 @@ impl Scene {
     }
 
     /// The pixel that shows a point.
-    pub fn pixel_of(&self, point: DVec3) -> (u32, u32) {
+    pub(crate) fn pixel_of(&self, point: DVec3) -> (u32, u32) {
         let ndc = self.camera.project_point3(point);
         let (width, height) = (f64::from(self.size.0), f64::from(self.size.1));
         ((0.5 * (ndc.x + 1.0) * width) as u32, (0.5 * (1.0 - ndc.y) * height) as u32)
     }
 
     /// The nearest triangle that faces the ray.
-    pub fn trace(&self, ray: Ray) -> Option<Hit> {
+    pub(crate) fn trace(&self, ray: Ray) -> Option<Hit> {
         let mut nearest: Option<Hit> = None;
         for (instance, centre) in (0..).zip(&self.centres) {
             let from_centre = (ray.origin - centre) / self.radius;
