@@ -28,7 +28,7 @@ impl Samples {
     /// Few enough for a software rasteriser. Powers of two make the diffuse furnace exact.
     pub const DEFAULT: Self = Self { diffuse: 256, specular: 512 };
     /// For estimators that read higher mip levels.
-    pub const FILTERED: Self = Self { diffuse: 32, specular: 32 };
+    pub const FILTERED: Self = Self { diffuse: 64, specular: 64 };
 }
 
 /// What a sphere is made of, as its texels say.

@@ -34,8 +34,8 @@ pub const FRAMES: [(&str, &str); 14] = [
     ("masked_roughness", "roughness from a mask texture"),
     ("layered", "a thin shiny coat over everything"),
     ("masked_layered", "the coat over semi-transparent white dots"),
-    ("filtered_diffuse", "the diffuse term from 32 samples in higher mip levels"),
-    ("filtered_specular", "the specular term from 32 samples in higher mip levels"),
+    ("filtered_diffuse", "the diffuse term from 64 samples in higher mip levels"),
+    ("filtered_specular", "the specular term from 64 samples in higher mip levels"),
     ("environment", "the six faces of the environment"),
     ("irradiance", "the six faces of its irradiance map"),
     ("lambert", "the article's Lambert object, lit by the irradiance map of a room"),
@@ -202,16 +202,18 @@ fn lambert_objects(
     let irradiance = irradiance_cube(&room, shot.path)?;
     let (positions, indices) = sphere();
     let aspect = f64::from(width) / f64::from(height);
-    Ok(PBR
+    let frame = PBR
         .frame("probe_room", width, height)
         .with("camera", Uniform::new(probe_room::camera_setup().camera(aspect)))
-        .with("room", Uniform::new(probe_room::room()))
         .with("irradiance_map", irradiance)
         .with("environment", room)
         .with("environment_sampler", Sampler::Linear)
         .mesh("vertex", fragment, Mesh::new(positions, indices), probe_room::SPHERES)
         .fullscreen("background_vertex", background)
-        .depth_prepass())
+        .depth_prepass();
+    let corrected = fragment == "corrected_fragment";
+    let room = || Uniform::new(probe_room::room());
+    Ok(if corrected { frame.with("room", room()) } else { frame })
 }
 
 /// Six faces, or a table, computed by a fragment function of `maps`.

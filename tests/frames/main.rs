@@ -1,0 +1,40 @@
+//! The frames of the shader library, for `karat render`.
+
+use std::error::Error;
+use std::path::Path as FilePath;
+use std::process::ExitCode;
+
+use frames::{ENVIRONMENT, FRAMES, Shot, frame};
+use karat::{CubeMap, Gallery, Image, RenderOptions};
+
+fn main() -> ExitCode {
+    let gallery = FRAMES.into_iter().fold(Gallery::new(), |gallery, (name, about)| {
+        gallery.frame(name, about, move |options| frame(name, &shot(options)?))
+    });
+    gallery.main()
+}
+
+fn shot(options: &RenderOptions) -> Result<Shot, Box<dyn Error>> {
+    let environment = options.environment.as_deref().map(environment).transpose()?;
+    Ok(Shot {
+        size: options.size,
+        samples: options.samples,
+        environment,
+        ..Shot::golden(options.path)
+    })
+}
+
+/// A panorama of latitude and longitude, or six faces in a row or a column.
+fn environment(file: &FilePath) -> Result<CubeMap, Box<dyn Error>> {
+    let (image, _) = Image::read_exr(file)?;
+    let cube = CubeMap::from_image(&image, ENVIRONMENT)?;
+    if !cube.size().is_power_of_two() {
+        let side = cube.size();
+        return Err(format!(
+            "`{}`: faces of {side} texels a side have no mip levels; a power of two is needed",
+            file.display()
+        )
+        .into());
+    }
+    Ok(cube.with_mips())
+}
