@@ -2,7 +2,12 @@
 // fragments which discard or write their depth, which early depth tests would ignore, come out
 // the same. WGSL has no qualifier that forces early tests.
 
-import package::scene::{Varyings, background_fragment, background_vertex, vertex};
+import package::scene::{Varyings, projected};
+
+@vertex
+fn vertex(@location(0) position: vec3f, @builtin(instance_index) instance: u32) -> Varyings {
+    return projected(position, instance);
+}
 
 /// Adds up to the number of fragments that were kept, with blending that adds.
 @fragment

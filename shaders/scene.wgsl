@@ -77,10 +77,14 @@ fn mask_coordinate(n: vec3f) -> vec2f {
 }
 
 /// A vertex of sphere `instance`: on a unit sphere the position is the normal.
-@vertex
-fn vertex(@location(0) position: vec3f, @builtin(instance_index) instance: u32) -> Varyings {
+fn projected(position: vec3f, instance: u32) -> Varyings {
     let world = position + sphere_centre(instance);
     return Varyings(camera.view_projection * vec4f(world, 1.0), world, position, instance);
+}
+
+@vertex
+fn vertex(@location(0) position: vec3f, @builtin(instance_index) instance: u32) -> Varyings {
+    return projected(position, instance);
 }
 
 /// What is known of the point that a pixel shows.

@@ -29,5 +29,10 @@ fn faces_become_the_cube_map_that_they_show() {
         .map(|pixel| color(maps::texel_direction(side, pixel).as_vec3()).extend(1.0).to_array());
     let frame = karat::Image::new(maps::ACROSS * side, maps::DOWN * side, pixels.collect());
     let cube = CubeMap::from_faces(&maps::faces(&frame, side)).expect("six squares");
-    assert_eq!(cube.texels(0), CubeMap::from_fn(side, color).texels(0));
+    let own = CubeMap::from_fn(side, color);
+    let texels = |cube: &CubeMap| cube.texels(0).expect("a first level").concat();
+    for (found, expected) in texels(&cube).into_iter().zip(texels(&own)) {
+        // Directions are rounded before they are normalised on the one side, after it on the other.
+        assert!((found - expected).abs() <= 1e-6, "{found} for {expected}");
+    }
 }

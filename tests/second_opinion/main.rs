@@ -28,7 +28,7 @@ static GOLDEN: Goldens = karat::goldens!("../golden");
 const COPIES: usize = 128;
 
 /// Standard deviations by which a pixel may be off. Where errors are normal, five are exceeded by
-/// chance in 6 of 10^7 cases; a frame has about 600 values.
+/// chance in 6 of 10^7 cases; a frame has about 200 values.
 const DEVIATIONS: f64 = 5.0;
 
 /// The errors of narrow lobes are not normal: one normal more that reflects the sun brightens a
@@ -212,7 +212,7 @@ fn complaint(
 }
 
 /// Complaints about the pixels of a frame of the 64 spheres: by formula, and for the golden, as it
-/// takes longer, by integral.
+/// takes longer, a third of them by integral.
 fn complaints(name: &str, exhibit: &Exhibit) -> Vec<String> {
     let image = &exhibit.image;
     let spheres = Spheres::new(name, (image.width(), image.height()));
@@ -220,9 +220,11 @@ fn complaints(name: &str, exhibit: &Exhibit) -> Vec<String> {
     let samples = if filtered { Samples::FILTERED } else { Samples::DEFAULT };
     let (diffuse, specular) = (copies(samples.diffuse), copies(samples.specular));
     let seamless = exhibit.is_seamless();
+    // One of the three pixels on each sphere, each in turn.
+    let asked = |index: usize| index % 3 == index / 3 % 3;
     // What these estimate isn't the integral: it is blurred, or a product of two.
     let unbiased = !filtered && name != "split_sum";
-    let of_sphere = |(pixel, surface): &((u32, u32), Surface)| {
+    let of_sphere = |(index, (pixel, surface)): (usize, &((u32, u32), Surface))| {
         let shaded = |gather| {
             let light = Light { map: &spheres.light, seamless, gather };
             spheres.shade(name, surface, &light)
@@ -231,7 +233,7 @@ fn complaints(name: &str, exhibit: &Exhibit) -> Vec<String> {
         let (seen, same) = (seen(image, *pixel), shaded(same));
         let allowed = exhibit.rounding(same);
         let mut found = Vec::from_iter(complaint("formula", *pixel, seen, same, allowed));
-        if exhibit.path.is_none() && unbiased {
+        if exhibit.path.is_none() && unbiased && asked(index) {
             let moved: Vec<_> = diffuse
                 .iter()
                 .zip(&specular)
@@ -249,7 +251,8 @@ fn complaints(name: &str, exhibit: &Exhibit) -> Vec<String> {
         }
         found
     };
-    let mut found: Vec<String> = spheres.pixels().par_iter().flat_map_iter(of_sphere).collect();
+    let mut found: Vec<String> =
+        spheres.pixels().par_iter().enumerate().flat_map_iter(of_sphere).collect();
     for (pixel, direction) in spheres.gaps() {
         let expected = look_up(&spheres.light, seamless, direction, 0.0);
         found.extend(complaint(
@@ -433,12 +436,12 @@ fn faults_are_seen() {
     };
     let halved = tampered("diffuse", |image| scaled(image, 0.5));
     assert!(count(&halved, "formula") >= 72, "three pixels on each of 24 plastic spheres");
-    assert!(count(&halved, "integral") >= 60, "{} pixels", count(&halved, "integral"));
+    assert!(count(&halved, "integral") >= 20, "{} pixels", count(&halved, "integral"));
     let brighter = tampered("diffuse", |image| scaled(image, 1.005));
     assert!(count(&brighter, "formula") >= 72);
     let not_a_number = tampered("diffuse", |image| scaled(image, f32::NAN));
     assert_eq!(count(&not_a_number, "formula"), 192);
-    assert_eq!(count(&not_a_number, "integral"), 192);
+    assert_eq!(count(&not_a_number, "integral"), 64);
 }
 
 /// A frame that is shifted by a pixel: mirrors and edges tell.
