@@ -138,10 +138,10 @@ pub fn camera(aspect: f64) -> Camera {
 #[must_use]
 pub fn oblique_camera(aspect: f64) -> Camera {
     Setup {
-        position: DVec3::new(40.0, -8.0, 12.0),
+        position: DVec3::new(45.0, -3.0, 8.0),
         target: DVec3::ZERO,
         field_of_view: 25_f64.to_radians(),
-        depth: [20.0, 65.0],
+        depth: [25.0, 65.0],
     }
     .camera(aspect)
 }

@@ -5,7 +5,7 @@ use karat::prelude::*;
 use karat::{Blend, Frame, Image};
 use shaders::scene;
 
-const SIZE: (u32, u32) = (192, 108);
+const SIZE: (u32, u32) = (240, 180);
 
 /// The spheres one behind the other, the farthest drawn first.
 fn oblique(fragment: &str) -> Frame<'static> {

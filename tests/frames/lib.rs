@@ -18,7 +18,7 @@ pub const IRRADIANCE: u32 = 32;
 /// Pixels along a face in the frame of the environment.
 pub const FACE: u32 = 96;
 /// Texels along a side of the split sum's table.
-pub const TABLE: u32 = 32;
+pub const TABLE: u32 = 128;
 /// Mip levels of the prefiltered environment: the last one has faces of 4 texels a side.
 pub const PREFILTERED_LEVELS: u32 = 6;
 /// Normals for each texel of a prefiltered level, and for each entry of the table.
