@@ -1,4 +1,4 @@
-// The light that surrounds the scene. One of the two modules with bindings: what samples it
+// The light that surrounds the scene. One of the few modules with bindings: what samples it
 // (`irradiance`, `specular`) imports `radiance` and stays free of them.
 //
 // Faces are those of WebGPU, in the order +X, -X, +Y, -Y, +Z, -Z, mirrored as seen from inside

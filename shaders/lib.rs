@@ -5,7 +5,9 @@
 //! optimised, no algebra, so that agreement between them is evidence.
 //!
 //! Shader functions are pure: values in, values out. Bindings live in `environment.wgsl` (the
-//! light), which `irradiance.wgsl` and `specular.wgsl` sample, and in `scene.wgsl` (the frame).
+//! light), which `irradiance.wgsl` and `specular.wgsl` sample, in `camera.wgsl`, and in the modules
+//! with entry points: `scene.wgsl`, `probe_room.wgsl` and `maps.wgsl`. The folder `as_written` holds
+//! the mistakes of the sources, as functions that the tests catch.
 //! Arguments come in one order: material (`f0`, `alpha`), frame (`n`), `v`, `l`, random numbers
 //! (`u`).
 

@@ -3,11 +3,9 @@
 //! `n`, `v` and `r` are unit vectors with N.V > 0; `alpha` is 0, a mirror, or lies in 1e-4..=1;
 //! `samples` is at least 1. Radiances are in W/(m^2 sr).
 
-use std::f64::consts::PI;
-
 use glam::{DVec2, DVec3};
 
-use crate::{environment, fresnel, geometry, sampling};
+use crate::{distribution, environment, fresnel, geometry, sampling};
 
 /// The estimator in its general form, the mean of f L cos / pdf over the same normals, with D in
 /// both f and pdf.
@@ -69,8 +67,7 @@ fn mean(
         if n_dot_l <= 0.0 {
             return DVec3::ZERO;
         }
-        // From the sine, as n_dot_h alone has lost it for small alpha.
-        let d = ggx(alpha, n.cross(h).length_squared());
+        let d = distribution::ggx_from_vectors(alpha, n, h);
         let g = geometry::v_cavity(n_dot_h, n_dot_v, n_dot_l, v_dot_h);
         let f = fresnel::schlick(f0, v_dot_h) * d * g / (4.0 * n_dot_l * n_dot_v);
         let pdf = d * n_dot_h / (4.0 * v_dot_h);
@@ -126,14 +123,10 @@ pub fn prefiltered_alpha(level: f64, levels: u32) -> f64 {
     (level / (f64::from(levels) - 1.0)).powi(2)
 }
 
-/// Walter et al. 2007, eq. 33, from sin^2: alpha^2 / (pi (cos^2 alpha^2 + sin^2)^2).
-fn ggx(alpha: f64, sin2: f64) -> f64 {
-    let width = (1.0 - sin2) * alpha * alpha + sin2;
-    alpha * alpha / (PI * width * width)
-}
-
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
 
     /// A view at `degrees` from +Z.
@@ -186,7 +179,7 @@ mod tests {
                 let s = (1.0 - c * c).sqrt();
                 let l = DVec3::new(s * phi.cos(), s * phi.sin(), c);
                 let h = (l + v).normalize();
-                let d = ggx(alpha, 1.0 - h.z * h.z);
+                let d = distribution::ggx_from_vectors(alpha, DVec3::Z, h);
                 let g = geometry::v_cavity(h.z, v.z, l.z, v.dot(h));
                 sum += d * g / (4.0 * v.z) * step * step;
             }

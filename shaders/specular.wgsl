@@ -8,8 +8,8 @@
 import package::environment::{mip_level, radiance, radiance_level};
 import package::fresnel::schlick;
 import package::geometry::v_cavity;
-import package::math::{PI, pow5};
-import package::sampling::{ggx_normal, hammersley_centred, orthonormal_basis};
+import package::math::pow5;
+import package::sampling::{ggx_normal, ggx_normal_pdf, hammersley_centred, orthonormal_basis};
 
 /// Radiance that a metal or a coat of reflectance `f0` and width `alpha` sends towards `v`,
 /// estimated by `samples` (at least 1) microfacet normals.
@@ -66,7 +66,7 @@ fn filtered_estimate(
         let l = 2.0 * v_dot_h * h - v;
         let n_dot_l = dot(n, l);
         if (n_dot_l > 0.0) {
-            let pdf = normal_pdf(alpha, local) / (4.0 * v_dot_h);
+            let pdf = ggx_normal_pdf(alpha, local) / (4.0 * v_dot_h);
             let level = mip_level(pdf, samples, size);
             let g = weight(local.z, n_dot_v, n_dot_l, v_dot_h);
             sum += schlick(f0, v_dot_h) * g * radiance_level(l, level);
@@ -147,11 +147,4 @@ fn mirror(f0: vec3f, n: vec3f, v: vec3f) -> vec3f {
 /// pdf = D N.H / (4 V.H) (eq. 24 and 14): D cancels, G V.H / (N.H N.V) is left.
 fn weight(n_dot_h: f32, n_dot_v: f32, n_dot_l: f32, v_dot_h: f32) -> f32 {
     return v_cavity(n_dot_h, n_dot_v, n_dot_l, v_dot_h) * v_dot_h / (n_dot_h * n_dot_v);
-}
-
-/// D N.H of the normal `h` in the local frame: the density of `ggx_normal`, in 1/sr.
-/// Walter et al. 2007, eq. 33, with the sine from its legs: for small alpha, h.z has lost it.
-fn normal_pdf(alpha: f32, h: vec3f) -> f32 {
-    let ratio = alpha / (alpha * alpha * h.z * h.z + dot(h.xy, h.xy));
-    return ratio * ratio * h.z / PI;
 }

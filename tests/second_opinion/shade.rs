@@ -1,12 +1,12 @@
 //! What the fragment functions of `scene.wgsl` compute, in `f64`, with light gathered in a way of
 //! one's choice.
 
-use std::f64::consts::PI;
-
 use glam::{DVec2, DVec3};
 use karat::{CubeMap, Texture};
 use shaders::scene::{Painted, Samples};
-use shaders::{compensation, fresnel, geometry, irradiance, layering, sampling, specular};
+use shaders::{
+    compensation, distribution, fresnel, geometry, irradiance, layering, sampling, specular,
+};
 
 use super::trace::{Hit, Ray};
 
@@ -120,14 +120,14 @@ impl Light<'_> {
             }
             Gather::Moved { specular, .. } => mean(specular, |u| {
                 let h = sampling::ggx_normal(alpha, u);
-                let density = ggx(alpha, h) * h.z;
-                frame_sample(s, local_v, h, density, |l| radiance(frame * l))
+                frame_sample(s, local_v, h, sampling::ggx_normal_pdf(alpha, h), |l| {
+                    radiance(frame * l)
+                })
             }),
             Gather::Independent { points } => mean(points, |u| {
                 let h = sampling::ggx_visible_normal(alpha, local_v, u);
-                // Heitz 2018, eq. 3.
-                let visible = geometry::smith_g1(alpha, local_v.z) * local_v.dot(h) / local_v.z;
-                frame_sample(s, local_v, h, visible * ggx(alpha, h), |l| radiance(frame * l))
+                let density = sampling::ggx_visible_normal_pdf(alpha, local_v, h);
+                frame_sample(s, local_v, h, density, |l| radiance(frame * l))
             }),
         }
     }
@@ -162,15 +162,9 @@ fn frame_sample(
         return DVec3::ZERO;
     }
     let g = geometry::v_cavity(h.z, v.z, l.z, v_dot_h);
-    let f = fresnel::schlick(s.f0, v_dot_h) * ggx(s.alpha, h) * g / (4.0 * v.z * l.z);
+    let d = distribution::ggx_from_vectors(s.alpha, DVec3::Z, h);
+    let f = fresnel::schlick(s.f0, v_dot_h) * d * g / (4.0 * v.z * l.z);
     f * radiance(l) * l.z / (density / (4.0 * v_dot_h))
-}
-
-/// Walter et al. 2007, eq. 33.
-fn ggx(alpha: f64, h: DVec3) -> f64 {
-    let sin2 = h.x * h.x + h.y * h.y;
-    let width = h.z * h.z * alpha * alpha + sin2;
-    alpha * alpha / (PI * width * width)
 }
 
 /// The colour of a pixel of frame `name` that shows `s`.
