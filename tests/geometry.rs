@@ -23,6 +23,14 @@ fn v_cavity() {
         .agrees_with(geometry::v_cavity, Ulp(4.0).or(UNDERFLOW));
 }
 
+/// P2: each of the formula's quotients is 0 / 0 or infinite there.
+#[test]
+fn nothing_is_hidden_where_v_dot_h_vanishes() {
+    PBR.function("geometry::v_cavity")
+        .over((0.0..=1.0, 0.0..=1.0, 0.0..=1.0, Just(0.0)))
+        .satisfies("is 1", |_, g: f32| g == 1.0);
+}
+
 /// WGSL inherits sqrt from 1 / inverseSqrt: 4.5 ulp; the sum under it and the division add to 10.
 #[test]
 fn smith_g1() {

@@ -125,8 +125,31 @@ fn diffuse_and_specular_add_up_to_the_scene() {
 fn the_spheres_vanish_in_the_furnace() {
     for path in open_paths() {
         let furnace = render("furnace", &Shot::golden(path).sized(240, 135));
-        let channels = furnace.pixels().iter().flat_map(|pixel| pixel[..3].to_vec());
-        let worst = channels.map(|value| (value - 1.0).abs()).fold(0.0, f32::max);
-        assert!(worst <= 1e-2, "on {path} a pixel is off by {worst}");
+        let within = |bound: f32, pixel: &[f32; 4]| {
+            pixel[..3].iter().all(|value| (value - 1.0).abs() <= bound)
+        };
+        let count = |bound| furnace.pixels().iter().filter(|pixel| !within(bound, pixel)).count();
+        assert_eq!(count(1e-2), 0, "on {path}");
+        assert!(count(1e-6) > 2000, "on {path} {} pixels show spheres", count(1e-6));
+    }
+}
+
+/// Karis' approximation beside what it approximates: half of the values are within 6 %, and the
+/// mean difference is below a tenth of the mean. At grazing and on wide lobes it is more.
+#[test]
+fn the_split_sum_is_near_the_scene() {
+    for path in open_paths() {
+        let [scene, split] = ["scene", "split_sum"].map(|name| render(name, &small(path)));
+        let pairs = scene.pixels().iter().zip(split.pixels()).filter(|(a, b)| a != b);
+        let (mut light, mut difference, mut shares) = (0.0, 0.0, Vec::new());
+        for (a, b) in pairs.flat_map(|(a, b)| a[..3].iter().zip(&b[..3])) {
+            light += a;
+            difference += (a - b).abs();
+            shares.push((a - b).abs() / a);
+        }
+        shares.sort_by(f32::total_cmp);
+        let median = shares[shares.len() / 2];
+        let mean = difference / light;
+        assert!(shares.len() > 3 * 4000 && median < 0.06 && mean < 0.1, "{path}: {median}, {mean}");
     }
 }
