@@ -31,7 +31,7 @@ where
     ///
     /// // fn bounce(n: vec3f, v: vec3f) -> vec3f
     /// let turned = |q: DQuat, d: Vec3| (q * d.as_dvec3()).as_vec3();
-    /// SHADERS.function("mirror::bounce").over((UnitVector, UnitVector)).turns_with(
+    /// SHADERS.function("mirror::bounce").over((UnitVector, UnitVector)).equivariant_under(
     ///     move |(n, v), q| (turned(q, n), turned(q, v)),
     ///     |l: Vec3, q| q * l.as_dvec3(),
     ///     Abs(1e-6),
@@ -42,7 +42,7 @@ where
     /// With the [`Failure`], if a result turns otherwise, the arguments don't turn, or nothing could
     /// be compared.
     #[track_caller]
-    pub fn turns_with<R: Shareable>(
+    pub fn equivariant_under<R: Shareable>(
         self,
         arguments: impl Fn(D::Value, DQuat) -> D::Value + Sync,
         result: impl Fn(R, DQuat) -> R::Mirror + Sync,
@@ -51,11 +51,11 @@ where
         or_panic(self.turn(arguments, result, tolerance.into(), Recording::On))
     }
 
-    /// [`turns_with`](Self::turns_with) without the panic.
+    /// [`equivariant_under`](Self::equivariant_under) without the panic.
     ///
     /// # Errors
     /// If a result turns otherwise, the arguments don't turn, or nothing could be compared.
-    pub fn try_turns_with<R: Shareable>(
+    pub fn try_equivariant_under<R: Shareable>(
         self,
         arguments: impl Fn(D::Value, DQuat) -> D::Value + Sync,
         result: impl Fn(R, DQuat) -> R::Mirror + Sync,
@@ -73,7 +73,7 @@ where
     ) -> Result<Agreement, Failure> {
         let tolerances = self.plan.tolerances(tolerance);
         let assertion = tolerances.general.to_string();
-        self.conclude("turns_with", assertion, recording, |session| {
+        self.conclude("equivariant_under", assertion, recording, |session| {
             session.expect_result(&R::shape(), "the rotation of the result takes", None)?;
             tolerances.expect_usable(session)?;
             let (scalars, tolerances) = (session.scalars(), tolerances.of_runners(session));
@@ -118,7 +118,7 @@ where
 /// The rotation of a case. Shoemake, "Uniform Random Rotations", 1992.
 fn rotation(seed: u64, case: u64) -> DQuat {
     let mut source = Source::new(seed ^ ROTATION, case);
-    if case % 8 == 0 {
+    if case.is_multiple_of(8) {
         let axis = DVec3::AXES[usize::try_from(source.below(3)).unwrap_or_default()];
         let imaginary = FRAC_1_SQRT_2 * axis;
         return DQuat::from_xyzw(imaginary.x, imaginary.y, imaginary.z, FRAC_1_SQRT_2);

@@ -3,6 +3,8 @@
 //! The rule is a product: Gauss and Legendre's in the cosine of the polar angle, equal steps in the
 //! azimuth. It is exact for what is smooth, and blind to what is narrower than its rings. So each
 //! integral is taken twice, with another number of rings, and is an error where the two differ.
+//! (What lies between the rings of both is seen by neither: narrow lobes need a rule that knows
+//! where they are.)
 
 use std::f64::consts::{PI, TAU};
 

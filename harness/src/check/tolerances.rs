@@ -21,8 +21,8 @@ impl Tolerances {
 
     /// Refuses tolerances that bound nothing or are declared for another number of components.
     pub(super) fn expect_usable<D: Domain>(&self, session: &Session<'_, D>) -> Result<(), Failure> {
-        let all = self.on.iter().map(|(_, tolerance)| tolerance).chain([&self.general]);
-        all.map(|tolerance| session.expect_lanes(tolerance)).collect()
+        let mut all = self.on.iter().map(|(_, tolerance)| tolerance).chain([&self.general]);
+        all.try_for_each(|tolerance| session.expect_lanes(tolerance))
     }
 
     /// The tolerance of each of the session's runners.
