@@ -132,3 +132,65 @@ fn lobes_are_symmetric_in_their_vectors() {
         .over((ALPHA, pairs()).map(|(alpha, (n, h))| (alpha, n, h)))
         .invariant_under(swapped, Rel(4e-4).or(VANISHED));
 }
+
+/// No lobe has more than one peak: it rises with N.H to the pole. The tolerance is twice the error
+/// of the function's own check.
+#[test]
+fn lobes_rise_to_their_pole() {
+    let over = |function| PBR.function(function).over((ALPHA, -1.0..=1.0));
+    over("distribution::ggx").is_monotone_in("n_dot_h", Direction::Increasing, Ulp(28.0));
+    over("distribution::beckmann").is_monotone_in(
+        "n_dot_h",
+        Direction::Increasing,
+        Ulp(1280.0).or(VANISHED),
+    );
+    PBR.function("distribution::blinn_phong").over((0.0..=300.0, -1.0..=1.0)).is_monotone_in(
+        "n_dot_h",
+        Direction::Increasing,
+        Ulp(1280.0).or(VANISHED),
+    );
+}
+
+/// A mirror has no normal but the pole: what a narrowing lobe holds beside it, more than 18 degrees
+/// away, is alpha^2 / (pi sin^4) at most.
+#[test]
+fn the_lobe_of_a_mirror_is_its_pole() {
+    let beside = |_: f64, _: f64| 0.0;
+    let limit = Limit::toward(0.0, [0.1, 0.03, 0.01, 0.003, 0.001]);
+    PBR.function("distribution::ggx").over((Just(0.0), 0.0..=0.95)).at_limit(
+        "alpha",
+        limit,
+        beside,
+        Abs(4e-5),
+    );
+}
+
+/// Only the angle between the vectors counts, wherever they point. Each side has the errors of its
+/// own check, and the rotated vectors are rounded to 1e-7: of an angle that is no less than a few
+/// widths, 1e-3, that is 1e-4.
+#[test]
+fn lobes_turn_with_their_normal() {
+    let turned = |q: glam::DQuat, d: Vec3| (q * d.as_dvec3()).as_vec3();
+    PBR.function("distribution::ggx_from_vectors")
+        .over((1e-2..=1.0_f32, pairs()).map(|(alpha, (n, h))| (alpha, n, h)))
+        .equivariant_under(
+            move |(alpha, n, h), q| (alpha, turned(q, n), turned(q, h)),
+            |d: f32, _| f64::from(d),
+            Rel(1e-4),
+        );
+}
+
+/// Normals project to the whole surface: D cos is a density of microfacets.
+#[test]
+fn lobes_cover_the_surface() {
+    let package = karat::Package::from_modules(
+        "lobes",
+        [("lobes", "import pbr::distribution::ggx;\nfn lobe(alpha: f32, h: vec3f) -> f32 { return ggx(alpha, h.z); }")],
+    )
+    .depends_on("pbr", &PBR);
+    package.function("lobes::lobe").over(0.2..=1.0).integrates_to(
+        Directions::projected_hemisphere().rings(96),
+        |_| 1.0,
+        Abs(1e-5),
+    );
+}

@@ -123,7 +123,11 @@ fn the_loop_is_off_by_what_it_says() {
         .satisfies("is 1.0014", |_, light: Vec3| (light - 1.0014).abs().max_element() < 5e-5);
 }
 
-/// What the means of 64 directions and more may be off by on GL, if all of the 3 % that lie within
+/// What the means of 64 directions and more may be off by: the last bit of weights of 8, of a
+/// difference of 1/32 between texels, with either sign.
+const WEIGHTS: Abs = Abs(6e-5);
+
+/// What they may be off by on GL, if all of the 3 % that lie within
 /// half a texel of an edge are off by 1/64 in one direction.
 const EDGES: Abs = Abs(5e-4);
 
@@ -136,19 +140,22 @@ fn they_agree_with_their_twins() {
     in_environment("irradiance::estimate", map.clone())
         .over((UnitVector, Integers(64..=256_u32)))
         .cases(256)
-        .agrees_with(|n: DVec3, samples: u32| irradiance::estimate(n, samples, &light), EDGES);
+        .tolerance_on(Path::Gl, EDGES)
+        .agrees_with(|n: DVec3, samples: u32| irradiance::estimate(n, samples, &light), WEIGHTS);
     in_environment("irradiance::loop_corrected", map.clone())
         .over(UnitVector)
         .cases(64)
-        .agrees_with(|n: DVec3| irradiance::loop_corrected(n, &light), EDGES);
+        .tolerance_on(Path::Gl, EDGES)
+        .agrees_with(|n: DVec3| irradiance::loop_corrected(n, &light), WEIGHTS);
     in_environment("irradiance::midpoint", map.clone())
         .over((UnitVector, Integers(24..=40_u32), Integers(8..=30_u32)))
         .cases(256)
+        .tolerance_on(Path::Gl, EDGES)
         .agrees_with(
             |n: DVec3, phi_steps: u32, theta_steps: u32| {
                 irradiance::midpoint(n, phi_steps, theta_steps, &light)
             },
-            EDGES,
+            WEIGHTS,
         );
 }
 
@@ -164,7 +171,8 @@ fn texel_sums_agree_with_their_twins() {
     let map = cube_map(sky);
     in_environment("irradiance::sh_project", map.clone())
         .over(OneOf(vec![16, SIZE]))
-        .agrees_with(|size: u32| irradiance::sh_project(size, seen(&map)), Abs(2e-4));
+        .tolerance_on(Path::Gl, Abs(2e-4))
+        .agrees_with(|size: u32| irradiance::sh_project(size, seen(&map)), Abs(5e-5));
 }
 
 /// Light with something in each of the nine harmonics, a third of its mean in all: radiance
@@ -276,7 +284,8 @@ fn filtered_directions_blur_as_much_as_their_texels() {
     }
 }
 
-/// The twin over the same levels. On GL the texels at the edges of faces are not filtered: up to
+/// The twin over the same levels: fractions of levels have 8 bits, between texels that differ by
+/// up to 1/4. On GL the texels at the edges of faces are not filtered: up to
 /// 1/8 off in a level of 8 texels a side, for a fourth of the directions, with either sign.
 #[test]
 fn filtered_directions_agree_with_their_twin() {
@@ -284,7 +293,8 @@ fn filtered_directions_agree_with_their_twin() {
     in_environment("irradiance::filtered_estimate", map.clone())
         .over((UnitVector, Integers(256..=1024_u32), Just(SIZE)))
         .cases(256)
-        .agrees_with(|n: DVec3, k: u32, size: u32| filtered(n, k, size, &map), Abs(1e-2));
+        .tolerance_on(Path::Gl, Abs(1e-2))
+        .agrees_with(|n: DVec3, k: u32, size: u32| filtered(n, k, size, &map), Abs(2e-3));
 }
 
 /// A sun of radiance 50 in 0.05 sr, which lights by up to 0.8. 256 directions on the hemisphere,

@@ -94,3 +94,13 @@ fn a_mirror_on_white_neither_gains_nor_loses() {
         .over(domain)
         .agrees_with(|_: DVec3, _: DVec3, _: DVec3, _: f64| DVec3::ONE, Ulp(8.0));
 }
+
+/// The flatter the view, the less crosses an interface.
+#[test]
+fn less_crosses_toward_grazing() {
+    PBR.function("layering::interface_transmittance").over((UnitRgb, 0.0..=1.0)).is_monotone_in(
+        "n_dot_x",
+        Direction::Increasing,
+        Ulp(10.0),
+    );
+}

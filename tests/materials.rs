@@ -120,3 +120,15 @@ fn materials_from_texels_conserve_energy() {
         Ulp(0.0),
     );
 }
+
+/// More paint brings a surface to what is painted: up if that is rougher, down if it is smoother.
+/// Three roundings may be taken back.
+#[test]
+fn masks_go_one_way() {
+    let over = |kept: std::ops::RangeInclusive<f32>, painted| {
+        PBR.function("materials::masked_roughness").over((kept, painted, 0.0..=1.0))
+    };
+    over(0.0..=0.5, 0.5..=1.0).is_monotone_in("mask", Direction::Increasing, Ulp(4.0));
+    over(0.5..=1.0, 0.0..=0.5).is_monotone_in("mask", Direction::Decreasing, Ulp(4.0));
+    over(0.0..=1.0, 0.0..=1.0).is_monotone_in("roughness", Direction::Increasing, Ulp(4.0));
+}

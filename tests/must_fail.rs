@@ -5,7 +5,7 @@ use std::path::Path as FilePath;
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
-use glam::{DVec3, Vec3};
+use glam::{DQuat, DVec3, Vec3};
 use karat::prelude::*;
 use karat::{Acceptance, Disagreement, Failure, Goldens, Image, Precision, ProbeError};
 use shaders::{PBR, fresnel, geometry};
@@ -808,4 +808,295 @@ fn an_integral_is_replayed_and_recorded() {
         text[from..].lines().take(6).collect::<Vec<_>>().join("\n")
     };
     assert_eq!(worst(&text), worst(&again));
+}
+
+/// The paths on which a function that is wrong everywhere is checked.
+fn selected() -> Vec<Path> {
+    let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x + 1.0; }");
+    let found =
+        disagreement(package.function("f").over(0.0..=1.0).try_agrees_with(|x: f64| x, Abs(0.5)));
+    let paths = found.paths.iter().map(|path| path.adapter.path.parse());
+    paths.collect::<Result<_, _>>().expect("a path has its own name")
+}
+
+/// What is declared to fail, fails, and isn't counted among the paths that agree.
+#[test]
+fn a_known_issue_is_no_agreement() {
+    let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x + 1.0; }");
+    let over = || package.function("f").over(0.0..=1.0);
+    let paths = selected();
+    let everywhere = paths.iter().fold(over(), |check, path| check.fails_on(*path, "bug 1"));
+    let agreement = everywhere.try_agrees_with(|x: f64| x, Abs(0.5)).expect("it fails as declared");
+    assert!(agreement.paths.is_empty(), "{agreement}");
+    assert_eq!(agreement.known_issues.len(), paths.len());
+    for issue in &agreement.known_issues {
+        assert_eq!((&*issue.reason, issue.cases, issue.failures), ("bug 1", 65_536, 65_536));
+    }
+    assert!(agreement.to_string().contains("fails 65536 as declared: bug 1"), "{agreement}");
+    // Other paths are judged as ever.
+    for path in &paths {
+        let found = over().fails_on(*path, "bug 1").try_agrees_with(|x: f64| x, Abs(0.5));
+        if paths.len() == 1 {
+            assert!(found.is_ok(), "{found:?}");
+            continue;
+        }
+        let found = disagreement(found);
+        assert_eq!(found.paths.len(), paths.len() - 1);
+        assert!(found.paths.iter().all(|other| other.adapter.path != path.name()), "{found}");
+    }
+}
+
+#[test]
+fn an_issue_that_is_gone_or_has_no_reason() {
+    let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");
+    let path = selected()[0];
+    let over = || package.function("f").over(0.0..=1.0);
+    let found = over().fails_on(path, "bug 1").try_agrees_with(|x: f64| x, Ulp(0.0));
+    let text = found.expect_err("it passes").to_string();
+    let expected = format!(
+        "`f` passes on {path}, where it is declared to fail: bug 1\n\
+         the bug is gone, or hidden: remove `.fails_on(...)`"
+    );
+    assert_eq!(text, expected);
+    for reason in ["", " "] {
+        let found = over().fails_on(path, reason).try_satisfies("is not", |_, _: f32| false);
+        let text = found.expect_err("no reason").to_string();
+        let expected = format!("`f` is declared to fail on {path} without a reason: name the bug");
+        assert_eq!(text, expected);
+    }
+    let integral = package.function("f").integral(0.0..=1.0_f32, |x| vec![(*x, 1.0)]);
+    let found = integral.fails_on(path, "bug 1").try_is_at_most(|_| 1.0, 0.0);
+    assert!(matches!(found, Err(Failure::UnexpectedPass { .. })), "{found:?}");
+}
+
+/// A frame that is declared to differ from its golden must differ, and no declaration makes up for
+/// a golden that is missing.
+#[test]
+fn a_frame_that_is_declared_to_fail() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let goldens = Goldens::open(folder.path());
+    let pictures = Package::from_source("gradient", include_str!("planted/gradient.wgsl"));
+    let frame = || pictures.frame("", 32, 16).fullscreen("corners", "gradient");
+    let paths = selected();
+    let declared = || paths.iter().fold(frame(), |frame, path| frame.fails_on(*path, "bug 1"));
+    let error = declared().try_matches(&goldens, "gradient").expect_err("no golden");
+    assert!(error.to_string().contains("has no golden"), "{error}");
+    let pending = goldens.select("gradient").expect("it is pending");
+    let acceptance = Acceptance { because: "first".to_owned(), by: None, any_adapter: true };
+    goldens.accept(&pending[0], &acceptance).expect("accepted");
+    let error = declared().try_matches(&goldens, "gradient").expect_err("it matches");
+    assert!(error.to_string().contains("where it is declared to fail: bug 1"), "{error}");
+    let error = frame().fails_on(paths[0], "").try_matches(&goldens, "gradient");
+    assert!(error.expect_err("no reason").to_string().contains("without a reason"));
+
+    let golden = folder.path().join("gradient.exr");
+    let (mut image, metadata) = Image::read_exr(&golden).expect("just written");
+    image.pixels_mut()[300][2] *= 1.01;
+    image.write_exr(&golden, Precision::Half, metadata.as_deref()).expect("written");
+    let agreement = declared().try_matches(&goldens, "gradient").expect("it fails as declared");
+    assert!(agreement.paths.is_empty());
+    assert!(agreement.known_issues.iter().all(|issue| (issue.cases, issue.failures) == (512, 1)));
+}
+
+/// The record says what is known, and doesn't call it a pass.
+#[test]
+fn known_issues_are_recorded() {
+    for (fault, verdict) in [
+        ("known_issue", karat::record::Verdict::KnownIssue),
+        ("unexpected_pass", karat::record::Verdict::Fail),
+    ] {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let folder_name = folder.path().display().to_string();
+        let (output, text) = planted(&[fault], &[("KARAT_RECORD", &folder_name)]);
+        assert_eq!(
+            output.status.success(),
+            verdict == karat::record::Verdict::KnownIssue,
+            "{text}"
+        );
+        let records = karat::record::read(folder.path()).expect("the verdict was recorded");
+        let [record] = &*records else { panic!("one check, {} records", records.len()) };
+        assert_eq!(record.verdict, verdict);
+        for path in &record.paths {
+            assert_eq!(path.known_issue.as_deref(), Some("bug 1234"));
+            assert_eq!(path.failures > 0, fault == "known_issue");
+        }
+    }
+}
+
+/// A path's own tolerance is its own, and as strict as any.
+#[test]
+fn a_tolerance_of_one_path() {
+    let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x + 0.25; }");
+    let over = || package.function("f").over(0.0..=1.0);
+    let paths = selected();
+    let loose = paths.iter().fold(over(), |check, path| check.tolerance_on(*path, Abs(0.26)));
+    loose.clone().try_agrees_with(|x: f64| x, Ulp(1.0)).expect("each path has its own");
+    let halves = loose.try_invariant_under(|x| 0.5 * x, Ulp(1.0));
+    assert!(halves.is_err(), "the difference is up to 0.5");
+    for path in &paths {
+        let strict = over().tolerance_on(*path, Abs(0.24)).try_agrees_with(|x: f64| x, Abs(0.26));
+        let found = disagreement(strict);
+        assert!(found.paths.iter().all(|other| other.adapter.path == path.name()), "{found}");
+        let refused = [
+            over().tolerance_on(*path, Abs(f64::NAN)).try_agrees_with(|x: f64| x, Abs(1.0)),
+            over().tolerance_on(*path, Abs(1.0)).try_satisfies("is anything", |_, _: f32| true),
+        ];
+        for found in refused {
+            assert!(matches!(found, Err(Failure::Signature { .. })), "{found:?}");
+        }
+    }
+}
+
+/// A bump of a hundredth of the range, a slope of the wrong sign, NaN.
+#[test]
+fn a_function_that_is_not_monotone() {
+    let check = |body: &str, direction, tolerance: Tolerance| {
+        let wgsl = format!("fn f(k: vec2f, x: f32, n: u32) -> vec2f {{ return {body}; }}");
+        let package = Package::from_source("planted", wgsl);
+        let pairs = (-1.0..=1.0_f32, -1.0..=1.0_f32).map(|(x, y)| glam::Vec2::new(x, y));
+        let over = package.function("f").over((pairs, 0.0..=1.0, Integers(0..=9_u32)));
+        over.try_is_monotone_in("x", direction, tolerance)
+    };
+    let up = Direction::Increasing;
+    let exact = || Tolerance::from(Ulp(0.0));
+    let right = check("vec2f(k.y, k.x + x * f32(n))", up, Ulp(1.0).near_zero(1.0));
+    assert_eq!(right.expect("it rises, or stays").cases, 65_536);
+    check("vec2f(1.0 - x, -x * x)", Direction::Decreasing, exact()).expect("both fall");
+    let faults = [
+        "vec2f(x, x - 0.02 * step(0.5, x) * step(x, 0.51))",
+        "vec2f(x, -1e-6 * x)",
+        "vec2f(x, select(x, sqrt(-1.0 - x), x > 0.999))",
+        "vec2f(1.0 / x, x)",
+    ];
+    for fault in faults {
+        let found = disagreement(check(fault, up, exact()));
+        assert_eq!(found.check, "is_monotone_in", "{fault}");
+        let worst = &found.paths[0].worst;
+        let names: Vec<&str> = worst.arguments.iter().map(|(name, _)| &**name).collect();
+        assert_eq!(names, ["k", "x", "n", "x'"], "both values are shown");
+    }
+    let found = disagreement(check("vec2f(x, x)", Direction::Decreasing, Abs(0.5).into()));
+    assert_eq!(found.assertion, "decreasing in `x`, abs 5e-1");
+}
+
+#[test]
+fn a_monotone_check_of_nothing() {
+    let wgsl = "fn f(alpha: f32, c: f32, d: vec3f) -> f32 { return c; }";
+    let package = Package::from_source("planted", wgsl);
+    let over = || package.function("f").over((0.0..=1.0, Just(0.5), UnitVector));
+    let up = Direction::Increasing;
+    let vacuous = [
+        (over().try_is_monotone_in("alpha", up, Ulp(0.0)), "no case whose result changes"),
+        (over().try_is_monotone_in(1, up, Ulp(0.0)), "has one value of argument 1 only"),
+    ];
+    for (found, message) in vacuous {
+        assert!(matches!(found, Err(Failure::Domain { .. })), "{found:?}");
+        assert!(found.expect_err("nothing").to_string().contains(message), "{message}");
+    }
+    let unknown = [
+        (over().try_is_monotone_in("alhpa", up, Ulp(0.0)), "did you mean `alpha`?"),
+        (over().try_is_monotone_in(3, up, Ulp(0.0)), "has 3 parameters, none at place 3"),
+        (over().try_is_monotone_in("d", up, Ulp(0.0)), "which isn't one number"),
+        (over().try_is_monotone_in("c", up, Ulp(f64::NAN)), "bounds nothing"),
+    ];
+    for (found, message) in unknown {
+        assert!(matches!(found, Err(Failure::Signature { .. })), "{found:?}");
+        assert!(found.expect_err("nothing").to_string().contains(message), "{message}");
+    }
+}
+
+#[test]
+fn a_limit_that_is_not_approached() {
+    let check = |error: &str, steps: &[f32]| {
+        let wgsl = format!("fn f(x: f32, alpha: f32) -> f32 {{ return x + {error}; }}");
+        let package = Package::from_source("planted", wgsl);
+        let over = package.function("f").over((0.0..=1.0, Just(7.0)));
+        // The reference is given the limit, not what the domain draws.
+        let limit = |x: f64, alpha: f64| x + alpha;
+        over.try_at_limit("alpha", Limit::toward(0.0, steps), limit, Abs(2e-3))
+    };
+    let steps = [0.1, 0.01, 0.001];
+    check("alpha", &steps).expect("the error is alpha");
+    let rises = "select(alpha, 0.2, alpha < 0.05 && alpha > 0.005)";
+    for (fault, step) in [("alpha + 0.003", "0.001"), (rises, "0.01"), ("sqrt(alpha)", "0.001")] {
+        let found = disagreement(check(fault, &steps));
+        assert_eq!(found.assertion, "`alpha` toward 0 through 0.1, 0.01, 0.001: abs 2e-3");
+        let worst = &found.paths[0].worst;
+        assert_eq!(worst.arguments[1], ("alpha".to_owned(), step.to_owned()), "{fault}");
+    }
+    disagreement(check("alpha / (alpha - 0.001)", &steps)); // infinite at the last step
+    let found = check("0.0", &steps);
+    assert!(matches!(found, Err(Failure::Domain { .. })), "{found:?}");
+    for steps in [&[][..], &[0.1], &[0.01, 0.1], &[0.1, f32::NAN]] {
+        let found = check("alpha", steps);
+        assert!(matches!(found, Err(Failure::Signature { .. })), "{steps:?} {found:?}");
+    }
+}
+
+#[test]
+fn a_function_that_knows_which_way_is_up() {
+    let check = |body: &str| {
+        let wgsl = format!("fn f(n: vec3f, v: vec3f) -> vec3f {{ return {body}; }}");
+        let package = Package::from_source("planted", wgsl);
+        let turned = |q: DQuat, d: Vec3| (q * d.as_dvec3()).as_vec3();
+        package.function("f").over((UnitVector, UnitVector)).try_equivariant_under(
+            move |(n, v), q| (turned(q, n), turned(q, v)),
+            |l: Vec3, q| q * l.as_dvec3(),
+            Abs(2e-6),
+        )
+    };
+    check("reflect(-v, n)").expect("a reflection has no preferred direction");
+    for fault in ["reflect(-v, n) + vec3f(0.0, 0.0, 1e-5)", "vec3f(v.xy, -v.z)", "abs(v)"] {
+        let found = disagreement(check(fault));
+        assert_eq!(found.paths[0].worst.arguments[2].0, "rotation", "{fault}");
+    }
+    let package = Package::from_source("planted", "fn f(n: vec3f) -> f32 { return n.z; }");
+    let angle = |q: DQuat, d: Vec3| (q * d.as_dvec3()).as_vec3();
+    let over = || package.function("f").over(UnitVector);
+    let fault = over().try_equivariant_under(|n, q| angle(q, n), |z: f32, _| z.into(), Abs(0.1));
+    disagreement(fault);
+    let nothing = over().try_equivariant_under(|n, _| n, |z: f32, _| z.into(), Abs(1e300));
+    assert!(matches!(nothing, Err(Failure::Domain { .. })), "{nothing:?}");
+}
+
+/// A wrong constant; a lobe that falls between the rings, where no rule tells the integral.
+#[test]
+fn an_integral_over_directions() {
+    let check = |body: &str, directions, expected: f64| {
+        let wgsl = format!("fn f(k: f32, l: vec3f) -> f32 {{ return k * {body}; }}");
+        let package = Package::from_source("planted", wgsl);
+        let over = package.function("f").over(0.0..=2.0).cases(16);
+        let integral =
+            over.clone().try_integrates_to_at_most(directions, |k| f64::from(*k) * expected, 1e-6);
+        let equal = over.try_integrates_to(directions, |k| f64::from(*k) * expected, Abs(1e-6));
+        (equal, integral)
+    };
+    let agrees = |(equal, below): (Result<karat::Agreement, _>, Result<karat::Agreement, _>)| {
+        assert_eq!(equal.expect("it is right").cases, 16);
+        assert_eq!(below.expect("it is right").cases, 16);
+    };
+    agrees(check("max(l.z, 0.0) / radians(180.0)", Directions::hemisphere(), 1.0));
+    agrees(check("1.0 / radians(180.0)", Directions::projected_hemisphere(), 1.0));
+    agrees(check("l.z * l.z / radians(240.0)", Directions::sphere().rings(8), 1.0));
+    let (equal, below) = check("1.001 * l.z / radians(180.0)", Directions::hemisphere(), 1.0);
+    assert!(disagreement(equal).paths.iter().all(|path| path.census.too_high > 0));
+    disagreement(below);
+    let (equal, below) = check("0.999 * l.z / radians(180.0)", Directions::hemisphere(), 1.0);
+    disagreement(equal);
+    below.expect("it is less");
+    for found in <[_; 2]>::from(check("exp(1e3 * (l.x - 1.0))", Directions::sphere(), 6.283e-3)) {
+        let error = found.expect_err("a lobe of 0.03 between rings of 0.05");
+        assert!(matches!(error, Failure::Rule { .. }), "{error}");
+        assert!(
+            error.to_string().contains("so that neither is a verdict: use more rings"),
+            "{error}"
+        );
+    }
+    let (equal, _) = check("sqrt(l.z)", Directions::sphere(), 1.0);
+    assert!(disagreement(equal).paths.iter().all(|path| path.census.nan > 0));
+    // No arguments but the direction.
+    let package = Package::from_source("planted", "fn f(l: vec3f) -> f32 { return 0.25; }");
+    let found =
+        package.function("f").over(()).try_integrates_to(Directions::sphere(), |()| PI, Rel(1e-6));
+    assert_eq!(found.expect("a quarter of 4 pi").cases, 1);
 }

@@ -5,27 +5,43 @@
 //! return the failure and leave the verdict to the caller, so the record of the run doesn't hold
 //! theirs. A check that compared nothing is an error.
 
+mod argument;
 mod disagreement;
+mod equivariance;
 mod identity;
 mod integral;
+mod known_issue;
+mod limit;
+mod monotone;
+mod property;
+mod quadrature;
 mod reference;
 mod session;
 mod tally;
+mod tolerances;
 mod verdict;
 
+pub use argument::Argument;
 pub use disagreement::{CaseFailure, Disagreement, IntegralFailure, NodeFailure, PathDisagreement};
 pub(crate) use identity::Identity;
 pub use integral::Integral;
+pub use known_issue::KnownIssue;
+pub(crate) use known_issue::KnownIssues;
+pub use limit::Limit;
+pub use monotone::Direction;
+pub use quadrature::Directions;
 pub use reference::Reference;
 use session::{Demand, PathTally, Session};
 pub use tally::Census;
 use tally::{Class, Judged, compare};
+use tolerances::Tolerances;
 pub use verdict::{Agreement, Failure};
 
 use crate::domain::Domain;
 use crate::fixture::{Fixture, Fixtures};
 use crate::package::Package;
-use crate::record::{self, Record, Subject, Verdict};
+use crate::path::Path;
+use crate::record::{self, PathRecord, Record, Subject, Verdict};
 use crate::tolerance::{Measure, Tolerance, Unit};
 use crate::value::{Arguments, Scalar, Shareable};
 
@@ -75,7 +91,7 @@ impl<'a> Probe<'a> {
     where
         D::Value: Arguments,
     {
-        Check { plan: Plan { probe: self, domain, cases: None, seed: None } }
+        Check { plan: Plan::new(self, domain) }
     }
 }
 
@@ -86,6 +102,20 @@ struct Plan<'a, D> {
     domain: D,
     cases: Option<u64>,
     seed: Option<u64>,
+    tolerance_on: Vec<(Path, Tolerance)>,
+    known_issues: KnownIssues,
+}
+
+impl<'a, D> Plan<'a, D> {
+    fn new(probe: Probe<'a>, domain: D) -> Self {
+        let (tolerance_on, known_issues) = (Vec::new(), KnownIssues::default());
+        Self { probe, domain, cases: None, seed: None, tolerance_on, known_issues }
+    }
+
+    /// A verb's tolerance with those of single paths.
+    fn tolerances(&self, general: Tolerance) -> Tolerances {
+        Tolerances { general, on: self.tolerance_on.clone() }
+    }
 }
 
 /// A function with the arguments that it is checked over.
@@ -110,6 +140,36 @@ where
     /// Sets the seed, which otherwise derives from the test's name.
     pub fn seed(mut self, seed: u64) -> Self {
         self.plan.seed = Some(seed);
+        self
+    }
+
+    /// Sets another tolerance for one path, whose driver or formats are less exact. The verb's own
+    /// tolerance remains that of the others.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # let blue = |_: glam::DVec3| glam::DVec3::Z;
+    /// SHADERS
+    ///     .function("environment::radiance")
+    ///     .with("environment", CubeMap::constant(glam::Vec3::Z))
+    ///     .with("environment_sampler", Sampler::Linear)
+    ///     .over(UnitVector)
+    ///     .tolerance_on(Path::Gl, Rel(4.9e-4)) // filters half floats
+    ///     .agrees_with(blue, Ulp(2.0));
+    /// ```
+    pub fn tolerance_on(mut self, path: Path, tolerance: impl Into<Tolerance>) -> Self {
+        self.plan.tolerance_on.push((path, tolerance.into()));
+        self
+    }
+
+    /// Declares that the check fails on a path, and why: a driver's bug by its number.
+    ///
+    /// On that path at least one case must fail; if none does, the check fails until the
+    /// declaration is removed. Other paths are judged as ever. `karat test` counts the check as a
+    /// known issue, never as one that passes.
+    pub fn fails_on(mut self, path: Path, reason: &str) -> Self {
+        self.plan.known_issues.declare(path, reason);
         self
     }
 
@@ -146,18 +206,21 @@ where
         tolerance: Tolerance,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
-        self.conclude("agrees_with", tolerance.to_string(), recording, |session| {
-            session.expect_result(&reference.shape(), "the reference returns", Some(&tolerance))?;
-            let scalars = session.scalars();
+        let tolerances = self.plan.tolerances(tolerance);
+        let assertion = tolerances.general.to_string();
+        self.conclude("agrees_with", assertion, recording, |session| {
+            session.expect_result(&reference.shape(), "the reference returns", None)?;
+            tolerances.expect_usable(session)?;
+            let (scalars, tolerances) = (session.scalars(), tolerances.of_runners(session));
             session.run(|batch, dispatches| {
                 // The device works on the dispatches meanwhile.
                 let expected = batch.expected(session, &reference)?;
                 let expect = |_, case: usize| {
                     Some(expected[case * scalars.len()..][..scalars.len()].to_vec())
                 };
-                session.judge(batch, dispatches, expect, |_, case, actual| {
+                session.judge(batch, dispatches, expect, |path, case, actual| {
                     let expected = &expected[case * scalars.len()..][..scalars.len()];
-                    compare(&scalars, actual, expected, &tolerance)
+                    compare(&scalars, actual, expected, tolerances[path])
                 })
             })
         })
@@ -206,7 +269,9 @@ where
         holds: impl Fn(D::Value, R) -> bool + Sync,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
+        let tolerance_on = self.plan.tolerance_on.clone();
         self.conclude("satisfies", statement.to_owned(), recording, |session| {
+            tolerances::expect_none(&tolerance_on, session)?;
             session.expect_result(&R::shape(), "the statement takes", None)?;
             let scalars = session.scalars();
             session.run(|batch, dispatches| {
@@ -256,9 +321,11 @@ where
         tolerance: Tolerance,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
-        self.conclude("invariant_under", tolerance.to_string(), recording, |session| {
-            session.expect_lanes(&tolerance)?;
-            let scalars = session.scalars();
+        let tolerances = self.plan.tolerances(tolerance);
+        let assertion = tolerances.general.to_string();
+        self.conclude("invariant_under", assertion, recording, |session| {
+            tolerances.expect_usable(session)?;
+            let (scalars, tolerances) = (session.scalars(), tolerances.of_runners(session));
             let mut changed = false;
             let tallies = session.run(|batch, dispatches| {
                 let mut plain = Vec::with_capacity(dispatches.len());
@@ -276,7 +343,7 @@ where
                 };
                 let shown = |path, case| Some(expect(path, case));
                 session.judge(batch, dispatches, shown, |path, case, actual| {
-                    compare(&scalars, actual, &expect(path, case), &tolerance)
+                    compare(&scalars, actual, &expect(path, case), tolerances[path])
                 })
             })?;
             if !changed {
@@ -295,14 +362,17 @@ where
         recording: Recording,
         check: impl FnOnce(&Session<'_, D>) -> Result<Vec<PathTally>, Failure>,
     ) -> Result<Agreement, Failure> {
-        let demand = Demand {
+        self.plan.conclude(name, assertion, &Self::demand(), recording, check)
+    }
+
+    fn demand() -> Demand {
+        Demand {
             arguments: D::Value::shapes(),
             who: "the domain draws",
             cases: CASES,
             enumerated: ENUMERATED,
             calls: 1,
-        };
-        self.plan.conclude(name, assertion, &demand, recording, check)
+        }
     }
 }
 
@@ -329,26 +399,63 @@ impl<D: Domain> Plan<'_, D> {
             seed,
         };
         let mut paths = Vec::new();
-        let result = Session::open(self, demand, &identity, seed, (name, assertion));
+        let result = self.known_issues.expect_reasons(&self.probe.path);
+        let result =
+            result.and_then(|()| Session::open(self, demand, &identity, seed, (name, assertion)));
         let result = result.and_then(|session| {
             if let Subject::Function { location, .. } = &mut subject {
                 *location = session.probed.function.span.to_string();
             }
             let tallies = check(&session)?;
-            paths = tallies.iter().map(|path| path.record(&session.assertion.1)).collect();
-            session.conclude(tallies)
+            paths = tallies.iter().map(|tally| self.record(tally, &session.assertion.1)).collect();
+            self.verdict(&session, tallies)
         });
         if recording == Recording::Off {
             return result;
         }
         let (verdict, message) = match &result {
-            Ok(_) => (Verdict::Pass, None),
-            Err(failure @ Failure::Disagreement(_)) => (Verdict::Fail, Some(failure.to_string())),
+            Ok(agreement) if agreement.known_issues.is_empty() => (Verdict::Pass, None),
+            Ok(_) => (Verdict::KnownIssue, None),
+            Err(failure @ (Failure::Disagreement(_) | Failure::UnexpectedPass { .. })) => {
+                (Verdict::Fail, Some(failure.to_string()))
+            }
             Err(failure) => (Verdict::Error, Some(failure.to_string())),
         };
         let test = identity.test;
         record::write(&Record { schema: record::SCHEMA, test, subject, verdict, paths, message });
         result
+    }
+
+    /// Judges the paths that are to pass; of those that are declared to fail, wants a failure.
+    fn verdict(
+        &self,
+        session: &Session<'_, D>,
+        tallies: Vec<PathTally>,
+    ) -> Result<Agreement, Failure> {
+        let function = &session.probed.function.path;
+        let (judged, known) = self.known_issues.split(tallies);
+        let mut agreement = if judged.is_empty() && !known.is_empty() {
+            let cases = known.iter().map(|tally| tally.tally.census.cases).min().unwrap_or(0);
+            let (function, paths) = (function.clone(), Vec::new());
+            Agreement { function, cases, paths, worst: Measure::ZERO, known_issues: Vec::new() }
+        } else {
+            session.conclude(judged)?
+        };
+        // One case that is replayed may be one that passes.
+        if !session.is_replay() {
+            self.known_issues.expect_failures(function, &known)?;
+        }
+        agreement.known_issues = self.known_issues.seen(&known);
+        Ok(agreement)
+    }
+
+    fn record(&self, tally: &PathTally, assertion: &str) -> PathRecord {
+        let asserted = match tolerances::own(&self.tolerance_on, tally.path) {
+            Some(own) => format!("{assertion}; on {} {own}", tally.path),
+            None => assertion.to_owned(),
+        };
+        let known_issue = self.known_issues.on(tally.path).map(str::to_owned);
+        PathRecord { known_issue, ..tally.record(&asserted) }
     }
 }
 

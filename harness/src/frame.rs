@@ -9,9 +9,11 @@ mod renderer;
 
 pub use mesh::{Attribute, Mesh};
 
-use crate::check::Identity;
+use crate::check::{Identity, KnownIssue, KnownIssues};
 use crate::fixture::{Fixture, FixtureError, Fixtures};
-use crate::golden::{DEFAULT_RELATIVE, FrameMargin, GoldenError, Goldens, Rendered};
+use crate::golden::{
+    DEFAULT_RELATIVE, FrameDifference, FrameMargin, GoldenError, Goldens, Rendered,
+};
 use crate::image::Image;
 use crate::package::Package;
 use crate::path::{self, Adapter, Path, PathError};
@@ -54,6 +56,7 @@ pub struct Frame<'a> {
     blend: Blend,
     relative: f32,
     relative_on: Vec<(Path, f32)>,
+    known_issues: KnownIssues,
 }
 
 /// What a frame that matches its golden was compared on.
@@ -63,6 +66,8 @@ pub struct FrameAgreement {
     pub case: String,
     /// Each path with its margin.
     pub paths: Vec<(Adapter, FrameMargin)>,
+    /// Paths that differ as was declared.
+    pub known_issues: Vec<KnownIssue>,
 }
 
 /// Why a frame has no verdict, or a bad one.
@@ -91,6 +96,22 @@ pub enum FrameError {
     /// A tolerance that isn't a number of at least 0.
     #[error("the tolerance of the frame is {0}; it is a relative difference of at least 0")]
     Tolerance(f32),
+    /// A path agrees that is declared to fail.
+    #[error(
+        "`{case}` matches its golden on {path}, where it is declared to fail: {reason}\n\
+         the bug is gone, or hidden: remove `.fails_on(...)`"
+    )]
+    UnexpectedPass {
+        /// Name of the golden.
+        case: String,
+        /// The path.
+        path: Path,
+        /// What was declared.
+        reason: String,
+    },
+    /// A path is declared to fail, and nobody says why.
+    #[error("the frame is declared to fail on {0} without a reason: name the bug")]
+    UnexplainedIssue(Path),
     /// A side of 0 pixels, or more than the device can draw.
     #[error("the frame is {width} x {height}; path `{path}` draws 1 to {limit} pixels a side")]
     Size {
@@ -130,6 +151,7 @@ impl Package {
             blend: Blend::Replace,
             relative: DEFAULT_RELATIVE,
             relative_on: Vec::new(),
+            known_issues: KnownIssues::default(),
         }
     }
 }
@@ -197,6 +219,13 @@ impl Frame<'_> {
         self
     }
 
+    /// Declares that the frame differs from its golden on a path, and why: a driver's bug by its
+    /// number. A frame that matches there after all fails, until the declaration is removed.
+    pub fn fails_on(mut self, path: Path, reason: &str) -> Self {
+        self.known_issues.declare(path, reason);
+        self
+    }
+
     /// Draws the frame on one path.
     ///
     /// # Errors
@@ -226,10 +255,12 @@ impl Frame<'_> {
         let mut records = Vec::new();
         let result = self.compare(goldens, case, &mut records);
         let (verdict, message) = match &result {
-            Ok(_) => (Verdict::Pass, None),
+            Ok(agreement) if agreement.known_issues.is_empty() => (Verdict::Pass, None),
+            Ok(_) => (Verdict::KnownIssue, None),
             Err(error) => {
-                let differs = matches!(error, FrameError::Golden { source, .. }
-                    if matches!(**source, GoldenError::Differs { .. }));
+                let differs = matches!(error, FrameError::UnexpectedPass { .. })
+                    || matches!(error, FrameError::Golden { source, .. }
+                        if matches!(**source, GoldenError::Differs { .. }));
                 let verdict = if differs { Verdict::Fail } else { Verdict::Error };
                 (verdict, Some(error.to_string()))
             }
@@ -263,7 +294,10 @@ impl Frame<'_> {
         case: &str,
         records: &mut Vec<PathRecord>,
     ) -> Result<FrameAgreement, FrameError> {
-        let mut paths = Vec::new();
+        let (mut paths, mut known_issues) = (Vec::new(), Vec::new());
+        if let Some(path) = self.known_issues.unexplained() {
+            return Err(FrameError::UnexplainedIssue(path));
+        }
         let tolerances = self.relative_on.iter().map(|(_, relative)| *relative);
         for relative in tolerances.chain([self.relative]) {
             if !(relative >= 0.0 && relative.is_finite()) {
@@ -284,6 +318,7 @@ impl Frame<'_> {
                 worst: String::new(),
                 ratio: None,
                 asserted: format!("rel {relative:e}"),
+                known_issue: self.known_issues.on(device.path()).map(str::to_owned),
             };
             match compared {
                 Ok(margin) => {
@@ -294,8 +329,23 @@ impl Frame<'_> {
                         let relative = f64::from(margin.relative);
                         format!("rel {}", crate::tolerance::significant(relative))
                     };
+                    let known_issue = entry.known_issue.clone();
                     records.push(entry);
+                    if let Some(reason) = known_issue {
+                        let (case, path) = (case.to_owned(), device.path());
+                        return Err(FrameError::UnexpectedPass { case, path, reason });
+                    }
                     paths.push((adapter.clone(), margin));
+                }
+                Err(GoldenError::Differs { difference, .. }) if entry.known_issue.is_some() => {
+                    entry.failures = outliers(&difference);
+                    known_issues.push(KnownIssue {
+                        adapter: adapter.clone(),
+                        reason: entry.known_issue.clone().unwrap_or_default(),
+                        cases: entry.cases,
+                        failures: entry.failures,
+                    });
+                    records.push(entry);
                 }
                 Err(source) => {
                     entry.failures = failures(&source);
@@ -307,17 +357,21 @@ impl Frame<'_> {
                 }
             }
         }
-        Ok(FrameAgreement { case: case.to_owned(), paths })
+        Ok(FrameAgreement { case: case.to_owned(), paths, known_issues })
     }
 }
 
 fn failures(error: &GoldenError) -> u64 {
-    use crate::golden::FrameDifference;
     match error {
-        GoldenError::Differs { difference, .. } => match **difference {
-            FrameDifference::Values { outliers, .. } => outliers as u64,
-            _ => 1,
-        },
+        GoldenError::Differs { difference, .. } => outliers(difference),
+        _ => 1,
+    }
+}
+
+/// Pixels that are off; 1 of a frame that can't be compared at all.
+fn outliers(difference: &FrameDifference) -> u64 {
+    match difference {
+        FrameDifference::Values { outliers, .. } => *outliers as u64,
         _ => 1,
     }
 }

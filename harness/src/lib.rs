@@ -39,8 +39,8 @@ mod tolerance;
 mod value;
 
 pub use check::{
-    Agreement, CaseFailure, Census, Check, Disagreement, Failure, Integral, IntegralFailure,
-    NodeFailure, PathDisagreement, Probe, Reference,
+    Agreement, Argument, CaseFailure, Census, Check, Direction, Directions, Disagreement, Failure,
+    Integral, IntegralFailure, KnownIssue, Limit, NodeFailure, PathDisagreement, Probe, Reference,
 };
 pub use diagnostic::{Diagnostic, SourceFile, Span};
 pub use domain::{
@@ -68,7 +68,8 @@ pub use value::{Arguments, Mirror, Scalar, Shape, Shareable, format_f32, format_
 /// What a test file needs: `use karat::prelude::*;`.
 pub mod prelude {
     pub use crate::{
-        Abs, CubeMap, Domain, Grid, Hemisphere, Integers, Just, OneOf, Package, Path, Rel, Sampler,
-        Storage, Texture, Tolerance, Ulp, Uniform, UnitRgb, UnitVector,
+        Abs, CubeMap, Direction, Directions, Domain, Grid, Hemisphere, Integers, Just, Limit,
+        OneOf, Package, Path, Rel, Sampler, Storage, Texture, Tolerance, Ulp, Uniform, UnitRgb,
+        UnitVector,
     };
 }

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::path::Adapter;
 
 /// Version of the format. Lines with another version are refused.
-pub const SCHEMA: u32 = 1;
+pub const SCHEMA: u32 = 2;
 
 /// What a check concluded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -21,6 +21,8 @@ pub const SCHEMA: u32 = 1;
 pub enum Verdict {
     /// Every case of every path agreed.
     Pass,
+    /// At least one path fails as was declared; on the others every case agreed.
+    KnownIssue,
     /// At least one case disagreed.
     Fail,
     /// Nothing could be compared.
@@ -85,6 +87,8 @@ pub struct PathRecord {
     pub ratio: Option<f64>,
     /// What was asserted on this path: the tolerance, or the statement.
     pub asserted: String,
+    /// Why this path was declared to fail; `None`: it was to pass.
+    pub known_issue: Option<String>,
 }
 
 /// Appends a verdict to this process's file, if a run is being recorded.

@@ -26,6 +26,10 @@ fn main() -> ExitCode {
         "endless_loop" => check(&endless(), "endless"),
         "too_large" => check("fn above(x: f32) -> f32 { return x + x * x * 0.001; }", "above"),
         "integral" => Ok(integral()),
+        "known_issue" => {
+            Ok(declared("fn above(x: f32) -> f32 { return x + x * x * 0.001; }", "above"))
+        }
+        "unexpected_pass" => Ok(declared("fn id(x: f32) -> f32 { return x; }", "id")),
         "none" => check("fn id(x: f32) -> f32 { return x; }", "id"),
         "golden" => frame(GRADIENT),
         // Not a constant: WGSL refuses those.
@@ -47,6 +51,14 @@ fn check(wgsl: &str, function: &str) -> Result<String, String> {
         .try_agrees_with(|x: f64| x, Ulp(0.0))
         .map(|agreement| agreement.to_string())
         .map_err(|failure| failure.to_string())
+}
+
+/// A check that is declared to fail on every path. Its verdict is recorded.
+fn declared(wgsl: &str, function: &str) -> String {
+    let package = Package::from_source("planted", wgsl);
+    let check = package.function(function).over(0.0..=1.0);
+    let check = Path::ALL.into_iter().fold(check, |check, path| check.fails_on(path, "bug 1234"));
+    check.agrees_with(|x: f64| x, Ulp(0.0)).to_string()
 }
 
 /// Integrals over ten nodes, too large where the case is above one half. A verdict that is recorded

@@ -12,8 +12,10 @@ use rayon::prelude::*;
 use super::disagreement::{CaseFailure, NodeFailure, arguments};
 use super::session::{Demand, LanesOnly, PathTally, Session, signature};
 use super::tally::{Class, Judged, Shown, Tally, classify};
+use super::tolerances::{self, Tolerances};
 use super::{Agreement, Failure, Plan, Probe, Recording, finite, or_panic};
 use crate::domain::Domain;
+use crate::path::Path;
 use crate::probe::{BATCH, Runner};
 use crate::tolerance::{Measure, Tolerance};
 use crate::value::{Arguments, Mirror, Scalar, Shape};
@@ -67,7 +69,7 @@ impl<'a> Probe<'a> {
         A: Arguments,
         Q: Fn(&D::Value) -> Vec<(A, f64)> + Sync,
     {
-        Integral { plan: Plan { probe: self, domain: cases, cases: None, seed: None }, rule }
+        Integral { plan: Plan::new(self, cases), rule, control: None }
     }
 }
 
@@ -75,13 +77,15 @@ impl<'a> Probe<'a> {
 #[derive(Clone, Debug)]
 #[must_use = "an integral is not taken until a verb such as `.agrees_with(...)`"]
 pub struct Integral<'a, D, Q> {
-    plan: Plan<'a, D>,
-    rule: Q,
+    pub(super) plan: Plan<'a, D>,
+    pub(super) rule: Q,
+    /// A rule of another order. Where it gives another integral, neither gives the right one.
+    pub(super) control: Option<Q>,
 }
 
 /// What is asserted of an integral.
-enum Assertion {
-    AgreesWith(Tolerance),
+pub(super) enum Assertion {
+    AgreesWith(Tolerances),
     /// The slack.
     IsAtMost(f64),
 }
@@ -106,6 +110,19 @@ where
         self
     }
 
+    /// Sets another tolerance for one path: see [`Check::tolerance_on`](super::Check::tolerance_on).
+    pub fn tolerance_on(mut self, path: Path, tolerance: impl Into<Tolerance>) -> Self {
+        self.plan.tolerance_on.push((path, tolerance.into()));
+        self
+    }
+
+    /// Declares that the check fails on a path, and why: see
+    /// [`Check::fails_on`](super::Check::fails_on).
+    pub fn fails_on(mut self, path: Path, reason: &str) -> Self {
+        self.plan.known_issues.declare(path, reason);
+        self
+    }
+
     /// Checks that each integral agrees with the expected one to within a tolerance, component by
     /// component. The sum isn't rounded to `f32` before it is compared.
     ///
@@ -118,7 +135,8 @@ where
         expected: impl Fn(&D::Value) -> E + Sync,
         tolerance: impl Into<Tolerance>,
     ) -> Agreement {
-        or_panic(self.check(expected, &Assertion::AgreesWith(tolerance.into()), Recording::On))
+        let assertion = Assertion::AgreesWith(self.plan.tolerances(tolerance.into()));
+        or_panic(self.check(expected, &assertion, Recording::On))
     }
 
     /// [`agrees_with`](Self::agrees_with) without the panic.
@@ -130,7 +148,8 @@ where
         expected: impl Fn(&D::Value) -> E + Sync,
         tolerance: impl Into<Tolerance>,
     ) -> Result<Agreement, Failure> {
-        self.check(expected, &Assertion::AgreesWith(tolerance.into()), Recording::Off)
+        let assertion = Assertion::AgreesWith(self.plan.tolerances(tolerance.into()));
+        self.check(expected, &assertion, Recording::Off)
     }
 
     /// Checks that each integral is at most a bound plus `slack`, which is absolute: the stated
@@ -161,13 +180,13 @@ where
         self.check(bound, &Assertion::IsAtMost(slack), Recording::Off)
     }
 
-    fn check<E: Mirror>(
+    pub(super) fn check<E: Mirror>(
         self,
         expected: impl Fn(&D::Value) -> E + Sync,
         assertion: &Assertion,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
-        let Self { plan, rule } = self;
+        let Self { plan, rule, control } = self;
         let demand = Demand {
             arguments: A::shapes(),
             who: "the quadrature rule supplies",
@@ -177,12 +196,13 @@ where
         };
         let (name, asserted) = (assertion.name(), assertion.to_string());
         plan.conclude(name, asserted, &demand, recording, |session| {
-            assertion.expect_result(session, &E::shape())?;
+            assertion.expect_result(session, &E::shape(), &plan.tolerance_on)?;
             let Range { start: mut first, end } = session.selected()?;
             let (mut sums, mut size) = (Vec::new(), 1);
             while first < end {
                 let cases = first..end.min(first + size);
-                let group = Group::draw(session, cases, assertion, &rule, &expected)?;
+                let rules = (&rule, control.as_ref());
+                let group = Group::draw(session, cases, assertion, rules, &expected)?;
                 sums = PathTally::merge_all(sums, group.integrate(session, assertion)?);
                 first += group.cases.len() as u64;
                 // The next group fills a dispatch if its rules are as long as these. It grows by
@@ -217,6 +237,7 @@ impl Assertion {
         &self,
         session: &Session<'_, D>,
         host: &Shape,
+        tolerance_on: &[(Path, Tolerance)],
     ) -> Result<(), Failure> {
         let function = &session.probed.function;
         if !session.scalars().into_iter().all(Scalar::is_float) {
@@ -225,10 +246,12 @@ impl Assertion {
             return Err(signature(function, mismatch));
         }
         match self {
-            Self::AgreesWith(tolerance) => {
-                session.expect_result(host, "the expected integral is", Some(tolerance))
+            Self::AgreesWith(tolerances) => {
+                session.expect_result(host, "the expected integral is", None)?;
+                tolerances.expect_usable(session)
             }
             Self::IsAtMost(slack) => {
+                tolerances::expect_none(tolerance_on, session)?;
                 if *host != Shape::Scalar(Scalar::F32) {
                     session.expect_result(host, "the bound is", None)?;
                 }
@@ -237,24 +260,33 @@ impl Assertion {
         }
     }
 
-    fn measure(&self, lane: usize, value: f64, expected: f64) -> Measure {
+    fn measure(&self, path: Path, lane: usize, value: f64, expected: f64) -> Measure {
         // Minus infinity is no integral either, below whichever bound.
         let value = if value.is_finite() { value } else { f64::NAN };
         match self {
-            Self::AgreesWith(tolerance) => tolerance.measure_sum(lane, value, expected),
+            Self::AgreesWith(tolerances) => tolerances.of(path).measure_sum(lane, value, expected),
             Self::IsAtMost(slack) => Measure::excess(value, expected, *slack),
         }
     }
 
+    /// How far a control is from an integral, which are to agree as closely as is asserted.
+    fn doubt(&self, path: Path, lane: usize, value: f64, control: f64) -> Measure {
+        match self {
+            Self::AgreesWith(tolerances) => tolerances.of(path).measure_sum(lane, control, value),
+            Self::IsAtMost(slack) => Tolerance::Abs(*slack).measure_sum(lane, control, value),
+        }
+    }
+
     /// Judges an integral by its worst component.
-    fn judge(&self, sum: &Sum, expected: &[f64]) -> Judged {
+    fn judge(&self, path: Path, sum: &Sum, expected: &[f64]) -> Judged {
         if let Some(bad) = &sum.bad {
             let Judged { lane, class, .. } = bad.judged;
-            return Judged { measure: self.measure(lane, f64::NAN, expected[lane]), lane, class };
+            let measure = self.measure(path, lane, f64::NAN, expected[lane]);
+            return Judged { measure, lane, class };
         }
         let mut worst = Judged { measure: Measure::ZERO, lane: 0, class: Class::Other };
         for (lane, (value, expected)) in sum.totals().into_iter().zip(expected).enumerate() {
-            let measure = self.measure(lane, value, *expected);
+            let measure = self.measure(path, lane, value, *expected);
             if lane == 0 || measure.ratio > worst.measure.ratio {
                 let class = match self {
                     Self::IsAtMost(_) if value.is_finite() => Class::TooHigh,
@@ -270,7 +302,7 @@ impl Assertion {
 impl std::fmt::Display for Assertion {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::AgreesWith(tolerance) => write!(f, "{tolerance}"),
+            Self::AgreesWith(tolerances) => write!(f, "{}", tolerances.general),
             Self::IsAtMost(0.0) => f.write_str("its bound"),
             Self::IsAtMost(slack) => write!(f, "its bound, slack {}", Tolerance::Abs(*slack)),
         }
@@ -285,7 +317,10 @@ struct Group<V, A> {
 
 struct Case<V, A> {
     value: V,
+    /// Those of the rule, then those of its control.
     nodes: Vec<(A, f64)>,
+    /// How many are the rule's.
+    own: usize,
     /// The lanes of the expected integral, or of the bound.
     expected: Vec<f64>,
 }
@@ -293,11 +328,11 @@ struct Case<V, A> {
 impl<V: Clone + std::fmt::Debug + Send + Sync + 'static, A: Arguments> Group<V, A> {
     /// Makes the rules of the cases and what their integrals should be. A rule that is empty or
     /// has a weight that isn't finite is an error, and so is an expectation that isn't finite.
-    fn draw<D: Domain<Value = V>, E: Mirror>(
+    fn draw<D: Domain<Value = V>, E: Mirror, Q: Fn(&V) -> Vec<(A, f64)> + Sync>(
         session: &Session<'_, D>,
         cases: Range<u64>,
         assertion: &Assertion,
-        rule: &(impl Fn(&V) -> Vec<(A, f64)> + Sync),
+        (rule, control): (&Q, Option<&Q>),
         expected: &(impl Fn(&V) -> E + Sync),
     ) -> Result<Self, Failure> {
         let words = session.scalars().len();
@@ -311,7 +346,12 @@ impl<V: Clone + std::fmt::Debug + Send + Sync + 'static, A: Arguments> Group<V, 
                 // A bound for all components; other shapes have been compared with the result's.
                 let last = lanes.last().copied().unwrap_or(f64::NAN);
                 lanes.resize(words, last);
-                Ok(Case { nodes: rule(&value), expected: lanes, value })
+                let mut nodes = rule(&value);
+                let own = nodes.len();
+                if let Some(control) = control {
+                    nodes.extend(control(&value));
+                }
+                Ok(Case { nodes, own, expected: lanes, value })
             })
             .collect();
         // In order, so that of several errors the same one is reported every time.
@@ -341,7 +381,8 @@ impl<V: Clone + std::fmt::Debug + Send + Sync + 'static, A: Arguments> Group<V, 
     ) -> Result<Vec<PathTally>, Failure> {
         let scalars = session.scalars();
         let empty = vec![Sum::new(scalars.len()); self.cases.len()];
-        let mut sums = vec![empty; session.runners.len()];
+        let mut sums = vec![empty.clone(); session.runners.len()];
+        let mut controls = vec![empty; session.runners.len()];
         let mut places = (0..self.cases.len())
             .flat_map(|case| (0..self.cases[case].nodes.len()).map(move |node| (case, node)));
         loop {
@@ -355,20 +396,26 @@ impl<V: Clone + std::fmt::Debug + Send + Sync + 'static, A: Arguments> Group<V, 
             }
             let lanes = LanesOnly { first: self.first, cases: piece.len(), lanes: lanes.into() };
             let dispatches = session.dispatch(&lanes)?;
-            for ((runner, dispatch), sums) in session.runners.iter().zip(dispatches).zip(&mut sums)
-            {
+            for (path, (runner, dispatch)) in session.runners.iter().zip(dispatches).enumerate() {
                 runner.read(dispatch, |results| {
                     for ((case, node), result) in
                         piece.iter().zip(results.chunks_exact(runner.stride_out()))
                     {
-                        let weight = self.cases[*case].nodes[*node].1;
-                        sums[*case].add(&scalars, *node, weight, &result[..scalars.len()]);
+                        let Case { nodes, own, .. } = &self.cases[*case];
+                        let weight = nodes[*node].1;
+                        let sums = if node < own { &mut sums } else { &mut controls };
+                        sums[path][*case].add(&scalars, *node, weight, &result[..scalars.len()]);
                     }
                 })?;
             }
         }
+        for (runner, (sums, controls)) in session.runners.iter().zip(sums.iter().zip(&controls)) {
+            self.expect_converged(session, assertion, runner, (sums, controls))?;
+        }
         let tally = |(runner, sums): (&Runner, &Vec<Sum>)| {
-            let judge = |case: usize| assertion.judge(&sums[case], &self.cases[case].expected);
+            let path = runner.device().path();
+            let judge =
+                |case: usize| assertion.judge(path, &sums[case], &self.cases[case].expected);
             let mut tally = Tally::default();
             for case in 0..self.cases.len() {
                 tally.add(self.first + case as u64, judge(case));
@@ -380,6 +427,41 @@ impl<V: Clone + std::fmt::Debug + Send + Sync + 'static, A: Arguments> Group<V, 
             PathTally::new(runner.device(), tally, show).with_nodes(self.nodes() as u64)
         };
         Ok(session.runners.iter().zip(&sums).map(tally).collect())
+    }
+
+    /// Refuses integrals that another rule contradicts. One with a node that isn't finite is left
+    /// to the verdict.
+    fn expect_converged<D: Domain<Value = V>>(
+        &self,
+        session: &Session<'_, D>,
+        assertion: &Assertion,
+        runner: &Runner,
+        (sums, controls): (&[Sum], &[Sum]),
+    ) -> Result<(), Failure> {
+        let path = runner.device().path();
+        for (index, case) in self.cases.iter().enumerate() {
+            let (sum, control) = (&sums[index], &controls[index]);
+            let nodes = case.nodes.len() - case.own;
+            if nodes == 0 || sum.bad.is_some() || control.bad.is_some() {
+                continue;
+            }
+            for (lane, (value, control)) in sum.totals().iter().zip(control.totals()).enumerate() {
+                let doubt = assertion.doubt(path, lane, *value, control);
+                if !doubt.passes() {
+                    let reason = format!(
+                        "gives {value} with {} nodes and {control} with {nodes} on {path}, {doubt} \
+                         apart, so that neither is a verdict: use more rings, or a rule of your \
+                         own with `.integral(...)`,",
+                        case.own
+                    );
+                    let function = session.probed.function.path.clone();
+                    let (case, arguments) =
+                        (self.first + index as u64, format!("{:?}", case.value));
+                    return Err(Failure::Rule { function, reason, case, arguments });
+                }
+            }
+        }
+        Ok(())
     }
 
     fn show<D: Domain<Value = V>>(
@@ -401,7 +483,7 @@ impl<V: Clone + std::fmt::Debug + Send + Sync + 'static, A: Arguments> Group<V, 
                 result: function.result.format(&bad.result),
             }
         });
-        let integral = (&*sum.totals(), case.nodes.len(), node);
+        let integral = (&*sum.totals(), case.own, node);
         let (value, expected) = (format!("{:?}", case.value), &case.expected);
         CaseFailure::of_integral(function, shown.case, value, integral, expected, &shown.judged)
     }
@@ -410,7 +492,7 @@ impl<V: Clone + std::fmt::Debug + Send + Sync + 'static, A: Arguments> Group<V, 
 impl<V, A> Case<V, A> {
     /// Why the rule can't be summed.
     fn unusable(&self) -> Option<String> {
-        if self.nodes.is_empty() {
+        if self.own == 0 {
             return Some("has no nodes, so nothing would be integrated,".to_owned());
         }
         let bad = self.nodes.iter().position(|(_, weight)| !weight.is_finite())?;
@@ -501,12 +583,13 @@ mod tests {
     #[test]
     fn no_sum_with_nan_or_infinity_passes() {
         let loosest = Tolerance::from(Abs(1e300)).or(Rel(1e300));
+        let loosest = Tolerances { general: loosest, on: Vec::new() };
         let assertions = [Assertion::AgreesWith(loosest), Assertion::IsAtMost(f64::MAX)];
         for assertion in assertions {
             for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
                 for weight in [0.0, 1.0, -1.0] {
                     let sum = sum(&[(1.0, 1.0), (weight, bad), (1.0, 1.0)]);
-                    let judged = assertion.judge(&sum, &[1.0]);
+                    let judged = assertion.judge(Path::Gl, &sum, &[1.0]);
                     assert!(!judged.measure.passes(), "{weight} * {bad}");
                     let nan = judged.class == Class::Nan;
                     assert!(nan == bad.is_nan() && (nan || judged.class == Class::Infinite));
@@ -514,7 +597,7 @@ mod tests {
             }
             for weight in [f64::MAX, -f64::MAX] {
                 let overflow = sum(&[(weight, 2.0)]);
-                assert!(!assertion.judge(&overflow, &[1.0]).measure.passes());
+                assert!(!assertion.judge(Path::Gl, &overflow, &[1.0]).measure.passes());
             }
         }
     }
@@ -522,7 +605,8 @@ mod tests {
     #[test]
     fn a_bound_is_closed_and_the_slack_absolute() {
         let passes = |slack, value: f64, bound| {
-            let judged = Assertion::IsAtMost(slack).judge(&sum(&[(value, 1.0)]), &[bound]);
+            let judged =
+                Assertion::IsAtMost(slack).judge(Path::Gl, &sum(&[(value, 1.0)]), &[bound]);
             assert!(judged.measure.passes() || judged.class == Class::TooHigh);
             judged.measure.passes()
         };

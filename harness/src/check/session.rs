@@ -42,23 +42,23 @@ pub(super) struct Session<'a, D: Domain> {
     /// The one case that a replay selects.
     case: Option<u64>,
     identity: &'a Identity,
-    seed: u64,
+    pub(super) seed: u64,
     /// The verb and what it asserts.
     pub(super) assertion: (&'static str, String),
 }
 
 /// The cases of one dispatch.
 pub(super) struct Batch<V> {
-    first: u64,
+    pub(super) first: u64,
     pub(super) values: Vec<V>,
     pub(super) lanes: Vec<u32>,
 }
 
 /// One path's sum, and what is needed to show its failures.
 pub(super) struct PathTally {
-    adapter: Adapter,
-    path: Path,
-    tally: Tally,
+    pub(super) adapter: Adapter,
+    pub(super) path: Path,
+    pub(super) tally: Tally,
     worst: Option<CaseFailure>,
     first: Option<CaseFailure>,
     /// Nodes of all integrals; 0 for other checks.
@@ -95,6 +95,7 @@ impl PathTally {
                 0 => asserted.to_owned(),
                 nodes => format!("{asserted} ({nodes} nodes)"),
             },
+            known_issue: None,
         }
     }
 }
@@ -209,6 +210,11 @@ impl<'a, D: Domain> Session<'a, D> {
         }
     }
 
+    /// Whether one case stands for all of them: some verdicts need them all.
+    pub(super) fn is_replay(&self) -> bool {
+        self.case.is_some()
+    }
+
     /// Calls of one dispatch.
     pub(super) fn capacity(&self) -> usize {
         self.runners.iter().map(Runner::capacity).min().unwrap_or(BATCH)
@@ -247,7 +253,8 @@ impl<'a, D: Domain> Session<'a, D> {
             let worst = tallies.iter().map(worst_of).max_by(|a, b| a.ratio.total_cmp(&b.ratio));
             let paths = tallies.iter().map(|path| (path.adapter.clone(), worst_of(path))).collect();
             let worst = worst.unwrap_or(Measure::ZERO);
-            return Ok(Agreement { function, cases: compared, paths, worst });
+            let known_issues = Vec::new();
+            return Ok(Agreement { function, cases: compared, paths, worst, known_issues });
         }
         let mut agreeing = Vec::new();
         let mut paths = Vec::new();
@@ -390,7 +397,7 @@ pub(super) struct LanesOnly<'a> {
 }
 
 impl<V: Arguments> Batch<V> {
-    fn lanes_only(&self) -> LanesOnly<'_> {
+    pub(super) fn lanes_only(&self) -> LanesOnly<'_> {
         let (first, cases) = (self.first, self.values.len());
         LanesOnly { first, cases, lanes: self.lanes.as_slice().into() }
     }

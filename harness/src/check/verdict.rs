@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use super::Disagreement;
-use crate::path::{Adapter, PathError};
+use super::{Disagreement, KnownIssue};
+use crate::path::{Adapter, Path, PathError};
 use crate::probe::ProbeError;
 use crate::tolerance::Measure;
 
@@ -18,6 +18,8 @@ pub struct Agreement {
     pub paths: Vec<(Adapter, Measure)>,
     /// The worst error of all paths.
     pub worst: Measure,
+    /// Paths that fail as was declared. They are not among `paths`.
+    pub known_issues: Vec<KnownIssue>,
 }
 
 /// Why a check didn't agree.
@@ -27,6 +29,27 @@ pub enum Failure {
     /// Values differ by more than is allowed.
     #[error("{0}")]
     Disagreement(Box<Disagreement>),
+    /// A path agrees that is declared to fail.
+    #[error(
+        "`{function}` passes on {path}, where it is declared to fail: {reason}\n\
+         the bug is gone, or hidden: remove `.fails_on(...)`"
+    )]
+    UnexpectedPass {
+        /// The function's path.
+        function: String,
+        /// The path.
+        path: Path,
+        /// What was declared.
+        reason: String,
+    },
+    /// A path is declared to fail, and nobody says why.
+    #[error("`{function}` is declared to fail on {path} without a reason: name the bug")]
+    UnexplainedIssue {
+        /// The function's path.
+        function: String,
+        /// The path.
+        path: Path,
+    },
     /// The function gave no results.
     #[error(transparent)]
     Probe(#[from] ProbeError),
@@ -92,6 +115,9 @@ impl fmt::Display for Agreement {
         write!(f, "{}: {} cases agree", self.function, self.cases)?;
         for (adapter, worst) in &self.paths {
             write!(f, "; {} worst {worst}", adapter.path)?;
+        }
+        for KnownIssue { adapter, reason, failures, .. } in &self.known_issues {
+            write!(f, "; {} fails {failures} as declared: {reason}", adapter.path)?;
         }
         Ok(())
     }

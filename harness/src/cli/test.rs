@@ -11,7 +11,7 @@ use karat::record::{self, Record, Subject, Verdict as Recorded};
 
 use super::list::callable;
 use super::project::Project;
-use super::table::{BAD, DIM, GOOD, HEAD, Table};
+use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
 use super::{Outcome, PackageArgs, Verdict};
 
 #[derive(clap::Args)]
@@ -61,8 +61,17 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let count = records.len();
     let good = passed && failed == 0;
     let style = if good { GOOD } else { BAD };
+    let known = records.iter().filter(|r| r.verdict == Recorded::KnownIssue).count();
+    let known = match known {
+        0 => String::new(),
+        1 => ", 1 known issue".to_owned(),
+        count => format!(", {count} known issues"),
+    };
     let cases: u64 = records.iter().flat_map(|record| &record.paths).map(|path| path.cases).sum();
-    writeln!(out, "\n{style}{count} checks, {failed} failed{style:#}, {cases} cases compared")?;
+    writeln!(
+        out,
+        "\n{style}{count} checks, {failed} failed{known}{style:#}, {cases} cases compared"
+    )?;
     writeln!(out, "{DIM}record: {}{DIM:#}", folder.display())?;
     if failed == 0 && !passed {
         writeln!(out, "{BAD}a test failed outside of Karat's checks, see above{BAD:#}")?;
@@ -159,7 +168,7 @@ fn write_functions(records: &[Record], out: &mut dyn Write) -> anyhow::Result<us
         let Subject::Function { function, check, assertion, .. } = &record.subject else {
             continue;
         };
-        failed += usize::from(record.verdict != Recorded::Pass);
+        failed += usize::from(is_failure(record));
         add_rows(&mut table, &[function, check], record, assertion);
     }
     if !table.is_empty() {
@@ -174,7 +183,7 @@ fn write_frames(records: &[Record], out: &mut dyn Write) -> anyhow::Result<usize
     let mut failed = 0;
     for record in records {
         let Subject::Frame { golden } = &record.subject else { continue };
-        failed += usize::from(record.verdict != Recorded::Pass);
+        failed += usize::from(is_failure(record));
         add_rows(&mut table, &[golden], record, "matches its golden");
     }
     if !table.is_empty() {
@@ -182,6 +191,10 @@ fn write_frames(records: &[Record], out: &mut dyn Write) -> anyhow::Result<usize
         table.write(out)?;
     }
     Ok(failed)
+}
+
+fn is_failure(record: &Record) -> bool {
+    !matches!(record.verdict, Recorded::Pass | Recorded::KnownIssue)
 }
 
 /// A row for each path of a record, or one that says that none ran.
@@ -195,10 +208,20 @@ fn add_rows(table: &mut Table, names: &[&str], record: &Record, assertion: &str)
     }
     for path in &record.paths {
         let good = path.failures == 0 && path.cases > 0;
-        let worst = if good { path.worst.clone() } else { format!("FAIL {}", path.worst) };
+        let (style, word) = match (&path.known_issue, good) {
+            (None, true) => (GOOD, ""),
+            (None, false) => (BAD, "FAIL "),
+            (Some(_), false) => (KNOWN, "known issue "),
+            (Some(_), true) => (BAD, "UNEXPECTED PASS "),
+        };
+        let worst = format!("{word}{}", path.worst);
         let share = path.ratio.map_or_else(String::new, |ratio| format!("{:.0}%", 100.0 * ratio));
-        let (style, cases) = (if good { GOOD } else { BAD }, path.cases.to_string());
-        row(style, [&path.adapter.path, &cases, worst.trim_end(), &share, &path.asserted]);
+        let asserted = match &path.known_issue {
+            Some(reason) => format!("{}; known issue: {reason}", path.asserted),
+            None => path.asserted.clone(),
+        };
+        let cases = path.cases.to_string();
+        row(style, [&path.adapter.path, &cases, worst.trim_end(), &share, &asserted]);
     }
 }
 

@@ -6,6 +6,20 @@ use super::{Domain, Source};
 /// every edge of every part by their bias.
 const COMBINATIONS: usize = 1024;
 
+/// The arguments of a function that has none.
+impl Domain for () {
+    type Value = ();
+    fn draw(&self, _: &mut Source) -> Option<()> {
+        Some(())
+    }
+    fn size(&self) -> Option<u64> {
+        Some(1)
+    }
+    fn nth(&self, index: u64) -> Option<()> {
+        (index == 0).then_some(())
+    }
+}
+
 macro_rules! product {
     ($(($($name:ident $index:tt),+))*) => {$(
         impl<$($name: Domain),+> Domain for ($($name,)+) {

@@ -156,7 +156,8 @@ impl<T: Shareable, const N: usize> Shareable for [T; N] {
     }
 }
 
-/// The arguments of one case: a [`Shareable`] value, or a tuple of up to six.
+/// The arguments of one case: a [`Shareable`] value, or a tuple of up to six; `()` if there are
+/// none.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` can't be the arguments of a WGSL function",
     label = "expected a WGSL value or a tuple of one to six of them",
@@ -182,6 +183,14 @@ impl<T: Shareable> Arguments for T {
     fn load_all(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
         Self::load(lanes)
     }
+}
+
+impl Arguments for () {
+    fn shapes() -> Vec<Shape> {
+        Vec::new()
+    }
+    fn store_all(&self, _: &mut Vec<u32>) {}
+    fn load_all(_: &mut std::slice::Iter<'_, u32>) -> Self {}
 }
 
 macro_rules! arguments {

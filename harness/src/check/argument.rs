@@ -1,0 +1,90 @@
+//! Which parameter of a function a property is about.
+
+use std::fmt;
+
+use super::Failure;
+use super::session::signature;
+use crate::diagnostic::nearest;
+use crate::reflect::Function;
+use crate::value::{Scalar, Shape};
+
+/// A parameter of a WGSL function: by its name, or by its place from 0.
+///
+/// ```
+/// use karat::Argument;
+///
+/// assert_eq!(Argument::from("alpha").to_string(), "`alpha`");
+/// assert_eq!(Argument::from(0).to_string(), "argument 0");
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Argument {
+    /// By the name of the WGSL parameter.
+    Name(String),
+    /// By its place, from 0.
+    Place(usize),
+}
+
+impl From<&str> for Argument {
+    fn from(name: &str) -> Self {
+        Self::Name(name.to_owned())
+    }
+}
+
+impl From<usize> for Argument {
+    fn from(place: usize) -> Self {
+        Self::Place(place)
+    }
+}
+
+impl fmt::Display for Argument {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Name(name) => write!(f, "`{name}`"),
+            Self::Place(place) => write!(f, "argument {place}"),
+        }
+    }
+}
+
+/// A parameter that is one number.
+#[derive(Clone, Debug)]
+pub(super) struct ScalarArgument {
+    pub(super) name: String,
+    pub(super) scalar: Scalar,
+    /// Its lane among those of all arguments.
+    pub(super) lane: usize,
+}
+
+impl Argument {
+    /// Finds the parameter, which has to be a number.
+    pub(super) fn scalar(&self, function: &Function) -> Result<ScalarArgument, Failure> {
+        let parameters = &function.parameters;
+        let names = || parameters.iter().map(|(name, _)| &**name);
+        let place = match self {
+            Self::Name(name) => names().position(|known| known == name),
+            Self::Place(place) => (*place < parameters.len()).then_some(*place),
+        };
+        let Some(place) = place else {
+            let mismatch = match self {
+                Self::Name(name) => {
+                    let hint = nearest(name, names())
+                        .map_or_else(String::new, |name| format!("; did you mean `{name}`?"));
+                    format!("has no parameter `{name}`{hint}")
+                }
+                Self::Place(place) => {
+                    format!("has {} parameters, none at place {place}", parameters.len())
+                }
+            };
+            return Err(signature(function, mismatch));
+        };
+        let (name, shape) = &parameters[place];
+        let scalar = match shape {
+            Shape::Scalar(scalar) if *scalar != Scalar::Bool => *scalar,
+            _ => {
+                let mismatch = format!("has `{name}` of type {shape}, which isn't one number");
+                return Err(signature(function, mismatch));
+            }
+        };
+        let lane = parameters[..place].iter().map(|(_, shape)| shape.lanes().len()).sum();
+        Ok(ScalarArgument { name: name.clone(), scalar, lane })
+    }
+}

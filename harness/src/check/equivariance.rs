@@ -1,0 +1,149 @@
+//! Results that turn with their arguments.
+
+use std::f64::consts::{FRAC_1_SQRT_2, TAU};
+
+use glam::{DQuat, DVec3};
+
+use super::property::Exhibit;
+use super::tally::compare;
+use super::{Agreement, Check, Failure, Recording, or_panic};
+use crate::domain::{Domain, Source};
+use crate::tolerance::Tolerance;
+use crate::value::{Arguments, Mirror, Shareable};
+
+/// Tells the stream of a case's rotation from that of its arguments.
+const ROTATION: u64 = 0x726f_7461_7469_6f6e;
+
+impl<D: Domain> Check<'_, D>
+where
+    D::Value: Arguments,
+{
+    /// Checks that the result turns as its arguments do, by a rotation of each case's own: uniform
+    /// ones, and an eighth of quarter turns about the axes.
+    ///
+    /// `arguments` turns what is a direction among the arguments, `result` turns the result, or
+    /// leaves it as it is where the function measures angles only.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// use glam::{DQuat, Vec3};
+    ///
+    /// // fn bounce(n: vec3f, v: vec3f) -> vec3f
+    /// let turned = |q: DQuat, d: Vec3| (q * d.as_dvec3()).as_vec3();
+    /// SHADERS.function("mirror::bounce").over((UnitVector, UnitVector)).equivariant_under(
+    ///     move |(n, v), q| (turned(q, n), turned(q, v)),
+    ///     |l: Vec3, q| q * l.as_dvec3(),
+    ///     Abs(1e-6),
+    /// );
+    /// ```
+    ///
+    /// # Panics
+    /// With the [`Failure`], if a result turns otherwise, the arguments don't turn, or nothing could
+    /// be compared.
+    #[track_caller]
+    pub fn equivariant_under<R: Shareable>(
+        self,
+        arguments: impl Fn(D::Value, DQuat) -> D::Value + Sync,
+        result: impl Fn(R, DQuat) -> R::Mirror + Sync,
+        tolerance: impl Into<Tolerance>,
+    ) -> Agreement {
+        or_panic(self.turn(arguments, result, tolerance.into(), Recording::On))
+    }
+
+    /// [`equivariant_under`](Self::equivariant_under) without the panic.
+    ///
+    /// # Errors
+    /// If a result turns otherwise, the arguments don't turn, or nothing could be compared.
+    pub fn try_equivariant_under<R: Shareable>(
+        self,
+        arguments: impl Fn(D::Value, DQuat) -> D::Value + Sync,
+        result: impl Fn(R, DQuat) -> R::Mirror + Sync,
+        tolerance: impl Into<Tolerance>,
+    ) -> Result<Agreement, Failure> {
+        self.turn(arguments, result, tolerance.into(), Recording::Off)
+    }
+
+    fn turn<R: Shareable>(
+        self,
+        arguments: impl Fn(D::Value, DQuat) -> D::Value + Sync,
+        result: impl Fn(R, DQuat) -> R::Mirror + Sync,
+        tolerance: Tolerance,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let tolerances = self.plan.tolerances(tolerance);
+        let assertion = tolerances.general.to_string();
+        self.conclude("equivariant_under", assertion, recording, |session| {
+            session.expect_result(&R::shape(), "the rotation of the result takes", None)?;
+            tolerances.expect_usable(session)?;
+            let (scalars, tolerances) = (session.scalars(), tolerances.of_runners(session));
+            let mut changed = false;
+            let tallies = session.run(|batch, dispatches| {
+                let words = batch.lanes.len() / batch.values.len().max(1);
+                let rotation = |case: usize| rotation(session.seed, batch.first + case as u64);
+                let mut lanes = Vec::with_capacity(batch.lanes.len());
+                for (case, value) in batch.values.iter().enumerate() {
+                    arguments(value.clone(), rotation(case)).store_all(&mut lanes);
+                }
+                changed |= lanes != batch.lanes;
+                let before = session.read(dispatches)?;
+                let after = session.results(batch, &lanes)?;
+                let expected = |path: usize, case: usize| {
+                    let mut expected = Vec::with_capacity(scalars.len());
+                    let before = R::load(&mut before[path].of(case).iter());
+                    result(before, rotation(case)).lanes(&mut expected);
+                    expected
+                };
+                let judge = |path: usize, case: usize| {
+                    let expected = expected(path, case);
+                    compare(&scalars, after[path].of(case), &expected, tolerances[path])
+                };
+                let exhibit = |path: usize, case: usize| Exhibit {
+                    lanes: batch.lanes[case * words..][..words].to_vec(),
+                    varied: vec![("rotation".to_owned(), rotation(case).to_string())],
+                    actual: after[path].of(case).to_vec(),
+                    expected: expected(path, case),
+                    judged: judge(path, case),
+                };
+                Ok(session.judge_results(batch, &after, judge, exhibit))
+            })?;
+            if !changed {
+                return session.vacuous("has no case that a rotation changes".to_owned());
+            }
+            Ok(tallies)
+        })
+    }
+}
+
+/// The rotation of a case. Shoemake, "Uniform Random Rotations", 1992.
+fn rotation(seed: u64, case: u64) -> DQuat {
+    let mut source = Source::new(seed ^ ROTATION, case);
+    if case.is_multiple_of(8) {
+        let axis = DVec3::AXES[usize::try_from(source.below(3)).unwrap_or_default()];
+        let imaginary = FRAC_1_SQRT_2 * axis;
+        return DQuat::from_xyzw(imaginary.x, imaginary.y, imaginary.z, FRAC_1_SQRT_2);
+    }
+    let (share, first, second) = (source.unit(), TAU * source.unit(), TAU * source.unit());
+    let (a, b) = ((1.0 - share).sqrt(), share.sqrt());
+    DQuat::from_xyzw(a * first.sin(), a * first.cos(), b * second.sin(), b * second.cos())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rotations_keep_lengths_and_angles_and_move_the_axes_everywhere() {
+        let mut mean = DVec3::ZERO;
+        for case in 0..4000 {
+            let q = rotation(3, case);
+            assert!((q.length() - 1.0).abs() < 1e-12);
+            assert!((q * DVec3::X).dot(q * DVec3::Y).abs() < 1e-12);
+            mean += q * DVec3::Z / 4000.0;
+        }
+        // A mean of 3500 uniform directions is off by 0.01 a component; the quarter turns, whose
+        // mean of Z is (1/3, -1/3, 1/3), have a share of 1/8.
+        let expected = DVec3::new(1.0, -1.0, 1.0) / 24.0;
+        assert!(mean.distance(expected) < 0.06, "{mean}");
+    }
+}

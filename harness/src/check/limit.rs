@@ -1,0 +1,212 @@
+//! Results that approach a limit as one argument does.
+
+use std::fmt;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::argument::Argument;
+use super::property::Exhibit;
+use super::session::signature;
+use super::tally::{Judged, compare};
+use super::{Agreement, Check, Failure, Recording, Reference, or_panic};
+use crate::domain::Domain;
+use crate::tolerance::Tolerance;
+use crate::value::{Arguments, Scalar};
+
+/// A number, and the values through which an argument approaches it.
+///
+/// ```
+/// use karat::Limit;
+///
+/// let mirror = Limit::toward(0.0, [1e-1, 1e-2, 1e-3, 1e-4]);
+/// assert_eq!(mirror.to_string(), "0 through 0.1, 0.01, 0.001, 0.0001");
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Limit {
+    target: f32,
+    steps: Vec<f32>,
+}
+
+impl Limit {
+    /// A limit at `target`. Each of the steps, of which there are at least two, has to be nearer to
+    /// it than the one before; the function needn't be defined at the target itself.
+    pub fn toward(target: f32, steps: impl Into<Vec<f32>>) -> Self {
+        Self { target, steps: steps.into() }
+    }
+
+    /// Why the steps lead nowhere.
+    fn unusable(&self) -> Option<&'static str> {
+        let distance = |step: &f32| (f64::from(*step) - f64::from(self.target)).abs();
+        let falls = self.steps.windows(2).all(|pair| distance(&pair[1]) < distance(&pair[0]));
+        if self.steps.len() < 2 {
+            Some("needs two steps or more")
+        } else if !falls || !self.steps.iter().chain([&self.target]).all(|step| step.is_finite()) {
+            Some("doesn't come nearer with each step")
+        } else {
+            None
+        }
+    }
+}
+
+impl fmt::Display for Limit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} through ", self.target)?;
+        for (index, step) in self.steps.iter().enumerate() {
+            write!(f, "{}{step}", if index > 0 { ", " } else { "" })?;
+        }
+        Ok(())
+    }
+}
+
+impl<D: Domain> Check<'_, D>
+where
+    D::Value: Arguments,
+{
+    /// Checks that the result approaches a reference as one argument approaches a limit.
+    ///
+    /// Each case is called at every step of the limit, with its other arguments as they were drawn.
+    /// Its error has to fall from step to step until it is within the tolerance, stay within, and be
+    /// there at the last step. The reference receives the limit's target in place of the argument,
+    /// and what the domain draws there is of no account: `Just(0.0)`, for example.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// let unmasked = |_: f64, _: f64| 1.0;
+    /// SHADERS
+    ///     .function("geometry::smith_g1")
+    ///     .over((Just(0.0), 0.1..=1.0)) // at grazing angles a rough surface is opaque
+    ///     .at_limit("alpha", Limit::toward(0.0, [1e-1, 1e-2, 1e-3]), unmasked, Abs(1e-4));
+    /// ```
+    ///
+    /// # Panics
+    /// With the [`Failure`], if a case's error rises or doesn't vanish, all are within the tolerance
+    /// from the first step on, or nothing could be compared.
+    #[track_caller]
+    pub fn at_limit(
+        self,
+        argument: impl Into<Argument>,
+        limit: Limit,
+        reference: impl Reference<D::Value>,
+        tolerance: impl Into<Tolerance>,
+    ) -> Agreement {
+        let tolerance = tolerance.into();
+        or_panic(self.limit(&argument.into(), &limit, reference, tolerance, Recording::On))
+    }
+
+    /// [`at_limit`](Self::at_limit) without the panic.
+    ///
+    /// # Errors
+    /// If a case's error rises or doesn't vanish, all are within the tolerance from the first step
+    /// on, or nothing could be compared.
+    pub fn try_at_limit(
+        self,
+        argument: impl Into<Argument>,
+        limit: Limit,
+        reference: impl Reference<D::Value>,
+        tolerance: impl Into<Tolerance>,
+    ) -> Result<Agreement, Failure> {
+        let tolerance = tolerance.into();
+        self.limit(&argument.into(), &limit, reference, tolerance, Recording::Off)
+    }
+
+    fn limit(
+        self,
+        argument: &Argument,
+        limit: &Limit,
+        reference: impl Reference<D::Value>,
+        tolerance: Tolerance,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let tolerances = self.plan.tolerances(tolerance);
+        let assertion = format!("{argument} toward {limit}: {}", tolerances.general);
+        self.conclude("at_limit", assertion, recording, |session| {
+            let function = &session.probed.function;
+            session.expect_result(&reference.shape(), "the reference returns", None)?;
+            tolerances.expect_usable(session)?;
+            let (scalars, tolerances) = (session.scalars(), tolerances.of_runners(session));
+            let varied = argument.scalar(function)?;
+            if !matches!(varied.scalar, Scalar::F32) {
+                let mismatch = format!("has `{}`, which isn't f32 and has no limit", varied.name);
+                return Err(signature(function, mismatch));
+            }
+            if let Some(reason) = limit.unusable() {
+                let mismatch = format!("is asked for its limit at {limit}, which {reason}");
+                return Err(signature(function, mismatch));
+            }
+            let approaches = AtomicBool::new(false);
+            let tallies = session.run(|batch, dispatches| {
+                session.read(dispatches)?; // the domain's own values of the argument
+                let words = batch.lanes.len() / batch.values.len().max(1);
+                let at = |step: f32| {
+                    let mut lanes = batch.lanes.clone();
+                    for lanes in lanes.chunks_exact_mut(words) {
+                        lanes[varied.lane] = step.to_bits();
+                    }
+                    lanes
+                };
+                let expected = session.expected_of(batch, &reference, &at(limit.target))?;
+                let expected = |case: usize| &expected[case * scalars.len()..][..scalars.len()];
+                let results = limit.steps.iter().map(|step| session.results(batch, &at(*step)));
+                let results = results.collect::<Result<Vec<_>, _>>()?;
+                // The step that decides, and what it decides.
+                let decisive = |path: usize, case: usize| -> (usize, Judged) {
+                    let judged = |step: usize| {
+                        let actual = results[step][path].of(case);
+                        compare(&scalars, actual, expected(case), tolerances[path])
+                    };
+                    let mut before = judged(0);
+                    if !before.measure.passes() {
+                        approaches.store(true, Ordering::Relaxed);
+                    }
+                    for step in 1..limit.steps.len() {
+                        let now = judged(step);
+                        // An infinite error doesn't fall either: the first step has to be finite.
+                        let falls = now.measure.ratio < before.measure.ratio;
+                        if !now.measure.passes() && !falls {
+                            return (step, now);
+                        }
+                        before = now;
+                    }
+                    (limit.steps.len() - 1, before)
+                };
+                let exhibit = |path: usize, case: usize| {
+                    let (step, judged) = decisive(path, case);
+                    let mut lanes = batch.lanes[case * words..][..words].to_vec();
+                    lanes[varied.lane] = limit.steps[step].to_bits();
+                    let actual = results[step][path].of(case).to_vec();
+                    let expected = expected(case).to_vec();
+                    Exhibit { lanes, varied: Vec::new(), actual, expected, judged }
+                };
+                let last = &results[results.len() - 1];
+                let judge = |path, case| decisive(path, case).1;
+                Ok(session.judge_results(batch, last, judge, exhibit))
+            })?;
+            let failures = tallies.iter().any(|tally| tally.tally.census.failures > 0);
+            if !approaches.into_inner() && !failures && !session.is_replay() {
+                let reason = format!(
+                    "has no case that isn't at its limit from the first step on, {argument} = {}",
+                    limit.steps[0]
+                );
+                return session.vacuous(reason);
+            }
+            Ok(tallies)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_that_lead_nowhere_are_refused() {
+        assert_eq!(Limit::toward(0.0, [1.0, 0.1]).unusable(), None);
+        assert_eq!(Limit::toward(1.0, [2.0, 0.5]).unusable(), None, "from either side");
+        for steps in [&[][..], &[0.1], &[0.1, 0.1], &[0.1, 0.2], &[f32::NAN, 0.1], &[0.1, f32::NAN]]
+        {
+            assert!(Limit::toward(0.0, steps).unusable().is_some(), "{steps:?}");
+        }
+        assert!(Limit::toward(f32::NAN, [0.2, 0.1]).unusable().is_some());
+        assert!(Limit::toward(f32::INFINITY, [1.0, 2.0]).unusable().is_some());
+    }
+}

@@ -1,0 +1,268 @@
+//! Results that only rise, or only fall, with one of the arguments.
+
+use std::fmt;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use rayon::prelude::*;
+
+use super::argument::{Argument, ScalarArgument};
+use super::property::Exhibit;
+use super::tally::{Class, Judged, classify};
+use super::{Agreement, Check, Failure, Recording, or_panic};
+use crate::domain::{Domain, Source};
+use crate::tolerance::{Measure, Tolerance};
+use crate::value::{Arguments, Scalar, format_lane};
+
+/// Which way results go as an argument grows. Equal results go either way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// They never fall.
+    Increasing,
+    /// They never rise.
+    Decreasing,
+}
+
+impl fmt::Display for Direction {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Increasing => "increasing",
+            Self::Decreasing => "decreasing",
+        })
+    }
+}
+
+/// Draws among which a case takes the nearest: from one, which may be at the other end, to 32,
+/// which leave about 1/64 of a range. A wide step shows a slope, a short one a bump.
+const DRAWS: [u32; 4] = [1, 2, 8, 32];
+
+/// Draws until one differs: enough for a list of two values.
+const PATIENCE: u32 = 64;
+
+/// Tells the stream of a case's second value from that of its first.
+const SECOND: u64 = 0x6d6f_6e6f_746f_6e65;
+
+impl<D: Domain> Check<'_, D>
+where
+    D::Value: Arguments,
+{
+    /// Checks that the result only rises, or only falls, as one argument grows while the others
+    /// stay: each component of it.
+    ///
+    /// Each case is called twice: as it is drawn, and with another value of that argument, taken
+    /// from another draw of the domain, near or far. The domain has to be one in which the argument
+    /// is independent of the others. The tolerance is what rounding may take back.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// SHADERS
+    ///     .function("fresnel::schlick")
+    ///     .over((UnitRgb, 0.0..=1.0))
+    ///     .is_monotone_in("v_dot_h", Direction::Decreasing, Ulp(4.0));
+    /// ```
+    ///
+    /// # Panics
+    /// With the [`Failure`], if a result goes the other way, none changes at all, or nothing could
+    /// be compared.
+    #[track_caller]
+    pub fn is_monotone_in(
+        self,
+        argument: impl Into<Argument>,
+        direction: Direction,
+        tolerance: impl Into<Tolerance>,
+    ) -> Agreement {
+        or_panic(self.monotone(&argument.into(), direction, tolerance.into(), Recording::On))
+    }
+
+    /// [`is_monotone_in`](Self::is_monotone_in) without the panic.
+    ///
+    /// # Errors
+    /// If a result goes the other way, none changes at all, or nothing could be compared.
+    pub fn try_is_monotone_in(
+        self,
+        argument: impl Into<Argument>,
+        direction: Direction,
+        tolerance: impl Into<Tolerance>,
+    ) -> Result<Agreement, Failure> {
+        self.monotone(&argument.into(), direction, tolerance.into(), Recording::Off)
+    }
+
+    fn monotone(
+        self,
+        argument: &Argument,
+        direction: Direction,
+        tolerance: Tolerance,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let tolerances = self.plan.tolerances(tolerance);
+        let assertion = format!("{direction} in {argument}, {}", tolerances.general);
+        let demand = Self::demand();
+        let plan = &self.plan;
+        plan.conclude("is_monotone_in", assertion, &demand, recording, |session| {
+            tolerances.expect_usable(session)?;
+            let (scalars, tolerances) = (session.scalars(), tolerances.of_runners(session));
+            let varied = argument.scalar(&session.probed.function)?;
+            let (mut pairs, changed) = (0, AtomicBool::new(false));
+            let tallies = session.run(|batch, dispatches| {
+                let words = batch.lanes.len() / batch.values.len().max(1);
+                let mut lanes = batch.lanes.clone();
+                pairs += lanes
+                    .par_chunks_mut(words)
+                    .enumerate()
+                    .filter_map(|(case, lanes)| {
+                        let case = batch.first + case as u64;
+                        let own = lanes[varied.lane];
+                        let other = other(&plan.domain, &varied, session.seed, case, own)?;
+                        lanes[varied.lane] = other;
+                        Some(())
+                    })
+                    .count();
+                let before = session.read(dispatches)?;
+                let after = session.results(batch, &lanes)?;
+                let judge = |path: usize, case: usize| {
+                    let (before, after) = (before[path].of(case), after[path].of(case));
+                    if before != after {
+                        changed.store(true, Ordering::Relaxed);
+                    }
+                    let lane = case * words + varied.lane;
+                    let grows =
+                        varied.scalar.decode(batch.lanes[lane]) < varied.scalar.decode(lanes[lane]);
+                    let rises = grows == (direction == Direction::Increasing);
+                    judge_pair(&scalars, before, after, rises, tolerances[path])
+                };
+                let exhibit = |path: usize, case: usize| Exhibit {
+                    lanes: batch.lanes[case * words..][..words].to_vec(),
+                    varied: vec![(
+                        format!("{}'", varied.name),
+                        format_lane(varied.scalar, lanes[case * words + varied.lane]),
+                    )],
+                    actual: after[path].of(case).to_vec(),
+                    expected: session.decode(before[path].of(case)),
+                    judged: judge(path, case),
+                };
+                Ok(session.judge_results(batch, &after, judge, exhibit))
+            })?;
+            if pairs == 0 {
+                return session.vacuous(format!("has one value of {argument} only"));
+            }
+            if !changed.into_inner() && !session.is_replay() {
+                let reason = format!("has no case whose result changes with {argument}");
+                return session.vacuous(reason);
+            }
+            Ok(tallies)
+        })
+    }
+}
+
+/// Another value of the argument for a case: the nearest of some draws of its own.
+fn other<D: Domain>(
+    domain: &D,
+    argument: &ScalarArgument,
+    seed: u64,
+    case: u64,
+    own: u32,
+) -> Option<u32>
+where
+    D::Value: Arguments,
+{
+    let mut source = Source::new(seed ^ SECOND, case);
+    let draws = DRAWS[usize::try_from(case % 4).unwrap_or_default()];
+    let value = |word: u32| argument.scalar.decode(word);
+    let distance = |word: u32| (value(word) - value(own)).abs();
+    let mut nearest: Option<u32> = None;
+    let mut lanes = Vec::new();
+    for draw in 0..PATIENCE {
+        if draw >= draws && nearest.is_some() {
+            break;
+        }
+        lanes.clear();
+        domain.draw(&mut source)?.store_all(&mut lanes);
+        let word = lanes[argument.lane];
+        let nearer = nearest.is_none_or(|nearest| distance(word) < distance(nearest));
+        if distance(word) > 0.0 && nearer {
+            nearest = Some(word);
+        }
+    }
+    nearest
+}
+
+/// Compares a result with the one before it: what goes the right way has no error.
+fn judge_pair(
+    scalars: &[Scalar],
+    before: &[u32],
+    after: &[u32],
+    rises: bool,
+    tolerance: &Tolerance,
+) -> Judged {
+    let mut worst = Judged { measure: Measure::ZERO, lane: 0, class: Class::Other };
+    for (lane, scalar) in scalars.iter().enumerate() {
+        let (old, new) = (scalar.decode(before[lane]), scalar.decode(after[lane]));
+        let ordered = if rises { old <= new } else { new <= old };
+        let measure = if ordered && old.is_finite() && new.is_finite() {
+            Measure::ZERO
+        } else if scalar.is_float() {
+            tolerance.measure_sum(lane, new, old)
+        } else {
+            Measure::equality(false)
+        };
+        if measure.ratio > worst.measure.ratio {
+            worst = Judged { measure, lane, class: classify(new, old) };
+        }
+    }
+    worst
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tolerance::Abs;
+
+    #[test]
+    fn only_the_wrong_way_is_an_error() {
+        let judged = |before: f32, after: f32, rises| {
+            let (before, after) = ([before.to_bits()], [after.to_bits()]);
+            judge_pair(&[Scalar::F32], &before, &after, rises, &Abs(0.25).into())
+        };
+        assert!(
+            judged(1.0, 5.0, true).measure.passes() && judged(5.0, 1.0, false).measure.passes()
+        );
+        assert!(
+            judged(1.0, 0.75, true).measure.passes() && !judged(1.0, 0.7, true).measure.passes()
+        );
+        assert!(!judged(1.0, 1.3, false).measure.passes());
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            for rises in [true, false] {
+                assert!(!judged(bad, 1.0, rises).measure.passes(), "{bad}");
+                assert!(!judged(1.0, bad, rises).measure.passes(), "{bad}");
+                assert!(!judged(bad, bad, rises).measure.passes(), "{bad}");
+            }
+        }
+    }
+
+    #[test]
+    fn integers_have_no_tolerance() {
+        let judged = |before, after| {
+            judge_pair(&[Scalar::U32], &[before], &[after], true, &Abs(10.0).into())
+        };
+        assert!(judged(3, 3).measure.passes() && !judged(3, 2).measure.passes());
+    }
+
+    #[test]
+    fn another_value_depends_on_the_case_alone_and_lies_in_the_domain() {
+        let domain = (0.25..=0.75_f32, 2.0..=3.0_f32);
+        let second = ScalarArgument { name: "b".to_owned(), scalar: Scalar::F32, lane: 1 };
+        let mut near = 0;
+        for case in 0..1000 {
+            let own = 2.5_f32;
+            let word = other(&domain, &second, 7, case, own.to_bits()).expect("there are others");
+            let value = f32::from_bits(word);
+            assert!((2.0..=3.0).contains(&value) && value != own);
+            assert_eq!(other(&domain, &second, 7, case, own.to_bits()), Some(word));
+            near += usize::from((value - own).abs() < 0.05);
+        }
+        assert!((100..900).contains(&near), "{near} of 1000 are near");
+        let one = (crate::domain::Just(1.0_f32), 0.0..=1.0_f32);
+        let first = ScalarArgument { name: "a".to_owned(), scalar: Scalar::F32, lane: 0 };
+        assert_eq!(other(&one, &first, 7, 0, 1.0_f32.to_bits()), None);
+    }
+}

@@ -1,0 +1,263 @@
+//! Integrals over directions, for functions whose last argument is one.
+//!
+//! The rule is a product: Gauss and Legendre's in the cosine of the polar angle, equal steps in the
+//! azimuth. It is exact for what is smooth, and blind to what is narrower than its rings. So each
+//! integral is taken twice, with another number of rings, and is an error where the two differ.
+//! (What lies between the rings of both is seen by neither: narrow lobes need a rule that knows
+//! where they are.)
+
+use std::f64::consts::{PI, TAU};
+
+use glam::{DVec3, Vec3};
+
+use super::integral::{Assertion, Integral};
+use super::{Agreement, Check, Failure, Recording, or_panic};
+use crate::domain::Domain;
+use crate::tolerance::Tolerance;
+use crate::value::{Arguments, Mirror, Shape, Shareable};
+
+/// Rings of a rule unless it says otherwise; each has twice as many directions.
+const RINGS: u16 = 64;
+
+/// The directions of an integral, about +Z, with their measure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[must_use]
+pub struct Directions {
+    region: Region,
+    rings: u16,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Region {
+    Sphere,
+    Hemisphere,
+    Projected,
+}
+
+impl Directions {
+    /// The whole sphere, by solid angle: 4 pi.
+    pub fn sphere() -> Self {
+        Self { region: Region::Sphere, rings: RINGS }
+    }
+
+    /// The hemisphere z > 0, by solid angle: 2 pi.
+    pub fn hemisphere() -> Self {
+        Self { region: Region::Hemisphere, rings: RINGS }
+    }
+
+    /// The hemisphere z > 0, by projected solid angle, which has the cosine in it: pi.
+    pub fn projected_hemisphere() -> Self {
+        Self { region: Region::Projected, rings: RINGS }
+    }
+
+    /// Sets the number of rings (default 64), at least 4. Each has twice as many directions.
+    pub fn rings(self, rings: u16) -> Self {
+        Self { rings: rings.max(4), ..self }
+    }
+
+    /// The rule that is to confirm this one.
+    fn control(self) -> Self {
+        Self { rings: self.rings - self.rings / 4, ..self }
+    }
+
+    fn rule(self) -> Vec<(Vec3, f64)> {
+        let azimuths = 2 * self.rings;
+        let mut rule = Vec::with_capacity(usize::from(self.rings) * usize::from(azimuths));
+        for (node, weight) in gauss_legendre(self.rings) {
+            let (cosine, weight) = match self.region {
+                Region::Sphere => (node, weight),
+                Region::Hemisphere => (0.5 + 0.5 * node, 0.5 * weight),
+                Region::Projected => (0.5 + 0.5 * node, 0.5 * weight * (0.5 + 0.5 * node)),
+            };
+            let sine = ((1.0 - cosine) * (1.0 + cosine)).sqrt();
+            for azimuth in 0..azimuths {
+                // Half a step off the axes, where a function may switch.
+                let azimuth = TAU * (f64::from(azimuth) + 0.5) / f64::from(azimuths);
+                let l = DVec3::new(sine * azimuth.cos(), sine * azimuth.sin(), cosine);
+                rule.push((l.as_vec3(), TAU * weight / f64::from(azimuths)));
+            }
+        }
+        rule
+    }
+}
+
+/// Nodes and weights on -1..1: the roots of the Legendre polynomial of degree `count`, by Newton's
+/// method from Tricomi's approximation. Abramowitz & Stegun, 25.4.29 and 22.16.6.
+fn gauss_legendre(count: u16) -> Vec<(f64, f64)> {
+    let degree = f64::from(count);
+    let node = |index: u16| {
+        let mut x = (PI * (f64::from(index) + 0.75) / (degree + 0.5)).cos();
+        let mut slope = 1.0;
+        // From there the error is squared by each step: four leave none.
+        for _ in 0..6 {
+            let (mut before, mut value) = (1.0, x);
+            for k in 2..=count {
+                let k = f64::from(k);
+                (before, value) = (value, ((2.0 * k - 1.0) * x * value - (k - 1.0) * before) / k);
+            }
+            slope = degree * (x * value - before) / (x * x - 1.0);
+            x -= value / slope;
+        }
+        (x, 2.0 / ((1.0 - x * x) * slope * slope))
+    };
+    (0..count).map(node).collect()
+}
+
+/// The arguments of a case, and a direction after them.
+#[derive(Clone, Debug)]
+struct Directed<V>(V, Vec3);
+
+impl<V: Arguments> Arguments for Directed<V> {
+    fn shapes() -> Vec<Shape> {
+        let mut shapes = V::shapes();
+        shapes.push(Vec3::shape());
+        shapes
+    }
+    fn store_all(&self, lanes: &mut Vec<u32>) {
+        self.0.store_all(lanes);
+        self.1.store(lanes);
+    }
+    fn load_all(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
+        Self(V::load_all(lanes), Vec3::load(lanes))
+    }
+}
+
+impl<D: Domain> Check<'_, D>
+where
+    D::Value: Arguments,
+{
+    /// Checks the integral over directions of a function whose last argument is one. The domain
+    /// draws the arguments before it: `()` if there are none.
+    ///
+    /// Each integral is taken by two rules. Where they are farther apart than the tolerance, the
+    /// check has no verdict and is an error: the function is narrower than the rules' rings. Then
+    /// take more [`rings`](Directions::rings), or a rule of your own with
+    /// [`integral`](super::Probe::integral). Unless their number is set, there are 256 cases.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// // fn lambert_pdf(l: vec3f) -> f32
+    /// SHADERS.function("brdf::lambert_pdf").over(()).integrates_to(
+    ///     Directions::hemisphere(),
+    ///     |()| 1.0,
+    ///     Rel(1e-6),
+    /// );
+    /// ```
+    ///
+    /// # Panics
+    /// With the [`Failure`], if an integral disagrees, the rules do, a node has no finite result, or
+    /// nothing could be compared.
+    #[track_caller]
+    pub fn integrates_to<E: Mirror>(
+        self,
+        directions: Directions,
+        expected: impl Fn(&D::Value) -> E + Sync,
+        tolerance: impl Into<Tolerance>,
+    ) -> Agreement {
+        let assertion = Assertion::AgreesWith(self.plan.tolerances(tolerance.into()));
+        or_panic(self.integrate(directions, expected, &assertion, Recording::On))
+    }
+
+    /// [`integrates_to`](Self::integrates_to) without the panic.
+    ///
+    /// # Errors
+    /// If an integral disagrees, the rules do, a node has no finite result, or nothing could be
+    /// compared.
+    pub fn try_integrates_to<E: Mirror>(
+        self,
+        directions: Directions,
+        expected: impl Fn(&D::Value) -> E + Sync,
+        tolerance: impl Into<Tolerance>,
+    ) -> Result<Agreement, Failure> {
+        let assertion = Assertion::AgreesWith(self.plan.tolerances(tolerance.into()));
+        self.integrate(directions, expected, &assertion, Recording::Off)
+    }
+
+    /// Checks that the integral over directions is at most a bound plus `slack`, which is absolute:
+    /// what rounding may add, and how far the two rules may be apart. The bound is a number for all
+    /// components, or one for each.
+    ///
+    /// # Panics
+    /// With the [`Failure`], if an integral exceeds its bound, the rules disagree, a node has no
+    /// finite result, or nothing could be compared.
+    #[track_caller]
+    pub fn integrates_to_at_most<E: Mirror>(
+        self,
+        directions: Directions,
+        bound: impl Fn(&D::Value) -> E + Sync,
+        slack: f64,
+    ) -> Agreement {
+        or_panic(self.integrate(directions, bound, &Assertion::IsAtMost(slack), Recording::On))
+    }
+
+    /// [`integrates_to_at_most`](Self::integrates_to_at_most) without the panic.
+    ///
+    /// # Errors
+    /// If an integral exceeds its bound, the rules disagree, a node has no finite result, or nothing
+    /// could be compared.
+    pub fn try_integrates_to_at_most<E: Mirror>(
+        self,
+        directions: Directions,
+        bound: impl Fn(&D::Value) -> E + Sync,
+        slack: f64,
+    ) -> Result<Agreement, Failure> {
+        self.integrate(directions, bound, &Assertion::IsAtMost(slack), Recording::Off)
+    }
+
+    fn integrate<E: Mirror>(
+        self,
+        directions: Directions,
+        expected: impl Fn(&D::Value) -> E + Sync,
+        assertion: &Assertion,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let nodes = |directions: Directions| {
+            let rule = directions.rule();
+            move |case: &D::Value| -> Vec<(Directed<D::Value>, f64)> {
+                let node = |(l, weight): &(Vec3, f64)| (Directed(case.clone(), *l), *weight);
+                rule.iter().map(node).collect()
+            }
+        };
+        let control = Some(nodes(directions.control()));
+        let integral = Integral { plan: self.plan, rule: nodes(directions), control };
+        integral.check(expected, assertion, recording)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gauss_and_legendre_are_exact_for_polynomials() {
+        for count in [4_u16, 5, 48, 64, 256] {
+            let rule = gauss_legendre(count);
+            for power in [0_u16, 1, 2, 6, 7] {
+                let sum: f64 = rule.iter().map(|(x, w)| w * x.powi(power.into())).sum();
+                let exact = if power % 2 == 0 { 2.0 / (f64::from(power) + 1.0) } else { 0.0 };
+                assert!((sum - exact).abs() < 1e-13, "{count} nodes, x^{power}: {sum}");
+            }
+        }
+    }
+
+    #[test]
+    fn directions_have_their_measure_and_lie_on_their_side() {
+        let whole = |directions: Directions| -> f64 { directions.rule().iter().map(|n| n.1).sum() };
+        for rings in [1, 4, 5, 64] {
+            let directions = Directions::sphere().rings(rings);
+            assert!((whole(directions) - 4.0 * PI).abs() < 1e-12);
+            assert!((whole(directions.control()) - 4.0 * PI).abs() < 1e-12);
+            assert_ne!(directions, directions.control());
+            assert!((whole(Directions::hemisphere().rings(rings)) - TAU).abs() < 1e-12);
+            assert!((whole(Directions::projected_hemisphere().rings(rings)) - PI).abs() < 1e-12);
+        }
+        assert!(Directions::hemisphere().rule().iter().all(|(l, _)| l.z > 0.0));
+        let linear: DVec3 = Directions::sphere()
+            .rule()
+            .iter()
+            .map(|(l, weight)| *weight * l.as_dvec3() * f64::from(l.z))
+            .sum();
+        assert!(linear.distance(DVec3::new(0.0, 0.0, 4.0 * PI / 3.0)) < 1e-6, "{linear}");
+    }
+}

@@ -1,0 +1,50 @@
+//! The tolerance of a check, and those of single paths.
+
+use super::Failure;
+use super::session::{Session, signature};
+use crate::domain::Domain;
+use crate::path::Path;
+use crate::tolerance::Tolerance;
+
+/// A tolerance with its exceptions.
+#[derive(Clone, Debug)]
+pub(super) struct Tolerances {
+    /// On paths that have none of their own.
+    pub(super) general: Tolerance,
+    pub(super) on: Vec<(Path, Tolerance)>,
+}
+
+impl Tolerances {
+    pub(super) fn of(&self, path: Path) -> &Tolerance {
+        own(&self.on, path).unwrap_or(&self.general)
+    }
+
+    /// Refuses tolerances that bound nothing or are declared for another number of components.
+    pub(super) fn expect_usable<D: Domain>(&self, session: &Session<'_, D>) -> Result<(), Failure> {
+        let mut all = self.on.iter().map(|(_, tolerance)| tolerance).chain([&self.general]);
+        all.try_for_each(|tolerance| session.expect_lanes(tolerance))
+    }
+
+    /// The tolerance of each of the session's runners.
+    pub(super) fn of_runners<D: Domain>(&self, session: &Session<'_, D>) -> Vec<&Tolerance> {
+        session.runners.iter().map(|runner| self.of(runner.device().path())).collect()
+    }
+}
+
+/// The last of a path's own tolerances.
+pub(super) fn own(on: &[(Path, Tolerance)], path: Path) -> Option<&Tolerance> {
+    on.iter().rev().find(|(own, _)| *own == path).map(|(_, tolerance)| tolerance)
+}
+
+/// Refuses a path's own tolerance for a verb that has none.
+pub(super) fn expect_none<D: Domain>(
+    on: &[(Path, Tolerance)],
+    session: &Session<'_, D>,
+) -> Result<(), Failure> {
+    on.first().map_or(Ok(()), |(path, tolerance)| {
+        let check = session.assertion.0;
+        let mismatch =
+            format!("is checked by {check}, which takes no tolerance, but {path} has {tolerance}");
+        Err(signature(&session.probed.function, mismatch))
+    })
+}

@@ -1,0 +1,66 @@
+//! `TESTPLAN.md` names tests: they exist.
+
+use std::path::Path;
+
+/// Every `file::test` of the plan, in backticks: a path from the root of the repository, and the
+/// name of a function with `#[test]` above it.
+fn named(plan: &str) -> Vec<(String, String)> {
+    let quoted = plan.split('`').skip(1).step_by(2);
+    let parts = quoted.filter_map(|text| text.split_once(".rs::"));
+    parts.map(|(file, test)| (format!("{file}.rs"), test.to_owned())).collect()
+}
+
+/// Whether a text has a test of this name.
+fn has_test(text: &str, test: &str) -> bool {
+    let mut attributed = false;
+    for line in text.lines().map(str::trim) {
+        if line == "#[test]" {
+            attributed = true;
+        } else if let Some(rest) = line.strip_prefix("fn ") {
+            let name = rest.split('(').next().unwrap_or_default();
+            if attributed && name == test {
+                return true;
+            }
+            attributed = false;
+        }
+    }
+    false
+}
+
+#[test]
+fn each_named_test_exists() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the repository's root");
+    let plan = std::fs::read_to_string(root.join("TESTPLAN.md")).expect("the plan is there");
+    let named = named(&plan);
+    assert!(named.len() >= 40, "the plan names only {} tests", named.len());
+    let missing: Vec<String> = named
+        .iter()
+        .filter(|(file, test)| {
+            let text = std::fs::read_to_string(root.join(file)).unwrap_or_default();
+            !has_test(&text, test)
+        })
+        .map(|(file, test)| format!("{file}::{test}"))
+        .collect();
+    assert!(missing.is_empty(), "the plan names tests that don't exist: {missing:#?}");
+}
+
+/// The row of a lesson says what proves it, or why nothing does yet.
+#[test]
+fn each_row_has_a_test_or_says_that_it_is_open() {
+    let plan = include_str!("../TESTPLAN.md");
+    let rows = plan.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| lesson"));
+    let mut count = 0;
+    for row in rows {
+        count += 1;
+        assert!(row.contains(".rs::") || row.contains("**open**"), "{row}");
+    }
+    assert!(count >= 30, "the plan has {count} rows");
+}
+
+#[test]
+fn a_test_that_is_named_wrongly_is_missed() {
+    let text = "#[test]\nfn right() {}\n\nfn helper() {}\n";
+    assert!(has_test(text, "right"));
+    assert!(!has_test(text, "wrong") && !has_test(text, "helper") && !has_test("", "right"));
+    assert_eq!(named("| x | `a/b.rs::c` and `d` |"), [("a/b.rs".to_owned(), "c".to_owned())]);
+}
