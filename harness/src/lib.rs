@@ -35,6 +35,7 @@ mod path;
 mod probe;
 pub mod record;
 mod reflect;
+pub mod stats;
 mod tolerance;
 mod value;
 
