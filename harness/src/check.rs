@@ -9,6 +9,7 @@ mod disagreement;
 mod identity;
 mod integral;
 mod reference;
+mod sampling;
 mod session;
 mod tally;
 mod verdict;
@@ -17,6 +18,9 @@ pub use disagreement::{CaseFailure, Disagreement, IntegralFailure, NodeFailure, 
 pub(crate) use identity::Identity;
 pub use integral::Integral;
 pub use reference::Reference;
+pub use sampling::{
+    ConfigurationRejection, Finding, Fit, PathRejection, Power, Rejection, Samples,
+};
 use session::{Demand, PathTally, Session};
 pub use tally::Census;
 use tally::{Class, Judged, compare};

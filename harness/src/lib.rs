@@ -40,8 +40,9 @@ mod tolerance;
 mod value;
 
 pub use check::{
-    Agreement, CaseFailure, Census, Check, Disagreement, Failure, Integral, IntegralFailure,
-    NodeFailure, PathDisagreement, Probe, Reference,
+    Agreement, CaseFailure, Census, Check, ConfigurationRejection, Disagreement, Failure, Finding,
+    Fit, Integral, IntegralFailure, NodeFailure, PathDisagreement, PathRejection, Power, Probe,
+    Reference, Rejection, Samples,
 };
 pub use diagnostic::{Diagnostic, SourceFile, Span};
 pub use domain::{
@@ -63,6 +64,7 @@ pub use package::{FunctionItem, Package, PackageError};
 pub use path::{Adapter, Path, PathError, adapter};
 pub use probe::{ProbeError, Probed, call};
 pub use reflect::{Binding, BindingKind, Function, LayoutError, Program, ReflectError, Stage};
+pub use stats::Support;
 pub use tolerance::{Abs, Measure, Rel, Tolerance, Ulp, Unit, ulp_distance};
 pub use value::{Arguments, Mirror, Scalar, Shape, Shareable, format_f32, format_lane, hexfloat};
 
@@ -70,6 +72,6 @@ pub use value::{Arguments, Mirror, Scalar, Shape, Shareable, format_f32, format_
 pub mod prelude {
     pub use crate::{
         Abs, CubeMap, Domain, Grid, Hemisphere, Integers, Just, OneOf, Package, Path, Rel, Sampler,
-        Storage, Texture, Tolerance, Ulp, Uniform, UnitRgb, UnitVector,
+        Storage, Support, Texture, Tolerance, Ulp, Uniform, UnitRgb, UnitVector,
     };
 }

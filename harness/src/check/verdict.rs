@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::Disagreement;
+use super::{Disagreement, Rejection};
 use crate::path::{Adapter, PathError};
 use crate::probe::ProbeError;
 use crate::tolerance::Measure;
@@ -27,6 +27,21 @@ pub enum Failure {
     /// Values differ by more than is allowed.
     #[error("{0}")]
     Disagreement(Box<Disagreement>),
+    /// Samples are not what they should be.
+    #[error("{0}")]
+    Rejection(Box<Rejection>),
+    /// Samples that nothing can be said of.
+    #[error("`{function}` has no verdict for case {case}, {configuration}: {reason}")]
+    Evidence {
+        /// The sampler's path.
+        function: String,
+        /// What is missing.
+        reason: String,
+        /// The configuration's index.
+        case: u64,
+        /// Its value.
+        configuration: String,
+    },
     /// The function gave no results.
     #[error(transparent)]
     Probe(#[from] ProbeError),

@@ -32,9 +32,8 @@ impl Rectangle {
 
     fn split(self, line: bool) -> Vec<Self> {
         let middle = [0, 1].map(|side| 0.5 * (self.low[side] + self.high[side]));
-        let halves = |side: usize| {
-            [(self.low[side], middle[side]), (middle[side], self.high[side])]
-        };
+        let halves =
+            |side: usize| [(self.low[side], middle[side]), (middle[side], self.high[side])];
         let second = if line { vec![(self.low[1], self.high[1])] } else { halves(1).to_vec() };
         let part = |(a0, a1): (f64, f64)| {
             second.iter().map(move |(b0, b1)| Self { low: [a0, *b0], high: [a1, *b1] })
@@ -198,7 +197,8 @@ fn gauss_legendre(order: usize) -> Vec<(f64, f64)> {
                 let (mut before, mut value) = (1.0, x);
                 for k in 2..=order {
                     let k = k as f64;
-                    (before, value) = (value, ((2.0 * k - 1.0) * x * value - (k - 1.0) * before) / k);
+                    (before, value) =
+                        (value, ((2.0 * k - 1.0) * x * value - (k - 1.0) * before) / k);
                 }
                 slope = count * (x * value - before) / (x * x - 1.0);
                 x -= value / slope;
@@ -227,10 +227,16 @@ mod tests {
         let pilot: Vec<_> = (0..500).map(|_| at()).collect();
         let cells = Cells::new(support, &pilot, 4, 8);
         let mut nodes = 0;
-        let cells = integrate(support, &cells, 1, |_| tolerance, |points| {
-            nodes += points.len();
-            Ok(points.iter().map(|point| function(*point)).collect())
-        })?;
+        let cells = integrate(
+            support,
+            &cells,
+            1,
+            |_| tolerance,
+            |points| {
+                nodes += points.len();
+                Ok(points.iter().map(|point| function(*point)).collect())
+            },
+        )?;
         Ok((cells.iter().map(|cell| cell.value[0]).sum(), nodes))
     }
 

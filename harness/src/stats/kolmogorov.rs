@@ -71,7 +71,10 @@ mod tests {
 
     #[test]
     fn without_evidence_there_is_no_verdict() {
-        assert!(matches!(Kolmogorov::of(&mut [0.5; 39], |x| x, 0.0), Err(NoVerdict::TooFew { .. })));
+        assert!(matches!(
+            Kolmogorov::of(&mut [0.5; 39], |x| x, 0.0),
+            Err(NoVerdict::TooFew { .. })
+        ));
         let mut samples = [0.5; 50];
         assert!(Kolmogorov::of(&mut samples, |_| f64::NAN, 0.0).is_err());
         samples[3] = f64::NAN;

@@ -83,9 +83,11 @@ impl Mean {
             return Err(NoVerdict::TooFew { found, needed: FEWEST });
         }
         let error = (moments.variance() / found as f64).sqrt();
-        for (what, value) in
-            [("the mean", moments.mean), ("the standard error", error), ("what is expected", expected)]
-        {
+        for (what, value) in [
+            ("the mean", moments.mean),
+            ("the standard error", error),
+            ("what is expected", expected),
+        ] {
             if !value.is_finite() {
                 return Err(NoVerdict::NotANumber { what, value });
             }
