@@ -339,3 +339,65 @@ fn random_numbers() {
 fn pow5() {
     PBR.function("math::pow5").over(-1.0..=1.0).agrees_with(math::pow5, Ulp(4.0));
 }
+
+/// Widths from the narrowest lobe that a sample of f32 resolves well to the widest.
+fn widths() -> impl Domain<Value = f32> {
+    OneOf(vec![0.01, 0.1, 0.5, 1.0])
+}
+
+/// Widths, and views from above to half a degree above the horizon, in directions that no
+/// symmetry favours.
+fn seen() -> impl Domain<Value = (f32, Vec3)> {
+    let view = |degrees: f64| {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        glam::DVec3::new(0.6 * sin, -0.8 * sin, cos).as_vec3()
+    };
+    (widths(), OneOf(vec![0.0, 45.0, 80.0, 89.5]))
+        .map(move |(alpha, degrees)| (alpha, view(degrees)))
+}
+
+#[test]
+fn uniform_hemisphere_follows_its_pdf() {
+    PBR.function("sampling::uniform_hemisphere")
+        .sampled_over(Just(()), |(), u: Vec2| u)
+        .follows(PBR.function("sampling::uniform_hemisphere_pdf"), |(), l: Vec3| l.z);
+}
+
+#[test]
+fn cosine_hemisphere_follows_its_pdf() {
+    PBR.function("sampling::cosine_hemisphere")
+        .sampled_over(Just(()), |(), u: Vec2| u)
+        .follows(PBR.function("sampling::cosine_hemisphere_pdf"), |(), l: Vec3| l.z);
+}
+
+#[test]
+fn ggx_normal_follows_its_pdf() {
+    PBR.function("sampling::ggx_normal")
+        .sampled_over(widths(), |&alpha, u: Vec2| (alpha, u))
+        .follows(PBR.function("sampling::ggx_normal_pdf"), |&alpha, h: Vec3| (alpha, h));
+}
+
+#[test]
+fn beckmann_normal_follows_its_pdf() {
+    PBR.function("sampling::beckmann_normal")
+        .sampled_over(widths(), |&alpha, u: Vec2| (alpha, u))
+        .follows(PBR.function("sampling::beckmann_normal_pdf"), |&alpha, h: Vec3| (alpha, h));
+}
+
+#[test]
+fn ggx_visible_normal_follows_its_pdf() {
+    PBR.function("sampling::ggx_visible_normal")
+        .sampled_over(seen(), |&(alpha, v), u: Vec2| (alpha, v, u))
+        .follows(PBR.function("sampling::ggx_visible_normal_pdf"), |&(alpha, v), h: Vec3| {
+            (alpha, v, h)
+        });
+}
+
+/// 2/3: cos is drawn with density 2 cos.
+#[test]
+fn cosine_hemisphere_has_its_mean() {
+    let sampled =
+        || PBR.function("sampling::cosine_hemisphere").sampled_over(Just(()), |(), u: Vec2| u);
+    sampled().has_mean("cos", |l: Vec3| l.z.into(), |()| 2.0 / 3.0, 1e-6);
+    sampled().has_distribution("cos", |l: Vec3| l.z.into(), |(), cos| cos * cos, 1e-6);
+}

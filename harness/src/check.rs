@@ -16,6 +16,7 @@ mod monotone;
 mod property;
 mod quadrature;
 mod reference;
+mod sampling;
 mod session;
 mod tally;
 mod tolerances;
@@ -31,6 +32,9 @@ pub use limit::Limit;
 pub use monotone::Direction;
 pub use quadrature::Directions;
 pub use reference::Reference;
+pub use sampling::{
+    ConfigurationRejection, Finding, Fit, PathRejection, Power, Rejection, Samples,
+};
 use session::{Demand, PathTally, Session};
 pub use tally::Census;
 use tally::{Class, Judged, compare};

@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 pub use compare::{FrameDifference, FrameMargin, Outlier};
+pub(crate) use pending::build_output;
 pub use pending::{AcceptError, Acceptance, Pending};
 
 use crate::image::{Image, ImageError, Precision};

@@ -35,12 +35,14 @@ mod path;
 mod probe;
 pub mod record;
 mod reflect;
+pub mod stats;
 mod tolerance;
 mod value;
 
 pub use check::{
-    Agreement, Argument, CaseFailure, Census, Check, Direction, Directions, Disagreement, Failure,
-    Integral, IntegralFailure, KnownIssue, Limit, NodeFailure, PathDisagreement, Probe, Reference,
+    Agreement, Argument, CaseFailure, Census, Check, ConfigurationRejection, Direction, Directions,
+    Disagreement, Failure, Finding, Fit, Integral, IntegralFailure, KnownIssue, Limit, NodeFailure,
+    PathDisagreement, PathRejection, Power, Probe, Reference, Rejection, Samples,
 };
 pub use diagnostic::{Diagnostic, SourceFile, Span};
 pub use domain::{
@@ -62,6 +64,7 @@ pub use package::{FunctionItem, Package, PackageError};
 pub use path::{Adapter, Path, PathError, adapter};
 pub use probe::{ProbeError, Probed, call};
 pub use reflect::{Binding, BindingKind, Function, LayoutError, Program, ReflectError, Stage};
+pub use stats::Support;
 pub use tolerance::{Abs, Measure, Rel, Tolerance, Ulp, Unit, ulp_distance};
 pub use value::{Arguments, Mirror, Scalar, Shape, Shareable, format_f32, format_lane, hexfloat};
 
@@ -69,7 +72,7 @@ pub use value::{Arguments, Mirror, Scalar, Shape, Shareable, format_f32, format_
 pub mod prelude {
     pub use crate::{
         Abs, CubeMap, Direction, Directions, Domain, Grid, Hemisphere, Integers, Just, Limit,
-        OneOf, Package, Path, Rel, Sampler, Storage, Texture, Tolerance, Ulp, Uniform, UnitRgb,
-        UnitVector,
+        OneOf, Package, Path, Rel, Sampler, Storage, Support, Texture, Tolerance, Ulp, Uniform,
+        UnitRgb, UnitVector,
     };
 }

@@ -196,6 +196,11 @@ impl<'a, D: Domain> Session<'a, D> {
         }
     }
 
+    /// How many cases the check declares, whether or not a replay selects one.
+    pub(super) fn count(&self) -> u64 {
+        self.cases.count()
+    }
+
     /// The cases that run: all, or the one that a replay selects.
     pub(super) fn selected(&self) -> Result<Range<u64>, Failure> {
         let count = self.cases.count();

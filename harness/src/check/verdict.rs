@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{Disagreement, KnownIssue};
+use super::{Disagreement, KnownIssue, Rejection};
 use crate::path::{Adapter, Path, PathError};
 use crate::probe::ProbeError;
 use crate::tolerance::Measure;
@@ -49,6 +49,21 @@ pub enum Failure {
         function: String,
         /// The path.
         path: Path,
+    },
+    /// Samples are not what they should be.
+    #[error("{0}")]
+    Rejection(Box<Rejection>),
+    /// Samples that nothing can be said of.
+    #[error("`{function}` has no verdict for case {case}, {configuration}: {reason}")]
+    Evidence {
+        /// The sampler's path.
+        function: String,
+        /// What is missing.
+        reason: String,
+        /// The configuration's index.
+        case: u64,
+        /// Its value.
+        configuration: String,
     },
     /// The function gave no results.
     #[error(transparent)]

@@ -217,7 +217,7 @@ impl Goldens {
 
 /// Cargo's target folder, which it marks for backup programs; the working directory if the test
 /// wasn't built by Cargo.
-fn build_output() -> PathBuf {
+pub(crate) fn build_output() -> PathBuf {
     let exe = std::env::current_exe().unwrap_or_default();
     let marked = exe.ancestors().find(|folder| folder.join("CACHEDIR.TAG").is_file());
     marked.map_or_else(PathBuf::new, Path::to_path_buf)

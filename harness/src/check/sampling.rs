@@ -1,0 +1,432 @@
+//! Samplers: does a function of random numbers return samples of the density that it claims?
+//!
+//! A sampler is run over configurations (a width, a view), each with a stream of random numbers of
+//! its own that depends on the seed and the configuration's index alone. What is asserted of its
+//! samples is judged by a p-value for each configuration; the threshold is such that all of a
+//! check together reject a right sampler with the stated significance. Samples that aren't
+//! finite, aren't where they should be, or can't happen under the density fail outright.
+//!
+//! Each path runs the same random numbers, so paths don't count as tests of their own.
+
+mod calls;
+mod density;
+mod picture;
+mod rejection;
+mod statistic;
+
+use std::marker::PhantomData;
+
+pub use density::Power;
+pub use rejection::{ConfigurationRejection, Finding, PathRejection, Rejection};
+
+use super::session::{Demand, Session};
+use super::{Failure, Identity, Plan, Probe, Recording};
+use crate::domain::{Domain, Source};
+use crate::path::Adapter;
+use crate::probe::BATCH;
+use crate::record::{self, PathRecord, Record, Subject, Verdict};
+use crate::stats::{Support, sidak};
+use crate::value::{Arguments, Shape, Shareable};
+use calls::Calls;
+
+/// Configurations of a check unless it says otherwise: each is a quarter million samples.
+const CONFIGURATIONS: u64 = 16;
+
+/// Values of a finite domain that are all tried unless a number of configurations is asked for.
+const ENUMERATED: u64 = 4096;
+
+/// Samples of a configuration unless a check says otherwise: each of 512 cells expects 512 of them,
+/// and a density that is off by 3 % all over is rejected in all but one of 10^9 runs.
+const SAMPLES: u64 = 1 << 18;
+
+/// Probability that a check rejects a right sampler, under one seed. Mitsuba's choice.
+const SIGNIFICANCE: f64 = 0.01;
+
+/// How far the integral of a density may be from 1 beyond the error of the quadrature: what a few
+/// hundred ulp of the density at each node can add.
+const MASS: f64 = 2e-4;
+
+impl<'a> Probe<'a> {
+    /// Selects configurations of a sampler. `arguments` makes the sampler's arguments of a
+    /// configuration and random numbers: an `f32` in [0, 1), a vector of such, or `u32`s.
+    ///
+    /// ```no_run
+    /// use glam::{Vec2, Vec3};
+    /// use karat::prelude::*;
+    ///
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// SHADERS
+    ///     .function("sampling::ggx_normal")
+    ///     .sampled_over(OneOf(vec![0.01, 0.5, 1.0]), |&alpha, u: Vec2| (alpha, u))
+    ///     .follows(SHADERS.function("sampling::ggx_normal_pdf"), |&alpha, h: Vec3| (alpha, h));
+    /// ```
+    pub fn sampled_over<D, U, A, F>(
+        self,
+        configurations: D,
+        arguments: F,
+    ) -> Samples<'a, D, U, A, F>
+    where
+        D: Domain,
+        U: Shareable,
+        A: Arguments,
+        F: Fn(&D::Value, U) -> A + Sync,
+    {
+        Samples {
+            plan: Plan::new(self, configurations),
+            arguments,
+            settings: Settings {
+                support: Support::Hemisphere,
+                samples: SAMPLES,
+                significance: SIGNIFICANCE,
+                mass: MASS,
+                may_leave: false,
+            },
+            types: PhantomData,
+        }
+    }
+}
+
+/// What is the same for each configuration.
+#[derive(Clone, Copy, Debug)]
+struct Settings {
+    support: Support,
+    samples: u64,
+    significance: f64,
+    mass: f64,
+    may_leave: bool,
+}
+
+/// A sampler with the configurations that it is run over: see [`Probe::sampled_over`].
+#[derive(Clone, Debug)]
+#[must_use = "nothing is sampled until a verb such as `.follows(...)`"]
+pub struct Samples<'a, D, U, A, F> {
+    plan: Plan<'a, D>,
+    arguments: F,
+    settings: Settings,
+    types: PhantomData<fn(U) -> A>,
+}
+
+impl<D, U, A, F> Samples<'_, D, U, A, F>
+where
+    D: Domain,
+    U: Shareable,
+    A: Arguments,
+    F: Fn(&D::Value, U) -> A + Sync,
+{
+    /// Says where samples lie. Without this: directions of the upper hemisphere.
+    pub fn on(mut self, support: Support) -> Self {
+        self.settings.support = support;
+        self
+    }
+
+    /// Sets the number of samples of a configuration. Without this: 2^18.
+    pub fn samples(mut self, samples: u64) -> Self {
+        self.settings.samples = samples;
+        self
+    }
+
+    /// Sets the probability that the check rejects a right sampler, whatever the number of its
+    /// configurations. Without this: 1 %.
+    pub fn significance(mut self, significance: f64) -> Self {
+        self.settings.significance = significance;
+        self
+    }
+
+    /// Declares that samples may lie beside the support, as directions reflected below the horizon
+    /// do: as many as the density's integral falls short of 1.
+    pub fn may_leave(mut self) -> Self {
+        self.settings.may_leave = true;
+        self
+    }
+
+    /// Sets how far the density's integral may be from 1, beyond the error of its quadrature.
+    /// Without this: 2e-4.
+    pub fn mass_within(mut self, tolerance: f64) -> Self {
+        self.settings.mass = tolerance;
+        self
+    }
+
+    /// Sets the number of configurations. A finite domain of at most that many values is
+    /// enumerated instead. Without this, a finite domain of up to 4,096 values is enumerated, and
+    /// of others 16 are drawn.
+    pub fn configurations(mut self, configurations: u64) -> Self {
+        self.plan.cases = Some(configurations);
+        self
+    }
+
+    /// Sets the seed, which otherwise derives from the test's name.
+    pub fn seed(mut self, seed: u64) -> Self {
+        self.plan.seed = Some(seed);
+        self
+    }
+}
+
+/// What a check of samples compared, and how close it came.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The sampler.
+    pub function: String,
+    /// Configurations, on each path.
+    pub configurations: u64,
+    /// Samples of a configuration.
+    pub samples: u64,
+    /// The least p-value of each path.
+    pub paths: Vec<(Adapter, f64)>,
+    /// The least p-value of all.
+    pub p: f64,
+    /// What it had to reach: the significance, shared out over all configurations.
+    pub threshold: f64,
+}
+
+impl std::fmt::Display for Fit {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { function, configurations, samples, p, threshold, .. } = self;
+        write!(
+            f,
+            "{function}: {configurations} configurations of {samples} samples fit, \
+             least p {p:.2e} (above {threshold:.2e})"
+        )
+    }
+}
+
+#[track_caller]
+fn fit_or_panic(result: Result<Fit, Failure>) -> Fit {
+    match result {
+        Ok(fit) => fit,
+        Err(failure) => panic!("{failure}"),
+    }
+}
+
+/// What a verb asserts of a sampler.
+struct Assertion {
+    /// The verb.
+    check: &'static str,
+    /// What it says, for records and messages.
+    text: String,
+    /// Tests of one configuration, which share the significance.
+    tests: u64,
+}
+
+/// What one configuration gave.
+struct Judgement {
+    /// What is wrong; nothing if it fits.
+    findings: Vec<Finding>,
+    /// The least p-value; 0 if something is wrong outright.
+    p: f64,
+    /// Facts, for the message.
+    notes: Vec<(&'static str, String)>,
+    histogram: Option<picture::Histogram>,
+}
+
+/// A configuration of a check that is running on one path.
+struct Configuration<'s, V> {
+    value: &'s V,
+    index: u64,
+    path: usize,
+    seed: u64,
+    /// What a p-value has to reach.
+    threshold: f64,
+}
+
+/// A sampler in progress, and the other functions that a check needs.
+struct Functions<'s, 'd, D: Domain> {
+    sampler: &'s Session<'d, D>,
+    others: &'s [Session<'d, &'d D>],
+}
+
+impl<D: Domain> Functions<'_, '_, D> {
+    fn sampler(&self, path: usize, seed: u64) -> Calls<'_> {
+        Calls { probed: &self.sampler.probed, runner: &self.sampler.runners[path], seed }
+    }
+
+    fn other(&self, which: usize, path: usize, seed: u64) -> Calls<'_> {
+        let session = &self.others[which];
+        Calls { probed: &session.probed, runner: &session.runners[path], seed }
+    }
+}
+
+/// A function beside the sampler, with the arguments that it is given.
+type Other<'a> = (Probe<'a>, Vec<Shape>);
+
+/// Runs a check: `expect` compares signatures, and each configuration on each path is handed to
+/// `judge`.
+fn conclude<D: Domain>(
+    plan: &Plan<'_, D>,
+    settings: &Settings,
+    assertion: &Assertion,
+    (arguments, others): (Vec<Shape>, Vec<Other<'_>>),
+    recording: Recording,
+    expect: impl FnOnce(&Functions<'_, '_, D>) -> Result<(), Failure>,
+    mut judge: impl FnMut(
+        &Functions<'_, '_, D>,
+        &Configuration<'_, D::Value>,
+    ) -> Result<Judgement, Failure>,
+) -> Result<Fit, Failure> {
+    let identity = Identity::current();
+    let function = plan.probe.path.clone();
+    let check = assertion.check;
+    let seed = plan.seed.unwrap_or_else(|| identity.seed(&function, check));
+    let package = plan.probe.package.root().display().to_string();
+    let mut subject = Subject::Function {
+        package,
+        function: function.clone(),
+        check: check.to_owned(),
+        assertion: assertion.text.clone(),
+        location: String::new(),
+        seed,
+    };
+    let demand = |arguments, who| Demand {
+        arguments,
+        who,
+        cases: CONFIGURATIONS,
+        enumerated: ENUMERATED,
+        calls: BATCH,
+    };
+    let (others, shapes): (Vec<Plan<'_, &D>>, Vec<_>) = others
+        .into_iter()
+        .map(|(probe, shapes)| {
+            let Plan { domain, cases, seed, .. } = plan;
+            (Plan { cases: *cases, seed: *seed, ..Plan::new(probe, domain) }, shapes)
+        })
+        .unzip();
+    let mut paths = Vec::new();
+    let result = (|| {
+        settings.check(&function)?;
+        let name = (check, assertion.text.clone());
+        let arguments = demand(arguments, "the sampler is given");
+        let session = Session::open(plan, &arguments, &identity, seed, name.clone())?;
+        if let Subject::Function { location, .. } = &mut subject {
+            *location = session.probed.function.span.to_string();
+        }
+        let open = |(plan, shapes)| {
+            let demand = demand(shapes, "it is given");
+            Session::open(plan, &demand, &identity, seed, name.clone())
+        };
+        let others: Vec<_> = others.iter().zip(shapes).map(open).collect::<Result<_, _>>()?;
+        let functions = Functions { sampler: &session, others: &others };
+        expect(&functions)?;
+        let count = session.count();
+        let threshold = sidak(settings.significance, count * assertion.tests);
+        let selected = session.selected()?;
+        let mut sums: Vec<Sum> = session.runners.iter().map(|_| Sum::default()).collect();
+        for index in selected.clone() {
+            let value = &session.case(index)?;
+            let seed = configuration_seed(seed, index);
+            for (path, sum) in sums.iter_mut().enumerate() {
+                let configuration = Configuration { value, index, path, seed, threshold };
+                let judgement = judge(&functions, &configuration)?;
+                sum.add(index, format!("{value:?}"), judgement);
+            }
+        }
+        let (mut fits, mut rejections, mut agreeing) = (Vec::new(), Vec::new(), Vec::new());
+        for (runner, sum) in session.runners.iter().zip(sums) {
+            let device = runner.device();
+            let adapter = device.adapter().clone();
+            paths.push(PathRecord {
+                adapter: adapter.clone(),
+                cases: sum.configurations * settings.samples,
+                failures: sum.rejected,
+                worst: format!("p {:.2e}", sum.p),
+                ratio: Some(threshold / sum.p).filter(|ratio| ratio.is_finite()),
+                asserted: assertion.text.clone(),
+                known_issue: None,
+            });
+            if sum.configurations < selected.end - selected.start || sum.configurations == 0 {
+                let reason = format!("gave {} configurations, not all", sum.configurations);
+                return Err(Failure::Domain { function: function.clone(), reason });
+            }
+            let Some(worst) = sum.worst.filter(|_| sum.rejected > 0) else {
+                agreeing.push(adapter.clone());
+                fits.push((adapter, sum.p));
+                continue;
+            };
+            let replay =
+                identity.replay(device.path(), seed, &function, check, worst.configuration);
+            let place = (identity.test.as_str(), function.as_str(), device.path().to_string());
+            let worst = worst.reported(settings.support, place);
+            rejections.push(PathRejection {
+                adapter,
+                configurations: sum.configurations,
+                rejected: sum.rejected,
+                worst,
+                replay,
+            });
+        }
+        if rejections.is_empty() {
+            let p = fits.iter().map(|fit| fit.1).fold(1.0, f64::min);
+            let (configurations, samples) = (selected.end - selected.start, settings.samples);
+            return Ok(Fit { function, configurations, samples, paths: fits, p, threshold });
+        }
+        Err(Failure::Rejection(Box::new(Rejection {
+            function: session.probed.function.clone(),
+            check,
+            assertion: assertion.text.clone(),
+            significance: settings.significance,
+            threshold,
+            paths: rejections,
+            agreeing,
+            seed,
+        })))
+    })();
+    if recording == Recording::On {
+        let (verdict, message) = match &result {
+            Ok(_) => (Verdict::Pass, None),
+            Err(failure @ Failure::Rejection(_)) => (Verdict::Fail, Some(failure.to_string())),
+            Err(failure) => (Verdict::Error, Some(failure.to_string())),
+        };
+        let test = identity.test;
+        record::write(&Record { schema: record::SCHEMA, test, subject, verdict, paths, message });
+    }
+    result
+}
+
+/// The seed of a configuration's random numbers.
+fn configuration_seed(seed: u64, index: u64) -> u64 {
+    let mut source = Source::new(seed, index);
+    u64::from(source.bits()) << 32 | u64::from(source.bits())
+}
+
+/// The configurations of one path.
+struct Sum {
+    configurations: u64,
+    rejected: u64,
+    /// The least p-value.
+    p: f64,
+    worst: Option<rejection::Worst>,
+}
+
+impl Default for Sum {
+    fn default() -> Self {
+        Self { configurations: 0, rejected: 0, p: 1.0, worst: None }
+    }
+}
+
+impl Sum {
+    fn add(&mut self, configuration: u64, shown: String, judgement: Judgement) {
+        self.configurations += 1;
+        let Judgement { findings, p, notes, histogram } = judgement;
+        if findings.is_empty() {
+            self.p = self.p.min(p);
+            return;
+        }
+        self.rejected += 1;
+        if self.worst.is_none() || p < self.p {
+            self.worst =
+                Some(rejection::Worst { configuration, shown, findings, notes, histogram });
+        }
+        self.p = self.p.min(p);
+    }
+}
+
+impl Settings {
+    fn check(&self, function: &str) -> Result<(), Failure> {
+        let reason = if !(self.significance > 0.0 && self.significance < 1.0) {
+            format!("has a significance of {}, which is no probability", self.significance)
+        } else if !(self.mass >= 0.0 && self.mass.is_finite()) {
+            format!("has a mass within {}, which bounds nothing", self.mass)
+        } else {
+            return Ok(());
+        };
+        Err(Failure::Domain { function: function.to_owned(), reason })
+    }
+}

@@ -1,0 +1,101 @@
+//! Pictures of a histogram: observed and expected counts, and how they differ.
+
+use std::path::PathBuf;
+
+use crate::golden::build_output;
+use crate::image::{Image, ImageError, Precision};
+use crate::stats::{Cells, Rectangle, Support};
+
+/// Pixels of a cell's side.
+const SIDE: u32 = 8;
+
+/// Cells that a message names.
+const NAMED: usize = 3;
+
+/// Differences this large, in standard deviations, are as bright as the mean count.
+const BRIGHT: f64 = 4.0;
+
+/// What was counted in each cell, and what should have been.
+pub(super) struct Histogram {
+    pub(super) cells: Cells,
+    pub(super) observed: Vec<u64>,
+    pub(super) expected: Vec<f64>,
+}
+
+impl Histogram {
+    /// The difference of a cell in standard deviations.
+    fn difference(&self, cell: usize) -> f64 {
+        let (observed, expected) = (self.observed[cell] as f64, self.expected[cell]);
+        if observed == expected { 0.0 } else { (observed - expected) / expected.sqrt() }
+    }
+
+    /// The cells that differ most.
+    pub(super) fn worst_cells(&self, support: Support) -> String {
+        let mut cells: Vec<usize> = (0..self.cells.len()).collect();
+        cells.sort_by(|a, b| self.difference(*b).abs().total_cmp(&self.difference(*a).abs()));
+        let names = match support {
+            Support::Sphere | Support::Hemisphere => ["theta", "phi"],
+            Support::Disk => ["r", "phi"],
+            Support::Interval(..) => ["x", ""],
+        };
+        let shown = |cell: usize| {
+            let Rectangle { low, high } = self.cells.rectangle(cell);
+            let mut text = format!("{} {:.4}..{:.4}", names[0], low[0], high[0]);
+            if !support.is_line() {
+                text += &format!(", {} {:.4}..{:.4}", names[1], low[1], high[1]);
+            }
+            let (observed, expected) = (self.observed[cell], self.expected[cell]);
+            let sigma = self.difference(cell);
+            format!("\n      {text}: {observed}, expected {expected:.1} ({sigma:+.1} sigma)")
+        };
+        cells.into_iter().take(NAMED).map(shown).collect()
+    }
+
+    /// Writes the picture as EXR and PNG into the folder of build output.
+    pub(super) fn write(&self, name: &str) -> Result<Vec<PathBuf>, ImageError> {
+        let folder = build_output().join("karat").join("samples");
+        let image = self.image();
+        let exr = folder.join(format!("{name}.exr"));
+        let png = exr.with_extension("png");
+        image.write_exr(&exr, Precision::Float, None)?;
+        image.write_png(&png)?;
+        Ok(vec![exr, png])
+    }
+
+    /// Three panels of cells, each of the same size, the first row on top: observed and expected
+    /// counts over the mean, and their difference over its deviation, red where there are too
+    /// many and blue where too few. Cells are drawn by rank, so a narrow lobe fills the picture.
+    fn image(&self) -> Image {
+        let rows = self.cells.row_lengths();
+        let columns = rows.iter().copied().max().unwrap_or(1);
+        // A line is drawn as a row.
+        let (rows, columns) =
+            if columns == 1 { (vec![rows.len()], rows.len()) } else { (rows, columns) };
+        let [columns, height] =
+            [columns, rows.len()].map(|cells| u32::try_from(cells).expect("a few hundred cells"));
+        let mean = self.expected.iter().sum::<f64>() / self.expected.len() as f64;
+        let panel = columns * SIDE;
+        let mut pixels = Vec::new();
+        for y in 0..height * SIDE {
+            let row = (y / SIDE) as usize;
+            let first: usize = rows[..row].iter().sum();
+            for x in 0..3 * panel {
+                let column = (x % panel / SIDE) as usize * rows[row] / columns as usize;
+                let cell = first + column;
+                let grey = |value: f64| [value / mean; 3];
+                let color = match x / panel {
+                    0 => grey(self.observed[cell] as f64),
+                    1 => grey(self.expected[cell]),
+                    _ => {
+                        let difference = self.difference(cell) / BRIGHT;
+                        [difference.max(0.0), 0.0, (-difference).max(0.0)]
+                    }
+                };
+                #[expect(clippy::cast_possible_truncation, reason = "a picture")]
+                let [r, g, b] = color.map(|value| value as f32);
+                pixels.push([r, g, b, 1.0]);
+            }
+        }
+        Image::new(3 * panel, height * SIDE, pixels)
+    }
+}

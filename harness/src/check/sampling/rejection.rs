@@ -1,0 +1,260 @@
+//! What a rejected sampler's message says.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use super::picture::Histogram;
+use crate::diagnostic::Diagnostic;
+use crate::path::Adapter;
+use crate::reflect::Function;
+use crate::stats::Support;
+
+/// A sampler's samples are not what they should be, on at least one path.
+#[derive(Clone, Debug)]
+pub struct Rejection {
+    /// The sampler.
+    pub function: Function,
+    /// The verb: `follows`.
+    pub check: &'static str,
+    /// What it asserts.
+    pub assertion: String,
+    /// Probability that the check rejects a right sampler.
+    pub significance: f64,
+    /// What each p-value has to reach.
+    pub threshold: f64,
+    /// Each path that rejects.
+    pub paths: Vec<PathRejection>,
+    /// Paths that don't.
+    pub agreeing: Vec<Adapter>,
+    /// Seed of configurations and random numbers.
+    pub seed: u64,
+}
+
+/// The rejections of one path.
+#[derive(Clone, Debug)]
+pub struct PathRejection {
+    /// Path, adapter and driver.
+    pub adapter: Adapter,
+    /// Configurations that were tried.
+    pub configurations: u64,
+    /// How many of them were rejected.
+    pub rejected: u64,
+    /// The one with the least p-value.
+    pub worst: ConfigurationRejection,
+    /// The command that runs it again.
+    pub replay: String,
+}
+
+/// One rejected configuration.
+#[derive(Clone, Debug)]
+pub struct ConfigurationRejection {
+    /// Its index.
+    pub case: u64,
+    /// Its value, as `Debug` shows it.
+    pub configuration: String,
+    /// What is wrong with its samples.
+    pub findings: Vec<Finding>,
+    /// What else is known: the density's integral, the worst cells.
+    pub notes: Vec<(&'static str, String)>,
+    /// Files that show observed and expected counts and their difference.
+    pub pictures: Vec<PathBuf>,
+}
+
+/// What is wrong with samples.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Finding {
+    /// A call returned NaN or an infinity.
+    NotFinite {
+        /// Such calls.
+        count: u64,
+        /// The first one.
+        call: String,
+    },
+    /// A sample that should be a direction isn't a unit vector.
+    NotUnit {
+        /// Such samples.
+        count: u64,
+        /// The first one.
+        call: String,
+    },
+    /// Samples are beside the support, and aren't declared to be.
+    Outside {
+        /// Such samples.
+        count: u64,
+        /// The first one.
+        call: String,
+    },
+    /// A sample has density 0: it can't happen.
+    Impossible {
+        /// Such samples.
+        count: u64,
+        /// The first one's density.
+        call: String,
+    },
+    /// A density or a reflectance is negative.
+    Negative {
+        /// Such calls.
+        count: u64,
+        /// The first one.
+        call: String,
+    },
+    /// A density doesn't integrate to 1, or to more than 1.
+    Mass {
+        /// The integral.
+        integral: f64,
+        /// How far it may be from 1.
+        bound: f64,
+    },
+    /// More or fewer samples leave the support than the density leaves out.
+    Left {
+        /// Samples beside the support.
+        left: u64,
+        /// How many should be, by 1 less the density's integral.
+        expected: f64,
+        /// Probability of such a number by chance.
+        p: f64,
+    },
+    /// Samples don't have the density.
+    ChiSquare {
+        /// The sum over the cells.
+        statistic: f64,
+        /// Degrees of freedom.
+        dof: usize,
+        /// Probability of such a sum by chance.
+        p: f64,
+    },
+    /// A mean isn't what it should be.
+    Mean {
+        /// Of what.
+        of: String,
+        /// The mean.
+        mean: f64,
+        /// Its standard error.
+        error: f64,
+        /// What was expected.
+        expected: f64,
+        /// Probability of such a difference by chance.
+        p: f64,
+    },
+    /// A distribution function isn't what it should be.
+    Distribution {
+        /// Of what.
+        of: String,
+        /// The largest distance.
+        distance: f64,
+        /// Where it is.
+        at: f64,
+        /// Probability of such a distance by chance.
+        p: f64,
+    },
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotFinite { count, call } => {
+                write!(f, "{count} calls return no finite number, first {call}")
+            }
+            Self::NotUnit { count, call } => {
+                write!(f, "{count} samples are no unit vectors, first {call}")
+            }
+            Self::Outside { count, call } => {
+                write!(f, "{count} samples are beside the support, first {call}")
+            }
+            Self::Impossible { count, call } => {
+                write!(f, "{count} samples have density 0, first {call}")
+            }
+            Self::Negative { count, call } => {
+                write!(f, "{count} calls return less than 0, first {call}")
+            }
+            Self::Mass { integral, bound } => {
+                write!(f, "the density integrates to {integral:.7}, not to 1 within {bound:.1e}")
+            }
+            Self::Left { left, expected, p } => write!(
+                f,
+                "{left} samples leave the support, the density leaves out {expected:.1}: \
+                 p = {p:.2e}"
+            ),
+            Self::ChiSquare { statistic, dof, p } => {
+                write!(f, "chi-square is {statistic:.1} with {dof} degrees of freedom: p = {p:.2e}")
+            }
+            Self::Mean { of, mean, error, expected, p } => {
+                write!(f, "{of} is {mean:.7} +- {error:.1e}, expected {expected:.7}: p = {p:.2e}")
+            }
+            Self::Distribution { of, distance, at, p } => {
+                write!(f, "the distribution of {of} is {distance:.2e} off at {at}: p = {p:.2e}")
+            }
+        }
+    }
+}
+
+/// A rejected configuration before its pictures are written.
+pub(super) struct Worst {
+    pub(super) configuration: u64,
+    pub(super) shown: String,
+    pub(super) findings: Vec<Finding>,
+    pub(super) notes: Vec<(&'static str, String)>,
+    pub(super) histogram: Option<Histogram>,
+}
+
+impl Worst {
+    /// Writes the pictures. `place` is test, function and path.
+    pub(super) fn reported(
+        self,
+        support: Support,
+        (test, function, path): (&str, &str, String),
+    ) -> ConfigurationRejection {
+        let Self { configuration: case, shown: configuration, findings, mut notes, histogram } =
+            self;
+        let mut pictures = Vec::new();
+        if let Some(histogram) = histogram {
+            notes.push(("worst cells", histogram.worst_cells(support)));
+            let name: String = format!("{test}-{function}-{path}-{case}")
+                .chars()
+                .map(|c| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' })
+                .collect();
+            match histogram.write(&name) {
+                Ok(files) => pictures = files,
+                Err(error) => notes.push(("no picture", error.to_string())),
+            }
+        }
+        ConfigurationRejection { case, configuration, findings, notes, pictures }
+    }
+}
+
+impl fmt::Display for Rejection {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { check, assertion, significance, threshold, .. } = self;
+        let message = format!("`{}` fails {check}: {assertion}", self.function.path);
+        let mut span = self.function.span.clone();
+        let text = span.file.text.get(span.range.clone()).unwrap_or_default();
+        let head = text.find('\n').unwrap_or(text.len());
+        span.range.end = span.range.start + text[..head].trim_end().len();
+        writeln!(f, "{}", Diagnostic::new(message).at(span, ""))?;
+        for path in &self.paths {
+            writeln!(f, "\non {}", path.adapter)?;
+            let PathRejection { configurations, rejected, worst, replay, .. } = path;
+            writeln!(
+                f,
+                "  {rejected} of {configurations} configurations are rejected (p below \
+                 {threshold:.2e}, for {significance} in all)"
+            )?;
+            writeln!(f, "  worst (case {}): {}", worst.case, worst.configuration)?;
+            for finding in &worst.findings {
+                writeln!(f, "    {finding}")?;
+            }
+            for (name, note) in &worst.notes {
+                writeln!(f, "    {name}: {note}")?;
+            }
+            for picture in &worst.pictures {
+                writeln!(f, "    observed, expected, difference: {}", picture.display())?;
+            }
+            writeln!(f, "  replay: {replay}")?;
+        }
+        for adapter in &self.agreeing {
+            writeln!(f, "\non {adapter}\n  all configurations fit")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,110 @@
+//! Statistics on the host, without a device: what a verdict about random samples is made of.
+//!
+//! Each test is given what was observed and what was expected, and returns a p-value, the
+//! probability of so large a difference by chance, or [`NoVerdict`]: too few samples, a single
+//! cell, a value that isn't a number. A p-value that is NaN is never returned. Whether a p-value
+//! is small enough is decided by [`accepts`], where NaN fails again.
+//!
+//! The cells of a histogram ([`Cells`]) are laid so that each gets about as many samples, by a
+//! pilot run; what a cell should hold is an adaptive integral of the density ([`integrate`]).
+
+mod cells;
+mod chi_square;
+mod cubature;
+mod kolmogorov;
+mod mean;
+mod power;
+mod support;
+mod tail;
+
+pub use cells::Cells;
+pub use chi_square::{ChiSquare, POOLED};
+pub use cubature::{CellIntegral, CubatureError, Rectangle, integrate};
+pub use kolmogorov::Kolmogorov;
+pub use mean::{Mean, Moments};
+pub use power::{Rate, chi_square_power};
+pub use support::{Place, Support};
+pub use tail::{
+    binomial_tail, chi_square_critical, chi_square_tail, kolmogorov_tail, noncentral_tail,
+    normal_tail,
+};
+
+/// Why a test has no verdict.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum NoVerdict {
+    /// Too few samples for the approximation that the test makes.
+    #[error("{found} samples are too few: at least {needed} are needed")]
+    TooFew {
+        /// Samples there are.
+        found: u64,
+        /// Samples that the test needs.
+        needed: u64,
+    },
+    /// Nothing is left to compare after cells have been pooled.
+    #[error("{cells} cells are left after pooling: no degree of freedom")]
+    NoFreedom {
+        /// Cells with an expectation, the pool counted as one.
+        cells: usize,
+    },
+    /// As many observations as expectations are needed.
+    #[error("{observed} cells are observed, {expected} are expected")]
+    Length {
+        /// Cells observed.
+        observed: usize,
+        /// Cells expected.
+        expected: usize,
+    },
+    /// A value that a test can't use.
+    #[error("{what} is {value}")]
+    NotANumber {
+        /// What it is.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+    },
+}
+
+/// Whether a p-value speaks for the hypothesis at this threshold. NaN doesn't.
+#[must_use]
+pub fn accepts(p: f64, threshold: f64) -> bool {
+    p >= threshold
+}
+
+/// The threshold of each of `tests` independent tests, so that any of them rejects a true
+/// hypothesis with probability `significance`. Sidak 1967.
+#[must_use]
+pub fn sidak(significance: f64, tests: u64) -> f64 {
+    // 1 - (1 - s)^(1/m), without its cancellation.
+    -((-significance).ln_1p() / tests.max(1) as f64).exp_m1()
+}
+
+/// A p-value, if it is one.
+fn probability(value: f64) -> Result<f64, NoVerdict> {
+    if (0.0..=1.0 + 1e-9).contains(&value) {
+        return Ok(value.min(1.0)); // a sum of tails may round above 1
+    }
+    Err(NoVerdict::NotANumber { what: "the p-value", value })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nan_is_never_accepted() {
+        assert!(!accepts(f64::NAN, 0.01) && !accepts(0.5, f64::NAN) && accepts(0.01, 0.01));
+        assert!(probability(f64::NAN).is_err() && probability(-0.1).is_err());
+    }
+
+    #[test]
+    fn many_tests_keep_the_significance_of_one() {
+        assert_eq!(sidak(0.01, 1), 0.01);
+        for tests in [2_u64, 10, 1000, 1_000_000] {
+            let threshold = sidak(0.01, tests);
+            let any = 1.0 - (1.0 - threshold).powf(tests as f64);
+            assert!((any - 0.01).abs() < 1e-9, "{tests}: {any}");
+            assert!(threshold >= 0.01 / tests as f64, "above Bonferroni's");
+        }
+    }
+}

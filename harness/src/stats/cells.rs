@@ -1,0 +1,225 @@
+//! The cells of a histogram.
+
+use super::{Rectangle, Support};
+
+/// A partition of a support into rows of the first coordinate, and of each row into columns of the
+/// second, such that each cell has about as many samples.
+///
+/// Even cells would hold a narrow lobe in one of them. These are laid by the quantiles of a pilot
+/// run, whose samples are not those that are judged, so that the cells don't depend on them.
+#[derive(Clone, Debug)]
+pub struct Cells {
+    support: Support,
+    /// Bounds between rows.
+    rows: Vec<f64>,
+    /// Bounds between the columns of each row.
+    columns: Vec<Vec<f64>>,
+    /// Index of the first cell of each row, and one past the last.
+    offsets: Vec<usize>,
+    /// The smallest rectangle about the pilot samples of each cell.
+    occupied: Vec<Option<Rectangle>>,
+}
+
+impl Cells {
+    /// At most `rows` rows of `columns` columns (one, on a line), from the coordinates of pilot
+    /// samples. There are fewer where samples coincide.
+    #[must_use]
+    pub fn new(support: Support, pilot: &[[f64; 2]], rows: usize, columns: usize) -> Self {
+        let columns = if support.is_line() { 1 } else { columns };
+        let first: Vec<f64> = pilot.iter().map(|at| at[0]).collect();
+        let rows = quantiles(first, rows);
+        let mut members = vec![Vec::new(); rows.len() + 1];
+        for at in pilot {
+            members[index(&rows, at[0])].push(at[1]);
+        }
+        let columns: Vec<Vec<f64>> =
+            members.into_iter().map(|second| quantiles(second, columns)).collect();
+        let mut offsets = vec![0];
+        for row in &columns {
+            offsets.push(offsets[offsets.len() - 1] + row.len() + 1);
+        }
+        let occupied = vec![None; offsets[offsets.len() - 1]];
+        let mut cells = Self { support, rows, columns, offsets, occupied };
+        for at in pilot {
+            let cell = cells.index(*at);
+            let point = Rectangle { low: *at, high: *at };
+            let grown = cells.occupied[cell].map_or(point, |occupied| occupied.union(point));
+            cells.occupied[cell] = Some(grown);
+        }
+        cells
+    }
+
+    /// How many.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.occupied.len()
+    }
+
+    /// Never: a partition has one cell at least.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.occupied.is_empty()
+    }
+
+    /// The cell at coordinates. What rounding puts beyond an end is in the last cell before it.
+    #[must_use]
+    pub fn index(&self, at: [f64; 2]) -> usize {
+        let row = index(&self.rows, at[0]);
+        self.offsets[row] + index(&self.columns[row], at[1])
+    }
+
+    /// How many cells each row has, from the first.
+    #[must_use]
+    pub fn row_lengths(&self) -> Vec<usize> {
+        self.columns.iter().map(|row| row.len() + 1).collect()
+    }
+
+    /// The bounds of a cell.
+    ///
+    /// # Panics
+    /// If there is no such cell.
+    #[must_use]
+    pub fn rectangle(&self, cell: usize) -> Rectangle {
+        let row = self.offsets.partition_point(|offset| *offset <= cell) - 1;
+        let [first, second] = self.support.extent();
+        let (a0, a1) = bounds(&self.rows, row, first);
+        let (b0, b1) = bounds(&self.columns[row], cell - self.offsets[row], second);
+        Rectangle { low: [a0, b0], high: [a1, b1] }
+    }
+
+    /// A cell cut so that a rule of moderate order sees the density in each part: where its pilot
+    /// samples are, and beside them in steps that double. A tail falls within a few times the
+    /// width of what is before it, and a rule over the whole of a wide cell would step over it.
+    ///
+    /// # Panics
+    /// If there is no such cell.
+    #[must_use]
+    pub fn parts(&self, cell: usize) -> Vec<Rectangle> {
+        let Rectangle { low, high } = self.rectangle(cell);
+        let Some(occupied) = self.occupied[cell] else { return vec![Rectangle { low, high }] };
+        let cuts = [0, 1].map(|side| {
+            if side == 1 && self.support.is_line() {
+                return vec![low[1], high[1]];
+            }
+            graded((low[side], high[side]), (occupied.low[side], occupied.high[side]))
+        });
+        let pairs = |cuts: &[f64]| -> Vec<(f64, f64)> {
+            cuts.windows(2).map(|pair| (pair[0], pair[1])).collect()
+        };
+        let (first, second) = (pairs(&cuts[0]), pairs(&cuts[1]));
+        let cut = |(a0, a1): (f64, f64)| {
+            second.iter().map(move |(b0, b1)| Rectangle { low: [a0, *b0], high: [a1, *b1] })
+        };
+        first.into_iter().flat_map(cut).collect()
+    }
+}
+
+/// Bounds that cut values into `parts` of about equal number. Equal values are not cut.
+fn quantiles(mut values: Vec<f64>, parts: usize) -> Vec<f64> {
+    values.sort_unstable_by(f64::total_cmp);
+    let mut bounds: Vec<f64> = Vec::new();
+    for part in 1..parts {
+        let cut = part * values.len() / parts;
+        if cut == 0 || cut >= values.len() {
+            continue;
+        }
+        let (before, after) = (values[cut - 1], values[cut]);
+        let bound = 0.5 * (before + after);
+        let new = bounds.last().is_none_or(|last| bound > *last);
+        if new && before < bound && bound <= after {
+            bounds.push(bound);
+        }
+    }
+    bounds
+}
+
+fn index(bounds: &[f64], value: f64) -> usize {
+    bounds.partition_point(|bound| *bound <= value)
+}
+
+fn bounds(inner: &[f64], part: usize, ends: (f64, f64)) -> (f64, f64) {
+    let low = if part == 0 { ends.0 } else { inner[part - 1] };
+    (low, inner.get(part).copied().unwrap_or(ends.1))
+}
+
+/// Cuts of `low..high`: around `start..end`, and from there outwards in steps that double.
+fn graded((low, high): (f64, f64), (start, end): (f64, f64)) -> Vec<f64> {
+    // One sample has no width: 30 steps reach the end of any support.
+    let width = (end - start).max(1e-9 * (high - low));
+    let steps = |gap: f64| {
+        let mut step = width;
+        std::iter::from_fn(move || {
+            let at = step - width;
+            step *= 2.0;
+            // The last step would leave less than half of itself.
+            (at + 0.5 * step <= gap).then_some(at)
+        })
+    };
+    let mut cuts = vec![low, high];
+    cuts.extend(steps(start - low).map(|at| start - at));
+    cuts.extend(steps(high - end).map(|at| end + at));
+    cuts.sort_unstable_by(f64::total_cmp);
+    cuts.dedup();
+    cuts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::Source;
+
+    fn pilot(support: Support, count: u64) -> Vec<[f64; 2]> {
+        let [first, second] = support.extent();
+        let mut source = Source::new(1, 1);
+        (0..count)
+            .map(|_| {
+                // Crowded near the first end, as in a lobe.
+                let a = first.0 + 1e-3 * (first.1 - first.0) * source.unit() * source.unit();
+                [a, second.0 + (second.1 - second.0) * source.unit()]
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_crowd_is_shared_out_evenly() {
+        let samples = pilot(Support::Hemisphere, 16_384);
+        let cells = Cells::new(Support::Hemisphere, &samples, 16, 32);
+        assert_eq!(cells.len(), 512);
+        let mut counts = vec![0; cells.len()];
+        samples.iter().for_each(|at| counts[cells.index(*at)] += 1);
+        assert!(counts.iter().all(|count| (30..=34).contains(count)), "{counts:?}");
+    }
+
+    #[test]
+    fn parts_tile_their_cell_and_cells_their_support() {
+        for support in [Support::Sphere, Support::Disk, Support::Interval(-1.0, 3.0)] {
+            let cells = Cells::new(support, &pilot(support, 2000), 8, 16);
+            let area = |r: Rectangle| (r.high[0] - r.low[0]) * (r.high[1] - r.low[1]);
+            let mut whole = 0.0;
+            for cell in 0..cells.len() {
+                let of_parts: f64 = cells.parts(cell).into_iter().map(area).sum();
+                let of_cell = area(cells.rectangle(cell));
+                assert!((of_parts - of_cell).abs() < 1e-12);
+                let Rectangle { low, high } = cells.rectangle(cell);
+                let middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
+                assert_eq!(cells.index(middle), cell);
+                whole += of_cell;
+            }
+            let [(a0, a1), (b0, b1)] = support.extent();
+            assert!((whole - (a1 - a0) * (b1 - b0)).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn coincident_samples_leave_one_cell() {
+        let cells = Cells::new(Support::Sphere, &[[0.5, 0.5]; 100], 16, 32);
+        assert_eq!((cells.len(), cells.is_empty()), (1, false));
+        assert!(cells.parts(0).len() > 1);
+    }
+
+    #[test]
+    fn steps_double_away_from_what_is_occupied() {
+        assert_eq!(graded((0.0, 1.0), (0.0, 0.125)), [0.0, 0.125, 0.25, 0.5, 1.0]);
+        assert_eq!(graded((0.0, 1.0), (0.0, 0.99)), [0.0, 1.0]);
+    }
+}

@@ -1,0 +1,120 @@
+//! Pearson's chi-square test of a histogram against expected counts.
+
+use super::tail::chi_square_tail;
+use super::{NoVerdict, probability};
+
+/// Cells that expect fewer are pooled: below, their distribution isn't close to the normal one
+/// that the test assumes. Cochran 1952's rule of thumb.
+pub const POOLED: f64 = 5.0;
+
+/// How far a histogram is from what it should be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChiSquare {
+    /// The sum of (observed - expected)^2 / expected; infinite if something impossible happened.
+    pub statistic: f64,
+    /// Degrees of freedom: one less than the cells, the pool counted as one.
+    pub dof: usize,
+    /// Probability of so large a sum by chance.
+    pub p: f64,
+    /// Cells that were pooled.
+    pub pooled: usize,
+    /// Samples in cells that expect none.
+    pub impossible: u64,
+}
+
+impl ChiSquare {
+    /// Compares counts with expected counts, whose sums should be equal. Cells that expect fewer
+    /// than [`POOLED`] are made one, with the smallest of the others if they don't reach it
+    /// together. A cell that expects nothing has no part in the sum, and any sample in it makes
+    /// the p-value 0.
+    ///
+    /// # Errors
+    /// If nothing was observed, an expectation isn't a number or negative, or only one cell
+    /// is left.
+    pub fn of(observed: &[u64], expected: &[f64]) -> Result<Self, NoVerdict> {
+        if observed.len() != expected.len() {
+            let (observed, expected) = (observed.len(), expected.len());
+            return Err(NoVerdict::Length { observed, expected });
+        }
+        if let Some(value) = expected.iter().find(|value| !(**value >= 0.0 && value.is_finite())) {
+            return Err(NoVerdict::NotANumber { what: "an expected count", value: *value });
+        }
+        if observed.iter().all(|count| *count == 0) {
+            return Err(NoVerdict::TooFew { found: 0, needed: 1 });
+        }
+        let mut cells: Vec<(f64, u64)> =
+            expected.iter().copied().zip(observed.iter().copied()).collect();
+        // The sort is stable, so that equal expectations are pooled in the same order every time.
+        cells.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let impossible = cells.iter().filter(|cell| cell.0 == 0.0).map(|cell| cell.1).sum();
+        let (mut statistic, mut groups, mut pooled) = (0.0, 0, 0);
+        let mut pool = (0.0, 0_u64);
+        let mut add = |(expected, observed): (f64, u64)| {
+            let difference = observed as f64 - expected;
+            statistic += difference * difference / expected;
+            groups += 1;
+        };
+        for cell in cells.into_iter().filter(|cell| cell.0 > 0.0) {
+            if cell.0 < POOLED || (pool.0 > 0.0 && pool.0 < POOLED) {
+                pool = (pool.0 + cell.0, pool.1 + cell.1);
+                pooled += 1;
+            } else {
+                add(cell);
+            }
+        }
+        if pool.0 > 0.0 {
+            add(pool);
+        }
+        if groups < 2 {
+            return Err(NoVerdict::NoFreedom { cells: groups });
+        }
+        let dof = groups - 1;
+        if impossible > 0 {
+            return Ok(Self { statistic: f64::INFINITY, dof, p: 0.0, pooled, impossible });
+        }
+        let p = probability(chi_square_tail(statistic, dof as f64))?;
+        Ok(Self { statistic, dof, p, pooled, impossible })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Mendel's peas: 315, 108, 101, 32 of 556 against 9 : 3 : 3 : 1.
+    #[test]
+    fn peas_are_as_mendel_says() {
+        let expected = [9.0, 3.0, 3.0, 1.0].map(|share| 556.0 * share / 16.0);
+        let test = ChiSquare::of(&[315, 108, 101, 32], &expected).expect("four cells");
+        assert_eq!((test.dof, test.pooled), (3, 0));
+        assert!((test.statistic - 0.470_024).abs() < 1e-6 && (test.p - 0.925_4).abs() < 1e-4);
+    }
+
+    #[test]
+    fn small_cells_are_pooled_until_they_expect_five() {
+        // 1 + 2 expect 3, and take the 6 with them: 9 against 8, 10 against 11.
+        let test = ChiSquare::of(&[1, 2, 5, 11], &[1.0, 2.0, 6.0, 10.0]).expect("two cells");
+        assert_eq!((test.dof, test.pooled), (1, 3));
+        assert!((test.statistic - (1.0 / 9.0 + 0.1)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn without_evidence_there_is_no_verdict() {
+        let of = ChiSquare::of;
+        assert_eq!(of(&[5], &[5.0]), Err(NoVerdict::NoFreedom { cells: 1 }));
+        assert_eq!(of(&[2, 3], &[2.0, 3.0]), Err(NoVerdict::NoFreedom { cells: 1 }));
+        assert_eq!(of(&[9, 0], &[9.0, 0.0]), Err(NoVerdict::NoFreedom { cells: 1 }));
+        assert_eq!(of(&[], &[]), Err(NoVerdict::TooFew { found: 0, needed: 1 }));
+        assert_eq!(of(&[0, 0], &[9.0, 9.0]), Err(NoVerdict::TooFew { found: 0, needed: 1 }));
+        assert!(matches!(of(&[1], &[1.0, 2.0]), Err(NoVerdict::Length { .. })));
+        for bad in [f64::NAN, f64::INFINITY, -1.0] {
+            assert!(matches!(of(&[9, 9], &[9.0, bad]), Err(NoVerdict::NotANumber { .. })));
+        }
+    }
+
+    #[test]
+    fn what_is_impossible_has_probability_zero() {
+        let test = ChiSquare::of(&[10, 10, 1], &[10.0, 11.0, 0.0]).expect("two cells");
+        assert_eq!((test.p, test.impossible), (0.0, 1));
+    }
+}

@@ -1,0 +1,288 @@
+//! Adaptive integrals over the cells of a support, of a function that is evaluated in batches.
+
+use super::{Cells, Support};
+
+/// Nodes of each side: Gauss-Legendre's of degree 13. The other rule is Lobatto's of degree 7,
+/// which has nodes on the sides: between inner nodes and a side both rules would miss an edge.
+const ORDER: usize = 7;
+
+/// Nodes of one integral of all cells: what a software device evaluates in some ten seconds.
+const MOST: usize = 1 << 24;
+
+/// Rectangles whose nodes are evaluated at once.
+const BATCH: usize = 880; // times 74 nodes, within 65,536
+
+/// A rectangle of a support's coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rectangle {
+    /// The lower ends.
+    pub low: [f64; 2],
+    /// The upper ends.
+    pub high: [f64; 2],
+}
+
+impl Rectangle {
+    /// The smallest rectangle about both.
+    #[must_use]
+    pub fn union(self, other: Self) -> Self {
+        let low = [self.low[0].min(other.low[0]), self.low[1].min(other.low[1])];
+        let high = [self.high[0].max(other.high[0]), self.high[1].max(other.high[1])];
+        Self { low, high }
+    }
+
+    fn split(self, line: bool) -> Vec<Self> {
+        let middle = [0, 1].map(|side| 0.5 * (self.low[side] + self.high[side]));
+        let halves =
+            |side: usize| [(self.low[side], middle[side]), (middle[side], self.high[side])];
+        let second = if line { vec![(self.low[1], self.high[1])] } else { halves(1).to_vec() };
+        let part = |(a0, a1): (f64, f64)| {
+            second.iter().map(move |(b0, b1)| Self { low: [a0, *b0], high: [a1, *b1] })
+        };
+        halves(0).into_iter().flat_map(part).collect()
+    }
+}
+
+/// The integral over one cell.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CellIntegral {
+    /// Of each component.
+    pub value: Vec<f64>,
+    /// The difference between two orders, as if those of the parts were independent; of the
+    /// worst component.
+    pub error: f64,
+}
+
+/// Why there is no integral.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CubatureError<E> {
+    /// The function can't be evaluated.
+    #[error(transparent)]
+    Evaluation(E),
+    /// Two orders don't agree, however small the parts.
+    #[error("two quadrature rules still disagree after {nodes} nodes")]
+    Diverges {
+        /// Nodes that were evaluated.
+        nodes: usize,
+    },
+}
+
+/// A part of a cell.
+#[derive(Clone, Copy)]
+struct Part {
+    cell: usize,
+    rectangle: Rectangle,
+    depth: u32,
+}
+
+/// Integrates a function of `components` components over each cell.
+///
+/// Rules of two orders are applied to each part of a cell, and a part is divided until they agree
+/// within `tolerance`, a function of what the cell is known to integrate to so far. The tolerance
+/// of a part falls with the root of its share: their errors add up like independent ones, as they
+/// do along the edge of a density that jumps.
+///
+/// `evaluate` gets points and returns the components of each.
+///
+/// # Errors
+/// If `evaluate` fails, or the rules don't come to agree.
+pub fn integrate<E>(
+    support: Support,
+    cells: &Cells,
+    components: usize,
+    tolerance: impl Fn(&[f64]) -> f64,
+    mut evaluate: impl FnMut(&[[f64; 3]]) -> Result<Vec<f64>, E>,
+) -> Result<Vec<CellIntegral>, CubatureError<E>> {
+    let rules = [lobatto(), gauss_legendre(ORDER)].map(|side| rule(&side, support.is_line()));
+    let per_part: usize = rules.iter().map(Vec::len).sum();
+    let zero = CellIntegral { value: vec![0.0; components], error: 0.0 };
+    let mut sums = vec![zero; cells.len()];
+    let mut pending: Vec<Part> = (0..cells.len())
+        .flat_map(|cell| cells.parts(cell).into_iter().map(move |part| (cell, part)))
+        .map(|(cell, rectangle)| Part { cell, rectangle, depth: 0 })
+        .collect();
+    let mut evaluated = 0;
+    while !pending.is_empty() {
+        let mut results = Vec::with_capacity(pending.len());
+        for batch in pending.chunks(BATCH) {
+            evaluated += batch.len() * per_part;
+            if evaluated > MOST {
+                return Err(CubatureError::Diverges { nodes: evaluated });
+            }
+            let mut points = Vec::with_capacity(batch.len() * per_part);
+            let mut weights = Vec::with_capacity(batch.len() * per_part);
+            for part in batch {
+                let Rectangle { low, high } = part.rectangle;
+                let size = [high[0] - low[0], high[1] - low[1]];
+                for (node, weight) in rules.iter().flatten() {
+                    let at = [low[0] + size[0] * node[0], low[1] + size[1] * node[1]];
+                    let (point, measure) = support.point(at);
+                    points.push(point);
+                    weights.push(weight * size[0] * size[1] * measure);
+                }
+            }
+            let values = evaluate(&points).map_err(CubatureError::Evaluation)?;
+            let mut nodes = weights.iter().zip(values.chunks_exact(components));
+            for _ in batch {
+                let sums = [0, 1].map(|which| {
+                    let mut sum = vec![0.0; components];
+                    for (weight, value) in nodes.by_ref().take(rules[which].len()) {
+                        for (sum, value) in sum.iter_mut().zip(value) {
+                            *sum += weight * value;
+                        }
+                    }
+                    sum
+                });
+                results.push(sums);
+            }
+        }
+        // What each cell is known to be, before any of its parts is judged.
+        let mut known: Vec<Vec<f64>> = sums.iter().map(|sum| sum.value.clone()).collect();
+        for (part, [_, higher]) in pending.iter().zip(&results) {
+            add(&mut known[part.cell], higher);
+        }
+        let mut next = Vec::new();
+        for (part, [lower, higher]) in pending.iter().zip(results) {
+            let errors = lower.iter().zip(&higher).map(|(lower, higher)| (higher - lower).abs());
+            // Not `f64::max`, which drops NaN.
+            let error = errors.fold(0.0, |worst, error| if error <= worst { worst } else { error });
+            let share = 0.5_f64.powi(part.depth.cast_signed()).sqrt();
+            if error <= share * tolerance(&known[part.cell]) {
+                let sum = &mut sums[part.cell];
+                add(&mut sum.value, &higher);
+                sum.error = sum.error.hypot(error);
+            } else {
+                let parts = part.rectangle.split(support.is_line()).into_iter();
+                let depth = part.depth + 1;
+                next.extend(parts.map(|rectangle| Part { rectangle, depth, ..*part }));
+            }
+        }
+        pending = next;
+    }
+    Ok(sums)
+}
+
+fn add(sum: &mut [f64], values: &[f64]) {
+    for (sum, value) in sum.iter_mut().zip(values) {
+        *sum += value;
+    }
+}
+
+/// Nodes in the unit square, and their weights. On a line the second coordinate is 1/2.
+fn rule(nodes: &[(f64, f64)], line: bool) -> Vec<([f64; 2], f64)> {
+    let second = if line { &[(0.5, 1.0)] } else { nodes };
+    let row = |(a, weight): &(f64, f64)| {
+        let (a, weight) = (*a, *weight);
+        second.iter().map(move |(b, other)| ([a, *b], weight * other))
+    };
+    nodes.iter().flat_map(row).collect()
+}
+
+/// Nodes and weights on 0..1 with both ends. Abramowitz and Stegun 25.4.32, of five nodes.
+fn lobatto() -> Vec<(f64, f64)> {
+    let inner = 0.5 * (3.0_f64 / 7.0).sqrt();
+    let (end, side, middle) = (1.0 / 20.0, 49.0 / 180.0, 16.0 / 45.0);
+    vec![(0.0, end), (0.5 - inner, side), (0.5, middle), (0.5 + inner, side), (1.0, end)]
+}
+
+/// Nodes and weights on 0..1: the roots of Legendre's polynomial, by Newton's method from
+/// Chebyshev's. Abramowitz and Stegun 25.4.29.
+fn gauss_legendre(order: usize) -> Vec<(f64, f64)> {
+    let count = order as f64;
+    (0..order)
+        .map(|index| {
+            let mut x = (std::f64::consts::PI * (index as f64 + 0.75) / (count + 0.5)).cos();
+            let mut slope = 1.0;
+            for _ in 0..20 {
+                let (mut before, mut value) = (1.0, x);
+                for k in 2..=order {
+                    let k = k as f64;
+                    (before, value) =
+                        (value, ((2.0 * k - 1.0) * x * value - (k - 1.0) * before) / k);
+                }
+                slope = count * (x * value - before) / (x * x - 1.0);
+                x -= value / slope;
+            }
+            (0.5 * (1.0 - x), 1.0 / ((1.0 - x * x) * slope * slope))
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::convert::Infallible;
+    use std::f64::consts::{PI, TAU};
+
+    use super::*;
+    use crate::domain::Source;
+
+    fn total(
+        support: Support,
+        tolerance: f64,
+        function: impl Fn([f64; 3]) -> f64,
+    ) -> Result<(f64, usize), CubatureError<Infallible>> {
+        let [(a0, a1), (b0, b1)] = support.extent();
+        let mut source = Source::new(3, 3);
+        let mut at = || [a0 + (a1 - a0) * source.unit(), b0 + (b1 - b0) * source.unit()];
+        let pilot: Vec<_> = (0..500).map(|_| at()).collect();
+        let cells = Cells::new(support, &pilot, 4, 8);
+        let mut nodes = 0;
+        let cells = integrate(
+            support,
+            &cells,
+            1,
+            |_| tolerance,
+            |points| {
+                nodes += points.len();
+                Ok(points.iter().map(|point| function(*point)).collect())
+            },
+        )?;
+        Ok((cells.iter().map(|cell| cell.value[0]).sum(), nodes))
+    }
+
+    #[test]
+    fn rules_are_exact_for_polynomials() {
+        let exact = |nodes: Vec<(f64, f64)>, degree: u8| {
+            for power in 0..=degree {
+                let sum: f64 = nodes.iter().map(|(x, w)| w * x.powi(power.into())).sum();
+                assert!((sum - 1.0 / f64::from(power + 1)).abs() < 1e-14, "{degree} {power}");
+            }
+        };
+        (1..=9_u8).for_each(|order| exact(gauss_legendre(order.into()), 2 * order - 1));
+        exact(lobatto(), 7);
+    }
+
+    #[test]
+    fn measures_are_those_of_the_supports() {
+        for (support, measure) in [
+            (Support::Sphere, 2.0 * TAU),
+            (Support::Hemisphere, TAU),
+            (Support::Disk, PI),
+            (Support::Interval(-1.0, 4.0), 5.0),
+        ] {
+            let (sum, _) = total(support, 1e-9, |_| 1.0).expect("smooth");
+            assert!((sum - measure).abs() < 1e-9, "{support}: {sum}");
+        }
+    }
+
+    #[test]
+    fn an_edge_is_followed() {
+        let (sum, nodes) =
+            total(Support::Disk, 1e-6, |[x, ..]| f64::from(u8::from(x > 0.3))).expect("ends");
+        let exact = 0.3_f64.acos() - 0.3 * 0.91_f64.sqrt();
+        assert!((sum - exact).abs() < 2e-5 && nodes < 1_000_000, "{sum} {exact} {nodes}");
+    }
+
+    #[test]
+    fn what_never_converges_is_an_error() {
+        let count = std::cell::Cell::new(0_u32);
+        let noise = |_| {
+            count.set(count.get().wrapping_add(1));
+            f64::from(count.get().wrapping_mul(0x9e37_79b9) >> 16)
+        };
+        let diverged = total(Support::Disk, 1e-12, noise);
+        assert!(matches!(diverged, Err(CubatureError::Diverges { .. })));
+        // NaN agrees with nothing.
+        assert!(total(Support::Interval(0.0, 1.0), 1.0, |_| f64::NAN).is_err());
+    }
+}

@@ -1,0 +1,151 @@
+//! The test of a mean, by its own standard error.
+
+use super::tail::normal_tail;
+use super::{NoVerdict, probability};
+
+/// Fewer samples' means aren't close to normal.
+const FEWEST: u64 = 100;
+
+/// Count, mean and variance of a stream of numbers. Welford 1962; Chan et al. 1983 for sums of
+/// parts, so that the result doesn't depend on how a stream was cut but for rounding.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moments {
+    count: u64,
+    mean: f64,
+    squares: f64,
+}
+
+impl Moments {
+    /// Adds a number.
+    pub fn add(&mut self, value: f64) {
+        self.count += 1;
+        let before = value - self.mean;
+        self.mean += before / self.count as f64;
+        self.squares += before * (value - self.mean);
+    }
+
+    /// Of both streams.
+    #[must_use]
+    pub fn merge(self, other: Self) -> Self {
+        let count = self.count + other.count;
+        if count == 0 {
+            return self;
+        }
+        let (a, b, n) = (self.count as f64, other.count as f64, count as f64);
+        let difference = other.mean - self.mean;
+        let mean = self.mean + difference * b / n;
+        let squares = self.squares + other.squares + difference * difference * a * b / n;
+        Self { count, mean, squares }
+    }
+
+    /// How many numbers.
+    #[must_use]
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Their mean.
+    #[must_use]
+    pub fn mean(&self) -> f64 {
+        self.mean
+    }
+
+    /// Their variance, as an estimate of that which they were drawn from.
+    #[must_use]
+    pub fn variance(&self) -> f64 {
+        self.squares / (self.count.max(2) - 1) as f64
+    }
+}
+
+/// How far a mean is from what it should be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mean {
+    /// The mean.
+    pub mean: f64,
+    /// Its standard error.
+    pub error: f64,
+    /// The difference beyond the slack, in standard errors.
+    pub z: f64,
+    /// Probability of so large a difference by chance.
+    pub p: f64,
+}
+
+impl Mean {
+    /// Compares the mean with the expected one. `slack` is what of the difference isn't counted:
+    /// the rounding of the samples and the error of the expectation. Without it, samples that all
+    /// are the same but for rounding would be judged by their rounding.
+    ///
+    /// # Errors
+    /// If there are fewer than 100 samples, or a number isn't finite.
+    pub fn of(moments: &Moments, expected: f64, slack: f64) -> Result<Self, NoVerdict> {
+        let found = moments.count;
+        if found < FEWEST {
+            return Err(NoVerdict::TooFew { found, needed: FEWEST });
+        }
+        let error = (moments.variance() / found as f64).sqrt();
+        for (what, value) in [
+            ("the mean", moments.mean),
+            ("the standard error", error),
+            ("what is expected", expected),
+        ] {
+            if !value.is_finite() {
+                return Err(NoVerdict::NotANumber { what, value });
+            }
+        }
+        if !(slack >= 0.0 && slack.is_finite()) {
+            return Err(NoVerdict::NotANumber { what: "the slack", value: slack });
+        }
+        let counted = (moments.mean - expected).abs() - slack;
+        let z = if counted <= 0.0 { 0.0 } else { counted / error };
+        Ok(Self { mean: moments.mean, error, z, p: probability(normal_tail(z))? })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn moments(values: impl IntoIterator<Item = f64>) -> Moments {
+        let mut moments = Moments::default();
+        values.into_iter().for_each(|value| moments.add(value));
+        moments
+    }
+
+    #[test]
+    fn parts_have_the_moments_of_the_whole() {
+        let values: Vec<f64> = (0..1000).map(|i| 1e6 + f64::from(i % 37)).collect();
+        let whole = moments(values.iter().copied());
+        let parts = values.chunks(77).map(|part| moments(part.iter().copied()));
+        let merged = parts.fold(Moments::default(), Moments::merge);
+        assert_eq!(whole.count(), merged.count());
+        assert!((whole.mean() - merged.mean()).abs() < 1e-6);
+        assert!((whole.variance() - merged.variance()).abs() < 1e-6 * whole.variance());
+        let variance = |n: f64| (n * n - 1.0) / 12.0; // of 0..n, uniform
+        assert!((merged.variance() / variance(37.0) - 1.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn a_mean_is_judged_by_its_error() {
+        // 10,000 throws of a coin: an error of 0.005.
+        let coin = moments((0..10_000).map(|i| f64::from(i % 2)));
+        let at = |expected| Mean::of(&coin, expected, 0.0).expect("10,000 samples");
+        assert_eq!(at(0.5).p, 1.0);
+        assert!((at(0.51).z - 2.0).abs() < 1e-3 && (at(0.51).p - 0.0455).abs() < 1e-4);
+        assert!(Mean::of(&coin, 0.51, 0.01).expect("10,000 samples").p > 0.999);
+    }
+
+    #[test]
+    fn constants_are_right_or_wrong() {
+        let ones = moments([1.0; 500]);
+        assert_eq!(Mean::of(&ones, 1.0, 0.0).map(|test| test.p), Ok(1.0));
+        assert_eq!(Mean::of(&ones, 1.001, 0.0).map(|test| test.p), Ok(0.0));
+    }
+
+    #[test]
+    fn without_evidence_there_is_no_verdict() {
+        assert!(Mean::of(&moments([1.0; 99]), 1.0, 0.0).is_err());
+        assert!(Mean::of(&moments([f64::NAN; 200]), 1.0, 0.0).is_err());
+        assert!(Mean::of(&moments([1.0; 200]), f64::NAN, 0.0).is_err());
+        assert!(Mean::of(&moments([1.0; 200]), 1.0, f64::INFINITY).is_err());
+    }
+}

@@ -1,0 +1,115 @@
+//! What a test would see: its power against a named fault, and its false alarms.
+
+use super::chi_square::POOLED;
+use super::tail::{chi_square_critical, noncentral_tail};
+use super::{NoVerdict, probability};
+
+/// Probability that a chi-square test of `samples` samples against cells of mass `claimed` rejects
+/// at `significance` when their mass is `actual`. Both lists should sum to the same.
+///
+/// # Errors
+/// If a mass isn't a number or negative, or fewer than two cells expect enough.
+pub fn chi_square_power(
+    claimed: &[f64],
+    actual: &[f64],
+    samples: f64,
+    significance: f64,
+) -> Result<f64, NoVerdict> {
+    if claimed.len() != actual.len() {
+        return Err(NoVerdict::Length { observed: actual.len(), expected: claimed.len() });
+    }
+    let (mut lambda, mut groups, mut impossible) = (0.0, 0_usize, 0.0);
+    let mut add = |claimed: f64, actual: f64| {
+        let difference = actual - claimed;
+        lambda += samples * difference * difference / claimed;
+        groups += 1;
+    };
+    let mut pool = (0.0, 0.0);
+    for (claimed, actual) in claimed.iter().copied().zip(actual.iter().copied()) {
+        for value in [claimed, actual] {
+            if !(value >= 0.0 && value.is_finite()) {
+                return Err(NoVerdict::NotANumber { what: "the mass of a cell", value });
+            }
+        }
+        if claimed == 0.0 {
+            impossible += actual;
+        } else if claimed * samples < POOLED {
+            pool = (pool.0 + claimed, pool.1 + actual);
+        } else {
+            add(claimed, actual);
+        }
+    }
+    if pool.0 > 0.0 {
+        add(pool.0, pool.1);
+    }
+    if groups < 2 {
+        return Err(NoVerdict::NoFreedom { cells: groups });
+    }
+    let dof = (groups - 1) as f64;
+    let accepted = 1.0 - noncentral_tail(chi_square_critical(dof, significance), dof, lambda);
+    // One sample where there can be none rejects, too.
+    probability(1.0 - accepted * (-samples * impossible).exp())
+}
+
+/// How often a test rejected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rate {
+    /// Runs that rejected.
+    pub rejected: u64,
+    /// Runs.
+    pub runs: u64,
+}
+
+impl Rate {
+    /// Runs a test with many seeds; `rejects` says whether it did.
+    pub fn over(seeds: std::ops::Range<u64>, mut rejects: impl FnMut(u64) -> bool) -> Self {
+        let runs = seeds.end.saturating_sub(seeds.start);
+        Self { rejected: seeds.filter(|seed| rejects(*seed)).count() as u64, runs }
+    }
+
+    /// The share of runs that rejected; NaN of none.
+    #[must_use]
+    pub fn share(&self) -> f64 {
+        self.rejected as f64 / self.runs as f64
+    }
+
+    /// Whether rejections are no more frequent than `significance`: so many, or more, have at
+    /// least one chance in a thousand. Never true of no runs.
+    #[must_use]
+    pub fn is_within(&self, significance: f64) -> bool {
+        let fewer = (self.rejected as f64) < significance * self.runs as f64;
+        let tail = super::tail::binomial_tail(self.rejected, self.runs, significance);
+        self.runs > 0 && (fewer || tail / 2.0 >= 1e-3)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn power_grows_from_the_significance_to_one() {
+        let even = [0.25; 4];
+        let power = |samples| {
+            chi_square_power(&even, &[0.26, 0.24, 0.25, 0.25], samples, 0.01).expect("four cells")
+        };
+        let nothing = chi_square_power(&even, &even, 1e6, 0.01).expect("four cells");
+        assert!((nothing - 0.01).abs() < 1e-6);
+        assert!(power(100.0) < 0.02 && power(1e4) > 0.2 && power(1e4) < 0.8 && power(1e6) > 0.9999);
+    }
+
+    /// Of 100 samples one in e^-1 runs has none of the one per cent that can't be.
+    #[test]
+    fn what_is_impossible_is_seen_once_it_happens() {
+        let power = chi_square_power(&[0.5, 0.5, 0.0], &[0.495, 0.495, 0.01], 100.0, 1e-6);
+        assert!((power.expect("two cells") - (1.0 - (-1.0_f64).exp())).abs() < 1e-4);
+    }
+
+    #[test]
+    fn rates_are_bounded_by_a_binomial() {
+        let rate = |rejected| Rate { rejected, runs: 1000 };
+        assert!(rate(0).is_within(0.01) && rate(10).is_within(0.01) && rate(19).is_within(0.01));
+        assert!(!rate(25).is_within(0.01) && !Rate { rejected: 0, runs: 0 }.is_within(0.01));
+        assert_eq!(Rate::over(0..10, |seed| seed % 5 == 0), Rate { rejected: 2, runs: 10 });
+    }
+}

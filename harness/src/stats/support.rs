@@ -1,0 +1,141 @@
+//! Where samples lie, and coordinates there.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::fmt;
+
+/// How far a direction's length may be from 1, and a point of the disk from it: WGSL promises
+/// 2^-11 for sin and cos, and the squares of two are summed.
+const LENGTH: f64 = 1e-3;
+
+/// The set that a density is defined on, with the measure that it is a density of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Support {
+    /// Directions, by solid angle.
+    Sphere,
+    /// Directions with z >= 0, by solid angle.
+    Hemisphere,
+    /// Points of the unit disk, by area.
+    Disk,
+    /// Numbers from the first to the second.
+    Interval(f64, f64),
+}
+
+/// Where a sample is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Place {
+    /// On the support, at these coordinates.
+    Inside([f64; 2]),
+    /// Beside the support: below the horizon, off the disk, beyond an end.
+    Outside,
+    /// Not a direction: its length isn't 1.
+    NotUnit,
+}
+
+impl Support {
+    /// Components of a sample.
+    #[must_use]
+    pub fn components(self) -> usize {
+        match self {
+            Self::Sphere | Self::Hemisphere => 3,
+            Self::Disk => 2,
+            Self::Interval(..) => 1,
+        }
+    }
+
+    /// Whether there is but one coordinate.
+    #[must_use]
+    pub fn is_line(self) -> bool {
+        matches!(self, Self::Interval(..))
+    }
+
+    /// The ranges of the coordinates: angle from +Z or radius, then azimuth. An interval's second
+    /// coordinate is a dummy.
+    #[must_use]
+    pub fn extent(self) -> [(f64, f64); 2] {
+        match self {
+            Self::Sphere => [(0.0, PI), (0.0, TAU)],
+            Self::Hemisphere => [(0.0, FRAC_PI_2), (0.0, TAU)],
+            Self::Disk => [(0.0, 1.0), (0.0, TAU)],
+            Self::Interval(low, high) => [(low, high), (0.0, 1.0)],
+        }
+    }
+
+    /// The coordinates of a sample, of which the first [`components`](Self::components) count.
+    #[must_use]
+    pub fn locate(self, point: [f64; 3]) -> Place {
+        let [x, y, z] = point;
+        let azimuth = || y.atan2(x).rem_euclid(TAU);
+        let across = x.hypot(y);
+        match self {
+            Self::Sphere | Self::Hemisphere => {
+                if !((across.hypot(z) - 1.0).abs() <= LENGTH) {
+                    Place::NotUnit
+                } else if self == Self::Hemisphere && z < 0.0 {
+                    Place::Outside
+                } else {
+                    // Exact near +Z, where the arc cosine of z isn't.
+                    Place::Inside([across.atan2(z), azimuth()])
+                }
+            }
+            Self::Disk if across <= 1.0 + LENGTH => Place::Inside([across, azimuth()]),
+            Self::Interval(low, high) if (low..=high).contains(&x) => Place::Inside([x, 0.5]),
+            Self::Disk | Self::Interval(..) => Place::Outside,
+        }
+    }
+
+    /// The point at coordinates, and the measure there of a unit of both.
+    #[must_use]
+    pub fn point(self, [a, b]: [f64; 2]) -> ([f64; 3], f64) {
+        let (sin_b, cos_b) = b.sin_cos();
+        match self {
+            Self::Sphere | Self::Hemisphere => {
+                let (sin, cos) = a.sin_cos();
+                ([sin * cos_b, sin * sin_b, cos], sin)
+            }
+            Self::Disk => ([a * cos_b, a * sin_b, 0.0], a),
+            Self::Interval(..) => ([a, 0.0, 0.0], 1.0),
+        }
+    }
+}
+
+impl fmt::Display for Support {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Sphere => f.write_str("the sphere"),
+            Self::Hemisphere => f.write_str("the hemisphere"),
+            Self::Disk => f.write_str("the unit disk"),
+            Self::Interval(low, high) => write!(f, "[{low}, {high}]"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coordinates_come_back() {
+        for support in [Support::Sphere, Support::Hemisphere, Support::Disk] {
+            let [(a0, a1), (b0, b1)] = support.extent();
+            for (s, t) in [(0.01, 0.0), (1e-9, 0.3), (0.5, 0.999), (0.99, 0.6)] {
+                let at = [a0 + s * (a1 - a0), b0 + t * (b1 - b0)];
+                let Place::Inside(back) = support.locate(support.point(at).0) else {
+                    panic!("{support} {at:?}")
+                };
+                assert!((back[0] - at[0]).abs() < 1e-14 && (back[1] - at[1]).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_beside_the_support_is_told_from_what_is_no_direction() {
+        let down = [0.0, 0.6, -0.8];
+        assert!(matches!(Support::Sphere.locate(down), Place::Inside(_)));
+        assert_eq!(Support::Hemisphere.locate(down), Place::Outside);
+        assert_eq!(Support::Hemisphere.locate([0.0, 0.6, 0.9]), Place::NotUnit);
+        assert_eq!(Support::Sphere.locate([f64::NAN, 0.0, 1.0]), Place::NotUnit);
+        assert_eq!(Support::Disk.locate([1.0, 0.2, 0.0]), Place::Outside);
+        assert_eq!(Support::Interval(0.0, 1.0).locate([f64::NAN, 0.0, 0.0]), Place::Outside);
+        assert_eq!(Support::Interval(0.0, 1.0).locate([1.0, 0.0, 0.0]), Place::Inside([1.0, 0.5]));
+    }
+}

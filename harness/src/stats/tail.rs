@@ -1,0 +1,197 @@
+//! Tails of distributions: the probability of a value at least as extreme.
+
+use statrs::function::erf::erfc;
+use statrs::function::gamma::{checked_gamma_ur, ln_gamma};
+
+/// Probability that chi-square with `dof` degrees of freedom is at least `x`; NaN if there is
+/// none. Abramowitz and Stegun 26.4.19.
+#[must_use]
+pub fn chi_square_tail(x: f64, dof: f64) -> f64 {
+    if x.is_nan() || !(dof > 0.0) || x < 0.0 {
+        f64::NAN
+    } else if x == 0.0 {
+        1.0
+    } else if x == f64::INFINITY {
+        0.0
+    } else {
+        checked_gamma_ur(dof / 2.0, x / 2.0).unwrap_or(f64::NAN)
+    }
+}
+
+/// The value that chi-square exceeds with probability `significance`.
+#[must_use]
+pub fn chi_square_critical(dof: f64, significance: f64) -> f64 {
+    let (mut low, mut high) = (0.0, dof.max(1.0));
+    while chi_square_tail(high, dof) > significance && high < 1e12 {
+        (low, high) = (high, 2.0 * high);
+    }
+    for _ in 0..80 {
+        let middle = 0.5 * (low + high);
+        if chi_square_tail(middle, dof) > significance { low = middle } else { high = middle }
+    }
+    high
+}
+
+/// Probability that non-central chi-square is at least `x`: a mixture of central ones with
+/// `dof + 2 j` degrees of freedom, j from Poisson's distribution of mean `lambda / 2`.
+/// Abramowitz and Stegun 26.4.25.
+#[must_use]
+pub fn noncentral_tail(x: f64, dof: f64, lambda: f64) -> f64 {
+    if lambda == 0.0 {
+        return chi_square_tail(x, dof);
+    }
+    if !(lambda > 0.0) || !lambda.is_finite() {
+        return f64::NAN;
+    }
+    let mean = lambda / 2.0;
+    // What lies 12 deviations from the mean is below 1e-30.
+    let width = 12.0 * mean.sqrt() + 12.0;
+    let (first, last) = ((mean - width).max(0.0).floor(), (mean + width).ceil());
+    // Of a wide mixture only every so-manieth term is taken: neighbours are equal to 1e-3.
+    let step = ((last - first) / 2000.0).floor().max(1.0);
+    let (mut sum, mut weights, mut j) = (0.0, 0.0, first);
+    while j <= last {
+        let weight = (j * mean.ln() - mean - ln_gamma(j + 1.0)).exp();
+        sum += weight * chi_square_tail(x, dof + 2.0 * j);
+        weights += weight;
+        j += step;
+    }
+    sum / weights
+}
+
+/// Probability that a standard normal number is at least as far from 0 as `z`, on either side.
+#[must_use]
+pub fn normal_tail(z: f64) -> f64 {
+    erfc(z.abs() / std::f64::consts::SQRT_2)
+}
+
+/// Probability of a number of successes at least as extreme as `successes` of `trials`: twice the
+/// smaller tail, summed exactly.
+#[must_use]
+pub fn binomial_tail(successes: u64, trials: u64, probability: f64) -> f64 {
+    if successes > trials || !(0.0..=1.0).contains(&probability) {
+        return f64::NAN;
+    }
+    let (n, mean) = (trials as f64, trials as f64 * probability);
+    if probability == 0.0 || probability == 1.0 {
+        return if successes as f64 == mean { 1.0 } else { 0.0 };
+    }
+    let ln_choose = |k: f64| ln_gamma(n + 1.0) - ln_gamma(k + 1.0) - ln_gamma(n - k + 1.0);
+    let mut k = successes as f64;
+    let mut term = (ln_choose(k) + k * probability.ln() + (n - k) * (-probability).ln_1p()).exp();
+    let odds = probability / (1.0 - probability);
+    let upwards = k >= mean;
+    let mut tail = 0.0;
+    // Away from the mean each term is smaller than the one before, by a ratio that falls.
+    while term > tail * 1e-17 && term > 0.0 {
+        tail += term;
+        if upwards {
+            term *= (n - k) / (k + 1.0) * odds;
+            k += 1.0;
+        } else {
+            term *= k / (n - k + 1.0) / odds;
+            k -= 1.0;
+        }
+    }
+    (2.0 * tail).min(1.0)
+}
+
+/// Probability that Kolmogorov's distance of `samples` samples is at least `distance`. Stephens
+/// 1970, with Kolmogorov's series.
+#[must_use]
+pub fn kolmogorov_tail(distance: f64, samples: f64) -> f64 {
+    let root = samples.sqrt();
+    let x = (root + 0.12 + 0.11 / root) * distance;
+    if x.is_nan() {
+        return f64::NAN;
+    }
+    if x < 0.2 {
+        return 1.0; // the tail differs from 1 by 5e-13, and the series converges slowly
+    }
+    let mut sum = 0.0;
+    for k in 1..=100 {
+        let k = f64::from(k);
+        let term = (-2.0 * k * k * x * x).exp();
+        sum += if k % 2.0 == 1.0 { term } else { -term };
+        if term < 1e-18 {
+            break;
+        }
+    }
+    (2.0 * sum).clamp(0.0, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn close(a: f64, b: f64, relative: f64) -> bool {
+        (a - b).abs() <= relative * b.abs()
+    }
+
+    /// Even degrees of freedom have a finite sum: Abramowitz and Stegun 26.4.5.
+    #[test]
+    fn chi_square_is_a_sum_of_poisson_terms() {
+        for (dof, x) in [(2_u32, 3.0), (4, 0.5), (10, 30.0), (100, 150.0), (500, 430.0)] {
+            let (mut term, mut sum) = ((-x / 2.0_f64).exp(), 0.0);
+            for j in 0..dof / 2 {
+                sum += term;
+                term *= x / 2.0 / f64::from(j + 1);
+            }
+            assert!(close(chi_square_tail(x, f64::from(dof)), sum, 1e-9), "{dof} {x}");
+        }
+    }
+
+    #[test]
+    fn what_has_no_tail_is_nan() {
+        assert!(chi_square_tail(1.0, 0.0).is_nan() && chi_square_tail(f64::NAN, 3.0).is_nan());
+        assert!(chi_square_tail(-1.0, 3.0).is_nan() && noncentral_tail(1.0, 2.0, -1.0).is_nan());
+        assert!(binomial_tail(3, 2, 0.5).is_nan() && binomial_tail(1, 2, f64::NAN).is_nan());
+        assert!(kolmogorov_tail(f64::NAN, 100.0).is_nan() && normal_tail(f64::NAN).is_nan());
+        assert_eq!(chi_square_tail(f64::INFINITY, 3.0), 0.0);
+    }
+
+    #[test]
+    fn critical_values_invert_the_tail() {
+        for (dof, significance) in [(1.0, 0.05), (10.0, 0.01), (511.0, 1e-4), (511.0, 1e-9)] {
+            let x = chi_square_critical(dof, significance);
+            assert!(close(chi_square_tail(x, dof), significance, 1e-6));
+        }
+        assert!(close(chi_square_critical(1.0, 0.05), 3.841_458_821, 1e-8)); // 1.96^2
+    }
+
+    /// One degree of freedom: the square of a normal number about sqrt(lambda).
+    #[test]
+    fn the_noncentral_tail_of_one_degree_is_normal() {
+        for (x, lambda) in [(3.84, 1.0), (3.84, 10.0), (1.0, 4.0), (10.0, 1000.0)] {
+            let (root, shift) = (f64::sqrt(x), f64::sqrt(lambda));
+            let upper = |z: f64| 0.5 * erfc(z / std::f64::consts::SQRT_2);
+            let expected = upper(root - shift) + upper(root + shift);
+            assert!(close(noncentral_tail(x, 1.0, lambda), expected, 1e-6), "{x} {lambda}");
+        }
+        // A wide mixture, of which only some terms are summed: about normal.
+        let (dof, lambda) = (511.0_f64, 1e6_f64);
+        let (mean, deviation) = (dof + lambda, (2.0 * (dof + 2.0 * lambda)).sqrt());
+        let tail = noncentral_tail(mean + deviation, dof, lambda);
+        assert!((tail - 0.1587).abs() < 1e-3, "{tail}");
+    }
+
+    #[test]
+    fn binomial_tails_are_exact() {
+        // 10 throws of a coin: 8 or more heads 56/1024, doubled.
+        assert!(close(binomial_tail(8, 10, 0.5), 112.0 / 1024.0, 1e-12));
+        assert!(close(binomial_tail(2, 10, 0.5), 112.0 / 1024.0, 1e-12));
+        assert_eq!(binomial_tail(5, 10, 0.5), 1.0);
+        assert_eq!((binomial_tail(0, 9, 0.0), binomial_tail(1, 9, 0.0)), (1.0, 0.0));
+        // A million trials, three deviations of 500 off: 0.0027, less the continuity's share.
+        let tail = binomial_tail(501_500, 1_000_000, 0.5);
+        assert!(close(tail, normal_tail(1499.5 / 500.0), 1e-4), "{tail}");
+    }
+
+    /// The tables of Stephens 1970: 1.358 and 1.628 are the 5 % and 1 % points.
+    #[test]
+    fn kolmogorov_has_its_tabled_points() {
+        assert!(close(kolmogorov_tail(1.358_1e-3, 1e6), 0.05, 2e-3));
+        assert!(close(kolmogorov_tail(1.627_6e-3, 1e6), 0.01, 2e-3));
+        assert_eq!(kolmogorov_tail(0.0, 100.0), 1.0);
+    }
+}
