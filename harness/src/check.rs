@@ -10,10 +10,13 @@ mod identity;
 mod integral;
 mod reference;
 mod session;
+mod shrink;
 mod tally;
 mod verdict;
 
-pub use disagreement::{CaseFailure, Disagreement, IntegralFailure, NodeFailure, PathDisagreement};
+pub use disagreement::{
+    CaseFailure, Disagreement, IntegralFailure, NodeFailure, PathDisagreement, Simplest,
+};
 pub(crate) use identity::Identity;
 pub use integral::Integral;
 pub use reference::Reference;

@@ -4,21 +4,29 @@
 //! points at log distance from them, poles, axes), and seeded: the value of case *i* depends on
 //! the seed and on *i* alone, so any case can be drawn again without those before it. A finite
 //! domain ([`Just`], [`Grid`], [`OneOf`] and products of them) is enumerated whole.
+//!
+//! A case that fails is simplified within its domain: see [`Domain::shrink`].
 
 mod direction;
 mod product;
 mod range;
+mod shrink;
 mod source;
 
+use std::any::Any;
 use std::fmt::Debug;
 
 pub use direction::{Hemisphere, UnitRgb, UnitVector};
 pub use range::Integers;
+pub use shrink::{Origin, Shrinkable};
 pub use source::Source;
 
 /// Draws in a row that a [`filter`](Domain::filter) may reject before the check gives up. A filter
 /// that keeps 1 % is stopped by chance once in 5e8 cases.
 const REJECTIONS: u32 = 2000;
+
+/// Points of a grid that are tried in place of one: enough to see whether a simple one fails.
+const SIMPLER: usize = 256;
 
 /// A set of values to draw from.
 #[diagnostic::on_unimplemented(
@@ -55,6 +63,31 @@ pub trait Domain: Send + Sync {
     fn nth(&self, index: u64) -> Option<Self::Value> {
         let _ = index;
         None
+    }
+
+    /// Whether `value` belongs to the domain; `None` if it can't tell, as a mapped one can't.
+    fn admits(&self, value: &Self::Value) -> Option<bool> {
+        let _ = value;
+        None
+    }
+
+    /// Values of the domain that are simpler than `value`, the simplest first: a failing case is
+    /// replaced by the first of them that fails, until none does. None, unless the domain knows.
+    fn shrink(&self, value: &Self::Value) -> Vec<Self::Value> {
+        let _ = value;
+        Vec::new()
+    }
+
+    /// A case as [`nth`](Self::nth), [`edges`](Self::edges) or [`draw`](Self::draw) gives it, with
+    /// what is needed to simplify it. Domains that are made of others override this; for the rest
+    /// [`shrink`](Self::shrink) is enough.
+    fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Self::Value>> {
+        let value = match origin {
+            Origin::Nth(index) => self.nth(index),
+            Origin::Edge(index) => self.edges().into_iter().nth(index),
+            Origin::Draw(source) => self.draw(source),
+        };
+        Some(Shrinkable::of(self, value?))
     }
 
     /// Applies `map` to each value.
@@ -94,6 +127,15 @@ impl<D: Domain + ?Sized> Domain for &D {
     }
     fn nth(&self, index: u64) -> Option<Self::Value> {
         (**self).nth(index)
+    }
+    fn admits(&self, value: &Self::Value) -> Option<bool> {
+        (**self).admits(value)
+    }
+    fn shrink(&self, value: &Self::Value) -> Vec<Self::Value> {
+        (**self).shrink(value)
+    }
+    fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Self::Value>> {
+        (**self).shrinkable(origin)
     }
 }
 
@@ -135,6 +177,40 @@ impl<T: Clone + Debug + Send + Sync + 'static> Domain for OneOf<T> {
     fn nth(&self, index: u64) -> Option<T> {
         usize::try_from(index).ok().and_then(|index| self.0.get(index)).cloned()
     }
+    /// Numbers and booleans by how they read, other values by their place in the list.
+    fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, T>> {
+        let index = match origin {
+            Origin::Nth(index) => usize::try_from(index).ok()?,
+            Origin::Edge(0) => 0,
+            Origin::Edge(_) => self.0.len().checked_sub(1)?,
+            Origin::Draw(source) => usize::try_from(source.below(self.0.len() as u64)).ok()?,
+        };
+        self.at(index)
+    }
+}
+
+impl<T: Clone + Debug + Send + Sync + 'static> OneOf<T> {
+    fn at(&self, index: usize) -> Option<Shrinkable<'_, T>> {
+        let value = self.0.get(index)?.clone();
+        let key = |index: usize| (complexity(&self.0[index]).unwrap_or(index as u64), index);
+        Some(Shrinkable::new(value, move || {
+            let mut simpler: Vec<_> =
+                (0..self.0.len()).filter(|other| key(*other) < key(index)).collect();
+            simpler.sort_by_key(|index| key(*index));
+            simpler.into_iter().filter_map(|index| self.at(index)).collect()
+        }))
+    }
+}
+
+/// How complicated a number or boolean is.
+fn complexity(value: &dyn Any) -> Option<u64> {
+    None.or_else(|| value.downcast_ref::<bool>().map(|value| u64::from(*value)))
+        .or_else(|| value.downcast_ref::<f32>().map(|value| shrink::float_complexity(*value)))
+        .or_else(|| value.downcast_ref::<u32>().map(|value| 2 * u64::from(*value)))
+        .or_else(|| {
+            let value = value.downcast_ref::<i32>()?;
+            Some(2 * u64::from(value.unsigned_abs()) + u64::from(*value < 0))
+        })
 }
 
 /// Evenly spaced values from one end to the other, both included.
@@ -178,6 +254,19 @@ impl Domain for Grid {
         let value = (first + (last - first) * t) as f32;
         Some(value)
     }
+    fn admits(&self, value: &f32) -> Option<bool> {
+        let mut values = (0..u64::from(self.count)).filter_map(|index| self.nth(index));
+        Some(values.any(|own| own.to_bits() == value.to_bits()))
+    }
+    fn shrink(&self, value: &f32) -> Vec<f32> {
+        let own = shrink::float_complexity(*value);
+        let values = (0..u64::from(self.count)).filter_map(|index| self.nth(index));
+        let mut simpler: Vec<_> =
+            values.filter(|value| shrink::float_complexity(*value) < own).collect();
+        simpler.sort_by_cached_key(|value| shrink::float_complexity(*value));
+        simpler.truncate(SIMPLER);
+        simpler
+    }
 }
 
 /// See [`Domain::map`].
@@ -209,6 +298,9 @@ where
     fn nth(&self, index: u64) -> Option<T> {
         self.domain.nth(index).map(&self.map)
     }
+    fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, T>> {
+        Some(self.domain.shrinkable(origin)?.map(&self.map))
+    }
 }
 
 /// See [`Domain::filter`].
@@ -232,6 +324,26 @@ where
     }
     fn is_empty(&self) -> bool {
         self.domain.is_empty()
+    }
+    fn admits(&self, value: &Self::Value) -> Option<bool> {
+        if (self.keep)(value) { self.domain.admits(value) } else { Some(false) }
+    }
+    fn shrink(&self, value: &Self::Value) -> Vec<Self::Value> {
+        self.domain.shrink(value).into_iter().filter(&self.keep).collect()
+    }
+    fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Self::Value>> {
+        let kept = |shrinkable: &Shrinkable<'_, D::Value>| (self.keep)(shrinkable.value());
+        let found = match origin {
+            Origin::Nth(_) => None, // a filtered domain isn't enumerated
+            Origin::Edge(index) => {
+                let edges = self.domain.edges().into_iter().enumerate();
+                let mut edges = edges.filter(|(_, edge)| (self.keep)(edge));
+                self.domain.shrinkable(Origin::Edge(edges.nth(index)?.0))
+            }
+            Origin::Draw(source) => (0..REJECTIONS)
+                .find_map(|_| self.domain.shrinkable(Origin::Draw(&mut *source)).filter(kept)),
+        };
+        Some(found?.filter(&self.keep))
     }
 }
 
@@ -272,6 +384,17 @@ impl<'a, D: Domain + ?Sized> Cases<'a, D> {
             .and_then(|index| self.edges.get(index))
             .cloned()
             .or_else(|| self.domain.draw(&mut Source::new(self.seed, index)))
+    }
+
+    /// The value of a case with the simpler ones next to it.
+    pub(crate) fn shrinkable(&self, index: u64) -> Option<Shrinkable<'a, D::Value>> {
+        let edge = usize::try_from(index).ok().filter(|index| *index < self.edges.len());
+        let mut source = Source::new(self.seed, index);
+        self.domain.shrinkable(match edge {
+            _ if self.enumerated => Origin::Nth(index),
+            Some(edge) => Origin::Edge(edge),
+            None => Origin::Draw(&mut source),
+        })
     }
 }
 

@@ -40,11 +40,12 @@ mod value;
 
 pub use check::{
     Agreement, CaseFailure, Census, Check, Disagreement, Failure, Integral, IntegralFailure,
-    NodeFailure, PathDisagreement, Probe, Reference,
+    NodeFailure, PathDisagreement, Probe, Reference, Simplest,
 };
 pub use diagnostic::{Diagnostic, SourceFile, Span};
 pub use domain::{
-    Domain, Filter, Grid, Hemisphere, Integers, Just, Map, OneOf, Source, UnitRgb, UnitVector,
+    Domain, Filter, Grid, Hemisphere, Integers, Just, Map, OneOf, Origin, Shrinkable, Source,
+    UnitRgb, UnitVector,
 };
 pub use fixture::{
     CubeMap, CubeMapError, Fixture, FixtureError, Sampler, Storage, Texture, Uniform,

@@ -5,11 +5,13 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::disagreement::arguments;
+use super::shrink::{Judge, words as words_of};
 use super::tally::{Judged, Shown, Tally, tally};
 use super::{
     Agreement, CaseFailure, Disagreement, Failure, Identity, PathDisagreement, Plan, Reference,
+    Simplest,
 };
-use crate::domain::{Cases, Domain};
+use crate::domain::{Cases, Domain, Shrinkable};
 use crate::path::{self, Adapter, Device, Path};
 use crate::probe::{self, BATCH, Dispatch, Probed, Runner};
 use crate::record::PathRecord;
@@ -19,6 +21,9 @@ use crate::value::{Arguments, Scalar, Shape};
 
 /// Cases that one task draws or computes the reference of.
 const TASK: usize = 2048;
+
+/// Room for cases in a dispatch of few, for the values that a failing one is replaced by.
+const SMALLEST: usize = 256;
 
 /// What one verb asks of a session.
 pub(super) struct Demand {
@@ -61,6 +66,7 @@ pub(super) struct PathTally {
     tally: Tally,
     worst: Option<CaseFailure>,
     first: Option<CaseFailure>,
+    simplest: Option<Simplest>,
     /// Nodes of all integrals; 0 for other checks.
     nodes: u64,
 }
@@ -74,6 +80,7 @@ impl PathTally {
             path: device.path(),
             worst: tally.worst.filter(|_| failing).map(&show),
             first: tally.first.map(&show),
+            simplest: None,
             tally,
             nodes: 0,
         }
@@ -81,6 +88,11 @@ impl PathTally {
 
     pub(super) fn with_nodes(self, nodes: u64) -> Self {
         Self { nodes, ..self }
+    }
+
+    /// The failing case of the lowest index.
+    pub(super) fn first_failure(self) -> Option<CaseFailure> {
+        self.first
     }
 
     pub(super) fn record(&self, asserted: &str) -> PathRecord {
@@ -135,7 +147,7 @@ impl<'a, D: Domain> Session<'a, D> {
             return Err(Failure::Domain { function: function.path.clone(), reason });
         }
         let count = usize::try_from(cases.count()).unwrap_or(BATCH);
-        let capacity = count.saturating_mul(demand.calls).min(BATCH);
+        let capacity = count.saturating_mul(demand.calls).clamp(SMALLEST, BATCH);
         let runners = path::selected()?
             .into_iter()
             .map(|device| Runner::new(device, &probed, &probe.fixtures, capacity))
@@ -224,6 +236,11 @@ impl<'a, D: Domain> Session<'a, D> {
         })
     }
 
+    /// The value of a case, with the simpler ones next to it.
+    pub(super) fn shrinkable(&self, index: u64) -> Option<Shrinkable<'_, D::Value>> {
+        self.cases.shrinkable(index)
+    }
+
     pub(super) fn dispatch(&self, batch: &LanesOnly<'_>) -> Result<Vec<Dispatch>, Failure> {
         let dispatches = self.runners.iter().map(|runner| {
             let canary = probe::canary(self.seed, batch.first);
@@ -251,21 +268,21 @@ impl<'a, D: Domain> Session<'a, D> {
         }
         let mut agreeing = Vec::new();
         let mut paths = Vec::new();
-        for PathTally { adapter, path, tally, worst, first, .. } in tallies {
+        for PathTally { adapter, path, tally, worst, first, simplest, .. } in tallies {
             let Some(worst) = worst else {
                 agreeing.push(adapter);
                 continue;
             };
-            let replay = self.identity.replay(
-                path,
-                self.seed,
-                &self.probed.function.path,
-                self.assertion.0,
-                worst.case,
-            );
+            let replay = |input: Option<&[u32]>| {
+                let (function, check) = (&self.probed.function.path, self.assertion.0);
+                self.identity.replay(path, self.seed, function, check, worst.case, input)
+            };
             let first = first.filter(|first| first.case != worst.case);
-            let census = tally.census;
-            paths.push(PathDisagreement { adapter, census, worst, first, replay });
+            let simplest = simplest.filter(|simplest| !simplest.steps.is_empty());
+            let simplest = simplest
+                .map(|simplest| Simplest { replay: replay(Some(&simplest.input)), ..simplest });
+            let (census, replay) = (tally.census, replay(None));
+            paths.push(PathDisagreement { adapter, census, worst, first, replay, simplest });
         }
         Err(Failure::Disagreement(Box::new(Disagreement {
             function: self.probed.function.clone(),
@@ -282,11 +299,27 @@ impl<D: Domain> Session<'_, D>
 where
     D::Value: Arguments,
 {
-    /// Draws batch after batch, dispatches it on every path and hands it to `judge`.
+    /// Draws batch after batch, dispatches it on every path and hands it to `judge`. The worst case
+    /// of each path that fails is simplified, for which `judge` gets other batches.
     pub(super) fn run(
         &self,
         mut judge: impl FnMut(&Batch<D::Value>, Vec<Dispatch>) -> Result<Vec<PathTally>, Failure>,
     ) -> Result<Vec<PathTally>, Failure> {
+        let mut sums = self.run_cases(&mut judge)?;
+        for (path, sum) in sums.iter_mut().enumerate() {
+            if let (Some(worst), None) = (&sum.worst, self.input()) {
+                sum.simplest = self.simplest(path, worst, &mut judge);
+            }
+        }
+        Ok(sums)
+    }
+
+    fn run_cases(&self, judge: &mut impl Judge<D::Value>) -> Result<Vec<PathTally>, Failure> {
+        if let Some(words) = self.input() {
+            let batch = Batch::of(self.case.unwrap_or_default(), vec![self.value(words)?]);
+            let dispatches = self.dispatch(&batch.lanes_only())?;
+            return judge(&batch, dispatches);
+        }
         let Range { start: mut first, end } = self.selected()?;
         let mut sums = Vec::new();
         while first < end {
@@ -297,6 +330,23 @@ where
             first += size;
         }
         Ok(sums)
+    }
+
+    /// The arguments with which a replay replaces those of its case.
+    fn input(&self) -> Option<&[u32]> {
+        self.identity.input(&self.probed.function.path, self.assertion.0)
+    }
+
+    /// Arguments from their lanes, which must be as many as the function takes.
+    fn value(&self, words: &[u32]) -> Result<D::Value, Failure> {
+        let value = D::Value::load_all(&mut words.iter());
+        let (expected, found) = (words_of(&value).len(), words.len());
+        if expected != found {
+            let function = self.probed.function.path.clone();
+            let reason = format!("has values of {expected} words, KARAT_INPUT has {found}");
+            return Err(Failure::Domain { function, reason });
+        }
+        Ok(value)
     }
 
     fn draw(&self, first: u64, size: u64) -> Result<Batch<D::Value>, Failure> {
@@ -341,10 +391,9 @@ where
                     let case = usize::try_from(shown.case - batch.first).expect("in this batch");
                     let actual = &results[case * stride..][..words];
                     let (judged, expected) = (judge(path, case, actual), expect(path, case));
-                    let mut lanes = Vec::new();
-                    batch.values[case].store_all(&mut lanes);
                     let function = &self.probed.function;
-                    let (arguments, expected) = (arguments(function, &lanes), expected.as_deref());
+                    let arguments = arguments(function, &words_of(&batch.values[case]));
+                    let expected = expected.as_deref();
                     CaseFailure::new(function, shown.case, arguments, actual, expected, &judged)
                 })
             })?;
@@ -390,7 +439,13 @@ pub(super) struct LanesOnly<'a> {
 }
 
 impl<V: Arguments> Batch<V> {
-    fn lanes_only(&self) -> LanesOnly<'_> {
+    /// Cases from the index `first` on.
+    pub(super) fn of(first: u64, values: Vec<V>) -> Self {
+        let lanes = values.iter().flat_map(words_of).collect();
+        Self { first, values, lanes }
+    }
+
+    pub(super) fn lanes_only(&self) -> LanesOnly<'_> {
         let (first, cases) = (self.first, self.values.len());
         LanesOnly { first, cases, lanes: self.lanes.as_slice().into() }
     }
