@@ -8,6 +8,7 @@
 mod disagreement;
 mod identity;
 mod integral;
+mod memory;
 mod reference;
 mod session;
 mod shrink;
@@ -19,6 +20,7 @@ pub use disagreement::{
 };
 pub(crate) use identity::Identity;
 pub use integral::Integral;
+use memory::Memory;
 pub use reference::Reference;
 use session::{Demand, PathTally, Session};
 pub use tally::Census;
@@ -333,7 +335,9 @@ impl<D: Domain> Plan<'_, D> {
         };
         let mut paths = Vec::new();
         let result = Session::open(self, demand, &identity, seed, (name, assertion));
+        let memory = Memory::open(&identity).filter(|_| recording == Recording::On);
         let result = result.and_then(|session| {
+            let session = session.remembering(memory);
             if let Subject::Function { location, .. } = &mut subject {
                 *location = session.probed.function.span.to_string();
             }

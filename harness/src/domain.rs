@@ -370,6 +370,16 @@ impl<'a, D: Domain + ?Sized> Cases<'a, D> {
         }
     }
 
+    /// The same cases under another seed.
+    pub(crate) fn with_seed(&self, seed: u64) -> Self {
+        Self { seed, edges: self.edges.clone(), ..*self }
+    }
+
+    /// Whether the domain has a value, if it can tell.
+    pub(crate) fn admits(&self, value: &D::Value) -> Option<bool> {
+        self.domain.admits(value)
+    }
+
     pub(crate) fn count(&self) -> u64 {
         self.count
     }

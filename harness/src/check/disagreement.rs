@@ -70,6 +70,8 @@ impl Simplest {
 pub struct CaseFailure {
     /// Index of the case.
     pub case: u64,
+    /// Whether it isn't one of the domain's cases, but an input on which the check failed before.
+    pub remembered: bool,
     /// Each argument: its name, and its value as WGSL would write it. Of an
     /// integral: `case`, and its value as `Debug` shows it.
     pub arguments: Vec<(String, String)>,
@@ -140,6 +142,7 @@ impl CaseFailure {
         };
         Self {
             case,
+            remembered: false,
             arguments,
             component,
             actual: actual.get(lane).copied().unwrap_or_default(),
@@ -169,7 +172,8 @@ impl CaseFailure {
 
     /// Writes the failure. `expectation` is what `expected` is called.
     fn write(&self, f: &mut fmt::Formatter<'_>, title: &str, expectation: &str) -> fmt::Result {
-        writeln!(f, "  {title} case {})", self.case)?;
+        let remembered = if self.remembered { "remembered " } else { "" };
+        writeln!(f, "  {title}{remembered}case {})", self.case)?;
         if let Some(integral) = &self.integral {
             return self.write_integral(f, integral, expectation);
         }
@@ -299,7 +303,7 @@ impl fmt::Display for Disagreement {
             }
             writeln!(f, "  replay: {}", path.replay)?;
             if let Some(simplest) = &path.simplest {
-                simplest.failure.write(f, "simplest (reduced from", expectation)?;
+                simplest.failure.write(f, "simplest (reduced from ", expectation)?;
                 writeln!(f, "  replay: {}", simplest.replay)?;
             }
         }

@@ -75,6 +75,11 @@ impl Identity {
         fits.then_some(selection.case)
     }
 
+    /// Whether the environment asks for one case.
+    pub(crate) fn replays(&self) -> bool {
+        self.selection.is_some()
+    }
+
     /// The arguments that the selected case of a check has in place of its own.
     pub(crate) fn input(&self, function: &str, check: &str) -> Option<&[u32]> {
         let selection = self.selection.as_ref().filter(|_| self.selects(function, check))?;

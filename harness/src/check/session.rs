@@ -5,6 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::disagreement::arguments;
+use super::memory::{Entry, Memory};
 use super::shrink::{Judge, words as words_of};
 use super::tally::{Judged, Shown, Tally, tally};
 use super::{
@@ -50,6 +51,8 @@ pub(super) struct Session<'a, D: Domain> {
     seed: u64,
     /// The verb and what it asserts.
     pub(super) assertion: (&'static str, String),
+    /// Inputs on which the test has failed before; `None`: nothing is remembered.
+    memory: Option<Memory>,
 }
 
 /// The cases of one dispatch.
@@ -153,7 +156,12 @@ impl<'a, D: Domain> Session<'a, D> {
             .map(|device| Runner::new(device, &probed, &probe.fixtures, capacity))
             .collect::<Result<_, _>>()?;
         let case = identity.case(&probed.function.path, assertion.0, cases.count());
-        Ok(Self { probed, runners, cases, case, identity, seed, assertion })
+        Ok(Self { probed, runners, cases, case, identity, seed, assertion, memory: None })
+    }
+
+    /// Tries what the test has failed on before, and remembers what it fails on.
+    pub(super) fn remembering(self, memory: Option<Memory>) -> Self {
+        Self { memory, ..self }
     }
 
     pub(super) fn scalars(&self) -> Vec<Scalar> {
@@ -249,6 +257,11 @@ impl<'a, D: Domain> Session<'a, D> {
         Ok(dispatches.collect::<Result<_, _>>()?)
     }
 
+    /// The arguments with which a replay replaces those of its case.
+    fn input(&self) -> Option<&[u32]> {
+        self.identity.input(&self.probed.function.path, self.assertion.0)
+    }
+
     pub(super) fn conclude(&self, tallies: Vec<PathTally>) -> Result<Agreement, Failure> {
         let function = self.probed.function.path.clone();
         let compared = tallies.iter().map(|path| path.tally.census.cases).min().unwrap_or(0);
@@ -278,10 +291,12 @@ impl<'a, D: Domain> Session<'a, D> {
                 self.identity.replay(path, self.seed, function, check, worst.case, input)
             };
             let first = first.filter(|first| first.case != worst.case);
+            let old = simplest.as_ref().filter(|_| worst.remembered);
+            let replay_worst = replay(old.map(|old| &*old.input).or(self.input()));
             let simplest = simplest.filter(|simplest| !simplest.steps.is_empty());
             let simplest = simplest
                 .map(|simplest| Simplest { replay: replay(Some(&simplest.input)), ..simplest });
-            let (census, replay) = (tally.census, replay(None));
+            let (census, replay) = (tally.census, replay_worst);
             paths.push(PathDisagreement { adapter, census, worst, first, replay, simplest });
         }
         Err(Failure::Disagreement(Box::new(Disagreement {
@@ -305,13 +320,95 @@ where
         &self,
         mut judge: impl FnMut(&Batch<D::Value>, Vec<Dispatch>) -> Result<Vec<PathTally>, Failure>,
     ) -> Result<Vec<PathTally>, Failure> {
+        let remembered = self.remembered();
+        let again = self.run_again(&remembered, &mut judge)?;
         let mut sums = self.run_cases(&mut judge)?;
+        // What passes again isn't counted: the declared cases are the same in every run.
+        if again.iter().any(|path| path.tally.census.failures > 0) {
+            sums = PathTally::merge_all(sums, again);
+        }
         for (path, sum) in sums.iter_mut().enumerate() {
             if let (Some(worst), None) = (&sum.worst, self.input()) {
-                sum.simplest = self.simplest(path, worst, &mut judge);
+                let old = worst.case.checked_sub(self.cases.count());
+                let old = old.and_then(|index| remembered.get(usize::try_from(index).ok()?));
+                sum.simplest = match old {
+                    Some(value) => Some(Simplest::new(worst.clone(), words_of(value))),
+                    None => self.simplest(path, worst, &mut judge),
+                };
             }
         }
+        self.remember(&sums);
         Ok(sums)
+    }
+
+    /// The inputs on which this check has failed before, as far as they still are in its domain.
+    fn remembered(&self) -> Vec<D::Value> {
+        let Some(memory) = &self.memory else { return Vec::new() };
+        let mut values = Vec::new();
+        for entry in memory.of(&self.probed.function.path, self.assertion.0) {
+            match self.value(&entry.words) {
+                Ok(value) if self.still_drawn(&value, entry) => values.push(value),
+                Ok(_) => memory.ignore(entry, "it isn't in the domain any more"),
+                Err(_) => memory.ignore(entry, "the function takes other arguments now"),
+            }
+        }
+        values
+    }
+
+    /// Whether the domain has a value. One that can't tell has it if the value comes about in the
+    /// same way as before.
+    fn still_drawn(&self, value: &D::Value, entry: &Entry) -> bool {
+        let again = || {
+            let cases = self.cases.with_seed(entry.seed);
+            let mut at = cases.shrinkable(entry.case)?;
+            for index in &entry.steps {
+                at = at.simpler().into_iter().nth(*index)?;
+            }
+            Some(words_of(at.value()) == entry.words)
+        };
+        self.cases.admits(value).unwrap_or_else(|| again() == Some(true))
+    }
+
+    /// Judges remembered inputs, whose indices follow those of the cases.
+    fn run_again(
+        &self,
+        remembered: &[D::Value],
+        judge: &mut impl Judge<D::Value>,
+    ) -> Result<Vec<PathTally>, Failure> {
+        let mut sums = Vec::new();
+        for (index, values) in (self.cases.count()..).zip(remembered.chunks(1)) {
+            let batch = Batch::of(index, values.to_vec());
+            let dispatches = self.dispatch(&batch.lanes_only())?;
+            sums = PathTally::merge_all(sums, judge(&batch, dispatches)?);
+        }
+        Ok(sums)
+    }
+
+    fn remember(&self, sums: &[PathTally]) {
+        let Some(memory) = &self.memory else { return };
+        for (path, simplest) in
+            sums.iter().filter_map(|sum| Some((sum.path, sum.simplest.as_ref()?)))
+        {
+            if simplest.failure.remembered {
+                continue;
+            }
+            let arguments: Vec<String> = simplest
+                .failure
+                .arguments
+                .iter()
+                .map(|(name, value)| format!("{name} = {value}"))
+                .collect();
+            memory.keep(&Entry {
+                function: self.probed.function.path.clone(),
+                check: self.assertion.0.to_owned(),
+                path: path.name().to_owned(),
+                words: simplest.input.clone(),
+                seed: self.seed,
+                case: simplest.failure.case,
+                steps: simplest.steps.clone(),
+                comment: arguments.join(", "),
+            });
+        }
     }
 
     fn run_cases(&self, judge: &mut impl Judge<D::Value>) -> Result<Vec<PathTally>, Failure> {
@@ -330,11 +427,6 @@ where
             first += size;
         }
         Ok(sums)
-    }
-
-    /// The arguments with which a replay replaces those of its case.
-    fn input(&self) -> Option<&[u32]> {
-        self.identity.input(&self.probed.function.path, self.assertion.0)
     }
 
     /// Arguments from their lanes, which must be as many as the function takes.
@@ -394,7 +486,12 @@ where
                     let function = &self.probed.function;
                     let arguments = arguments(function, &words_of(&batch.values[case]));
                     let expected = expected.as_deref();
-                    CaseFailure::new(function, shown.case, arguments, actual, expected, &judged)
+                    let remembered = shown.case >= self.cases.count();
+                    let case = shown.case;
+                    CaseFailure {
+                        remembered,
+                        ..CaseFailure::new(function, case, arguments, actual, expected, &judged)
+                    }
                 })
             })?;
             tallies.push(tally);

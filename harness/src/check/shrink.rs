@@ -58,7 +58,7 @@ where
             let Some((step, found)) = self.first_failing(path, &values, judge, end) else { break };
             at = candidates.swap_remove(step);
             simplest.steps.push(step);
-            simplest.failure = CaseFailure { case: failure.case, ..found };
+            simplest.failure = CaseFailure { case: failure.case, remembered: false, ..found };
             simplest.input = words(at.value());
         }
         Some(simplest)
