@@ -8,6 +8,8 @@
 //! A case that fails is simplified within its domain: see [`Domain::shrink`].
 
 mod direction;
+mod edges;
+mod latin;
 mod product;
 mod range;
 mod shrink;
@@ -17,6 +19,9 @@ use std::any::Any;
 use std::fmt::Debug;
 
 pub use direction::{Hemisphere, UnitRgb, UnitVector};
+pub use edges::{AnyF32, Edges};
+pub use latin::LatinHypercube;
+use product::Parts;
 pub use range::Integers;
 pub use shrink::{Origin, Shrinkable};
 pub use source::Source;
@@ -33,8 +38,8 @@ const SIMPLER: usize = 256;
     message = "`{Self}` is not a domain",
     label = "expected a domain of WGSL values",
     note = "use a closed range such as `0.0..=1.0` (not `0.0..1.0`), `Integers(0..=7_u32)`, \
-            `UnitVector`, `Hemisphere`, `UnitRgb`, `Just(x)`, `Grid`, `OneOf`, or a tuple of up to \
-            six of them"
+            `UnitVector`, `Hemisphere`, `UnitRgb`, `Just(x)`, `Grid`, `OneOf`, `Edges`, `AnyF32`, \
+            `LatinHypercube`, or a tuple of up to six of them"
 )]
 pub trait Domain: Send + Sync {
     /// What is drawn.
@@ -213,19 +218,34 @@ fn complexity(value: &dyn Any) -> Option<u64> {
         })
 }
 
-/// Evenly spaced values from one end to the other, both included.
+/// Values at equal distances, or at equal ratios, from one end to the other, both included.
 #[derive(Clone, Copy, Debug)]
 pub struct Grid {
     first: f32,
     last: f32,
     count: u32,
+    spacing: Spacing,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Spacing {
+    Linear,
+    Logarithmic,
 }
 
 impl Grid {
     /// `count` values over `range`. A grid of one value is the range's start.
     #[must_use]
     pub fn linear(range: std::ops::RangeInclusive<f32>, count: u32) -> Self {
-        Self { first: *range.start(), last: *range.end(), count }
+        Self { first: *range.start(), last: *range.end(), count, spacing: Spacing::Linear }
+    }
+
+    /// `count` values over `range`, each as many times the one before: for roughness, exposure and
+    /// distance. Both ends have the same sign and neither is zero; otherwise the grid is empty,
+    /// which is an error of the check.
+    #[must_use]
+    pub fn logarithmic(range: std::ops::RangeInclusive<f32>, count: u32) -> Self {
+        Self { spacing: Spacing::Logarithmic, ..Self::linear(range, count) }
     }
 }
 
@@ -238,7 +258,12 @@ impl Domain for Grid {
         if self.count > 1 { vec![self.first, self.last] } else { vec![self.first] }
     }
     fn is_empty(&self) -> bool {
-        self.count == 0 || !self.first.is_finite() || !self.last.is_finite()
+        let (first, last) = (self.first, self.last);
+        let no_ratio = !(f64::from(first) * f64::from(last) > 0.0);
+        self.count == 0
+            || !first.is_finite()
+            || !last.is_finite()
+            || (self.spacing == Spacing::Logarithmic && no_ratio)
     }
     fn size(&self) -> Option<u64> {
         Some(u64::from(self.count))
@@ -251,7 +276,10 @@ impl Domain for Grid {
         let t = f64::from(index) / f64::from((self.count - 1).max(1));
         let (first, last) = (f64::from(self.first), f64::from(self.last));
         #[expect(clippy::cast_possible_truncation, reason = "arguments are quantised to f32 first")]
-        let value = (first + (last - first) * t) as f32;
+        let value = match self.spacing {
+            Spacing::Linear => first + (last - first) * t,
+            Spacing::Logarithmic => first * (last / first).powf(t),
+        } as f32;
         Some(value)
     }
     fn admits(&self, value: &f32) -> Option<bool> {
@@ -460,5 +488,12 @@ mod tests {
         let grid = Grid::linear(0.1..=0.7, 7);
         let values = all(&grid, 0, 100);
         assert_eq!((values[0], values[6], values.len()), (0.1, 0.7, 7));
+        let grid = Grid::logarithmic(0.1..=10.0, 3);
+        assert_eq!(all(&grid, 0, 100), [0.1, 1.0, 10.0]);
+        assert_eq!((grid.admits(&10.0), grid.admits(&2.0)), (Some(true), Some(false)));
+        assert_eq!(all(&Grid::logarithmic(-8.0..=-1.0, 4), 0, 100), [-8.0, -4.0, -2.0, -1.0]);
+        assert!(
+            [0.0..=1.0, -1.0..=1.0].map(|r| Grid::logarithmic(r, 9)).iter().all(Domain::is_empty)
+        );
     }
 }

@@ -44,8 +44,8 @@ pub use check::{
 };
 pub use diagnostic::{Diagnostic, SourceFile, Span};
 pub use domain::{
-    Domain, Filter, Grid, Hemisphere, Integers, Just, Map, OneOf, Origin, Shrinkable, Source,
-    UnitRgb, UnitVector,
+    AnyF32, Domain, Edges, Filter, Grid, Hemisphere, Integers, Just, LatinHypercube, Map, OneOf,
+    Origin, Shrinkable, Source, UnitRgb, UnitVector,
 };
 pub use fixture::{
     CubeMap, CubeMapError, Fixture, FixtureError, Sampler, Storage, Texture, Uniform,
@@ -69,7 +69,8 @@ pub use value::{Arguments, Mirror, Scalar, Shape, Shareable, format_f32, format_
 /// What a test file needs: `use karat::prelude::*;`.
 pub mod prelude {
     pub use crate::{
-        Abs, CubeMap, Domain, Grid, Hemisphere, Integers, Just, OneOf, Package, Path, Rel, Sampler,
-        Storage, Texture, Tolerance, Ulp, Uniform, UnitRgb, UnitVector,
+        Abs, AnyF32, CubeMap, Domain, Edges, Grid, Hemisphere, Integers, Just, LatinHypercube,
+        OneOf, Package, Path, Rel, Sampler, Storage, Texture, Tolerance, Ulp, Uniform, UnitRgb,
+        UnitVector,
     };
 }

@@ -123,7 +123,7 @@ macro_rules! product {
 }
 
 /// The parts of a tuple, each of which can be simplified.
-trait Parts<'a> {
+pub(super) trait Parts<'a> {
     type Value;
     /// The tuple: simpler with all parts at their simplest, or with one of them simpler.
     fn whole(self) -> Shrinkable<'a, Self::Value>;
