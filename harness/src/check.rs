@@ -12,23 +12,28 @@ mod identity;
 mod integral;
 mod known_issue;
 mod limit;
+mod memory;
 mod monotone;
 mod property;
 mod quadrature;
 mod reference;
 mod sampling;
 mod session;
+mod shrink;
 mod tally;
 mod tolerances;
 mod verdict;
 
 pub use argument::Argument;
-pub use disagreement::{CaseFailure, Disagreement, IntegralFailure, NodeFailure, PathDisagreement};
+pub use disagreement::{
+    CaseFailure, Disagreement, IntegralFailure, NodeFailure, PathDisagreement, Simplest,
+};
 pub(crate) use identity::Identity;
 pub use integral::Integral;
 pub use known_issue::KnownIssue;
 pub(crate) use known_issue::KnownIssues;
 pub use limit::Limit;
+use memory::Memory;
 pub use monotone::Direction;
 pub use quadrature::Directions;
 pub use reference::Reference;
@@ -406,7 +411,9 @@ impl<D: Domain> Plan<'_, D> {
         let result = self.known_issues.expect_reasons(&self.probe.path);
         let result =
             result.and_then(|()| Session::open(self, demand, &identity, seed, (name, assertion)));
+        let memory = Memory::open(&identity).filter(|_| recording == Recording::On);
         let result = result.and_then(|session| {
+            let session = session.remembering(memory);
             if let Subject::Function { location, .. } = &mut subject {
                 *location = session.probed.function.span.to_string();
             }

@@ -4,29 +4,42 @@
 //! points at log distance from them, poles, axes), and seeded: the value of case *i* depends on
 //! the seed and on *i* alone, so any case can be drawn again without those before it. A finite
 //! domain ([`Just`], [`Grid`], [`OneOf`] and products of them) is enumerated whole.
+//!
+//! A case that fails is simplified within its domain: see [`Domain::shrink`].
 
 mod direction;
+mod edges;
+mod latin;
 mod product;
 mod range;
+mod shrink;
 mod source;
 
+use std::any::Any;
 use std::fmt::Debug;
 
 pub use direction::{Hemisphere, UnitRgb, UnitVector};
+pub use edges::{AnyF32, Edges};
+pub use latin::LatinHypercube;
+use product::Parts;
 pub use range::Integers;
+pub use shrink::{Origin, Shrinkable};
 pub use source::Source;
 
 /// Draws in a row that a [`filter`](Domain::filter) may reject before the check gives up. A filter
 /// that keeps 1 % is stopped by chance once in 5e8 cases.
 const REJECTIONS: u32 = 2000;
 
+/// Points of a grid that are tried in place of one: enough to see whether a simple one fails.
+const SIMPLER: usize = 256;
+
 /// A set of values to draw from.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` is not a domain",
     label = "expected a domain of WGSL values",
     note = "use a closed range such as `0.0..=1.0` (not `0.0..1.0`), `Integers(0..=7_u32)`, \
-            `UnitVector`, `Hemisphere`, `UnitRgb`, `Just(x)`, `Grid`, `OneOf`, or a tuple of up to \
-            six of them"
+            `UnitVector`, `Hemisphere`, `UnitRgb`, `Just(x)`, `Grid`, `OneOf`, `Edges`, `AnyF32`, \
+            `LatinHypercube`, or a tuple of up to six of them"
 )]
 pub trait Domain: Send + Sync {
     /// What is drawn.
@@ -55,6 +68,31 @@ pub trait Domain: Send + Sync {
     fn nth(&self, index: u64) -> Option<Self::Value> {
         let _ = index;
         None
+    }
+
+    /// Whether `value` belongs to the domain; `None` if it can't tell, as a mapped one can't.
+    fn admits(&self, value: &Self::Value) -> Option<bool> {
+        let _ = value;
+        None
+    }
+
+    /// Values of the domain that are simpler than `value`, the simplest first: a failing case is
+    /// replaced by the first of them that fails, until none does. None, unless the domain knows.
+    fn shrink(&self, value: &Self::Value) -> Vec<Self::Value> {
+        let _ = value;
+        Vec::new()
+    }
+
+    /// A case as [`nth`](Self::nth), [`edges`](Self::edges) or [`draw`](Self::draw) gives it, with
+    /// what is needed to simplify it. Domains that are made of others override this; for the rest
+    /// [`shrink`](Self::shrink) is enough.
+    fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Self::Value>> {
+        let value = match origin {
+            Origin::Nth(index) => self.nth(index),
+            Origin::Edge(index) => self.edges().into_iter().nth(index),
+            Origin::Draw(source) => self.draw(source),
+        };
+        Some(Shrinkable::of(self, value?))
     }
 
     /// Applies `map` to each value.
@@ -94,6 +132,15 @@ impl<D: Domain + ?Sized> Domain for &D {
     }
     fn nth(&self, index: u64) -> Option<Self::Value> {
         (**self).nth(index)
+    }
+    fn admits(&self, value: &Self::Value) -> Option<bool> {
+        (**self).admits(value)
+    }
+    fn shrink(&self, value: &Self::Value) -> Vec<Self::Value> {
+        (**self).shrink(value)
+    }
+    fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Self::Value>> {
+        (**self).shrinkable(origin)
     }
 }
 
@@ -135,21 +182,70 @@ impl<T: Clone + Debug + Send + Sync + 'static> Domain for OneOf<T> {
     fn nth(&self, index: u64) -> Option<T> {
         usize::try_from(index).ok().and_then(|index| self.0.get(index)).cloned()
     }
+    /// Numbers and booleans by how they read, other values by their place in the list.
+    fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, T>> {
+        let index = match origin {
+            Origin::Nth(index) => usize::try_from(index).ok()?,
+            Origin::Edge(0) => 0,
+            Origin::Edge(_) => self.0.len().checked_sub(1)?,
+            Origin::Draw(source) => usize::try_from(source.below(self.0.len() as u64)).ok()?,
+        };
+        self.at(index)
+    }
 }
 
-/// Evenly spaced values from one end to the other, both included.
+impl<T: Clone + Debug + Send + Sync + 'static> OneOf<T> {
+    fn at(&self, index: usize) -> Option<Shrinkable<'_, T>> {
+        let value = self.0.get(index)?.clone();
+        let key = |index: usize| (complexity(&self.0[index]).unwrap_or(index as u64), index);
+        Some(Shrinkable::new(value, move || {
+            let mut simpler: Vec<_> =
+                (0..self.0.len()).filter(|other| key(*other) < key(index)).collect();
+            simpler.sort_by_key(|index| key(*index));
+            simpler.into_iter().filter_map(|index| self.at(index)).collect()
+        }))
+    }
+}
+
+/// How complicated a number or boolean is.
+fn complexity(value: &dyn Any) -> Option<u64> {
+    None.or_else(|| value.downcast_ref::<bool>().map(|value| u64::from(*value)))
+        .or_else(|| value.downcast_ref::<f32>().map(|value| shrink::float_complexity(*value)))
+        .or_else(|| value.downcast_ref::<u32>().map(|value| 2 * u64::from(*value)))
+        .or_else(|| {
+            let value = value.downcast_ref::<i32>()?;
+            Some(2 * u64::from(value.unsigned_abs()) + u64::from(*value < 0))
+        })
+}
+
+/// Values at equal distances, or at equal ratios, from one end to the other, both included.
 #[derive(Clone, Copy, Debug)]
 pub struct Grid {
     first: f32,
     last: f32,
     count: u32,
+    spacing: Spacing,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Spacing {
+    Linear,
+    Logarithmic,
 }
 
 impl Grid {
     /// `count` values over `range`. A grid of one value is the range's start.
     #[must_use]
     pub fn linear(range: std::ops::RangeInclusive<f32>, count: u32) -> Self {
-        Self { first: *range.start(), last: *range.end(), count }
+        Self { first: *range.start(), last: *range.end(), count, spacing: Spacing::Linear }
+    }
+
+    /// `count` values over `range`, each as many times the one before: for roughness, exposure and
+    /// distance. Both ends have the same sign and neither is zero; otherwise the grid is empty,
+    /// which is an error of the check.
+    #[must_use]
+    pub fn logarithmic(range: std::ops::RangeInclusive<f32>, count: u32) -> Self {
+        Self { spacing: Spacing::Logarithmic, ..Self::linear(range, count) }
     }
 }
 
@@ -162,7 +258,12 @@ impl Domain for Grid {
         if self.count > 1 { vec![self.first, self.last] } else { vec![self.first] }
     }
     fn is_empty(&self) -> bool {
-        self.count == 0 || !self.first.is_finite() || !self.last.is_finite()
+        let (first, last) = (self.first, self.last);
+        let no_ratio = !(f64::from(first) * f64::from(last) > 0.0);
+        self.count == 0
+            || !first.is_finite()
+            || !last.is_finite()
+            || (self.spacing == Spacing::Logarithmic && no_ratio)
     }
     fn size(&self) -> Option<u64> {
         Some(u64::from(self.count))
@@ -175,8 +276,24 @@ impl Domain for Grid {
         let t = f64::from(index) / f64::from((self.count - 1).max(1));
         let (first, last) = (f64::from(self.first), f64::from(self.last));
         #[expect(clippy::cast_possible_truncation, reason = "arguments are quantised to f32 first")]
-        let value = (first + (last - first) * t) as f32;
+        let value = match self.spacing {
+            Spacing::Linear => first + (last - first) * t,
+            Spacing::Logarithmic => first * (last / first).powf(t),
+        } as f32;
         Some(value)
+    }
+    fn admits(&self, value: &f32) -> Option<bool> {
+        let mut values = (0..u64::from(self.count)).filter_map(|index| self.nth(index));
+        Some(values.any(|own| own.to_bits() == value.to_bits()))
+    }
+    fn shrink(&self, value: &f32) -> Vec<f32> {
+        let own = shrink::float_complexity(*value);
+        let values = (0..u64::from(self.count)).filter_map(|index| self.nth(index));
+        let mut simpler: Vec<_> =
+            values.filter(|value| shrink::float_complexity(*value) < own).collect();
+        simpler.sort_by_cached_key(|value| shrink::float_complexity(*value));
+        simpler.truncate(SIMPLER);
+        simpler
     }
 }
 
@@ -209,6 +326,9 @@ where
     fn nth(&self, index: u64) -> Option<T> {
         self.domain.nth(index).map(&self.map)
     }
+    fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, T>> {
+        Some(self.domain.shrinkable(origin)?.map(&self.map))
+    }
 }
 
 /// See [`Domain::filter`].
@@ -232,6 +352,26 @@ where
     }
     fn is_empty(&self) -> bool {
         self.domain.is_empty()
+    }
+    fn admits(&self, value: &Self::Value) -> Option<bool> {
+        if (self.keep)(value) { self.domain.admits(value) } else { Some(false) }
+    }
+    fn shrink(&self, value: &Self::Value) -> Vec<Self::Value> {
+        self.domain.shrink(value).into_iter().filter(&self.keep).collect()
+    }
+    fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Self::Value>> {
+        let kept = |shrinkable: &Shrinkable<'_, D::Value>| (self.keep)(shrinkable.value());
+        let found = match origin {
+            Origin::Nth(_) => None, // a filtered domain isn't enumerated
+            Origin::Edge(index) => {
+                let edges = self.domain.edges().into_iter().enumerate();
+                let mut edges = edges.filter(|(_, edge)| (self.keep)(edge));
+                self.domain.shrinkable(Origin::Edge(edges.nth(index)?.0))
+            }
+            Origin::Draw(source) => (0..REJECTIONS)
+                .find_map(|_| self.domain.shrinkable(Origin::Draw(&mut *source)).filter(kept)),
+        };
+        Some(found?.filter(&self.keep))
     }
 }
 
@@ -258,6 +398,16 @@ impl<'a, D: Domain + ?Sized> Cases<'a, D> {
         }
     }
 
+    /// The same cases under another seed.
+    pub(crate) fn with_seed(&self, seed: u64) -> Self {
+        Self { seed, edges: self.edges.clone(), ..*self }
+    }
+
+    /// Whether the domain has a value, if it can tell.
+    pub(crate) fn admits(&self, value: &D::Value) -> Option<bool> {
+        self.domain.admits(value)
+    }
+
     pub(crate) fn count(&self) -> u64 {
         self.count
     }
@@ -272,6 +422,17 @@ impl<'a, D: Domain + ?Sized> Cases<'a, D> {
             .and_then(|index| self.edges.get(index))
             .cloned()
             .or_else(|| self.domain.draw(&mut Source::new(self.seed, index)))
+    }
+
+    /// The value of a case with the simpler ones next to it.
+    pub(crate) fn shrinkable(&self, index: u64) -> Option<Shrinkable<'a, D::Value>> {
+        let edge = usize::try_from(index).ok().filter(|index| *index < self.edges.len());
+        let mut source = Source::new(self.seed, index);
+        self.domain.shrinkable(match edge {
+            _ if self.enumerated => Origin::Nth(index),
+            Some(edge) => Origin::Edge(edge),
+            None => Origin::Draw(&mut source),
+        })
     }
 }
 
@@ -327,5 +488,12 @@ mod tests {
         let grid = Grid::linear(0.1..=0.7, 7);
         let values = all(&grid, 0, 100);
         assert_eq!((values[0], values[6], values.len()), (0.1, 0.7, 7));
+        let grid = Grid::logarithmic(0.1..=10.0, 3);
+        assert_eq!(all(&grid, 0, 100), [0.1, 1.0, 10.0]);
+        assert_eq!((grid.admits(&10.0), grid.admits(&2.0)), (Some(true), Some(false)));
+        assert_eq!(all(&Grid::logarithmic(-8.0..=-1.0, 4), 0, 100), [-8.0, -4.0, -2.0, -1.0]);
+        assert!(
+            [0.0..=1.0, -1.0..=1.0].map(|r| Grid::logarithmic(r, 9)).iter().all(Domain::is_empty)
+        );
     }
 }

@@ -42,11 +42,12 @@ mod value;
 pub use check::{
     Agreement, Argument, CaseFailure, Census, Check, ConfigurationRejection, Direction, Directions,
     Disagreement, Failure, Finding, Fit, Integral, IntegralFailure, KnownIssue, Limit, NodeFailure,
-    PathDisagreement, PathRejection, Power, Probe, Reference, Rejection, Samples,
+    PathDisagreement, PathRejection, Power, Probe, Reference, Rejection, Samples, Simplest,
 };
 pub use diagnostic::{Diagnostic, SourceFile, Span};
 pub use domain::{
-    Domain, Filter, Grid, Hemisphere, Integers, Just, Map, OneOf, Source, UnitRgb, UnitVector,
+    AnyF32, Domain, Edges, Filter, Grid, Hemisphere, Integers, Just, LatinHypercube, Map, OneOf,
+    Origin, Shrinkable, Source, UnitRgb, UnitVector,
 };
 pub use fixture::{
     CubeMap, CubeMapError, Fixture, FixtureError, Sampler, Storage, Texture, Uniform,
@@ -71,8 +72,8 @@ pub use value::{Arguments, Mirror, Scalar, Shape, Shareable, format_f32, format_
 /// What a test file needs: `use karat::prelude::*;`.
 pub mod prelude {
     pub use crate::{
-        Abs, CubeMap, Direction, Directions, Domain, Grid, Hemisphere, Integers, Just, Limit,
-        OneOf, Package, Path, Rel, Sampler, Storage, Support, Texture, Tolerance, Ulp, Uniform,
-        UnitRgb, UnitVector,
+        Abs, AnyF32, CubeMap, Direction, Directions, Domain, Edges, Grid, Hemisphere, Integers,
+        Just, LatinHypercube, Limit, OneOf, Package, Path, Rel, Sampler, Storage, Support, Texture,
+        Tolerance, Ulp, Uniform, UnitRgb, UnitVector,
     };
 }

@@ -12,7 +12,7 @@ use crate::value::{Scalar, Shape, format_f32, hexfloat};
 /// A function disagrees with what was asserted of it, on at least one path.
 ///
 /// `Display` shows the function in the author's file, the worst and the first failing case with
-/// their inputs, and for each path a census and the command that replays it.
+/// their inputs, the simplest that the worst could be reduced to, and for each path a census and the command that replays it.
 #[derive(Clone, Debug)]
 pub struct Disagreement {
     /// The function.
@@ -42,6 +42,27 @@ pub struct PathDisagreement {
     pub first: Option<CaseFailure>,
     /// The command that runs the worst case again.
     pub replay: String,
+    /// The simplest case that the worst one could be reduced to, if it could.
+    pub simplest: Option<Simplest>,
+}
+
+/// A failing case that a worse one was reduced to: it fails the same check on the same path.
+#[derive(Clone, Debug)]
+pub struct Simplest {
+    /// The failure; its case is the one that was reduced.
+    pub failure: CaseFailure,
+    /// The lanes of its arguments.
+    pub input: Vec<u32>,
+    /// The command that runs it again.
+    pub replay: String,
+    /// Which of the simpler values was taken in each round.
+    pub(crate) steps: Vec<usize>,
+}
+
+impl Simplest {
+    pub(super) fn new(failure: CaseFailure, input: Vec<u32>) -> Self {
+        Self { failure, input, replay: String::new(), steps: Vec::new() }
+    }
 }
 
 /// One failing case.
@@ -49,6 +70,8 @@ pub struct PathDisagreement {
 pub struct CaseFailure {
     /// Index of the case.
     pub case: u64,
+    /// Whether it isn't one of the domain's cases, but an input on which the check failed before.
+    pub remembered: bool,
     /// Each argument: its name, and its value as WGSL would write it. Of an
     /// integral: `case`, and its value as `Debug` shows it.
     pub arguments: Vec<(String, String)>,
@@ -119,6 +142,7 @@ impl CaseFailure {
         };
         Self {
             case,
+            remembered: false,
             arguments,
             component,
             actual: actual.get(lane).copied().unwrap_or_default(),
@@ -148,7 +172,8 @@ impl CaseFailure {
 
     /// Writes the failure. `expectation` is what `expected` is called.
     fn write(&self, f: &mut fmt::Formatter<'_>, title: &str, expectation: &str) -> fmt::Result {
-        writeln!(f, "  {title} (case {})", self.case)?;
+        let remembered = if self.remembered { "remembered " } else { "" };
+        writeln!(f, "  {title}{remembered}case {})", self.case)?;
         if let Some(integral) = &self.integral {
             return self.write_integral(f, integral, expectation);
         }
@@ -272,11 +297,15 @@ impl fmt::Display for Disagreement {
                 }
             }
             writeln!(f)?;
-            path.worst.write(f, "worst", expectation)?;
+            path.worst.write(f, "worst (", expectation)?;
             if let Some(first) = &path.first {
-                first.write(f, "first", expectation)?;
+                first.write(f, "first (", expectation)?;
             }
             writeln!(f, "  replay: {}", path.replay)?;
+            if let Some(simplest) = &path.simplest {
+                simplest.failure.write(f, "simplest (reduced from ", expectation)?;
+                writeln!(f, "  replay: {}", simplest.replay)?;
+            }
         }
         for adapter in &self.agreeing {
             writeln!(f, "\non {adapter}\n  all cases agree")?;

@@ -21,21 +21,31 @@ struct Selection {
     /// `function/check`
     check: Option<String>,
     case: u64,
+    /// `KARAT_INPUT`: the lanes of the arguments that the case has in place of its own.
+    input: Option<Vec<u32>>,
 }
 
 impl Identity {
     /// Reads the thread's name and the environment.
     ///
     /// # Panics
-    /// If `KARAT_SEED` or `KARAT_CASE` isn't a number.
+    /// If `KARAT_SEED` or `KARAT_CASE` isn't a number, `KARAT_INPUT` isn't a list of words, or
+    /// it is set without `KARAT_CASE`.
     pub(crate) fn current() -> Self {
         let variable = |name| std::env::var(name).ok().filter(|text| !text.is_empty());
-        let selection = variable("KARAT_CASE").map(|text| match text.rsplit_once('/') {
-            Some((check, case)) => {
-                Selection { check: Some(check.to_owned()), case: number("KARAT_CASE", case) }
-            }
-            None => Selection { check: None, case: number("KARAT_CASE", &text) },
+        let input = variable("KARAT_INPUT").map(|text| {
+            let words = read_words(&text);
+            words.unwrap_or_else(|| panic!("KARAT_INPUT={text} isn't a list of hexadecimal words"))
         });
+        let selection = variable("KARAT_CASE").map(|text| {
+            let (check, case) = match text.rsplit_once('/') {
+                Some((check, case)) => (Some(check.to_owned()), number("KARAT_CASE", case)),
+                None => (None, number("KARAT_CASE", &text)),
+            };
+            Selection { check, case, input: input.clone() }
+        });
+        let stray = input.is_some() && selection.is_none();
+        assert!(!stray, "KARAT_INPUT needs KARAT_CASE, which says for which check it is");
         let seed = variable("KARAT_SEED").map(|text| number("KARAT_SEED", &text));
         // The test runner names each test's thread. A program that isn't a test runs on `main`.
         let test = std::thread::current().name().unwrap_or("main").to_owned();
@@ -61,10 +71,22 @@ impl Identity {
     /// twice in the same way: a check that hasn't the case isn't the one that was meant.
     pub(crate) fn case(&self, function: &str, check: &str, count: u64) -> Option<u64> {
         let selection = self.selection.as_ref().filter(|_| self.selects(function, check))?;
-        (selection.check.is_none() || selection.case < count).then_some(selection.case)
+        let fits = selection.check.is_none() || selection.input.is_some() || selection.case < count;
+        fits.then_some(selection.case)
     }
 
-    /// The command that runs a check again, on one path and one case.
+    /// Whether the environment asks for one case.
+    pub(crate) fn replays(&self) -> bool {
+        self.selection.is_some()
+    }
+
+    /// The arguments that the selected case of a check has in place of its own.
+    pub(crate) fn input(&self, function: &str, check: &str) -> Option<&[u32]> {
+        let selection = self.selection.as_ref().filter(|_| self.selects(function, check))?;
+        selection.input.as_deref()
+    }
+
+    /// The command that runs a check again, on one path and one case, or on `input` in its place.
     pub(crate) fn replay(
         &self,
         path: Path,
@@ -72,9 +94,13 @@ impl Identity {
         function: &str,
         check: &str,
         case: u64,
+        input: Option<&[u32]>,
     ) -> String {
-        let environment =
+        let mut environment =
             format!("KARAT_PATHS={path} KARAT_SEED={seed:#x} KARAT_CASE={function}/{check}/{case}");
+        if let Some(input) = input {
+            environment = format!("{environment} KARAT_INPUT={}", write_words(input));
+        }
         let exe = std::env::current_exe().unwrap_or_default();
         // Cargo tells a test which package it belongs to; a test's thread has the test's name.
         let package = std::env::var("CARGO_PKG_NAME").ok().filter(|_| self.test != "main");
@@ -86,6 +112,16 @@ impl Identity {
             }
         }
     }
+}
+
+/// Lanes as the environment and files have them: `3f800000,00000000`.
+pub(crate) fn write_words(words: &[u32]) -> String {
+    let words: Vec<String> = words.iter().map(|word| format!("{word:08x}")).collect();
+    words.join(",")
+}
+
+pub(crate) fn read_words(text: &str) -> Option<Vec<u32>> {
+    text.split(',').map(|word| u32::from_str_radix(word.trim(), 16).ok()).collect()
 }
 
 fn number(name: &str, text: &str) -> u64 {
@@ -126,7 +162,7 @@ mod tests {
 
     #[test]
     fn a_named_case_selects_one_check() {
-        let named = Selection { check: Some("a::f/agrees_with".to_owned()), case: 7 };
+        let named = Selection { check: Some("a::f/agrees_with".to_owned()), case: 7, input: None };
         let identity = |selection| Identity { test: "t".to_owned(), seed: Some(1), selection };
         let one = identity(Some(named));
         assert_eq!(one.case("a::f", "agrees_with", 100), Some(7));
@@ -134,7 +170,7 @@ mod tests {
         assert_eq!(one.case("a::f", "satisfies", 100), None);
         assert_eq!(one.seed("a::f", "agrees_with"), 1);
         assert_ne!(one.seed("a::f", "satisfies"), 1);
-        let any = identity(Some(Selection { check: None, case: 7 }));
+        let any = identity(Some(Selection { check: None, case: 7, input: None }));
         assert_eq!(any.case("b::g", "satisfies", 5), Some(7));
     }
 }

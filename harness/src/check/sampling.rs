@@ -341,7 +341,7 @@ fn conclude<D: Domain>(
                 continue;
             };
             let replay =
-                identity.replay(device.path(), seed, &function, check, worst.configuration);
+                identity.replay(device.path(), seed, &function, check, worst.configuration, None);
             let place = (identity.test.as_str(), function.as_str(), device.path().to_string());
             let worst = worst.reported(settings.support, place);
             rejections.push(PathRejection {

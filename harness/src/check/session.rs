@@ -5,11 +5,14 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::disagreement::arguments;
+use super::memory::{Entry, Memory};
+use super::shrink::{Judge, words as words_of};
 use super::tally::{Judged, Shown, Tally, tally};
 use super::{
     Agreement, CaseFailure, Disagreement, Failure, Identity, PathDisagreement, Plan, Reference,
+    Simplest,
 };
-use crate::domain::{Cases, Domain};
+use crate::domain::{Cases, Domain, Shrinkable};
 use crate::path::{self, Adapter, Device, Path};
 use crate::probe::{self, BATCH, Dispatch, Probed, Runner};
 use crate::record::PathRecord;
@@ -19,6 +22,9 @@ use crate::value::{Arguments, Scalar, Shape};
 
 /// Cases that one task draws or computes the reference of.
 const TASK: usize = 2048;
+
+/// Room for cases in a dispatch of few, for the values that a failing one is replaced by.
+const SMALLEST: usize = 256;
 
 /// What one verb asks of a session.
 pub(super) struct Demand {
@@ -45,6 +51,8 @@ pub(super) struct Session<'a, D: Domain> {
     pub(super) seed: u64,
     /// The verb and what it asserts.
     pub(super) assertion: (&'static str, String),
+    /// Inputs on which the test has failed before; `None`: nothing is remembered.
+    memory: Option<Memory>,
 }
 
 /// The cases of one dispatch.
@@ -61,6 +69,7 @@ pub(super) struct PathTally {
     pub(super) tally: Tally,
     worst: Option<CaseFailure>,
     first: Option<CaseFailure>,
+    simplest: Option<Simplest>,
     /// Nodes of all integrals; 0 for other checks.
     nodes: u64,
 }
@@ -74,6 +83,7 @@ impl PathTally {
             path: device.path(),
             worst: tally.worst.filter(|_| failing).map(&show),
             first: tally.first.map(&show),
+            simplest: None,
             tally,
             nodes: 0,
         }
@@ -81,6 +91,11 @@ impl PathTally {
 
     pub(super) fn with_nodes(self, nodes: u64) -> Self {
         Self { nodes, ..self }
+    }
+
+    /// The failing case of the lowest index.
+    pub(super) fn first_failure(self) -> Option<CaseFailure> {
+        self.first
     }
 
     pub(super) fn record(&self, asserted: &str) -> PathRecord {
@@ -136,13 +151,18 @@ impl<'a, D: Domain> Session<'a, D> {
             return Err(Failure::Domain { function: function.path.clone(), reason });
         }
         let count = usize::try_from(cases.count()).unwrap_or(BATCH);
-        let capacity = count.saturating_mul(demand.calls).min(BATCH);
+        let capacity = count.saturating_mul(demand.calls).clamp(SMALLEST, BATCH);
         let runners = path::selected()?
             .into_iter()
             .map(|device| Runner::new(device, &probed, &probe.fixtures, capacity))
             .collect::<Result<_, _>>()?;
         let case = identity.case(&probed.function.path, assertion.0, cases.count());
-        Ok(Self { probed, runners, cases, case, identity, seed, assertion })
+        Ok(Self { probed, runners, cases, case, identity, seed, assertion, memory: None })
+    }
+
+    /// Tries what the test has failed on before, and remembers what it fails on.
+    pub(super) fn remembering(self, memory: Option<Memory>) -> Self {
+        Self { memory, ..self }
     }
 
     pub(super) fn scalars(&self) -> Vec<Scalar> {
@@ -235,12 +255,22 @@ impl<'a, D: Domain> Session<'a, D> {
         })
     }
 
+    /// The value of a case, with the simpler ones next to it.
+    pub(super) fn shrinkable(&self, index: u64) -> Option<Shrinkable<'_, D::Value>> {
+        self.cases.shrinkable(index)
+    }
+
     pub(super) fn dispatch(&self, batch: &LanesOnly<'_>) -> Result<Vec<Dispatch>, Failure> {
         let dispatches = self.runners.iter().map(|runner| {
             let canary = probe::canary(self.seed, batch.first);
             runner.dispatch(batch.cases, &batch.lanes, canary)
         });
         Ok(dispatches.collect::<Result<_, _>>()?)
+    }
+
+    /// The arguments with which a replay replaces those of its case.
+    fn input(&self) -> Option<&[u32]> {
+        self.identity.input(&self.probed.function.path, self.assertion.0)
     }
 
     pub(super) fn conclude(&self, tallies: Vec<PathTally>) -> Result<Agreement, Failure> {
@@ -263,21 +293,23 @@ impl<'a, D: Domain> Session<'a, D> {
         }
         let mut agreeing = Vec::new();
         let mut paths = Vec::new();
-        for PathTally { adapter, path, tally, worst, first, .. } in tallies {
+        for PathTally { adapter, path, tally, worst, first, simplest, .. } in tallies {
             let Some(worst) = worst else {
                 agreeing.push(adapter);
                 continue;
             };
-            let replay = self.identity.replay(
-                path,
-                self.seed,
-                &self.probed.function.path,
-                self.assertion.0,
-                worst.case,
-            );
+            let replay = |input: Option<&[u32]>| {
+                let (function, check) = (&self.probed.function.path, self.assertion.0);
+                self.identity.replay(path, self.seed, function, check, worst.case, input)
+            };
             let first = first.filter(|first| first.case != worst.case);
-            let census = tally.census;
-            paths.push(PathDisagreement { adapter, census, worst, first, replay });
+            let old = simplest.as_ref().filter(|_| worst.remembered);
+            let replay_worst = replay(old.map(|old| &*old.input).or(self.input()));
+            let simplest = simplest.filter(|simplest| !simplest.steps.is_empty());
+            let simplest = simplest
+                .map(|simplest| Simplest { replay: replay(Some(&simplest.input)), ..simplest });
+            let (census, replay) = (tally.census, replay_worst);
+            paths.push(PathDisagreement { adapter, census, worst, first, replay, simplest });
         }
         Err(Failure::Disagreement(Box::new(Disagreement {
             function: self.probed.function.clone(),
@@ -294,11 +326,109 @@ impl<D: Domain> Session<'_, D>
 where
     D::Value: Arguments,
 {
-    /// Draws batch after batch, dispatches it on every path and hands it to `judge`.
+    /// Draws batch after batch, dispatches it on every path and hands it to `judge`. The worst case
+    /// of each path that fails is simplified, for which `judge` gets other batches.
     pub(super) fn run(
         &self,
         mut judge: impl FnMut(&Batch<D::Value>, Vec<Dispatch>) -> Result<Vec<PathTally>, Failure>,
     ) -> Result<Vec<PathTally>, Failure> {
+        let remembered = self.remembered();
+        let again = self.run_again(&remembered, &mut judge)?;
+        let mut sums = self.run_cases(&mut judge)?;
+        // What passes again isn't counted: the declared cases are the same in every run.
+        if again.iter().any(|path| path.tally.census.failures > 0) {
+            sums = PathTally::merge_all(sums, again);
+        }
+        for (path, sum) in sums.iter_mut().enumerate() {
+            if let (Some(worst), None) = (&sum.worst, self.input()) {
+                let old = worst.case.checked_sub(self.cases.count());
+                let old = old.and_then(|index| remembered.get(usize::try_from(index).ok()?));
+                sum.simplest = match old {
+                    Some(value) => Some(Simplest::new(worst.clone(), words_of(value))),
+                    None => self.simplest(path, worst, &mut judge),
+                };
+            }
+        }
+        self.remember(&sums);
+        Ok(sums)
+    }
+
+    /// The inputs on which this check has failed before, as far as they still are in its domain.
+    fn remembered(&self) -> Vec<D::Value> {
+        let Some(memory) = &self.memory else { return Vec::new() };
+        let mut values = Vec::new();
+        for entry in memory.of(&self.probed.function.path, self.assertion.0) {
+            match self.value(&entry.words) {
+                Ok(value) if self.still_drawn(&value, entry) => values.push(value),
+                Ok(_) => memory.ignore(entry, "it isn't in the domain any more"),
+                Err(_) => memory.ignore(entry, "the function takes other arguments now"),
+            }
+        }
+        values
+    }
+
+    /// Whether the domain has a value. One that can't tell has it if the value comes about in the
+    /// same way as before.
+    fn still_drawn(&self, value: &D::Value, entry: &Entry) -> bool {
+        let again = || {
+            let cases = self.cases.with_seed(entry.seed);
+            let mut at = cases.shrinkable(entry.case)?;
+            for index in &entry.steps {
+                at = at.simpler().into_iter().nth(*index)?;
+            }
+            Some(words_of(at.value()) == entry.words)
+        };
+        self.cases.admits(value).unwrap_or_else(|| again() == Some(true))
+    }
+
+    /// Judges remembered inputs, whose indices follow those of the cases.
+    fn run_again(
+        &self,
+        remembered: &[D::Value],
+        judge: &mut impl Judge<D::Value>,
+    ) -> Result<Vec<PathTally>, Failure> {
+        let mut sums = Vec::new();
+        for (index, values) in (self.cases.count()..).zip(remembered.chunks(1)) {
+            let batch = Batch::of(index, values.to_vec());
+            let dispatches = self.dispatch(&batch.lanes_only())?;
+            sums = PathTally::merge_all(sums, judge(&batch, dispatches)?);
+        }
+        Ok(sums)
+    }
+
+    fn remember(&self, sums: &[PathTally]) {
+        let Some(memory) = &self.memory else { return };
+        for (path, simplest) in
+            sums.iter().filter_map(|sum| Some((sum.path, sum.simplest.as_ref()?)))
+        {
+            if simplest.failure.remembered {
+                continue;
+            }
+            let arguments: Vec<String> = simplest
+                .failure
+                .arguments
+                .iter()
+                .map(|(name, value)| format!("{name} = {value}"))
+                .collect();
+            memory.keep(&Entry {
+                function: self.probed.function.path.clone(),
+                check: self.assertion.0.to_owned(),
+                path: path.name().to_owned(),
+                words: simplest.input.clone(),
+                seed: self.seed,
+                case: simplest.failure.case,
+                steps: simplest.steps.clone(),
+                comment: arguments.join(", "),
+            });
+        }
+    }
+
+    fn run_cases(&self, judge: &mut impl Judge<D::Value>) -> Result<Vec<PathTally>, Failure> {
+        if let Some(words) = self.input() {
+            let batch = Batch::of(self.case.unwrap_or_default(), vec![self.value(words)?]);
+            let dispatches = self.dispatch(&batch.lanes_only())?;
+            return judge(&batch, dispatches);
+        }
         let Range { start: mut first, end } = self.selected()?;
         let mut sums = Vec::new();
         while first < end {
@@ -309,6 +439,18 @@ where
             first += size;
         }
         Ok(sums)
+    }
+
+    /// Arguments from their lanes, which must be as many as the function takes.
+    fn value(&self, words: &[u32]) -> Result<D::Value, Failure> {
+        let value = D::Value::load_all(&mut words.iter());
+        let (expected, found) = (words_of(&value).len(), words.len());
+        if expected != found {
+            let function = self.probed.function.path.clone();
+            let reason = format!("has values of {expected} words, KARAT_INPUT has {found}");
+            return Err(Failure::Domain { function, reason });
+        }
+        Ok(value)
     }
 
     fn draw(&self, first: u64, size: u64) -> Result<Batch<D::Value>, Failure> {
@@ -353,11 +495,15 @@ where
                     let case = usize::try_from(shown.case - batch.first).expect("in this batch");
                     let actual = &results[case * stride..][..words];
                     let (judged, expected) = (judge(path, case, actual), expect(path, case));
-                    let mut lanes = Vec::new();
-                    batch.values[case].store_all(&mut lanes);
                     let function = &self.probed.function;
-                    let (arguments, expected) = (arguments(function, &lanes), expected.as_deref());
-                    CaseFailure::new(function, shown.case, arguments, actual, expected, &judged)
+                    let arguments = arguments(function, &words_of(&batch.values[case]));
+                    let expected = expected.as_deref();
+                    let remembered = shown.case >= self.cases.count();
+                    let case = shown.case;
+                    CaseFailure {
+                        remembered,
+                        ..CaseFailure::new(function, case, arguments, actual, expected, &judged)
+                    }
                 })
             })?;
             tallies.push(tally);
@@ -402,6 +548,12 @@ pub(super) struct LanesOnly<'a> {
 }
 
 impl<V: Arguments> Batch<V> {
+    /// Cases from the index `first` on.
+    pub(super) fn of(first: u64, values: Vec<V>) -> Self {
+        let lanes = values.iter().flat_map(words_of).collect();
+        Self { first, values, lanes }
+    }
+
     pub(super) fn lanes_only(&self) -> LanesOnly<'_> {
         let (first, cases) = (self.first, self.values.len());
         LanesOnly { first, cases, lanes: self.lanes.as_slice().into() }

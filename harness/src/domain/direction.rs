@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use glam::{DVec3, Vec3};
 
-use super::{Domain, Source};
+use super::{Domain, Source, shrink};
 
 /// Unit vectors over the whole sphere: uniform, with axes, poles and their close neighbours
 /// over-represented. Components are rounded to `f32`, so lengths differ from 1 by up to 1e-7, as
@@ -21,6 +21,9 @@ pub struct Hemisphere;
 /// over-represented.
 #[derive(Clone, Copy, Debug)]
 pub struct UnitRgb;
+
+/// How far a length may be from 1: three components, each rounded to `f32`.
+const LENGTH: f64 = 2e-7;
 
 const AXES: [Vec3; 6] = [Vec3::Z, Vec3::X, Vec3::Y, Vec3::NEG_Z, Vec3::NEG_X, Vec3::NEG_Y];
 
@@ -54,6 +57,14 @@ impl Domain for UnitVector {
     fn edges(&self) -> Vec<Vec3> {
         AXES.to_vec()
     }
+
+    fn admits(&self, value: &Vec3) -> Option<bool> {
+        Some((value.as_dvec3().length() - 1.0).abs() < LENGTH)
+    }
+
+    fn shrink(&self, value: &Vec3) -> Vec<Vec3> {
+        shrink::directions(*value, |value| self.admits(&value) == Some(true))
+    }
 }
 
 impl Domain for Hemisphere {
@@ -74,6 +85,14 @@ impl Domain for Hemisphere {
     fn edges(&self) -> Vec<Vec3> {
         vec![Vec3::Z, Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y]
     }
+
+    fn admits(&self, value: &Vec3) -> Option<bool> {
+        UnitVector.admits(value).map(|unit| unit && value.z >= 0.0)
+    }
+
+    fn shrink(&self, value: &Vec3) -> Vec<Vec3> {
+        shrink::directions(*value, |value| self.admits(&value) == Some(true))
+    }
 }
 
 impl Domain for UnitRgb {
@@ -92,6 +111,14 @@ impl Domain for UnitRgb {
     fn edges(&self) -> Vec<Vec3> {
         vec![Vec3::ZERO, Vec3::ONE, Vec3::X, Vec3::Y, Vec3::Z]
     }
+
+    fn admits(&self, value: &Vec3) -> Option<bool> {
+        Some(value.cmpge(Vec3::ZERO).all() && value.cmple(Vec3::ONE).all())
+    }
+
+    fn shrink(&self, value: &Vec3) -> Vec<Vec3> {
+        shrink::colours(*value)
+    }
 }
 
 #[cfg(test)]
@@ -102,9 +129,9 @@ mod tests {
     fn directions_have_unit_length_and_the_right_side() {
         for index in 0..10_000 {
             let v = UnitVector.draw(&mut Source::new(1, index)).expect("never rejects");
-            assert!((v.as_dvec3().length() - 1.0).abs() < 2e-7, "{v}");
+            assert!((v.as_dvec3().length() - 1.0).abs() < LENGTH, "{v}");
             let h = Hemisphere.draw(&mut Source::new(2, index)).expect("never rejects");
-            assert!((h.as_dvec3().length() - 1.0).abs() < 2e-7 && h.z >= 0.0, "{h}");
+            assert!((h.as_dvec3().length() - 1.0).abs() < LENGTH && h.z >= 0.0, "{h}");
         }
     }
 

@@ -1,6 +1,6 @@
 //! Tuples: independent domains side by side.
 
-use super::{Domain, Source};
+use super::{Domain, Origin, Shrinkable, Source};
 
 /// Combinations of edges that are tried first; more than this are left to the draws, which reach
 /// every edge of every part by their bias.
@@ -31,10 +31,7 @@ macro_rules! product {
 
             fn edges(&self) -> Vec<Self::Value> {
                 let edges = ($(self.$index.edges(),)+);
-                // Where all combinations are too many, the two ends of each part are combined.
-                let full: usize = [$(edges.$index.len()),+].iter().product();
-                let ends = if full <= COMBINATIONS { usize::MAX } else { 2 };
-                let lengths = [$(edges.$index.len().min(ends)),+];
+                let lengths = combined([$(edges.$index.len()),+]);
                 let total: usize = lengths.iter().product();
                 (0..total.min(COMBINATIONS))
                     .map(|mut rest| {
@@ -70,8 +67,87 @@ macro_rules! product {
                     value
                 },)+))
             }
+
+            fn admits(&self, value: &Self::Value) -> Option<bool> {
+                let parts = [$(self.$index.admits(&value.$index)),+];
+                if parts.contains(&Some(false)) {
+                    return Some(false);
+                }
+                parts.into_iter().all(|part| part.is_some()).then_some(true)
+            }
+
+            fn shrink(&self, value: &Self::Value) -> Vec<Self::Value> {
+                let parts = ($(Shrinkable::of(&self.$index, value.$index.clone()),)+);
+                parts.whole().simpler().iter().map(|simpler| simpler.value().clone()).collect()
+            }
+
+            #[expect(unused_assignments, reason = "the last part leaves no rest")]
+            fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Self::Value>> {
+                let parts = match origin {
+                    Origin::Draw(source) => {
+                        ($(self.$index.shrinkable(Origin::Draw(&mut *source))?,)+)
+                    }
+                    Origin::Nth(mut index) => ($({
+                        let size = self.$index.size()?;
+                        let part = self.$index.shrinkable(Origin::Nth(index % size))?;
+                        index /= size;
+                        part
+                    },)+),
+                    Origin::Edge(mut rest) => {
+                        let lengths = combined([$(self.$index.edges().len()),+]);
+                        ($({
+                            let length = lengths[$index];
+                            let part = self.$index.shrinkable(Origin::Edge(rest % length))?;
+                            rest /= length;
+                            part
+                        },)+)
+                    }
+                };
+                Some(parts.whole())
+            }
+        }
+
+        impl<'a, $($name: Clone + 'a),+> Parts<'a> for ($(Shrinkable<'a, $name>,)+) {
+            type Value = ($($name,)+);
+
+            fn whole(self) -> Shrinkable<'a, Self::Value> {
+                let value = ($(self.$index.value().clone(),)+);
+                Shrinkable::new(value, move || {
+                    let simpler = ($(self.$index.simpler(),)+);
+                    let mut together = self.clone();
+                    let mut moved = 0;
+                    $(if let Some(simplest) = simpler.$index.first() {
+                        together.$index = simplest.clone();
+                        moved += 1;
+                    })+
+                    let mut found = Vec::new();
+                    if moved > 1 {
+                        found.push(together.whole());
+                    }
+                    $(for part in simpler.$index {
+                        let mut parts = self.clone();
+                        parts.$index = part;
+                        found.push(parts.whole());
+                    })+
+                    found
+                })
+            }
         }
     )*};
+}
+
+/// The parts of a tuple, each of which can be simplified.
+pub(super) trait Parts<'a> {
+    type Value;
+    /// The tuple: simpler with all parts at their simplest, or with one of them simpler.
+    fn whole(self) -> Shrinkable<'a, Self::Value>;
+}
+
+/// How many edges of each part are combined: where all combinations are too many, its two ends.
+fn combined<const N: usize>(lengths: [usize; N]) -> [usize; N] {
+    let full: usize = lengths.iter().product();
+    let ends = if full <= COMBINATIONS { usize::MAX } else { 2 };
+    lengths.map(|length| length.min(ends))
 }
 
 product! {

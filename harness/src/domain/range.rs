@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use super::{Domain, Source};
+use super::{Domain, Source, shrink};
 
 /// Values inside a range that shaders treat specially.
 const LANDMARKS: [f32; 5] = [0.0, 1.0, -1.0, 0.5, f32::MIN_POSITIVE];
@@ -49,6 +49,14 @@ impl Domain for RangeInclusive<f32> {
         }
         edges.retain(|value| self.contains(value));
         edges
+    }
+
+    fn admits(&self, value: &f32) -> Option<bool> {
+        Some(self.contains(value))
+    }
+
+    fn shrink(&self, value: &f32) -> Vec<f32> {
+        shrink::floats(*value, &[*self.start(), *self.end()], |value| self.contains(&value))
     }
 }
 
@@ -98,6 +106,16 @@ macro_rules! integer {
             fn nth(&self, index: u64) -> Option<$integer> {
                 let value = i64::from(*self.0.start()).checked_add(i64::try_from(index).ok()?)?;
                 <$integer>::try_from(value).ok().filter(|value| self.0.contains(value))
+            }
+
+            fn admits(&self, value: &$integer) -> Option<bool> {
+                Some(self.0.contains(value))
+            }
+
+            fn shrink(&self, value: &$integer) -> Vec<$integer> {
+                let (low, high) = (i64::from(*self.0.start()), i64::from(*self.0.end()));
+                let simpler = shrink::integers(i64::from(*value), low, high).into_iter();
+                simpler.filter_map(|value| <$integer>::try_from(value).ok()).collect()
             }
         }
     )*};

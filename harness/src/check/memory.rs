@@ -1,0 +1,238 @@
+//! Inputs on which a test has failed, kept in a file and tried first in its next runs.
+//!
+//! The file lies beside the package's `Cargo.toml`: `.karat/failures/<target>/<test>.txt`, a line
+//! for each input. An input stays when it passes, until the file is deleted. One that the function
+//! or the domain doesn't take any more is ignored with a note. `KARAT_FAILURES=off` turns this off;
+//! in CI files are read and none is written.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use super::Identity;
+use super::identity::{read_words, write_words};
+
+const HEAD: &str = "\
+# Inputs on which checks of this test have failed. They are tried first in its next runs, also
+# after they pass; delete the file when they aren't wanted any more.
+# function, check, path, arguments as hexadecimal words, seed:case:steps of the reduction # arguments
+";
+
+/// The inputs that one test has failed on.
+#[derive(Debug)]
+pub(super) struct Memory {
+    file: PathBuf,
+    entries: Vec<Entry>,
+    writable: bool,
+}
+
+/// An input, and the check that failed on it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Entry {
+    pub(super) function: String,
+    pub(super) check: String,
+    /// The path that it failed on first. It is tried on every path.
+    pub(super) path: String,
+    /// The lanes of the arguments.
+    pub(super) words: Vec<u32>,
+    /// How the value came about: the case of this seed, and which of the simpler values was taken
+    /// in each round. It says whether a mapped domain, which can't be asked, still has the value.
+    pub(super) seed: u64,
+    pub(super) case: u64,
+    pub(super) steps: Vec<usize>,
+    pub(super) comment: String,
+}
+
+impl Memory {
+    /// The memory of the running test; `None` if it has none: it is turned off, the test isn't run
+    /// by Cargo, or one case is replayed.
+    pub(super) fn open(identity: &Identity) -> Option<Self> {
+        if identity.replays() || std::env::var_os("KARAT_FAILURES").is_some_and(|v| v == "off") {
+            return None;
+        }
+        let package = std::env::var_os("CARGO_MANIFEST_DIR")?;
+        let exe = std::env::current_exe().ok()?;
+        let stem = exe.file_stem()?.to_string_lossy().into_owned();
+        let target = stem.rsplit_once('-').map_or(&*stem, |(name, _)| name);
+        let folder = Path::new(&package).join(".karat").join("failures").join(target);
+        let writable = std::env::var_os("CI").is_none_or(|value| value.is_empty());
+        Some(Self::read(folder.join(format!("{}.txt", file_name(&identity.test))), writable))
+    }
+
+    fn read(file: PathBuf, writable: bool) -> Self {
+        let mut entries = Vec::new();
+        match std::fs::read_to_string(&file) {
+            Ok(text) => {
+                for (number, line) in (1..).zip(text.lines()) {
+                    if line.trim().is_empty() || line.starts_with('#') {
+                        continue;
+                    }
+                    match Entry::parse(line) {
+                        Some(entry) => entries.push(entry),
+                        None => note(&file, &format!("line {number} isn't a failure: ignored")),
+                    }
+                }
+            }
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+            Err(error) => note(&file, &format!("can't be read: {error}")),
+        }
+        Self { file, entries, writable }
+    }
+
+    /// The inputs of one check, each once.
+    pub(super) fn of(&self, function: &str, check: &str) -> Vec<&Entry> {
+        let mut found: Vec<&Entry> = Vec::new();
+        for entry in &self.entries {
+            let own = entry.function == function && entry.check == check;
+            if own && found.iter().all(|other| other.words != entry.words) {
+                found.push(entry);
+            }
+        }
+        found
+    }
+
+    /// Says that an input isn't tried.
+    pub(super) fn ignore(&self, entry: &Entry, reason: &str) {
+        let Entry { function, check, comment, .. } = entry;
+        note(&self.file, &format!("`{function}` {check} ({comment}) is ignored: {reason}"));
+    }
+
+    /// Adds an input, unless it is there.
+    pub(super) fn keep(&self, entry: &Entry) {
+        let known = self.of(&entry.function, &entry.check);
+        if !self.writable || known.iter().any(|known| known.words == entry.words) {
+            return;
+        }
+        if let Err(error) = self.append(entry) {
+            note(&self.file, &format!("can't keep the failing input: {error}"));
+        }
+    }
+
+    fn append(&self, entry: &Entry) -> std::io::Result<()> {
+        if let Some(folder) = self.file.parent() {
+            std::fs::create_dir_all(folder)?;
+        }
+        // Two paths may fail on the same input; whole lines are appended, so processes may share
+        // the file.
+        let text = std::fs::read_to_string(&self.file).unwrap_or_default();
+        let same = |line: &str| {
+            Entry::parse(line).is_some_and(|old| {
+                (&old.function, &old.check, &old.words)
+                    == (&entry.function, &entry.check, &entry.words)
+            })
+        };
+        if text.lines().any(same) {
+            return Ok(());
+        }
+        let mut file = std::fs::OpenOptions::new().create(true).append(true).open(&self.file)?;
+        let head = if text.is_empty() { HEAD } else { "" };
+        file.write_all(format!("{head}{}\n", entry.line()).as_bytes())
+    }
+}
+
+impl Entry {
+    fn line(&self) -> String {
+        let Self { function, check, path, seed, case, comment, .. } = self;
+        let steps: Vec<String> = self.steps.iter().map(ToString::to_string).collect();
+        let (words, steps) = (write_words(&self.words), steps.join("."));
+        format!("{function} {check} {path} {words} {seed:#x}:{case}:{steps} # {comment}")
+    }
+
+    fn parse(line: &str) -> Option<Self> {
+        let (fields, comment) = line.split_once(" # ").unwrap_or((line, ""));
+        let fields: Vec<&str> = fields.split_whitespace().collect();
+        let [function, check, path, words, origin] = *fields else { return None };
+        let mut origin = origin.splitn(3, ':');
+        let seed = u64::from_str_radix(origin.next()?.strip_prefix("0x")?, 16).ok()?;
+        let case = origin.next()?.parse().ok()?;
+        let steps = origin.next()?;
+        let steps: Result<_, _> =
+            steps.split('.').filter(|step| !step.is_empty()).map(str::parse).collect();
+        Some(Self {
+            function: function.to_owned(),
+            check: check.to_owned(),
+            path: path.to_owned(),
+            words: read_words(words)?,
+            seed,
+            case,
+            steps: steps.ok()?,
+            comment: comment.to_owned(),
+        })
+    }
+}
+
+/// A test's name as the name of a file: `module__test`.
+fn file_name(test: &str) -> String {
+    let plain = |c: char| if c.is_alphanumeric() || c == '_' { c } else { '-' };
+    test.replace("::", "__").chars().map(plain).collect()
+}
+
+/// A line on standard error, which the test runner shows where the test fails.
+fn note(file: &Path, text: &str) {
+    eprintln!("note: `{}`: {text}", file.display());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entry(words: &[u32]) -> Entry {
+        Entry {
+            function: "m::f".to_owned(),
+            check: "agrees_with".to_owned(),
+            path: "gl".to_owned(),
+            words: words.to_vec(),
+            seed: 0x12,
+            case: 7,
+            steps: vec![3, 0],
+            comment: "x = 1, y = (0, # 2)".to_owned(),
+        }
+    }
+
+    #[test]
+    fn entries_are_lines() {
+        let line = entry(&[0x3f80_0000, 0]).line();
+        let expected = "m::f agrees_with gl 3f800000,00000000 0x12:7:3.0 # x = 1, y = (0, # 2)";
+        assert_eq!(line, expected);
+        assert_eq!(Entry::parse(&line), Some(entry(&[0x3f80_0000, 0])));
+        let none = Entry { steps: vec![], ..entry(&[1]) };
+        assert_eq!(Entry::parse(&none.line()), Some(none));
+        for bad in
+            ["", "m::f", "m::f agrees_with gl 3f8x 0x1:2:", "m::f a gl 0 1:2:", "a b c 0 0x1:2"]
+        {
+            assert_eq!(Entry::parse(bad), None, "{bad}");
+        }
+    }
+
+    #[test]
+    fn inputs_are_kept_once_and_bad_lines_are_passed_over() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let file = folder.path().join("a").join("t.txt");
+        let memory = Memory::read(file.clone(), true);
+        for words in [[1], [2], [1]] {
+            memory.keep(&entry(&words));
+        }
+        let text = std::fs::read_to_string(&file).expect("written");
+        std::fs::write(&file, format!("{text}nonsense\n")).expect("written");
+        let memory = Memory::read(file.clone(), false);
+        let words: Vec<_> = memory.of("m::f", "agrees_with").iter().map(|e| e.words[0]).collect();
+        assert_eq!(words, [1, 2]);
+        assert!(memory.of("m::f", "satisfies").is_empty());
+        memory.keep(&entry(&[3]));
+        assert!(!std::fs::read_to_string(&file).expect("there").contains("00000003"), "in CI");
+    }
+
+    #[test]
+    fn a_place_that_cannot_be_written_is_no_panic() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let file = folder.path().join("file");
+        std::fs::write(&file, "").expect("written");
+        Memory::read(file.join("t.txt"), true).keep(&entry(&[1]));
+        Memory::read(folder.path().to_owned(), true).keep(&entry(&[1]));
+    }
+
+    #[test]
+    fn tests_have_files() {
+        assert_eq!(file_name("a::b::test_1"), "a__b__test_1");
+        assert_eq!(file_name("main/.."), "main---");
+    }
+}

@@ -1,0 +1,261 @@
+//! Failing cases are reduced to the simplest that fail, remembered, and replayed.
+
+use std::path::{Path as FilePath, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use glam::{DVec3, Vec3};
+use karat::prelude::*;
+use karat::{Agreement, Disagreement, Failure};
+
+#[track_caller]
+fn disagreement(result: Result<Agreement, Failure>) -> Disagreement {
+    match result {
+        Ok(_) => panic!("the fault was not seen"),
+        Err(Failure::Disagreement(disagreement)) => *disagreement,
+        Err(other) => panic!("the check failed for another reason: {other}"),
+    }
+}
+
+/// The arguments of the simplest case of every path, which must be the same.
+#[track_caller]
+fn simplest(found: &Disagreement) -> Vec<String> {
+    let mut all = found.paths.iter().map(|path| {
+        let simplest = path.simplest.as_ref().expect("the worst case can be reduced");
+        simplest.failure.arguments.iter().map(|(_, value)| value.clone()).collect::<Vec<_>>()
+    });
+    let first = all.next().expect("a path fails");
+    assert!(all.all(|other| other == first), "{found}");
+    first
+}
+
+/// A fault above 0.3 in one of three arguments of a function.
+const THREE: &str = "fn f(n: vec3f, x: f32, i: u32) -> f32 {\n    \
+                     return select(n.z, 2.0, x > 0.3 && x < 0.9 && i > 4u);\n}";
+
+#[test]
+fn each_verb_reduces_its_worst_case() {
+    let package = Package::from_source("planted", THREE);
+    let over = || package.function("f").over((UnitVector, 0.0..=1.0, Integers(0..=1000_u32)));
+    let found = over().try_agrees_with(|n: DVec3, _: f64, _: u32| n.z, Ulp(1.0));
+    assert_eq!(simplest(&disagreement(found)), ["(0, 0, 1)", "0.5", "5"]);
+    let found = over().try_satisfies("is at most 1", |_, z: f32| z <= 1.0);
+    assert_eq!(simplest(&disagreement(found)), ["(0, 0, 1)", "0.5", "5"]);
+    let found = over().try_invariant_under(|(n, x, i)| (n, x, i.max(4)), Ulp(0.0));
+    assert!(found.is_ok(), "i is made no smaller than 4");
+    let found = over().try_invariant_under(|(n, x, i)| (n, x, i.max(5)), Ulp(0.0));
+    let found = disagreement(found);
+    assert!(found.paths.iter().all(|path| path.simplest.is_none()), "an edge is simple: {found}");
+    let over = package.function("f").over((UnitVector, 0.4..=0.51, Integers(1..=3_u32)));
+    let found = over.try_invariant_under(|(n, x, i)| (n, x, i + 4), Ulp(0.0));
+    assert_eq!(simplest(&disagreement(found)), ["(0, 0, 1)", "0.5", "1"]);
+}
+
+/// What is simplified is the value that was mapped, and a filter holds for each value tried.
+#[test]
+fn mapped_and_filtered_domains_are_reduced_within() {
+    let wgsl = "fn f(l: vec3f, v: vec3f) -> f32 { return select(dot(l, v), 9.0, l.z < 0.7); }";
+    let package = Package::from_source("planted", wgsl);
+    let cosine = |l: Vec3| l.z >= 0.1 && l.z <= 0.9;
+    let domain = (Hemisphere, Hemisphere).filter(move |(l, _)| cosine(*l)).map(|(l, v)| (v, l));
+    let found = package.function("f").over(domain.map(|(v, l)| (l, v))).try_satisfies(
+        "is at most 1, of cosines in the domain",
+        move |(l, _), x: f32| {
+            assert!(cosine(l), "{l} was never drawn");
+            x <= 1.01
+        },
+    );
+    assert_eq!(simplest(&disagreement(found)), ["(0.8, 0, 0.6)", "(0, 0, 1)"]);
+}
+
+/// Draws from a half to one, and takes zero, one quarter and three quarters for simpler.
+#[derive(Debug)]
+struct Upper;
+
+impl Domain for Upper {
+    type Value = f32;
+    fn draw(&self, source: &mut karat::Source) -> Option<f32> {
+        (0.5..=1.0).draw(source)
+    }
+    fn shrink(&self, value: &f32) -> Vec<f32> {
+        [0.0, 0.25, 0.75].into_iter().filter(|simpler| simpler < value).collect()
+    }
+}
+
+/// Values for which the reference isn't finite are no verdict, and not the end either.
+#[test]
+fn a_reference_that_fails_on_the_way_is_passed_over() {
+    let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return 1.01 / x; }");
+    let found = package.function("f").over(Upper).try_agrees_with(|x: f64| 1.0 / x, Rel(1e-5));
+    assert_eq!(simplest(&disagreement(found)), ["0.25"]);
+}
+
+/// The same case every time, whatever the threads do.
+#[test]
+fn reducing_is_deterministic() {
+    let package = Package::from_source("planted", THREE);
+    let run = || {
+        let over = package.function("f").over((UnitVector, 0.0..=1.0, Integers(0..=1000_u32)));
+        disagreement(over.try_agrees_with(|n: DVec3, _: f64, _: u32| n.z, Ulp(1.0))).to_string()
+    };
+    assert_eq!(run(), run());
+}
+
+/// A check that passes evaluates its cases and nothing else.
+#[test]
+fn a_check_that_passes_tries_nothing_more() {
+    use std::sync::atomic::{AtomicU64, Ordering};
+    let package = Package::from_source("s", "fn f(x: f32) -> f32 { return x; }");
+    let calls = AtomicU64::new(0);
+    let count = |_: f32, _: f32| calls.fetch_add(1, Ordering::Relaxed) < u64::MAX;
+    let start = Instant::now();
+    let agreement = package.function("f").over(0.0..=1.0).satisfies("is counted", count);
+    let paths = agreement.paths.len() as u64;
+    assert_eq!(calls.into_inner(), 65_536 * paths, "{:?}", start.elapsed());
+}
+
+/// Runs the planted check in a process of its own, which remembers below `folder`.
+fn kept(folder: &FilePath, change: &str, environment: &[(&str, &str)]) -> (bool, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_planted"));
+    for name in ["CI", "KARAT_PATHS", "KARAT_REQUIRE", "KARAT_RECORD", "KARAT_FAILURES"] {
+        command.env_remove(name);
+    }
+    command.args(["kept", change]).env("CARGO_MANIFEST_DIR", folder);
+    let output = command.envs(environment.iter().copied()).output();
+    let output = output.expect("the planted program was built with this test");
+    (output.status.success(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+fn file(folder: &FilePath) -> PathBuf {
+    folder.join(".karat/failures/planted/main.txt")
+}
+
+fn lines(folder: &FilePath) -> Vec<String> {
+    let text = std::fs::read_to_string(file(folder)).unwrap_or_default();
+    text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect()
+}
+
+/// The block of a report that begins with `title`, up to its replay command.
+#[track_caller]
+fn block<'a>(text: &'a str, title: &str) -> Vec<&'a str> {
+    let from = text.find(title).unwrap_or_else(|| panic!("`{title}` is missing in:\n{text}"));
+    text[from..].lines().skip(1).take_while(|line| line.starts_with("   ")).collect()
+}
+
+/// The environment of the replay command that follows `title`.
+#[track_caller]
+fn replay<'a>(text: &'a str, title: &str) -> Vec<(&'a str, &'a str)> {
+    let from = text.find(title).unwrap_or_else(|| panic!("`{title}` is missing in:\n{text}"));
+    let line = text[from..].lines().find_map(|line| line.trim().strip_prefix("replay: "));
+    let words = line.expect("a failure says how to replay it").split(' ');
+    words.map_while(|word| word.split_once('=')).collect()
+}
+
+/// The second replay command runs the simplest case alone, and it is the same case.
+#[test]
+fn the_simplest_case_is_replayed() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (passed, text) = kept(folder.path(), "", &[("KARAT_FAILURES", "off")]);
+    assert!(!passed && !file(folder.path()).exists(), "{text}");
+    let title = "simplest (reduced from case ";
+    let environment = replay(&text, title);
+    assert_eq!(
+        environment.last(),
+        Some(&("KARAT_INPUT", "00000000,00000000,3f800000,3f000000,00000005"))
+    );
+    let (passed, again) = kept(folder.path(), "", &environment);
+    assert!(!passed && again.contains("1 of 1 cases fail"), "{again}");
+    assert_eq!(block(&text, title), block(&again, "worst (case "), "{again}");
+    assert!(!again.contains(title) && !file(folder.path()).exists(), "{again}");
+    assert_eq!(environment, replay(&again, "worst (case "), "a replay says how to repeat itself");
+    let (passed, text) = kept(folder.path(), "mended", &environment);
+    assert!(passed && text.contains("f: 1 cases agree"), "{text}");
+    for (input, message) in
+        [("3f800000", "has values of 5 words, KARAT_INPUT has 1"), ("x", "isn't a list")]
+    {
+        let case = ("KARAT_CASE", "f/agrees_with/7");
+        let (passed, text) = kept(folder.path(), "", &[case, ("KARAT_INPUT", input)]);
+        assert!(!passed && text.contains(message), "{text}");
+    }
+    let (passed, text) = kept(folder.path(), "", &[("KARAT_INPUT", "3f800000")]);
+    assert!(!passed && text.contains("KARAT_INPUT needs KARAT_CASE"), "{text}");
+}
+
+/// A failing input is kept once, tried again, and stays when it passes.
+#[test]
+fn failing_inputs_are_remembered() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for _ in 0..2 {
+        let (passed, text) = kept(folder.path(), "", &[]);
+        assert!(!passed, "{text}");
+        let lines = lines(folder.path());
+        let [line] = &*lines else { panic!("one line a failing input: {lines:?}") };
+        assert!(line.starts_with("f agrees_with "), "{line}");
+        assert!(line.contains(" 00000000,00000000,3f800000,3f000000,00000005 0x"), "{line}");
+        assert!(line.ends_with(" # n = (0, 0, 1), x = 0.5, i = 5"), "{line}");
+    }
+    let (passed, text) = kept(folder.path(), "mended", &[]);
+    assert!(passed && text.contains("f: 65536 cases agree"), "{text}");
+    assert_eq!(lines(folder.path()).len(), 1, "what passes stays");
+}
+
+/// An input that no case draws fails because it is remembered, and only then.
+#[test]
+fn a_remembered_input_fails_again() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (passed, text) = kept(folder.path(), "rare", &[]);
+    assert!(passed, "{text}");
+    let line = "f agrees_with gl 00000000,00000000,3f800000,3f3b2fec,00000005 0x0:0: # by hand";
+    std::fs::create_dir_all(file(folder.path()).parent().expect("a folder")).expect("made");
+    std::fs::write(file(folder.path()), format!("{line}\nnonsense\n")).expect("written");
+    let (passed, text) = kept(folder.path(), "rare", &[("KARAT_PATHS", "all"), ("CI", "true")]);
+    assert!(!passed, "{text}");
+    assert!(text.contains("  1 of 65537 cases fail"), "{text}");
+    assert!(
+        block(&text, "worst (remembered case 65536)").contains(&"           x = 0.7312"),
+        "{text}"
+    );
+    assert!(text.contains("line 2 isn't a failure: ignored"), "{text}");
+    let environment = replay(&text, "worst (remembered");
+    let (passed, again) = kept(folder.path(), "rare", &environment);
+    assert!(!passed && again.contains("1 of 1 cases fail"), "{again}");
+    let (passed, text) = kept(folder.path(), "rare", &[("KARAT_FAILURES", "off")]);
+    assert!(passed, "{text}");
+}
+
+/// What the function or the domain doesn't take any more is passed over with a note.
+#[test]
+fn remembered_inputs_that_no_longer_fit_are_ignored() {
+    for (first, then, note) in [
+        (
+            "",
+            "narrow",
+            "(n = (0, 0, 1), x = 0.5, i = 5) is ignored: it isn't in the domain any more",
+        ),
+        ("", "signature", "is ignored: the function takes other arguments now"),
+        ("mapped", "other_map", "is ignored: it isn't in the domain any more"),
+    ] {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let (passed, text) = kept(folder.path(), first, &[]);
+        assert!(!passed && lines(folder.path()).len() == 1, "{text}");
+        let (passed, text) = kept(folder.path(), then, &[]);
+        assert!(passed && text.contains(note), "{text}");
+        let (_, text) = kept(folder.path(), first, &[]);
+        assert!(!text.contains("is ignored"), "the domain has it again: {text}");
+    }
+}
+
+/// CI and the `try_` forms write nothing, and a folder that can't be written is a note.
+#[test]
+fn nothing_is_written_where_it_is_not_wanted() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for (change, environment) in [("", ("CI", "true")), ("caught", ("CI", ""))] {
+        let (passed, text) = kept(folder.path(), change, &[environment]);
+        assert!(!passed && text.contains("cases fail"), "{text}");
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
+    }
+    std::fs::write(folder.path().join(".karat"), "a file, not a folder").expect("written");
+    let (passed, text) = kept(folder.path(), "", &[]);
+    assert!(!passed && text.contains("cases fail"), "{text}");
+    assert!(text.contains("can't keep the failing input: "), "{text}");
+}
