@@ -7,6 +7,7 @@
 
 mod disagreement;
 mod identity;
+mod inputs;
 mod integral;
 mod memory;
 mod reference;
@@ -30,6 +31,7 @@ pub use verdict::{Agreement, Failure};
 use crate::domain::Domain;
 use crate::fixture::{Fixture, Fixtures};
 use crate::package::Package;
+use crate::probe::Inputs;
 use crate::record::{self, Record, Subject, Verdict};
 use crate::tolerance::{Measure, Tolerance, Unit};
 use crate::value::{Arguments, Scalar, Shareable};
@@ -58,12 +60,14 @@ pub struct Probe<'a> {
     package: &'a Package,
     path: String,
     fixtures: Fixtures,
+    /// Where arguments come from; none: from a storage buffer.
+    inputs: Vec<Inputs>,
 }
 
 impl Package {
     /// Selects a function by its path: `module::name`, or `name` in a package of one module.
     pub fn function(&self, path: &str) -> Probe<'_> {
-        Probe { package: self, path: path.to_owned(), fixtures: Vec::new() }
+        Probe { package: self, path: path.to_owned(), fixtures: Vec::new(), inputs: Vec::new() }
     }
 }
 
@@ -298,7 +302,7 @@ where
         name: &'static str,
         assertion: String,
         recording: Recording,
-        check: impl FnOnce(&Session<'_, D>) -> Result<Vec<PathTally>, Failure>,
+        check: impl Fn(&Session<'_, D>) -> Result<Vec<PathTally>, Failure>,
     ) -> Result<Agreement, Failure> {
         let demand = Demand {
             arguments: D::Value::shapes(),
@@ -319,7 +323,7 @@ impl<D: Domain> Plan<'_, D> {
         assertion: String,
         demand: &Demand,
         recording: Recording,
-        check: impl FnOnce(&Session<'_, D>) -> Result<Vec<PathTally>, Failure>,
+        check: impl Fn(&Session<'_, D>) -> Result<Vec<PathTally>, Failure>,
     ) -> Result<Agreement, Failure> {
         let identity = Identity::current();
         let function = self.probe.path.clone();
@@ -334,15 +338,17 @@ impl<D: Domain> Plan<'_, D> {
             seed,
         };
         let mut paths = Vec::new();
-        let result = Session::open(self, demand, &identity, seed, (name, assertion));
-        let memory = Memory::open(&identity).filter(|_| recording == Recording::On);
-        let result = result.and_then(|session| {
+        let result = inputs::each(self, name, &identity, |inputs| {
+            let asserted = (name, assertion.clone());
+            let session = Session::open(self, demand, &identity, seed, asserted, inputs)?;
+            let memory = Memory::open(&identity).filter(|_| recording == Recording::On);
             let session = session.remembering(memory);
             if let Subject::Function { location, .. } = &mut subject {
                 *location = session.probed.function.span.to_string();
             }
             let tallies = check(&session)?;
-            paths = tallies.iter().map(|path| path.record(&session.assertion.1)).collect();
+            let asserted = format!("{}{}", session.assertion.1, inputs.remark());
+            paths.extend(tallies.iter().map(|path| path.record(&asserted)));
             session.conclude(tallies)
         });
         if recording == Recording::Off {

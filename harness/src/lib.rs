@@ -61,7 +61,7 @@ pub use golden::{
 pub use image::{Image, ImageError, NonFinite, Precision};
 pub use package::{FunctionItem, Package, PackageError};
 pub use path::{Adapter, Path, PathError, adapter};
-pub use probe::{ProbeError, Probed, call};
+pub use probe::{Inputs, ProbeError, Probed, call};
 pub use reflect::{Binding, BindingKind, Function, LayoutError, Program, ReflectError, Stage};
 pub use tolerance::{Abs, Measure, Rel, Tolerance, Ulp, Unit, ulp_distance};
 pub use value::{Arguments, Mirror, Scalar, Shape, Shareable, format_f32, format_lane, hexfloat};
@@ -69,8 +69,8 @@ pub use value::{Arguments, Mirror, Scalar, Shape, Shareable, format_f32, format_
 /// What a test file needs: `use karat::prelude::*;`.
 pub mod prelude {
     pub use crate::{
-        Abs, AnyF32, CubeMap, Domain, Edges, Grid, Hemisphere, Integers, Just, LatinHypercube,
-        OneOf, Package, Path, Rel, Sampler, Storage, Texture, Tolerance, Ulp, Uniform, UnitRgb,
-        UnitVector,
+        Abs, AnyF32, CubeMap, Domain, Edges, Grid, Hemisphere, Inputs, Integers, Just,
+        LatinHypercube, OneOf, Package, Path, Rel, Sampler, Storage, Texture, Tolerance, Ulp,
+        Uniform, UnitRgb, UnitVector,
     };
 }
