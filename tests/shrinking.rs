@@ -259,3 +259,83 @@ fn nothing_is_written_where_it_is_not_wanted() {
     assert!(!passed && text.contains("cases fail"), "{text}");
     assert!(text.contains("can't keep the failing input: "), "{text}");
 }
+
+karat::shareable! {
+    struct Mixed mirrors MixedMirror { a: f32, v: Vec3, n: i32, flags: [u32; 2], on: bool }
+}
+
+/// Every type of argument arrives bit by bit from every source.
+#[test]
+fn arguments_come_from_every_source() {
+    let wgsl = "struct Mixed { a: f32, v: vec3f, n: i32, flags: array<u32, 2>, on: bool }\n\
+                fn f(m: Mixed, k: mat2x2f) -> array<u32, 12> {\n    \
+                    return array<u32, 12>(bitcast<u32>(m.a), bitcast<u32>(m.v.x), \
+                        bitcast<u32>(m.v.y), bitcast<u32>(m.v.z), bitcast<u32>(m.n), m.flags[0], \
+                        m.flags[1], select(0u, 1u, m.on), bitcast<u32>(k[0].x), \
+                        bitcast<u32>(k[0].y), bitcast<u32>(k[1].x), bitcast<u32>(k[1].y));\n}";
+    let package = Package::from_source("inputs", wgsl);
+    let float = || AnyF32::finite().filter(|x| !x.is_subnormal());
+    let integers =
+        (Integers(i32::MIN..=i32::MAX), Integers(0..=u32::MAX), OneOf(vec![false, true]));
+    let domain = (float(), float(), float(), integers).map(|(a, b, c, (n, flag, on))| {
+        let m = Mixed { a, v: Vec3::new(b, c, -a), n, flags: [flag, !flag], on };
+        (m, glam::Mat2::from_cols_array(&[c, b, a, 0.1]))
+    });
+    let bits = |x: f64| (x as f32).to_bits();
+    let agreement = package.function("f").over(&domain).from_all_sources().agrees_with(
+        |m: MixedMirror, k: glam::DMat2| {
+            let (v, k) = (m.v.to_array().map(bits), k.to_cols_array().map(bits));
+            let [x, y] = m.flags;
+            let on = u32::from(m.on);
+            [bits(m.a), v[0], v[1], v[2], m.n.cast_unsigned(), x, y, on, k[0], k[1], k[2], k[3]]
+        },
+        Ulp(0.0),
+    );
+    assert_eq!(agreement.cases, 65_536 + 65_536 + 64, "{agreement}");
+    let names: Vec<_> = agreement.paths.iter().map(|(adapter, _)| &adapter.path).collect();
+    assert_eq!(names.len() % 3, 0, "{names:?}");
+}
+
+/// A fault that only some arguments show, from each source: named, reduced and replayed there.
+#[test]
+fn a_fault_is_found_from_every_source() {
+    let package = Package::from_source("planted", THREE);
+    let over = || package.function("f").over((UnitVector, 0.0..=1.0, Integers(0..=1000_u32)));
+    let reference = |n: DVec3, _: f64, _: u32| n.z;
+    for (inputs, cases) in
+        [(Inputs::Storage, 65_536), (Inputs::Uniform, 65_536), (Inputs::Constant, 64)]
+    {
+        let found = disagreement(over().inputs(inputs).try_agrees_with(reference, Ulp(1.0)));
+        for path in &found.paths {
+            assert_eq!((path.inputs, path.census.cases), (inputs, cases), "{found}");
+            let check = match inputs {
+                Inputs::Storage => "f/agrees_with/".to_owned(),
+                other => format!("f/agrees_with@{other}/"),
+            };
+            assert!(path.replay.contains(&check), "{found}");
+        }
+        assert_eq!(simplest(&found), ["(0, 0, 1)", "0.5", "5"]);
+        let found = over().inputs(inputs).try_invariant_under(|(n, x, i)| (n, x, i | 7), Ulp(0.0));
+        disagreement(found);
+    }
+    let all = disagreement(over().from_all_sources().try_agrees_with(reference, Ulp(1.0)));
+    let text = all.to_string();
+    for part in [", arguments from a uniform buffer\n", ", arguments as constants\n"] {
+        assert!(text.contains(part), "{text}");
+    }
+}
+
+#[test]
+fn what_is_no_constant_is_refused() {
+    let package =
+        Package::from_source("planted", "fn f(x: f32) -> u32 { return bitcast<u32>(x); }");
+    let over = |inputs| package.function("f").over(Edges::f32().and_non_finite()).inputs(inputs);
+    let error = over(Inputs::Constant).cases(1000).try_satisfies("is anything", |_, _: u32| true);
+    let error = error.expect_err("NaN").to_string();
+    assert!(error.starts_with("the arguments of `f` can't come from constant inputs: "), "{error}");
+    let wide = "fn f(x: array<f32, 5000>) -> f32 { return x[0]; }";
+    let package = Package::from_source("planted", wide);
+    let over = package.function("f").over(Just([1.0_f32; 5000])).inputs(Inputs::Uniform);
+    let error = over.try_satisfies("is anything", |_, _: f32| true).expect_err("too large");
+    assert!(error.to_string().contains("larger than 16 KiB"), "{error}");
+}

@@ -9,6 +9,7 @@ mod argument;
 mod disagreement;
 mod equivariance;
 mod identity;
+mod inputs;
 mod integral;
 mod known_issue;
 mod limit;
@@ -50,6 +51,7 @@ use crate::domain::Domain;
 use crate::fixture::{Fixture, Fixtures};
 use crate::package::Package;
 use crate::path::Path;
+use crate::probe::Inputs;
 use crate::record::{self, PathRecord, Record, Subject, Verdict};
 use crate::tolerance::{Measure, Tolerance, Unit};
 use crate::value::{Arguments, Scalar, Shareable};
@@ -78,12 +80,14 @@ pub struct Probe<'a> {
     package: &'a Package,
     path: String,
     fixtures: Fixtures,
+    /// Where arguments come from; none: from a storage buffer.
+    inputs: Vec<Inputs>,
 }
 
 impl Package {
     /// Selects a function by its path: `module::name`, or `name` in a package of one module.
     pub fn function(&self, path: &str) -> Probe<'_> {
-        Probe { package: self, path: path.to_owned(), fixtures: Vec::new() }
+        Probe { package: self, path: path.to_owned(), fixtures: Vec::new(), inputs: Vec::new() }
     }
 }
 
@@ -369,7 +373,7 @@ where
         name: &'static str,
         assertion: String,
         recording: Recording,
-        check: impl FnOnce(&Session<'_, D>) -> Result<Vec<PathTally>, Failure>,
+        check: impl Fn(&Session<'_, D>) -> Result<Vec<PathTally>, Failure>,
     ) -> Result<Agreement, Failure> {
         self.plan.conclude(name, assertion, &Self::demand(), recording, check)
     }
@@ -393,7 +397,7 @@ impl<D: Domain> Plan<'_, D> {
         assertion: String,
         demand: &Demand,
         recording: Recording,
-        check: impl FnOnce(&Session<'_, D>) -> Result<Vec<PathTally>, Failure>,
+        check: impl Fn(&Session<'_, D>) -> Result<Vec<PathTally>, Failure>,
     ) -> Result<Agreement, Failure> {
         let identity = Identity::current();
         let function = self.probe.path.clone();
@@ -408,19 +412,23 @@ impl<D: Domain> Plan<'_, D> {
             seed,
         };
         let mut paths = Vec::new();
-        let result = self.known_issues.expect_reasons(&self.probe.path);
-        let result =
-            result.and_then(|()| Session::open(self, demand, &identity, seed, (name, assertion)));
-        let memory = Memory::open(&identity).filter(|_| recording == Recording::On);
-        let result = result.and_then(|session| {
-            let session = session.remembering(memory);
-            if let Subject::Function { location, .. } = &mut subject {
-                *location = session.probed.function.span.to_string();
-            }
-            let tallies = check(&session)?;
-            paths = tallies.iter().map(|tally| self.record(tally, &session.assertion.1)).collect();
-            self.verdict(&session, tallies)
-        });
+        let mut run = || {
+            self.known_issues.expect_reasons(&self.probe.path)?;
+            inputs::each(self, name, &identity, |inputs| {
+                let asserted = (name, assertion.clone());
+                let session = Session::open(self, demand, &identity, seed, asserted, inputs)?;
+                let memory = Memory::open(&identity).filter(|_| recording == Recording::On);
+                let session = session.remembering(memory);
+                if let Subject::Function { location, .. } = &mut subject {
+                    *location = session.probed.function.span.to_string();
+                }
+                let tallies = check(&session)?;
+                let asserted = format!("{}{}", session.assertion.1, inputs.remark());
+                paths.extend(tallies.iter().map(|tally| self.record(tally, &asserted)));
+                self.verdict(&session, tallies)
+            })
+        };
+        let result = run();
         if recording == Recording::Off {
             return result;
         }

@@ -63,7 +63,7 @@ pub use golden::{
 pub use image::{Image, ImageError, NonFinite, Precision};
 pub use package::{FunctionItem, Package, PackageError};
 pub use path::{Adapter, Path, PathError, adapter};
-pub use probe::{ProbeError, Probed, call};
+pub use probe::{Inputs, ProbeError, Probed, call};
 pub use reflect::{Binding, BindingKind, Function, LayoutError, Program, ReflectError, Stage};
 pub use stats::Support;
 pub use tolerance::{Abs, Measure, Rel, Tolerance, Ulp, Unit, ulp_distance};
@@ -72,8 +72,8 @@ pub use value::{Arguments, Mirror, Scalar, Shape, Shareable, format_f32, format_
 /// What a test file needs: `use karat::prelude::*;`.
 pub mod prelude {
     pub use crate::{
-        Abs, AnyF32, CubeMap, Direction, Directions, Domain, Edges, Grid, Hemisphere, Integers,
-        Just, LatinHypercube, Limit, OneOf, Package, Path, Rel, Sampler, Storage, Support, Texture,
-        Tolerance, Ulp, Uniform, UnitRgb, UnitVector,
+        Abs, AnyF32, CubeMap, Direction, Directions, Domain, Edges, Grid, Hemisphere, Inputs,
+        Integers, Just, LatinHypercube, Limit, OneOf, Package, Path, Rel, Sampler, Storage,
+        Support, Texture, Tolerance, Ulp, Uniform, UnitRgb, UnitVector,
     };
 }

@@ -4,10 +4,12 @@
 //! and each invocation writes back a canary that only this dispatch knows, so a kernel that
 //! doesn't run, or runs on other data, is an error and never a verdict.
 
+mod inputs;
 mod kernel;
 mod runner;
 
-pub(crate) use kernel::Kernel;
+pub use inputs::Inputs;
+pub(crate) use kernel::{CONSTANTS, Kernel};
 pub(crate) use runner::{BATCH, Dispatch, Runner};
 
 use crate::fixture::FixtureError;
@@ -34,6 +36,19 @@ impl Probed {
         let function = program.function(path)?;
         let kernel = Kernel::new(&program, &function);
         Ok(Self { program, function, kernel })
+    }
+
+    /// The same with another source of the arguments.
+    ///
+    /// # Errors
+    /// If one case's arguments don't fit into a uniform buffer.
+    pub(crate) fn with_inputs(self, inputs: Inputs) -> Result<Self, ProbeError> {
+        let kernel = Kernel::with_inputs(&self.program, &self.function, inputs);
+        if kernel.largest_batch() == Some(0) {
+            let reason = "one case's arguments are larger than 16 KiB".to_owned();
+            return Err(ProbeError::Inputs { function: self.function.path, inputs, reason });
+        }
+        Ok(Self { kernel, ..self })
     }
 
     /// The function's signature, place, comment and resources.
@@ -77,6 +92,16 @@ pub enum ProbeError {
         function: String,
         /// The path.
         path: Path,
+    },
+    /// The arguments can't come from this source.
+    #[error("the arguments of `{function}` can't come from {inputs} inputs: {reason}")]
+    Inputs {
+        /// The function.
+        function: String,
+        /// The source.
+        inputs: Inputs,
+        /// Why not.
+        reason: String,
     },
     /// Cases without a result.
     #[error(

@@ -6,6 +6,7 @@ use super::integral;
 use super::tally::{Census, Judged};
 use crate::diagnostic::Diagnostic;
 use crate::path::Adapter;
+use crate::probe::Inputs;
 use crate::reflect::Function;
 use crate::value::{Scalar, Shape, format_f32, hexfloat};
 
@@ -23,8 +24,8 @@ pub struct Disagreement {
     pub assertion: String,
     /// Each path that disagrees.
     pub paths: Vec<PathDisagreement>,
-    /// Paths that agree.
-    pub agreeing: Vec<Adapter>,
+    /// Paths that agree, and where the arguments came from.
+    pub agreeing: Vec<(Adapter, Inputs)>,
     /// Seed of the cases.
     pub seed: u64,
 }
@@ -34,6 +35,8 @@ pub struct Disagreement {
 pub struct PathDisagreement {
     /// Path, adapter and driver.
     pub adapter: Adapter,
+    /// Where the arguments came from.
+    pub inputs: Inputs,
     /// How many failed, and how.
     pub census: Census,
     /// The case with the largest error.
@@ -282,7 +285,7 @@ impl fmt::Display for Disagreement {
         for path in &self.paths {
             let Census { cases, failures, nan, infinite, wrong_sign, too_low, too_high } =
                 path.census;
-            writeln!(f, "\non {}", path.adapter)?;
+            writeln!(f, "\non {}{}", path.adapter, path.inputs.remark())?;
             let share = 100.0 * failures as f64 / cases as f64;
             write!(f, "  {failures} of {cases} cases fail ({share:.3}%)")?;
             for (count, name) in [
@@ -307,8 +310,8 @@ impl fmt::Display for Disagreement {
                 writeln!(f, "  replay: {}", simplest.replay)?;
             }
         }
-        for adapter in &self.agreeing {
-            writeln!(f, "\non {adapter}\n  all cases agree")?;
+        for (adapter, inputs) in &self.agreeing {
+            writeln!(f, "\non {adapter}{}\n  all cases agree", inputs.remark())?;
         }
         Ok(())
     }

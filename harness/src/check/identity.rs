@@ -3,6 +3,7 @@
 use std::path::Path as FilePath;
 
 use crate::path::Path;
+use crate::probe::Inputs;
 
 /// The running test and the case selection of the environment.
 #[derive(Clone, Debug)]
@@ -61,7 +62,9 @@ impl Identity {
     /// The seed of a check: from the names of test, function and check, so that it stays the same
     /// wherever and in whatever order the tests run.
     pub(crate) fn seed(&self, function: &str, check: &str) -> u64 {
-        self.seed.filter(|_| self.selects(function, check)).unwrap_or_else(|| {
+        // All sources of arguments have the same cases.
+        let selected = self.inputs(function, check).is_some() || self.selects(function, check);
+        self.seed.filter(|_| selected).unwrap_or_else(|| {
             let hash = blake3::hash(format!("{}\n{function}\n{check}", self.test).as_bytes());
             hash.as_bytes().iter().take(8).fold(0, |seed, byte| seed << 8 | u64::from(*byte))
         })
@@ -73,6 +76,14 @@ impl Identity {
         let selection = self.selection.as_ref().filter(|_| self.selects(function, check))?;
         let fits = selection.check.is_none() || selection.input.is_some() || selection.case < count;
         fits.then_some(selection.case)
+    }
+
+    /// The source of arguments that the environment names for this check, if it names the check.
+    pub(crate) fn inputs(&self, function: &str, check: &str) -> Option<Inputs> {
+        let named = self.selection.as_ref().and_then(|selection| selection.check.as_ref())?;
+        Inputs::ALL
+            .into_iter()
+            .find(|inputs| *named == format!("{function}/{}", with_inputs(check, *inputs)))
     }
 
     /// Whether the environment asks for one case.
@@ -111,6 +122,14 @@ impl Identity {
                 format!("{environment} cargo test -p {package} {target} -- --exact {}", self.test)
             }
         }
+    }
+}
+
+/// A check's name with the source of its arguments, unless that is a storage buffer.
+pub(super) fn with_inputs(check: &str, inputs: Inputs) -> String {
+    match inputs {
+        Inputs::Storage => check.to_owned(),
+        other => format!("{check}@{other}"),
     }
 }
 

@@ -23,7 +23,7 @@ use super::session::{Demand, Session};
 use super::{Failure, Identity, Plan, Probe, Recording};
 use crate::domain::{Domain, Source};
 use crate::path::Adapter;
-use crate::probe::BATCH;
+use crate::probe::{BATCH, Inputs};
 use crate::record::{self, PathRecord, Record, Subject, Verdict};
 use crate::stats::{Support, sidak};
 use crate::value::{Arguments, Shape, Shareable};
@@ -294,13 +294,14 @@ fn conclude<D: Domain>(
         settings.check(&function)?;
         let name = (check, assertion.text.clone());
         let arguments = demand(arguments, "the sampler is given");
-        let session = Session::open(plan, &arguments, &identity, seed, name.clone())?;
+        let session =
+            Session::open(plan, &arguments, &identity, seed, name.clone(), Inputs::Storage)?;
         if let Subject::Function { location, .. } = &mut subject {
             *location = session.probed.function.span.to_string();
         }
         let open = |(plan, shapes)| {
             let demand = demand(shapes, "it is given");
-            Session::open(plan, &demand, &identity, seed, name.clone())
+            Session::open(plan, &demand, &identity, seed, name.clone(), Inputs::Storage)
         };
         let others: Vec<_> = others.iter().zip(shapes).map(open).collect::<Result<_, _>>()?;
         let functions = Functions { sampler: &session, others: &others };

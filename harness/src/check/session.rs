@@ -5,6 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::disagreement::arguments;
+use super::identity::with_inputs;
 use super::memory::{Entry, Memory};
 use super::shrink::{Judge, words as words_of};
 use super::tally::{Judged, Shown, Tally, tally};
@@ -14,7 +15,7 @@ use super::{
 };
 use crate::domain::{Cases, Domain, Shrinkable};
 use crate::path::{self, Adapter, Device, Path};
-use crate::probe::{self, BATCH, Dispatch, Probed, Runner};
+use crate::probe::{self, BATCH, CONSTANTS, Dispatch, Inputs, Probed, Runner};
 use crate::record::PathRecord;
 use crate::reflect::Function;
 use crate::tolerance::{Measure, Tolerance};
@@ -49,6 +50,8 @@ pub(super) struct Session<'a, D: Domain> {
     case: Option<u64>,
     identity: &'a Identity,
     pub(super) seed: u64,
+    /// Where the arguments come from.
+    pub(super) inputs: Inputs,
     /// The verb and what it asserts.
     pub(super) assertion: (&'static str, String),
     /// Inputs on which the test has failed before; `None`: nothing is remembered.
@@ -122,9 +125,10 @@ impl<'a, D: Domain> Session<'a, D> {
         identity: &'a Identity,
         seed: u64,
         assertion: (&'static str, String),
+        inputs: Inputs,
     ) -> Result<Self, Failure> {
         let Plan { probe, domain, .. } = plan;
-        let probed = Probed::new(probe.package, &probe.path)?;
+        let probed = Probed::new(probe.package, &probe.path)?.with_inputs(inputs)?;
         let function = &probed.function;
         let supplied = &demand.arguments;
         let declared = probe::parameter_shapes(function);
@@ -140,9 +144,16 @@ impl<'a, D: Domain> Session<'a, D> {
             let mismatch = format!("takes {declared}, {} {supplied}", demand.who);
             return Err(signature(function, mismatch));
         }
-        let cases = match plan.cases {
-            Some(cases) => Cases::new(domain, seed, cases, cases),
-            None => Cases::new(domain, seed, demand.cases, demand.enumerated),
+        let (cases, enumerated) = match plan.cases {
+            Some(cases) => (cases, cases),
+            None => (demand.cases, demand.enumerated),
+        };
+        let few = CONSTANTS as u64;
+        let cases = match inputs {
+            Inputs::Storage | Inputs::Uniform => Cases::new(domain, seed, cases, enumerated),
+            Inputs::Constant => {
+                Cases::new(domain, seed, cases.min(few), enumerated.min(few)).with_fewer_edges()
+            }
         };
         if cases.count() == 0 || domain.is_empty() {
             let reason = "has no value, so nothing would be checked: a range ends before it \
@@ -156,8 +167,10 @@ impl<'a, D: Domain> Session<'a, D> {
             .into_iter()
             .map(|device| Runner::new(device, &probed, &probe.fixtures, capacity))
             .collect::<Result<_, _>>()?;
-        let case = identity.case(&probed.function.path, assertion.0, cases.count());
-        Ok(Self { probed, runners, cases, case, identity, seed, assertion, memory: None })
+        let name = with_inputs(assertion.0, inputs);
+        let case = identity.case(&probed.function.path, &name, cases.count());
+        let memory = None;
+        Ok(Self { probed, runners, cases, case, identity, seed, inputs, assertion, memory })
     }
 
     /// Tries what the test has failed on before, and remembers what it fails on.
@@ -268,9 +281,14 @@ impl<'a, D: Domain> Session<'a, D> {
         Ok(dispatches.collect::<Result<_, _>>()?)
     }
 
+    /// The check's name as a replay command has it.
+    fn name(&self) -> String {
+        with_inputs(self.assertion.0, self.inputs)
+    }
+
     /// The arguments with which a replay replaces those of its case.
     fn input(&self) -> Option<&[u32]> {
-        self.identity.input(&self.probed.function.path, self.assertion.0)
+        self.identity.input(&self.probed.function.path, &self.name())
     }
 
     pub(super) fn conclude(&self, tallies: Vec<PathTally>) -> Result<Agreement, Failure> {
@@ -295,11 +313,11 @@ impl<'a, D: Domain> Session<'a, D> {
         let mut paths = Vec::new();
         for PathTally { adapter, path, tally, worst, first, simplest, .. } in tallies {
             let Some(worst) = worst else {
-                agreeing.push(adapter);
+                agreeing.push((adapter, self.inputs));
                 continue;
             };
             let replay = |input: Option<&[u32]>| {
-                let (function, check) = (&self.probed.function.path, self.assertion.0);
+                let (function, check) = (&self.probed.function.path, &self.name());
                 self.identity.replay(path, self.seed, function, check, worst.case, input)
             };
             let first = first.filter(|first| first.case != worst.case);
@@ -309,7 +327,16 @@ impl<'a, D: Domain> Session<'a, D> {
             let simplest = simplest
                 .map(|simplest| Simplest { replay: replay(Some(&simplest.input)), ..simplest });
             let (census, replay) = (tally.census, replay_worst);
-            paths.push(PathDisagreement { adapter, census, worst, first, replay, simplest });
+            let inputs = self.inputs;
+            paths.push(PathDisagreement {
+                adapter,
+                inputs,
+                census,
+                worst,
+                first,
+                replay,
+                simplest,
+            });
         }
         Err(Failure::Disagreement(Box::new(Disagreement {
             function: self.probed.function.clone(),
@@ -357,7 +384,14 @@ where
     fn remembered(&self) -> Vec<D::Value> {
         let Some(memory) = &self.memory else { return Vec::new() };
         let mut values = Vec::new();
+        let scalars: Vec<Scalar> = D::Value::shapes().iter().flat_map(Shape::lanes).collect();
         for entry in memory.of(&self.probed.function.path, self.assertion.0) {
+            let lanes = || scalars.iter().zip(&entry.words);
+            if self.inputs == Inputs::Constant
+                && lanes().any(|(s, word)| s.is_float() && !f32::from_bits(*word).is_finite())
+            {
+                continue; // WGSL has no such constant
+            }
             match self.value(&entry.words) {
                 Ok(value) if self.still_drawn(&value, entry) => values.push(value),
                 Ok(_) => memory.ignore(entry, "it isn't in the domain any more"),

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use super::session::{Batch, PathTally, Session};
 use super::{CaseFailure, Failure, Simplest};
 use crate::domain::Domain;
-use crate::probe::Dispatch;
+use crate::probe::{Dispatch, Inputs};
 use crate::value::Arguments;
 
 /// Rounds for one case. A component needs one or two, so this is enough for a matrix.
@@ -22,8 +22,11 @@ const FIRST: usize = 128;
 /// Values of one round.
 const ROUND: usize = 16_384;
 
+/// Values of one round where the arguments are constants, and 64 of them are a kernel to compile.
+const ROUND_OF_CONSTANTS: usize = 192;
+
 /// Time for one case. Only a slow reference needs it; the case is less simple then.
-const TIME: Duration = Duration::from_secs(5);
+const TIME: Duration = Duration::from_secs(20);
 
 /// Dispatches of one round that may end without a verdict, as a reference that isn't finite does.
 const ERRORS: usize = 64;
@@ -53,7 +56,10 @@ where
         let mut simplest = Simplest::new(failure.clone(), words(at.value()));
         for _ in 0..ROUNDS {
             let mut candidates = at.simpler();
-            candidates.truncate(ROUND);
+            candidates.truncate(match self.inputs {
+                Inputs::Constant => ROUND_OF_CONSTANTS,
+                Inputs::Storage | Inputs::Uniform => ROUND,
+            });
             let values: Vec<_> = candidates.iter().map(|simpler| simpler.value().clone()).collect();
             let Some((step, found)) = self.first_failing(path, &values, judge, end) else { break };
             at = candidates.swap_remove(step);

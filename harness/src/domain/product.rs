@@ -124,11 +124,15 @@ macro_rules! product {
                     if moved > 1 {
                         found.push(together.whole());
                     }
-                    $(for part in simpler.$index {
-                        let mut parts = self.clone();
-                        parts.$index = part;
-                        found.push(parts.whole());
-                    })+
+                    // In turns, so that the simplest values of each part are tried early.
+                    let rounds = [$(simpler.$index.len()),+].into_iter().max().unwrap_or(0);
+                    for round in 0..rounds {
+                        $(if let Some(part) = simpler.$index.get(round) {
+                            let mut parts = self.clone();
+                            parts.$index = part.clone();
+                            found.push(parts.whole());
+                        })+
+                    }
                     found
                 })
             }

@@ -2,11 +2,18 @@
 
 use std::fmt::Write;
 
+use super::Inputs;
 use crate::reflect::{Function, Program};
-use crate::value::{Scalar, Shape};
+use crate::value::{Scalar, Shape, format_f32, hexfloat};
 
 /// Invocations of a workgroup: what every device supports, and a multiple of every vector width.
 pub(super) const WORKGROUP: u32 = 64;
+
+/// Words of the uniform buffer that arguments may come from: 16 KiB, which every device has.
+pub(super) const UNIFORM_WORDS: usize = 4096;
+
+/// Cases whose arguments are constants: each is a call of its own, which the driver may inline.
+pub(crate) const CONSTANTS: usize = 64;
 
 /// Name of the generated entry point.
 pub(super) const ENTRY_POINT: &str = "karat_probe";
@@ -22,87 +29,179 @@ pub(crate) struct Kernel {
     pub(super) words_out: usize,
     /// First of three binding numbers in group 0: arguments, results, batch.
     pub(super) first_binding: u32,
+    /// Where the arguments come from. The text with constants holds none until
+    /// [`of_constants`](Self::of_constants) writes those of a batch.
+    pub(super) inputs: Inputs,
+    /// The linked text, and the function that is called.
+    linked: String,
+    function: Function,
 }
 
 impl Kernel {
     /// Writes the kernel for `function`.
     pub(crate) fn new(program: &Program, function: &Function) -> Self {
+        Self::with_inputs(program, function, Inputs::Storage)
+    }
+
+    /// Writes the kernel with another source of its arguments.
+    pub(crate) fn with_inputs(program: &Program, function: &Function, inputs: Inputs) -> Self {
         let lanes = |shape: &Shape| shape.lanes().len();
         let words_in = function.parameters.iter().map(|(_, shape)| lanes(shape)).sum();
-        let words_out = lanes(&function.result);
-        let first_binding = program.free_binding();
-        let text = write_kernel(program.text(), function, words_in, words_out, first_binding)
-            .expect("writing to a String never fails");
-        Self { text, words_in, words_out, first_binding }
+        let mut kernel = Self {
+            text: String::new(),
+            words_in,
+            words_out: lanes(&function.result),
+            first_binding: program.free_binding(),
+            inputs,
+            linked: program.text().to_owned(),
+            function: function.clone(),
+        };
+        kernel.text = kernel.write(&[]).expect("writing to a String never fails");
+        kernel
+    }
+
+    /// The most cases of one dispatch that the source of the arguments allows.
+    pub(crate) fn largest_batch(&self) -> Option<usize> {
+        match self.inputs {
+            Inputs::Storage => None,
+            Inputs::Uniform => Some(UNIFORM_WORDS / self.words_in.max(1)),
+            Inputs::Constant => Some(CONSTANTS),
+        }
+    }
+
+    /// The text for cases whose arguments are constants; or why they can't be.
+    pub(super) fn of_constants(&self, arguments: &[u32]) -> Result<String, String> {
+        let scalars: Vec<Scalar> =
+            self.function.parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
+        for case in arguments.chunks_exact(self.words_in.max(1)) {
+            for (word, scalar) in case.iter().zip(&scalars) {
+                let value = f32::from_bits(*word);
+                if scalar.is_float() && !value.is_finite() {
+                    return Err(format!("{} isn't a constant in WGSL", format_f32(value)));
+                }
+            }
+        }
+        Ok(self.write(arguments).expect("writing to a String never fails"))
+    }
+
+    /// The kernel; `constants` are the arguments of its cases if they are constants.
+    fn write(&self, constants: &[u32]) -> Result<String, std::fmt::Error> {
+        let Self { words_in, words_out, first_binding: binding, inputs, .. } = self;
+        let mut text = self.linked.clone();
+        let stride_out = words_out + 1;
+        match inputs {
+            Inputs::Storage if *words_in > 0 => writeln!(
+                text,
+                "@group(0) @binding({binding}) var<storage, read> karat_in: array<u32>;"
+            )?,
+            // Elements of arrays in uniform buffers are 16 bytes apart: four words each.
+            Inputs::Uniform if *words_in > 0 => writeln!(
+                text,
+                "@group(0) @binding({binding}) var<uniform> karat_in: array<vec4<u32>, {}>;",
+                UNIFORM_WORDS / 4
+            )?,
+            _ => {}
+        }
+        let (results, batch) = (binding + 1, binding + 2);
+        writeln!(
+            text,
+            "@group(0) @binding({results}) var<storage, read_write> karat_out: array<u32>;\n\
+             // Number of cases, canary, invocations in a row of workgroups.\n\
+             @group(0) @binding({batch}) var<uniform> karat_batch: vec4<u32>;\n\n\
+             @compute @workgroup_size({WORKGROUP})\n\
+             fn {ENTRY_POINT}(@builtin(global_invocation_id) karat_id: vec3<u32>) {{\n    \
+                 let karat_case = karat_id.x + karat_id.y * karat_batch.z;\n    \
+                 if karat_case >= karat_batch.x {{ return; }}"
+        )?;
+        if *words_in > 0 && *inputs != Inputs::Constant {
+            writeln!(text, "    let karat_from = karat_case * {words_in}u;")?;
+        }
+        writeln!(text, "    let karat_to = karat_case * {stride_out}u;")?;
+        if *inputs == Inputs::Constant {
+            writeln!(text, "    switch karat_case {{")?;
+            let cases = constants.chunks_exact((*words_in).max(1));
+            for (index, case) in cases.enumerate() {
+                writeln!(text, "    case {index}u: {{")?;
+                self.call(&mut text, "const", &|scalar, lane| constant(scalar, case[lane]))?;
+                writeln!(text, "    }}")?;
+            }
+            writeln!(text, "    default: {{ return; }}\n    }}")?;
+        } else {
+            self.call(&mut text, "let", &|scalar, lane| match inputs {
+                Inputs::Uniform => from_word(
+                    scalar,
+                    &format!("karat_in[(karat_from + {lane}u) / 4u][(karat_from + {lane}u) % 4u]"),
+                ),
+                _ => from_word(scalar, &format!("karat_in[karat_from + {lane}u]")),
+            })?;
+        }
+        writeln!(text, "    karat_out[karat_to + {words_out}u] = karat_batch.y ^ karat_case;\n}}")?;
+        Ok(text)
+    }
+
+    /// One call: arguments made of `lane`s, and the words of the result.
+    fn call(
+        &self,
+        text: &mut String,
+        declare: &str,
+        lane: &dyn Fn(Scalar, usize) -> String,
+    ) -> std::fmt::Result {
+        let function = &self.function;
+        let mut at = 0;
+        for (index, (_, shape)) in function.parameters.iter().enumerate() {
+            let value = compose(shape, &mut |scalar| {
+                at += 1;
+                lane(scalar, at - 1)
+            });
+            writeln!(text, "    {declare} karat_a{index} = {value};")?;
+        }
+        let arguments: Vec<String> =
+            (0..function.parameters.len()).map(|index| format!("karat_a{index}")).collect();
+        // A variable: a value of array type can't be indexed otherwise on all translations.
+        writeln!(text, "    var karat_r = {}({});", function.name, arguments.join(", "))?;
+        let lanes = function.result.lanes().into_iter().zip(function.result.lane_names());
+        for (index, (scalar, name)) in lanes.enumerate() {
+            let value = match scalar {
+                Scalar::F32 | Scalar::I32 => format!("bitcast<u32>(karat_r{name})"),
+                Scalar::F16 => format!("bitcast<u32>(f32(karat_r{name}))"),
+                Scalar::U32 => format!("karat_r{name}"),
+                Scalar::Bool => format!("select(0u, 1u, karat_r{name})"),
+            };
+            writeln!(text, "    karat_out[karat_to + {index}u] = {value};")?;
+        }
+        Ok(())
     }
 }
 
-fn write_kernel(
-    linked: &str,
-    function: &Function,
-    words_in: usize,
-    words_out: usize,
-    binding: u32,
-) -> Result<String, std::fmt::Error> {
-    let mut text = linked.to_owned();
-    let stride_out = words_out + 1;
-    if words_in > 0 {
-        writeln!(text, "@group(0) @binding({binding}) var<storage, read> karat_in: array<u32>;")?;
+/// A scalar from the word that it travels in.
+fn from_word(scalar: Scalar, word: &str) -> String {
+    match scalar {
+        Scalar::F32 => format!("bitcast<f32>({word})"),
+        Scalar::F16 => format!("f16(bitcast<f32>({word}))"),
+        Scalar::I32 => format!("bitcast<i32>({word})"),
+        Scalar::U32 => word.to_owned(),
+        Scalar::Bool => format!("({word} != 0u)"),
     }
-    let (results, batch) = (binding + 1, binding + 2);
-    writeln!(
-        text,
-        "@group(0) @binding({results}) var<storage, read_write> karat_out: array<u32>;\n\
-         // Number of cases, canary, invocations in a row of workgroups.\n\
-         @group(0) @binding({batch}) var<uniform> karat_batch: vec4<u32>;\n\n\
-         @compute @workgroup_size({WORKGROUP})\n\
-         fn {ENTRY_POINT}(@builtin(global_invocation_id) karat_id: vec3<u32>) {{\n    \
-             let karat_case = karat_id.x + karat_id.y * karat_batch.z;\n    \
-             if karat_case >= karat_batch.x {{ return; }}"
-    )?;
-    if words_in > 0 {
-        writeln!(text, "    let karat_from = karat_case * {words_in}u;")?;
+}
+
+/// A scalar as a literal of exactly its bits.
+fn constant(scalar: Scalar, word: u32) -> String {
+    match scalar {
+        Scalar::F32 => format!("{}f", hexfloat(f32::from_bits(word))),
+        Scalar::F16 => format!("f16({}f)", hexfloat(f32::from_bits(word))),
+        Scalar::I32 => format!("i32({})", word.cast_signed()),
+        Scalar::U32 => format!("{word}u"),
+        Scalar::Bool => (word != 0).to_string(),
     }
-    writeln!(text, "    let karat_to = karat_case * {stride_out}u;")?;
-    let mut lane = 0;
-    for (index, (_, shape)) in function.parameters.iter().enumerate() {
-        writeln!(text, "    let karat_a{index} = {};", read(shape, &mut lane))?;
-    }
-    let arguments: Vec<String> =
-        (0..function.parameters.len()).map(|index| format!("karat_a{index}")).collect();
-    // A variable: a value of array type can't be indexed otherwise on all translations.
-    writeln!(text, "    var karat_r = {}({});", function.name, arguments.join(", "))?;
-    let lanes = function.result.lanes().into_iter().zip(function.result.lane_names());
-    for (index, (scalar, name)) in lanes.enumerate() {
-        let value = match scalar {
-            Scalar::F32 | Scalar::I32 => format!("bitcast<u32>(karat_r{name})"),
-            Scalar::F16 => format!("bitcast<u32>(f32(karat_r{name}))"),
-            Scalar::U32 => format!("karat_r{name}"),
-            Scalar::Bool => format!("select(0u, 1u, karat_r{name})"),
-        };
-        writeln!(text, "    karat_out[karat_to + {index}u] = {value};")?;
-    }
-    writeln!(text, "    karat_out[karat_to + {words_out}u] = karat_batch.y ^ karat_case;\n}}")?;
-    Ok(text)
 }
 
 /// The expression that puts a value together from its lanes.
-fn read(shape: &Shape, lane: &mut usize) -> String {
+fn compose(shape: &Shape, lane: &mut dyn FnMut(Scalar) -> String) -> String {
     let mut list = |count: usize, element: &Shape| {
-        (0..count).map(|_| read(element, lane)).collect::<Vec<_>>().join(", ")
+        (0..count).map(|_| compose(element, lane)).collect::<Vec<_>>().join(", ")
     };
     match shape {
-        Shape::Scalar(scalar) => {
-            let word = format!("karat_in[karat_from + {lane}u]");
-            *lane += 1;
-            match scalar {
-                Scalar::F32 => format!("bitcast<f32>({word})"),
-                Scalar::F16 => format!("f16(bitcast<f32>({word}))"),
-                Scalar::I32 => format!("bitcast<i32>({word})"),
-                Scalar::U32 => word,
-                Scalar::Bool => format!("({word} != 0u)"),
-            }
-        }
+        Shape::Scalar(scalar) => lane(*scalar),
         Shape::Vector { size, scalar } => {
             format!("{shape}({})", list(usize::from(*size), &Shape::Scalar(*scalar)))
         }
@@ -115,7 +214,7 @@ fn read(shape: &Shape, lane: &mut usize) -> String {
         }
         Shape::Struct { name, members } => {
             let members: Vec<String> =
-                members.iter().map(|(_, member)| read(member, lane)).collect();
+                members.iter().map(|(_, member)| compose(member, lane)).collect();
             format!("{name}({})", members.join(", "))
         }
     }

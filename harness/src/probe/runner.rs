@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::kernel::{ENTRY_POINT, Kernel, WORKGROUP};
-use super::{ProbeError, Probed};
+use super::kernel::{ENTRY_POINT, Kernel, UNIFORM_WORDS, WORKGROUP};
+use super::{Inputs, ProbeError, Probed};
 use crate::fixture::{self, Fixtures, Resource};
 use crate::path::{Device, guard};
 
@@ -18,8 +18,10 @@ pub(crate) const BATCH: usize = 65_536;
 /// One probe on one device.
 pub(crate) struct Runner {
     device: &'static Device,
-    pipeline: Arc<wgpu::ComputePipeline>,
-    groups: Vec<wgpu::BindGroup>,
+    kernel: Kernel,
+    /// `None` where the arguments are constants, and each dispatch has a kernel of its own.
+    bound: Option<Bound>,
+    resources: Resources,
     arguments: Option<wgpu::Buffer>,
     results: wgpu::Buffer,
     poison: wgpu::Buffer,
@@ -29,6 +31,15 @@ pub(crate) struct Runner {
     words_in: usize,
     stride_out: usize,
     function: String,
+}
+
+/// The fixtures of each group, with their binding numbers.
+type Resources = BTreeMap<u32, Vec<(u32, Resource)>>;
+
+/// A compiled kernel with its bindings.
+struct Bound {
+    pipeline: Arc<wgpu::ComputePipeline>,
+    groups: Vec<wgpu::BindGroup>,
 }
 
 /// A dispatch whose results haven't been read.
@@ -58,9 +69,9 @@ impl Runner {
         let path = device.path();
         let name = function.path.clone();
         let _deadline = guard(move || format!("compiling the probe of `{name}` on path {path}"));
-        let pipeline = device
-            .compute_pipeline(&kernel.text, ENTRY_POINT)
-            .map_err(|error| ProbeError::Compile { function: function.path.clone(), error })?;
+        let pipeline = (kernel.inputs != Inputs::Constant)
+            .then(|| compile(device, &function.path, &kernel.text))
+            .transpose()?;
 
         let stride_out = kernel.words_out + 1;
         let capacity = cases.min(Self::largest_batch(device, kernel)).max(1);
@@ -75,9 +86,14 @@ impl Runner {
         use wgpu::BufferUsages as Usage;
         let words = capacity * stride_out;
         let (arguments, results, poison, batch, staging) = device.checked(|| {
-            let arguments = (kernel.words_in > 0).then(|| {
-                buffer("arguments", capacity * kernel.words_in, Usage::STORAGE | Usage::COPY_DST)
-            });
+            let arguments = match kernel.inputs {
+                _ if kernel.words_in == 0 => None,
+                Inputs::Storage => Some((capacity * kernel.words_in, Usage::STORAGE)),
+                Inputs::Uniform => Some((UNIFORM_WORDS, Usage::UNIFORM)),
+                Inputs::Constant => None,
+            };
+            let arguments =
+                arguments.map(|(words, usage)| buffer("arguments", words, usage | Usage::COPY_DST));
             let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST;
             let results = buffer("results", words, usage);
             let poison = buffer("poison", words, Usage::COPY_SRC | Usage::COPY_DST);
@@ -87,46 +103,21 @@ impl Runner {
             (arguments, results, poison, batch, staging)
         })?;
 
-        let mut resources: BTreeMap<u32, Vec<(u32, Resource)>> = BTreeMap::new();
+        let mut resources = Resources::new();
         fixture::check_used(&function.bindings, fixtures)?;
         for (binding, fixture) in fixture::resolve(&function.bindings, fixtures)? {
             let resource = fixture::upload(device, program, binding, fixture)?;
             resources.entry(binding.group).or_default().push((binding.binding, resource));
         }
-        let last_group = resources.keys().copied().max().unwrap_or(0);
-        let groups = device.checked(|| {
-            (0..=last_group)
-                .map(|group| {
-                    let mut entries: Vec<_> = resources
-                        .get(&group)
-                        .into_iter()
-                        .flatten()
-                        .map(|(binding, resource)| wgpu::BindGroupEntry {
-                            binding: *binding,
-                            resource: resource.binding(),
-                        })
-                        .collect();
-                    if group == 0 {
-                        let own = [arguments.as_ref(), Some(&results), Some(&batch)];
-                        for (offset, buffer) in (0..).zip(own) {
-                            entries.extend(buffer.map(|buffer| wgpu::BindGroupEntry {
-                                binding: kernel.first_binding + offset,
-                                resource: buffer.as_entire_binding(),
-                            }));
-                        }
-                    }
-                    device.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                        label: None,
-                        layout: &pipeline.get_bind_group_layout(group),
-                        entries: &entries,
-                    })
-                })
-                .collect()
-        })?;
+        let own = [arguments.as_ref(), Some(&results), Some(&batch)];
+        let bound = pipeline
+            .map(|pipeline| bind(device, pipeline, &resources, kernel.first_binding, own))
+            .transpose()?;
         Ok(Self {
             device,
-            pipeline,
-            groups,
+            kernel: kernel.clone(),
+            bound,
+            resources,
             arguments,
             results,
             poison,
@@ -143,7 +134,19 @@ impl Runner {
         let limits = device.device.limits();
         let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let widest = 4 * kernel.words_in.max(kernel.words_out + 1);
-        usize::try_from(bytes).unwrap_or(usize::MAX) / widest
+        let largest = usize::try_from(bytes).unwrap_or(usize::MAX) / widest;
+        kernel.largest_batch().map_or(largest, |batch| batch.min(largest))
+    }
+
+    /// The kernel that holds these arguments as constants.
+    fn of_constants(&self, arguments: &[u32]) -> Result<Bound, ProbeError> {
+        let text = self.kernel.of_constants(arguments).map_err(|reason| {
+            let (function, inputs) = (self.function.clone(), self.kernel.inputs);
+            ProbeError::Inputs { function, inputs, reason }
+        })?;
+        let pipeline = compile(self.device, &self.function, &text)?;
+        let own = [None, Some(&self.results), Some(&self.batch)];
+        bind(self.device, pipeline, &self.resources, self.kernel.first_binding, own)
     }
 
     pub(crate) fn device(&self) -> &'static Device {
@@ -174,6 +177,14 @@ impl Runner {
         let deadline = guard(move || {
             format!("the probe of `{function}` on path {path} ({cases} cases in one dispatch)")
         });
+        let constants;
+        let Bound { pipeline, groups: bindings } = match &self.bound {
+            Some(bound) => bound,
+            None => {
+                constants = self.of_constants(arguments)?;
+                &constants
+            }
+        };
         let invocations = u32::try_from(cases).expect("a batch fits in 32 bits");
         let limit = self.device.device.limits().max_compute_workgroups_per_dimension;
         let groups = invocations.div_ceil(WORKGROUP);
@@ -189,8 +200,8 @@ impl Runner {
             encoder.copy_buffer_to_buffer(&self.poison, 0, &self.results, 0, size);
             {
                 let mut pass = encoder.begin_compute_pass(&Default::default());
-                pass.set_pipeline(&self.pipeline);
-                for (index, group) in (0..).zip(&self.groups) {
+                pass.set_pipeline(pipeline);
+                for (index, group) in (0..).zip(bindings) {
                     pass.set_bind_group(index, group, &[]);
                 }
                 pass.dispatch_workgroups(columns, rows, 1);
@@ -237,6 +248,56 @@ impl Runner {
         });
         value?
     }
+}
+
+fn compile(
+    device: &Device,
+    function: &str,
+    text: &str,
+) -> Result<Arc<wgpu::ComputePipeline>, ProbeError> {
+    device
+        .compute_pipeline(text, ENTRY_POINT)
+        .map_err(|error| ProbeError::Compile { function: function.to_owned(), error })
+}
+
+/// Binds the fixtures, and in group 0 the arguments, the results and the batch, in this order.
+fn bind(
+    device: &Device,
+    pipeline: Arc<wgpu::ComputePipeline>,
+    resources: &Resources,
+    first_binding: u32,
+    own: [Option<&wgpu::Buffer>; 3],
+) -> Result<Bound, ProbeError> {
+    let last_group = resources.keys().copied().max().unwrap_or(0);
+    let groups = device.checked(|| {
+        (0..=last_group)
+            .map(|group| {
+                let mut entries: Vec<_> = resources
+                    .get(&group)
+                    .into_iter()
+                    .flatten()
+                    .map(|(binding, resource)| wgpu::BindGroupEntry {
+                        binding: *binding,
+                        resource: resource.binding(),
+                    })
+                    .collect();
+                if group == 0 {
+                    for (offset, buffer) in (0..).zip(own) {
+                        entries.extend(buffer.map(|buffer| wgpu::BindGroupEntry {
+                            binding: first_binding + offset,
+                            resource: buffer.as_entire_binding(),
+                        }));
+                    }
+                }
+                device.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                    label: None,
+                    layout: &pipeline.get_bind_group_layout(group),
+                    entries: &entries,
+                })
+            })
+            .collect()
+    })?;
+    Ok(Bound { pipeline, groups })
 }
 
 #[cfg(test)]

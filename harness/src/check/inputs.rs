@@ -1,0 +1,81 @@
+//! A check with arguments from several sources: one after the other, with one verdict.
+
+use super::verdict::Agreement;
+use super::{Check, Disagreement, Failure, Identity, Plan};
+use crate::domain::Domain;
+use crate::probe::Inputs;
+
+impl<D: Domain> Check<'_, D> {
+    /// Chooses where the function's arguments come from, which is a storage buffer otherwise.
+    ///
+    /// As [constants](Inputs::Constant) at most 64 cases are checked, half of them edges, or all
+    /// of a finite domain that is no larger.
+    pub fn inputs(mut self, inputs: Inputs) -> Self {
+        self.plan.probe.inputs = vec![inputs];
+        self
+    }
+
+    /// Checks with arguments from each of the [`Inputs`]: compilers treat them in different ways.
+    /// Each has its own line in the record.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// SHADERS.function("sensor::srgb_from_linear")
+    ///     .over(0.0..=1.0)
+    ///     .from_all_sources()
+    ///     .satisfies("is a fraction", |_, x: f32| (0.0..=1.0).contains(&x));
+    /// ```
+    pub fn from_all_sources(mut self) -> Self {
+        self.plan.probe.inputs = Inputs::ALL.to_vec();
+        self
+    }
+}
+
+/// Runs a check with each of its sources, or with the one that a replay names, and joins the
+/// verdicts.
+pub(super) fn each<D: Domain>(
+    plan: &Plan<'_, D>,
+    name: &str,
+    identity: &Identity,
+    mut check: impl FnMut(Inputs) -> Result<Agreement, Failure>,
+) -> Result<Agreement, Failure> {
+    let asked = match &*plan.probe.inputs {
+        [] => &[Inputs::Storage],
+        asked => asked,
+    };
+    let replayed = identity.inputs(&plan.probe.path, name).filter(|inputs| asked.contains(inputs));
+    let chosen = asked.iter().copied();
+    let chosen = chosen.filter(|inputs| replayed.is_none_or(|replayed| replayed == *inputs));
+    let mut agreements: Vec<(Agreement, Inputs)> = Vec::new();
+    let mut disagreements: Vec<Box<Disagreement>> = Vec::new();
+    for inputs in chosen {
+        match check(inputs) {
+            Ok(agreement) => agreements.push((agreement, inputs)),
+            Err(Failure::Disagreement(disagreement)) => disagreements.push(disagreement),
+            // Nothing could be compared: what the other sources give is no verdict.
+            Err(failure) => return Err(failure),
+        }
+    }
+    let mut disagreements = disagreements.into_iter();
+    if let Some(mut first) = disagreements.next() {
+        for next in disagreements {
+            first.paths.extend(next.paths);
+            first.agreeing.extend(next.agreeing);
+        }
+        for (agreement, inputs) in agreements {
+            let adapters = agreement.paths.into_iter().map(|(adapter, _)| (adapter, inputs));
+            first.agreeing.extend(adapters);
+        }
+        return Err(Failure::Disagreement(first));
+    }
+    let joined = agreements.into_iter().map(|(agreement, _)| agreement).reduce(|mut all, next| {
+        all.cases += next.cases;
+        if next.worst.ratio > all.worst.ratio {
+            all.worst = next.worst;
+        }
+        all.paths.extend(next.paths);
+        all
+    });
+    Ok(joined.expect("a check has at least one source of arguments"))
+}
