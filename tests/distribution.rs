@@ -183,7 +183,7 @@ fn lobes_turn_with_their_normal() {
 /// Normals project to the whole surface: D cos is a density of microfacets.
 #[test]
 fn lobes_cover_the_surface() {
-    let package = karat::Package::from_modules(
+    let package = Package::from_modules(
         "lobes",
         [("lobes", "import pbr::distribution::ggx;\nfn lobe(alpha: f32, h: vec3f) -> f32 { return ggx(alpha, h.z); }")],
     )

@@ -553,6 +553,25 @@ fn accepting_off_the_canonical_rasteriser_is_refused() {
     assert!(error.to_string().contains("goldens are made on lavapipe"), "{error}");
 }
 
+/// Results of software rasterisers depend on their vector width and on the processor.
+#[test]
+fn a_golden_says_what_it_was_made_on() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (_, text) = golden_fault(folder.path(), &[]);
+    assert!(text.contains("has no golden"), "{text}");
+    let goldens = Goldens::open(folder.path());
+    let pending = goldens.select("gradient").expect("it is pending");
+    let acceptance = Acceptance { because: "why".to_owned(), by: None, any_adapter: true };
+    goldens.accept(&pending[0], &acceptance).expect("accepted");
+    let toml = std::fs::read_to_string(folder.path().join("gradient.toml")).expect("written");
+    let adapter = Path::ALL.into_iter().find_map(|path| karat::adapter(path).ok());
+    let adapter = adapter.expect("the frame was rendered on the first path that opens");
+    assert!(toml.contains(&adapter.name) && toml.contains(&adapter.driver), "{toml}");
+    assert!(!adapter.name.contains("llvmpipe") || adapter.name.contains(" bits)"), "{adapter}");
+    let processor = toml.lines().find_map(|line| line.strip_prefix("processor = "));
+    assert!(processor.is_some_and(|name| name.len() > 2), "{toml}");
+}
+
 /// The midpoint rule in the squared sine and the azimuth, where the cosine is in the measure: the
 /// directions of a hemisphere about +Z and the weights of an integral of `f cos`.
 fn hemisphere(size: u16) -> Vec<(Vec3, f64)> {

@@ -354,7 +354,7 @@ fn higher_levels_hold_a_small_sun() {
 fn the_table_of_a_mirror() {
     let mirror = |_: f64, n_dot_v: f64, _: u32| {
         let grazing = (1.0 - n_dot_v).powi(5);
-        glam::DVec2::new(1.0 - grazing, grazing)
+        DVec2::new(1.0 - grazing, grazing)
     };
     PBR.function("specular::split_sum_table")
         .over((Just(0.0), 0.3..=1.0, Just(64_u32)))

@@ -1,6 +1,6 @@
 //! `TESTPLAN.md` names tests: they exist.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Every `file::test` of the plan, in backticks: a path from the root of the repository, and the
 /// name of a function with `#[test]` above it.
@@ -55,6 +55,34 @@ fn each_row_has_a_test_or_says_that_it_is_open() {
         assert!(row.contains(".rs::") || row.contains("**open**"), "{row}");
     }
     assert!(count >= 30, "the plan has {count} rows");
+}
+
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).expect("readable") {
+        let path = entry.expect("readable").path();
+        let hidden = path.file_name().is_some_and(|name| name == "target" || name == ".git");
+        if path.is_dir() && !hidden {
+            sources(&path, found);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            found.push(path);
+        }
+    }
+}
+
+/// What fails is declared with its reason, and runs.
+#[test]
+fn no_test_is_switched_off() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the repository's root");
+    let mut files = Vec::new();
+    sources(root, &mut files);
+    assert!(files.len() > 50, "only {} files were found", files.len());
+    for file in files {
+        let text = std::fs::read_to_string(&file).expect("UTF-8");
+        for line in text.lines().map(str::trim) {
+            let off = ["#[ignore", "#[cfg(any())]", "#[cfg(false)]"];
+            assert!(!off.iter().any(|off| line.starts_with(off)), "{}: {line}", file.display());
+        }
+    }
 }
 
 #[test]

@@ -42,13 +42,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     clear(&running)?;
     let passed = run_cargo(args, &project, &running, out)?;
     let records = if running.is_dir() { record::read(&running)? } else { Vec::new() };
-    if records.is_empty() {
-        let filter = match &args.filter {
-            Some(filter) => format!("no check ran in a test whose name contains `{filter}`"),
-            None => "no test ran a check".to_owned(),
-        };
-        bail!("{filter}; a run that compared nothing is no success");
-    }
+    expect_some(&records, args.filter.as_deref())?;
     clear(&folder)?;
     std::fs::rename(&running, &folder)
         .with_context(|| format!("can't keep the record as `{}`", folder.display()))?;
@@ -61,12 +55,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let count = records.len();
     let good = passed && failed == 0;
     let style = if good { GOOD } else { BAD };
-    let known = records.iter().filter(|r| r.verdict == Recorded::KnownIssue).count();
-    let known = match known {
-        0 => String::new(),
-        1 => ", 1 known issue".to_owned(),
-        count => format!(", {count} known issues"),
-    };
+    let known = known_issues(&records);
     let cases: u64 = records.iter().flat_map(|record| &record.paths).map(|path| path.cases).sum();
     writeln!(
         out,
@@ -77,6 +66,29 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         writeln!(out, "{BAD}a test failed outside of Karat's checks, see above{BAD:#}")?;
     }
     Ok(if good { Verdict::Good } else { Verdict::Bad })
+}
+
+/// Refuses a run without a verdict.
+fn expect_some(records: &[Record], filter: Option<&str>) -> anyhow::Result<()> {
+    if !records.is_empty() {
+        return Ok(());
+    }
+    match filter {
+        Some(filter) => bail!(
+            "no check ran in a test whose name contains `{filter}`; a run that compared nothing is \
+             no success"
+        ),
+        None => bail!("no test ran a check; a run that compared nothing is no success"),
+    }
+}
+
+/// How many of the records are of known issues, for the last line.
+fn known_issues(records: &[Record]) -> String {
+    match records.iter().filter(|record| record.verdict == Recorded::KnownIssue).count() {
+        0 => String::new(),
+        1 => ", 1 known issue".to_owned(),
+        count => format!(", {count} known issues"),
+    }
 }
 
 /// Removes the record of the last run.
@@ -251,4 +263,76 @@ fn write_untested(
         writeln!(out, "{DIM}{}  {}{DIM:#}", item.path, item.span)?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use karat::Adapter;
+    use karat::record::PathRecord;
+
+    use super::*;
+
+    fn record(verdict: Recorded, failures: u64, known_issue: Option<&str>) -> Record {
+        let adapter = Adapter {
+            path: "gl".to_owned(),
+            name: "llvmpipe".to_owned(),
+            driver: String::new(),
+            software: true,
+        };
+        let path = PathRecord {
+            adapter,
+            cases: 100,
+            failures,
+            worst: "7 ulp".to_owned(),
+            ratio: Some(7.0),
+            asserted: "1 ulp".to_owned(),
+            known_issue: known_issue.map(str::to_owned),
+        };
+        let subject = Subject::Function {
+            package: String::new(),
+            function: "m::f".to_owned(),
+            check: "agrees_with".to_owned(),
+            assertion: "1 ulp".to_owned(),
+            location: String::new(),
+            seed: 0,
+        };
+        let test = "t".to_owned();
+        Record { schema: record::SCHEMA, test, subject, verdict, paths: vec![path], message: None }
+    }
+
+    fn table(record: Record) -> (usize, String) {
+        let mut out = Vec::new();
+        let failed = write_functions(&[record], &mut out).expect("written");
+        (failed, String::from_utf8(out).expect("UTF-8"))
+    }
+
+    #[test]
+    fn a_known_issue_is_shown_with_its_reason_and_neither_passes_nor_fails() {
+        let known = record(Recorded::KnownIssue, 9, Some("mesa#1: mix cancels"));
+        assert_eq!(known_issues(&[known.clone(), known.clone()]), ", 2 known issues");
+        let (failed, text) = table(known);
+        assert_eq!(failed, 0);
+        assert!(text.contains("known issue 7 ulp"), "{text}");
+        assert!(text.contains("1 ulp; known issue: mesa#1: mix cancels"), "{text}");
+        assert!(text.contains(&KNOWN.to_string()) && !text.contains(&GOOD.to_string()), "{text}");
+    }
+
+    #[test]
+    fn an_unexpected_pass_fails() {
+        let (failed, text) = table(record(Recorded::Fail, 0, Some("mesa#1: mix cancels")));
+        assert_eq!(failed, 1);
+        assert!(text.contains("UNEXPECTED PASS") && !text.contains(&GOOD.to_string()), "{text}");
+        assert_eq!(known_issues(&[record(Recorded::Pass, 0, None)]), "");
+        let (failed, text) = table(record(Recorded::Fail, 3, None));
+        assert!(failed == 1 && text.contains("FAIL 7 ulp"), "{text}");
+    }
+
+    #[test]
+    fn a_run_without_a_record_is_no_success() {
+        for filter in [None, Some("x")] {
+            let error = expect_some(&[], filter).expect_err("nothing ran").to_string();
+            assert!(error.contains("a run that compared nothing is no success"), "{error}");
+        }
+        assert!(expect_some(&[record(Recorded::Pass, 0, None)], None).is_ok());
+    }
 }
