@@ -311,3 +311,16 @@ fn random_numbers() {
 fn pow5() {
     PBR.function("math::pow5").over(-1.0..=1.0).agrees_with(math::pow5, Ulp(4.0));
 }
+
+/// Directions are only known to the 5e-4 that WGSL grants sin and cos, which would hide a short pi.
+#[test]
+fn constants() {
+    use std::f64::consts::{PI, TAU};
+    let text = "import library::math::{INV_TAU, PI, TAU};\n\n\
+         fn constant(i: u32) -> f32 { return array(PI, TAU, INV_TAU)[i]; }\n";
+    let package = Package::from_source("constants", text).depends_on("library", &PBR);
+    package
+        .function("constant")
+        .over(Integers(0..=2_u32))
+        .agrees_with(|i: u32| [PI, TAU, 1.0 / TAU][i as usize], Ulp(0.5));
+}

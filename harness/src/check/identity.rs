@@ -75,6 +75,10 @@ impl Identity {
     ) -> String {
         let environment =
             format!("KARAT_PATHS={path} KARAT_SEED={seed:#x} KARAT_CASE={function}/{check}/{case}");
+        let environment = match crate::package::overlay() {
+            Some(folder) => format!("KARAT_OVERLAY={} {environment}", folder.display()),
+            None => environment,
+        };
         let exe = std::env::current_exe().unwrap_or_default();
         // Cargo tells a test which package it belongs to; a test's thread has the test's name.
         let package = std::env::var("CARGO_PKG_NAME").ok().filter(|_| self.test != "main");
