@@ -441,21 +441,11 @@ fn densities_integrate_to_what_stays_above() {
         .agrees_with(|_| 1.0, Abs(1e-4));
 }
 
-/// The library and one estimate by each sampler: f cos / pdf, 0 for what falls below the horizon.
+/// One estimate by each sampler of the library: f cos / pdf, 0 for what falls below the horizon.
 fn estimators() -> Package {
-    let mut modules: Vec<(String, String)> = PBR
-        .modules()
-        .expect("the library is readable")
-        .into_iter()
-        .map(|name| {
-            let path = PBR.root().join(format!("{}.wgsl", name.replace("::", "/")));
-            let text = std::fs::read_to_string(path).expect("the library is readable");
-            (name, text)
-        })
-        .collect();
     let names = ["lambert", "microfacet", "cook_torrance", "tri_ace"];
     let import =
-        |name| format!("import package::brdf::{{{name}_eval, {name}_sample, {name}_pdf}};\n");
+        |name| format!("import library::brdf::{{{name}_eval, {name}_sample, {name}_pdf}};\n");
     let estimate = |(name, eval, sample, pdf)| {
         format!(
             "fn {name}(alpha: f32, v: vec3f, u: vec2f) -> f32 {{\n\
@@ -474,8 +464,7 @@ fn estimators() -> Package {
         ("tri_ace", "vec3f(1.0), vec3f(0.04), n", "n, v, u", "n, v, l"),
     ];
     let text = names.map(import).concat() + &estimates.map(estimate).concat();
-    modules.push(("estimators".to_owned(), text));
-    Package::from_modules("estimators", modules)
+    Package::from_modules("estimators", [("estimators", text)]).depends_on("library", &PBR)
 }
 
 /// No sample stands for more than twice its light: G2 / G1 is at most 1, and G of the V-cavity at

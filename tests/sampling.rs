@@ -401,3 +401,16 @@ fn cosine_hemisphere_has_its_mean() {
     sampled().has_mean("cos", |l: Vec3| l.z.into(), |()| 2.0 / 3.0, 1e-6);
     sampled().has_distribution("cos", |l: Vec3| l.z.into(), |(), cos| cos * cos, 1e-6);
 }
+
+/// Directions are only known to the 5e-4 that WGSL grants sin and cos, which would hide a short pi.
+#[test]
+fn constants() {
+    use std::f64::consts::{PI, TAU};
+    let text = "import library::math::{INV_TAU, PI, TAU};\n\n\
+         fn constant(i: u32) -> f32 { return array(PI, TAU, INV_TAU)[i]; }\n";
+    let package = Package::from_source("constants", text).depends_on("library", &PBR);
+    package
+        .function("constant")
+        .over(Integers(0..=2_u32))
+        .agrees_with(|i: u32| [PI, TAU, 1.0 / TAU][i as usize], Ulp(0.5));
+}

@@ -42,7 +42,8 @@ struct Reported;
     after_help = "Start with `karat doctor`, then `karat test`.\n\
                   Environment: KARAT_PATHS (vulkan, gl, all), KARAT_REQUIRE (paths that must run), \
                   KARAT_ADAPTER (part of a name),\nKARAT_DEADLINE (seconds), KARAT_SEED and \
-                  KARAT_CASE (replay), NO_COLOR."
+                  KARAT_CASE (replay),\nKARAT_OVERLAY (a folder of files that stand in for \
+                  modules), NO_COLOR."
 )]
 struct Cli {
     #[command(subcommand)]

@@ -272,6 +272,7 @@ impl Frame<'_> {
             verdict,
             paths: records,
             message,
+            overlay: record::overlay(),
         });
         match result {
             Ok(agreement) => agreement,

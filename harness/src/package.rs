@@ -8,6 +8,7 @@
 mod imports;
 mod library;
 mod link;
+mod overlay;
 mod source_map;
 
 use std::borrow::Cow;
@@ -15,6 +16,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 pub(crate) use link::Linked;
+pub(crate) use overlay::folder as overlay;
 use wgsl_parse::syntax::{GlobalDeclaration, PathOrigin};
 
 use crate::diagnostic::{Diagnostic, SourceFile, Span, shown};
@@ -129,6 +131,14 @@ pub enum PackageError {
         nearest: Option<String>,
         /// How many functions it has.
         count: usize,
+    },
+    /// The folder that `KARAT_OVERLAY` names can't stand in for modules of the package.
+    #[error("the overlay `{folder}` (KARAT_OVERLAY) {reason}")]
+    Overlay {
+        /// The folder.
+        folder: String,
+        /// Why.
+        reason: String,
     },
     /// A syntax error, a failed import or an import cycle, shown in the author's file.
     #[error("{0}")]
@@ -270,7 +280,7 @@ impl Package {
         use wgsl_parse::syntax::Attribute;
         let components = module.split("::").filter(|part| !part.is_empty()).map(str::to_owned);
         let path = wesl::ModulePath::new(PathOrigin::Absolute, components.collect());
-        let file = library::Library::new(self).read(&path)?;
+        let file = library::Library::open(self)?.read(&path)?;
         let unit =
             wgsl_parse::parse_str(&file.text).map_err(|error| syntax_error(&error, &file))?;
         let mut functions = Vec::new();

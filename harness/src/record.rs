@@ -44,6 +44,10 @@ pub struct Record {
     pub paths: Vec<PathRecord>,
     /// The whole message of a failure or error.
     pub message: Option<String>,
+    /// The folder whose files stood in for modules (`KARAT_OVERLAY`): such a verdict isn't one
+    /// about the package as it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub overlay: Option<String>,
 }
 
 /// What a verdict is about.
@@ -89,6 +93,11 @@ pub struct PathRecord {
     pub asserted: String,
     /// Why this path was declared to fail; `None`: it was to pass.
     pub known_issue: Option<String>,
+}
+
+/// The overlay that is in force, as records have it.
+pub(crate) fn overlay() -> Option<String> {
+    crate::package::overlay().map(|folder| folder.display().to_string())
 }
 
 /// Appends a verdict to this process's file, if a run is being recorded.

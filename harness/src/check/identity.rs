@@ -112,6 +112,9 @@ impl Identity {
         if let Some(input) = input {
             environment = format!("{environment} KARAT_INPUT={}", write_words(input));
         }
+        if let Some(folder) = crate::package::overlay() {
+            environment = format!("KARAT_OVERLAY={} {environment}", folder.display());
+        }
         let exe = std::env::current_exe().unwrap_or_default();
         // Cargo tells a test which package it belongs to; a test's thread has the test's name.
         let package = std::env::var("CARGO_PKG_NAME").ok().filter(|_| self.test != "main");

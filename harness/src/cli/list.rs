@@ -117,6 +117,7 @@ fn tested_functions(project: &Project) -> anyhow::Result<BTreeSet<String>> {
     let records = if folder.is_dir() { record::read(&folder)? } else { Vec::new() };
     let functions = records
         .into_iter()
+        .filter(|record| record.overlay.is_none())
         .filter_map(|record| match record.subject {
             Subject::Function { function, .. } => Some(function),
             Subject::Frame { .. } => None,

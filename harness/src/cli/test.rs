@@ -62,6 +62,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         "\n{style}{count} checks, {failed} failed{known}{style:#}, {cases} cases compared"
     )?;
     writeln!(out, "{DIM}record: {}{DIM:#}", folder.display())?;
+    let overlays: BTreeSet<_> = records.iter().filter_map(|r| r.overlay.as_ref()).collect();
+    for overlay in overlays {
+        writeln!(out, "{BAD}with KARAT_OVERLAY={overlay}: not the modules of the packages{BAD:#}")?;
+    }
     if failed == 0 && !passed {
         writeln!(out, "{BAD}a test failed outside of Karat's checks, see above{BAD:#}")?;
     }

@@ -74,11 +74,14 @@ pub enum AcceptError {
 
 impl Goldens {
     /// Where pending frames are written: beside their goldens or, with `CI` set, in the folder of
-    /// build output, as nothing may change the sources there.
+    /// build output, as nothing may change the sources there. There, too, under an overlay: its
+    /// frames are to be looked at and not to be accepted.
     fn pending_folder(&self) -> PathBuf {
-        match std::env::var_os("CI").filter(|value| !value.is_empty()) {
-            None => self.folder(),
-            Some(_) => build_output().join("karat/pending"),
+        let ci = std::env::var_os("CI").is_some_and(|value| !value.is_empty());
+        if ci || crate::package::overlay().is_some() {
+            build_output().join("karat/pending")
+        } else {
+            self.folder()
         }
     }
 

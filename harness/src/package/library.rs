@@ -10,6 +10,7 @@ use wesl::{ModulePath, ResolveError, Resolver};
 use wgsl_parse::lexer::Lexer;
 use wgsl_parse::syntax::PathOrigin;
 
+use super::overlay::Overlay;
 use super::{Origin, Package, PackageError};
 use crate::diagnostic::{SourceFile, Span, nearest, shown};
 
@@ -19,12 +20,14 @@ pub(super) const EXTENSIONS: [&str; 2] = ["wgsl", "wesl"];
 /// Reads and keeps the modules of a package tree for one link.
 pub(super) struct Library<'a> {
     package: &'a Package,
+    overlay: Overlay,
     files: RefCell<BTreeMap<String, Arc<SourceFile>>>,
 }
 
 impl<'a> Library<'a> {
-    pub(super) fn new(package: &'a Package) -> Self {
-        Self { package, files: RefCell::default() }
+    pub(super) fn open(package: &'a Package) -> Result<Self, PackageError> {
+        let overlay = Overlay::of(package)?;
+        Ok(Self { package, overlay, files: RefCell::default() })
     }
 
     /// The text of a module.
@@ -33,7 +36,7 @@ impl<'a> Library<'a> {
         if let Some(file) = self.files.borrow().get(&key) {
             return Ok(Arc::clone(file));
         }
-        let file = Arc::new(self.owner(path)?.load(&path.components)?);
+        let file = Arc::new(self.owner(path)?.load(&path.components, &self.overlay)?);
         self.files.borrow_mut().insert(key, Arc::clone(&file));
         Ok(file)
     }
@@ -110,13 +113,13 @@ impl Package {
         }
     }
 
-    fn load(&self, components: &[String]) -> Result<SourceFile, PackageError> {
+    fn load(&self, components: &[String], overlay: &Overlay) -> Result<SourceFile, PackageError> {
         match self.find(components) {
             Some(Place::Memory(name, text)) => {
                 let name = if name.is_empty() { self.name() } else { name.to_owned() };
                 Ok(SourceFile { name: format!("<{name}>"), text: text.to_owned() })
             }
-            Some(Place::File(path)) => read_utf8(&path),
+            Some(Place::File(path)) => read_utf8(&overlay.file(path)),
             None => {
                 self.check_exists()?;
                 let module = components.join("::");

@@ -41,7 +41,7 @@ impl Package {
         let components: Vec<String> =
             module.split("::").filter(|part| !part.is_empty()).map(str::to_owned).collect();
         let root = ModulePath::new(PathOrigin::Absolute, components);
-        let library = Library::new(self);
+        let library = Library::open(self)?;
         let file = library.read(&root).map_err(|error| match error {
             PackageError::UnknownModule { .. } if items.len() == 1 => {
                 let path = if module.is_empty() {

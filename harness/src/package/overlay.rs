@@ -1,0 +1,169 @@
+//! Files that stand in for modules: a change that is tried without touching the tree, or a fault
+//! that is planted to be seen.
+//!
+//! `KARAT_OVERLAY` names a folder. Each of its files is read in place of the module at the same
+//! place in a package; where several packages have one, the first part of the path names the
+//! package (`shaders/math.wgsl`). Modules in memory are never replaced.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use super::{Origin, Package, PackageError, library};
+use crate::diagnostic::{nearest, shown};
+
+const VARIABLE: &str = "KARAT_OVERLAY";
+
+/// The folder that `KARAT_OVERLAY` names, if it is set.
+pub(crate) fn folder() -> Option<PathBuf> {
+    std::env::var_os(VARIABLE).filter(|folder| !folder.is_empty()).map(PathBuf::from)
+}
+
+/// Which files are read in place of which.
+#[derive(Debug, Default)]
+pub(super) struct Overlay {
+    replaced: BTreeMap<PathBuf, PathBuf>,
+}
+
+impl Overlay {
+    /// What the environment's overlay replaces in a package and in those it depends on. Each of
+    /// its files must replace a module: a name with a slip would otherwise pass for a run of
+    /// the change. Nothing, if no module is in a file.
+    pub(super) fn of(package: &Package) -> Result<Self, PackageError> {
+        let Some(folder) = folder() else { return Ok(Self::default()) };
+        let overlay = Self::read(package, &folder)?;
+        overlay.note(&folder);
+        Ok(overlay)
+    }
+
+    fn read(package: &Package, folder: &Path) -> Result<Self, PackageError> {
+        let error = |reason: String| PackageError::Overlay { folder: shown(folder), reason };
+        let mut packages = BTreeMap::new();
+        on_disk(package, &mut packages);
+        if packages.is_empty() {
+            return Ok(Self::default());
+        }
+        if !folder.is_dir() {
+            let here = std::env::current_dir().unwrap_or_default();
+            return Err(error(format!("isn't a folder, seen from `{}`", here.display())));
+        }
+        let mut files = Vec::new();
+        list(folder, Path::new(""), &mut files)?;
+        if files.is_empty() {
+            return Err(error("has no file, so that it replaces nothing".to_owned()));
+        }
+        let mut replaced = BTreeMap::new();
+        for file in files {
+            let name = file.display();
+            let found = packages.values().filter_map(|p| Some((p.name(), p.holds(&file)?)));
+            match found.collect::<Vec<_>>().as_slice() {
+                [(_, module)] => {
+                    if replaced.insert(module.clone(), folder.join(&file)).is_some() {
+                        return Err(error(format!("has `{name}` twice")));
+                    }
+                }
+                [] => return Err(error(unknown(&file, packages.values()))),
+                several => {
+                    let names = several.iter().map(|(package, _)| format!("`{package}/{name}`"));
+                    let names = names.collect::<Vec<_>>().join(" or ");
+                    return Err(error(format!("has `{name}`, of several packages: {names}?")));
+                }
+            }
+        }
+        Ok(Self { replaced })
+    }
+
+    /// The file to read in place of `module`.
+    pub(super) fn file(&self, module: PathBuf) -> PathBuf {
+        self.replaced.get(&module).cloned().unwrap_or(module)
+    }
+
+    /// Says once in a process what isn't as in the tree; also where the output of tests that pass
+    /// is kept back.
+    fn note(&self, folder: &Path) {
+        static SAID: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+        if self.replaced.is_empty() {
+            return;
+        }
+        let modules: Vec<String> = self.replaced.keys().map(|module| shown(module)).collect();
+        let modules = modules.join(", ");
+        let line = format!("note: {VARIABLE}={} stands in for {modules}\n", folder.display());
+        let mut said = SAID.lock().unwrap_or_else(PoisonError::into_inner);
+        if said.insert(line.clone()) {
+            // If nobody hears it, the record still says it.
+            drop(std::io::stderr().write_all(line.as_bytes()));
+        }
+    }
+}
+
+/// The package and those it depends on whose modules are files, by their place.
+fn on_disk<'a>(package: &'a Package, found: &mut BTreeMap<PathBuf, &'a Package>) {
+    if !matches!(package.origin, Origin::Memory { .. }) {
+        found.insert(package.root(), package);
+    }
+    for (_, dependency) in &package.dependencies {
+        on_disk(dependency, found);
+    }
+}
+
+/// That a file replaces no module of these packages, and what its name may stand for.
+fn unknown<'a>(file: &Path, packages: impl Iterator<Item = &'a &'a Package> + Clone) -> String {
+    let bare = packages.clone().find_map(|package| file.strip_prefix(package.name()).ok());
+    let known: Vec<String> = packages.clone().flat_map(|package| package.files()).collect();
+    let wanted = bare.unwrap_or(file).to_string_lossy();
+    let near = nearest(&wanted, known.iter().map(String::as_str));
+    let near = near.map_or_else(String::new, |name| format!("; did you mean `{name}`?"));
+    let names: Vec<_> = packages.map(|package| format!("`{}`", package.name())).collect();
+    format!("has `{}`, no module of package {}{near}", file.display(), names.join(", "))
+}
+
+/// The files below a folder, relative to it and sorted, but for hidden ones.
+fn list(folder: &Path, below: &Path, found: &mut Vec<PathBuf>) -> Result<(), PackageError> {
+    let unreadable = |source| PackageError::Unreadable { file: shown(folder), source };
+    for entry in std::fs::read_dir(folder.join(below)).map_err(unreadable)? {
+        let name = entry.map_err(unreadable)?.file_name();
+        let path = below.join(&name);
+        if name.to_string_lossy().starts_with('.') {
+            continue;
+        } else if folder.join(&path).is_dir() {
+            list(folder, &path, found)?;
+        } else {
+            found.push(path);
+        }
+    }
+    found.sort();
+    Ok(())
+}
+
+impl Package {
+    /// The file of this package that stands where `file` does in an overlay.
+    fn holds(&self, file: &Path) -> Option<PathBuf> {
+        let within = [Some(file), file.strip_prefix(self.name()).ok()];
+        let here = within.into_iter().flatten().map(|file| self.at(file));
+        here.into_iter().flatten().find(|file| file.is_file())
+    }
+
+    fn at(&self, file: &Path) -> Option<PathBuf> {
+        let root = self.root();
+        if matches!(self.origin, Origin::File { .. }) {
+            return (root.file_name() == Some(file.as_os_str())).then_some(root);
+        }
+        let known = library::EXTENSIONS.iter().any(|e| file.extension().is_some_and(|f| f == *e));
+        known.then(|| root.join(file))
+    }
+
+    /// The files of the modules, as an overlay names them.
+    fn files(&self) -> Vec<String> {
+        let root = self.root();
+        let folder = if root.is_dir() { &*root } else { root.parent().unwrap_or(&root) };
+        let modules = self.modules().unwrap_or_default();
+        let files = modules.iter().filter_map(|module| {
+            let components = module.split("::").filter(|component| !component.is_empty());
+            let components: Vec<String> = components.map(str::to_owned).collect();
+            let library::Place::File(path) = self.find(&components)? else { return None };
+            Some(path.strip_prefix(folder).ok()?.display().to_string())
+        });
+        files.collect()
+    }
+}

@@ -1,0 +1,100 @@
+//! `KARAT_OVERLAY`: files that stand in for modules, as the command line sees them.
+
+use std::path::Path as FilePath;
+use std::process::Command;
+
+use tempfile::TempDir;
+
+fn write(folder: &FilePath, file: &str, text: &str) {
+    let path = folder.join(file);
+    std::fs::create_dir_all(path.parent().expect("in the folder")).expect("a folder");
+    std::fs::write(path, text).expect("written");
+}
+
+/// A project with the modules `math` and `area`, and an overlay beside it.
+struct Project {
+    folder: TempDir,
+}
+
+impl Project {
+    fn new(overlay: &[(&str, &str)]) -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        write(folder.path(), "project/Cargo.toml", "[workspace]\n");
+        write(folder.path(), "project/shaders/math.wgsl", "const PI: f32 = 3.14159265;\n");
+        write(
+            folder.path(),
+            "project/shaders/area.wgsl",
+            "import package::math::PI;\nfn disk(r: f32) -> f32 { return PI * r * r; }\n",
+        );
+        std::fs::create_dir(folder.path().join("overlay")).expect("a folder");
+        for (file, text) in overlay {
+            write(&folder.path().join("overlay"), file, text);
+        }
+        Self { folder }
+    }
+
+    /// `karat show area::disk`: its exit code, and what it says on both streams.
+    fn show(&self, overlay: Option<&str>) -> (Option<i32>, String, String) {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_karat"));
+        command.env_remove("KARAT_OVERLAY").env("NO_COLOR", "1").args(["show", "area::disk"]);
+        if let Some(overlay) = overlay {
+            command.env("KARAT_OVERLAY", self.folder.path().join(overlay));
+        }
+        let output = command.current_dir(self.folder.path().join("project")).output();
+        let output = output.expect("the binary was built with this test");
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (output.status.code(), text(&output.stdout), text(&output.stderr))
+    }
+
+    /// Why the overlay is refused.
+    #[track_caller]
+    fn refused(&self, overlay: &str) -> String {
+        let (code, out, err) = self.show(Some(overlay));
+        assert_eq!(code, Some(2), "{out}\n{err}");
+        err
+    }
+}
+
+#[test]
+fn a_file_stands_in_for_a_module() {
+    for file in ["math.wgsl", "shaders/math.wgsl"] {
+        let project = Project::new(&[(file, "const PI: f32 = 3.0;\n")]);
+        let (code, out, err) = project.show(Some("overlay"));
+        assert_eq!(code, Some(0), "{err}");
+        assert!(out.contains("= 3.0") && !out.contains("3.14159265"), "{out}");
+        let notes: Vec<&str> = err.lines().filter(|line| line.starts_with("note: ")).collect();
+        let [note] = notes[..] else { panic!("one note was expected:\n{err}") };
+        assert!(note.starts_with("note: KARAT_OVERLAY=") && note.ends_with("math.wgsl"), "{note}");
+
+        let (code, out, err) = project.show(None);
+        assert_eq!(code, Some(0), "{err}");
+        assert!(out.contains("3.14159265") && !err.contains("note: "), "{out}\n{err}");
+    }
+}
+
+/// An error in the file is shown there, and not in the module that it stands in for.
+#[test]
+fn errors_are_shown_in_the_overlay() {
+    let project = Project::new(&[("area.wgsl", "fn disk(r: f32) -> f32 { return r * ; }\n")]);
+    let err = project.refused("overlay");
+    assert!(err.contains("syntax error") && err.contains("overlay/area.wgsl:1:"), "{err}");
+}
+
+#[test]
+fn a_file_that_replaces_nothing_is_an_error() {
+    let slip = [("shaders/maths.wgsl", "const PI: f32 = 3.0;\n")];
+    let err = Project::new(&slip).refused("overlay");
+    assert!(err.contains("(KARAT_OVERLAY) has `shaders/maths.wgsl`, no module of"), "{err}");
+    assert!(err.contains("package `shaders`; did you mean `math.wgsl`?"), "{err}");
+    let err = Project::new(&[("math.txt", "")]).refused("overlay");
+    assert!(err.contains("has `math.txt`, no module of package `shaders`"), "{err}");
+}
+
+#[test]
+fn an_overlay_without_files_is_an_error() {
+    let project = Project::new(&[]);
+    let err = project.refused("overlay");
+    assert!(err.contains("has no file, so that it replaces nothing"), "{err}");
+    let err = project.refused("elsewhere");
+    assert!(err.contains("elsewhere` (KARAT_OVERLAY) isn't a folder, seen from `"), "{err}");
+}

@@ -1,0 +1,209 @@
+//! The library's own tests as processes, with a fault in place of a module.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path as FilePath, PathBuf};
+use std::process::{Command, Output};
+
+use karat::record::{self, Record, Subject, Verdict};
+use shaders::PBR;
+use tempfile::TempDir;
+
+use crate::faults::{FAULTS, Fault, SURVIVORS};
+
+/// The compiled tests of the library, by the name of their file.
+pub(crate) struct Library {
+    binaries: BTreeMap<String, PathBuf>,
+}
+
+/// What the tests made of a fault.
+pub(crate) enum Outcome {
+    /// These checks failed: at least one.
+    Caught(Vec<Caught>),
+    /// The tests passed.
+    Survived,
+    /// The fault is none, or the run doesn't show what it should.
+    Broken(String),
+}
+
+/// A check that failed.
+pub(crate) struct Caught {
+    /// The test that made it.
+    pub(crate) test: String,
+    /// Function and verb: `fresnel::schlick agrees_with`.
+    pub(crate) check: String,
+    /// How many of its cases: `12 of 65536`.
+    pub(crate) failing: String,
+    /// The largest error.
+    pub(crate) worst: String,
+    /// What was asserted: the tolerance, or the statement.
+    pub(crate) asserted: String,
+}
+
+/// A module as it is.
+pub(crate) fn text(module: &str) -> String {
+    let path = PBR.root().join(format!("{module}.wgsl"));
+    std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+impl Library {
+    /// Compiles the tests, unless they are, as this one was compiled.
+    pub(crate) fn built() -> Self {
+        let folder = FilePath::new(env!("CARGO_BIN_EXE_planted")).parent().expect("in a folder");
+        let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+        let mut command = Command::new(cargo);
+        command.args(["test", "--no-run", "--offline", "--package", "tests"]);
+        command.args(["--message-format", "json-render-diagnostics"]);
+        match folder.file_name().and_then(|name| name.to_str()) {
+            Some("debug") | None => {}
+            Some(profile) => drop(command.args(["--profile", profile])),
+        }
+        command.arg("--target-dir").arg(folder.parent().expect("in the folder of output"));
+        for target in targets() {
+            command.args(["--test", target]);
+        }
+        let output = command.current_dir(env!("CARGO_MANIFEST_DIR")).output().expect("cargo runs");
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "the library's tests don't compile:\n{errors}");
+        let messages = String::from_utf8_lossy(&output.stdout);
+        let binary = |line: &str| {
+            let message: serde_json::Value = serde_json::from_str(line).ok()?;
+            let name = message["target"]["name"].as_str()?.to_owned();
+            Some((name, PathBuf::from(message["executable"].as_str()?)))
+        };
+        Self { binaries: messages.lines().filter_map(binary).collect() }
+    }
+
+    /// Runs all tests that should catch a fault with overlays that change nothing.
+    pub(crate) fn control(&self, faults: &[Fault]) -> Result<(), String> {
+        let modules: BTreeSet<&str> = faults.iter().map(|fault| fault.module).collect();
+        let texts: Vec<_> = modules.into_iter().map(|module| (module, text(module))).collect();
+        for target in targets() {
+            let names: BTreeSet<&str> = faults
+                .iter()
+                .filter_map(|fault| fault.test.split_once("::"))
+                .filter_map(|(of, name)| (of == target).then_some(name))
+                .collect();
+            if names.is_empty() {
+                continue;
+            }
+            let names: Vec<&str> = names.into_iter().collect();
+            match self.outcome(target, &names, &texts) {
+                Outcome::Survived => {}
+                Outcome::Caught(checks) => {
+                    let Caught { test, check, .. } = &checks[0];
+                    return Err(format!("without a fault: {target}::{test}: {check} fails"));
+                }
+                Outcome::Broken(why) => return Err(format!("without a fault: {target}: {why}")),
+            }
+        }
+        Ok(())
+    }
+
+    /// Runs the test that should catch a fault.
+    pub(crate) fn run(&self, fault: &Fault) -> Outcome {
+        let (target, name) = fault.test.split_once("::").expect("file::test");
+        self.outcome(target, &[name], &[(fault.module, mutated(fault))])
+    }
+
+    /// Runs all tests of a file.
+    pub(crate) fn run_module(&self, fault: &Fault) -> Outcome {
+        let target = fault.test.split("::").next().expect("a file");
+        self.outcome(target, &[], &[(fault.module, mutated(fault))])
+    }
+
+    /// Runs tests of a file with other texts for some modules.
+    fn outcome(&self, target: &str, names: &[&str], modules: &[(&str, String)]) -> Outcome {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let overlay = folder.path().join("overlay");
+        let files = overlay.join(PBR.name());
+        std::fs::create_dir_all(&files).expect("a folder");
+        for (module, text) in modules {
+            std::fs::write(files.join(format!("{module}.wgsl")), text).expect("written");
+        }
+        let output = self.process(target, names, &folder);
+        let records = record::read(&folder.path().join("record")).unwrap_or_default();
+        let verdict = judge(&output, &records, names, &overlay);
+        verdict.unwrap_or_else(Outcome::Broken)
+    }
+
+    fn process(&self, target: &str, names: &[&str], folder: &TempDir) -> Output {
+        let binary = self.binaries.get(target).unwrap_or_else(|| panic!("no tests `{target}`"));
+        let mut command = Command::new(binary);
+        for (name, _) in std::env::vars_os() {
+            let keep = ["KARAT_ADAPTER", "KARAT_DEADLINE"].iter().any(|keep| name == *keep);
+            if name.to_string_lossy().starts_with("KARAT_") && !keep {
+                command.env_remove(name); // of the run around this one, and its paths: one will do
+            }
+        }
+        // As many processes as cores, each with one.
+        command.env("RAYON_NUM_THREADS", "1").arg("--test-threads=1");
+        command.env("KARAT_OVERLAY", folder.path().join("overlay"));
+        command.env("KARAT_RECORD", folder.path().join("record"));
+        command.env("NODEVICE_SELECT", "1").env("RUST_BACKTRACE", "0");
+        if !names.is_empty() {
+            command.arg("--exact").args(names);
+        }
+        let output = command.current_dir(env!("CARGO_MANIFEST_DIR")).output();
+        output.unwrap_or_else(|error| panic!("{}: {error}", binary.display()))
+    }
+}
+
+/// What a run shows, or why it shows nothing.
+fn judge(
+    output: &Output,
+    records: &[Record],
+    names: &[&str],
+    overlay: &FilePath,
+) -> Result<Outcome, String> {
+    let said = || {
+        let (out, err) = (&output.stdout, &output.stderr);
+        format!("{}\n{}", String::from_utf8_lossy(out), String::from_utf8_lossy(err))
+    };
+    if records.is_empty() {
+        return Err(format!("no check was recorded:\n{}", said()));
+    }
+    let overlay = overlay.to_string_lossy();
+    if records.iter().any(|record| record.overlay.as_deref() != Some(&*overlay)) {
+        return Err("a record doesn't name the overlay".to_owned());
+    }
+    let ran: BTreeSet<&str> = records.iter().map(|record| &*record.test).collect();
+    if let Some(missing) = names.iter().find(|name| !ran.contains(**name)) {
+        return Err(format!("test `{missing}` isn't there, or records no check"));
+    }
+    // A check that came to no verdict is no proof: the fault may not compile.
+    if let Some(record) = records.iter().find(|record| record.verdict == Verdict::Error) {
+        let message = record.message.as_deref().unwrap_or_default();
+        return Err(format!("`{}` can't be checked: {message}", record.test));
+    }
+    let failed: Vec<&Record> = records.iter().filter(|r| r.verdict == Verdict::Fail).collect();
+    match (output.status.code(), failed.as_slice()) {
+        (Some(0), []) => Ok(Outcome::Survived),
+        (Some(0), _) => Err("a check failed, but the process says that all is well".to_owned()),
+        (Some(101), [_, ..]) => Ok(Outcome::Caught(failed.into_iter().map(caught).collect())),
+        (code, _) => Err(format!("ended with {code:?} without a failing check:\n{}", said())),
+    }
+}
+
+fn caught(record: &Record) -> Caught {
+    let (check, asserted) = match &record.subject {
+        Subject::Function { function, check, assertion, .. } => {
+            (format!("{function} {check}"), assertion.clone())
+        }
+        Subject::Frame { golden } => (format!("frame {golden}"), "its golden".to_owned()),
+    };
+    let path = record.paths.iter().find(|path| path.failures > 0);
+    let (failing, worst) = path.map_or_else(Default::default, |path| {
+        (format!("{} of {}", path.failures, path.cases), path.worst.clone())
+    });
+    Caught { test: record.test.clone(), check, failing, worst, asserted }
+}
+
+fn mutated(fault: &Fault) -> String {
+    text(fault.module).replacen(fault.original, fault.replacement, 1)
+}
+
+/// The files of tests that the table names.
+fn targets() -> BTreeSet<&'static str> {
+    let faults = FAULTS.iter().chain(SURVIVORS.iter().map(|(fault, _)| fault));
+    faults.filter_map(|fault| fault.test.split("::").next()).collect()
+}

@@ -1,0 +1,143 @@
+//! Faults planted in the shader library, and which of its own tests sees each.
+//!
+//! A test suite is worth what it catches. Here each fault is one change of one module, given to the
+//! library's tests as an overlay (`KARAT_OVERLAY`), and an ordinary check has to fail: the record
+//! says which. The table is written to `target/karat/mutants.md`.
+
+mod faults;
+mod library;
+
+use std::collections::BTreeSet;
+use std::io::Write;
+use std::path::{Path as FilePath, PathBuf};
+use std::time::Instant;
+
+use faults::{FAULTS, Fault, SURVIVORS};
+use library::{Caught, Library, Outcome};
+use rayon::prelude::*;
+
+/// Modules with functions that tests call, each of which needs a fault that is seen.
+const MODULES: [&str; 15] = [
+    "brdf",
+    "camera",
+    "compensation",
+    "distribution",
+    "environment",
+    "fresnel",
+    "geometry",
+    "irradiance",
+    "layering",
+    "materials",
+    "math",
+    "radiometry",
+    "sampling",
+    "sensor",
+    "specular",
+];
+
+#[test]
+fn the_table_is_well_formed() {
+    let mut seen = BTreeSet::new();
+    for fault in FAULTS.iter().chain(SURVIVORS.iter().map(|(fault, _)| fault)) {
+        let Fault { module, original, replacement, .. } = fault;
+        assert!(seen.insert((module, original, replacement)), "twice: {fault}");
+        let found = library::text(module).matches(original).count();
+        assert_eq!(found, 1, "`{original}` stands {found} times in {module}.wgsl");
+        assert_ne!(original, replacement, "{module}");
+    }
+    for module in MODULES {
+        assert!(FAULTS.iter().any(|fault| fault.module == module), "{module} has no fault");
+    }
+    assert!(FAULTS.len() >= 50, "{} faults", FAULTS.len());
+}
+
+/// Every fault is seen by the test that the table names, every survivor survives all tests of its
+/// module, and without a fault all of these tests pass.
+#[test]
+fn every_fault_is_caught_by_an_ordinary_check() {
+    let start = Instant::now();
+    let library = Library::built();
+    let mut problems = Vec::new();
+    problems.extend(library.control(FAULTS).err());
+    let outcomes: Vec<Outcome> = FAULTS.par_iter().map(|fault| library.run(fault)).collect();
+    let mut table = String::from(
+        "| module | fault | kind | test | caught by | failing | worst error | asserted |\n\
+         |---|---|---|---|---|---|---|---|\n",
+    );
+    for (fault, outcome) in FAULTS.iter().zip(&outcomes) {
+        match outcome {
+            Outcome::Caught(checks) => table.push_str(&row(fault, checks)),
+            Outcome::Survived => {
+                problems.push(format!("{fault}: no check of {} fails", fault.test))
+            }
+            Outcome::Broken(why) => problems.push(format!("{fault}: {why}")),
+        }
+    }
+    let survivors: Vec<Outcome> =
+        SURVIVORS.par_iter().map(|(fault, _)| library.run_module(fault)).collect();
+    for ((fault, reason), outcome) in SURVIVORS.iter().zip(&survivors) {
+        match outcome {
+            Outcome::Survived => {
+                table.push_str(&format!(
+                    "| {} | {} | {} | all | survives: {reason} | | | |\n",
+                    fault.module,
+                    change(fault),
+                    fault.kind
+                ));
+            }
+            Outcome::Caught(checks) => problems.push(format!(
+                "{fault}: a declared survivor, but \
+                {} of test {} fails",
+                checks[0].check, checks[0].test
+            )),
+            Outcome::Broken(why) => problems.push(format!("{fault}: {why}")),
+        }
+    }
+    let caught = outcomes.iter().filter(|outcome| matches!(outcome, Outcome::Caught(_))).count();
+    let summary = format!(
+        "{caught} of {} faults caught, {} declared survivors, {:.0} s\n",
+        FAULTS.len(),
+        SURVIVORS.len(),
+        start.elapsed().as_secs_f64()
+    );
+    publish(&table, &summary);
+    assert!(problems.is_empty(), "\n{}", problems.join("\n"));
+}
+
+/// A row of the table: the check whose worst error is shown is the first that failed.
+fn row(fault: &Fault, checks: &[Caught]) -> String {
+    let names: Vec<String> = checks.iter().map(|caught| format!("`{}`", caught.check)).collect();
+    let Caught { failing, worst, asserted, test, .. } = &checks[0];
+    let target = fault.test.split("::").next().unwrap_or_default();
+    format!(
+        "| {} | {} | {} | {target}::{test} | {} | {failing} | {worst} | {} |\n",
+        fault.module,
+        change(fault),
+        fault.kind,
+        names.join(", "),
+        asserted.replace('|', "\\|"),
+    )
+}
+
+fn change(fault: &Fault) -> String {
+    let code = |text: &str| {
+        let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+        format!("`{}`", line.replace('|', "\\|"))
+    };
+    format!("{} → {}", code(fault.original), code(fault.replacement))
+}
+
+/// Writes the table where the records of `karat test` are, and shows it, also if the test passes.
+fn publish(table: &str, summary: &str) {
+    let path = output().join("karat/mutants.md");
+    let text = format!("# Faults and the checks that catch them\n\n{table}\n{summary}");
+    std::fs::create_dir_all(path.parent().expect("in a folder")).expect("a folder for output");
+    std::fs::write(&path, text).expect("the table is written");
+    let shown = format!("{table}{summary}{}\n", path.display());
+    std::io::stdout().write_all(shown.as_bytes()).expect("the table is shown");
+}
+
+/// Cargo's folder of output.
+fn output() -> PathBuf {
+    FilePath::new(env!("CARGO_TARGET_TMPDIR")).parent().expect("in the output").to_owned()
+}
