@@ -324,7 +324,8 @@ fn seen() -> impl Domain<Value = (f32, Vec3)> {
         let (sin, cos) = degrees.to_radians().sin_cos();
         glam::DVec3::new(0.6 * sin, -0.8 * sin, cos).as_vec3()
     };
-    (widths(), OneOf(vec![0.0, 45.0, 80.0, 89.5])).map(move |(alpha, degrees)| (alpha, view(degrees)))
+    (widths(), OneOf(vec![0.0, 45.0, 80.0, 89.5]))
+        .map(move |(alpha, degrees)| (alpha, view(degrees)))
 }
 
 #[test]
@@ -367,9 +368,8 @@ fn ggx_visible_normal_follows_its_pdf() {
 /// 2/3: cos is drawn with density 2 cos.
 #[test]
 fn cosine_hemisphere_has_its_mean() {
-    let sampled = || {
-        PBR.function("sampling::cosine_hemisphere").sampled_over(Just(()), |(), u: Vec2| u)
-    };
+    let sampled =
+        || PBR.function("sampling::cosine_hemisphere").sampled_over(Just(()), |(), u: Vec2| u);
     sampled().has_mean("cos", |l: Vec3| l.z.into(), |()| 2.0 / 3.0, 1e-6);
     sampled().has_distribution("cos", |l: Vec3| l.z.into(), |(), cos| cos * cos, 1e-6);
 }
