@@ -539,3 +539,69 @@ fn rough_microfacets_return_no_more_than_they_receive() {
         .cases(32)
         .integrates_to_at_most(Directions::projected_hemisphere().rings(96), |_| 1.0, 1e-3);
 }
+
+/// Widths and views for samples: the narrowest that f32 resolves well to the widest, from above
+/// to half a degree above the horizon.
+fn sampled_views() -> impl Domain<Value = (f32, Vec3)> {
+    (OneOf(vec![0.01, 0.3, 1.0]), OneOf(vec![0.0, 60.0, 89.5]))
+        .map(|(alpha, degrees)| (alpha, view(degrees)))
+}
+
+/// Samples, density and reflectance fit together: the weights' mean is the albedo.
+#[test]
+fn lambert_samples_follow_their_pdf_and_estimate_its_albedo() {
+    PBR.function("brdf::lambert_sample")
+        .sampled_over(Just(Vec3::new(0.2, 0.5, 1.0)), |_, u: Vec2| u)
+        .estimates(
+            (PBR.function("brdf::lambert_eval"), |&albedo: &Vec3, l: Vec3| (albedo, Vec3::Z, l)),
+            (PBR.function("brdf::lambert_pdf"), |_: &Vec3, l: Vec3| l),
+        );
+}
+
+#[test]
+fn microfacet_samples_follow_their_pdf_and_estimate_its_albedo() {
+    PBR.function("brdf::microfacet_sample")
+        .sampled_over(sampled_views(), |&(alpha, v), u: Vec2| (alpha, v, u))
+        .may_leave()
+        .estimates_with_weight(
+            (PBR.function("brdf::microfacet_eval"), |&(alpha, v): &(f32, Vec3), l: Vec3| {
+                (Vec3::new(0.04, 0.5, 1.0), alpha, v, l)
+            }),
+            (PBR.function("brdf::microfacet_pdf"), |&(alpha, v): &(f32, Vec3), l: Vec3| {
+                (alpha, v, l)
+            }),
+            (PBR.function("brdf::microfacet_weight"), |&(alpha, v): &(f32, Vec3), l: Vec3| {
+                (Vec3::new(0.04, 0.5, 1.0), alpha, v, l)
+            }),
+        );
+}
+
+#[test]
+fn cook_torrance_samples_follow_their_pdf_and_estimate_its_albedo() {
+    PBR.function("brdf::cook_torrance_sample")
+        .sampled_over(sampled_views(), |&(alpha, v), u: Vec2| (alpha, v, u))
+        .may_leave()
+        .estimates(
+            (PBR.function("brdf::cook_torrance_eval"), |&(alpha, v): &(f32, Vec3), l: Vec3| {
+                (Vec3::new(0.04, 0.5, 1.0), alpha, v, l)
+            }),
+            (PBR.function("brdf::cook_torrance_pdf"), |&(alpha, v): &(f32, Vec3), l: Vec3| {
+                (alpha, v, l)
+            }),
+        );
+}
+
+#[test]
+fn tri_ace_samples_follow_their_pdf_and_estimate_its_albedo() {
+    PBR.function("brdf::tri_ace_sample")
+        .sampled_over(sampled_views(), |&(alpha, v), u: Vec2| (exponent_of(alpha), v, u))
+        .may_leave()
+        .estimates(
+            (PBR.function("brdf::tri_ace_eval"), |&(alpha, v): &(f32, Vec3), l: Vec3| {
+                (Vec3::splat(0.5), Vec3::new(0.04, 0.5, 1.0), exponent_of(alpha), v, l)
+            }),
+            (PBR.function("brdf::tri_ace_pdf"), |&(alpha, v): &(f32, Vec3), l: Vec3| {
+                (exponent_of(alpha), v, l)
+            }),
+        );
+}

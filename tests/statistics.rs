@@ -1,1 +1,583 @@
 //! Statistical checks: what they find, how surely, and how rarely they are wrong.
+//!
+//! Each planted fault is small: one that a few hundred samples would show proves little. How
+//! often a right sampler is rejected is counted on the host, over a thousand seeds, with the same
+//! tests that the checks use, and once more on a device over fewer.
+
+use std::f64::consts::TAU;
+
+use glam::{Vec2, Vec3};
+use karat::prelude::*;
+use karat::stats::{
+    Cells, ChiSquare, Kolmogorov, Mean, Moments, Place, Rate, accepts, binomial_tail,
+    chi_square_power,
+};
+use karat::{Failure, Finding, Fit, Rejection, Source};
+use shaders::PBR;
+
+/// Samplers and densities of which one is wrong, beside those that are right.
+fn planted() -> Package {
+    let text = "
+        import pbr::sampling::{ggx_normal, ggx_normal_pdf, cosine_hemisphere, turned, ggx};
+        import pbr::sampling::{ggx_visible_normal, ggx_visible_normal_pdf};
+
+        // Right, but for a scale.
+        fn scaled_pdf(alpha: f32, h: vec3f) -> f32 {
+            return 1.05 * ggx_normal_pdf(alpha, h);
+        }
+
+        // Of the right integral: 5 % more on one half, 5 % less on the other.
+        fn tilted_pdf(alpha: f32, h: vec3f) -> f32 {
+            return select(0.95, 1.05, h.x > 0.0) * ggx_normal_pdf(alpha, h);
+        }
+
+        // Roughness where alpha is meant.
+        fn squared_pdf(alpha: f32, h: vec3f) -> f32 {
+            return ggx_normal_pdf(alpha * alpha, h);
+        }
+
+        // D without N.H.
+        fn without_cosine_pdf(alpha: f32, h: vec3f) -> f32 {
+            return select(0.0, ggx(alpha, h), h.z > 0.0);
+        }
+
+        fn reflected(alpha: f32, v: vec3f, u: vec2f) -> vec3f {
+            return reflect(-v, ggx_visible_normal(alpha, v, u));
+        }
+
+        fn reflected_pdf(alpha: f32, v: vec3f, l: vec3f) -> f32 {
+            if (l.z <= 0.0) {
+                return 0.0;
+            }
+            let h = normalize(v + l);
+            return ggx_visible_normal_pdf(alpha, v, h) / (4.0 * dot(v, h));
+        }
+
+        // Of directions, as if they were normals.
+        fn without_jacobian_pdf(alpha: f32, v: vec3f, l: vec3f) -> f32 {
+            return select(0.0, ggx_visible_normal_pdf(alpha, v, normalize(v + l)), l.z > 0.0);
+        }
+
+        fn cosine(u: vec2f) -> vec3f {
+            return cosine_hemisphere(u);
+        }
+
+        // 8 by 8 strata, of which the last is never drawn.
+        fn stratum_missing(u: vec2f) -> vec3f {
+            let last = u.x >= 0.875 && u.y >= 0.875;
+            return cosine_hemisphere(select(u, u - 0.875, last));
+        }
+
+        // The azimuth leans on the height, a little.
+        fn correlated(u: vec2f) -> vec3f {
+            return cosine_hemisphere(vec2f(mix(u.x, u.y, step(0.97, fract(u.x * 97.0))), u.y));
+        }
+
+        // Infinite for one sample in 10,000.
+        fn poisoned(u: vec2f) -> vec3f {
+            let l = cosine_hemisphere(u);
+            return select(l, l * exp(1000.0 + u.x), u.x < 1e-3 && u.y < 0.1);
+        }
+
+        // One in 10,000 is below.
+        fn falling(u: vec2f) -> vec3f {
+            let l = cosine_hemisphere(u);
+            return select(l, -l, u.x < 1e-4);
+        }
+
+        fn stretched(u: vec2f) -> vec3f {
+            return 1.01 * cosine_hemisphere(u);
+        }
+
+        fn cap_pdf(l: vec3f) -> f32 {
+            return select(0.0, l.z / 3.14159265 / 0.99, l.z > 0.1);
+        }
+
+        fn cosine_pdf(l: vec3f) -> f32 {
+            return max(l.z, 0.0) / 3.14159265;
+        }
+
+        fn scaled_cosine_pdf(l: vec3f) -> f32 {
+            return 1.02 * cosine_pdf(l);
+        }
+
+        fn negative_pdf(l: vec3f) -> f32 {
+            return l.z / 3.14159265 - 0.001;
+        }
+
+        fn infinite_pdf(l: vec3f) -> f32 {
+            return select(l.z / 3.14159265, exp(1000.0 + l.z), l.z < 0.001);
+        }
+
+        fn constant(u: vec2f) -> vec3f {
+            return vec3f(0.0, 0.0, 1.0);
+        }
+
+        fn square_root(u: f32) -> f32 {
+            return sqrt(u);
+        }
+
+        fn triangle_pdf(x: f32) -> f32 {
+            return 2.0 * x;
+        }
+
+        fn bent_pdf(x: f32) -> f32 {
+            return 1.9 * x + 0.05;
+        }
+
+        fn in_disk(u: vec2f) -> vec2f {
+            return turned(u.x, sqrt(u.y), 0.0).xy;
+        }
+
+        fn disk_pdf(x: vec2f) -> f32 {
+            return 1.0 / 3.14159265;
+        }
+
+        fn half(l: vec3f) -> vec3f {
+            return vec3f(0.5);
+        }
+
+        fn almost_half(l: vec3f) -> vec3f {
+            return vec3f(0.5, 0.5, 0.501);
+        }
+
+        fn grey(l: vec3f) -> vec3f {
+            return vec3f(0.5 / 3.14159265);
+        }
+    ";
+    Package::from_source("planted", text).depends_on("pbr", &PBR)
+}
+
+#[track_caller]
+fn rejected(result: Result<Fit, Failure>) -> Rejection {
+    match result {
+        Err(Failure::Rejection(rejection)) => *rejection,
+        other => panic!("the fault was not found: {other:?}"),
+    }
+}
+
+/// What is found, which is of the same kinds on each path.
+#[track_caller]
+fn findings(result: Result<Fit, Failure>) -> Vec<Finding> {
+    let kinds = |of: &[Finding]| of.iter().map(std::mem::discriminant).collect::<Vec<_>>();
+    let rejection = rejected(result);
+    assert!(rejection.agreeing.is_empty());
+    let mut paths = rejection.paths.into_iter().map(|path| path.worst.findings);
+    let first = paths.next().expect("a path rejects");
+    assert!(paths.all(|findings| kinds(&findings) == kinds(&first)));
+    first
+}
+
+/// The p-value of what is found by chi-square, and no other finding.
+#[track_caller]
+fn chi_square_alone(result: Result<Fit, Failure>) -> f64 {
+    match findings(result)[..] {
+        [Finding::ChiSquare { p, .. }, ..] => p,
+        ref other => panic!("not chi-square's: {other:?}"),
+    }
+}
+
+fn ggx_against(pdf: &str) -> Result<Fit, Failure> {
+    PBR.function("sampling::ggx_normal")
+        .sampled_over(Just(0.5), |&alpha, u: Vec2| (alpha, u))
+        .try_follows(planted().function(pdf), |&alpha, h: Vec3| (alpha, h))
+}
+
+fn ggx_power(pdf: &str, samples: u64) -> f64 {
+    let planted = planted();
+    PBR.function("sampling::ggx_normal")
+        .sampled_over(Just(0.5), |&alpha, u: Vec2| (alpha, u))
+        .samples(samples)
+        .power_against(
+            planted.function(pdf),
+            |&alpha, h: Vec3| (alpha, h),
+            PBR.function("sampling::ggx_normal_pdf"),
+        )
+        .expect("two densities")
+        .least
+}
+
+/// As [`planted`]'s samplers of two numbers against the cosine, or another density.
+fn cosine_against(sampler: &str, pdf: &str) -> Result<Fit, Failure> {
+    let planted = planted();
+    planted
+        .function(sampler)
+        .sampled_over(Just(()), |(), u: Vec2| u)
+        .try_follows(planted.function(pdf), |(), l: Vec3| l)
+}
+
+#[test]
+fn a_pdf_of_the_wrong_scale_is_rejected() {
+    let found = findings(ggx_against("scaled_pdf"));
+    let [Finding::Mass { integral, bound }] = found[..] else { panic!("{found:?}") };
+    assert!((integral - 1.05).abs() < 1e-3 && bound < 1e-3, "{integral} {bound}");
+    assert_eq!(ggx_power("scaled_pdf", 1 << 18), 1.0);
+}
+
+/// Noncentral by n 0.05^2 = 655 at 2^18 samples, twenty deviations of chi-square.
+#[test]
+fn a_pdf_that_is_five_percent_wrong_is_rejected() {
+    assert!(chi_square_alone(ggx_against("tilted_pdf")) < 1e-12);
+    assert!(ggx_power("tilted_pdf", 1 << 18) > 0.999_999);
+}
+
+/// What is promised of power is what happens: half of the runs at half power, or thereabouts.
+#[test]
+fn power_is_what_it_is_said_to_be() {
+    let (planted, samples) = (planted(), 45_000);
+    let sampled = || {
+        PBR.function("sampling::ggx_normal")
+            .sampled_over(Just(0.5), |&alpha, u: Vec2| (alpha, u))
+            .samples(samples)
+    };
+    let rate = Rate::over(0..40, |seed| {
+        let result = sampled()
+            .seed(seed)
+            .try_follows(planted.function("tilted_pdf"), |&alpha, h: Vec3| (alpha, h));
+        result.is_err()
+    });
+    let said = ggx_power("tilted_pdf", samples);
+    assert!((0.2..0.9).contains(&said), "{said}");
+    let chance = binomial_tail(rate.rejected, rate.runs, said);
+    assert!(accepts(chance, 1e-3), "{said}, but {rate:?}");
+}
+
+#[test]
+fn a_squared_alpha_is_rejected() {
+    assert!(chi_square_alone(ggx_against("squared_pdf")) < 1e-12);
+    assert!(ggx_power("squared_pdf", 4096) > 0.999_999);
+}
+
+/// Both: its integral is 2 / (1 + alpha) or so, and its shape is wrong.
+#[test]
+fn a_missing_cosine_is_rejected() {
+    let found = findings(ggx_against("without_cosine_pdf"));
+    assert!(matches!(found[..], [Finding::Mass { .. }, Finding::ChiSquare { .. }]), "{found:?}");
+}
+
+/// 1 / (4 V.H) is missing: the integral is 4 V.H on average, far above 1.
+#[test]
+fn a_missing_jacobian_is_rejected() {
+    let (planted, v) = (planted(), Vec3::new(0.6, 0.0, 0.8));
+    let reflected = || {
+        planted
+            .function("reflected")
+            .sampled_over(Just(0.3), move |&alpha, u: Vec2| (alpha, v, u))
+            .may_leave()
+    };
+    let at = |&alpha: &f32, l: Vec3| (alpha, v, l);
+    reflected().follows(planted.function("reflected_pdf"), at);
+    let found = findings(reflected().try_follows(planted.function("without_jacobian_pdf"), at));
+    let mass = found.iter().any(|f| matches!(f, Finding::Mass { integral, .. } if *integral > 2.0));
+    let shape = found.iter().any(|f| matches!(f, Finding::ChiSquare { p, .. } if *p < 1e-12));
+    assert!(mass && shape, "{found:?}");
+    // What leaves isn't declared: an outright failure.
+    let strict = planted
+        .function("reflected")
+        .sampled_over(Just(0.3), move |&alpha, u: Vec2| (alpha, v, u))
+        .try_follows(planted.function("reflected_pdf"), at);
+    let found = findings(strict);
+    assert!(found.iter().any(|f| matches!(f, Finding::Outside { .. })), "{found:?}");
+}
+
+#[test]
+fn a_missing_stratum_is_rejected() {
+    assert!(chi_square_alone(cosine_against("stratum_missing", "cosine_pdf")) < 1e-12);
+}
+
+/// Three samples in a hundred take their azimuth from the height.
+#[test]
+fn correlated_random_numbers_are_rejected() {
+    assert!(chi_square_alone(cosine_against("correlated", "cosine_pdf")) < 1e-12);
+}
+
+#[test]
+fn what_cannot_be_is_rejected_outright() {
+    let found = findings(cosine_against("poisoned", "cosine_pdf"));
+    assert!(matches!(found[0], Finding::NotFinite { .. }), "{found:?}");
+    let found = findings(cosine_against("falling", "cosine_pdf"));
+    assert!(matches!(found[0], Finding::Outside { .. }), "{found:?}");
+    let found = findings(cosine_against("stretched", "cosine_pdf"));
+    assert!(matches!(found[0], Finding::NotUnit { .. }), "{found:?}");
+    let found = findings(cosine_against("cosine", "cap_pdf"));
+    assert!(matches!(found[0], Finding::Impossible { .. }), "{found:?}");
+    let found = findings(cosine_against("cosine", "negative_pdf"));
+    assert!(matches!(found[0], Finding::Negative { .. }), "{found:?}");
+    let found = findings(cosine_against("cosine", "infinite_pdf"));
+    assert!(matches!(found[0], Finding::NotFinite { .. }), "{found:?}");
+}
+
+/// No verdict without evidence.
+#[test]
+fn what_proves_nothing_is_an_error() {
+    let planted = planted();
+    let sampled = |sampler: &str| {
+        planted.function(sampler).sampled_over(Just(()), |(), u: Vec2| u).samples(10_000)
+    };
+    let pdf = || planted.function("cosine_pdf");
+    let at = |(): &(), l: Vec3| l;
+    for samples in [0, 1, 1023] {
+        let few = sampled("cosine").samples(samples).try_follows(pdf(), at);
+        assert!(matches!(few, Err(Failure::Evidence { .. })), "{few:?}");
+    }
+    // All samples in one cell.
+    let one = sampled("constant").try_follows(pdf(), at);
+    assert!(matches!(one, Err(Failure::Evidence { .. })), "{one:?}");
+    for significance in [0.0, 1.0, f64::NAN] {
+        let none = sampled("cosine").significance(significance).try_follows(pdf(), at);
+        assert!(matches!(none, Err(Failure::Domain { .. })), "{none:?}");
+    }
+    let none = sampled("cosine").mass_within(f64::INFINITY).try_follows(pdf(), at);
+    assert!(matches!(none, Err(Failure::Domain { .. })), "{none:?}");
+    let few = sampled("cosine").samples(50).try_has_mean("z", |l: Vec3| l.z.into(), |()| 0.6, 0.0);
+    assert!(matches!(few, Err(Failure::Evidence { .. })), "{few:?}");
+    let empty = planted
+        .function("cosine")
+        .sampled_over(OneOf(Vec::<f32>::new()), |_, u: Vec2| u)
+        .try_follows(pdf(), |_, l: Vec3| l);
+    assert!(matches!(empty, Err(Failure::Domain { .. })), "{empty:?}");
+    // Points of another support, and random numbers that have no uniform distribution.
+    let disk = sampled("cosine").on(Support::Disk).try_follows(pdf(), at);
+    assert!(matches!(disk, Err(Failure::Signature { .. })), "{disk:?}");
+    let signs = planted
+        .function("cosine")
+        .sampled_over(Just(()), |(), _: bool| Vec2::ZERO)
+        .try_follows(pdf(), at);
+    assert!(matches!(signs, Err(Failure::Signature { .. })), "{signs:?}");
+}
+
+#[test]
+fn lines_and_disks_are_supports() {
+    let planted = planted();
+    let root = || {
+        planted
+            .function("square_root")
+            .sampled_over(Just(()), |(), u: f32| u)
+            .on(Support::Interval(0.0, 1.0))
+    };
+    root().follows(planted.function("triangle_pdf"), |(), x: f32| x);
+    let bent = root().try_follows(planted.function("bent_pdf"), |(), x: f32| x);
+    assert!(chi_square_alone(bent) < 1e-12);
+    planted
+        .function("in_disk")
+        .sampled_over(Just(()), |(), u: Vec2| u)
+        .on(Support::Disk)
+        .follows(planted.function("disk_pdf"), |(), x: Vec2| x);
+}
+
+#[test]
+fn means_and_distributions_that_are_wrong_are_rejected() {
+    let planted = planted();
+    let root = || planted.function("square_root").sampled_over(Just(()), |(), u: f32| u);
+    root().has_mean("x", |x: f32| x.into(), |()| 2.0 / 3.0, 1e-7);
+    let found = findings(root().try_has_mean("x", |x: f32| x.into(), |()| 0.67, 1e-7));
+    assert!(matches!(found[..], [Finding::Mean { p, .. }] if p < 1e-9), "{found:?}");
+    root().has_distribution("x", |x: f32| x.into(), |(), x| x * x, 1e-7);
+    let found =
+        findings(root().try_has_distribution("x", |x: f32| x.into(), |(), x| x.powf(2.05), 1e-7));
+    assert!(matches!(found[..], [Finding::Distribution { p, .. }] if p < 1e-9), "{found:?}");
+    let found = findings(root().try_has_mean("1/0", |_: f32| f64::NAN, |()| 0.0, 0.0));
+    assert!(matches!(found[..], [Finding::NotFinite { .. }]), "{found:?}");
+}
+
+/// The pdf agrees with the sampler, the mean with neither: eval is what chi-square can't see.
+#[test]
+fn an_estimate_of_another_function_is_rejected() {
+    let planted = planted();
+    let sampled = || planted.function("cosine").sampled_over(Just(()), |(), u: Vec2| u);
+    let pdf = || (planted.function("cosine_pdf"), |(): &(), l: Vec3| l);
+    sampled().estimates((planted.function("grey"), |(): &(), l: Vec3| l), pdf());
+    // A density of the wrong scale and a mean that is off by as much.
+    let scaled = || (planted.function("scaled_cosine_pdf"), |(): &(), l: Vec3| l);
+    let found = findings(
+        sampled().try_estimates((planted.function("grey"), |(): &(), l: Vec3| l), scaled()),
+    );
+    assert!(found.iter().any(|f| matches!(f, Finding::Mean { .. })), "{found:?}");
+}
+
+#[test]
+fn a_weight_that_is_not_the_quotient_is_rejected() {
+    let planted = planted();
+    let weighed = |weight: &str| {
+        let with = |name: &str| (planted.function(name), |(): &(), l: Vec3| l);
+        planted
+            .function("cosine")
+            .sampled_over(Just(()), |(), u: Vec2| u)
+            .samples(65_536)
+            .try_estimates_with_weight(with("grey"), with("cosine_pdf"), with(weight))
+    };
+    weighed("half").expect("the right weight");
+    let found = findings(weighed("almost_half"));
+    assert!(matches!(found[..], [Finding::Weight { count: 65_536, .. }]), "{found:?}");
+}
+
+#[test]
+fn a_rejection_names_its_files_and_how_to_replay_it() {
+    let rejection = rejected(ggx_against("tilted_pdf"));
+    let text = rejection.to_string();
+    let worst = &rejection.paths[0].worst;
+    assert_eq!(worst.pictures.len(), 2);
+    for file in &worst.pictures {
+        assert!(file.is_file() && text.contains(&file.display().to_string()), "{text}");
+    }
+    let (image, _) = karat::Image::read_exr(&worst.pictures[0]).expect("an EXR file");
+    // Three panels: what is expected is 5 % off on each side of what is observed.
+    assert_eq!(image.width() % 3, 0);
+    for part in [
+        "fails follows: tilted_pdf on the hemisphere",
+        "chi-square is",
+        "worst cells",
+        "theta",
+        "KARAT_CASE=sampling::ggx_normal/follows/0",
+    ] {
+        assert!(text.contains(part), "{part} in {text}");
+    }
+}
+
+// Calibration: right samplers of the host, and the tests that the checks use.
+
+/// Seeds of each calibration.
+const SEEDS: u64 = 1000;
+
+/// Cosine-distributed coordinates on the hemisphere.
+fn cosine_coordinates(source: &mut Source) -> [f64; 2] {
+    [source.unit().sqrt().asin(), TAU * source.unit()]
+}
+
+/// What the cosine has in a cell.
+fn cosine_masses(cells: &Cells) -> Vec<f64> {
+    let mass = |cell| {
+        let bounds = cells.rectangle(cell);
+        let (low, high) = (bounds.low[0].sin(), bounds.high[0].sin());
+        (high * high - low * low) * (bounds.high[1] - bounds.low[1]) / TAU
+    };
+    (0..cells.len()).map(mass).collect()
+}
+
+fn cosine_histogram(seed: u64, samples: u64) -> (Cells, Vec<u64>) {
+    let mut source = Source::new(seed, u64::MAX);
+    let pilot: Vec<_> = (0..4096).map(|_| cosine_coordinates(&mut source)).collect();
+    let cells = Cells::new(Support::Hemisphere, &pilot, 8, 16);
+    let mut observed = vec![0; cells.len()];
+    for sample in 0..samples {
+        // A stream a sample: the streams have to be independent, too.
+        let at = cosine_coordinates(&mut Source::new(seed, sample));
+        let Place::Inside(at) = Support::Hemisphere.locate(Support::Hemisphere.point(at).0) else {
+            panic!("{at:?} is on the hemisphere")
+        };
+        observed[cells.index(at)] += 1;
+    }
+    (cells, observed)
+}
+
+/// The rate, and the p-values' own distribution: uniform, if the approximation is good.
+fn calibrated(mut p_value: impl FnMut(u64) -> f64) -> (Rate, Rate, f64) {
+    let mut p: Vec<f64> = (0..SEEDS).map(&mut p_value).collect();
+    let rate = |significance| Rate {
+        rejected: p.iter().filter(|p| !accepts(**p, significance)).count() as u64,
+        runs: SEEDS,
+    };
+    let (one, ten) = (rate(0.01), rate(0.1));
+    let uniform = Kolmogorov::of(&mut p, |p| p.clamp(0.0, 1.0), 0.0).expect("a thousand");
+    (one, ten, uniform.p)
+}
+
+#[test]
+fn chi_square_rejects_as_often_as_it_says() {
+    let (one, ten, uniform) = calibrated(|seed| {
+        let (cells, observed) = cosine_histogram(seed, 4096);
+        let expected: Vec<f64> = cosine_masses(&cells).iter().map(|m| m * 4096.0).collect();
+        ChiSquare::of(&observed, &expected).expect("128 cells").p
+    });
+    assert!(one.is_within(0.01) && ten.is_within(0.1), "{one:?} {ten:?}");
+    assert!(uniform > 1e-3, "{uniform}");
+}
+
+/// Half of the cells expect fewer than five samples.
+#[test]
+fn pooled_chi_square_rejects_as_often_as_it_says() {
+    let (one, ten, _) = calibrated(|seed| {
+        let (cells, observed) = cosine_histogram(seed, 640);
+        let expected: Vec<f64> = cosine_masses(&cells).iter().map(|m| m * 640.0).collect();
+        let test = ChiSquare::of(&observed, &expected).expect("some cells");
+        assert!(test.pooled > 0, "{test:?}");
+        test.p
+    });
+    assert!(one.is_within(0.01) && ten.is_within(0.1), "{one:?} {ten:?}");
+}
+
+#[test]
+fn kolmogorov_rejects_as_often_as_it_says() {
+    let (one, ten, uniform) = calibrated(|seed| {
+        let mut source = Source::new(seed, 1);
+        let mut samples: Vec<f64> = (0..1000).map(|_| source.unit().sqrt()).collect();
+        Kolmogorov::of(&mut samples, |x| x * x, 0.0).expect("a thousand").p
+    });
+    assert!(one.is_within(0.01) && ten.is_within(0.1), "{one:?} {ten:?}");
+    assert!(uniform > 1e-3, "{uniform}");
+}
+
+#[test]
+fn means_reject_as_often_as_they_say() {
+    let (one, ten, uniform) = calibrated(|seed| {
+        let (mut source, mut moments) = (Source::new(seed, 2), Moments::default());
+        (0..1000).for_each(|_| moments.add(source.unit().sqrt()));
+        Mean::of(&moments, 2.0 / 3.0, 0.0).expect("a thousand").p
+    });
+    assert!(one.is_within(0.01) && ten.is_within(0.1), "{one:?} {ten:?}");
+    assert!(uniform > 1e-3, "{uniform}");
+}
+
+/// Discrete, and so a little more forgiving than it says.
+#[test]
+fn binomial_tails_reject_no_more_often_than_they_say() {
+    let (one, ten, _) = calibrated(|seed| {
+        let mut source = Source::new(seed, 3);
+        let left = (0..1000).filter(|_| source.unit() < 0.3).count() as u64;
+        binomial_tail(left, 1000, 0.3)
+    });
+    assert!(one.is_within(0.01) && ten.is_within(0.1), "{one:?} {ten:?}");
+}
+
+/// A density off by 8 % rms at 4,096 samples and 128 cells.
+#[test]
+fn power_is_calibrated_too() {
+    let tilt = |cells: &Cells, masses: &[f64]| -> Vec<f64> {
+        let tilted = masses.iter().enumerate().map(|(cell, mass)| {
+            let middle = cells.rectangle(cell);
+            let sign = if middle.low[1] + middle.high[1] < TAU { 1.0 } else { -1.0 };
+            mass * (1.0 + 0.08 * sign)
+        });
+        let tilted: Vec<f64> = tilted.collect();
+        let sum: f64 = tilted.iter().sum();
+        tilted.into_iter().map(|mass| mass / sum).collect()
+    };
+    let mut said = Moments::default();
+    let rate = Rate::over(0..SEEDS, |seed| {
+        let (cells, observed) = cosine_histogram(seed, 4096);
+        let masses = cosine_masses(&cells);
+        let claimed = tilt(&cells, &masses);
+        said.add(chi_square_power(&claimed, &masses, 4096.0, 0.05).expect("128 cells"));
+        let expected: Vec<f64> = claimed.iter().map(|mass| mass * 4096.0).collect();
+        !accepts(ChiSquare::of(&observed, &expected).expect("128 cells").p, 0.05)
+    });
+    assert!((0.2..0.9).contains(&said.mean()), "{said:?}");
+    let chance = binomial_tail(rate.rejected, rate.runs, said.mean());
+    assert!(accepts(chance, 1e-3), "{said:?}, but {rate:?}");
+}
+
+/// On a device, with all that a check does, several configurations each.
+#[test]
+fn checks_of_right_samplers_reject_as_often_as_they_say() {
+    let widths = || OneOf(vec![0.2_f32, 0.8]);
+    let rate = Rate::over(0..40, |seed| {
+        PBR.function("sampling::ggx_normal")
+            .sampled_over(widths(), |&alpha, u: Vec2| (alpha, u))
+            .samples(4096)
+            .significance(0.1)
+            .seed(seed)
+            .try_follows(PBR.function("sampling::ggx_normal_pdf"), |&alpha, h: Vec3| (alpha, h))
+            .is_err()
+    });
+    assert!(rate.is_within(0.1), "{rate:?}");
+}

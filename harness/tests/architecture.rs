@@ -24,7 +24,7 @@ const ORDER: [&str; 16] = [
 ];
 
 /// Crates that only these modules may name.
-const OWNERS: [(&str, &[&str]); 8] = [
+const OWNERS: [(&str, &[&str]); 9] = [
     ("wgpu", &["path", "fixture", "probe", "frame"]),
     ("naga", &["reflect"]),
     ("wesl", &["package"]),
@@ -33,6 +33,7 @@ const OWNERS: [(&str, &[&str]); 8] = [
     ("png", &["image"]),
     ("codespan_reporting", &["diagnostic"]),
     ("clap", &["gallery"]),
+    ("statrs", &["stats"]),
 ];
 
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {

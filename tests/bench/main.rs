@@ -26,6 +26,7 @@ fn main() {
         _ => {
             starts();
             throughput();
+            samplers();
             memory();
         }
     }
@@ -39,6 +40,7 @@ fn child(task: &str) {
                 .over((UnitRgb, 0.0..=1.0))
                 .agrees_with(fresnel::schlick, Ulp(11.0));
         }
+        "samplers" => samplers(),
         "karat" => {
             ggx(1_000_000);
             print!("{}", peak_memory());
@@ -130,6 +132,29 @@ fn throughput() {
         }
         let [ours, theirs, ratios] = [ours, theirs, ratios].map(Spread::of);
         println!("  {cases:<9}  {ours}  {theirs}  {ratios}");
+    }
+}
+
+/// A sampler with its density: the pilot, the integrals of 512 cells, the samples, and the density
+/// of each.
+fn samplers() {
+    println!("\nsampling::ggx_visible_normal against its density, one configuration [s]");
+    let v = glam::Vec3::new(0.6, 0.0, 0.8);
+    for (alpha, samples) in [(0.5_f32, 1_u64 << 18), (0.5, 1_000_000), (0.01, 1_000_000)] {
+        let run = || {
+            let start = Instant::now();
+            PBR.function("sampling::ggx_visible_normal")
+                .sampled_over(Just(alpha), |&alpha, u: glam::Vec2| (alpha, v, u))
+                .samples(samples)
+                .follows(
+                    PBR.function("sampling::ggx_visible_normal_pdf"),
+                    |&alpha, h: glam::Vec3| (alpha, v, h),
+                );
+            start.elapsed().as_secs_f64()
+        };
+        run();
+        let times = (0..7).map(|_| run()).collect();
+        println!("  alpha {alpha:<5} {samples:>8} samples  {}", Spread::of(times));
     }
 }
 

@@ -376,7 +376,8 @@ fn conclude<D: Domain>(
             Err(failure) => (Verdict::Error, Some(failure.to_string())),
         };
         let test = identity.test;
-        record::write(&Record { schema: record::SCHEMA, test, subject, verdict, paths, message });
+        let (schema, overlay) = (record::SCHEMA, record::overlay());
+        record::write(&Record { schema, test, subject, verdict, paths, message, overlay });
     }
     result
 }

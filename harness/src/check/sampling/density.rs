@@ -35,6 +35,9 @@ const ESTIMATE: f64 = 1e-6;
 /// Rounding of what is estimated, relative: a few hundred ulp of eval and pdf.
 const ROUNDING: f64 = 1e-4;
 
+/// Weights as small as this are equal: eval and pdf of a lobe's end may be flushed.
+const VANISHED: f64 = 1e-6;
+
 /// The power of a check against an alternative: the probability that it rejects samples which
 /// have the alternative's density.
 #[derive(Clone, Debug)]
@@ -133,7 +136,12 @@ where
         eval: (Probe<'_>, impl Fn(&D::Value, X) -> E + Sync),
         density: (Probe<'_>, impl Fn(&D::Value, X) -> B + Sync),
     ) -> Fit {
-        fit_or_panic(self.check_estimate(eval, density, Recording::On))
+        fit_or_panic(self.check_estimate(
+            eval,
+            density,
+            None::<Unweighted<'_, D, X>>,
+            Recording::On,
+        ))
     }
 
     /// [`estimates`](Self::estimates) without the panic.
@@ -145,20 +153,52 @@ where
         eval: (Probe<'_>, impl Fn(&D::Value, X) -> E + Sync),
         density: (Probe<'_>, impl Fn(&D::Value, X) -> B + Sync),
     ) -> Result<Fit, Failure> {
-        self.check_estimate(eval, density, Recording::Off)
+        self.check_estimate(eval, density, None::<Unweighted<'_, D, X>>, Recording::Off)
     }
 
-    fn check_estimate<X: Shareable, B: Arguments, E: Arguments>(
+    /// [`estimates`](Self::estimates), and a third function, `weight`, returns eval cos / pdf of
+    /// each sample, to 1e-4 of it.
+    ///
+    /// # Panics
+    /// With the [`Failure`], if a configuration is rejected or has no verdict.
+    #[track_caller]
+    pub fn estimates_with_weight<X: Shareable, B: Arguments, E: Arguments, W: Arguments>(
+        self,
+        eval: (Probe<'_>, impl Fn(&D::Value, X) -> E + Sync),
+        density: (Probe<'_>, impl Fn(&D::Value, X) -> B + Sync),
+        weight: (Probe<'_>, impl Fn(&D::Value, X) -> W + Sync),
+    ) -> Fit {
+        fit_or_panic(self.check_estimate(eval, density, Some(weight), Recording::On))
+    }
+
+    /// [`estimates_with_weight`](Self::estimates_with_weight) without the panic.
+    ///
+    /// # Errors
+    /// If a configuration is rejected or has no verdict.
+    pub fn try_estimates_with_weight<X: Shareable, B: Arguments, E: Arguments, W: Arguments>(
+        self,
+        eval: (Probe<'_>, impl Fn(&D::Value, X) -> E + Sync),
+        density: (Probe<'_>, impl Fn(&D::Value, X) -> B + Sync),
+        weight: (Probe<'_>, impl Fn(&D::Value, X) -> W + Sync),
+    ) -> Result<Fit, Failure> {
+        self.check_estimate(eval, density, Some(weight), Recording::Off)
+    }
+
+    fn check_estimate<X: Shareable, B: Arguments, E: Arguments, W: Arguments>(
         self,
         (eval, of_eval): (Probe<'_>, impl Fn(&D::Value, X) -> E + Sync),
         (density, of_density): (Probe<'_>, impl Fn(&D::Value, X) -> B + Sync),
+        weight: Option<(Probe<'_>, impl Fn(&D::Value, X) -> W + Sync)>,
         recording: Recording,
     ) -> Result<Fit, Failure> {
         let Self { plan, settings, .. } = &self;
         let text = format!("{} by {} on {}", eval.path, density.path, settings.support);
         // A reflectance has up to three components, whose means are tests of their own.
         let assertion = Assertion { check: "estimates", text, tests: settings.tests() + 3 };
-        let functions = (A::shapes(), vec![(density, B::shapes()), (eval, E::shapes())]);
+        let (weight, of_weight) = weight.unzip();
+        let weight = weight.map(|weight| (weight, W::shapes()));
+        let others = [(density, B::shapes()), (eval, E::shapes())].into_iter().chain(weight);
+        let functions = (A::shapes(), others.collect());
         let expect = |functions: &Functions<'_, '_, D>| {
             expect_density::<D, X, U>(functions, settings)?;
             let eval = &functions.others[1];
@@ -172,7 +212,9 @@ where
                 let mismatch = format!("returns {result}, not up to three floats");
                 return Err(signature(&eval.probed.function, mismatch));
             }
-            Ok(())
+            functions.others.get(2).map_or(Ok(()), |weight| {
+                weight.expect_result(&eval.probed.function.result, "eval returns", None)
+            })
         };
         conclude(
             plan,
@@ -188,6 +230,9 @@ where
                 };
                 let eval_at =
                     |point: X, lanes: &mut Vec<u32>| of_eval(value, point).store_all(lanes);
+                let weight_at = of_weight.as_ref().map(|of_weight| {
+                    |point: X, lanes: &mut Vec<u32>| of_weight(value, point).store_all(lanes)
+                });
                 let run = Run {
                     functions,
                     settings,
@@ -196,7 +241,8 @@ where
                         draw(seed, first, count, |u| (self.arguments)(value, u))
                     },
                 };
-                run.judge(&density_at, Some(&eval_at))
+                let weight = weight_at.as_ref().map(|weight| weight as At<'_, X>);
+                run.judge(&density_at, Some(&Estimate { eval: &eval_at, weight }))
             },
         )
     }
@@ -275,6 +321,15 @@ impl Settings {
         let rows = ((cells as f64 / 2.0).sqrt() as usize).clamp(1, 16);
         (rows, cells / rows)
     }
+}
+
+/// No function that returns weights.
+type Unweighted<'a, D, X> = (Probe<'a>, fn(&<D as Domain>::Value, X) -> f32);
+
+/// What samples estimate the integral of, and what returns their weights.
+struct Estimate<'f, X> {
+    eval: At<'f, X>,
+    weight: Option<At<'f, X>>,
 }
 
 /// Compares the signatures of sampler and density with the support.
@@ -381,6 +436,7 @@ struct Counts {
     outside: Offence,
     impossible: Offence,
     negative: Offence,
+    weight: Offence,
     /// Of eval cos / pdf, by component.
     weights: Vec<Moments>,
 }
@@ -407,9 +463,9 @@ impl<D: Domain> Run<'_, '_, '_, D> {
     fn judge<X: Shareable>(
         &self,
         density: At<'_, X>,
-        eval: Option<At<'_, X>>,
+        estimate: Option<&Estimate<'_, X>>,
     ) -> Result<Judgement, Failure> {
-        match self.judge_or_stop(density, eval) {
+        match self.judge_or_stop(density, estimate) {
             Ok(judgement) => Ok(judgement),
             Err(Stop::Finding(finding)) => Ok(Judgement::outright(finding)),
             Err(Stop::Failure(failure)) => Err(failure),
@@ -419,12 +475,12 @@ impl<D: Domain> Run<'_, '_, '_, D> {
     fn judge_or_stop<X: Shareable>(
         &self,
         density: At<'_, X>,
-        eval: Option<At<'_, X>>,
+        estimate: Option<&Estimate<'_, X>>,
     ) -> Result<Judgement, Stop> {
         let cells = self.cells()?;
         let masses = self.masses(cells, 0, density)?;
-        let counts = self.count(&masses.cells, density, eval)?;
-        let integral = eval.map(|eval| self.estimate(&masses.cells, eval)).transpose()?;
+        let counts = self.count(&masses.cells, density, estimate)?;
+        let integral = estimate.map(|of| self.estimate(&masses.cells, of.eval)).transpose()?;
         let settings = self.settings;
         let threshold = self.configuration.threshold;
         let mut judgement = Judgement::fitting();
@@ -441,6 +497,7 @@ impl<D: Domain> Run<'_, '_, '_, D> {
             counts.outside.finding(|count, call| Finding::Outside { count, call }),
             counts.impossible.finding(|count, call| Finding::Impossible { count, call }),
             counts.negative.finding(|count, call| Finding::Negative { count, call }),
+            counts.weight.finding(|count, call| Finding::Weight { count, call }),
         ];
         judgement.findings.extend(outright.into_iter().flatten());
         let bound = settings.mass + error;
@@ -465,7 +522,12 @@ impl<D: Domain> Run<'_, '_, '_, D> {
         // Given how many are on the support, they should be shared out like the density.
         let expected: Vec<f64> =
             masses.mass.iter().map(|mass| (mass / total).max(0.0) * inside as f64).collect();
-        let test = ChiSquare::of(&observed, &expected).map_err(|none| self.evidence(none))?;
+        let test = match ChiSquare::of(&observed, &expected) {
+            Ok(test) => test,
+            // Of no sample on the support nothing more can be said than was found already.
+            Err(_) if !judgement.findings.is_empty() => return Ok(judgement),
+            Err(none) => return Err(self.evidence(none).into()),
+        };
         let ChiSquare { statistic, dof, p, .. } = test;
         judgement.notes.push(("chi-square", format!("{statistic:.1}, {dof} degrees, p {p:.2e}")));
         judgement.test(p, threshold, || Finding::ChiSquare { statistic, dof, p });
@@ -473,8 +535,11 @@ impl<D: Domain> Run<'_, '_, '_, D> {
         if let Some(CellIntegral { value, error }) = integral {
             for (component, (moments, expected)) in counts.weights.iter().zip(value).enumerate() {
                 let slack = error + ROUNDING * expected.abs();
-                let mean =
-                    Mean::of(moments, expected, slack).map_err(|none| self.evidence(none))?;
+                let mean = match Mean::of(moments, expected, slack) {
+                    Ok(mean) => mean,
+                    Err(_) if !judgement.findings.is_empty() => continue,
+                    Err(none) => return Err(self.evidence(none).into()),
+                };
                 let Mean { mean, error, p, .. } = mean;
                 let of = format!("component {component} of eval cos / pdf");
                 judgement.test(p, threshold, || Finding::Mean { of, mean, error, expected, p });
@@ -648,13 +713,13 @@ impl<D: Domain> Run<'_, '_, '_, D> {
         &self,
         cells: &Cells,
         density: At<'_, X>,
-        eval: Option<At<'_, X>>,
+        estimate: Option<&Estimate<'_, X>>,
     ) -> Result<Counts, Failure> {
         let settings = self.settings;
         let (sampler, pdf) = (self.sampler(), self.other(0));
         let mut counts = Counts { observed: vec![0; cells.len()], ..Counts::default() };
         let samples = usize::try_from(settings.samples).unwrap_or(usize::MAX);
-        if eval.is_some() {
+        if estimate.is_some() {
             counts.weights = vec![Moments::default(); self.other(1).words()];
         }
         for first in (0..samples).step_by(STRIDE) {
@@ -707,8 +772,8 @@ impl<D: Domain> Run<'_, '_, '_, D> {
                     counts.impossible.add(shown);
                 }
             }
-            if let Some(at) = eval {
-                self.weigh(&mut counts, &inside, at, &densities, &cosines)?;
+            if let Some(estimate) = estimate {
+                self.weigh(&mut counts, &inside, estimate, &densities, &cosines)?;
             }
         }
         Ok(counts)
@@ -719,12 +784,16 @@ impl<D: Domain> Run<'_, '_, '_, D> {
         &self,
         counts: &mut Counts,
         inside: &[X],
-        at: At<'_, X>,
+        estimate: &Estimate<'_, X>,
         densities: &[u32],
         cosines: &[f64],
     ) -> Result<(), Failure> {
         let eval = self.other(1);
-        let (lanes, results) = eval.at(inside, at)?;
+        let (lanes, results) = eval.at(inside, estimate.eval)?;
+        let weighed = match estimate.weight {
+            Some(at) => Some(self.other(2).at(inside, at)?),
+            None => None,
+        };
         let width = lanes.len() / inside.len();
         for (index, result) in results.chunks_exact(eval.words()).enumerate() {
             let shown = || eval.shown(&lanes[index * width..][..width], result);
@@ -732,6 +801,22 @@ impl<D: Domain> Run<'_, '_, '_, D> {
             let weights = result
                 .iter()
                 .map(|word| f64::from(f32::from_bits(*word)) * cosines[index] / density);
+            if let Some((lanes, results)) = &weighed {
+                let (width, words) = (lanes.len() / inside.len(), eval.words());
+                let returned = &results[index * words..][..words];
+                let right = weights.clone().zip(returned).all(|(weight, word)| {
+                    let returned = f64::from(f32::from_bits(*word));
+                    (returned - weight).abs() <= ROUNDING * weight + VANISHED
+                });
+                // What is 0 / 0 is an impossible sample already.
+                if !right && density > 0.0 {
+                    counts.weight.add(|| {
+                        let call = self.other(2).shown(&lanes[index * width..][..width], returned);
+                        let weights: Vec<f64> = weights.clone().collect();
+                        format!("{call}, not {weights:?}")
+                    });
+                }
+            }
             if density > 0.0 && weights.clone().any(|weight| !weight.is_finite()) {
                 counts.not_finite.add(shown);
             } else if weights.clone().any(|weight| weight < 0.0) {

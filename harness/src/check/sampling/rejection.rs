@@ -99,6 +99,13 @@ pub enum Finding {
         /// The first one.
         call: String,
     },
+    /// A weight isn't eval cos / pdf.
+    Weight {
+        /// Such samples.
+        count: u64,
+        /// The first one's weight, and what it should be.
+        call: String,
+    },
     /// A density doesn't integrate to 1, or to more than 1.
     Mass {
         /// The integral.
@@ -167,6 +174,9 @@ impl fmt::Display for Finding {
             }
             Self::Negative { count, call } => {
                 write!(f, "{count} calls return less than 0, first {call}")
+            }
+            Self::Weight { count, call } => {
+                write!(f, "{count} weights are not eval cos / pdf, first {call}")
             }
             Self::Mass { integral, bound } => {
                 write!(f, "the density integrates to {integral:.7}, not to 1 within {bound:.1e}")
