@@ -301,7 +301,8 @@ mod tests {
             seed: 0,
         };
         let test = "t".to_owned();
-        Record { schema: record::SCHEMA, test, subject, verdict, paths: vec![path], message: None }
+        let (schema, paths) = (record::SCHEMA, vec![path]);
+        Record { schema, test, subject, verdict, paths, message: None, overlay: None }
     }
 
     fn table(record: Record) -> (usize, String) {
