@@ -218,12 +218,13 @@ impl Goldens {
     }
 }
 
-/// Cargo's target folder, which it marks for backup programs; the working directory if the test
-/// wasn't built by Cargo.
+/// Cargo's target folder, which it marks for backup programs; the folder above the profile's in
+/// one that Cargo didn't make, and so doesn't mark; the working directory if the test wasn't built by Cargo.
 pub(crate) fn build_output() -> PathBuf {
     let exe = std::env::current_exe().unwrap_or_default();
     let marked = exe.ancestors().find(|folder| folder.join("CACHEDIR.TAG").is_file());
-    marked.map_or_else(PathBuf::new, Path::to_path_buf)
+    let profile = || exe.ancestors().find(|folder| folder.join("deps").is_dir());
+    marked.or_else(|| profile()?.parent()).map_or_else(PathBuf::new, Path::to_path_buf)
 }
 
 /// Who accepts: the name that Git signs commits with, or the login name.

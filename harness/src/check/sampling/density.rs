@@ -610,8 +610,10 @@ impl<D: Domain> Run<'_, '_, '_, D> {
         at: At<'_, X>,
     ) -> Result<Masses, Stop> {
         let samples = self.settings.samples as f64;
-        // Of an expected count of 0.1 nothing need be known.
-        let tolerance = |mass: &[f64]| QUADRATURE * (mass[0].max(0.1 / samples) / samples).sqrt();
+        // Of an expected count of 0.1 nothing need be known. All cells together are also known four
+        // times better than their sum is judged, however few the samples.
+        let per_root = (QUADRATURE / samples.sqrt()).min(self.settings.mass.max(1e-6) / 4.0);
+        let tolerance = |mass: &[f64]| per_root * mass[0].max(0.1 / samples).sqrt();
         let calls = self.other(which);
         let integrals = integrate(self.settings.support, &cells, 1, tolerance, |points| {
             self.evaluate(&calls, points, at)
