@@ -49,7 +49,9 @@ fn directions_find_the_face_that_webgpu_says() {
 /// A direction's own components as colour: the cube map of `karat` and that of the library agree
 /// with the hardware's addressing. Between texel centres the map is bilinear: off by 1/8 of
 /// (1/32)^2 times a curvature of at most 1, 1.2e-4, and by weights of 8 bits, 1/512 of 1/64 in each
-/// of two directions, 6e-5. At the edges of faces wgpu's desktop GL doesn't filter across, but
+/// of two directions, 6e-5. At a corner three texels meet, and their mean stands for the fourth: its
+/// weight is at most 1/4, it is up to a texel off, 1/32, and there the colour's slope is at most 1/2
+/// of 0.58, which is 2.3e-3. At the edges of faces wgpu's desktop GL doesn't filter across, but
 /// clamps to the nearest texel: half of one, 1/64, times the slope of 1/2.
 #[test]
 fn directions_find_their_texel() {
@@ -62,7 +64,7 @@ fn directions_find_their_texel() {
             .with("environment_sampler", Sampler::Linear)
             .over(UnitVector)
             .tolerance_on(Path::Gl, Abs(8e-3))
-            .agrees_with(|d: DVec3| 0.5 * (d.normalize() + DVec3::ONE), Abs(2e-4));
+            .agrees_with(|d: DVec3| 0.5 * (d.normalize() + DVec3::ONE), Abs(2.4e-3));
     }
 }
 

@@ -150,9 +150,6 @@ fn reflectance_rises_toward_grazing() {
         Direction::Decreasing,
         Ulp(2.0),
     );
-    PBR.function("fresnel::schlick")
-        .over((UnitRgb.map(|rgb| rgb.x), 0.0..=1.0).map(|(f0, c)| (Vec3::splat(f0), c)))
-        .is_monotone_in("v_dot_h", Direction::Decreasing, Ulp(2.0));
     // Only polarised light has an angle at which less is reflected than before.
     PBR.function("fresnel::dielectric").over((1.2..=2.5, 0.0..=1.0)).is_monotone_in(
         1,
@@ -161,7 +158,7 @@ fn reflectance_rises_toward_grazing() {
     );
 }
 
-/// The more a medium differs from air, the more it reflects at normal incidence and on average.
+/// The more a medium differs from air, the more it reflects on average.
 #[test]
 fn reflectance_rises_with_the_index() {
     PBR.function("fresnel::dielectric_average").over(1.0..=2.5).is_monotone_in(
@@ -169,13 +166,10 @@ fn reflectance_rises_with_the_index() {
         Direction::Increasing,
         Ulp(48.0),
     );
-    PBR.function("fresnel::schlick_average")
-        .over(UnitRgb.map(|rgb| Vec3::splat(rgb.y)))
-        .satisfies("is at least f0", |f0, f: Vec3| f.cmpge(f0 * (1.0 - f32::EPSILON)).all());
 }
 
-/// An interface to almost the same medium reflects nothing: (eta - 1)^2 / 4 at most, for cosines
-/// that are large beside eta - 1.
+/// An interface to almost the same medium reflects nothing: about (eta - 1)^2 / (4 c^4), which
+/// is 1.4e-3 at the last step and the smallest cosine.
 #[test]
 fn no_interface_reflects_nothing() {
     PBR.function("fresnel::dielectric").over((Just(1.0), 0.2..=1.0)).at_limit(

@@ -2,8 +2,8 @@
 
 use karat::prelude::*;
 
-/// WGSL's `mix` is as accurate as x (1 - a) + y a, which is y at a = 1, and the last test of the
-/// layer would fail with another: a white mask over a bright base shows what the base has left.
+/// WGSL's `mix` is as accurate as x (1 - a) + y a, which is y at a = 1. (So the library's masks are
+/// written out: white over a bright base would show what rounding leaves of the base.)
 #[test]
 fn mix_ends_at_its_second_value() {
     let module = "fn blend(x: f32, y: f32, a: f32) -> f32 { return mix(x, y, a); }";
