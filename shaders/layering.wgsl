@@ -47,8 +47,10 @@ fn transmittance(n_dot_x: f32) -> f32 {
 /// an interface.
 ///
 /// The lecture adds the two as they are (E16): its red plastic sends 1.58 times what it receives at
-/// grazing. As for `thin_coat`, the weight of the base depends on V alone: the price of energy that
-/// is neither gained nor lost is reciprocity.
+/// grazing. For a mirror-like interface no energy is gained or lost; a rough one reflects another
+/// share than F(N.V), so that a white base gains up to 0.12 % (alpha 0.1, 53 degrees) and loses
+/// 2 % at alpha 1. As for `thin_coat`, the weight of the base depends on V alone: the price is
+/// reciprocity.
 fn plastic(f0: vec3f, base: vec3f, specular: vec3f, n_dot_v: f32) -> vec3f {
     return base * interface_transmittance(f0, n_dot_v) + specular;
 }

@@ -26,7 +26,10 @@ fn uniform_hemisphere(u: vec2f) -> vec3f {
 
 /// Density of `uniform_hemisphere` at a direction with cosine `n_dot_l`, in 1/sr.
 fn uniform_hemisphere_pdf(n_dot_l: f32) -> f32 {
-    return select(0.0, INV_TAU, n_dot_l >= 0.0);
+    if (n_dot_l < 0.0) {
+        return 0.0;
+    }
+    return INV_TAU;
 }
 
 /// A direction with density cos / pi: cos = sqrt(1 - u.y), azimuth from u.x. Malley's method,

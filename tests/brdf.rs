@@ -207,6 +207,32 @@ fn tri_ace_sample() {
         .agrees_with(brdf::tri_ace_sample, Abs(2.5e-3));
 }
 
+/// Narrow lobes are seen by their own measure: how far a sample is from the mirror direction, to 1 %
+/// of that, or of the lobe's width, and the rounding of directions.
+#[test]
+fn narrow_lobes_keep_their_width() {
+    let near = |alpha: f32, v: Vec3, l: Vec3, expected: DVec3| {
+        let mirrored = (Vec3::Z * 2.0 * v.z - v).as_dvec3();
+        let scale = expected.distance(mirrored).max(alpha.into());
+        expected.distance(l.as_dvec3()) <= 1e-2 * scale + 5e-7
+    };
+    let alpha = || 1e-4..=0.1_f32;
+    let views = || Hemisphere.filter(|v: &Vec3| v.z > 0.1);
+    PBR.function("brdf::cook_torrance_sample").over((alpha(), views(), square())).satisfies(
+        "is as far from the mirror direction as its twin",
+        move |(alpha, v, u), l: Vec3| {
+            let expected = brdf::cook_torrance_sample(alpha.into(), v.as_dvec3(), u.as_dvec2());
+            near(alpha, v, l, expected)
+        },
+    );
+    PBR.function("brdf::tri_ace_sample")
+        .over((alpha().map(exponent_of), views(), square()))
+        .satisfies("is as far from the mirror direction as its twin", move |(n, v, u), l: Vec3| {
+            let expected = brdf::tri_ace_sample(n.into(), v.as_dvec3(), u.as_dvec2());
+            near((2.0 / (n + 2.0)).sqrt(), v, l, expected)
+        });
+}
+
 #[test]
 fn tri_ace_pdf() {
     let lights = lobes().filter(apart_from_the_horizon);

@@ -509,8 +509,8 @@ pub(crate) const FAULTS: &[Fault] = &[
     fault(
         "sampling",
         Kind::Comparison,
-        "n_dot_l >= 0.0);",
-        "n_dot_l > 0.0);",
+        "n_dot_l < 0.0) {\n        return 0.0;",
+        "n_dot_l <= 0.0) {\n        return 0.0;",
         "sampling::uniform_hemisphere_pdf",
     ),
     fault(

@@ -1,6 +1,6 @@
 //! A second opinion on every frame: chosen pixels computed again in `f64`, by rays in place of
 //! rasterisation and by the references in place of the shaders. A golden that passes is not only
-//! as before but right.
+//! as before but right, as far as the references are.
 //!
 //! Two questions are asked of each pixel. Is it what the formulas give for the very same samples?
 //! Then only rounding is left. And is it, within the error of the samples, the integral that they
@@ -88,13 +88,15 @@ impl Spheres {
         }
     }
 
-    /// Pixels to be computed again: three on each sphere, one near its edge, and what they show.
+    /// Pixels to be computed again, and what they show: three on each sphere, one of them as near
+    /// to its outline as the middle of a pixel comes.
     fn pixels(&self) -> Vec<((u32, u32), Surface)> {
-        let toward_camera = [(0.3, 0.2), (-0.75, 0.45), (0.1, -0.8)];
         let of_sphere = |instance: u32| {
-            toward_camera.map(|(x, y): (f64, f64)| {
+            let angle = f64::from(instance); // another part of the outline for each sphere
+            let outline = 0.9999 * DVec2::from_angle(angle);
+            [DVec2::new(0.3, 0.2), DVec2::new(-0.75, 0.45), outline].map(|at| {
                 // The middle of a pixel may miss what its corner shows: further in, it doesn't.
-                let inward = (0..8).map(|step| 0.95_f64.powi(step) * DVec2::new(x, y));
+                let inward = (0..32).map(|step| 0.99_f64.powi(step) * at);
                 let seen = inward.map(|at| self.shown(instance, at)).find_map(|found| found);
                 seen.expect("the camera sees the sphere")
             })
@@ -442,6 +444,15 @@ fn faults_are_seen() {
     let not_a_number = tampered("diffuse", |image| scaled(image, f32::NAN));
     assert_eq!(count(&not_a_number, "formula"), 192);
     assert_eq!(count(&not_a_number, "integral"), 64);
+}
+
+/// Outlines are looked at, where the mistakes at grazing act.
+#[test]
+fn some_pixels_graze() {
+    let spheres = Spheres::new("scene", (240, 135));
+    let cosines: Vec<f64> = spheres.pixels().iter().map(|(_, s)| s.n_dot_v()).collect();
+    let below = |bound: f64| cosines.iter().filter(|cosine| **cosine < bound).count();
+    assert!(below(0.2) >= 10 && below(0.1) >= 3, "{} and {}", below(0.2), below(0.1));
 }
 
 /// A frame that is shifted by a pixel: mirrors and edges tell.

@@ -41,6 +41,10 @@ impl Surface {
         }
     }
 
+    pub(crate) fn n_dot_v(&self) -> f64 {
+        self.n.dot(self.v)
+    }
+
     /// Scale and bias of f0 for this width and view.
     fn entry(&self, table: &Texture) -> DVec2 {
         table.sample(DVec2::new(self.n.dot(self.v), self.alpha)).truncate().truncate()
