@@ -15,6 +15,10 @@ pub(super) const UNIFORM_WORDS: usize = 4096;
 /// Cases whose arguments are constants: each is a call of its own, which the driver may inline.
 pub(crate) const CONSTANTS: usize = 64;
 
+/// Calls of one kernel with constants. Compilers take more than in proportion for large kernels,
+/// and wgpu's GL panics where a thread waits longer than six seconds for another one's.
+const CALLS: usize = 16;
+
 /// Name of the generated entry point.
 pub(super) const ENTRY_POINT: &str = "karat_probe";
 
@@ -65,7 +69,7 @@ impl Kernel {
         match self.inputs {
             Inputs::Storage => None,
             Inputs::Uniform => Some(UNIFORM_WORDS / self.words_in.max(1)),
-            Inputs::Constant => Some(CONSTANTS),
+            Inputs::Constant => Some(CALLS),
         }
     }
 

@@ -1,7 +1,7 @@
 //! A kernel on a device: buffers, bind groups, dispatch and read-back.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::kernel::{ENTRY_POINT, Kernel, UNIFORM_WORDS, WORKGROUP};
 use super::{Inputs, ProbeError, Probed};
@@ -144,7 +144,11 @@ impl Runner {
             let (function, inputs) = (self.function.clone(), self.kernel.inputs);
             ProbeError::Inputs { function, inputs, reason }
         })?;
+        // One at a time: other threads wait for the compiler, too, and some drivers give up.
+        static COMPILING: Mutex<()> = Mutex::new(());
+        let turn = COMPILING.lock().unwrap_or_else(PoisonError::into_inner);
         let pipeline = compile(self.device, &self.function, &text)?;
+        drop(turn);
         let own = [None, Some(&self.results), Some(&self.batch)];
         bind(self.device, pipeline, &self.resources, self.kernel.first_binding, own)
     }
