@@ -417,7 +417,9 @@ impl<D: Domain> Plan<'_, D> {
             inputs::each(self, name, &identity, |inputs| {
                 let asserted = (name, assertion.clone());
                 let session = Session::open(self, demand, &identity, seed, asserted, inputs)?;
-                let memory = Memory::open(&identity).filter(|_| recording == Recording::On);
+                // What is declared to fail needn't be remembered.
+                let remembered = recording == Recording::On && self.known_issues.is_empty();
+                let memory = Memory::open(&identity).filter(|_| remembered);
                 let session = session.remembering(memory);
                 if let Subject::Function { location, .. } = &mut subject {
                     *location = session.probed.function.span.to_string();

@@ -509,8 +509,8 @@ pub(crate) const FAULTS: &[Fault] = &[
     fault(
         "sampling",
         Kind::Comparison,
-        "n_dot_l < 0.0) {\n        return 0.0;",
-        "n_dot_l <= 0.0) {\n        return 0.0;",
+        "n_dot_l < 0.0) {\n        return 0.0;\n    }\n    return INV_TAU;",
+        "n_dot_l <= 0.0) {\n        return 0.0;\n    }\n    return INV_TAU;",
         "sampling::uniform_hemisphere_pdf",
     ),
     fault(

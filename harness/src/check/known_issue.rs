@@ -30,6 +30,10 @@ impl KnownIssues {
         self.0.push((path, reason.trim().to_owned()));
     }
 
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
     /// Why a path is to fail; `None`: it isn't.
     pub(crate) fn on(&self, path: Path) -> Option<&str> {
         self.0.iter().find(|(known, _)| *known == path).map(|(_, reason)| &**reason)
