@@ -827,13 +827,6 @@ pub(crate) const FAULTS: &[Fault] = &[
     ),
     fault(
         "specular",
-        Kind::Measure,
-        "ratio * ratio * h.z / PI",
-        "ratio * ratio / PI",
-        "specular::the_levels_of_filtered_estimate",
-    ),
-    fault(
-        "specular",
         Kind::Frame,
         "l.z * radiance(frame * l)",
         "l.z * radiance(l)",
