@@ -7,6 +7,7 @@
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
 use glam::{DVec2, DVec3};
+use karat::stats::gauss_legendre;
 
 use crate::{distribution, fresnel, geometry, sampling};
 
@@ -190,29 +191,6 @@ pub fn integral(alpha: f64, v: DVec3, f: impl Fn(DVec3) -> f64) -> f64 {
     half_vector_rule(alpha, v, 40, 40).into_iter().map(|(l, weight)| f(l) * weight).sum()
 }
 
-/// Points in (0, 1) and weights that integrate polynomials of degree 2 n - 1 exactly. Press et al.
-/// 2007, section 4.6: Newton's method on the Legendre polynomial.
-#[must_use]
-pub fn gauss_legendre(n: u32) -> Vec<(f64, f64)> {
-    (0..n)
-        .map(|i| {
-            let mut x = (PI * (f64::from(i) + 0.75) / (f64::from(n) + 0.5)).cos();
-            let mut slope = 1.0;
-            // Convergence is quadratic from an error of 1e-3 at most.
-            for _ in 0..6 {
-                let (mut p, mut before) = (1.0, 0.0);
-                for k in 0..n {
-                    let k = f64::from(k);
-                    (p, before) = (((2.0 * k + 1.0) * x * p - k * before) / (k + 1.0), p);
-                }
-                slope = f64::from(n) * (x * p - before) / (x * x - 1.0);
-                x -= p / slope;
-            }
-            (0.5 * (1.0 - x), 1.0 / ((1.0 - x * x) * slope * slope))
-        })
-        .collect()
-}
-
 fn above_horizon(v: DVec3, l: DVec3) -> bool {
     v.z > 0.0 && l.z > 0.0
 }
@@ -249,17 +227,6 @@ mod tests {
         let x = sample(u + DVec2::X * step) - sample(u - DVec2::X * step);
         let y = sample(u + DVec2::Y * step) - sample(u - DVec2::Y * step);
         x.cross(y).length() / (4.0 * step * step)
-    }
-
-    #[test]
-    fn gauss_and_legendre_integrate_polynomials() {
-        for n in [1, 2, 7, 40] {
-            let rule = gauss_legendre(n);
-            for degree in (0..2 * n).map(|degree| i32::try_from(degree).expect("small")) {
-                let sum: f64 = rule.iter().map(|(x, w)| w * x.powi(degree)).sum();
-                assert!((sum * f64::from(degree + 1) - 1.0).abs() < 1e-12, "{n}, {degree}");
-            }
-        }
     }
 
     #[test]

@@ -11,6 +11,7 @@
 mod cells;
 mod chi_square;
 mod cubature;
+mod gauss;
 mod kolmogorov;
 mod mean;
 mod power;
@@ -20,6 +21,7 @@ mod tail;
 pub use cells::Cells;
 pub use chi_square::{ChiSquare, POOLED};
 pub use cubature::{CellIntegral, CubatureError, Rectangle, integrate};
+pub use gauss::gauss_legendre;
 pub use kolmogorov::Kolmogorov;
 pub use mean::{Mean, Moments};
 pub use power::{Rate, chi_square_power};

@@ -1,10 +1,11 @@
 //! Adaptive integrals over the cells of a support, of a function that is evaluated in batches.
 
+use super::gauss::gauss_legendre;
 use super::{Cells, Support};
 
 /// Nodes of each side: Gauss-Legendre's of degree 13. The other rule is Lobatto's of degree 7,
 /// which has nodes on the sides: between inner nodes and a side both rules would miss an edge.
-const ORDER: usize = 7;
+const ORDER: u32 = 7;
 
 /// Nodes of one integral of all cells: what a software device evaluates in some ten seconds.
 const MOST: usize = 1 << 24;
@@ -185,29 +186,6 @@ fn lobatto() -> Vec<(f64, f64)> {
     vec![(0.0, end), (0.5 - inner, side), (0.5, middle), (0.5 + inner, side), (1.0, end)]
 }
 
-/// Nodes and weights on 0..1: the roots of Legendre's polynomial, by Newton's method from
-/// Chebyshev's. Abramowitz and Stegun 25.4.29.
-fn gauss_legendre(order: usize) -> Vec<(f64, f64)> {
-    let count = order as f64;
-    (0..order)
-        .map(|index| {
-            let mut x = (std::f64::consts::PI * (index as f64 + 0.75) / (count + 0.5)).cos();
-            let mut slope = 1.0;
-            for _ in 0..20 {
-                let (mut before, mut value) = (1.0, x);
-                for k in 2..=order {
-                    let k = k as f64;
-                    (before, value) =
-                        (value, ((2.0 * k - 1.0) * x * value - (k - 1.0) * before) / k);
-                }
-                slope = count * (x * value - before) / (x * x - 1.0);
-                x -= value / slope;
-            }
-            (0.5 * (1.0 - x), 1.0 / ((1.0 - x * x) * slope * slope))
-        })
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use std::convert::Infallible;
@@ -248,7 +226,6 @@ mod tests {
                 assert!((sum - 1.0 / f64::from(power + 1)).abs() < 1e-14, "{degree} {power}");
             }
         };
-        (1..=9_u8).for_each(|order| exact(gauss_legendre(order.into()), 2 * order - 1));
         exact(lobatto(), 7);
     }
 
