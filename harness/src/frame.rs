@@ -28,8 +28,6 @@ pub enum Blend {
     Replace,
     /// Values add up. A fragment function that returns 1 counts how often a pixel is shaded.
     Add,
-    /// The new value covers the old one by its alpha, with which it is multiplied already.
-    Over,
 }
 
 #[derive(Clone, Debug)]

@@ -20,6 +20,7 @@ pub use arguments::{ExposureArguments, RenderArguments};
 
 use crate::diagnostic::{nearest, shown};
 use crate::frame::Frame;
+use crate::golden::build_output;
 use crate::image::{Image, ImageError, NonFinite, Precision};
 use crate::path::{self, Path, PathError};
 
@@ -315,9 +316,7 @@ fn open(asked: Option<Path>) -> Result<Path, PathError> {
 /// Where frames go when nothing else is said: into Cargo's target folder, which it marks for
 /// backup programs, or below the working directory if Cargo didn't build this program.
 fn output() -> PathBuf {
-    let program = std::env::current_exe().unwrap_or_default();
-    let marked = program.ancestors().find(|folder| folder.join("CACHEDIR.TAG").is_file());
-    marked.map_or_else(PathBuf::new, FilePath::to_path_buf).join("karat/frames")
+    build_output().join("karat/frames")
 }
 
 /// Makes the folder and tries to write into it, before minutes go into a frame.

@@ -360,7 +360,6 @@ fn blend_state(blend: Blend) -> Option<wgpu::BlendState> {
     match blend {
         Blend::Replace => None,
         Blend::Add => Some(wgpu::BlendState { color: sum, alpha: sum }),
-        Blend::Over => Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
     }
 }
 
