@@ -1,6 +1,6 @@
 //! The frames of the shader library against their goldens.
 
-use frames::Shot;
+use frames::{Shot, open_paths};
 use karat::prelude::*;
 use karat::{Goldens, Image};
 
@@ -8,8 +8,9 @@ static GOLDEN: Goldens = karat::goldens!("../golden");
 
 /// wgpu's GL draws into 16-bit floats here, which rounds one pixel in a hundred by more than the
 /// 1e-3 of lavapipe, and doesn't filter across the edges of cube-map faces. What that does to a
-/// frame depends on where it shows such edges. So few pixels are all that these bounds leave to
-/// doubt: `second_opinion` computes GL's frames without the filter, and finds them within 1e-2.
+/// frame depends on where it shows such edges: few pixels, but the bound is one for all. The wide
+/// ones say little of GL. What does is `second_opinion`, which computes pixels of GL's frames
+/// without the filter, and holds them to 1e-2.
 fn gl_tolerance(name: &str) -> f32 {
     match name {
         // Higher mip levels: a texel, and so the edge, is up to a face wide. 0.34 and 0.44 found.
@@ -23,13 +24,6 @@ fn gl_tolerance(name: &str) -> f32 {
         // 0.04 found.
         _ => 5e-2,
     }
-}
-
-fn open_paths() -> Vec<Path> {
-    let open = Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok());
-    let open: Vec<Path> = open.collect();
-    assert!(!open.is_empty(), "no execution path opens, so nothing would be checked");
-    open
 }
 
 /// Maps that frames look up are computed on the first path, so that each path is judged for what

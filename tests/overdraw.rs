@@ -1,6 +1,6 @@
 //! What a depth pre-pass does: each pixel is shaded once, and nothing else changes.
 
-use frames::grid;
+use frames::{grid, open_paths};
 use karat::prelude::*;
 use karat::{Blend, Frame, Image};
 use shaders::scene;
@@ -11,13 +11,6 @@ const SIZE: (u32, u32) = (240, 180);
 fn oblique(fragment: &str) -> Frame<'static> {
     let aspect = f64::from(SIZE.0) / f64::from(SIZE.1);
     grid("overdraw", fragment, scene::oblique_camera(aspect), SIZE)
-}
-
-fn open_paths() -> Vec<Path> {
-    let open = Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok());
-    let open: Vec<Path> = open.collect();
-    assert!(!open.is_empty(), "no execution path opens, so nothing would be checked");
-    open
 }
 
 fn render(frame: &Frame<'_>, path: Path) -> Image {
