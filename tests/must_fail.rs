@@ -382,6 +382,7 @@ fn planted(fault: &[&str], environment: &[(&str, &str)]) -> (Output, String) {
     for name in ["CI", "KARAT_PATHS", "KARAT_REQUIRE", "KARAT_RECORD"] {
         command.env_remove(name);
     }
+    command.env("KARAT_FAILURES", "off");
     let output = command
         .args(fault)
         .envs(environment.iter().copied())

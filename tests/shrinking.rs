@@ -181,6 +181,75 @@ fn the_simplest_case_is_replayed() {
     assert!(!passed && text.contains("KARAT_INPUT needs KARAT_CASE"), "{text}");
 }
 
+/// What a verb draws besides the arguments, and cases that aren't words, are reduced, replayed and
+/// remembered with them.
+#[test]
+fn properties_and_integrals_are_reduced_replayed_and_remembered() {
+    for (fault, simplest, kept_line) in [
+        (
+            "monotone",
+            &["           x = 0", "           a = 1", "          x' = 1"][..],
+            " 00000000,3f800000,3f800000 0x",
+        ),
+        (
+            "turned",
+            &[
+                "           d = (0.6, 0, 0.8)",
+                "           a = 1",
+                "    rotation = 180 degrees about (1, 0, 0)",
+            ],
+            " 3f19999a,00000000,3f4ccccd,3f800000,3f800000,00000000,00000000,00000000 0x",
+        ),
+        ("integral", &["        case = \"1.0\""], " - 0x"),
+    ] {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let (passed, text) = kept(folder.path(), fault, &[]);
+        assert!(!passed, "{text}");
+        let title = "simplest (reduced from case ";
+        let reduced = block(&text, title);
+        assert_eq!(&reduced[..simplest.len()], simplest, "{text}");
+        let kept_lines = lines(folder.path());
+        let [line] = &*kept_lines else { panic!("one line a failing input: {kept_lines:?}") };
+        assert!(line.contains(kept_line), "{line}");
+
+        // Each replay is of the same case, alone, and says how to repeat itself.
+        for (title, block_title) in [("worst (case ", "worst (case "), (title, "worst (case ")] {
+            let environment = replay(&text, title);
+            let (passed, again) = kept(folder.path(), fault, &environment);
+            assert!(!passed && again.contains("1 of 1 cases fail"), "{again}");
+            assert_eq!(block(&text, title), block(&again, block_title), "{again}");
+            assert_eq!(environment, replay(&again, "worst (case "));
+        }
+        let environment = replay(&text, title);
+        let (passed, text) = kept(folder.path(), &format!("{fault}_mended"), &environment);
+        assert!(passed, "{text}");
+
+        // It is tried again: on its own where another seed would not find the fault.
+        let (passed, text) = kept(folder.path(), &format!("{fault}_mended"), &[]);
+        assert!(passed && lines(folder.path()).len() == 1, "what passes stays: {text}");
+        let (passed, text) = kept(folder.path(), fault, &[("KARAT_SEED", "7")]);
+        assert!(!passed && lines(folder.path()).len() <= 2, "{text}");
+    }
+}
+
+/// A remembered integral that no case draws fails because it is remembered.
+#[test]
+fn a_remembered_integral_fails_again() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (passed, text) = kept(folder.path(), "integral_rare", &[]);
+    assert!(passed, "no case is 0.36: {text}");
+    let (passed, text) = kept(folder.path(), "integral_window", &[]);
+    assert!(!passed, "{text}");
+    let (passed, text) = kept(folder.path(), "integral_rare", &[]);
+    assert!(!passed && text.contains("1 of 257 cases fail"), "{text}");
+    assert_eq!(block(&text, "worst (remembered case 256)")[0], "        case = \"0.36\"");
+    let environment = replay(&text, "worst (remembered");
+    let (passed, again) = kept(folder.path(), "integral_rare", &environment);
+    assert!(!passed && again.contains("1 of 1 cases fail"), "{again}");
+    let (passed, text) = kept(folder.path(), "integral_elsewhere", &[]);
+    assert!(passed && text.contains("(case = \"0.36\") is ignored"), "{text}");
+}
+
 /// A failing input is kept once, tried again, and stays when it passes.
 #[test]
 fn failing_inputs_are_remembered() {

@@ -6,6 +6,7 @@
 //! theirs. A check that compared nothing is an error.
 
 mod argument;
+mod companion;
 mod disagreement;
 mod equivariance;
 mod identity;
@@ -123,6 +124,18 @@ impl<'a, D> Plan<'a, D> {
     fn new(probe: Probe<'a>, domain: D) -> Self {
         let (tolerance_on, known_issues) = (Vec::new(), KnownIssues::default());
         Self { probe, domain, cases: None, seed: None, tolerance_on, known_issues }
+    }
+
+    /// The same over another domain.
+    fn over<E>(&self, domain: E) -> Plan<'a, E> {
+        Plan {
+            probe: self.probe.clone(),
+            domain,
+            cases: self.cases,
+            seed: self.seed,
+            tolerance_on: self.tolerance_on.clone(),
+            known_issues: self.known_issues.clone(),
+        }
     }
 
     /// A verb's tolerance with those of single paths.

@@ -21,7 +21,7 @@ use std::fmt::Debug;
 pub use direction::{Hemisphere, UnitRgb, UnitVector};
 pub use edges::{AnyF32, Edges};
 pub use latin::LatinHypercube;
-use product::Parts;
+pub(crate) use product::Parts;
 pub use range::Integers;
 pub use shrink::{Origin, Shrinkable};
 pub use source::Source;
@@ -208,7 +208,7 @@ impl<T: Clone + Debug + Send + Sync + 'static> OneOf<T> {
 }
 
 /// How complicated a number or boolean is.
-fn complexity(value: &dyn Any) -> Option<u64> {
+pub(crate) fn complexity(value: &dyn Any) -> Option<u64> {
     None.or_else(|| value.downcast_ref::<bool>().map(|value| u64::from(*value)))
         .or_else(|| value.downcast_ref::<f32>().map(|value| shrink::float_complexity(*value)))
         .or_else(|| value.downcast_ref::<u32>().map(|value| 2 * u64::from(*value)))

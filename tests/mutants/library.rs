@@ -139,8 +139,6 @@ impl Library {
         command.env("RAYON_NUM_THREADS", "1").arg("--test-threads=1");
         command.env("KARAT_OVERLAY", folder.path().join("overlay"));
         command.env("KARAT_RECORD", folder.path().join("record"));
-        // What a fault fails on is no failure to be remembered.
-        command.env("KARAT_FAILURES", "off");
         command.env("NODEVICE_SELECT", "1").env("RUST_BACKTRACE", "0");
         if !names.is_empty() {
             command.arg("--exact").args(names);

@@ -5,8 +5,9 @@
 
 use std::process::ExitCode;
 
+use glam::Vec3;
 use karat::prelude::*;
-use karat::{Frame, Goldens};
+use karat::{Agreement, Direction, Frame, Goldens};
 
 /// A function whose loop never ends, as `sum` is never negative. llvmpipe leaves a loop after
 /// 65,535 rounds; with a long body those take minutes.
@@ -111,6 +112,13 @@ fn kept() -> Result<String, String> {
                 .map(|agreement| agreement.to_string())
                 .map_err(|failure| failure.to_string());
         }
+        "monotone" | "monotone_mended" => monotone(change == "monotone"),
+        "turned" | "turned_mended" => turned(change == "turned"),
+        "integral" => many_integrals("0.5 * step(0.4, c)", 1.0),
+        "integral_mended" => many_integrals("0.0", 1.0),
+        "integral_window" => many_integrals("0.5 * step(0.33, c) * step(c, 0.39)", 1.0),
+        "integral_rare" => many_integrals("select(0.0, 0.5, c == 0.36)", 1.0),
+        "integral_elsewhere" => many_integrals("0.0", 0.25),
         "signature" => {
             let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");
             package.function("f").over(0.0..=1.0).agrees_with(|x: f64| x, Ulp(1.0))
@@ -121,6 +129,40 @@ fn kept() -> Result<String, String> {
         }
     };
     Ok(agreement.to_string())
+}
+
+/// Rises with `x` but for a step down at 0.6, where `a` is above 0.3.
+fn monotone(fault: bool) -> Agreement {
+    let step = if fault { "x > 0.6 && a > 0.3" } else { "false" };
+    let wgsl = format!("fn f(x: f32, a: f32) -> f32 {{ return x - select(0.0, 3.0, {step}); }}");
+    let package = Package::from_source("planted", &wgsl);
+    let over = package.function("f").over((0.0..=1.0, 0.0..=1.0));
+    over.is_monotone_in("x", Direction::Increasing, Ulp(1.0))
+}
+
+/// A direction that is its own result, but for those with `a` above 0.3.
+fn turned(fault: bool) -> Agreement {
+    let swapped = if fault { "d.yxz" } else { "d" };
+    let wgsl = format!(
+        "fn f(d: vec3f, a: f32) -> vec3f {{ return select(d, {swapped}, a > 0.3 && d.z > 0.1); }}"
+    );
+    let package = Package::from_source("planted", &wgsl);
+    package.function("f").over((UnitVector, 0.0..=1.0)).equivariant_under(
+        |(d, a), q| ((q * d.as_dvec3()).as_vec3(), a),
+        |d: Vec3, q| q * d.as_dvec3(),
+        Abs(1e-5),
+    )
+}
+
+/// Integrals of cases that aren't words: names.
+fn many_integrals(excess: &str, end: f32) -> Agreement {
+    let wgsl = format!("fn f(c: f32, x: f32) -> f32 {{ return c + {excess}; }}");
+    let package = Package::from_source("planted", &wgsl);
+    let cases = (0.0..=end).map(|c| format!("{c:?}"));
+    let number = |c: &String| c.parse::<f32>().expect("a number");
+    let nodes = move |c: &String| (0..10_u8).map(|x| ((number(c), f32::from(x)), 0.1)).collect();
+    let integral = package.function("f").integral(cases, nodes);
+    integral.agrees_with(move |c| f64::from(number(c)), Abs(1e-6))
 }
 
 /// Compares a frame with the golden `gradient` of the folder given as the second argument.

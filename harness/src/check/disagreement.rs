@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::integral;
+use super::memory::Descent;
 use super::tally::{Census, Judged};
 use crate::diagnostic::Diagnostic;
 use crate::path::Adapter;
@@ -54,17 +55,17 @@ pub struct PathDisagreement {
 pub struct Simplest {
     /// The failure; its case is the one that was reduced.
     pub failure: CaseFailure,
-    /// The lanes of its arguments.
+    /// The lanes of its arguments; none for an integral, whose cases needn't be made of lanes.
     pub input: Vec<u32>,
     /// The command that runs it again.
     pub replay: String,
-    /// Which of the simpler values was taken in each round.
-    pub(crate) steps: Vec<usize>,
+    /// How its value came about.
+    pub(crate) descent: Descent,
 }
 
 impl Simplest {
-    pub(super) fn new(failure: CaseFailure, input: Vec<u32>) -> Self {
-        Self { failure, input, replay: String::new(), steps: Vec::new() }
+    pub(super) fn new(failure: CaseFailure, descent: Descent) -> Self {
+        Self { failure, input: Vec::new(), replay: String::new(), descent }
     }
 }
 

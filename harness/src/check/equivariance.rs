@@ -4,15 +4,13 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 use glam::{DQuat, DVec3};
 
+use super::companion::{Accompanied, Companion, WithCompanion};
 use super::property::Exhibit;
 use super::tally::compare;
 use super::{Agreement, Check, Failure, Recording, or_panic};
 use crate::domain::{Domain, Source};
-use crate::tolerance::Tolerance;
+use crate::tolerance::{Tolerance, significant};
 use crate::value::{Arguments, Mirror, Shareable};
-
-/// Tells the stream of a case's rotation from that of its arguments.
-const ROTATION: u64 = 0x726f_7461_7469_6f6e;
 
 impl<D: Domain> Check<'_, D>
 where
@@ -73,17 +71,19 @@ where
     ) -> Result<Agreement, Failure> {
         let tolerances = self.plan.tolerances(tolerance);
         let assertion = tolerances.general.to_string();
-        self.conclude("equivariant_under", assertion, recording, |session| {
+        let domain = &self.plan.domain;
+        let plan = self.plan.over(WithCompanion { domain, companion: Rotations });
+        plan.conclude("equivariant_under", assertion, &Self::demand(), recording, |session| {
             session.expect_result(&R::shape(), "the rotation of the result takes", None)?;
             tolerances.expect_usable(session)?;
             let (scalars, tolerances) = (session.scalars(), tolerances.of_runners(session));
             let mut changed = false;
             let tallies = session.run(|batch, dispatches| {
                 let words = batch.lanes.len() / batch.values.len().max(1);
-                let rotation = |case: usize| rotation(session.seed, batch.first + case as u64);
+                let rotation = |case: usize| rotation(batch.values[case].1);
                 let mut lanes = Vec::with_capacity(batch.lanes.len());
-                for (case, value) in batch.values.iter().enumerate() {
-                    arguments(value.clone(), rotation(case)).store_all(&mut lanes);
+                for Accompanied(value, companion) in &batch.values {
+                    arguments(value.clone(), self::rotation(*companion)).store_all(&mut lanes);
                 }
                 changed |= lanes != batch.lanes;
                 let before = session.read(dispatches)?;
@@ -100,7 +100,7 @@ where
                 };
                 let exhibit = |path: usize, case: usize| Exhibit {
                     lanes: batch.lanes[case * words..][..words].to_vec(),
-                    varied: vec![("rotation".to_owned(), rotation(case).to_string())],
+                    varied: vec![("rotation".to_owned(), shown(rotation(case)))],
                     actual: after[path].of(case).to_vec(),
                     expected: expected(path, case),
                     judged: judge(path, case),
@@ -115,17 +115,61 @@ where
     }
 }
 
-/// The rotation of a case. Shoemake, "Uniform Random Rotations", 1992.
-fn rotation(seed: u64, case: u64) -> DQuat {
-    let mut source = Source::new(seed ^ ROTATION, case);
-    if case.is_multiple_of(8) {
-        let axis = DVec3::AXES[usize::try_from(source.below(3)).unwrap_or_default()];
-        let imaginary = FRAC_1_SQRT_2 * axis;
-        return DQuat::from_xyzw(imaginary.x, imaginary.y, imaginary.z, FRAC_1_SQRT_2);
+/// Draws rotations, as quaternions of `f32`.
+struct Rotations;
+
+/// Half turns, quarter turns and turns by 106 degrees (3, 4, 5) about the axes: what simple
+/// rotations are.
+fn simple() -> impl Iterator<Item = [u32; 4]> {
+    let about = |imaginary: f64, real: f64| {
+        DVec3::AXES.map(|axis| {
+            let imaginary = imaginary * axis;
+            words(DQuat::from_xyzw(imaginary.x, imaginary.y, imaginary.z, real))
+        })
+    };
+    let all = [about(1.0, 0.0), about(FRAC_1_SQRT_2, FRAC_1_SQRT_2), about(0.8, 0.6)];
+    all.into_iter().flatten()
+}
+
+impl<V> Companion<V, 4> for Rotations {
+    /// Shoemake, "Uniform Random Rotations", 1992.
+    fn draw(&self, _: &V, source: &mut Source) -> [u32; 4] {
+        if source.below(8) == 0 {
+            let axis = usize::try_from(source.below(3)).unwrap_or_default();
+            return simple().nth(3 + axis).expect("there are three quarter turns");
+        }
+        let (share, first, second) = (source.unit(), TAU * source.unit(), TAU * source.unit());
+        let (a, b) = ((1.0 - share).sqrt(), share.sqrt());
+        let (x, y, z, w) = (a * first.sin(), a * first.cos(), b * second.sin(), b * second.cos());
+        words(DQuat::from_xyzw(x, y, z, w))
     }
-    let (share, first, second) = (source.unit(), TAU * source.unit(), TAU * source.unit());
-    let (a, b) = ((1.0 - share).sqrt(), share.sqrt());
-    DQuat::from_xyzw(a * first.sin(), a * first.cos(), b * second.sin(), b * second.cos())
+
+    fn admits(&self, _: &V, companion: &[u32; 4]) -> Option<bool> {
+        let length: f64 =
+            companion.map(|word| f64::from(f32::from_bits(word)).powi(2)).iter().sum();
+        Some((length - 1.0).abs() < 1e-6)
+    }
+
+    fn shrink(&self, _: &V, companion: [u32; 4]) -> Vec<[u32; 4]> {
+        simple().take_while(|simple| *simple != companion).collect()
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "a rotation is what its words say")]
+fn words(q: DQuat) -> [u32; 4] {
+    q.to_array().map(|component| (component as f32).to_bits())
+}
+
+/// `90 degrees about (0, 0, 1)`
+fn shown(q: DQuat) -> String {
+    let (axis, angle) = q.to_axis_angle();
+    let [x, y, z] = axis.to_array().map(|component| significant(component));
+    format!("{} degrees about ({x}, {y}, {z})", significant(angle.to_degrees()))
+}
+
+/// The rotation of a companion: exactly of length 1, as far as `f64` goes.
+fn rotation(companion: [u32; 4]) -> DQuat {
+    DQuat::from_array(companion.map(|word| f64::from(f32::from_bits(word)))).normalize()
 }
 
 #[cfg(test)]
@@ -136,7 +180,7 @@ mod tests {
     fn rotations_keep_lengths_and_angles_and_move_the_axes_everywhere() {
         let mut mean = DVec3::ZERO;
         for case in 0..4000 {
-            let q = rotation(3, case);
+            let q = rotation(Rotations.draw(&(), &mut Source::new(3, case)));
             assert!((q.length() - 1.0).abs() < 1e-12);
             assert!((q * DVec3::X).dot(q * DVec3::Y).abs() < 1e-12);
             mean += q * DVec3::Z / 4000.0;

@@ -22,8 +22,18 @@ struct Selection {
     /// `function/check`
     check: Option<String>,
     case: u64,
+    /// Which of the simpler values to take, again and again, from the case's own.
+    steps: Vec<usize>,
     /// `KARAT_INPUT`: the lanes of the arguments that the case has in place of its own.
     input: Option<Vec<u32>>,
+}
+
+/// A case to be replayed, or what is to be in its place.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Replayed<'a> {
+    pub(crate) case: u64,
+    pub(crate) steps: &'a [usize],
+    pub(crate) input: Option<&'a [u32]>,
 }
 
 impl Identity {
@@ -40,10 +50,14 @@ impl Identity {
         });
         let selection = variable("KARAT_CASE").map(|text| {
             let (check, case) = match text.rsplit_once('/') {
-                Some((check, case)) => (Some(check.to_owned()), number("KARAT_CASE", case)),
-                None => (None, number("KARAT_CASE", &text)),
+                Some((check, case)) => (Some(check.to_owned()), case),
+                None => (None, &*text),
             };
-            Selection { check, case, input: input.clone() }
+            let (case, steps) = case.split_once(':').unwrap_or((case, ""));
+            let steps = read_steps(steps).unwrap_or_else(|| {
+                panic!("KARAT_CASE={text} has steps that aren't numbers with points between them")
+            });
+            Selection { check, case: number("KARAT_CASE", case), steps, input: input.clone() }
         });
         let stray = input.is_some() && selection.is_none();
         assert!(!stray, "KARAT_INPUT needs KARAT_CASE, which says for which check it is");
@@ -97,18 +111,27 @@ impl Identity {
         selection.input.as_deref()
     }
 
-    /// The command that runs a check again, on one path and one case, or on `input` in its place.
+    /// The steps to a simpler value from that of the selected case of a check.
+    pub(crate) fn steps(&self, function: &str, check: &str) -> &[usize] {
+        let selection = self.selection.as_ref().filter(|_| self.selects(function, check));
+        selection.map_or(&[], |selection| &selection.steps)
+    }
+
+    /// The command that runs a check again, on one path and one case.
     pub(crate) fn replay(
         &self,
         path: Path,
         seed: u64,
         function: &str,
         check: &str,
-        case: u64,
-        input: Option<&[u32]>,
+        replayed: Replayed<'_>,
     ) -> String {
+        let Replayed { case, steps, input } = replayed;
         let mut environment =
             format!("KARAT_PATHS={path} KARAT_SEED={seed:#x} KARAT_CASE={function}/{check}/{case}");
+        if !steps.is_empty() {
+            environment = format!("{environment}:{}", write_steps(steps));
+        }
         if let Some(input) = input {
             environment = format!("{environment} KARAT_INPUT={}", write_words(input));
         }
@@ -144,6 +167,16 @@ pub(crate) fn write_words(words: &[u32]) -> String {
 
 pub(crate) fn read_words(text: &str) -> Option<Vec<u32>> {
     text.split(',').map(|word| u32::from_str_radix(word.trim(), 16).ok()).collect()
+}
+
+/// Steps as the environment and files have them: `3.0`.
+pub(crate) fn write_steps(steps: &[usize]) -> String {
+    let steps: Vec<String> = steps.iter().map(ToString::to_string).collect();
+    steps.join(".")
+}
+
+pub(crate) fn read_steps(text: &str) -> Option<Vec<usize>> {
+    text.split('.').filter(|step| !step.is_empty()).map(|step| step.parse().ok()).collect()
 }
 
 fn number(name: &str, text: &str) -> u64 {
@@ -184,7 +217,12 @@ mod tests {
 
     #[test]
     fn a_named_case_selects_one_check() {
-        let named = Selection { check: Some("a::f/agrees_with".to_owned()), case: 7, input: None };
+        let named = Selection {
+            check: Some("a::f/agrees_with".to_owned()),
+            case: 7,
+            steps: vec![],
+            input: None,
+        };
         let identity = |selection| Identity { test: "t".to_owned(), seed: Some(1), selection };
         let one = identity(Some(named));
         assert_eq!(one.case("a::f", "agrees_with", 100), Some(7));
@@ -192,7 +230,9 @@ mod tests {
         assert_eq!(one.case("a::f", "satisfies", 100), None);
         assert_eq!(one.seed("a::f", "agrees_with"), 1);
         assert_ne!(one.seed("a::f", "satisfies"), 1);
-        let any = identity(Some(Selection { check: None, case: 7, input: None }));
+        let any =
+            identity(Some(Selection { check: None, case: 7, steps: vec![3, 0], input: None }));
         assert_eq!(any.case("b::g", "satisfies", 5), Some(7));
+        assert_eq!(any.steps("b::g", "satisfies"), [3, 0]);
     }
 }

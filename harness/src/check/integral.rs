@@ -9,8 +9,10 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::disagreement::{CaseFailure, NodeFailure, arguments};
+use super::disagreement::{CaseFailure, NodeFailure, Simplest, arguments};
+use super::memory::Descent;
 use super::session::{Demand, LanesOnly, PathTally, Session, signature};
+use super::shrink::Effort;
 use super::tally::{Class, Judged, Shown, Tally, classify};
 use super::tolerances::{self, Tolerances};
 use super::{Agreement, Failure, Plan, Probe, Recording, finite, or_panic};
@@ -197,22 +199,66 @@ where
         let (name, asserted) = (assertion.name(), assertion.to_string());
         plan.conclude(name, asserted, &demand, recording, |session| {
             assertion.expect_result(session, &E::shape(), &plan.tolerance_on)?;
+            let judge = |first: u64, values: Vec<D::Value>| -> Result<_, Failure> {
+                let rules = (&rule, control.as_ref());
+                let group = Group::of(session, first, values, assertion, rules, &expected)?;
+                let nodes = group.nodes() / group.cases.len().max(1);
+                Ok((group.integrate(session, assertion)?, nodes))
+            };
+            let remembered = session.remembered_integrals();
+            let mut again = Vec::new();
+            for (index, (_, value)) in (session.count()..).zip(&remembered) {
+                again = PathTally::merge_all(again, judge(index, vec![value.clone()])?.0);
+            }
             let Range { start: mut first, end } = session.selected()?;
             let (mut sums, mut size) = (Vec::new(), 1);
             while first < end {
                 let cases = first..end.min(first + size);
-                let rules = (&rule, control.as_ref());
-                let group = Group::draw(session, cases, assertion, rules, &expected)?;
-                sums = PathTally::merge_all(sums, group.integrate(session, assertion)?);
-                first += group.cases.len() as u64;
+                let values = session.values(cases.clone())?;
+                let (tallies, nodes) = judge(first, values)?;
+                sums = PathTally::merge_all(sums, tallies);
+                first = cases.end;
                 // The next group fills a dispatch if its rules are as long as these. It grows by
                 // steps, so that few long rules after short ones are in memory at once.
-                let nodes = group.nodes() / group.cases.len().max(1);
                 let fitting = session.capacity() / nodes.max(1);
                 size = (2 * size).min(fitting.max(1) as u64);
             }
+            if again.iter().any(|path| path.tally.census.failures > 0) {
+                sums = PathTally::merge_all(sums, again);
+            }
+            session.reduce(&mut sums, &remembered, |values| Ok(judge(0, values.to_vec())?.0));
             Ok(sums)
         })
+    }
+}
+
+impl<D: Domain> Session<'_, D> {
+    fn values(&self, cases: Range<u64>) -> Result<Vec<D::Value>, Failure> {
+        cases.map(|index| self.case(index)).collect()
+    }
+
+    /// Simplifies the worst integral of each path that fails, and remembers it.
+    fn reduce(
+        &self,
+        sums: &mut [PathTally],
+        remembered: &[(Descent, D::Value)],
+        mut judge: impl FnMut(&[D::Value]) -> Result<Vec<PathTally>, Failure>,
+    ) {
+        for (path, sum) in sums.iter_mut().enumerate() {
+            let Some(worst) = sum.worst.as_ref().filter(|_| self.steps().is_empty()) else {
+                continue;
+            };
+            let old = worst.case.checked_sub(self.count());
+            let old = old.and_then(|index| remembered.get(usize::try_from(index).ok()?));
+            sum.simplest = match old {
+                Some((descent, _)) => Some(Simplest::new(worst.clone(), descent.clone())),
+                None => {
+                    let found = self.simplest(path, worst, Effort::INTEGRALS, &mut judge);
+                    found.map(|(simplest, _)| simplest)
+                }
+            };
+        }
+        self.remember(sums);
     }
 }
 
@@ -328,19 +374,18 @@ struct Case<V, A> {
 impl<V: Clone + std::fmt::Debug + Send + Sync + 'static, A: Arguments> Group<V, A> {
     /// Makes the rules of the cases and what their integrals should be. A rule that is empty or
     /// has a weight that isn't finite is an error, and so is an expectation that isn't finite.
-    fn draw<D: Domain<Value = V>, E: Mirror, Q: Fn(&V) -> Vec<(A, f64)> + Sync>(
+    fn of<D: Domain<Value = V>, E: Mirror, Q: Fn(&V) -> Vec<(A, f64)> + Sync>(
         session: &Session<'_, D>,
-        cases: Range<u64>,
+        first: u64,
+        values: Vec<V>,
         assertion: &Assertion,
         (rule, control): (&Q, Option<&Q>),
         expected: &(impl Fn(&V) -> E + Sync),
     ) -> Result<Self, Failure> {
         let words = session.scalars().len();
-        let first = cases.start;
-        let cases: Vec<Result<Case<V, A>, Failure>> = cases
+        let cases: Vec<Case<V, A>> = values
             .into_par_iter()
-            .map(|index| {
-                let value = session.case(index)?;
+            .map(|value| {
                 let mut lanes = Vec::with_capacity(words);
                 expected(&value).lanes(&mut lanes);
                 // A bound for all components; other shapes have been compared with the result's.
@@ -351,13 +396,12 @@ impl<V: Clone + std::fmt::Debug + Send + Sync + 'static, A: Arguments> Group<V, 
                 if let Some(control) = control {
                     nodes.extend(control(&value));
                 }
-                Ok(Case { nodes, own, expected: lanes, value })
+                Case { nodes, own, expected: lanes, value }
             })
             .collect();
         // In order, so that of several errors the same one is reported every time.
         let mut checked = Vec::with_capacity(cases.len());
         for (index, case) in (first..).zip(cases) {
-            let case = case?;
             let shown = || format!("{:?}", case.value);
             if let Some(reason) = case.unusable() {
                 let (function, arguments) = (session.probed.function.path.clone(), shown());
@@ -485,7 +529,9 @@ impl<V: Clone + std::fmt::Debug + Send + Sync + 'static, A: Arguments> Group<V, 
         });
         let integral = (&*sum.totals(), case.own, node);
         let (value, expected) = (format!("{:?}", case.value), &case.expected);
-        CaseFailure::of_integral(function, shown.case, value, integral, expected, &shown.judged)
+        let (index, judged) = (shown.case, &shown.judged);
+        let failure = CaseFailure::of_integral(function, index, value, integral, expected, judged);
+        CaseFailure { remembered: index >= session.count(), ..failure }
     }
 }
 

@@ -3,18 +3,18 @@
 //! The file lies beside the package's `Cargo.toml`: `.karat/failures/<target>/<test>.txt`, a line
 //! for each input. An input stays when it passes, until the file is deleted. One that the function
 //! or the domain doesn't take any more is ignored with a note. `KARAT_FAILURES=off` turns this off;
-//! in CI files are read and none is written.
+//! in CI and under an overlay files are read and none is written.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::Identity;
-use super::identity::{read_words, write_words};
+use super::identity::{read_steps, read_words, write_steps, write_words};
 
 const HEAD: &str = "\
 # Inputs on which checks of this test have failed. They are tried first in its next runs, also
 # after they pass; delete the file when they aren't wanted any more.
-# function, check, path, arguments as hexadecimal words, seed:case:steps of the reduction # arguments
+# function, check, path, arguments as hexadecimal words (or -), seed:case:steps # arguments
 ";
 
 /// The inputs that one test has failed on.
@@ -32,14 +32,22 @@ pub(super) struct Entry {
     pub(super) check: String,
     /// The path that it failed on first. It is tried on every path.
     pub(super) path: String,
-    /// The lanes of the arguments.
+    /// The lanes of the arguments; none for an integral, whose cases needn't be words.
     pub(super) words: Vec<u32>,
-    /// How the value came about: the case of this seed, and which of the simpler values was taken
-    /// in each round. It says whether a mapped domain, which can't be asked, still has the value.
+    /// How the value came about. It says whether a mapped domain, which can't be asked, still has
+    /// the value.
+    pub(super) descent: Descent,
+    /// The arguments as they read.
+    pub(super) comment: String,
+}
+
+/// How a reduced value came about: from a case of a seed, by one of the simpler values in each
+/// round.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Descent {
     pub(super) seed: u64,
     pub(super) case: u64,
     pub(super) steps: Vec<usize>,
-    pub(super) comment: String,
 }
 
 impl Memory {
@@ -54,7 +62,9 @@ impl Memory {
         let stem = exe.file_stem()?.to_string_lossy().into_owned();
         let target = stem.rsplit_once('-').map_or(&*stem, |(name, _)| name);
         let folder = Path::new(&package).join(".karat").join("failures").join(target);
-        let writable = std::env::var_os("CI").is_none_or(|value| value.is_empty());
+        let ci = std::env::var_os("CI").is_some_and(|value| !value.is_empty());
+        // Under an overlay it is the overlay's module that fails.
+        let writable = !ci && crate::package::overlay().is_none();
         Some(Self::read(folder.join(format!("{}.txt", file_name(&identity.test))), writable))
     }
 
@@ -83,7 +93,7 @@ impl Memory {
         let mut found: Vec<&Entry> = Vec::new();
         for entry in &self.entries {
             let own = entry.function == function && entry.check == check;
-            if own && found.iter().all(|other| other.words != entry.words) {
+            if own && found.iter().all(|other| !other.is_same(entry)) {
                 found.push(entry);
             }
         }
@@ -99,7 +109,7 @@ impl Memory {
     /// Adds an input, unless it is there.
     pub(super) fn keep(&self, entry: &Entry) {
         let known = self.of(&entry.function, &entry.check);
-        if !self.writable || known.iter().any(|known| known.words == entry.words) {
+        if !self.writable || known.iter().any(|known| known.is_same(entry)) {
             return;
         }
         if let Err(error) = self.append(entry) {
@@ -116,8 +126,7 @@ impl Memory {
         let text = std::fs::read_to_string(&self.file).unwrap_or_default();
         let same = |line: &str| {
             Entry::parse(line).is_some_and(|old| {
-                (&old.function, &old.check, &old.words)
-                    == (&entry.function, &entry.check, &entry.words)
+                (&old.function, &old.check) == (&entry.function, &entry.check) && old.is_same(entry)
             })
         };
         if text.lines().any(same) {
@@ -130,10 +139,19 @@ impl Memory {
 }
 
 impl Entry {
+    /// Whether both are the same input of one check.
+    fn is_same(&self, other: &Self) -> bool {
+        match (&*self.words, &*other.words) {
+            ([], []) => self.comment == other.comment,
+            (own, others) => own == others,
+        }
+    }
+
     fn line(&self) -> String {
-        let Self { function, check, path, seed, case, comment, .. } = self;
-        let steps: Vec<String> = self.steps.iter().map(ToString::to_string).collect();
-        let (words, steps) = (write_words(&self.words), steps.join("."));
+        let Self { function, check, path, descent, comment, .. } = self;
+        let Descent { seed, case, steps } = descent;
+        let words = if self.words.is_empty() { "-" } else { &write_words(&self.words) };
+        let steps = write_steps(steps);
         format!("{function} {check} {path} {words} {seed:#x}:{case}:{steps} # {comment}")
     }
 
@@ -144,17 +162,13 @@ impl Entry {
         let mut origin = origin.splitn(3, ':');
         let seed = u64::from_str_radix(origin.next()?.strip_prefix("0x")?, 16).ok()?;
         let case = origin.next()?.parse().ok()?;
-        let steps = origin.next()?;
-        let steps: Result<_, _> =
-            steps.split('.').filter(|step| !step.is_empty()).map(str::parse).collect();
+        let steps = read_steps(origin.next()?)?;
         Some(Self {
             function: function.to_owned(),
             check: check.to_owned(),
             path: path.to_owned(),
-            words: read_words(words)?,
-            seed,
-            case,
-            steps: steps.ok()?,
+            words: if words == "-" { Vec::new() } else { read_words(words)? },
+            descent: Descent { seed, case, steps },
             comment: comment.to_owned(),
         })
     }
@@ -181,9 +195,7 @@ mod tests {
             check: "agrees_with".to_owned(),
             path: "gl".to_owned(),
             words: words.to_vec(),
-            seed: 0x12,
-            case: 7,
-            steps: vec![3, 0],
+            descent: Descent { seed: 0x12, case: 7, steps: vec![3, 0] },
             comment: "x = 1, y = (0, # 2)".to_owned(),
         }
     }
@@ -194,7 +206,9 @@ mod tests {
         let expected = "m::f agrees_with gl 3f800000,00000000 0x12:7:3.0 # x = 1, y = (0, # 2)";
         assert_eq!(line, expected);
         assert_eq!(Entry::parse(&line), Some(entry(&[0x3f80_0000, 0])));
-        let none = Entry { steps: vec![], ..entry(&[1]) };
+        let descent = Descent { seed: 1, case: 2, steps: vec![] };
+        let none = Entry { descent, ..entry(&[]) };
+        assert!(none.line().starts_with("m::f agrees_with gl - 0x1:2: # "), "{}", none.line());
         assert_eq!(Entry::parse(&none.line()), Some(none));
         for bad in
             ["", "m::f", "m::f agrees_with gl 3f8x 0x1:2:", "m::f a gl 0 1:2:", "a b c 0 0x1:2"]

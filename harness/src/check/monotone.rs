@@ -3,13 +3,14 @@
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use rayon::prelude::*;
-
 use super::argument::{Argument, ScalarArgument};
+use super::companion::{Accompanied, Companion, WithCompanion};
 use super::property::Exhibit;
+use super::shrink::words;
 use super::tally::{Class, Judged, classify};
 use super::{Agreement, Check, Failure, Recording, or_panic};
-use crate::domain::{Domain, Source};
+use crate::domain::{Domain, Source, complexity};
+use crate::probe::Probed;
 use crate::tolerance::{Measure, Tolerance};
 use crate::value::{Arguments, Scalar, format_lane};
 
@@ -38,8 +39,7 @@ const DRAWS: [u32; 4] = [1, 2, 8, 32];
 /// Draws until one differs: enough for a list of two values.
 const PATIENCE: u32 = 64;
 
-/// Tells the stream of a case's second value from that of its first.
-const SECOND: u64 = 0x6d6f_6e6f_746f_6e65;
+const NAME: &str = "is_monotone_in";
 
 impl<D: Domain> Check<'_, D>
 where
@@ -97,26 +97,30 @@ where
         let tolerances = self.plan.tolerances(tolerance);
         let assertion = format!("{direction} in {argument}, {}", tolerances.general);
         let demand = Self::demand();
-        let plan = &self.plan;
-        plan.conclude("is_monotone_in", assertion, &demand, recording, |session| {
+        let probed = Probed::new(self.plan.probe.package, &self.plan.probe.path);
+        let varied = probed.ok().and_then(|probed| argument.scalar(&probed.function).ok());
+        let Some(varied) = varied else {
+            // The session finds the same fault, and records it.
+            return self.conclude(NAME, assertion, recording, |session| {
+                argument.scalar(&session.probed.function).map(|_| Vec::new())
+            });
+        };
+        let domain = &self.plan.domain;
+        let companion = Other { domain, argument: varied.clone() };
+        let plan = self.plan.over(WithCompanion { domain, companion });
+        plan.conclude(NAME, assertion, &demand, recording, |session| {
             tolerances.expect_usable(session)?;
             let (scalars, tolerances) = (session.scalars(), tolerances.of_runners(session));
-            let varied = argument.scalar(&session.probed.function)?;
             let (mut pairs, changed) = (0, AtomicBool::new(false));
             let tallies = session.run(|batch, dispatches| {
                 let words = batch.lanes.len() / batch.values.len().max(1);
                 let mut lanes = batch.lanes.clone();
-                pairs += lanes
-                    .par_chunks_mut(words)
-                    .enumerate()
-                    .filter_map(|(case, lanes)| {
-                        let case = batch.first + case as u64;
-                        let own = lanes[varied.lane];
-                        let other = other(&plan.domain, &varied, session.seed, case, own)?;
-                        lanes[varied.lane] = other;
-                        Some(())
-                    })
-                    .count();
+                for (lanes, Accompanied(_, [other])) in
+                    lanes.chunks_exact_mut(words).zip(&batch.values)
+                {
+                    let own = std::mem::replace(&mut lanes[varied.lane], *other);
+                    pairs += usize::from(own != *other);
+                }
                 let before = session.read(dispatches)?;
                 let after = session.results(batch, &lanes)?;
                 let judge = |path: usize, case: usize| {
@@ -154,36 +158,72 @@ where
     }
 }
 
-/// Another value of the argument for a case: the nearest of some draws of its own.
-fn other<D: Domain>(
-    domain: &D,
-    argument: &ScalarArgument,
-    seed: u64,
-    case: u64,
-    own: u32,
-) -> Option<u32>
+/// Another value of the argument for a case.
+struct Other<'a, D> {
+    domain: &'a D,
+    argument: ScalarArgument,
+}
+
+impl<D: Domain> Other<'_, D>
 where
     D::Value: Arguments,
 {
-    let mut source = Source::new(seed ^ SECOND, case);
-    let draws = DRAWS[usize::try_from(case % 4).unwrap_or_default()];
-    let value = |word: u32| argument.scalar.decode(word);
-    let distance = |word: u32| (value(word) - value(own)).abs();
-    let mut nearest: Option<u32> = None;
-    let mut lanes = Vec::new();
-    for draw in 0..PATIENCE {
-        if draw >= draws && nearest.is_some() {
-            break;
-        }
-        lanes.clear();
-        domain.draw(&mut source)?.store_all(&mut lanes);
-        let word = lanes[argument.lane];
-        let nearer = nearest.is_none_or(|nearest| distance(word) < distance(nearest));
-        if distance(word) > 0.0 && nearer {
-            nearest = Some(word);
-        }
+    /// The arguments with the other value in place of their own.
+    fn replaced(&self, arguments: &D::Value, other: u32) -> D::Value {
+        let mut lanes = words(arguments);
+        lanes[self.argument.lane] = other;
+        D::Value::load_all(&mut lanes.iter())
     }
-    nearest
+
+    fn of(&self, arguments: &D::Value) -> u32 {
+        words(arguments)[self.argument.lane]
+    }
+}
+
+impl<D: Domain> Companion<D::Value, 1> for Other<'_, D>
+where
+    D::Value: Arguments,
+{
+    /// The nearest of some draws; the case's own value if none differs.
+    fn draw(&self, arguments: &D::Value, source: &mut Source) -> [u32; 1] {
+        let own = self.of(arguments);
+        let draws = DRAWS[usize::try_from(source.below(4)).unwrap_or_default()];
+        let value = |word: u32| self.argument.scalar.decode(word);
+        let distance = |word: u32| (value(word) - value(own)).abs();
+        let mut nearest: Option<u32> = None;
+        for draw in 0..PATIENCE {
+            if draw >= draws && nearest.is_some() {
+                break;
+            }
+            let Some(drawn) = self.domain.draw(source) else { break };
+            let word = self.of(&drawn);
+            let nearer = nearest.is_none_or(|nearest| distance(word) < distance(nearest));
+            if distance(word) > 0.0 && nearer {
+                nearest = Some(word);
+            }
+        }
+        [nearest.unwrap_or(own)]
+    }
+
+    fn admits(&self, arguments: &D::Value, [other]: &[u32; 1]) -> Option<bool> {
+        self.domain.admits(&self.replaced(arguments, *other))
+    }
+
+    /// Values of the domain's edges and of what the domain has for simpler.
+    fn shrink(&self, arguments: &D::Value, [other]: [u32; 1]) -> Vec<[u32; 1]> {
+        let weight = |word: u32| match self.argument.scalar {
+            Scalar::F32 => complexity(&f32::from_bits(word)),
+            Scalar::I32 => complexity(&word.cast_signed()),
+            _ => complexity(&word),
+        };
+        let mut simpler = self.domain.shrink(&self.replaced(arguments, other));
+        simpler.extend(self.domain.edges());
+        let mut found: Vec<u32> = simpler.iter().map(|value| self.of(value)).collect();
+        found.retain(|word| weight(*word) < weight(other));
+        found.sort_by_key(|word| weight(*word));
+        found.dedup();
+        found.into_iter().map(|word| [word]).collect()
+    }
 }
 
 /// Compares a result with the one before it: what goes the right way has no error.
@@ -248,21 +288,25 @@ mod tests {
     }
 
     #[test]
-    fn another_value_depends_on_the_case_alone_and_lies_in_the_domain() {
+    fn another_value_lies_in_the_domain_near_or_far() {
         let domain = (0.25..=0.75_f32, 2.0..=3.0_f32);
-        let second = ScalarArgument { name: "b".to_owned(), scalar: Scalar::F32, lane: 1 };
+        let argument = ScalarArgument { name: "b".to_owned(), scalar: Scalar::F32, lane: 1 };
+        let other = Other { domain: &domain, argument };
         let mut near = 0;
         for case in 0..1000 {
-            let own = 2.5_f32;
-            let word = other(&domain, &second, 7, case, own.to_bits()).expect("there are others");
+            let [word] = other.draw(&(0.5, 2.5), &mut Source::new(7, case));
             let value = f32::from_bits(word);
-            assert!((2.0..=3.0).contains(&value) && value != own);
-            assert_eq!(other(&domain, &second, 7, case, own.to_bits()), Some(word));
-            near += usize::from((value - own).abs() < 0.05);
+            assert!((2.0..=3.0).contains(&value) && value != 2.5);
+            assert_eq!(other.admits(&(0.5, 2.5), &[word]), Some(true));
+            near += usize::from((value - 2.5).abs() < 0.05);
         }
         assert!((100..900).contains(&near), "{near} of 1000 are near");
+        assert_eq!(other.admits(&(0.5, 2.5), &[4.0_f32.to_bits()]), Some(false));
+        let simpler = other.shrink(&(0.5, 2.5), [2.734_f32.to_bits()]);
+        assert_eq!(simpler.first(), Some(&[2.0_f32.to_bits()]));
         let one = (crate::domain::Just(1.0_f32), 0.0..=1.0_f32);
-        let first = ScalarArgument { name: "a".to_owned(), scalar: Scalar::F32, lane: 0 };
-        assert_eq!(other(&one, &first, 7, 0, 1.0_f32.to_bits()), None);
+        let argument = ScalarArgument { name: "a".to_owned(), scalar: Scalar::F32, lane: 0 };
+        let other = Other { domain: &one, argument };
+        assert_eq!(other.draw(&(1.0, 0.5), &mut Source::new(7, 0)), [1.0_f32.to_bits()]);
     }
 }

@@ -88,7 +88,12 @@ where
                 let mut arguments = arguments(function, &lanes);
                 arguments.extend(varied);
                 let expected = Some(&*expected);
-                CaseFailure::new(function, shown.case, arguments, &actual, expected, &judged)
+                let remembered = shown.case >= self.count();
+                let case = shown.case;
+                CaseFailure {
+                    remembered,
+                    ..CaseFailure::new(function, case, arguments, &actual, expected, &judged)
+                }
             })
         });
         tally.collect()

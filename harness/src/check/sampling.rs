@@ -19,6 +19,7 @@ use std::marker::PhantomData;
 pub use density::Power;
 pub use rejection::{ConfigurationRejection, Finding, PathRejection, Rejection};
 
+use super::identity::Replayed;
 use super::session::{Demand, Session};
 use super::{Failure, Identity, Plan, Probe, Recording};
 use crate::domain::{Domain, Source};
@@ -341,8 +342,8 @@ fn conclude<D: Domain>(
                 fits.push((adapter, sum.p));
                 continue;
             };
-            let replay =
-                identity.replay(device.path(), seed, &function, check, worst.configuration, None);
+            let replayed = Replayed { case: worst.configuration, steps: &[], input: None };
+            let replay = identity.replay(device.path(), seed, &function, check, replayed);
             let place = (identity.test.as_str(), function.as_str(), device.path().to_string());
             let worst = worst.reported(settings.support, place);
             rejections.push(PathRejection {

@@ -5,9 +5,9 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::disagreement::arguments;
-use super::identity::with_inputs;
-use super::memory::{Entry, Memory};
-use super::shrink::{Judge, words as words_of};
+use super::identity::{Replayed, with_inputs};
+use super::memory::{Descent, Entry, Memory};
+use super::shrink::{Effort, words as words_of};
 use super::tally::{Judged, Shown, Tally, tally};
 use super::{
     Agreement, CaseFailure, Disagreement, Failure, Identity, PathDisagreement, Plan, Reference,
@@ -48,6 +48,8 @@ pub(super) struct Session<'a, D: Domain> {
     cases: Cases<'a, D>,
     /// The one case that a replay selects.
     case: Option<u64>,
+    /// Lanes of all parameters. Values may hold more words, of which kernels know nothing.
+    words: usize,
     identity: &'a Identity,
     pub(super) seed: u64,
     /// Where the arguments come from.
@@ -70,9 +72,9 @@ pub(super) struct PathTally {
     pub(super) adapter: Adapter,
     pub(super) path: Path,
     pub(super) tally: Tally,
-    worst: Option<CaseFailure>,
+    pub(super) worst: Option<CaseFailure>,
     first: Option<CaseFailure>,
-    simplest: Option<Simplest>,
+    pub(super) simplest: Option<Simplest>,
     /// Nodes of all integrals; 0 for other checks.
     nodes: u64,
 }
@@ -117,6 +119,12 @@ impl PathTally {
         }
     }
 }
+
+/// Judges a batch on every path.
+trait Judge<V>: FnMut(&Batch<V>, Vec<Dispatch>) -> Result<Vec<PathTally>, Failure> {}
+
+impl<V, F> Judge<V> for F where F: FnMut(&Batch<V>, Vec<Dispatch>) -> Result<Vec<PathTally>, Failure>
+{}
 
 impl<'a, D: Domain> Session<'a, D> {
     pub(super) fn open(
@@ -169,8 +177,9 @@ impl<'a, D: Domain> Session<'a, D> {
             .collect::<Result<_, _>>()?;
         let name = with_inputs(assertion.0, inputs);
         let case = identity.case(&probed.function.path, &name, cases.count());
+        let words = declared.iter().map(|shape| shape.lanes().len()).sum();
         let memory = None;
-        Ok(Self { probed, runners, cases, case, identity, seed, inputs, assertion, memory })
+        Ok(Self { probed, runners, cases, case, words, identity, seed, inputs, assertion, memory })
     }
 
     /// Tries what the test has failed on before, and remembers what it fails on.
@@ -258,14 +267,78 @@ impl<'a, D: Domain> Session<'a, D> {
         self.runners.iter().map(Runner::capacity).min().unwrap_or(BATCH)
     }
 
-    /// The value of a case.
+    /// The value of a case, or the simpler one that a replay asks for.
     pub(super) fn case(&self, index: u64) -> Result<D::Value, Failure> {
+        let steps = self.steps();
+        if !steps.is_empty() {
+            let descent = Descent { seed: self.seed, case: index, steps: steps.to_vec() };
+            return self.descend(&descent).ok_or_else(|| Failure::Domain {
+                function: self.probed.function.path.clone(),
+                reason: "has no such simpler value any more (steps of KARAT_CASE)".to_owned(),
+            });
+        }
         self.cases.get(index).ok_or_else(|| Failure::Domain {
             function: self.probed.function.path.clone(),
             reason: "rejects nearly everything that its filter sees: build the values with `map` \
                      instead"
                 .to_owned(),
         })
+    }
+
+    /// The steps with which a replay goes on from its case.
+    pub(super) fn steps(&self) -> &[usize] {
+        self.identity.steps(&self.probed.function.path, &self.name())
+    }
+
+    /// The value that comes about in this way, if it still does.
+    fn descend(&self, descent: &Descent) -> Option<D::Value> {
+        let cases = self.cases.with_seed(descent.seed);
+        let mut at = cases.shrinkable(descent.case)?;
+        for index in &descent.steps {
+            at = at.simpler().into_iter().nth(*index)?;
+        }
+        Some(at.value().clone())
+    }
+
+    /// The cases of integrals that have failed before, which come about as they did then.
+    pub(super) fn remembered_integrals(&self) -> Vec<(Descent, D::Value)> {
+        let Some(memory) = &self.memory else { return Vec::new() };
+        let mut found = Vec::new();
+        for entry in memory.of(&self.probed.function.path, self.assertion.0) {
+            match self.descend(&entry.descent) {
+                Some(value) if entry.comment == format!("case = {value:?}") => {
+                    found.push((entry.descent.clone(), value));
+                }
+                _ => memory.ignore(entry, "it isn't in the domain any more"),
+            }
+        }
+        found
+    }
+
+    /// Keeps what failed, reduced.
+    pub(super) fn remember(&self, sums: &[PathTally]) {
+        let Some(memory) = &self.memory else { return };
+        for (path, simplest) in
+            sums.iter().filter_map(|sum| Some((sum.path, sum.simplest.as_ref()?)))
+        {
+            if simplest.failure.remembered {
+                continue;
+            }
+            let arguments: Vec<String> = simplest
+                .failure
+                .arguments
+                .iter()
+                .map(|(name, value)| format!("{name} = {value}"))
+                .collect();
+            memory.keep(&Entry {
+                function: self.probed.function.path.clone(),
+                check: self.assertion.0.to_owned(),
+                path: path.name().to_owned(),
+                words: simplest.input.clone(),
+                descent: simplest.descent.clone(),
+                comment: arguments.join(", "),
+            });
+        }
     }
 
     /// The value of a case, with the simpler ones next to it.
@@ -316,16 +389,34 @@ impl<'a, D: Domain> Session<'a, D> {
                 agreeing.push((adapter, self.inputs));
                 continue;
             };
-            let replay = |input: Option<&[u32]>| {
+            let replay = |seed: u64, replayed: Replayed<'_>| {
                 let (function, check) = (&self.probed.function.path, &self.name());
-                self.identity.replay(path, self.seed, function, check, worst.case, input)
+                self.identity.replay(path, seed, function, check, replayed)
+            };
+            let replay_of = |simplest: &Simplest| match &*simplest.input {
+                [] => {
+                    let Descent { seed, case, steps } = &simplest.descent;
+                    replay(*seed, Replayed { case: *case, steps, input: None })
+                }
+                input => {
+                    let case = worst.case;
+                    replay(self.seed, Replayed { case, steps: &[], input: Some(input) })
+                }
             };
             let first = first.filter(|first| first.case != worst.case);
-            let old = simplest.as_ref().filter(|_| worst.remembered);
-            let replay_worst = replay(old.map(|old| &*old.input).or(self.input()));
-            let simplest = simplest.filter(|simplest| !simplest.steps.is_empty());
-            let simplest = simplest
-                .map(|simplest| Simplest { replay: replay(Some(&simplest.input)), ..simplest });
+            let replay_worst = match simplest.as_ref().filter(|_| worst.remembered) {
+                Some(old) => replay_of(old),
+                None => {
+                    let (steps, input) = (self.steps(), self.input());
+                    replay(self.seed, Replayed { case: worst.case, steps, input })
+                }
+            };
+            let reduced =
+                |simplest: &Simplest| !worst.remembered && !simplest.descent.steps.is_empty();
+            let simplest = simplest.filter(reduced).map(|simplest| {
+                let replay = replay_of(&simplest);
+                Simplest { replay, ..simplest }
+            });
             let (census, replay) = (tally.census, replay_worst);
             let inputs = self.inputs;
             paths.push(PathDisagreement {
@@ -371,13 +462,37 @@ where
                 let old = worst.case.checked_sub(self.cases.count());
                 let old = old.and_then(|index| remembered.get(usize::try_from(index).ok()?));
                 sum.simplest = match old {
-                    Some(value) => Some(Simplest::new(worst.clone(), words_of(value))),
-                    None => self.simplest(path, worst, &mut judge),
+                    Some(value) => {
+                        // Its replay is by its words.
+                        let descent =
+                            Descent { seed: self.seed, case: worst.case, steps: Vec::new() };
+                        let simplest = Simplest::new(worst.clone(), descent);
+                        Some(Simplest { input: words_of(value), ..simplest })
+                    }
+                    None => {
+                        let mut judge = |values: &[D::Value]| {
+                            let batch = self.batch(0, values.to_vec());
+                            let dispatches = self.dispatch(&batch.lanes_only())?;
+                            judge(&batch, dispatches)
+                        };
+                        let found = self.simplest(path, worst, self.effort(), &mut judge);
+                        found.map(|(simplest, value)| Simplest {
+                            input: words_of(&value),
+                            ..simplest
+                        })
+                    }
                 };
             }
         }
         self.remember(&sums);
         Ok(sums)
+    }
+
+    fn effort(&self) -> Effort {
+        match self.inputs {
+            Inputs::Constant => Effort::of_constants(self.capacity()),
+            Inputs::Storage | Inputs::Uniform => Effort::of_calls(self.capacity()),
+        }
     }
 
     /// The inputs on which this check has failed before, as far as they still are in its domain.
@@ -404,14 +519,7 @@ where
     /// Whether the domain has a value. One that can't tell has it if the value comes about in the
     /// same way as before.
     fn still_drawn(&self, value: &D::Value, entry: &Entry) -> bool {
-        let again = || {
-            let cases = self.cases.with_seed(entry.seed);
-            let mut at = cases.shrinkable(entry.case)?;
-            for index in &entry.steps {
-                at = at.simpler().into_iter().nth(*index)?;
-            }
-            Some(words_of(at.value()) == entry.words)
-        };
+        let again = || Some(words_of(&self.descend(&entry.descent)?) == entry.words);
         self.cases.admits(value).unwrap_or_else(|| again() == Some(true))
     }
 
@@ -423,43 +531,16 @@ where
     ) -> Result<Vec<PathTally>, Failure> {
         let mut sums = Vec::new();
         for (index, values) in (self.cases.count()..).zip(remembered.chunks(1)) {
-            let batch = Batch::of(index, values.to_vec());
+            let batch = self.batch(index, values.to_vec());
             let dispatches = self.dispatch(&batch.lanes_only())?;
             sums = PathTally::merge_all(sums, judge(&batch, dispatches)?);
         }
         Ok(sums)
     }
 
-    fn remember(&self, sums: &[PathTally]) {
-        let Some(memory) = &self.memory else { return };
-        for (path, simplest) in
-            sums.iter().filter_map(|sum| Some((sum.path, sum.simplest.as_ref()?)))
-        {
-            if simplest.failure.remembered {
-                continue;
-            }
-            let arguments: Vec<String> = simplest
-                .failure
-                .arguments
-                .iter()
-                .map(|(name, value)| format!("{name} = {value}"))
-                .collect();
-            memory.keep(&Entry {
-                function: self.probed.function.path.clone(),
-                check: self.assertion.0.to_owned(),
-                path: path.name().to_owned(),
-                words: simplest.input.clone(),
-                seed: self.seed,
-                case: simplest.failure.case,
-                steps: simplest.steps.clone(),
-                comment: arguments.join(", "),
-            });
-        }
-    }
-
     fn run_cases(&self, judge: &mut impl Judge<D::Value>) -> Result<Vec<PathTally>, Failure> {
         if let Some(words) = self.input() {
-            let batch = Batch::of(self.case.unwrap_or_default(), vec![self.value(words)?]);
+            let batch = self.batch(self.case.unwrap_or_default(), vec![self.value(words)?]);
             let dispatches = self.dispatch(&batch.lanes_only())?;
             return judge(&batch, dispatches);
         }
@@ -487,17 +568,30 @@ where
         Ok(value)
     }
 
+    /// Adds what a kernel gets of a value.
+    fn store(&self, value: &D::Value, lanes: &mut Vec<u32>) {
+        let before = lanes.len();
+        value.store_all(lanes);
+        lanes.truncate(before + self.words);
+    }
+
+    /// Cases from the index `first` on.
+    pub(super) fn batch(&self, first: u64, values: Vec<D::Value>) -> Batch<D::Value> {
+        let mut lanes = Vec::with_capacity(values.len() * self.words);
+        values.iter().for_each(|value| self.store(value, &mut lanes));
+        Batch { first, values, lanes }
+    }
+
     fn draw(&self, first: u64, size: u64) -> Result<Batch<D::Value>, Failure> {
         let size = usize::try_from(size).expect("a batch fits in memory");
-        let words: usize = D::Value::shapes().iter().map(|shape| shape.lanes().len()).sum();
         let parts: Result<Vec<(Vec<_>, Vec<_>)>, Failure> = (0..size.div_ceil(TASK))
             .into_par_iter()
             .map(|task| {
                 let mut values = Vec::with_capacity(TASK);
-                let mut lanes = Vec::with_capacity(TASK * words);
+                let mut lanes = Vec::with_capacity(TASK * self.words);
                 for index in task * TASK..size.min((task + 1) * TASK) {
                     let value = self.case(first + index as u64)?;
-                    value.store_all(&mut lanes);
+                    self.store(&value, &mut lanes);
                     values.push(value);
                 }
                 Ok((values, lanes))
@@ -582,12 +676,6 @@ pub(super) struct LanesOnly<'a> {
 }
 
 impl<V: Arguments> Batch<V> {
-    /// Cases from the index `first` on.
-    pub(super) fn of(first: u64, values: Vec<V>) -> Self {
-        let lanes = values.iter().flat_map(words_of).collect();
-        Self { first, values, lanes }
-    }
-
     pub(super) fn lanes_only(&self) -> LanesOnly<'_> {
         let (first, cases) = (self.first, self.values.len());
         LanesOnly { first, cases, lanes: self.lanes.as_slice().into() }

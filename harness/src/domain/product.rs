@@ -141,7 +141,7 @@ macro_rules! product {
 }
 
 /// The parts of a tuple, each of which can be simplified.
-pub(super) trait Parts<'a> {
+pub(crate) trait Parts<'a> {
     type Value;
     /// The tuple: simpler with all parts at their simplest, or with one of them simpler.
     fn whole(self) -> Shrinkable<'a, Self::Value>;
