@@ -530,6 +530,48 @@ fn means_reject_as_often_as_they_say() {
     assert!(uniform > 1e-3, "{uniform}");
 }
 
+/// Means and distributions see what is announced: half of the runs at half power.
+#[test]
+fn powers_of_means_and_distributions_are_what_they_are_said_to_be() {
+    let cosine = |l: Vec3| f64::from(l.z);
+    let uniform = PBR.function("sampling::uniform_hemisphere");
+    let samples = |count| uniform.clone().sampled_over(Just(()), |(), u: Vec2| u).samples(count);
+    // The mean is 1/2, with a deviation of 1/sqrt(12).
+    let wrong = 0.5 + 0.01;
+    let said = |count| {
+        let power = samples(count).mean_power_against(cosine, |()| wrong, |()| 0.5, 0.0);
+        power.expect("a power").least
+    };
+    assert!(said(1 << 16) > 0.999_999 && said(256) < 0.05);
+    let rate = Rate::over(0..40, |seed| {
+        samples(5000).seed(seed).try_has_mean("cos", cosine, |()| wrong, 0.0).is_err()
+    });
+    assert!((0.2..0.9).contains(&said(5000)), "{}", said(5000));
+    assert!(accepts(binomial_tail(rate.rejected, rate.runs, said(5000)), 1e-3), "{rate:?}");
+
+    // Off by 0.02 at the middle.
+    let bent = |x: f64| x + 0.08 * x * (1.0 - x);
+    let said = |count| {
+        let power = samples(count).distribution_power_against(
+            cosine,
+            |(), x| bent(x),
+            |(), x| x.clamp(0.0, 1.0),
+            0.0,
+        );
+        power.expect("a power").least
+    };
+    assert!(said(1 << 17) > 0.999_999 && said(256) < 0.05);
+    let rate = Rate::over(0..40, |seed| {
+        let samples = samples(6000).seed(seed);
+        samples.try_has_distribution("cos", cosine, |(), x| bent(x), 0.0).is_err()
+    });
+    // What is said is the least: a distance elsewhere rejects as well.
+    let least = said(6000);
+    assert!((0.2..0.9).contains(&least), "{least}");
+    assert!(rate.share() > least || accepts(binomial_tail(rate.rejected, rate.runs, least), 1e-3));
+    assert!(rate.share() < 1.0, "{rate:?}");
+}
+
 /// Discrete, and so a little more forgiving than it says.
 #[test]
 fn binomial_tails_reject_no_more_often_than_they_say() {

@@ -24,7 +24,7 @@ pub use cubature::{CellIntegral, CubatureError, Rectangle, integrate};
 pub use gauss::gauss_legendre;
 pub use kolmogorov::Kolmogorov;
 pub use mean::{Mean, Moments};
-pub use power::{Rate, chi_square_power};
+pub use power::{Rate, chi_square_power, kolmogorov_power, mean_power};
 pub use support::{Place, Support};
 pub use tail::{
     binomial_tail, chi_square_critical, chi_square_tail, kolmogorov_tail, noncentral_tail,

@@ -163,7 +163,7 @@ fn words(q: DQuat) -> [u32; 4] {
 /// `90 degrees about (0, 0, 1)`
 fn shown(q: DQuat) -> String {
     let (axis, angle) = q.to_axis_angle();
-    let [x, y, z] = axis.to_array().map(|component| significant(component));
+    let [x, y, z] = axis.to_array().map(significant);
     format!("{} degrees about ({x}, {y}, {z})", significant(angle.to_degrees()))
 }
 

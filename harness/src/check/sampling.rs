@@ -11,12 +11,13 @@
 mod calls;
 mod density;
 mod picture;
+mod power;
 mod rejection;
 mod statistic;
 
 use std::marker::PhantomData;
 
-pub use density::Power;
+pub use power::Power;
 pub use rejection::{ConfigurationRejection, Finding, PathRejection, Rejection};
 
 use super::identity::Replayed;

@@ -1,7 +1,9 @@
 //! What a test would see: its power against a named fault, and its false alarms.
 
 use super::chi_square::POOLED;
-use super::tail::{chi_square_critical, noncentral_tail};
+use super::tail::{
+    chi_square_critical, critical, kolmogorov_tail, noncentral_tail, normal_tail, normal_upper,
+};
 use super::{NoVerdict, probability};
 
 /// Probability that a chi-square test of `samples` samples against cells of mass `claimed` rejects
@@ -51,6 +53,80 @@ pub fn chi_square_power(
     probability(1.0 - accepted * (-samples * impossible).exp())
 }
 
+/// Probability that the test of a mean rejects at `significance` when what is drawn has another
+/// mean, `difference` from the expected one, and the mean of the samples a standard error `error`.
+///
+/// # Errors
+/// If an argument isn't a number, the error or the slack is negative, or the significance isn't
+/// between 0 and 1.
+pub fn mean_power(
+    difference: f64,
+    error: f64,
+    slack: f64,
+    significance: f64,
+) -> Result<f64, NoVerdict> {
+    expect_significance(significance)?;
+    for (what, value) in [("the standard error", error), ("the slack", slack)] {
+        if !(value >= 0.0 && value.is_finite()) {
+            return Err(NoVerdict::NotANumber { what, value });
+        }
+    }
+    let shift = difference.abs();
+    if error == 0.0 {
+        return probability(f64::from(u8::from(shift > slack)));
+    }
+    // 40 deviations are beyond the smallest double.
+    let bound = critical(40.0, significance, normal_tail);
+    let beyond = |shift: f64| normal_upper(bound + (slack - shift) / error);
+    probability(beyond(shift) + beyond(-shift))
+}
+
+/// The least probability that Kolmogorov's test of `samples` samples rejects at `significance`
+/// when their distribution function is another one. Each of `points` is the claimed function's
+/// value somewhere, and the other one's there: the more points, the better the bound. Massey 1950:
+/// at one place the number of samples below is binomial, here taken for normal.
+///
+/// # Errors
+/// If a value isn't a probability, there are no points, the slack is negative, or the significance
+/// isn't between 0 and 1.
+pub fn kolmogorov_power(
+    points: &[(f64, f64)],
+    samples: f64,
+    slack: f64,
+    significance: f64,
+) -> Result<f64, NoVerdict> {
+    expect_significance(significance)?;
+    if points.is_empty() {
+        return Err(NoVerdict::TooFew { found: 0, needed: 1 });
+    }
+    if !(slack >= 0.0 && slack.is_finite()) {
+        return Err(NoVerdict::NotANumber { what: "the slack", value: slack });
+    }
+    let bound = slack + critical(1.0, significance, |d| kolmogorov_tail(d, samples));
+    let mut most = 0.0_f64;
+    for (claimed, actual) in points {
+        for value in [*claimed, *actual] {
+            if !(0.0..=1.0).contains(&value) {
+                return Err(NoVerdict::NotANumber { what: "the distribution function", value });
+            }
+        }
+        let shift = actual - claimed;
+        let deviation = (actual * (1.0 - actual) / samples).sqrt();
+        let rejects = if deviation == 0.0 {
+            f64::from(u8::from(shift.abs() > bound))
+        } else {
+            normal_upper((bound - shift) / deviation) + normal_upper((bound + shift) / deviation)
+        };
+        most = most.max(rejects);
+    }
+    probability(most)
+}
+
+fn expect_significance(value: f64) -> Result<(), NoVerdict> {
+    let between = value > 0.0 && value < 1.0;
+    if between { Ok(()) } else { Err(NoVerdict::NotANumber { what: "the significance", value }) }
+}
+
 /// How often a test rejected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rate {
@@ -96,6 +172,36 @@ mod tests {
         let nothing = chi_square_power(&even, &even, 1e6, 0.01).expect("four cells");
         assert!((nothing - 0.01).abs() < 1e-6);
         assert!(power(100.0) < 0.02 && power(1e4) > 0.2 && power(1e4) < 0.8 && power(1e6) > 0.9999);
+    }
+
+    #[test]
+    fn the_power_of_a_mean_is_that_of_a_normal_number() {
+        let power = |difference, slack| mean_power(difference, 0.1, slack, 0.05).expect("a power");
+        assert!((power(0.0, 0.0) - 0.05).abs() < 1e-9);
+        // Cohen 1988, table 2.3: a shift of 1.96 deviations is seen in half of the runs.
+        assert!((power(0.196, 0.0) - 0.5).abs() < 1e-3 && (power(-0.196, 0.0) - 0.5).abs() < 1e-3);
+        assert!((power(0.296, 0.1) - power(0.196, 0.0)).abs() < 1e-3);
+        assert_eq!(mean_power(1.0, 0.0, 0.5, 0.05), Ok(1.0));
+        assert_eq!(mean_power(0.1, 0.0, 0.5, 0.05), Ok(0.0));
+        for (error, slack, significance) in
+            [(-1.0, 0.0, 0.1), (f64::NAN, 0.0, 0.1), (1.0, -1.0, 0.1), (1.0, 0.0, 0.0)]
+        {
+            assert!(mean_power(1.0, error, slack, significance).is_err());
+        }
+        assert!(mean_power(f64::NAN, 0.1, 0.0, 0.05).is_err());
+    }
+
+    #[test]
+    fn the_power_of_kolmogorovs_test_grows_with_the_distance() {
+        let power = |shift: f64, slack: f64| {
+            kolmogorov_power(&[(0.5, 0.5 + shift), (0.1, 0.1)], 1000.0, slack, 0.05)
+                .expect("a power")
+        };
+        // The distance at 5 % is 1.358 / sqrt(1000) = 0.043: one half is beyond it then.
+        assert!((power(0.0427, 0.0) - 0.5).abs() < 0.02 && power(0.0, 0.0) < 0.05);
+        assert!(power(0.1, 0.0) > 0.999 && power(-0.1, 0.0) > 0.999 && power(0.1, 0.06) < 0.5);
+        assert!(kolmogorov_power(&[], 10.0, 0.0, 0.1).is_err());
+        assert!(kolmogorov_power(&[(0.5, f64::NAN)], 10.0, 0.0, 0.1).is_err());
     }
 
     /// Of 100 samples one in e^-1 runs has none of the one per cent that can't be.

@@ -65,6 +65,22 @@ pub fn normal_tail(z: f64) -> f64 {
     erfc(z.abs() / std::f64::consts::SQRT_2)
 }
 
+/// Probability that a standard normal number is at least `z`.
+pub(super) fn normal_upper(z: f64) -> f64 {
+    0.5 * erfc(z / std::f64::consts::SQRT_2)
+}
+
+/// The argument at which a falling tail is `significance`, between 0 and `most`.
+pub(super) fn critical(most: f64, significance: f64, tail: impl Fn(f64) -> f64) -> f64 {
+    let (mut low, mut high) = (0.0, most);
+    // Each step adds a bit.
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if tail(middle) > significance { low = middle } else { high = middle }
+    }
+    high
+}
+
 /// Probability of a number of successes at least as extreme as `successes` of `trials`: twice the
 /// smaller tail, summed exactly.
 #[must_use]

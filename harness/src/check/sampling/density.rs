@@ -2,7 +2,9 @@
 
 use super::calls::{At, Calls, STRIDE, draw};
 use super::picture::Histogram;
-use super::{Assertion, Configuration, Finding, Fit, Functions, Judgement, Samples, Settings};
+use super::{
+    Assertion, Configuration, Finding, Fit, Functions, Judgement, Power, Samples, Settings,
+};
 use super::{conclude, fit_or_panic};
 use crate::check::session::signature;
 use crate::check::{Failure, Probe, Recording};
@@ -37,16 +39,6 @@ const ROUNDING: f64 = 1e-4;
 
 /// Weights as small as this are equal: eval and pdf of a lobe's end may be flushed.
 const VANISHED: f64 = 1e-6;
-
-/// The power of a check against an alternative: the probability that it rejects samples which
-/// have the alternative's density.
-#[derive(Clone, Debug)]
-pub struct Power {
-    /// The least power of any configuration, on any path.
-    pub least: f64,
-    /// The configuration that has it.
-    pub configuration: String,
-}
 
 impl<D, U, A, F> Samples<'_, D, U, A, F>
 where
@@ -268,7 +260,7 @@ where
             expect_density::<D, X, U>(functions, settings)?;
             expect_scalar(functions, 1)
         };
-        let mut power = Power { least: f64::INFINITY, configuration: String::new() };
+        let mut power = Power::none();
         conclude(
             plan,
             settings,
@@ -290,10 +282,7 @@ where
                 };
                 match run.power(&at) {
                     Ok(found) => {
-                        if !(found >= power.least) {
-                            let configuration = format!("{:?}", configuration.value);
-                            power = Power { least: found, configuration };
-                        }
+                        power.add(found, configuration.value);
                         Ok(Judgement::fitting())
                     }
                     Err(Stop::Failure(failure)) => Err(failure),

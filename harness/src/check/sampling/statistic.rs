@@ -133,8 +133,8 @@ where
     }
 
     /// Makes the numbers of each configuration and hands them to a verdict.
-    fn numbers<X: Shareable>(
-        self,
+    pub(super) fn numbers<X: Shareable>(
+        &self,
         check: &'static str,
         text: String,
         of: impl Fn(X) -> f64 + Sync,
@@ -144,7 +144,7 @@ where
             &mut dyn FnMut(Verdict<'_>) -> Result<Judgement, Failure>,
         ) -> Result<Judgement, Failure>,
     ) -> Result<Fit, Failure> {
-        let Self { plan, settings, arguments, .. } = &self;
+        let Self { plan, settings, arguments, .. } = self;
         let assertion = Assertion { check, text, tests: 1 };
         let expect = |functions: &Functions<'_, '_, D>| {
             functions.sampler(0, 0).expect_random::<U>()?;

@@ -1,0 +1,96 @@
+//! How likely a check is to reject a sampler with a named fault.
+
+use std::fmt::Debug;
+
+use super::Samples;
+use crate::check::{Failure, Recording};
+use crate::domain::Domain;
+use crate::stats::{Mean, Moments, kolmogorov_power, mean_power};
+use crate::value::{Arguments, Shareable};
+
+/// The power of a check against an alternative: the probability that it rejects samples of which
+/// the alternative is true.
+#[derive(Clone, Debug)]
+pub struct Power {
+    /// The least power of any configuration, on any path.
+    pub least: f64,
+    /// The configuration that has it.
+    pub configuration: String,
+}
+
+impl Power {
+    /// Of no configuration yet.
+    pub(super) fn none() -> Self {
+        Self { least: f64::INFINITY, configuration: String::new() }
+    }
+
+    /// Of one more. What isn't a number is the least.
+    pub(super) fn add(&mut self, power: f64, configuration: &impl Debug) {
+        if !(power >= self.least) {
+            *self = Self { least: power, configuration: format!("{configuration:?}") };
+        }
+    }
+}
+
+impl<D, U, A, F> Samples<'_, D, U, A, F>
+where
+    D: Domain,
+    U: Shareable,
+    A: Arguments,
+    F: Fn(&D::Value, U) -> A + Sync,
+{
+    /// How likely [`has_mean`](Self::has_mean) is to reject a sampler whose mean is `alternative`,
+    /// and whose samples scatter as this one's do. Nothing is asserted.
+    ///
+    /// # Errors
+    /// If there is no verdict to be had of the samples.
+    pub fn mean_power_against<X: Shareable>(
+        &self,
+        of: impl Fn(X) -> f64 + Sync,
+        expected: impl Fn(&D::Value) -> f64,
+        alternative: impl Fn(&D::Value) -> f64,
+        slack: f64,
+    ) -> Result<Power, Failure> {
+        let power = std::cell::RefCell::new(Power::none());
+        let text = "power of the mean".to_owned();
+        self.numbers("has_mean", text, of, Recording::Off, |value, verdict| {
+            let difference = alternative(value) - expected(value);
+            verdict(&mut |numbers, _, threshold| {
+                let mut moments = Moments::default();
+                numbers.iter().for_each(|number| moments.add(*number));
+                let Mean { error, .. } = Mean::of(&moments, expected(value), slack)?;
+                let found = mean_power(difference, error, slack, threshold)?;
+                power.borrow_mut().add(found, value);
+                Ok(())
+            })
+        })?;
+        Ok(power.into_inner())
+    }
+
+    /// The least probability that [`has_distribution`](Self::has_distribution) rejects samples
+    /// whose distribution function is `alternative`. Nothing is asserted. The functions are compared
+    /// where the sampler's own samples are.
+    ///
+    /// # Errors
+    /// If there is no verdict to be had of the samples, or a function isn't one of probabilities.
+    pub fn distribution_power_against<X: Shareable>(
+        &self,
+        of: impl Fn(X) -> f64 + Sync,
+        distribution: impl Fn(&D::Value, f64) -> f64,
+        alternative: impl Fn(&D::Value, f64) -> f64,
+        slack: f64,
+    ) -> Result<Power, Failure> {
+        let power = std::cell::RefCell::new(Power::none());
+        let text = "power of the distribution".to_owned();
+        self.numbers("has_distribution", text, of, Recording::Off, |value, verdict| {
+            verdict(&mut |numbers, _, threshold| {
+                let at = |number: &f64| (distribution(value, *number), alternative(value, *number));
+                let points: Vec<(f64, f64)> = numbers.iter().map(at).collect();
+                let found = kolmogorov_power(&points, numbers.len() as f64, slack, threshold)?;
+                power.borrow_mut().add(found, value);
+                Ok(())
+            })
+        })?;
+        Ok(power.into_inner())
+    }
+}
