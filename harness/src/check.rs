@@ -37,6 +37,7 @@ pub(crate) use known_issue::KnownIssues;
 pub use limit::Limit;
 use memory::Memory;
 pub use monotone::Direction;
+use property::{Exhibit, PRIMED};
 pub use quadrature::Directions;
 pub use reference::Reference;
 pub use sampling::{
@@ -354,23 +355,34 @@ where
             let (scalars, tolerances) = (session.scalars(), tolerances.of_runners(session));
             let mut changed = false;
             let tallies = session.run(|batch, dispatches| {
-                let mut plain = Vec::with_capacity(dispatches.len());
-                for (runner, dispatch) in session.runners.iter().zip(dispatches) {
-                    plain.push(runner.read(dispatch, <[u32]>::to_vec)?);
-                }
+                let before = session.read(dispatches)?;
                 let transformed = batch.transformed(&transform);
                 changed |= transformed.lanes != batch.lanes;
-                let dispatches = session.dispatch(&transformed)?;
+                let lanes = transformed.lanes;
+                let after = session.results(batch, &lanes)?;
                 // What the plain arguments gave is what the transformed ones should.
-                let expect = |path: usize, case: usize| -> Vec<f64> {
-                    let stride = scalars.len() + 1;
-                    let before = &plain[path][case * stride..][..scalars.len()];
-                    scalars.iter().zip(before).map(|(s, word)| s.decode(*word)).collect()
+                let judge = |path: usize, case: usize| {
+                    let expected = session.decode(before[path].of(case));
+                    compare(&scalars, after[path].of(case), &expected, tolerances[path])
                 };
-                let shown = |path, case| Some(expect(path, case));
-                session.judge(batch, dispatches, shown, |path, case, actual| {
-                    compare(&scalars, actual, &expect(path, case), tolerances[path])
-                })
+                let exhibit = |path: usize, case: usize| {
+                    let words = lanes.len() / batch.values.len();
+                    let own = |lanes: &[u32]| lanes[case * words..][..words].to_vec();
+                    let (plain, primed) = (own(&batch.lanes), own(&lanes));
+                    let function = &session.probed.function;
+                    let arguments = disagreement::arguments(function, &plain);
+                    let primed = disagreement::arguments(function, &primed).into_iter();
+                    let changed = primed.zip(&arguments).filter(|(primed, plain)| primed != *plain);
+                    Exhibit {
+                        varied: changed.map(|((name, v), _)| (format!("{name}'"), v)).collect(),
+                        lanes: plain,
+                        compared: PRIMED,
+                        actual: after[path].of(case).to_vec(),
+                        expected: session.decode(before[path].of(case)),
+                        judged: judge(path, case),
+                    }
+                };
+                Ok(session.judge_results(batch, &after, judge, exhibit))
             })?;
             if !changed {
                 let function = session.probed.function.path.clone();
@@ -412,10 +424,10 @@ impl<D: Domain> Plan<'_, D> {
         recording: Recording,
         check: impl Fn(&Session<'_, D>) -> Result<Vec<PathTally>, Failure>,
     ) -> Result<Agreement, Failure> {
-        let identity = Identity::current();
         let function = self.probe.path.clone();
+        let identity = Identity::of(&function, name);
         let package = self.probe.package.root().display().to_string();
-        let seed = self.seed.unwrap_or_else(|| identity.seed(&function, name));
+        let seed = self.seed.unwrap_or_else(|| identity.seed(&function, &identity.check));
         let mut subject = Subject::Function {
             package,
             function,
@@ -427,7 +439,7 @@ impl<D: Domain> Plan<'_, D> {
         let mut paths = Vec::new();
         let mut run = || {
             self.known_issues.expect_reasons(&self.probe.path)?;
-            inputs::each(self, name, &identity, |inputs| {
+            inputs::each(self, &identity, |inputs| {
                 let asserted = (name, assertion.clone());
                 let session = Session::open(self, demand, &identity, seed, asserted, inputs)?;
                 // What is declared to fail needn't be remembered.

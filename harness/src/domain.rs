@@ -387,27 +387,29 @@ pub(crate) struct Cases<'a, D: Domain + ?Sized> {
 }
 
 impl<'a, D: Domain + ?Sized> Cases<'a, D> {
-    /// All of a finite domain that has at most `enumerated` values, else `limit` cases: the edges,
-    /// then draws.
+    /// All of a finite domain that has at most `enumerated` values, else `limit` cases: edges, up
+    /// to half of them, then draws.
     pub(crate) fn new(domain: &'a D, seed: u64, limit: u64, enumerated: u64) -> Self {
         match domain.size() {
             Some(count) if count <= enumerated => {
                 Self { domain, edges: Vec::new(), seed, count, enumerated: true }
             }
-            _ => Self { domain, edges: domain.edges(), seed, count: limit, enumerated: false },
+            _ => {
+                let mut edges = domain.edges();
+                edges.truncate(usize::try_from(limit / 2).unwrap_or(usize::MAX));
+                Self { domain, edges, seed, count: limit, enumerated: false }
+            }
         }
-    }
-
-    /// Of cases that aren't enumerated, at least half are drawn: for checks of few cases, which
-    /// edges alone would fill.
-    pub(crate) fn with_fewer_edges(mut self) -> Self {
-        self.edges.truncate(usize::try_from(self.count / 2).unwrap_or(usize::MAX));
-        self
     }
 
     /// The same cases under another seed.
     pub(crate) fn with_seed(&self, seed: u64) -> Self {
         Self { seed, edges: self.edges.clone(), ..*self }
+    }
+
+    /// All edges of the domain, whether they are among the cases or not.
+    pub(crate) fn edges(&self) -> Vec<D::Value> {
+        self.domain.edges()
     }
 
     /// Whether the domain has a value, if it can tell.

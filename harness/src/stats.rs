@@ -57,6 +57,22 @@ pub enum NoVerdict {
         /// Cells expected.
         expected: usize,
     },
+    /// Too few samples make up the mean.
+    #[error(
+        "the mean {mean:e} of {found} samples isn't the expected {expected:e}, but few of them make \
+         it up (skewness {skewness:.0}), so that its error isn't known: take more samples, or draw \
+         them where the function is large"
+    )]
+    TooSkewed {
+        /// How many samples there are.
+        found: u64,
+        /// Their mean.
+        mean: f64,
+        /// What was expected.
+        expected: f64,
+        /// Their skewness.
+        skewness: f64,
+    },
     /// A value that a test can't use.
     #[error("{what} is {value}")]
     NotANumber {

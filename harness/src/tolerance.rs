@@ -223,10 +223,12 @@ impl Tolerance {
 
     /// The first bound that bounds nothing: NaN, infinite or negative.
     pub(crate) fn unusable(&self) -> Option<f64> {
+        let nothing = |bound: &f64| !(*bound >= 0.0 && bound.is_finite());
         match self {
-            Self::Ulp { bound, .. } | Self::Rel(bound) | Self::Abs(bound) => {
-                (!(*bound >= 0.0 && bound.is_finite())).then_some(*bound)
-            }
+            Self::Ulp { bound, band } => [bound, band].into_iter().copied().find(nothing),
+            Self::Rel(bound) | Self::Abs(bound) => Some(*bound).filter(nothing),
+            // No alternative at all: nothing could pass, or everything.
+            Self::Any(parts) | Self::All(parts) if parts.is_empty() => Some(f64::NAN),
             Self::Any(parts) | Self::All(parts) | Self::PerLane(parts) => {
                 parts.iter().find_map(Self::unusable)
             }
@@ -263,7 +265,9 @@ impl Tolerance {
                 Measure::new(if flushed { 0.0 } else { distance }, *bound, Unit::Ulp)
             }
             Self::Rel(bound) => {
-                let relative = if error == 0.0 { 0.0 } else { error / expected.abs() };
+                // As for ulps: what may be flushed to zero is zero.
+                let flushed = error < f64::from(f32::MIN_POSITIVE);
+                let relative = if flushed { 0.0 } else { error / expected.abs() };
                 Measure::new(relative, *bound, Unit::Rel)
             }
             Self::Abs(bound) => Measure::new(error, *bound, Unit::Abs),

@@ -54,6 +54,36 @@ pub(super) struct ScalarArgument {
     pub(super) lane: usize,
 }
 
+impl ScalarArgument {
+    /// The value at a fraction of the way from one to another, and at least one step from it.
+    pub(super) fn between(&self, own: u32, other: u32, fraction: f64) -> u32 {
+        let (from, to) = (self.scalar.decode(own), self.scalar.decode(other));
+        let at = from + fraction * (to - from);
+        match self.scalar {
+            Scalar::F32 => {
+                #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
+                let at = at as f32;
+                let own = f32::from_bits(own);
+                let next = if to > from { own.next_up() } else { own.next_down() };
+                (if at == own { next } else { at }).to_bits()
+            }
+            Scalar::I32 | Scalar::U32 => {
+                let (steps, sign) = ((at - from).abs().round().max(1.0), (to - from).signum());
+                #[expect(clippy::cast_possible_truncation, reason = "between two 32-bit integers")]
+                let moved = (from + sign * steps) as i64;
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "the low 32 bits are the word of either type"
+                )]
+                let word = moved as u32;
+                word
+            }
+            _ => other,
+        }
+    }
+}
+
 impl Argument {
     /// Finds the parameter, which has to be a number.
     pub(super) fn scalar(&self, function: &Function) -> Result<ScalarArgument, Failure> {

@@ -89,6 +89,8 @@ pub struct CaseFailure {
     pub scalar: Scalar,
     /// The whole result.
     pub result: String,
+    /// Which results are compared, if the function was called more than once.
+    pub compared: &'static str,
     /// The error in its unit, with what is allowed.
     pub error: String,
     /// The integral, if the check is one of integrals.
@@ -153,6 +155,7 @@ impl CaseFailure {
             expected: expected.and_then(|expected| expected.get(lane)).copied(),
             scalar,
             result: function.result.format(actual),
+            compared: "",
             error,
             integral: None,
         }
@@ -187,6 +190,9 @@ impl CaseFailure {
             writeln!(f, "    {name:>width$} = {value}")?;
         }
         writeln!(f, "    {:>width$} = {}", "returned", self.result)?;
+        if !self.compared.is_empty() {
+            writeln!(f, "    {:>width$}   ({})", "", self.compared)?;
+        }
         let place = self.place();
         let actual = f32::from_bits(self.actual);
         match (self.expected, self.scalar.is_float()) {

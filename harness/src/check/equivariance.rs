@@ -101,6 +101,7 @@ where
                 let exhibit = |path: usize, case: usize| Exhibit {
                     lanes: batch.lanes[case * words..][..words].to_vec(),
                     varied: vec![("rotation".to_owned(), shown(rotation(case)))],
+                    compared: "returned of the turned arguments, expected: the result, turned",
                     actual: after[path].of(case).to_vec(),
                     expected: expected(path, case),
                     judged: judge(path, case),

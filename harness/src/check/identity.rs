@@ -1,6 +1,9 @@
 //! Which test is running: its name seeds its cases and leads the replay command.
 
+use std::cell::RefCell;
+use std::collections::HashMap;
 use std::path::Path as FilePath;
+use std::sync::Once;
 
 use crate::path::Path;
 use crate::probe::Inputs;
@@ -10,6 +13,9 @@ use crate::probe::Inputs;
 pub(crate) struct Identity {
     /// The test's name: its module path inside the test binary.
     pub(crate) test: String,
+    /// The verb of the check; of a function's second check by the same verb `agrees_with#2`. It
+    /// names the check in seeds, replay commands and the file of failures.
+    pub(crate) check: String,
     /// `KARAT_SEED`, which replaces the seed of the selected check, or of all.
     seed: Option<u64>,
     /// `KARAT_CASE`, which selects one case.
@@ -64,7 +70,40 @@ impl Identity {
         let seed = variable("KARAT_SEED").map(|text| number("KARAT_SEED", &text));
         // The test runner names each test's thread. A program that isn't a test runs on `main`.
         let test = std::thread::current().name().unwrap_or("main").to_owned();
-        Self { test, seed, selection }
+        Self { test, check: String::new(), seed, selection }
+    }
+
+    /// The same for one check. Checks of a function by one verb are told apart by their order in
+    /// the test.
+    pub(crate) fn of(function: &str, verb: &str) -> Self {
+        thread_local! {
+            static SEEN: RefCell<HashMap<String, u32>> = RefCell::default();
+        }
+        let identity = Self::current();
+        let count = SEEN.with_borrow_mut(|seen| {
+            let count = seen.entry(format!("{}\n{function}\n{verb}", identity.test)).or_default();
+            *count += 1;
+            *count
+        });
+        let check = if count == 1 { verb.to_owned() } else { format!("{verb}#{count}") };
+        let identity = Self { check, ..identity };
+        identity.note_other(function);
+        identity
+    }
+
+    /// Says once that a replay is of another check: a name that none has would go unnoticed.
+    fn note_other(&self, function: &str) {
+        static NOTED: Once = Once::new();
+        let named = self.selection.as_ref().and_then(|selection| selection.check.as_ref());
+        let Some(named) = named else { return };
+        if !self.selects(function, &self.check) && self.inputs(function, &self.check).is_none() {
+            NOTED.call_once(|| {
+                let check = &self.check;
+                eprintln!(
+                    "note: KARAT_CASE is of `{named}`; all cases of `{function}/{check}` run"
+                );
+            });
+        }
     }
 
     /// Whether the environment speaks of this check: it names it, or names none.
@@ -84,12 +123,10 @@ impl Identity {
         })
     }
 
-    /// The one case of a check that is to run; `None`: all of them. A test may check a function
-    /// twice in the same way: a check that hasn't the case isn't the one that was meant.
-    pub(crate) fn case(&self, function: &str, check: &str, count: u64) -> Option<u64> {
+    /// The one case of a check that is to run; `None`: all of them.
+    pub(crate) fn case(&self, function: &str, check: &str) -> Option<u64> {
         let selection = self.selection.as_ref().filter(|_| self.selects(function, check))?;
-        let fits = selection.check.is_none() || selection.input.is_some() || selection.case < count;
-        fits.then_some(selection.case)
+        Some(selection.case)
     }
 
     /// The source of arguments that the environment names for this check, if it names the check.
@@ -223,16 +260,26 @@ mod tests {
             steps: vec![],
             input: None,
         };
-        let identity = |selection| Identity { test: "t".to_owned(), seed: Some(1), selection };
+        let identity = |selection| {
+            let (test, check) = ("t".to_owned(), String::new());
+            Identity { test, check, seed: Some(1), selection }
+        };
         let one = identity(Some(named));
-        assert_eq!(one.case("a::f", "agrees_with", 100), Some(7));
-        assert_eq!(one.case("a::f", "agrees_with", 5), None);
-        assert_eq!(one.case("a::f", "satisfies", 100), None);
+        assert_eq!(one.case("a::f", "agrees_with"), Some(7));
+        assert_eq!(one.case("a::f", "agrees_with#2"), None);
+        assert_eq!(one.case("a::f", "satisfies"), None);
         assert_eq!(one.seed("a::f", "agrees_with"), 1);
         assert_ne!(one.seed("a::f", "satisfies"), 1);
         let any =
             identity(Some(Selection { check: None, case: 7, steps: vec![3, 0], input: None }));
-        assert_eq!(any.case("b::g", "satisfies", 5), Some(7));
+        assert_eq!(any.case("b::g", "satisfies"), Some(7));
         assert_eq!(any.steps("b::g", "satisfies"), [3, 0]);
+    }
+
+    #[test]
+    fn checks_of_one_function_are_told_apart() {
+        let label = |function: &str| Identity::of(function, "satisfies").check;
+        assert_eq!((label("a::f"), label("a::g")), ("satisfies".into(), "satisfies".into()));
+        assert_eq!((label("a::f"), label("a::f")), ("satisfies#2".into(), "satisfies#3".into()));
     }
 }

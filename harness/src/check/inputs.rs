@@ -36,7 +36,6 @@ impl<D: Domain> Check<'_, D> {
 /// verdicts.
 pub(super) fn each<D: Domain>(
     plan: &Plan<'_, D>,
-    name: &str,
     identity: &Identity,
     mut check: impl FnMut(Inputs) -> Result<Agreement, Failure>,
 ) -> Result<Agreement, Failure> {
@@ -44,7 +43,8 @@ pub(super) fn each<D: Domain>(
         [] => &[Inputs::Storage],
         asked => asked,
     };
-    let replayed = identity.inputs(&plan.probe.path, name).filter(|inputs| asked.contains(inputs));
+    let replayed = identity.inputs(&plan.probe.path, &identity.check);
+    let replayed = replayed.filter(|inputs| asked.contains(inputs));
     let chosen = asked.iter().copied();
     let chosen = chosen.filter(|inputs| replayed.is_none_or(|replayed| replayed == *inputs));
     let mut agreements: Vec<(Agreement, Inputs)> = Vec::new();

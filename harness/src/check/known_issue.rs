@@ -26,8 +26,12 @@ pub(crate) struct KnownIssues(Vec<(Path, String)>);
 
 impl KnownIssues {
     pub(crate) fn declare(&mut self, path: Path, reason: &str) {
-        self.0.retain(|(known, _)| *known != path);
-        self.0.push((path, reason.trim().to_owned()));
+        let reason = reason.trim();
+        match self.0.iter_mut().find(|(known, _)| *known == path) {
+            Some((_, known)) if known.is_empty() || reason.is_empty() => known.clear(),
+            Some((_, known)) => *known = format!("{known}; {reason}"),
+            None => self.0.push((path, reason.to_owned())),
+        }
     }
 
     pub(super) fn is_empty(&self) -> bool {

@@ -175,7 +175,7 @@ where
                     lanes[varied.lane] = limit.steps[step].to_bits();
                     let actual = results[step][path].of(case).to_vec();
                     let expected = expected(case).to_vec();
-                    Exhibit { lanes, varied: Vec::new(), actual, expected, judged }
+                    Exhibit { lanes, varied: Vec::new(), compared: "", actual, expected, judged }
                 };
                 let last = &results[results.len() - 1];
                 let judge = |path, case| decisive(path, case).1;

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::argument::{Argument, ScalarArgument};
 use super::companion::{Accompanied, Companion, WithCompanion};
-use super::property::Exhibit;
+use super::property::{Exhibit, PRIMED};
 use super::shrink::words;
 use super::tally::{Class, Judged, classify};
 use super::{Agreement, Check, Failure, Recording, or_panic};
@@ -33,7 +33,9 @@ impl fmt::Display for Direction {
 }
 
 /// Draws among which a case takes the nearest: from one, which may be at the other end, to 32,
-/// which leave about 1/64 of a range. A wide step shows a slope, a short one a bump.
+/// which leave about 1/64 of a range. A wide step shows a slope, a short one a bump. Half of the
+/// cases go on from there to a fraction of that distance, at random down to the next number, so
+/// that a jump backwards shows which is smaller than the slope makes good over a wide step.
 const DRAWS: [u32; 4] = [1, 2, 8, 32];
 
 /// Draws until one differs: enough for a list of two values.
@@ -140,6 +142,7 @@ where
                         format!("{}'", varied.name),
                         format_lane(varied.scalar, lanes[case * words + varied.lane]),
                     )],
+                    compared: PRIMED,
                     actual: after[path].of(case).to_vec(),
                     expected: session.decode(before[path].of(case)),
                     judged: judge(path, case),
@@ -202,7 +205,11 @@ where
                 nearest = Some(word);
             }
         }
-        [nearest.unwrap_or(own)]
+        let Some(nearest) = nearest else { return [own] };
+        let fraction = (-24.0 * source.unit()).exp2(); // 24 bits of an `f32`
+        let nearer = [self.argument.between(own, nearest, fraction)];
+        let inside = || self.admits(arguments, &nearer) == Some(true);
+        if source.below(2) == 0 && nearer != [own] && inside() { nearer } else { [nearest] }
     }
 
     fn admits(&self, arguments: &D::Value, [other]: &[u32; 1]) -> Option<bool> {
@@ -285,6 +292,26 @@ mod tests {
             judge_pair(&[Scalar::U32], &[before], &[after], true, &Abs(10.0).into())
         };
         assert!(judged(3, 3).measure.passes() && !judged(3, 2).measure.passes());
+    }
+
+    #[test]
+    fn fractions_of_a_distance_reach_the_next_number() {
+        let argument = |scalar| ScalarArgument { name: "a".to_owned(), scalar, lane: 0 };
+        let float = |own: f32, other: f32, fraction| {
+            let word = argument(Scalar::F32).between(own.to_bits(), other.to_bits(), fraction);
+            f32::from_bits(word)
+        };
+        assert_eq!((float(1.0, 3.0, 0.25), float(3.0, -1.0, 0.5)), (1.5, 1.0));
+        assert_eq!(
+            (float(1.0, 3.0, 1e-9), float(1.0, 0.0, 1e-9)),
+            (1.0_f32.next_up(), 1.0_f32.next_down())
+        );
+        let whole = |scalar, own: i32, other: i32, fraction| {
+            let word =
+                argument(scalar).between(own.cast_unsigned(), other.cast_unsigned(), fraction);
+            word.cast_signed()
+        };
+        assert_eq!((whole(Scalar::I32, -8, 8, 0.25), whole(Scalar::U32, 8, 0, 1e-9)), (-4, 7));
     }
 
     #[test]

@@ -8,12 +8,17 @@ use crate::domain::Domain;
 use crate::probe::Dispatch;
 use crate::value::Arguments;
 
+/// What `returned` is of where arguments are primed.
+pub(super) const PRIMED: &str = "returned of the primed arguments, expected of the others";
+
 /// A failing case as it is shown.
 pub(super) struct Exhibit {
     /// The lanes of all arguments.
     pub(super) lanes: Vec<u32>,
     /// What else was varied: a name, and a value.
     pub(super) varied: Vec<(String, String)>,
+    /// Which results are compared, where the function is called more than once.
+    pub(super) compared: &'static str,
     /// The result's words.
     pub(super) actual: Vec<u32>,
     pub(super) expected: Vec<f64>,
@@ -84,7 +89,8 @@ where
                 tally(batch.first, &results.words, results.stride, |case, _| judge(path, case));
             PathTally::new(runner.device(), sum, |shown: Shown| {
                 let case = usize::try_from(shown.case - batch.first).expect("in this batch");
-                let Exhibit { lanes, varied, actual, expected, judged } = exhibit(path, case);
+                let Exhibit { lanes, varied, compared, actual, expected, judged } =
+                    exhibit(path, case);
                 let mut arguments = arguments(function, &lanes);
                 arguments.extend(varied);
                 let expected = Some(&*expected);
@@ -92,6 +98,7 @@ where
                 let case = shown.case;
                 CaseFailure {
                     remembered,
+                    compared,
                     ..CaseFailure::new(function, case, arguments, &actual, expected, &judged)
                 }
             })

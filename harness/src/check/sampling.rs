@@ -264,10 +264,10 @@ fn conclude<D: Domain>(
         &Configuration<'_, D::Value>,
     ) -> Result<Judgement, Failure>,
 ) -> Result<Fit, Failure> {
-    let identity = Identity::current();
     let function = plan.probe.path.clone();
     let check = assertion.check;
-    let seed = plan.seed.unwrap_or_else(|| identity.seed(&function, check));
+    let identity = Identity::of(&function, check);
+    let seed = plan.seed.unwrap_or_else(|| identity.seed(&function, &identity.check));
     let package = plan.probe.package.root().display().to_string();
     let mut subject = Subject::Function {
         package,
@@ -344,8 +344,10 @@ fn conclude<D: Domain>(
                 continue;
             };
             let replayed = Replayed { case: worst.configuration, steps: &[], input: None };
-            let replay = identity.replay(device.path(), seed, &function, check, replayed);
-            let place = (identity.test.as_str(), function.as_str(), device.path().to_string());
+            let label = &identity.check;
+            let replay = identity.replay(device.path(), seed, &function, label, replayed);
+            let check = format!("{}-{function}-{label}", identity.test);
+            let place = (check, device.path().to_string());
             let worst = worst.reported(settings.support, place);
             rejections.push(PathRejection {
                 adapter,
@@ -428,6 +430,10 @@ impl Settings {
             format!("has a significance of {}, which is no probability", self.significance)
         } else if !(self.mass >= 0.0 && self.mass.is_finite()) {
             format!("has a mass within {}, which bounds nothing", self.mass)
+        } else if let Support::Interval(low, high) = self.support
+            && !(low < high && low.is_finite() && high.is_finite())
+        {
+            format!("is to lie on [{low}, {high}], which isn't an interval of finite length")
         } else {
             return Ok(());
         };

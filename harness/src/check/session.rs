@@ -157,15 +157,15 @@ impl<'a, D: Domain> Session<'a, D> {
             None => (demand.cases, demand.enumerated),
         };
         let few = CONSTANTS as u64;
-        let cases = match inputs {
-            Inputs::Storage | Inputs::Uniform => Cases::new(domain, seed, cases, enumerated),
-            Inputs::Constant => {
-                Cases::new(domain, seed, cases.min(few), enumerated.min(few)).with_fewer_edges()
-            }
+        let (cases, enumerated) = match inputs {
+            Inputs::Storage | Inputs::Uniform => (cases, enumerated),
+            Inputs::Constant => (cases.min(few), enumerated.min(few)),
         };
+        let cases = Cases::new(domain, seed, cases, enumerated);
         if cases.count() == 0 || domain.is_empty() {
             let reason = "has no value, so nothing would be checked: a range ends before it \
-                          starts or at NaN, a list is empty, or no case is asked for"
+                          starts, at NaN or at infinity, a logarithmic grid includes 0, a list is \
+                          empty, or no case is asked for"
                 .to_owned();
             return Err(Failure::Domain { function: function.path.clone(), reason });
         }
@@ -175,8 +175,7 @@ impl<'a, D: Domain> Session<'a, D> {
             .into_iter()
             .map(|device| Runner::new(device, &probed, &probe.fixtures, capacity))
             .collect::<Result<_, _>>()?;
-        let name = with_inputs(assertion.0, inputs);
-        let case = identity.case(&probed.function.path, &name, cases.count());
+        let case = identity.case(&probed.function.path, &with_inputs(&identity.check, inputs));
         let words = declared.iter().map(|shape| shape.lanes().len()).sum();
         let memory = None;
         Ok(Self { probed, runners, cases, case, words, identity, seed, inputs, assertion, memory })
@@ -304,7 +303,7 @@ impl<'a, D: Domain> Session<'a, D> {
     pub(super) fn remembered_integrals(&self) -> Vec<(Descent, D::Value)> {
         let Some(memory) = &self.memory else { return Vec::new() };
         let mut found = Vec::new();
-        for entry in memory.of(&self.probed.function.path, self.assertion.0) {
+        for entry in memory.of(&self.probed.function.path, &self.identity.check) {
             match self.descend(&entry.descent) {
                 Some(value) if entry.comment == format!("case = {value:?}") => {
                     found.push((entry.descent.clone(), value));
@@ -332,7 +331,7 @@ impl<'a, D: Domain> Session<'a, D> {
                 .collect();
             memory.keep(&Entry {
                 function: self.probed.function.path.clone(),
-                check: self.assertion.0.to_owned(),
+                check: self.identity.check.clone(),
                 path: path.name().to_owned(),
                 words: simplest.input.clone(),
                 descent: simplest.descent.clone(),
@@ -356,7 +355,7 @@ impl<'a, D: Domain> Session<'a, D> {
 
     /// The check's name as a replay command has it.
     fn name(&self) -> String {
-        with_inputs(self.assertion.0, self.inputs)
+        with_inputs(&self.identity.check, self.inputs)
     }
 
     /// The arguments with which a replay replaces those of its case.
@@ -450,6 +449,7 @@ where
         &self,
         mut judge: impl FnMut(&Batch<D::Value>, Vec<Dispatch>) -> Result<Vec<PathTally>, Failure>,
     ) -> Result<Vec<PathTally>, Failure> {
+        self.expect_constants()?;
         let remembered = self.remembered();
         let again = self.run_again(&remembered, &mut judge)?;
         let mut sums = self.run_cases(&mut judge)?;
@@ -488,6 +488,25 @@ where
         Ok(sums)
     }
 
+    /// Refuses constants of a domain that has an edge which isn't one in WGSL: draws of it would be
+    /// refused as well, in some runs.
+    fn expect_constants(&self) -> Result<(), Failure> {
+        let edges = match self.inputs {
+            Inputs::Constant => self.cases.edges(),
+            Inputs::Storage | Inputs::Uniform => return Ok(()),
+        };
+        let scalars: Vec<Scalar> = D::Value::shapes().iter().flat_map(Shape::lanes).collect();
+        let finite = |edge: &D::Value| {
+            let lanes = words_of(edge);
+            let mut lanes = scalars.iter().zip(lanes);
+            lanes.all(|(scalar, word)| !scalar.is_float() || f32::from_bits(word).is_finite())
+        };
+        match edges.into_iter().find(|edge| !finite(edge)) {
+            Some(edge) => self.dispatch(&self.batch(0, vec![edge]).lanes_only()).map(|_| ()),
+            None => Ok(()),
+        }
+    }
+
     fn effort(&self) -> Effort {
         match self.inputs {
             Inputs::Constant => Effort::of_constants(self.capacity()),
@@ -500,7 +519,7 @@ where
         let Some(memory) = &self.memory else { return Vec::new() };
         let mut values = Vec::new();
         let scalars: Vec<Scalar> = D::Value::shapes().iter().flat_map(Shape::lanes).collect();
-        for entry in memory.of(&self.probed.function.path, self.assertion.0) {
+        for entry in memory.of(&self.probed.function.path, &self.identity.check) {
             let lanes = || scalars.iter().zip(&entry.words);
             if self.inputs == Inputs::Constant
                 && lanes().any(|(s, word)| s.is_float() && !f32::from_bits(*word).is_finite())

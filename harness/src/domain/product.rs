@@ -2,8 +2,8 @@
 
 use super::{Domain, Origin, Shrinkable, Source};
 
-/// Combinations of edges that are tried first; more than this are left to the draws, which reach
-/// every edge of every part by their bias.
+/// Combinations of edges that are tried first. Where there are more, the first edges of each part
+/// are combined, and each of the others comes once.
 const COMBINATIONS: usize = 1024;
 
 /// The arguments of a function that has none.
@@ -31,19 +31,8 @@ macro_rules! product {
 
             fn edges(&self) -> Vec<Self::Value> {
                 let edges = ($(self.$index.edges(),)+);
-                let lengths = combined([$(edges.$index.len()),+]);
-                let total: usize = lengths.iter().product();
-                (0..total.min(COMBINATIONS))
-                    .map(|mut rest| {
-                        let combination = ($({
-                            let length = lengths[$index];
-                            let value = edges.$index[rest % length].clone();
-                            rest /= length;
-                            value
-                        },)+);
-                        let _ = rest; // 0: the last part leaves none
-                        combination
-                    })
+                combinations([$(edges.$index.len()),+])
+                    .map(|at| ($(edges.$index[at[$index]].clone(),)+))
                     .collect()
             }
 
@@ -93,14 +82,9 @@ macro_rules! product {
                         index /= size;
                         part
                     },)+),
-                    Origin::Edge(mut rest) => {
-                        let lengths = combined([$(self.$index.edges().len()),+]);
-                        ($({
-                            let length = lengths[$index];
-                            let part = self.$index.shrinkable(Origin::Edge(rest % length))?;
-                            rest /= length;
-                            part
-                        },)+)
+                    Origin::Edge(index) => {
+                        let at = combinations([$(self.$index.edges().len()),+]).nth(index)?;
+                        ($(self.$index.shrinkable(Origin::Edge(at[$index]))?,)+)
                     }
                 };
                 Some(parts.whole())
@@ -147,11 +131,52 @@ pub(crate) trait Parts<'a> {
     fn whole(self) -> Shrinkable<'a, Self::Value>;
 }
 
-/// How many edges of each part are combined: where all combinations are too many, its two ends.
-fn combined<const N: usize>(lengths: [usize; N]) -> [usize; N] {
-    let full: usize = lengths.iter().product();
-    let ends = if full <= COMBINATIONS { usize::MAX } else { 2 };
-    lengths.map(|length| length.min(ends))
+/// Which edge of each part a case takes. First come all combinations of the first edges of each
+/// part, as many of each as there may be; then each edge that is left, with edges of the other
+/// parts in turn.
+fn combinations<const N: usize>(lengths: [usize; N]) -> impl Iterator<Item = [usize; N]> {
+    let product = |most: usize| -> usize {
+        lengths.iter().map(|length| *length.min(&most)).fold(1, usize::saturating_mul)
+    };
+    let longest = lengths.into_iter().max().unwrap_or(0);
+    let most = (1..=longest).rev().find(|most| product(*most) <= COMBINATIONS).unwrap_or(1);
+    let firsts = lengths.map(|length| length.min(most));
+    let all = move |mut rest: usize| {
+        firsts.map(|length| {
+            let at = rest % length;
+            rest /= length;
+            at
+        })
+    };
+    let none = lengths.contains(&0);
+    let left = move |part: usize| {
+        let length = if none { 0 } else { lengths[part] };
+        (firsts[part]..length).map(move |edge| {
+            let mut at = lengths.map(|length| edge % length);
+            at[part] = edge;
+            at
+        })
+    };
+    (0..product(most)).map(all).chain((0..N).flat_map(left))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_edge_comes_at_least_once() {
+        let few: Vec<_> = combinations([2, 3]).collect();
+        assert_eq!(few, [[0, 0], [1, 0], [0, 1], [1, 1], [0, 2], [1, 2]]);
+        let many: Vec<_> = combinations([60, 8, 8]).collect();
+        assert_eq!(many.len(), 16 * 8 * 8 + 44);
+        for (part, length) in [60, 8, 8].into_iter().enumerate() {
+            assert!((0..length).all(|edge| many.iter().any(|at| at[part] == edge)));
+        }
+        assert!(many.iter().all(|at| at[0] < 60 && at[1] < 8 && at[2] < 8));
+        assert_eq!(combinations([100; 6]).count(), 3_usize.pow(6) + 6 * 97);
+        assert_eq!(combinations([5, 0]).count(), 0);
+    }
 }
 
 product! {

@@ -7,6 +7,10 @@ use super::{Rectangle, Support};
 ///
 /// Even cells would hold a narrow lobe in one of them. These are laid by the quantiles of a pilot
 /// run, whose samples are not those that are judged, so that the cells don't depend on them.
+///
+/// Where many samples coincide, as those of a sampler that has lost a dimension do, a cell is laid
+/// about the place that is narrower than its distance to the others: a density expects less there,
+/// and something in the empty cells beside it.
 #[derive(Clone, Debug)]
 pub struct Cells {
     support: Support,
@@ -22,18 +26,19 @@ pub struct Cells {
 
 impl Cells {
     /// At most `rows` rows of `columns` columns (one, on a line), from the coordinates of pilot
-    /// samples. There are fewer where samples coincide.
+    /// samples; up to twice as many where samples coincide.
     #[must_use]
     pub fn new(support: Support, pilot: &[[f64; 2]], rows: usize, columns: usize) -> Self {
         let columns = if support.is_line() { 1 } else { columns };
+        let ends = support.extent();
         let first: Vec<f64> = pilot.iter().map(|at| at[0]).collect();
-        let rows = quantiles(first, rows);
+        let rows = quantiles(first, rows, ends[0]);
         let mut members = vec![Vec::new(); rows.len() + 1];
         for at in pilot {
             members[index(&rows, at[0])].push(at[1]);
         }
         let columns: Vec<Vec<f64>> =
-            members.into_iter().map(|second| quantiles(second, columns)).collect();
+            members.into_iter().map(|second| quantiles(second, columns, ends[1])).collect();
         let mut offsets = vec![0];
         for row in &columns {
             offsets.push(offsets[offsets.len() - 1] + row.len() + 1);
@@ -114,9 +119,15 @@ impl Cells {
     }
 }
 
-/// Bounds that cut values into `parts` of about equal number. Equal values are not cut.
-fn quantiles(mut values: Vec<f64>, parts: usize) -> Vec<f64> {
+/// Gaps that are this share of the range, or less, may be those between neighbouring `f32`: there
+/// samples of a sound sampler coincide.
+const RESOLUTION: f64 = 4.0 * f32::EPSILON as f64;
+
+/// Bounds that cut values into `parts` of about equal number. Equal values are not cut, but cut off
+/// from others.
+fn quantiles(mut values: Vec<f64>, parts: usize, ends: (f64, f64)) -> Vec<f64> {
     values.sort_unstable_by(f64::total_cmp);
+    let smallest = RESOLUTION * (ends.1 - ends.0);
     let mut bounds: Vec<f64> = Vec::new();
     for part in 1..parts {
         let cut = part * values.len() / parts;
@@ -124,12 +135,22 @@ fn quantiles(mut values: Vec<f64>, parts: usize) -> Vec<f64> {
             continue;
         }
         let (before, after) = (values[cut - 1], values[cut]);
-        let bound = 0.5 * (before + after);
-        let new = bounds.last().is_none_or(|last| bound > *last);
-        if new && before < bound && bound <= after {
-            bounds.push(bound);
+        if before < after {
+            bounds.push(0.5 * (before + after));
+            continue;
         }
+        let first = values.partition_point(|value| *value < after);
+        let next = values.partition_point(|value| *value <= after);
+        let below = after - first.checked_sub(1).map_or(ends.0, |index| values[index]);
+        let above = values.get(next).copied().unwrap_or(ends.1) - after;
+        // Beyond what `f32` can tell apart a quarter of the gap; within, the middle of it.
+        let share = |gap: f64| if gap > smallest { 0.25 * gap } else { 0.5 * gap };
+        bounds.extend((below > 0.0).then(|| after - share(below)));
+        bounds.extend((above > 0.0).then(|| after + share(above)));
     }
+    bounds.retain(|bound| ends.0 < *bound && *bound < ends.1);
+    bounds.sort_unstable_by(f64::total_cmp);
+    bounds.dedup();
     bounds
 }
 
@@ -165,6 +186,8 @@ fn graded((low, high): (f64, f64), (start, end): (f64, f64)) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use super::*;
     use crate::domain::Source;
 
@@ -211,10 +234,20 @@ mod tests {
     }
 
     #[test]
-    fn coincident_samples_leave_one_cell() {
+    fn coincident_samples_are_cut_off() {
         let cells = Cells::new(Support::Sphere, &[[0.5, 0.5]; 100], 16, 32);
-        assert_eq!((cells.len(), cells.is_empty()), (1, false));
-        assert!(cells.parts(0).len() > 1);
+        assert_eq!((cells.row_lengths(), cells.is_empty()), (vec![1, 3, 1], false));
+        let own = cells.rectangle(cells.index([0.5, 0.5]));
+        assert_eq!((own.low, own.high[1]), ([0.375, 0.375], 0.5 + 0.25 * (TAU - 0.5)));
+        // 64 values have a cell each, and the gaps between them two of their own.
+        let value = |i: u32| [f64::from(i % 64) / 64.0 + 1.0 / 128.0, 0.5];
+        let steps: Vec<_> = (0..16_384).map(value).collect();
+        let cells = Cells::new(Support::Interval(0.0, 1.0), &steps, 512, 1);
+        assert_eq!(cells.len(), 64 + 2 * 63 + 2);
+        assert_eq!(
+            quantiles(vec![0.5, 0.5 + 1e-7, 0.5 + 1e-7, 0.5 + 2e-7], 2, (0.0, 1.0)).len(),
+            2
+        );
     }
 
     #[test]

@@ -6,22 +6,30 @@ use super::{NoVerdict, probability};
 /// Fewer samples' means aren't close to normal.
 const FEWEST: u64 = 100;
 
-/// Count, mean and variance of a stream of numbers. Welford 1962; Chan et al. 1983 for sums of
-/// parts, so that the result doesn't depend on how a stream was cut but for rounding.
+/// Samples needed for each unit of squared skewness. Cochran 1977, section 2.15.
+const PER_SKEWNESS: f64 = 25.0;
+
+/// Count, mean, variance and skewness of a stream of numbers. Welford 1962; Chan et al. 1983 and
+/// Pebay 2008 for sums of parts, so that the result doesn't depend on how a stream was cut but for
+/// rounding.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moments {
     count: u64,
     mean: f64,
     squares: f64,
+    cubes: f64,
 }
 
 impl Moments {
     /// Adds a number.
     pub fn add(&mut self, value: f64) {
         self.count += 1;
-        let before = value - self.mean;
-        self.mean += before / self.count as f64;
-        self.squares += before * (value - self.mean);
+        let (n, before) = (self.count as f64, value - self.mean);
+        let step = before / n;
+        let square = before * step * (n - 1.0);
+        self.mean += step;
+        self.cubes += square * step * (n - 2.0) - 3.0 * step * self.squares;
+        self.squares += square;
     }
 
     /// Of both streams.
@@ -35,7 +43,11 @@ impl Moments {
         let difference = other.mean - self.mean;
         let mean = self.mean + difference * b / n;
         let squares = self.squares + other.squares + difference * difference * a * b / n;
-        Self { count, mean, squares }
+        let cubes = self.cubes
+            + other.cubes
+            + difference.powi(3) * a * b * (a - b) / (n * n)
+            + 3.0 * difference * (a * other.squares - b * self.squares) / n;
+        Self { count, mean, squares, cubes }
     }
 
     /// How many numbers.
@@ -54,6 +66,15 @@ impl Moments {
     #[must_use]
     pub fn variance(&self) -> f64 {
         self.squares / (self.count.max(2) - 1) as f64
+    }
+
+    /// Their skewness; 0 of numbers that are all the same.
+    #[must_use]
+    pub fn skewness(&self) -> f64 {
+        if self.squares == 0.0 {
+            return 0.0;
+        }
+        (self.count as f64).sqrt() * self.cubes / self.squares.powf(1.5)
     }
 }
 
@@ -76,7 +97,9 @@ impl Mean {
     /// are the same but for rounding would be judged by their rounding.
     ///
     /// # Errors
-    /// If there are fewer than 100 samples, or a number isn't finite.
+    /// If there are fewer than 100 samples, or a number isn't finite; if the mean isn't what is
+    /// expected and its error isn't known, because few of the samples make up the mean, or none
+    /// that differs from 0 was seen.
     pub fn of(moments: &Moments, expected: f64, slack: f64) -> Result<Self, NoVerdict> {
         let found = moments.count;
         if found < FEWEST {
@@ -96,6 +119,13 @@ impl Mean {
             return Err(NoVerdict::NotANumber { what: "the slack", value: slack });
         }
         let counted = (moments.mean - expected).abs() - slack;
+        let skewness = moments.skewness();
+        let unseen = error == 0.0 && moments.mean == 0.0;
+        let skewed = PER_SKEWNESS * skewness * skewness > found as f64;
+        if counted > 0.0 && (unseen || skewed) {
+            let mean = moments.mean;
+            return Err(NoVerdict::TooSkewed { found, mean, expected, skewness });
+        }
         let z = if counted <= 0.0 { 0.0 } else { counted / error };
         Ok(Self { mean: moments.mean, error, z, p: probability(normal_tail(z))? })
     }
@@ -132,6 +162,26 @@ mod tests {
         assert_eq!(at(0.5).p, 1.0);
         assert!((at(0.51).z - 2.0).abs() < 1e-3 && (at(0.51).p - 0.0455).abs() < 1e-4);
         assert!(Mean::of(&coin, 0.51, 0.01).expect("10,000 samples").p > 0.999);
+    }
+
+    /// What is rare is in the mean or isn't: its error can't be told from the samples.
+    #[test]
+    fn the_mean_of_a_rare_event_has_no_verdict() {
+        let rare = |hits: u32| moments((0..65_536).map(|i| f64::from(u8::from(i < hits))));
+        for hits in 0..=20 {
+            assert!(Mean::of(&rare(hits), 1e-3, 0.0).is_err(), "{hits}");
+        }
+        let often = Mean::of(&rare(60), 1e-3, 0.0).expect("60 hits");
+        assert!(often.z < 1.0, "{often:?}");
+        assert!(Mean::of(&rare(300), 1e-3, 0.0).expect("300 hits").p < 1e-9);
+        let merged = (0..8).map(|part| moments((0..100).map(|i| f64::from((i * part) % 11))));
+        let merged = merged.fold(Moments::default(), Moments::merge);
+        let whole =
+            moments((0..8).flat_map(|part| (0..100).map(move |i| f64::from((i * part) % 11))));
+        assert!((merged.skewness() - whole.skewness()).abs() < 1e-12);
+        // Of an exponential distribution it is 2.
+        let exponential = moments((0..100_000).map(|i| -((f64::from(i) + 0.5) / 1e5).ln()));
+        assert!((exponential.skewness() - 2.0).abs() < 0.02, "{}", exponential.skewness());
     }
 
     #[test]

@@ -20,6 +20,9 @@ pub fn chi_square_power(
     if claimed.len() != actual.len() {
         return Err(NoVerdict::Length { observed: actual.len(), expected: claimed.len() });
     }
+    // In the order of `ChiSquare`, which pools in the same way.
+    let mut cells: Vec<(f64, f64)> = claimed.iter().copied().zip(actual.iter().copied()).collect();
+    cells.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (mut lambda, mut groups, mut impossible) = (0.0, 0_usize, 0.0);
     let mut add = |claimed: f64, actual: f64| {
         let difference = actual - claimed;
@@ -27,7 +30,7 @@ pub fn chi_square_power(
         groups += 1;
     };
     let mut pool = (0.0, 0.0);
-    for (claimed, actual) in claimed.iter().copied().zip(actual.iter().copied()) {
+    for (claimed, actual) in cells {
         for value in [claimed, actual] {
             if !(value >= 0.0 && value.is_finite()) {
                 return Err(NoVerdict::NotANumber { what: "the mass of a cell", value });
@@ -35,7 +38,7 @@ pub fn chi_square_power(
         }
         if claimed == 0.0 {
             impossible += actual;
-        } else if claimed * samples < POOLED {
+        } else if claimed * samples < POOLED || (pool.0 > 0.0 && pool.0 * samples < POOLED) {
             pool = (pool.0 + claimed, pool.1 + actual);
         } else {
             add(claimed, actual);

@@ -16,7 +16,8 @@ pub enum Support {
     Hemisphere,
     /// Points of the unit disk, by area.
     Disk,
-    /// Numbers from the first to the second.
+    /// Numbers from the first to the second. A density is evaluated at both ends, too, and has to
+    /// be finite there.
     Interval(f64, f64),
 }
 

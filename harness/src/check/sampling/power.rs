@@ -53,7 +53,7 @@ where
     ) -> Result<Power, Failure> {
         let power = std::cell::RefCell::new(Power::none());
         let text = "power of the mean".to_owned();
-        self.numbers("has_mean", text, of, Recording::Off, |value, verdict| {
+        self.numbers("mean_power_against", text, of, Recording::Off, |value, verdict| {
             let difference = alternative(value) - expected(value);
             verdict(&mut |numbers, _, threshold| {
                 let mut moments = Moments::default();
@@ -82,7 +82,7 @@ where
     ) -> Result<Power, Failure> {
         let power = std::cell::RefCell::new(Power::none());
         let text = "power of the distribution".to_owned();
-        self.numbers("has_distribution", text, of, Recording::Off, |value, verdict| {
+        self.numbers("distribution_power_against", text, of, Recording::Off, |value, verdict| {
             verdict(&mut |numbers, _, threshold| {
                 let at = |number: &f64| (distribution(value, *number), alternative(value, *number));
                 let points: Vec<(f64, f64)> = numbers.iter().map(at).collect();

@@ -209,18 +209,18 @@ pub(super) struct Worst {
 }
 
 impl Worst {
-    /// Writes the pictures. `place` is test, function and path.
+    /// Writes the pictures, which check and path name.
     pub(super) fn reported(
         self,
         support: Support,
-        (test, function, path): (&str, &str, String),
+        (check, path): (String, String),
     ) -> ConfigurationRejection {
         let Self { configuration: case, shown: configuration, findings, mut notes, histogram } =
             self;
         let mut pictures = Vec::new();
         if let Some(histogram) = histogram {
             notes.push(("worst cells", histogram.worst_cells(support)));
-            let name: String = format!("{test}-{function}-{path}-{case}")
+            let name: String = format!("{check}-{path}-{case}")
                 .chars()
                 .map(|c| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' })
                 .collect();
