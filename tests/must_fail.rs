@@ -376,6 +376,74 @@ fn the_message_shows_line_inputs_values_error_census_and_replay() {
     }
 }
 
+/// Verbs that call the function twice show both calls, and say which is which.
+#[test]
+fn messages_of_properties_show_both_calls() {
+    let package = Package::from_source(
+        "planted",
+        "fn f(a: f32, b: f32) -> f32 { return a + 2.0 * b; }\n\
+         fn g(x: f32) -> f32 { return select(x, x - 0.002, x > 0.731); }",
+    );
+    let over = || package.function("f").over((0.0..=1.0, 0.0..=1.0));
+    let found = disagreement(over().try_invariant_under(|(a, b)| (b, a), Ulp(4.0)));
+    let text = found.to_string();
+    let expected = "
+  worst (case 1)
+           a = 1
+           b = 0
+          a' = 0
+          b' = 1
+    returned = 2
+               (returned of the primed arguments, expected of the others)
+      actual = 2 (0x1p+1)
+    expected = 1 (0x1p+0)  nearest f32 of 1
+       error = 8.39e6 ulp (4 allowed)
+";
+    assert!(text.contains(expected), "{text}");
+    // A step of 1/500 between numbers that are closer than that.
+    let g = package.function("g").over(0.0..=1.0);
+    let found = disagreement(g.try_is_monotone_in("x", Direction::Increasing, Ulp(1.0)));
+    assert!(found.paths.iter().all(|path| path.census.failures < 100), "{found}");
+}
+
+/// A function that is checked twice by one verb: each has its own cases, name and replay.
+#[test]
+fn two_checks_of_one_function_are_told_apart() {
+    let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return sqrt(x); }");
+    let over = |low: f32| package.function("f").over(low..=1.0);
+    let is_number = |_, x: f32| x >= 0.0;
+    over(0.0).try_satisfies("is a number", is_number).expect("it is");
+    let found = disagreement(over(-1.0).try_satisfies("is a number", is_number));
+    assert!(found.paths.iter().all(|path| path.replay.contains("KARAT_CASE=f/satisfies#2/")));
+}
+
+/// A fault at one of many edge cases, in one of three arguments.
+#[test]
+fn every_edge_of_a_tuple_is_tried() {
+    let wgsl = "fn f(x: f32, y: f32, z: f32) -> f32 {\n    \
+                return select(x, 0.0 * x, bitcast<u32>(x) == 0x4b000001u);\n}"; // 2^23 + 1
+    let package = Package::from_source("planted", wgsl);
+    for seed in 0..5 {
+        let over = package.function("f").over((Edges::f32(), 0.0..=1.0, 0.0..=1.0)).seed(seed);
+        let same = over.try_agrees_with(|x: f64, _: f64, _: f64| x, Ulp(0.0));
+        disagreement(same);
+    }
+}
+
+/// What may be flushed is no relative error, and what bounds nothing no tolerance.
+#[test]
+fn bounds_near_zero() {
+    let package = Package::from_source("planted", "fn f(x: f32, y: f32) -> f32 { return x * y; }");
+    let over = || package.function("f").over((0.0..=1.0, 0.0..=1.0));
+    over().try_agrees_with(|x: f64, y: f64| x * y, Rel(1e-6)).expect("products of edges vanish");
+    for band in [f64::NAN, f64::INFINITY, -1.0] {
+        let found = over().try_agrees_with(|x: f64, _: f64| 7.0 * x, Ulp(4.0).near_zero(band));
+        assert!(matches!(found, Err(Failure::Signature { .. })), "{band}: {found:?}");
+    }
+    let none = over().try_agrees_with(|x: f64, _: f64| 7.0 * x, Tolerance::Any(Vec::new()));
+    assert!(matches!(none, Err(Failure::Signature { .. })), "{none:?}");
+}
+
 /// Runs a planted fault in a process of its own.
 fn planted(fault: &[&str], environment: &[(&str, &str)]) -> (Output, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_planted"));

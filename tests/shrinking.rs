@@ -402,6 +402,12 @@ fn what_is_no_constant_is_refused() {
     let error = over(Inputs::Constant).cases(1000).try_satisfies("is anything", |_, _: u32| true);
     let error = error.expect_err("NaN").to_string();
     assert!(error.starts_with("the arguments of `f` can't come from constant inputs: "), "{error}");
+    // Not by chance: whatever is drawn.
+    for seed in 0..10 {
+        let over = package.function("f").over(AnyF32::with_non_finite()).inputs(Inputs::Constant);
+        let found = over.seed(seed).try_satisfies("is anything", |_, _: u32| true);
+        assert!(found.expect_err("infinity").to_string().contains("constant inputs: "), "{seed}");
+    }
     let wide = "fn f(x: array<f32, 5000>) -> f32 { return x[0]; }";
     let package = Package::from_source("planted", wide);
     let over = package.function("f").over(Just([1.0_f32; 5000])).inputs(Inputs::Uniform);

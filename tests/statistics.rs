@@ -365,9 +365,8 @@ fn what_proves_nothing_is_an_error() {
         let few = sampled("cosine").samples(samples).try_follows(pdf(), at);
         assert!(matches!(few, Err(Failure::Evidence { .. })), "{few:?}");
     }
-    // All samples in one cell.
-    let one = sampled("constant").try_follows(pdf(), at);
-    assert!(matches!(one, Err(Failure::Evidence { .. })), "{one:?}");
+    // All samples in one cell: it expects fewer.
+    assert!(chi_square_alone(sampled("constant").try_follows(pdf(), at)) < 1e-12);
     for significance in [0.0, 1.0, f64::NAN] {
         let none = sampled("cosine").significance(significance).try_follows(pdf(), at);
         assert!(matches!(none, Err(Failure::Domain { .. })), "{none:?}");
@@ -416,7 +415,7 @@ fn means_and_distributions_that_are_wrong_are_rejected() {
     let root = || planted.function("square_root").sampled_over(Just(()), |(), u: f32| u);
     root().has_mean("x", |x: f32| x.into(), |()| 2.0 / 3.0, 1e-7);
     let found = findings(root().try_has_mean("x", |x: f32| x.into(), |()| 0.67, 1e-7));
-    assert!(matches!(found[..], [Finding::Mean { p, .. }] if p < 1e-9), "{found:?}");
+    assert!(matches!(found[..], [Finding::Mean { p, .. }] if p < 1e-4), "{found:?}");
     root().has_distribution("x", |x: f32| x.into(), |(), x| x * x, 1e-7);
     let found =
         findings(root().try_has_distribution("x", |x: f32| x.into(), |(), x| x.powf(2.05), 1e-7));
@@ -434,7 +433,7 @@ fn an_estimate_that_misses_a_part_is_rejected() {
     let inner = || planted.function("inner").sampled_over(Just(()), |(), u: Vec2| u);
     inner().follows(planted.function("inner_pdf"), |(): &(), l: Vec3| l);
     let found = findings(inner().try_estimates(with("grey"), with("inner_pdf")));
-    let [Finding::Mean { mean, expected, .. }] = &found[..] else { panic!("{found:?}") };
+    let [Finding::Mean { mean, expected, .. }, ..] = &found[..] else { panic!("{found:?}") };
     // Heights from 1/2 to 1 hold 3/4 of all cosines.
     assert!((mean / expected - 0.75).abs() < 1e-3, "{mean} {expected}");
 }
@@ -554,6 +553,68 @@ fn a_rejection_names_its_files_and_how_to_replay_it() {
     ] {
         assert!(text.contains(part), "{part} in {text}");
     }
+}
+
+/// The text with `#` for each number.
+fn shape(text: &str) -> String {
+    let (mut shape, mut before) = (String::new(), ' ');
+    let mut rest = text.trim_end().chars().peekable();
+    while let Some(c) = rest.next() {
+        let digit = |c: &char| c.is_ascii_digit();
+        let signed = matches!(c, '+' | '-') && rest.peek().is_some_and(digit);
+        if before.is_ascii_alphanumeric() || !signed && !digit(&c) {
+            (before, _) = (c, shape.push(c));
+            continue;
+        }
+        // An exponent may have a sign, and a hexadecimal number letters.
+        let number = |c: &char| c.is_ascii_hexdigit() || matches!(c, '-' | 'x' | '.');
+        while rest.next_if(number).is_some() {}
+        shape.push('#');
+        before = '#';
+    }
+    shape
+}
+
+/// The whole message, word by word.
+#[test]
+fn what_a_rejection_says() {
+    let mut rejection = rejected(cosine_against("stratum_missing", "cosine_pdf"));
+    rejection.paths.truncate(1);
+    let first = &mut rejection.paths[0];
+    let path = first.adapter.path.clone();
+    first.adapter.name = "adapter".to_owned();
+    first.adapter.driver = "driver".to_owned();
+    for picture in &mut first.worst.pictures {
+        let extension = picture.extension().expect("written as two formats").to_owned();
+        assert!(picture.file_name().is_some_and(|name| {
+            name.to_string_lossy().starts_with("what_a_rejection_says-stratum_missing-follows-")
+        }));
+        *picture = std::path::Path::new("picture").with_extension(extension);
+    }
+    let text = shape(&rejection.to_string().replace(&path, "PATH"));
+    let expected = "\
+error: `stratum_missing` fails follows: cosine_pdf on the hemisphere
+   --> <planted>:#:#
+   |
+# |         fn stratum_missing(u: vec2f) -> vec3f {
+   |         ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+
+on PATH: adapter, driver
+  # of # configurations are rejected (p below #, for # in all)
+  worst (case #): ()
+    chi-square is # with # degrees of freedom: p = #
+    sampled: # of # samples on the hemisphere
+    integral of the density: # +- #, over # cells
+    chi-square: #, # degrees, p #
+    worst cells:
+      theta #, phi #: #, expected # (# sigma)
+      theta #, phi #: #, expected # (# sigma)
+      theta #, phi #: #, expected # (# sigma)
+    observed, expected, difference: picture.exr
+    observed, expected, difference: picture.png
+  replay: KARAT_PATHS=PATH KARAT_SEED=# KARAT_CASE=stratum_missing/follows/# \
+cargo test -p tests --test statistics -- --exact what_a_rejection_says";
+    assert_eq!(text, expected, "{text}");
 }
 
 // Calibration: right samplers of the host, and the tests that the checks use.

@@ -193,7 +193,8 @@ where
     /// Declares that the check fails on a path, and why: a driver's bug by its number.
     ///
     /// On that path at least one case must fail; if none does, the check fails until the
-    /// declaration is removed. Other paths are judged as ever. `karat test` counts the check as a
+    /// declaration is removed. Whatever else fails there is declared with it: for lost digits
+    /// [`tolerance_on`](Self::tolerance_on) says more. Other paths are judged as ever. `karat test` counts the check as a
     /// known issue, never as one that passes.
     pub fn fails_on(mut self, path: Path, reason: &str) -> Self {
         self.plan.known_issues.declare(path, reason);
@@ -361,9 +362,13 @@ where
                 let lanes = transformed.lanes;
                 let after = session.results(batch, &lanes)?;
                 // What the plain arguments gave is what the transformed ones should.
+                let expected = |path: usize, case: usize| -> Vec<f64> {
+                    let before = before[path].of(case);
+                    scalars.iter().zip(before).map(|(s, word)| s.decode(*word)).collect()
+                };
                 let judge = |path: usize, case: usize| {
-                    let expected = session.decode(before[path].of(case));
-                    compare(&scalars, after[path].of(case), &expected, tolerances[path])
+                    let actual = after[path].of(case);
+                    compare(&scalars, actual, &expected(path, case), tolerances[path])
                 };
                 let exhibit = |path: usize, case: usize| {
                     let words = lanes.len() / batch.values.len();
@@ -378,7 +383,7 @@ where
                         lanes: plain,
                         compared: PRIMED,
                         actual: after[path].of(case).to_vec(),
-                        expected: session.decode(before[path].of(case)),
+                        expected: expected(path, case),
                         judged: judge(path, case),
                     }
                 };
@@ -440,7 +445,9 @@ impl<D: Domain> Plan<'_, D> {
         let mut run = || {
             self.known_issues.expect_reasons(&self.probe.path)?;
             inputs::each(self, &identity, |inputs| {
-                let asserted = (name, assertion.clone());
+                let own = |(path, own): &(Path, Tolerance)| format!("; on {path} {own}");
+                let own: String = self.tolerance_on.iter().map(own).collect();
+                let asserted = (name, format!("{assertion}{own}"));
                 let session = Session::open(self, demand, &identity, seed, asserted, inputs)?;
                 // What is declared to fail needn't be remembered.
                 let remembered = recording == Recording::On && self.known_issues.is_empty();
@@ -450,7 +457,7 @@ impl<D: Domain> Plan<'_, D> {
                     *location = session.probed.function.span.to_string();
                 }
                 let tallies = check(&session)?;
-                let asserted = format!("{}{}", session.assertion.1, inputs.remark());
+                let asserted = format!("{assertion}{}", inputs.remark());
                 paths.extend(tallies.iter().map(|tally| self.record(tally, &asserted)));
                 self.verdict(&session, tallies)
             })

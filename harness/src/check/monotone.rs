@@ -33,9 +33,9 @@ impl fmt::Display for Direction {
 }
 
 /// Draws among which a case takes the nearest: from one, which may be at the other end, to 32,
-/// which leave about 1/64 of a range. A wide step shows a slope, a short one a bump. Half of the
-/// cases go on from there to a fraction of that distance, at random down to the next number, so
-/// that a jump backwards shows which is smaller than the slope makes good over a wide step.
+/// which leave about 1/64 of a range. A wide step shows a slope, a short one a bump. Three of
+/// four cases take a fraction of that distance, down to 1/4096 at random, so that a jump backwards
+/// shows which the slope makes good over a wide step: one of 1/1000 of the range, as a rule.
 const DRAWS: [u32; 4] = [1, 2, 8, 32];
 
 /// Draws until one differs: enough for a list of two values.
@@ -206,10 +206,10 @@ where
             }
         }
         let Some(nearest) = nearest else { return [own] };
-        let fraction = (-24.0 * source.unit()).exp2(); // 24 bits of an `f32`
+        let fraction = (-12.0 * source.unit()).exp2();
         let nearer = [self.argument.between(own, nearest, fraction)];
         let inside = || self.admits(arguments, &nearer) == Some(true);
-        if source.below(2) == 0 && nearer != [own] && inside() { nearer } else { [nearest] }
+        if source.below(4) > 0 && nearer != [own] && inside() { nearer } else { [nearest] }
     }
 
     fn admits(&self, arguments: &D::Value, [other]: &[u32; 1]) -> Option<bool> {

@@ -128,7 +128,9 @@ where
     }
 
     /// Sets the probability that the check rejects a right sampler, whatever the number of its
-    /// configurations. Without this: 1 %.
+    /// configurations. Without this: 1 %. As the seed is fixed, a right sampler is rejected in every
+    /// run or in none: look at one that is with ten times the samples, and if it fits then,
+    /// [`seed`](Self::seed) gives the check other random numbers.
     pub fn significance(mut self, significance: f64) -> Self {
         self.settings.significance = significance;
         self

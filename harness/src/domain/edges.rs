@@ -3,8 +3,8 @@
 use super::{Domain, Origin, Shrinkable, Source, shrink};
 
 /// The named edge cases of a type, each of them: zeros of both signs, ones, denormals, powers of
-/// two and their neighbours, the largest. A finite domain; in a tuple with others it is combined
-/// with all of theirs.
+/// two and their neighbours, the largest. A finite domain. In a tuple with domains that aren't
+/// finite each edge is a case at least once, and the first ones with all edges of the others.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Edges<T>(Vec<T>);
 

@@ -255,7 +255,9 @@ impl fmt::Display for Rejection {
                 writeln!(f, "    {finding}")?;
             }
             for (name, note) in &worst.notes {
-                writeln!(f, "    {name}: {note}")?;
+                // A note of several lines begins with one of its own.
+                let space = if note.starts_with('\n') { "" } else { " " };
+                writeln!(f, "    {name}:{space}{note}")?;
             }
             for picture in &worst.pictures {
                 writeln!(f, "    observed, expected, difference: {}", picture.display())?;
