@@ -169,7 +169,7 @@ impl PartHeader {
                     found.window = Some([value.i32()?, value.i32()?, value.i32()?, value.i32()?]);
                 }
                 (b"tiles", b"tiledesc") => found.tiles = Some(Tiles::parse(&mut value)?),
-                (b"type", b"string") => found.kind = Some(text(value.rest)),
+                (b"type", b"string") => found.kind = Some(shown(value.rest)),
                 (b"name", b"string") => found.name = text(value.rest),
                 (name, b"string") if name == ATTRIBUTE.as_bytes() => {
                     found.metadata = Some(text(value.rest));
@@ -263,8 +263,8 @@ fn compression(code: u8) -> Result<Compression, String> {
         9 => return Ok(Compression::DWAB(None)),
         10 => "HTJ2K256",
         11 => "HTJ2K32",
-        12 => "ZSTD",
-        13 => "LJ2K",
+        12 => "LJ2K",
+        13 => "ZSTD",
         other => return Err(format!("its compression is of unknown type {other}")),
     };
     Err(format!("it is compressed by {name}, which isn't read; convert it to ZIP"))
