@@ -2,10 +2,11 @@
 //!
 //! A file may be hostile or damaged: one flipped byte of a header can announce gigabytes. What the
 //! header announces is checked against the file's length and our limits before anything is
-//! reserved (`header`), then each chunk before it is decompressed (`chunks`). The codecs and the
+//! reserved (`header`), then each chunk before it is decompressed (`chunks`, `guard`). The codecs and the
 //! writer are the `exr` crate's.
 
 mod chunks;
+mod guard;
 mod header;
 mod select;
 mod write;
