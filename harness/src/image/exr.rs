@@ -16,7 +16,7 @@ use std::path::Path;
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 
-use self::header::{FileHeader, PartHeader, Sample};
+use self::header::{FileHeader, PartHeader, Sample, shown};
 use self::select::{Selection, select};
 use super::{Image, ImageError, ImageFormat, file};
 
@@ -152,7 +152,7 @@ impl Image {
 
 fn colourless(file: &FileHeader) -> String {
     let names = file.parts.iter().flat_map(|part| &part.channels);
-    let names: Vec<_> = names.map(|channel| channel.name.as_str()).take(8).collect();
+    let names: Vec<_> = names.map(|channel| shown(&channel.name)).take(8).collect();
     format!("it has no channels R, G and B, nor Y alone, but {}", names.join(", "))
 }
 

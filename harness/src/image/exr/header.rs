@@ -157,8 +157,9 @@ impl PartHeader {
         let mut found = Attributes::default();
         while !rest.ends()? {
             let (name, kind) = (rest.name()?, rest.name()?);
-            let length = usize::try_from(rest.i32()?)
-                .map_err(|_| format!("its attribute `{}` has a negative length", shown(name)))?;
+            let length = usize::try_from(rest.i32()?).map_err(|_| {
+                format!("its attribute `{}` has a negative length", shown(&text(name)))
+            })?;
             let mut value = Bytes { rest: rest.take(length)? };
             match (name, kind) {
                 (b"channels", b"chlist") => found.channels = Some(channels(&mut value)?),
@@ -169,7 +170,7 @@ impl PartHeader {
                     found.window = Some([value.i32()?, value.i32()?, value.i32()?, value.i32()?]);
                 }
                 (b"tiles", b"tiledesc") => found.tiles = Some(Tiles::parse(&mut value)?),
-                (b"type", b"string") => found.kind = Some(shown(value.rest)),
+                (b"type", b"string") => found.kind = Some(text(value.rest)),
                 (b"name", b"string") => found.name = text(value.rest),
                 (name, b"string") if name == ATTRIBUTE.as_bytes() => {
                     found.metadata = Some(text(value.rest));
@@ -202,7 +203,7 @@ impl Attributes {
             Some("deepscanline" | "deeptile") => {
                 return Err("it holds deep data, which isn't read".to_owned());
             }
-            Some(kind) => return Err(format!("it has a part of type `{kind}`")),
+            Some(kind) => return Err(format!("it has a part of type `{}`", shown(kind))),
             None => tiled,
         };
         let (blocks, chunks) = if tiled {
@@ -225,21 +226,20 @@ fn channels(value: &mut Bytes<'_>) -> Result<Vec<Channel>, String> {
         if channels.len() == MOST_CHANNELS {
             return Err(format!("it has a part of more than {MOST_CHANNELS} channels"));
         }
-        let name = shown(value.name()?);
+        let name = text(value.name()?);
+        let of = |problem: String| format!("its channel `{}` {problem}", shown(&name));
         let sample = match value.i32()? {
             0 => Sample::Uint,
             1 => Sample::Half,
             2 => Sample::Float,
-            other => return Err(format!("its channel `{name}` is of unknown type {other}")),
+            other => return Err(of(format!("is of unknown type {other}"))),
         };
         let linear = value.take(4)?[0] != 0;
         if (value.i32()?, value.i32()?) != (1, 1) {
-            return Err(format!(
-                "its channel `{name}` has fewer pixels than the image, which isn't read"
-            ));
+            return Err(of("has fewer pixels than the image, which isn't read".to_owned()));
         }
         if channels.iter().any(|channel| channel.name == name) {
-            return Err(format!("it has two channels `{name}`"));
+            return Err(of("is there twice".to_owned()));
         }
         channels.push(Channel { name, sample, linear });
     }
@@ -375,7 +375,34 @@ fn text(bytes: &[u8]) -> String {
         .unwrap_or_else(|_| bytes.iter().copied().map(char::from).collect())
 }
 
-/// A name as it can be printed.
-fn shown(name: &[u8]) -> String {
-    text(name).chars().flat_map(char::escape_debug).collect()
+/// A name as it can be printed, whatever is in it.
+pub(super) fn shown(name: &str) -> String {
+    name.chars().take(64).flat_map(char::escape_debug).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_of_all_levels_are_counted() {
+        let count = |levels, round_up, width, height| {
+            Tiles { width: 8, height: 4, levels, round_up }.count(width, height)
+        };
+        assert_eq!(count(Levels::One, false, 16, 9), 2 * 3);
+        // 16 x 9, 8 x 4, 4 x 2, 2 x 1, 1 x 1; rounded up, 8 x 5 and so on.
+        assert_eq!(count(Levels::Mip, false, 16, 9), 6 + 1 + 1 + 1 + 1);
+        assert_eq!(count(Levels::Mip, true, 17, 9), 9 + 4 + 1 + 1 + 1 + 1);
+        // Columns of 16, 8, 4, 2, 1 by rows of 9, 4, 2, 1.
+        assert_eq!(count(Levels::Rip, false, 16, 9), (2 + 1 + 1 + 1 + 1) * (3 + 1 + 1 + 1));
+        assert_eq!(count(Levels::Rip, false, 1, 1), 1);
+    }
+
+    #[test]
+    fn texts_are_utf_8_or_latin_1_and_names_can_be_printed() {
+        assert_eq!(text("größer →".as_bytes()), "größer →");
+        assert_eq!(text(b"gr\xf6\xdfer"), "größer");
+        assert_eq!(shown("a\0\x1b[31m"), "a\\0\\u{1b}[31m");
+        assert_eq!(shown(&"x".repeat(1000)).len(), 64);
+    }
 }
