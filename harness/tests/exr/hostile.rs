@@ -12,7 +12,7 @@ use exr::prelude::{
 };
 use karat::{ExrFile, Image, ImageError};
 
-use super::{CODECS, SIZE, data, encode, file, layer, message, rgba};
+use super::{CODECS, SIZE, data, encode, file, layer, message, place, rgba};
 
 /// What a codec may take beside the pixels: tables of PIZ and of DWA.
 const TABLES: u64 = 4 << 20;
@@ -223,7 +223,7 @@ fn damaged_files_are_images_or_refused_and_take_little_memory() {
             let kind = round % 10;
             let other = &seeds[random.below(seeds.len())];
             let bytes = damaged(kind, seed, other, &mut random);
-            std::fs::write(&path, &bytes).expect("written");
+            place(&path, &bytes);
             let mut result = None;
             let memory = allocation_counter::measure(|| {
                 result = Some(match round % 2 {
@@ -261,7 +261,7 @@ fn sound_files_of_every_codec_are_read() {
         let file = ExrFile::read(&path).expect("sound");
         assert!(file.parts.iter().all(|part| part.image.pixels().len() == SIZE.area()));
         // Cut anywhere before its last chunk that is read, it isn't.
-        std::fs::write(&path, &seed.bytes[..seed.tables + 3]).expect("written");
+        place(&path, &seed.bytes[..seed.tables + 3]);
         assert!(ExrFile::read(&path).is_err());
     }
 }
@@ -339,7 +339,7 @@ fn files_of_the_library_cut_anywhere_are_refused_or_whole() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path: &Path = &folder.path().join("cut.exr");
         for length in (0..bytes.len()).step_by(5) {
-            std::fs::write(path, &bytes[..length]).expect("written");
+            place(path, &bytes[..length]);
             // The library may write parts in any order, but each is needed.
             assert!(ExrFile::read(path).is_err_and(|_| whole.parts.len() < 9), "{name} {length}");
         }

@@ -32,6 +32,14 @@ fn message<T>(bytes: &[u8], read: fn(&Path) -> Result<T, karat::ImageError>) -> 
     error.replace(&shown, "a.exr")
 }
 
+/// Puts a new file there. One that is cut and written again would wait for the disk each time.
+fn place(path: &Path, bytes: &[u8]) {
+    if path.exists() {
+        std::fs::remove_file(path).expect("removed");
+    }
+    std::fs::write(path, bytes).expect("written");
+}
+
 const SIZE: Vec2<usize> = Vec2(24, 20);
 
 /// Some of it smooth, some of it noise.

@@ -5,7 +5,7 @@ use std::path::Path;
 use karat::{Image, ImageError};
 use png::{BitDepth, ColorType, Encoder};
 
-use super::message;
+use super::{message, place};
 
 fn encode(
     color: ColorType,
@@ -178,7 +178,7 @@ fn damaged_files_are_images_or_refused() {
                 2 => bytes[at] = [0, 0x7f, 0x80, 0xff][below(4)],
                 _ => drop(bytes.drain(at..(at + 1 + below(40)).min(seed.len()))),
             }
-            std::fs::write(&path, &bytes).expect("written");
+            place(&path, &bytes);
             let mut result = None;
             let memory = allocation_counter::measure(|| result = Some(Image::read(&path)));
             // Little files; the decoder's own window and limit are larger than the pixels.
