@@ -1,12 +1,15 @@
 //! Float images: what a frame is read back as, and what a golden holds.
 
+mod error;
 mod exr;
+mod file;
 mod png;
 
 use half::f16;
 
-pub(crate) use self::exr::write_whole;
-pub use self::exr::{ImageError, Precision};
+pub use self::error::{ImageError, ImageFormat};
+pub use self::exr::{ExrFile, Part, Precision};
+pub(crate) use self::file::write_whole;
 
 /// Linear RGBA in 32-bit floats, rows from the top.
 #[derive(Clone, Debug, PartialEq)]

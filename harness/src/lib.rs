@@ -60,7 +60,7 @@ pub use golden::{
     AcceptError, Acceptance, DEFAULT_RELATIVE, FrameDifference, FrameMargin, GoldenError, Goldens,
     Outlier, Pending, Provenance,
 };
-pub use image::{Image, ImageError, NonFinite, Precision};
+pub use image::{ExrFile, Image, ImageError, ImageFormat, NonFinite, Part, Precision};
 pub use package::{FunctionItem, Package, PackageError};
 pub use path::{Adapter, Path, PathError, adapter};
 pub use probe::{Inputs, ProbeError, Probed, call};

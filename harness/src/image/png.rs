@@ -1,6 +1,10 @@
-//! Previews: an image as a screen would show it.
+//! PNG: previews, an image as a screen would show it; and files of others, read back.
+
+mod read;
 
 use std::path::Path;
+
+pub(super) use self::read::decode;
 
 use super::{Image, ImageError};
 use crate::diagnostic::shown;
@@ -38,7 +42,7 @@ impl Image {
             .write_header()
             .and_then(|mut writer| writer.write_image_data(&bytes))
             .map_err(|error| failed(std::io::Error::other(error)))?;
-        super::exr::write_whole(path, &file).map_err(failed)
+        super::file::write_whole(path, &file).map_err(failed)
     }
 
     /// Three bytes a pixel.

@@ -1,0 +1,92 @@
+//! Why an image file can't be read or written.
+
+use std::path::Path;
+
+use crate::diagnostic::shown;
+
+/// A format of image files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ImageFormat {
+    /// OpenEXR: floats, and names for what they are.
+    OpenExr,
+    /// PNG: integers, encoded for screens.
+    Png,
+}
+
+impl std::fmt::Display for ImageFormat {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::OpenExr => "OpenEXR",
+            Self::Png => "PNG",
+        })
+    }
+}
+
+/// Why an image file can't be read or written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ImageError {
+    /// There is no such file.
+    #[error("there is no image `{path}`")]
+    Missing {
+        /// The file.
+        path: String,
+    },
+    /// The file can't be read.
+    #[error("can't read `{path}`: {source}")]
+    Read {
+        /// The file.
+        path: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is a Git LFS pointer.
+    #[error("`{path}` is a Git LFS pointer, not an image; run `git lfs pull`")]
+    LfsPointer {
+        /// The file.
+        path: String,
+    },
+    /// The file isn't a sound image of its format, is larger than the limits allow, or holds what
+    /// isn't read.
+    #[error("`{path}` isn't a readable {format} image: {reason}")]
+    Corrupt {
+        /// The file.
+        path: String,
+        /// What it was read as.
+        format: ImageFormat,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The file is of no format that is read.
+    #[error("`{path}` is neither an OpenEXR nor a PNG image: it is {found}")]
+    Unknown {
+        /// The file.
+        path: String,
+        /// What it begins like.
+        found: &'static str,
+    },
+    /// A part's name can't be written.
+    #[error("`{name}` can't name a part of an image: {reason}")]
+    PartName {
+        /// The name.
+        name: String,
+        /// Why not.
+        reason: &'static str,
+    },
+    /// The file can't be written.
+    #[error("can't write `{path}`: {source}")]
+    Write {
+        /// The file.
+        path: String,
+        /// Why.
+        source: std::io::Error,
+    },
+}
+
+impl ImageError {
+    /// For `map_err` on a reason.
+    pub(super) fn corrupt(path: &Path, format: ImageFormat) -> impl FnOnce(String) -> Self {
+        move |reason| Self::Corrupt { path: shown(path), format, reason }
+    }
+}

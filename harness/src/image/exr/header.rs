@@ -1,0 +1,408 @@
+//! What an OpenEXR file says of itself, believed only as far as its length and our limits go.
+//!
+//! The header is read here and not by the `exr` crate, which reserves what a header announces
+//! before it has looked at the rest, and doesn't keep where the tables of chunks begin.
+
+use exr::prelude::Compression;
+
+use crate::image::file::{self, LARGEST_DECODED, LARGEST_RATIO, LONGEST_SIDE};
+
+/// Most channels of a part that are read; no renderer's beauty part has more.
+const MOST_CHANNELS: usize = 32;
+/// The one attribute that holds all metadata: the encoder writes several in random order.
+pub(super) const ATTRIBUTE: &str = "karat";
+
+/// Bits of the version field.
+const TILED: u32 = 0x200;
+const LONG_NAMES: u32 = 0x400;
+const DEEP: u32 = 0x800;
+const MULTI_PART: u32 = 0x1000;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Sample {
+    Uint,
+    Half,
+    Float,
+}
+
+impl Sample {
+    pub(super) fn bytes(self) -> usize {
+        match self {
+            Self::Half => 2,
+            Self::Uint | Self::Float => 4,
+        }
+    }
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Channel {
+    pub(super) name: String,
+    pub(super) sample: Sample,
+    /// Tells lossy codecs how to quantise.
+    pub(super) linear: bool,
+}
+
+/// How a part is cut into chunks. Only the largest level is ever decoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Blocks {
+    Rows(u32),
+    Tiles { width: u32, height: u32 },
+}
+
+/// One part of a file.
+#[derive(Clone, Debug)]
+pub(super) struct PartHeader {
+    /// Empty where the file gives none.
+    pub(super) name: String,
+    pub(super) width: u32,
+    pub(super) height: u32,
+    /// The first row in the file's coordinates, which chunks of rows are numbered by.
+    pub(super) top: i32,
+    pub(super) channels: Vec<Channel>,
+    pub(super) compression: Compression,
+    pub(super) blocks: Blocks,
+    /// Entries of its table, for chunks of all levels.
+    pub(super) chunks: usize,
+    pub(super) metadata: Option<String>,
+}
+
+/// All parts of a file.
+#[derive(Debug)]
+pub(super) struct FileHeader {
+    pub(super) parts: Vec<PartHeader>,
+    /// Whether chunks begin with the number of their part.
+    pub(super) numbered: bool,
+    /// Where the tables of chunks begin; the first part's is the first.
+    pub(super) tables: usize,
+}
+
+impl FileHeader {
+    /// Reads the headers of all parts. What they announce is within the limits, and the tables of
+    /// chunks are within the file.
+    pub(super) fn parse(bytes: &[u8]) -> Result<Self, String> {
+        let mut rest = Bytes { rest: bytes };
+        if bytes.is_empty() {
+            return Err("it is empty".to_owned());
+        }
+        if !bytes.starts_with(&exr::meta::magic_number::BYTES) {
+            return Err(format!("it is {}", file::found(bytes)));
+        }
+        rest.take(4)?;
+        let version = rest.u32()?;
+        let flags = version & !0xff;
+        if version & 0xff != 2 {
+            return Err(format!("it is of version {}, only 2 is read", version & 0xff));
+        }
+        if flags & !(TILED | LONG_NAMES | DEEP | MULTI_PART) != 0 {
+            return Err(format!("its version has flags that aren't known: {flags:#x}"));
+        }
+        if flags & DEEP != 0 {
+            return Err("it holds deep data, which isn't read".to_owned());
+        }
+        let numbered = flags & MULTI_PART != 0;
+        let mut parts = Vec::new();
+        loop {
+            parts.push(PartHeader::parse(&mut rest, flags & TILED != 0)?);
+            if !numbered || rest.ends()? {
+                break;
+            }
+        }
+        let header = Self { parts, numbered, tables: bytes.len() - rest.rest.len() };
+        header.check(bytes.len(), rest.rest.len())?;
+        Ok(header)
+    }
+
+    fn check(&self, length: usize, rest: usize) -> Result<(), String> {
+        let (mut stored, mut decoded, mut entries) = (0_u64, 0_u64, 0_usize);
+        for part in &self.parts {
+            let area = u64::from(part.width) * u64::from(part.height);
+            let samples: usize = part.channels.iter().map(|channel| channel.sample.bytes()).sum();
+            stored = stored.saturating_add(area * samples as u64);
+            decoded = decoded.saturating_add(area * part.channels.len().max(4) as u64 * 4);
+            entries = entries.saturating_add(part.chunks);
+        }
+        if decoded > LARGEST_DECODED {
+            return Err(format!(
+                "its header announces {} MB of pixels, {} MB are read",
+                decoded >> 20,
+                LARGEST_DECODED >> 20
+            ));
+        }
+        if stored > (length as u64).saturating_mul(LARGEST_RATIO) {
+            return Err(format!(
+                "its header announces {stored} bytes of pixels in a file of {length}"
+            ));
+        }
+        if entries > rest / 8 {
+            return Err(format!("its header announces {entries} chunks, but it ends before"));
+        }
+        Ok(())
+    }
+}
+
+/// The attributes that matter, as they are found.
+#[derive(Default)]
+struct Attributes {
+    channels: Option<Vec<Channel>>,
+    compression: Option<Compression>,
+    window: Option<[i32; 4]>,
+    tiles: Option<Tiles>,
+    kind: Option<String>,
+    name: String,
+    metadata: Option<String>,
+}
+
+impl PartHeader {
+    fn parse(rest: &mut Bytes<'_>, tiled: bool) -> Result<Self, String> {
+        let mut found = Attributes::default();
+        while !rest.ends()? {
+            let (name, kind) = (rest.name()?, rest.name()?);
+            let length = usize::try_from(rest.i32()?).map_err(|_| {
+                format!("its attribute `{}` has a negative length", shown(&text(name)))
+            })?;
+            let mut value = Bytes { rest: rest.take(length)? };
+            match (name, kind) {
+                (b"channels", b"chlist") => found.channels = Some(channels(&mut value)?),
+                (b"compression", b"compression") => {
+                    found.compression = Some(compression(value.u8()?)?);
+                }
+                (b"dataWindow", b"box2i") => {
+                    found.window = Some([value.i32()?, value.i32()?, value.i32()?, value.i32()?]);
+                }
+                (b"tiles", b"tiledesc") => found.tiles = Some(Tiles::parse(&mut value)?),
+                (b"type", b"string") => found.kind = Some(text(value.rest)),
+                (b"name", b"string") => found.name = text(value.rest),
+                (name, b"string") if name == ATTRIBUTE.as_bytes() => {
+                    found.metadata = Some(text(value.rest));
+                }
+                _ => {}
+            }
+        }
+        found.part(tiled)
+    }
+}
+
+impl Attributes {
+    fn part(self, tiled: bool) -> Result<PartHeader, String> {
+        let missing = |name: &str| format!("it has no attribute `{name}`");
+        let channels = self.channels.ok_or_else(|| missing("channels"))?;
+        let compression = self.compression.ok_or_else(|| missing("compression"))?;
+        let [left, top, right, bottom] = self.window.ok_or_else(|| missing("dataWindow"))?;
+        let side = |from: i32, to: i32| i64::from(to) - i64::from(from) + 1;
+        let (width, height) = (side(left, right), side(top, bottom));
+        let sound = |side: i64| u32::try_from(side).ok().filter(|s| (1..=LONGEST_SIDE).contains(s));
+        let (Some(width), Some(height)) = (sound(width), sound(height)) else {
+            return Err(format!(
+                "its header announces {width} x {height} pixels, sides of 1 to {LONGEST_SIDE} are \
+                 read"
+            ));
+        };
+        let tiled = match self.kind.as_deref() {
+            Some("tiledimage") => true,
+            Some("scanlineimage") => false,
+            Some("deepscanline" | "deeptile") => {
+                return Err("it holds deep data, which isn't read".to_owned());
+            }
+            Some(kind) => return Err(format!("it has a part of type `{}`", shown(kind))),
+            None => tiled,
+        };
+        let (blocks, chunks) = if tiled {
+            let tiles = self.tiles.ok_or_else(|| missing("tiles"))?;
+            let blocks = Blocks::Tiles { width: tiles.width, height: tiles.height };
+            (blocks, tiles.count(width, height))
+        } else {
+            let rows = u32::try_from(compression.scan_lines_per_block()).expect("at most 256");
+            (Blocks::Rows(rows), u64::from(height.div_ceil(rows)))
+        };
+        let chunks = usize::try_from(chunks).unwrap_or(usize::MAX);
+        let Self { name, metadata, .. } = self;
+        Ok(PartHeader { name, width, height, top, channels, compression, blocks, chunks, metadata })
+    }
+}
+
+fn channels(value: &mut Bytes<'_>) -> Result<Vec<Channel>, String> {
+    let mut channels: Vec<Channel> = Vec::new();
+    while !value.ends()? {
+        if channels.len() == MOST_CHANNELS {
+            return Err(format!("it has a part of more than {MOST_CHANNELS} channels"));
+        }
+        let name = text(value.name()?);
+        let of = |problem: String| format!("its channel `{}` {problem}", shown(&name));
+        let sample = match value.i32()? {
+            0 => Sample::Uint,
+            1 => Sample::Half,
+            2 => Sample::Float,
+            other => return Err(of(format!("is of unknown type {other}"))),
+        };
+        let linear = value.take(4)?[0] != 0;
+        if (value.i32()?, value.i32()?) != (1, 1) {
+            return Err(of("has fewer pixels than the image, which isn't read".to_owned()));
+        }
+        if channels.iter().any(|channel| channel.name == name) {
+            return Err(of("is there twice".to_owned()));
+        }
+        channels.push(Channel { name, sample, linear });
+    }
+    if channels.is_empty() {
+        return Err("it has a part without channels".to_owned());
+    }
+    Ok(channels)
+}
+
+fn compression(code: u8) -> Result<Compression, String> {
+    let name = match code {
+        0 => return Ok(Compression::Uncompressed),
+        1 => return Ok(Compression::RLE),
+        2 => return Ok(Compression::ZIP1),
+        3 => return Ok(Compression::ZIP16),
+        4 => return Ok(Compression::PIZ),
+        5 => return Ok(Compression::PXR24),
+        6 => return Ok(Compression::B44),
+        7 => return Ok(Compression::B44A),
+        8 => return Ok(Compression::DWAA(None)),
+        9 => return Ok(Compression::DWAB(None)),
+        10 => "HTJ2K256",
+        11 => "HTJ2K32",
+        12 => "LJ2K",
+        13 => "ZSTD",
+        other => return Err(format!("its compression is of unknown type {other}")),
+    };
+    Err(format!("it is compressed by {name}, which isn't read; convert it to ZIP"))
+}
+
+struct Tiles {
+    width: u32,
+    height: u32,
+    levels: Levels,
+    round_up: bool,
+}
+
+enum Levels {
+    One,
+    Mip,
+    Rip,
+}
+
+impl Tiles {
+    fn parse(value: &mut Bytes<'_>) -> Result<Self, String> {
+        let (width, height, mode) = (value.u32()?, value.u32()?, value.u8()?);
+        if width == 0 || height == 0 {
+            return Err(format!("it has tiles of {width} x {height} pixels"));
+        }
+        let levels = match mode & 0xf {
+            0 => Levels::One,
+            1 => Levels::Mip,
+            2 => Levels::Rip,
+            other => return Err(format!("its levels are of unknown type {other}")),
+        };
+        Ok(Self { width, height, levels, round_up: mode >> 4 != 0 })
+    }
+
+    /// How many tiles there are in all levels of an image whose sides are within the limits.
+    fn count(&self, width: u32, height: u32) -> u64 {
+        let size = |side: u32, level: u32| {
+            let divided = if self.round_up { side.div_ceil(1 << level) } else { side >> level };
+            divided.max(1)
+        };
+        let last = |side: u32| match self.round_up {
+            true => side.next_power_of_two().ilog2(),
+            false => side.ilog2(),
+        };
+        let across = |level| u64::from(size(width, level).div_ceil(self.width));
+        let down = |level| u64::from(size(height, level).div_ceil(self.height));
+        match self.levels {
+            Levels::One => across(0) * down(0),
+            Levels::Mip => (0..=last(width.max(height))).map(|l| across(l) * down(l)).sum(),
+            Levels::Rip => {
+                let columns: u64 = (0..=last(width)).map(across).sum();
+                columns * (0..=last(height)).map(down).sum::<u64>()
+            }
+        }
+    }
+}
+
+/// What is left to read.
+pub(super) struct Bytes<'a> {
+    pub(super) rest: &'a [u8],
+}
+
+impl<'a> Bytes<'a> {
+    pub(super) fn take(&mut self, count: usize) -> Result<&'a [u8], String> {
+        let (taken, rest) =
+            self.rest.split_at_checked(count).ok_or("it ends in the middle of its header")?;
+        self.rest = rest;
+        Ok(taken)
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], String> {
+        Ok(self.take(N)?.try_into().expect("as many as were taken"))
+    }
+
+    fn u8(&mut self) -> Result<u8, String> {
+        Ok(self.array::<1>()?[0])
+    }
+
+    fn u32(&mut self) -> Result<u32, String> {
+        Ok(u32::from_le_bytes(self.array()?))
+    }
+
+    pub(super) fn i32(&mut self) -> Result<i32, String> {
+        Ok(i32::from_le_bytes(self.array()?))
+    }
+
+    /// Whether a list ends here. The zero that says so is taken.
+    fn ends(&mut self) -> Result<bool, String> {
+        let ends = self.rest.first() == Some(&0);
+        if ends || self.rest.is_empty() {
+            self.take(1)?;
+        }
+        Ok(ends)
+    }
+
+    /// A name and the zero behind it.
+    fn name(&mut self) -> Result<&'a [u8], String> {
+        // The format allows 255 bytes.
+        let end = self.rest.iter().take(256).position(|byte| *byte == 0);
+        let name = self.take(end.ok_or("it has a name that doesn't end")?)?;
+        self.take(1)?;
+        Ok(name)
+    }
+}
+
+/// A text as UTF-8 or, as other writers have it, Latin-1.
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec())
+        .unwrap_or_else(|_| bytes.iter().copied().map(char::from).collect())
+}
+
+/// A name as it can be printed, whatever is in it.
+pub(super) fn shown(name: &str) -> String {
+    name.chars().take(64).flat_map(char::escape_debug).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_of_all_levels_are_counted() {
+        let count = |levels, round_up, width, height| {
+            Tiles { width: 8, height: 4, levels, round_up }.count(width, height)
+        };
+        assert_eq!(count(Levels::One, false, 16, 9), 2 * 3);
+        // 16 x 9, 8 x 4, 4 x 2, 2 x 1, 1 x 1; rounded up, 8 x 5 and so on.
+        assert_eq!(count(Levels::Mip, false, 16, 9), 6 + 1 + 1 + 1 + 1);
+        assert_eq!(count(Levels::Mip, true, 17, 9), 9 + 4 + 1 + 1 + 1 + 1);
+        // Columns of 16, 8, 4, 2, 1 by rows of 9, 4, 2, 1.
+        assert_eq!(count(Levels::Rip, false, 16, 9), (2 + 1 + 1 + 1 + 1) * (3 + 1 + 1 + 1));
+        assert_eq!(count(Levels::Rip, false, 1, 1), 1);
+    }
+
+    #[test]
+    fn texts_are_utf_8_or_latin_1_and_names_can_be_printed() {
+        assert_eq!(text("größer →".as_bytes()), "größer →");
+        assert_eq!(text(b"gr\xf6\xdfer"), "größer");
+        assert_eq!(shown("a\0\x1b[31m"), "a\\0\\u{1b}[31m");
+        assert_eq!(shown(&"x".repeat(1000)).len(), 64);
+    }
+}

@@ -1,0 +1,61 @@
+//! Which channels of a part are its colours.
+
+use super::header::{Channel, PartHeader, Sample};
+use crate::image::Precision;
+
+/// A part's channels that make up an image.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Selection {
+    /// For each channel of the part, the channels of a pixel that it fills.
+    pub(super) fills: Vec<&'static [usize]>,
+    /// Of the most precise channel.
+    pub(super) precision: Precision,
+    /// Whether there are three colours, and not one.
+    pub(super) coloured: bool,
+}
+
+/// The layer without a name is preferred to named ones and these are taken in their order, but
+/// colours are preferred to grey.
+pub(super) fn select(part: &PartHeader) -> Option<Selection> {
+    let layers = || {
+        let names = part.channels.iter().map(|channel| split(channel).0);
+        std::iter::once("").chain(names.filter(|layer| !layer.is_empty()))
+    };
+    let pick = |wanted: &dyn Fn(&str) -> bool| layers().find(|layer| wanted(layer));
+    let has = |layer: &str, name: &str| {
+        part.channels.iter().any(|channel| split(channel) == (layer, name))
+    };
+    let coloured = |layer: &str| ["R", "G", "B"].iter().all(|name| has(layer, name));
+    // X, Y and Z are a vector; Y with RY and BY are colours of another kind.
+    let grey =
+        |layer: &str| has(layer, "Y") && !["X", "Z", "RY", "BY"].iter().any(|n| has(layer, n));
+    let (layer, coloured) = pick(&coloured)
+        .map(|layer| (layer, true))
+        .or_else(|| pick(&grey).map(|layer| (layer, false)))?;
+    let fills: Vec<&'static [usize]> = part
+        .channels
+        .iter()
+        .map(|channel| match split(channel) {
+            (of, name) if of == layer => match name {
+                "R" if coloured => &[0][..],
+                "G" if coloured => &[1],
+                "B" if coloured => &[2],
+                "Y" if !coloured => &[0, 1, 2],
+                "A" => &[3],
+                _ => &[],
+            },
+            _ => &[],
+        })
+        .collect();
+    let half = fills
+        .iter()
+        .zip(&part.channels)
+        .all(|(fills, channel)| fills.is_empty() || channel.sample == Sample::Half);
+    let precision = if half { Precision::Half } else { Precision::Float };
+    Some(Selection { fills, precision, coloured })
+}
+
+/// The layer and the name within it.
+fn split(channel: &Channel) -> (&str, &str) {
+    channel.name.rsplit_once('.').unwrap_or(("", &channel.name))
+}

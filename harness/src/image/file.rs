@@ -1,0 +1,138 @@
+//! Files of images, whatever their format: read within a limit, and written as a whole or not at
+//! all.
+
+use std::fs::{File, OpenOptions};
+use std::io::{Error, ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::{ExrFile, Image, ImageError, ImageFormat};
+use crate::diagnostic::shown;
+
+/// Longest side that is read or written: a 16k texture.
+pub(super) const LONGEST_SIDE: u32 = 16_384;
+/// Most memory that the pixels of a file may take, and the longest file that is read: what doesn't
+/// fit in one doesn't fit in the other.
+pub(super) const LARGEST_DECODED: u64 = 512 << 20;
+/// Deflate reaches 1032:1 on constant images; about twice that is no image.
+pub(super) const LARGEST_RATIO: u64 = 2000;
+
+/// How files begin that people take for images, or rename to them.
+const BEGINNINGS: [(&[u8], &str); 10] = [
+    (&exr::meta::magic_number::BYTES, "an OpenEXR image"),
+    (PNG, "a PNG image"),
+    (b"\xff\xd8\xff", "a JPEG image"),
+    (b"#?R", "a Radiance HDR image"),
+    (b"II*\0", "a TIFF image"),
+    (b"MM\0*", "a TIFF image"),
+    (b"DDS ", "a DDS texture"),
+    (b"\xabKTX", "a KTX texture"),
+    (b"GIF8", "a GIF image"),
+    (b"RIFF", "a RIFF file, as WebP images are"),
+];
+const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
+
+/// What a file is that isn't what was expected.
+pub(super) fn found(bytes: &[u8]) -> &'static str {
+    let known = BEGINNINGS.iter().find(|(beginning, _)| bytes.starts_with(beginning));
+    match known {
+        Some((_, name)) => name,
+        None if bytes.is_empty() => "empty",
+        None => "something else",
+    }
+}
+
+impl Image {
+    /// Reads an image of either format, told by its content and not by its name: OpenEXR as
+    /// [`read_exr`](Self::read_exr) does, or PNG.
+    ///
+    /// A PNG is made linear: its values are sRGB-encoded, unless it has a gAMA chunk and no sRGB
+    /// chunk. Colour profiles and cICP chunks are ignored. Greys become RGB, alpha stays as it is,
+    /// not multiplied into the colours, and is 1 where there is none. Of an animation the first
+    /// frame is read.
+    ///
+    /// # Errors
+    /// If the file is missing, unreadable, damaged, of another format or too large.
+    pub fn read(path: &Path) -> Result<Self, ImageError> {
+        let bytes = bytes(path)?;
+        if bytes.starts_with(&exr::meta::magic_number::BYTES) {
+            let (image, _) = ExrFile::decode_first(&bytes)
+                .map_err(ImageError::corrupt(path, ImageFormat::OpenExr))?;
+            return Ok(image);
+        }
+        if bytes.starts_with(PNG) {
+            return super::png::decode(&bytes).map_err(ImageError::corrupt(path, ImageFormat::Png));
+        }
+        Err(ImageError::Unknown { path: shown(path), found: found(&bytes) })
+    }
+}
+
+/// A file's bytes, if it can be an image.
+pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
+    let failed = |source: Error| match source.kind() {
+        ErrorKind::NotFound => ImageError::Missing { path: shown(path) },
+        _ => ImageError::Read { path: shown(path), source },
+    };
+    // Opening a folder succeeds on some systems, and is "permission denied" on others.
+    if path.is_dir() {
+        return Err(failed(Error::new(ErrorKind::IsADirectory, "it is a folder")));
+    }
+    let file = File::open(path).map_err(failed)?;
+    let announced = file.metadata().map_err(failed)?.len();
+    let mut bytes = Vec::new();
+    if announced <= LARGEST_DECODED {
+        // A device or a pipe announces nothing, and may never end.
+        file.take(LARGEST_DECODED + 1).read_to_end(&mut bytes).map_err(failed)?;
+    }
+    let length = announced.max(bytes.len() as u64);
+    if length > LARGEST_DECODED {
+        let reason = format!("it is longer than {} MB", LARGEST_DECODED >> 20);
+        return Err(failed(Error::new(ErrorKind::FileTooLarge, reason)));
+    }
+    if bytes.starts_with(b"version https://git-lfs") {
+        return Err(ImageError::LfsPointer { path: shown(path) });
+    }
+    Ok(bytes)
+}
+
+/// Writes a file beside its place, then renames it there: the place has the old file or the new
+/// one, whole. Whoever writes the same file at the same time writes beside it under another name,
+/// and the last rename stays.
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder)?;
+    }
+    let (beside, mut file) = create_beside(path)?;
+    let written = file
+        .write_all(bytes)
+        // A full disk may be noticed only when the system writes what it has put off.
+        .and_then(|()| file.sync_all())
+        .and_then(|()| {
+            drop(file); // Windows renames no open file.
+            std::fs::rename(&beside, path)
+        });
+    if written.is_err() {
+        // The error that matters is the first one.
+        drop(std::fs::remove_file(&beside));
+    }
+    written
+}
+
+/// A new file in the same folder, named as no other thread or process names its own.
+fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    let name = path
+        .file_name()
+        .ok_or_else(|| Error::new(ErrorKind::InvalidInput, "it doesn't name a file"))?;
+    loop {
+        let count = COUNT.fetch_add(1, Ordering::Relaxed);
+        let mut beside = name.to_owned();
+        beside.push(format!(".{}-{count}.tmp", std::process::id()));
+        let beside = path.with_file_name(beside);
+        match OpenOptions::new().write(true).create_new(true).open(&beside) {
+            // Left by a process of this id that was killed, or one on another machine.
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+            opened => return Ok((beside, opened?)),
+        }
+    }
+}
