@@ -1,0 +1,50 @@
+// What is known of both sides: the verdict, what explains it, gates with their margins, metadata.
+
+(() => {
+  const NAMES = {
+    "adapter.path": "path", "adapter.name": "adapter", "adapter.driver": "driver",
+    "adapter.software": "software", color_space: "colour space", accepted_by: "accepted by",
+    accepted_at: "accepted at", because: "because", relative: "tolerance", pixels: "pixels (hash)",
+    shader: "shader (hash)",
+  };
+  // Hashes are recognised by their beginning; the whole is in the title.
+  const short = (text) => (/^[0-9a-f]{40,}$/.test(text) ? text.slice(0, 12) : text);
+
+  const gate = ({ name, value, bound, place, passes }) => {
+    const times = value === null ? "NaN" : `${numbers.rounded(value / bound)} × bound`;
+    const row = element("li", { className: passes ? "passes" : "fails" },
+      element("span", { className: "name" }, name),
+      element("span", { className: "values" },
+        `${value === null ? "NaN" : numbers.rounded(value)} of ${numbers.rounded(bound)}`),
+      element("span", { className: "margin" }, passes ? `passes, ${times}` : `fails, ${times}`));
+    if (place) {
+      const [left, top, right, bottom] = place;
+      const text = left === right && top === bottom ? `(${left}, ${top})` : `(${left}, ${top}) to (${right}, ${bottom})`;
+      const button = element("button", { type: "button", className: "place", title: "look at it (w)" }, `worst at ${text}`);
+      button.addEventListener("click", () => lookAt(place));
+      row.append(button);
+    }
+    return row;
+  };
+
+  const fact = ({ name, golden, actual, differs }) => {
+    const value = (text) => element("td", { title: text }, short(text) || "–");
+    return element("tr", { className: differs ? "differs" : "" },
+      element("th", { scope: "row" }, NAMES[name] ?? name.replaceAll("_", " ")),
+      value(golden), value(actual));
+  };
+
+  let shown = null;
+  listeners.push(() => {
+    const data = loaded();
+    if (data === shown) return;
+    shown = data;
+    byId("verdict").textContent = data?.verdict ?? "";
+    byId("cause").textContent = data?.cause ?? "";
+    byId("gates").replaceChildren(...(data?.gates ?? []).map(gate));
+    byId("no-gates").hidden = Boolean(data?.gates.length);
+    // What differs first: that is what explains a difference.
+    const facts = [...(data?.facts ?? [])].sort((a, b) => Number(b.differs) - Number(a.differs));
+    byId("facts").querySelector("tbody").replaceChildren(...facts.map(fact));
+  });
+})();
