@@ -17,12 +17,13 @@ const actions = (() => {
     if (image) change({ exposure: Math.round(Math.log2(0.18 / image.key)) });
   };
 
-  // The largest finite difference at the end of the scale, to a power of two.
+  // The scale ends above 99 % of the differences, at a power of two: a few highlights would darken
+  // all others. What is beyond the scale is pale.
   const autoGain = () => {
     const { golden, actual } = part() ?? {};
     if (!golden || !actual) return;
     const light = state.relative ? 1 : 2 ** state.exposure;
-    let most = 0;
+    const sizes = [];
     const [width, height] = [Math.min(golden.width, actual.width), Math.min(golden.height, actual.height)];
     for (let y = 0; y < height; y += 1) {
       for (let x = 0; x < width; x += 1) {
@@ -30,10 +31,11 @@ const actions = (() => {
         for (let c = 0; c < 3; c += 1) {
           const by = state.relative ? Math.max(Math.abs(g[c]), golden.dark) : 1;
           const size = Math.abs(a[c] - g[c]) * light / by;
-          if (size > most && size < Infinity) most = size;
+          if (size > 0 && size < Infinity) sizes.push(size);
         }
       }
     }
+    const most = Float64Array.from(sizes).sort()[Math.floor(0.99 * sizes.length)];
     change({ gain: most ? Math.floor(-Math.log2(most)) : 0 });
   };
 

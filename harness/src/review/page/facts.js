@@ -4,9 +4,14 @@
   const NAMES = {
     "adapter.path": "path", "adapter.name": "adapter", "adapter.driver": "driver",
     "adapter.software": "software", color_space: "colour space", accepted_by: "accepted by",
-    accepted_at: "accepted at", because: "because", relative: "tolerance", pixels: "pixels (hash)",
-    shader: "shader (hash)",
+    accepted_at: "accepted at", relative: "tolerance",
   };
+  // What explains a difference comes first; what isn't named here follows as it is.
+  const ORDER = ["shader", "adapter.path", "adapter.name", "adapter.driver", "processor", "because",
+    "accepted_by", "accepted_at", "relative", "precision", "width", "height"];
+  // Hashes of pixels are another name for the difference, not a reason of it.
+  const HIDDEN = ["pixels", "schema"];
+  const rank = ({ name, differs }) => (differs ? -100 : 0) + (ORDER.indexOf(name) + 1 || 50);
   // Hashes are recognised by their beginning; the whole is in the title.
   const short = (text) => (/^[0-9a-f]{40,}$/.test(text) ? text.slice(0, 12) : text);
 
@@ -31,7 +36,9 @@
     const value = (text) => element("td", { title: text }, short(text) || "–");
     return element("tr", { className: differs ? "differs" : "" },
       element("th", { scope: "row" }, NAMES[name] ?? name.replaceAll("_", " ")),
-      value(golden), value(actual));
+      ...(golden && golden === actual
+        ? [Object.assign(value(golden), { colSpan: 2, className: "shared" })]
+        : [value(golden), value(actual)]));
   };
 
   let shown = null;
@@ -43,8 +50,8 @@
     byId("cause").textContent = data?.cause ?? "";
     byId("gates").replaceChildren(...(data?.gates ?? []).map(gate));
     byId("no-gates").hidden = Boolean(data?.gates.length);
-    // What differs first: that is what explains a difference.
-    const facts = [...(data?.facts ?? [])].sort((a, b) => Number(b.differs) - Number(a.differs));
+    const facts = (data?.facts ?? []).filter(({ name }) => !HIDDEN.includes(name));
+    facts.sort((a, b) => rank(a) - rank(b));
     byId("facts").querySelector("tbody").replaceChildren(...facts.map(fact));
   });
 })();

@@ -30,7 +30,7 @@
     const light = g ?? a;
     const stops = light ? Math.log2(tones.luminance(light) / 0.18) : NaN;
     const side = g ? "golden" : "actual";
-    const level = Number.isFinite(stops) ? `, ${side} at ${stops >= 0 ? "+" : "−"}${Math.abs(stops).toFixed(1)} stops from grey` : "";
+    const level = Number.isFinite(stops) ? `, ${side} ${stops >= 0 ? "+" : "−"}${Math.abs(stops).toFixed(1)} stops` : "";
     byId("where").textContent = (g ?? a)
       ? `(${at[0]}, ${at[1]})${state.pinned ? " pinned" : ""}, tile (${at[0] >> 4}, ${at[1] >> 4})${level}`
       : "point at a pixel; click to pin it";

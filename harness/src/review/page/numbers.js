@@ -65,15 +65,15 @@ const numbers = (() => {
     return `${sign}${digits.slice(0, point)}.${digits.slice(point)}`;
   };
 
-  // A derived number, for reading: four digits, with its sign if `signed`.
+  // A derived number, for reading: three digits, with its sign if `signed`.
   const rounded = (value, signed = false) => {
     if (value === null || Number.isNaN(value)) return value === null ? "–" : "NaN";
     const size = Math.abs(value);
     if (size === 0) return "0";
     const sign = value < 0 ? "−" : signed ? "+" : "";
     if (size === Infinity) return `${sign}inf`;
-    if (size >= 1e-3 && size < 1e5) return sign + String(Number(size.toPrecision(4)));
-    return sign + Number(size.toPrecision(4)).toExponential().replace("e+", "e").replace("e-", "e−");
+    if (size >= 1e-3 && size < 1e4) return sign + String(Number(size.toPrecision(3)));
+    return sign + Number(size.toPrecision(3)).toExponential().replace("e+", "e").replace("e-", "e−");
   };
 
   return { half, decode, ulps, shortest, rounded };

@@ -58,7 +58,7 @@
 
   const showLegend = () => {
     legend.hidden = true;
-    const channel = state.channel ? CHANNELS[state.channel] : "channel that differs most";
+    const channel = state.channel ? CHANNELS[state.channel] : "largest channel";
     if (state.view === "difference" && !missingSide("difference")) {
       const range = 2 ** -state.gain / (state.relative ? 1 : 2 ** state.exposure);
       const ends = numbers.rounded(range);
@@ -70,8 +70,8 @@
     } else if (state.falseColor) {
       const { STOPS } = tones;
       const light = (t) => tones.falseColor(0.18 * 2 ** ((2 * t - 1) * STOPS));
-      strip(light, [-STOPS, -STOPS / 2, "0.18", STOPS / 2, STOPS].map((tick) => (tick > 0 ? `+${tick}` : String(tick).replace("-", "−"))),
-        "stops from middle grey, as exposed");
+      const ticks = [`−${STOPS}`, `−${STOPS / 2}`, "0.18", `+${STOPS / 2}`, `+${STOPS}`];
+      strip(light, ticks, "stops from middle grey, as exposed");
     }
   };
 
