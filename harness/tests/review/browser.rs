@@ -20,6 +20,10 @@ pub(crate) struct Browser {
     _profile: TempDir,
     socket: WebSocket<TcpStream>,
     calls: u64,
+    /// The session of the tab that is in front.
+    front: String,
+    /// Whether the pointer's left button is down.
+    pressed: bool,
 }
 
 /// A tab of a [`Browser`].
@@ -93,7 +97,7 @@ impl Browser {
         let stream = TcpStream::connect(place.expect("a URL")).expect("it listens");
         stream.set_read_timeout(Some(PATIENCE)).expect("a time");
         let (socket, _) = tungstenite::client(&url, stream).expect("a WebSocket");
-        Self { child, _profile: profile, socket, calls: 0 }
+        Self { child, _profile: profile, socket, calls: 0, front: String::new(), pressed: false }
     }
 
     fn call(&mut self, session: Option<&str>, method: &str, parameters: Value) -> Value {
@@ -108,6 +112,9 @@ impl Browser {
                 continue;
             };
             let mut answer: Value = serde_json::from_str(&text).expect("JSON");
+            if answer["method"] == "Runtime.exceptionThrown" {
+                panic!("the page threw: {}", answer["params"]["exceptionDetails"]);
+            }
             if answer["id"] == self.calls {
                 assert!(answer["error"].is_null(), "{method}: {}", answer["error"]);
                 return answer["result"].take();
@@ -123,6 +130,7 @@ impl Browser {
         let session = attached["sessionId"].as_str().expect("a session").to_owned();
         let tab = Tab { session };
         self.on(&tab, "Page.enable", json!({}));
+        self.on(&tab, "Runtime.enable", json!({}));
         self.resize(&tab, 1280, 720, 1.0);
         self.on(&tab, "Page.navigate", json!({ "url": url }));
         self.wait(&tab, "document.readyState === 'complete' && location.href !== 'about:blank'");
@@ -174,9 +182,19 @@ impl Browser {
     /// Waits until the page shows the selected case, and has drawn its present state.
     #[track_caller]
     pub(crate) fn settle(&mut self, tab: &Tab) {
-        self.wait(tab, "window.karat?.stage.canvas.dataset.ready === 'true'");
-        let frames = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => requestAnimationFrame(() => done(true)))))";
+        // A tab behind another one isn't drawn.
+        if self.front != tab.session {
+            self.on(tab, "Page.bringToFront", json!({}));
+            self.front.clone_from(&tab.session);
+        }
+        // One frame draws what has changed by now, the next one comes after it.
+        let frames = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))";
         self.value(tab, frames);
+        let ready = "window.karat?.stage.canvas.dataset.ready === 'true'";
+        if self.value(tab, ready) != true {
+            self.wait(tab, ready);
+            self.value(tab, frames);
+        }
     }
 
     /// Presses a key, as a keyboard does.
@@ -208,8 +226,12 @@ impl Browser {
 
     /// Moves the pointer; with `button`, presses or releases its left one.
     pub(crate) fn pointer(&mut self, tab: &Tab, kind: &str, (x, y): (f64, f64)) {
-        let button = if kind == "mouseMoved" { "none" } else { "left" };
-        let event = json!({ "type": kind, "x": x, "y": y, "button": button, "clickCount": 1 });
+        self.pressed = kind == "mousePressed" || (kind == "mouseMoved" && self.pressed);
+        let button = if kind == "mouseMoved" && !self.pressed { "none" } else { "left" };
+        let event = json!({
+            "type": kind, "x": x, "y": y, "button": button, "clickCount": 1,
+            "buttons": u8::from(self.pressed),
+        });
         self.on(tab, "Input.dispatchMouseEvent", event);
     }
 

@@ -48,11 +48,21 @@ const numbers = (() => {
     if (Number.isNaN(value)) return "NaN";
     if (!Number.isFinite(value)) return value > 0 ? "inf" : "-inf";
     if (value === 0) return Object.is(value, -0) ? "-0" : "0";
-    let digits = 1; // 9 digits tell any two f32 apart
-    while (digits < 9 && Math.fround(Number(value.toExponential(digits - 1))) !== value) digits += 1;
-    const text = value.toExponential(digits - 1).replace("e+", "e");
+    let text = "";
+    for (let digits = 1; digits <= 9 && !text; digits += 1) text = reading(value, digits); // 9 suffice
     const size = Math.abs(value);
-    return size >= 1e-4 && size < 1e7 ? plain(text) : text;
+    return size >= Math.fround(1e-4) && size < 1e7 ? plain(text) : text;
+  };
+
+  // Digits that read back as the same f32, or nothing. The nearest decimal need not: below a power
+  // of two the f32 are closer, so that its neighbour above may do.
+  const reading = (value, digits) => {
+    const nearest = value.toExponential(digits - 1).replace("e+", "e");
+    const [mantissa, exponent] = nearest.split("e");
+    const whole = Number(mantissa.replace(".", ""));
+    const away = `${whole + Math.sign(value)}e${Number(exponent) - digits + 1}`;
+    const reads = [nearest, away].find((text) => Math.fround(Number(text)) === value);
+    return reads === away ? Number(away).toExponential(digits - 1).replace("e+", "e") : reads ?? "";
   };
 
   // `1.25e-2` without its exponent.

@@ -169,5 +169,16 @@
     event.stopPropagation();
     change({ swipe: Math.min(1, Math.max(0, state.swipe + step)) });
   });
-  new ResizeObserver(() => change()).observe(canvas);
+  const resized = new ResizeObserver(() => change());
+  try {
+    resized.observe(canvas, { box: "device-pixel-content-box" });
+  } catch {
+    resized.observe(canvas); // Safari
+  }
+  // Another screen, or the browser's zoom: the element's size in points may stay.
+  const watchRatio = () => {
+    const media = matchMedia(`(resolution: ${ratio()}dppx)`);
+    media.addEventListener("change", () => { change(); watchRatio(); }, { once: true });
+  };
+  watchRatio();
 })();

@@ -1,35 +1,39 @@
 // The one shader of the stage: a pane of golden, frame, difference or map. It draws in pixels of
 // the canvas and fetches texels, so nothing is filtered where a texel covers a pixel or more; where
 // it covers less, texels are averaged as seen, and marks and differences outlive the averaging.
+// What is chosen from a menu is a constant, and each choice a program of its own: drivers that draw
+// in software compute all branches of a choice.
 
 const VERTEX = `#version 300 es
 void main() { // one triangle over the whole viewport
   gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
 }`;
 
-const FRAGMENT = `#version 300 es
+const fragment = ({ layer, tone, channel, falseColor, relative, scalarMap, samples }) => `#version 300 es
 precision highp float;
 precision highp int;
 precision highp sampler2D;
 
 uniform sampler2D golden, actual, map;
 uniform ivec2 goldenSize, actualSize, mapSize;
-uniform int layer;        // 0 golden, 1 actual, 2 difference, 3 map
 uniform vec2 origin;      // the image's top left corner, in pixels of the canvas from the top left
 uniform float scale;      // pixels of the canvas a texel
 uniform float height;     // of the canvas
 uniform float exposure;   // a factor
-uniform int tone;         // as in tones.all
-uniform int channel;      // 0 rgb, 1 r, 2 g, 3 b, 4 a, 5 luminance
-uniform bool falseColor;
 uniform bool marks;
 uniform bool grid;
-uniform bool relative;    // differences as shares of the golden
 uniform float gain;       // of differences: a factor
 uniform float dark;       // what is darker counts as this bright in relative differences
 uniform float full;       // the value of a map that is at the end of the false colours
-uniform bool scalarMap;
 out vec4 shown;
+
+const int layer = ${layer};         // 0 golden, 1 actual, 2 difference, 3 map
+const int tone = ${tone};           // as in tones.all
+const int channel = ${channel};     // 0 rgb, 1 r, 2 g, 3 b, 4 a, 5 luminance
+const bool falseColor = ${falseColor};
+const bool relative = ${relative};  // differences as shares of the golden
+const bool scalarMap = ${scalarMap};
+const int n = ${samples};           // on each axis of a pixel
 
 const float STOPS = ${tones.STOPS}.0;
 const vec3 MAGENTA = vec3(1, 0, 1), YELLOW = vec3(1, 1, 0), CYAN = vec3(0, 1, 1);
@@ -90,7 +94,7 @@ bvec4 looked() {
 
 vec3 picked(vec4 c) {
   if (channel == 0) return c.rgb;
-  return vec3(channel == 5 ? luminance(c.rgb) : c[channel - 1]);
+  return vec3(channel == 5 ? luminance(c.rgb) : c[max(channel - 1, 0)]);
 }
 
 bool both(bvec4 a, bvec4 b) { return any(bvec4(a.x && b.x, a.y && b.y, a.z && b.z, a.w && b.w)); }
@@ -129,7 +133,6 @@ void main() {
     shown = vec4(vec3(0.117), 1.0); // the surround: neutral, as dark as the page
     return;
   }
-  int n = clamp(int(ceil(1.0 / scale)), 1, 8);
   vec3 sum = vec3(0.0);
   vec4 marked = vec4(0.0);
   float most = 0.0;
@@ -141,9 +144,12 @@ void main() {
       vec4 g = layer == 1 || layer == 3 ? vec4(0.0) : texelFetch(golden, texel, 0);
       vec4 a = layer == 0 || layer == 3 ? vec4(0.0) : texelFetch(actual, texel, 0);
       vec4 c = layer == 0 ? g : layer == 1 ? a : layer == 3 ? texelFetch(map, texel, 0) : vec4(0.0);
-      vec4 m = layer == 2 ? max(mark(g), mark(a)) : mark(c);
-      if (layer == 2 && m.w > 0.0) m = mark(g).w > mark(a).w ? mark(g) : mark(a);
-      if (layer == 2 && m.w < 2.0) m = vec4(0.0); // the difference of negative numbers is one
+      vec4 m = mark(layer == 2 ? g : c);
+      if (layer == 2) {
+        vec4 other = mark(a);
+        if (other.w > m.w) m = other;
+        if (m.w < 2.0) m = vec4(0.0); // the difference of negative numbers is one
+      }
       if (m.w > marked.w) marked = m;
       float d = layer == 2 ? difference(g, a) : 0.0;
       if (abs(d) > abs(most)) most = d;

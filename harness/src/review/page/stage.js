@@ -12,24 +12,32 @@ const stage = (() => {
     gl.compileShader(shader);
     return shader;
   };
-  const program = gl.createProgram();
-  gl.attachShader(program, compiled(gl.VERTEX_SHADER, VERTEX));
-  const fragment = compiled(gl.FRAGMENT_SHADER, FRAGMENT);
-  gl.attachShader(program, fragment);
-  gl.linkProgram(program);
-  if (!gl.getProgramParameter(program, gl.LINK_STATUS)) {
-    throw new Error(`${gl.getProgramInfoLog(program)} ${gl.getShaderInfoLog(fragment)}`);
-  }
-  gl.useProgram(program);
-  const place = (name) => gl.getUniformLocation(program, name);
-  const uniforms = Object.fromEntries(
-    ["golden", "actual", "map", "goldenSize", "actualSize", "mapSize", "layer", "origin", "scale",
-      "height", "exposure", "tone", "channel", "falseColor", "marks", "grid", "relative", "gain",
-      "dark", "full", "scalarMap"].map((name) => [name, place(name)]));
+  const vertex = compiled(gl.VERTEX_SHADER, VERTEX);
+  const UNIFORMS = ["golden", "actual", "map", "goldenSize", "actualSize", "mapSize", "origin",
+    "scale", "height", "exposure", "marks", "grid", "gain", "dark", "full"];
+
+  // A program of these choices and the places of its uniforms; made once.
+  const programs = new Map();
+  const programOf = (choices) => {
+    const key = JSON.stringify(choices);
+    if (!programs.has(key)) {
+      const program = gl.createProgram();
+      const shader = compiled(gl.FRAGMENT_SHADER, fragment(choices));
+      gl.attachShader(program, vertex);
+      gl.attachShader(program, shader);
+      gl.linkProgram(program);
+      if (!gl.getProgramParameter(program, gl.LINK_STATUS)) {
+        throw new Error(`${gl.getProgramInfoLog(program)} ${gl.getShaderInfoLog(shader)}`);
+      }
+      const places = UNIFORMS.map((name) => [name, gl.getUniformLocation(program, name)]);
+      programs.set(key, { program, uniforms: Object.fromEntries(places) });
+    }
+    return programs.get(key);
+  };
 
   // The texture of an image, made when it is first drawn; a texel that is missing is black.
   const nothing = { width: 0, height: 0, values: new Float32Array(4) };
-  const bind = (unit, name, image = nothing) => {
+  const bind = (uniforms, unit, name, image) => {
     gl.activeTexture(gl.TEXTURE0 + unit);
     if (!image.texture) {
       image.texture = gl.createTexture();
@@ -122,31 +130,39 @@ const stage = (() => {
     gl.disable(gl.SCISSOR_TEST);
     gl.clearColor(0.08, 0.08, 0.08, 1);
     gl.clear(gl.COLOR_BUFFER_BIT);
-    const { golden, actual } = part() ?? {};
-    const map = loaded()?.maps[state.map];
-    bind(0, "golden", golden ?? undefined);
-    bind(1, "actual", actual ?? undefined);
-    bind(2, "map", map?.image);
-    gl.uniform1f(uniforms.scale, state.scale);
-    gl.uniform1f(uniforms.height, canvas.height);
-    gl.uniform1f(uniforms.exposure, 2 ** state.exposure);
-    gl.uniform1i(uniforms.tone, state.tone);
-    gl.uniform1i(uniforms.channel, state.channel);
-    gl.uniform1f(uniforms.gain, 2 ** state.gain);
-    gl.uniform1f(uniforms.dark, golden?.dark ?? 1);
-    gl.uniform1f(uniforms.full, map?.full ?? 1);
-    for (const name of ["falseColor", "marks", "grid", "relative"]) gl.uniform1i(uniforms[name], state[name]);
-    gl.uniform1i(uniforms.scalarMap, map?.scalar ?? false);
     gl.enable(gl.SCISSOR_TEST);
     gl.viewport(0, 0, canvas.width, canvas.height);
     for (const pane of panes()) {
       const { x, y, w, h } = pane.clip;
       if (w <= 0 || h <= 0) continue;
       gl.scissor(x, canvas.height - y - h, w, h);
-      gl.uniform1i(uniforms.layer, LAYERS[pane.layer]);
-      gl.uniform2f(uniforms.origin, ...origin(pane));
-      gl.drawArrays(gl.TRIANGLES, 0, 3);
+      drawPane(pane);
     }
+  };
+
+  const drawPane = (pane) => {
+    const { golden, actual } = part() ?? {};
+    const map = loaded()?.maps[state.map];
+    const { tone, channel, falseColor, relative, scale } = state;
+    const samples = Math.min(8, Math.ceil(1 / scale));
+    const scalarMap = map?.scalar ?? false;
+    const layer = LAYERS[pane.layer];
+    const choices = { layer, tone, channel, falseColor, relative, scalarMap, samples };
+    const { program, uniforms } = programOf(choices);
+    gl.useProgram(program);
+    bind(uniforms, 0, "golden", golden ?? nothing);
+    bind(uniforms, 1, "actual", actual ?? nothing);
+    bind(uniforms, 2, "map", map?.image ?? nothing);
+    gl.uniform1f(uniforms.scale, scale);
+    gl.uniform1f(uniforms.height, canvas.height);
+    gl.uniform1f(uniforms.exposure, 2 ** state.exposure);
+    gl.uniform1f(uniforms.gain, 2 ** state.gain);
+    gl.uniform1f(uniforms.dark, golden?.dark ?? 1);
+    gl.uniform1f(uniforms.full, map?.full ?? 1);
+    gl.uniform1i(uniforms.marks, state.marks);
+    gl.uniform1i(uniforms.grid, state.grid);
+    gl.uniform2f(uniforms.origin, ...origin(pane));
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
   };
 
   return { canvas, gl, panes, origin, texelAt, draw, forget };
