@@ -61,7 +61,8 @@ mod tests {
 
     #[test]
     fn the_smallest_format_that_holds_every_value_is_taken() {
-        let format = |value| pixels(&Image::new(1, 1, vec![[value, 0.0, -0.0, 1.0]]))["format"].clone();
+        let format =
+            |value| pixels(&Image::new(1, 1, vec![[value, 0.0, -0.0, 1.0]]))["format"].clone();
         assert_eq!(format(0.5), "f16");
         assert_eq!(format(f32::INFINITY), "f16");
         assert_eq!(format(0.1), "f32");

@@ -58,7 +58,8 @@ pub(super) fn html(cases: &[(usize, &Pending)], arguments: &str, mode: &Mode) ->
     let script = SCRIPTS.join("\n");
     // Inline style and script run because the policy names this value. It depends on all that is
     // embedded, so no name or reason in there can hold it.
-    let nonce = blake3::hash(format!("{token}{index}{script}").as_bytes()).to_hex()[..32].to_owned();
+    let nonce =
+        blake3::hash(format!("{token}{index}{script}").as_bytes()).to_hex()[..32].to_owned();
     // One pass each: what is put in isn't searched again for the next mark.
     let mut page = String::with_capacity(HTML.len() + CSS.len() + script.len() + index.len());
     for (position, piece) in HTML.split("{{").enumerate() {
@@ -66,14 +67,18 @@ pub(super) fn html(cases: &[(usize, &Pending)], arguments: &str, mode: &Mode) ->
             page.push_str(piece);
             continue;
         };
-        page.push_str(match mark {
-            "policy" => policy(mode),
-            "nonce" => &nonce,
-            "css" => CSS,
-            "index" => &index,
-            "script" => &script,
-            other => unreachable!("page.html has no mark `{other}`"),
-        }.replace("NONCE", &nonce).as_str());
+        page.push_str(
+            match mark {
+                "policy" => policy(mode),
+                "nonce" => &nonce,
+                "css" => CSS,
+                "index" => &index,
+                "script" => &script,
+                other => unreachable!("page.html has no mark `{other}`"),
+            }
+            .replace("NONCE", &nonce)
+            .as_str(),
+        );
         page.push_str(rest);
     }
     page

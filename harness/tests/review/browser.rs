@@ -36,15 +36,23 @@ fn program() -> PathBuf {
     if let Some(named) = std::env::var_os("KARAT_BROWSER") {
         return named.into();
     }
-    let names = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"];
+    // As in `ci/src/setup/browser.rs`, which installs one.
+    let names = [
+        "chromium",
+        "chromium-browser",
+        "google-chrome",
+        "google-chrome-stable",
+        "chrome",
+        "Google Chrome",
+        "chrome.exe",
+    ];
     let path = std::env::var_os("PATH").unwrap_or_default();
     let mut folders: Vec<PathBuf> = std::env::split_paths(&path).collect();
+    folders.push("/usr/bin".into());
     folders.push("/Applications/Google Chrome.app/Contents/MacOS".into());
     folders.push(r"C:\Program Files\Google\Chrome\Application".into());
-    let names = names.map(str::to_owned).into_iter();
-    let names: Vec<String> = names.chain(["Google Chrome".into(), "chrome.exe".into()]).collect();
-    let found = folders.iter().flat_map(|folder| names.iter().map(|name| folder.join(name)));
-    found.into_iter().find(|file| file.is_file()).expect(
+    let mut found = folders.iter().flat_map(|folder| names.map(|name| folder.join(name)));
+    found.find(|file| file.is_file()).expect(
         "no Chromium: install it (`cargo ci setup`, or `apt-get install chromium`), or name its \
          program in KARAT_BROWSER",
     )

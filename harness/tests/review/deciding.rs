@@ -45,7 +45,12 @@ fn a_frame_is_looked_at_and_accepted() {
     browser.write(&tab, "the light is twice as bright, as the plan says");
     browser.press(&tab, "Enter");
     browser.wait(&tab, "document.getElementById('name').textContent === 'zebra'");
-    assert!(!browser.value(&tab, "Boolean(document.querySelector('dialog[open]'))").as_bool().expect("a bool"));
+    assert!(
+        !browser
+            .value(&tab, "Boolean(document.querySelector('dialog[open]'))")
+            .as_bool()
+            .expect("a bool")
+    );
     assert_eq!(browser.text(&tab, "#count"), "1 pending");
     assert_eq!(browser.text(&tab, "#cases .accepted .status"), "accepted");
 
@@ -61,7 +66,8 @@ fn a_frame_is_looked_at_and_accepted() {
 
     browser.press(&tab, "r");
     browser.press(&tab, "Enter");
-    browser.wait(&tab, "document.getElementById('count').textContent === 'nothing is left to review'");
+    browser
+        .wait(&tab, "document.getElementById('count').textContent === 'nothing is left to review'");
     assert!(!project.pending("zebra").exists() && project.golden("zebra").is_file());
     let (code, _) = server.interrupt();
     assert_eq!(code, Some(0));
@@ -102,7 +108,10 @@ fn the_library_s_refusals_are_shown() {
     project.put_golden("tiny", &other);
     accept(&mut browser, &tab, "why");
     let text = problem(&mut browser, &tab);
-    assert!(text.contains("has changed since the pending frame was rendered; run the test again"), "{text}");
+    assert!(
+        text.contains("has changed since the pending frame was rendered; run the test again"),
+        "{text}"
+    );
     assert_eq!(facts(&project, "tiny").0, other, "the other golden isn't lost");
 
     // Rendered again: what was looked at is another frame.
@@ -155,14 +164,24 @@ fn files_show_the_frames_without_any_network() {
     let url = format!("file://{}/index.html", report.display()).replace(' ', "%20");
     let tab = browser.open(&url);
     browser.settle(&tab);
-    assert_eq!(browser.value(&tab, "Array.from(karat.state.cases[0].data.parts[0].golden.values.slice(0, 2))")[1], f64::from(0.02_f32));
-    assert_eq!(browser.text(&tab, "#accept-command"), "karat accept tiny --golden golden --because \"…\"");
+    assert_eq!(
+        browser.value(
+            &tab,
+            "Array.from(karat.state.cases[0].data.parts[0].golden.values.slice(0, 2))"
+        )[1],
+        f64::from(0.02_f32)
+    );
+    assert_eq!(
+        browser.text(&tab, "#accept-command"),
+        "karat accept tiny --golden golden --because \"…\""
+    );
     assert_eq!(browser.text(&tab, "#reject-command"), "karat reject tiny --golden golden");
     assert_eq!(browser.value(&tab, "document.getElementById('accept').checkVisibility()"), false);
     browser.press(&tab, "a");
     assert_eq!(browser.value(&tab, "document.activeElement.id"), "accept-command");
     // The policy lets nothing else in: no request, no inline code.
-    let blocked = browser.value(&tab, "fetch('http://127.0.0.1:9/').then(() => 'sent', error => error.name)");
+    let blocked =
+        browser.value(&tab, "fetch('http://127.0.0.1:9/').then(() => 'sent', error => error.name)");
     assert_eq!(blocked, "TypeError");
     let injected = "(() => { const s = document.createElement('script'); s.textContent = 'window.injected = 1'; document.head.append(s); return window.injected ?? 'blocked'; })()";
     assert_eq!(browser.value(&tab, injected), "blocked");

@@ -45,11 +45,15 @@ fn open(project: &Project) -> (crate::project::Server, Browser, Tab) {
 fn all_cases_are_listed_and_keys_move_between_them() {
     let project = Project::with_frames();
     let (_server, mut browser, tab) = open(&project);
-    let names = browser.value(&tab, "[...document.querySelectorAll('#cases .name')].map(name => name.innerText)");
+    let names = browser
+        .value(&tab, "[...document.querySelectorAll('#cases .name')].map(name => name.innerText)");
     assert_eq!(names, serde_json::json!(["diffuse", "furnace", "rooms/layered", "scene"]));
     let causes = [
         ("diffuse", "only the driver changed"),
-        ("furnace", "same shader, same driver: the frame isn't deterministic or its inputs changed"),
+        (
+            "furnace",
+            "same shader, same driver: the frame isn't deterministic or its inputs changed",
+        ),
         ("rooms/layered", "new: no golden yet"),
         ("scene", "the shader changed"),
     ];
@@ -57,13 +61,18 @@ fn all_cases_are_listed_and_keys_move_between_them() {
         if position > 0 {
             browser.press(&tab, "j");
         }
-        assert_eq!((browser.text(&tab, "#name"), browser.text(&tab, "#cause")), (name.into(), cause.into()));
+        assert_eq!(
+            (browser.text(&tab, "#name"), browser.text(&tab, "#cause")),
+            (name.into(), cause.into())
+        );
     }
     browser.press(&tab, "j");
     assert_eq!(browser.text(&tab, "#name"), "scene", "the last stays");
     browser.press(&tab, "k");
     assert_eq!(browser.text(&tab, "#name"), "rooms/layered");
-    for (key, view) in [("1", "golden"), ("2", "actual"), ("3", "difference"), ("4", "side"), ("5", "swipe")] {
+    for (key, view) in
+        [("1", "golden"), ("2", "actual"), ("3", "difference"), ("4", "side"), ("5", "swipe")]
+    {
         browser.press(&tab, key);
         assert_eq!(browser.value(&tab, "karat.state.view"), view);
     }
@@ -135,8 +144,13 @@ fn the_difference_is_black_where_bits_are_equal() {
     project.put_pending("tiny", &actual, |_| {});
     let (_server, mut browser, tab) = open(&project);
     browser.press(&tab, "3");
+    let from = browser.value(&tab, "karat.state.relative");
+    assert_eq!(from, true, "differences are relative, as they are judged");
+    browser.click(&tab, "#relative");
+    browser.settle(&tab);
     assert_eq!(browser.value(&tab, "karat.state.gain"), 3, "1/8 is at the end of the scale");
-    let [equal, more, less] = [(0, 0), (1, 1), (2, 1)].map(|(x, y)| seen(&mut browser, &tab, 0, x, y));
+    let [equal, more, less] =
+        [(0, 0), (1, 1), (2, 1)].map(|(x, y)| seen(&mut browser, &tab, 0, x, y));
     assert_eq!(equal, [0, 0, 0]);
     assert!(close(more, [255, 128, 26]), "{more:?}");
     assert!(close(less, [26, 70, 128]), "{less:?}: a quarter of the scale, its root of the colour");
@@ -150,7 +164,10 @@ fn swipe_shows_golden_left_and_actual_right_of_its_handle() {
     let (golden, actual) = (tiny(), Image::read_exr(&project.pending("tiny")).expect("pending").0);
     let expected = |image: &Image, x: usize| srgb(image.pixels()[x], 0.0);
     let (left, right) = (seen(&mut browser, &tab, 0, 0, 0), seen(&mut browser, &tab, 0, 3, 0));
-    assert!(close(left, expected(&golden, 0)) && close(right, expected(&actual, 3)), "{left:?} {right:?}");
+    assert!(
+        close(left, expected(&golden, 0)) && close(right, expected(&actual, 3)),
+        "{left:?} {right:?}"
+    );
     let (x, y) = place(&mut browser, &tab, 0, 3, 3);
     let handle = browser.value(&tab, "(() => { const b = document.getElementById('handle').getBoundingClientRect(); return [b.x + b.width / 2, b.y + 20]; })()");
     let from = (handle[0].as_f64().expect("x"), handle[1].as_f64().expect("y"));
@@ -208,8 +225,19 @@ fn numbers_are_those_of_rust() {
     let (_server, mut browser, tab) = open(&project);
     let powers = (-149..128).map(|exponent| f64::from(exponent).exp2() as f32);
     let spread = (0..3000_u32).map(|index| f32::from_bits(index.wrapping_mul(2_654_435_761)));
-    let few = [0.0, -0.0, f32::MIN_POSITIVE, f32::MAX, f32::INFINITY, -f32::INFINITY, 1e7, 9_999_999.0, 1e-4];
-    let values: Vec<f32> = powers.chain(spread).chain(few).filter(|value| !value.is_nan()).collect();
+    let few = [
+        0.0,
+        -0.0,
+        f32::MIN_POSITIVE,
+        f32::MAX,
+        f32::INFINITY,
+        -f32::INFINITY,
+        1e7,
+        9_999_999.0,
+        1e-4,
+    ];
+    let values: Vec<f32> =
+        powers.chain(spread).chain(few).filter(|value| !value.is_nan()).collect();
     let bits: Vec<u32> = values.iter().map(|value| value.to_bits()).collect();
     let floats = format!("new Float32Array(new Uint32Array({bits:?}).buffer)");
     let printed = browser.value(&tab, &format!("[...{floats}].map(karat.numbers.shortest)"));
@@ -224,7 +252,11 @@ fn numbers_are_those_of_rust() {
         let expected = half::f16::from_bits(word).to_f64();
         let text = halves[usize::from(word)].as_str().expect("text");
         let found: f64 = text.replace("Infinity", "inf").parse().expect("a number");
-        assert!(found == expected && found.is_sign_negative() == expected.is_sign_negative() || (found.is_nan() && expected.is_nan()), "{word:04x}: {text}");
+        assert!(
+            found == expected && found.is_sign_negative() == expected.is_sign_negative()
+                || (found.is_nan() && expected.is_nan()),
+            "{word:04x}: {text}"
+        );
     }
 }
 
@@ -246,7 +278,10 @@ fn what_is_no_number_has_its_colour_at_any_zoom() {
     browser.settle(&tab);
     assert_eq!(seen(&mut browser, &tab, 0, 64, 44), [255, 0, 255], "a few pixels, averaged away");
     let text = browser.text(&tab, "#verdict");
-    assert!(text.contains("64 pixels with NaN and 64 with infinities, first at (60, 40)"), "{text}");
+    assert!(
+        text.contains("64 pixels with NaN and 64 with infinities, first at (60, 40)"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -269,7 +304,45 @@ fn a_screen_of_two_pixels_a_point_is_used_in_full() {
     let (_server, mut browser, tab) = open(&project);
     browser.resize(&tab, 1280, 720, 2.0);
     assert_eq!(browser.value(&tab, "devicePixelRatio"), 2);
-    browser.wait(&tab, "karat.stage.canvas.width === 2 * karat.stage.canvas.clientWidth");
+    browser.press(&tab, "t");
+    let full = "karat.stage.canvas.width === 2 * karat.stage.canvas.clientWidth";
+    assert_eq!(browser.value(&tab, full), true);
+}
+
+#[test]
+fn parts_maps_and_gates_are_what_the_data_has() {
+    let project = Project::with_tiny();
+    let (_server, mut browser, tab) = open(&project);
+    assert_eq!(browser.value(&tab, "document.getElementById('view-map').disabled"), true);
+    // What a data file with more than one image would hand over.
+    browser.value(&tab, r#"(() => {
+        const data = { ...karat.state.cases[0].data };
+        const image = (...values) => ({ width: 4, height: 4, format: "f32", data:
+            btoa(String.fromCharCode(...new Uint8Array(new Float32Array(Array.from({ length: 16 }, () => values).flat()).buffer))) });
+        karat.receive({ ...data,
+            parts: [{ name: "color", golden: image(1, 0, 0, 1), actual: image(0, 1, 0, 1) },
+                    { name: "variance", golden: image(0, 0, 1, 1), actual: null }],
+            maps: [{ name: "HDR-FLIP", about: "perceived error", full: 0.1, image: image(0.05, 0.05, 0.05, 1) },
+                   { name: "exposure", about: "the worst one", full: 1, image: image(1, 0, 1, 1) }],
+            gates: [{ name: "mean FLIP", value: 0.002, bound: 0.005, place: null, passes: true },
+                    { name: "worst tile", value: 0.094, bound: 0.01, place: [0, 0, 3, 3], passes: false }] });
+    })()"#);
+    browser.press(&tab, "1");
+    assert_eq!(seen(&mut browser, &tab, 0, 1, 1), [255, 0, 0]);
+    browser.value(&tab, "(() => { const p = document.getElementById('part'); p.value = '1'; p.dispatchEvent(new Event('change')); })()");
+    browser.settle(&tab);
+    assert_eq!(seen(&mut browser, &tab, 0, 1, 1), [0, 0, 255]);
+    browser.press(&tab, "6");
+    assert_eq!(seen(&mut browser, &tab, 0, 1, 1), [150, 250, 80], "0.05 of 0.1 is in the middle");
+    assert_eq!(browser.text(&tab, "#map-about"), "perceived error");
+    browser.press(&tab, "6");
+    assert_eq!(seen(&mut browser, &tab, 0, 1, 1), [255, 0, 255], "colours stay as they are");
+    let gates = browser.text(&tab, "#gates");
+    assert!(gates.contains("0.002 of 0.005") && gates.contains("passes, 0.4 × bound"), "{gates}");
+    assert!(
+        gates.contains("fails, 9.4 × bound") && gates.contains("worst at (0, 0) to (3, 3)"),
+        "{gates}"
+    );
 }
 
 #[test]

@@ -77,7 +77,8 @@ impl Project {
         facts["height"] = image.height().into();
         facts["compared_with"] = golden.map_or(String::new(), |(image, _)| image.hash()).into();
         change(&mut facts);
-        let precision = if facts["precision"] == "half" { Precision::Half } else { Precision::Float };
+        let precision =
+            if facts["precision"] == "half" { Precision::Half } else { Precision::Float };
         let text = facts.to_string();
         image.write_exr(&self.pending(case), precision, Some(&text)).expect("written");
     }
@@ -119,7 +120,13 @@ impl Project {
             let bright = pixel[0] > 2.0;
             let inside = (260..330).contains(&x) && (120..190).contains(&y);
             for (value, warm) in pixel.iter_mut().zip([1.06, 1.05, 1.03]) {
-                *value *= if bright { 0.5 } else if inside { warm } else { 1.0 };
+                *value *= if bright {
+                    0.5
+                } else if inside {
+                    warm
+                } else {
+                    1.0
+                };
             }
         }
         let scene = scene.rounded_to(Precision::Half);

@@ -170,7 +170,7 @@ const actions = (() => {
     3: () => actions.show("difference"),
     4: () => actions.show("side"),
     5: () => actions.show("swipe"),
-    6: () => actions.show("map"),
+    6: () => (state.view === "map" ? cycle("map", loaded()?.maps.length || 1) : actions.show("map")),
     " ": flip,
     e: () => actions.stops(1),
     E: () => actions.stops(-1),

@@ -3,8 +3,8 @@
 (() => {
   const NAMES = {
     "adapter.path": "path", "adapter.name": "adapter", "adapter.driver": "driver",
-    "adapter.software": "software", color_space: "colour space", accepted_by: "accepted by",
-    accepted_at: "accepted at", relative: "tolerance",
+    "adapter.software": "software", color_space: "colour space", because: "accepted because",
+    accepted_by: "accepted by", accepted_at: "accepted at", relative: "tolerance",
   };
   // What explains a difference comes first; what isn't named here follows as it is.
   const ORDER = ["shader", "adapter.path", "adapter.name", "adapter.driver", "processor", "because",
@@ -36,7 +36,8 @@
     const value = (text) => element("td", { title: text }, short(text) || "–");
     return element("tr", { className: differs ? "differs" : "" },
       element("th", { scope: "row" }, NAMES[name] ?? name.replaceAll("_", " ")),
-      ...(golden && golden === actual
+      // Only a golden has been accepted, so these need one column, too.
+      ...((golden && golden === actual) || name.startsWith("accepted_") || name === "because"
         ? [Object.assign(value(golden), { colSpan: 2, className: "shared" })]
         : [value(golden), value(actual)]));
   };

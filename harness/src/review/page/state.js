@@ -18,7 +18,7 @@ const state = {
   falseColor: false,
   marks: true,
   grid: false,
-  relative: false,
+  relative: true, // differences as shares of the golden, as they are judged
   gain: 0, // stops
   hz: 3, // changes a second
   phase: 0, // of flip: 0 golden, 1 frame
