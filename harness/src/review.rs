@@ -127,6 +127,16 @@ pub enum ReviewError {
 }
 
 /// A review of a folder's pending frames.
+///
+/// ```
+/// use karat::{Goldens, review::Review};
+///
+/// let folder = tempfile::tempdir().unwrap();
+/// let review = Review::new(Goldens::open(&folder.path().join("golden")));
+/// let frames = review.write(&folder.path().join("report")).unwrap();
+/// assert_eq!(frames, 0); // nothing is pending, and the page says so
+/// assert!(folder.path().join("report/index.html").is_file());
+/// ```
 #[derive(Clone, Debug)]
 pub struct Review {
     goldens: Goldens,

@@ -32,14 +32,16 @@
     return row;
   };
 
-  const fact = ({ name, golden, actual, differs }) => {
+  // `alone`: there is no golden to be beside.
+  const fact = ({ name, golden, actual, differs }, alone) => {
     const value = (text) => element("td", { title: text }, short(text) || "–");
+    const wide = (text) => Object.assign(value(text), { colSpan: 2, className: "shared" });
+    // Only a golden has been accepted, so that needs one column, too.
+    const accepted = name.startsWith("accepted_") || name === "because";
+    const values = alone ? [wide(actual)]
+      : golden === actual || accepted ? [wide(golden)] : [value(golden), value(actual)];
     return element("tr", { className: differs ? "differs" : "" },
-      element("th", { scope: "row" }, NAMES[name] ?? name.replaceAll("_", " ")),
-      // Only a golden has been accepted, so these need one column, too.
-      ...((golden && golden === actual) || name.startsWith("accepted_") || name === "because"
-        ? [Object.assign(value(golden), { colSpan: 2, className: "shared" })]
-        : [value(golden), value(actual)]));
+      element("th", { scope: "row" }, NAMES[name] ?? name.replaceAll("_", " ")), ...values);
   };
 
   let shown = null;
@@ -53,6 +55,9 @@
     byId("no-gates").hidden = Boolean(data?.gates.length);
     const facts = (data?.facts ?? []).filter(({ name }) => !HIDDEN.includes(name));
     facts.sort((a, b) => rank(a) - rank(b));
-    byId("facts").querySelector("tbody").replaceChildren(...facts.map(fact));
+    const alone = facts.every(({ golden }) => !golden);
+    byId("facts").querySelector("thead").hidden = alone;
+    const rows = facts.map((entry) => fact(entry, alone));
+    byId("facts").querySelector("tbody").replaceChildren(...rows);
   });
 })();

@@ -62,7 +62,7 @@
     if (state.view === "difference" && !missingSide("difference")) {
       const range = 2 ** -state.gain / (state.relative ? 1 : 2 ** state.exposure);
       const ends = numbers.rounded(range);
-      const title = state.relative ? `(actual − golden) / golden, ${channel}` : `actual − golden, ${channel}`;
+      const title = state.relative ? `relative to golden, ${channel}` : `actual − golden, ${channel}`;
       strip((t) => tones.signed(2.02 * t - 1.01), [`−${ends}`, "equal", `+${ends}`], title);
     } else if (state.view === "map") {
       const map = loaded()?.maps[state.map];
