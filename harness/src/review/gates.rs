@@ -15,8 +15,14 @@ pub(super) fn judge(
     provenance: &Provenance,
 ) -> (String, Vec<Gate>) {
     let census = actual.non_finite();
-    if census.first.is_some() {
-        return (FrameDifference::NonFinite(census).to_string(), Vec::new());
+    if let Some((x, y)) = census.first {
+        let gate = Gate {
+            name: "pixels with NaN or infinity".to_owned(),
+            value: (census.nan + census.infinite) as f64,
+            bound: 0.0,
+            place: Some([x, y, x, y]),
+        };
+        return (FrameDifference::NonFinite(census).to_string(), vec![gate]);
     }
     let Some(golden) = golden else { return ("there is no golden yet".to_owned(), Vec::new()) };
     let size = |image: &Image| (image.width(), image.height());

@@ -277,6 +277,9 @@ fn what_is_no_number_has_its_colour_at_any_zoom() {
     browser.value(&tab, "karat.change({ scale: 0.13, fit: false })");
     browser.settle(&tab);
     assert_eq!(seen(&mut browser, &tab, 0, 64, 44), [255, 0, 255], "a few pixels, averaged away");
+    browser.press(&tab, "w");
+    let pinned = browser.value(&tab, "karat.state.pinned");
+    assert_eq!(pinned, serde_json::json!([60, 40]), "its key finds the first one");
     let text = browser.text(&tab, "#verdict");
     assert!(
         text.contains("64 pixels with NaN and 64 with infinities, first at (60, 40)"),

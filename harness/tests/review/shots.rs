@@ -12,6 +12,34 @@ fn shoot(browser: &mut Browser, tab: &Tab, name: &str) {
 }
 
 #[test]
+fn files_and_maps_are_drawn() {
+    let project = Project::with_frames();
+    let report = project.folder().join("report");
+    let ran = project.karat(&["review", "--static"]).arg(&report).output().expect("it was built");
+    assert!(ran.status.success(), "{ran:?}");
+    let mut browser = Browser::start();
+    let tab = browser.open(&format!("file://{}/index.html", report.display()));
+    shoot(&mut browser, &tab, "files-1280");
+    for key in ["j", "j", "j"] {
+        browser.press(&tab, key);
+    }
+    // A map as another metric would hand it over: here, half of the golden's red channel.
+    browser.value(
+        &tab,
+        r#"(() => {
+            const { data } = karat.state.cases[3];
+            const { width, height, values } = data.parts[0].golden;
+            const grey = values.map((value, i) => (i % 4 === 3 ? 1 : values[i - (i % 4)] / 2));
+            data.maps.push({ name: "a map", about: "what its values are", full: 1, scalar: true,
+                image: { width, height, values: grey } });
+            karat.change();
+        })()"#,
+    );
+    browser.press(&tab, "6");
+    shoot(&mut browser, &tab, "map-1280");
+}
+
+#[test]
 fn every_view_is_drawn() {
     let project = Project::with_frames();
     let server = project.serve();

@@ -16,16 +16,16 @@
   const short = (text) => (/^[0-9a-f]{40,}$/.test(text) ? text.slice(0, 12) : text);
 
   const gate = ({ name, value, bound, place, passes }) => {
-    const times = value === null ? "NaN" : `${numbers.rounded(value / bound)} × bound`;
+    const times = value === null || !bound ? "" : `, ${numbers.rounded(value / bound)} × bound`;
     const row = element("li", { className: passes ? "passes" : "fails" },
       element("span", { className: "name" }, name),
       element("span", { className: "values" },
         `${value === null ? "NaN" : numbers.rounded(value)} of ${numbers.rounded(bound)}`),
-      element("span", { className: "margin" }, passes ? `passes, ${times}` : `fails, ${times}`));
+      element("span", { className: "margin" }, passes ? `passes${times}` : `fails${times}`));
     if (place) {
       const [left, top, right, bottom] = place;
       const text = left === right && top === bottom ? `(${left}, ${top})` : `(${left}, ${top}) to (${right}, ${bottom})`;
-      const button = element("button", { type: "button", className: "place", title: "look at it (w)" }, `worst at ${text}`);
+      const button = element("button", { type: "button", className: "place", title: "look at it (w)" }, `${bound ? "worst" : "first"} at ${text}`);
       button.addEventListener("click", () => lookAt(place));
       row.append(button);
     }
