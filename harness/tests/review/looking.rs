@@ -188,6 +188,11 @@ fn flip_shows_both_in_turn_and_stops() {
     browser.wait(&tab, "document.querySelector('#overlay .pane').innerText === 'Golden'");
     browser.press(&tab, " ");
     assert_eq!(browser.value(&tab, "karat.state.flipping"), false);
+    browser.click(&tab, "#view-side");
+    browser.click(&tab, "#view-flip");
+    browser.settle(&tab);
+    assert_eq!(browser.value(&tab, "karat.state.flipping"), true);
+    assert_eq!(browser.text(&tab, "#hz-value"), "3 a second");
 }
 
 #[test]

@@ -1,7 +1,6 @@
 // The toolbar and the keys. Each control shows the state and changes it.
 
 const actions = (() => {
-  const flipTo = (phase) => change({ view: "flip", phase });
   const stops = (by) => change({ exposure: Math.round((state.exposure + by) * 4) / 4 });
   const reset = () => change({ fit: true, pinned: null });
 
@@ -59,14 +58,14 @@ const actions = (() => {
   };
 
   const show = (view) => {
-    change({ view });
+    change({ view, flipping: view === "flip" });
     if (view === "difference" && !selectedCase()?.gained) {
       if (selectedCase()) selectedCase().gained = true;
       autoGain();
     }
   };
 
-  return { flipTo, stops, reset, pixels, autoExposure, autoGain, select, worst, show };
+  return { stops, reset, pixels, autoExposure, autoGain, select, worst, show };
 })();
 
 (() => {
@@ -160,7 +159,7 @@ const actions = (() => {
   // Space compares by eye: it starts the flipping, and stops it at what is seen.
   const flip = () => (state.view === "flip"
     ? change({ flipping: !state.flipping })
-    : change({ view: "flip", flipping: true }));
+    : actions.show("flip"));
 
   const KEYS = {
     j: () => actions.select(state.selected + 1),

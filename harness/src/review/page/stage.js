@@ -181,7 +181,6 @@ function zoom(factor, at = null) {
     texel[1] + (pane.y + pane.h / 2 - y) / scale,
   ];
   change({ scale, center, fit: false });
-
 }
 
 // Brings a rectangle of texels to the middle of each pane, with some of what is around it.

@@ -21,6 +21,7 @@ const state = {
   relative: true, // differences as shares of the golden, as they are judged
   gain: 0, // stops
   hz: 3, // changes a second
+  flipping: false,
   phase: 0, // of flip: 0 golden, 1 frame
   swipe: 0.5, // share of the pane
   scale: 1, // pixels of the screen a texel
