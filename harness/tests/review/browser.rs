@@ -211,6 +211,7 @@ impl Browser {
             "Enter" => (13, "\r"),
             "Escape" => (27, ""),
             "Tab" => (9, ""),
+            "ArrowLeft" => (37, ""),
             _ => (0, key),
         };
         let shift = if key.len() == 1 && key.to_lowercase() != key { 8 } else { 0 };
@@ -240,6 +241,12 @@ impl Browser {
             "type": kind, "x": x, "y": y, "button": button, "clickCount": 1,
             "buttons": u8::from(self.pressed),
         });
+        self.on(tab, "Input.dispatchMouseEvent", event);
+    }
+
+    /// Turns the wheel, away from the person if `by` is negative.
+    pub(crate) fn wheel(&mut self, tab: &Tab, (x, y): (f64, f64), by: f64) {
+        let event = json!({ "type": "mouseWheel", "x": x, "y": y, "deltaX": 0, "deltaY": by });
         self.on(tab, "Input.dispatchMouseEvent", event);
     }
 

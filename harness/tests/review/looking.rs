@@ -180,6 +180,40 @@ fn swipe_shows_golden_left_and_actual_right_of_its_handle() {
 }
 
 #[test]
+fn zoom_and_pan_are_linked_and_a_click_pins() {
+    let project = Project::with_tiny();
+    let (_server, mut browser, tab) = open(&project);
+    let at = |(x, y): (usize, usize)| (x as f64, y as f64);
+    let scale = |browser: &mut Browser| browser.value(&tab, "karat.state.scale").as_f64();
+    let (before, from) = (scale(&mut browser), place(&mut browser, &tab, 1, 3, 2));
+    browser.wheel(&tab, at(from), -200.0);
+    browser.wait(&tab, "karat.state.fit === false");
+    browser.settle(&tab);
+    assert!(scale(&mut browser) > before, "away from the person is nearer to the image");
+    let now = place(&mut browser, &tab, 1, 3, 2);
+    let near = |a: usize, b: usize| a.abs_diff(b) <= 2;
+    assert!(
+        near(now.0, from.0) && near(now.1, from.1),
+        "{now:?} {from:?}: what is pointed at stays"
+    );
+
+    let golden = place(&mut browser, &tab, 0, 3, 2);
+    browser.pointer(&tab, "mousePressed", at(now));
+    browser.pointer(&tab, "mouseMoved", (now.0 as f64 - 40.0, now.1 as f64 + 10.0));
+    browser.pointer(&tab, "mouseReleased", (now.0 as f64 - 40.0, now.1 as f64 + 10.0));
+    browser.settle(&tab);
+    let moved = place(&mut browser, &tab, 0, 3, 2);
+    assert!(near(moved.0 + 40, golden.0) && near(moved.1, golden.1 + 10), "{moved:?} {golden:?}");
+    assert!(browser.value(&tab, "karat.state.pinned").is_null(), "a drag is no click");
+
+    let pinned = place(&mut browser, &tab, 1, 3, 2);
+    browser.pointer(&tab, "mousePressed", at(pinned));
+    browser.pointer(&tab, "mouseReleased", at(pinned));
+    browser.press(&tab, "ArrowLeft");
+    assert!(browser.text(&tab, "#where").starts_with("(2, 2) pinned"));
+}
+
+#[test]
 fn flip_shows_both_in_turn_and_stops() {
     let project = Project::with_tiny();
     let (_server, mut browser, tab) = open(&project);
