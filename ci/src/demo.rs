@@ -22,6 +22,7 @@ pub(crate) fn run() -> ExitCode {
 pub(crate) fn set_up() -> ExitCode {
     let mut steps = Steps::new("cargo ci setup");
     let _ = steps.run("setup", setup::install_missing)
+        && steps.run("browser", setup::install_browser)
         && steps.run("build", build)
         && steps.run("paths", suite::open_paths);
     steps.finish()

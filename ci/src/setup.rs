@@ -6,8 +6,9 @@
 use anyhow::{Result, bail};
 
 use self::host::Host;
-use self::install::{Family, Privilege};
+use self::install::{Family, Privilege, Wanted};
 
+mod browser;
 mod gl;
 mod host;
 mod install;
@@ -33,7 +34,7 @@ pub(crate) fn install_missing() -> Result<()> {
     if report(&host) {
         return Ok(());
     }
-    install::run(&Family::of(&host), Privilege::current())?;
+    install::run(&Family::of(&host), Privilege::current(), Wanted::Drivers)?;
     if report(&Host::current()) {
         return Ok(());
     }
@@ -41,6 +42,20 @@ pub(crate) fn install_missing() -> Result<()> {
         "the packages are installed, but a path is missing still: \
          see the lines above for where it was looked for"
     )
+}
+
+/// Installs the browser that the tests of the review page drive, if there is none. Not a part of
+/// [`install_missing`]: the demo needs no browser, and it is a large package.
+pub(crate) fn install_browser() -> Result<()> {
+    let host = Host::current();
+    if browser::find(&host).is_none() {
+        install::run(&Family::of(&host), Privilege::current(), Wanted::Browser)?;
+    }
+    match browser::find(&Host::current()) {
+        Some(program) => eprintln!("browser: found {}", program.display()),
+        None => bail!("{}", install::advice(&Family::of(&host), Wanted::Browser)),
+    }
+    Ok(())
 }
 
 /// Only reports; a missing path is an error that says how to install it.
@@ -52,7 +67,7 @@ pub(crate) fn check() -> Result<()> {
     if report(&host) {
         return Ok(());
     }
-    bail!("{}", install::advice(&Family::of(&host)))
+    bail!("{}", install::advice(&Family::of(&host), Wanted::Drivers))
 }
 
 fn came_with_the_system() -> bool {

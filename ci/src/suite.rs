@@ -13,6 +13,7 @@ use crate::{command, lint};
 pub(crate) fn run() -> ExitCode {
     let mut steps = Steps::new("cargo ci test");
     steps.run("setup", setup::install_missing);
+    steps.run("browser", setup::install_browser);
     lint::steps(&mut steps);
     steps.run("build", build);
     steps.run("paths", open_paths);

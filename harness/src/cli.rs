@@ -9,6 +9,7 @@ mod goldens;
 mod list;
 mod project;
 mod render;
+mod review;
 mod show;
 mod table;
 mod test;
@@ -82,6 +83,15 @@ enum Command {
     Accept(goldens::AcceptArgs),
     /// Delete a pending frame
     Reject(goldens::RejectArgs),
+    /// Look at pending frames beside their goldens in a browser, and accept or reject them there
+    #[command(after_help = "Examples:\n  karat review --open\n  \
+                            karat review --port 8000      (with `ssh -L 8000:127.0.0.1:8000`)\n  \
+                            karat review --static report  (files; open report/index.html)\n\
+                            Only this machine can reach the page, and only with its URL, which \
+                            is secret: whoever has it can accept.\nPress ? there for the keys. \
+                            Exit codes: 0 nothing is left pending, or the page is written; 1 some \
+                            are; 2 an error.")]
+    Review(review::Args),
     /// Write frames of the project's gallery as EXR (linear, 32-bit float) and PNG (to look at)
     #[command(after_help = "Examples:\n  karat render --list\n  karat render --scene\n  \
                             karat render 'furnace/*' --size 640x360 --samples 256 --exposure -1\n\
@@ -120,6 +130,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Pending(args) => goldens::pending(&args, &mut out),
         Command::Accept(args) => goldens::accept(&args, &mut out),
         Command::Reject(args) => goldens::reject(&args, &mut out),
+        Command::Review(args) => review::run(&args, &mut out),
         Command::Render(args) => render::run(args),
         Command::Preview(args) => goldens::preview(&args, &mut out),
         Command::Completions { shell } => {

@@ -21,6 +21,7 @@
 //!
 //! What can be asserted is on [`Check`] and [`Integral`]; where arguments come from on [`Domain`];
 //! how far results may differ on [`Tolerance`]; what else a function may read on [`Fixture`].
+//! Frames that differ are looked at with [`review`].
 
 mod check;
 mod diagnostic;
@@ -35,6 +36,7 @@ mod path;
 mod probe;
 pub mod record;
 mod reflect;
+pub mod review;
 pub mod stats;
 mod tolerance;
 mod value;

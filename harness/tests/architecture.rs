@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The modules of the library from the bottom up: a module uses only those before it.
-const ORDER: [&str; 16] = [
+const ORDER: [&str; 17] = [
     "diagnostic",
     "value",
     "tolerance",
@@ -17,6 +17,7 @@ const ORDER: [&str; 16] = [
     "fixture",
     "probe",
     "golden",
+    "review",
     "record",
     "check",
     "frame",
@@ -24,7 +25,7 @@ const ORDER: [&str; 16] = [
 ];
 
 /// Crates that only these modules may name.
-const OWNERS: [(&str, &[&str]); 9] = [
+const OWNERS: [(&str, &[&str]); 10] = [
     ("wgpu", &["path", "fixture", "probe", "frame"]),
     ("naga", &["reflect"]),
     ("wesl", &["package"]),
@@ -34,6 +35,7 @@ const OWNERS: [(&str, &[&str]); 9] = [
     ("codespan_reporting", &["diagnostic"]),
     ("clap", &["gallery"]),
     ("statrs", &["stats"]),
+    ("tiny_http", &["review"]),
 ];
 
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {

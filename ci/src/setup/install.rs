@@ -1,4 +1,4 @@
-//! Installing Mesa's software drivers with the distribution's own package manager.
+//! Installing Mesa's software drivers, and a browser, with the distribution's own package manager.
 
 use std::process::Command;
 
@@ -6,6 +6,15 @@ use anyhow::{Context, Result, bail};
 
 use super::host::Host;
 use crate::command;
+
+/// What can be installed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Wanted {
+    /// Mesa's software drivers, for the execution paths.
+    Drivers,
+    /// Chromium, for the tests of the review page.
+    Browser,
+}
 
 /// Distributions by package manager.
 #[derive(Debug, PartialEq, Eq)]
@@ -47,8 +56,39 @@ impl Family {
         Self::Other(if own.is_empty() { std::env::consts::OS.to_owned() } else { own })
     }
 
-    /// The commands that install all that the paths need, in order.
-    fn commands(&self) -> &'static [Package] {
+    /// The commands that install it, in order.
+    fn commands(&self, wanted: Wanted) -> &'static [Package] {
+        match wanted {
+            Wanted::Drivers => self.drivers(),
+            Wanted::Browser => self.browser(),
+        }
+    }
+
+    fn browser(&self) -> &'static [Package] {
+        const UPDATE: Package = Package {
+            failing: Failing::Tolerated,
+            line: "apt-get -o DPkg::Lock::Timeout=120 update",
+        };
+        match self {
+            // Ubuntu has no such package (its Chromium is a snap), but its CI images have Chrome.
+            Self::Debian => &[
+                UPDATE,
+                Package {
+                    failing: Failing::Fatal,
+                    line: "apt-get -o DPkg::Lock::Timeout=120 install -y --no-install-recommends \
+                           chromium fonts-liberation",
+                },
+            ],
+            Self::Fedora => &[Package { failing: Failing::Fatal, line: "dnf install -y chromium" }],
+            Self::Arch => &[Package {
+                failing: Failing::Fatal,
+                line: "pacman -Sy --noconfirm --needed chromium",
+            }],
+            Self::Other(_) => &[],
+        }
+    }
+
+    fn drivers(&self) -> &'static [Package] {
         match self {
             Self::Debian => &[
                 Package {
@@ -131,19 +171,23 @@ impl Privilege {
     }
 }
 
-/// Installs the drivers, streaming the package manager's output.
-pub(crate) fn run(family: &Family, privilege: Privilege) -> Result<()> {
-    if family.commands().is_empty() || privilege == Privilege::Lacking {
-        bail!("{}", advice(family));
+/// Installs it, streaming the package manager's output.
+pub(crate) fn run(family: &Family, privilege: Privilege, wanted: Wanted) -> Result<()> {
+    let commands = family.commands(wanted);
+    if commands.is_empty() || privilege == Privilege::Lacking {
+        bail!("{}", advice(family, wanted));
     }
-    for Package { line, failing } in family.commands() {
+    for Package { line, failing } in commands {
         let mut command = privilege.command(line);
         eprintln!("running: {}", command::describe(&command));
         match (command::run(&mut command), failing) {
             (Ok(()), _) => {}
             (Err(error), Failing::Tolerated) => eprintln!("going on although {error:#}"),
             (Err(error), Failing::Fatal) => {
-                return Err(error).context("could not install Mesa's software drivers");
+                return Err(error).context(match wanted {
+                    Wanted::Drivers => "could not install Mesa's software drivers",
+                    Wanted::Browser => "could not install Chromium",
+                });
             }
         }
     }
@@ -151,14 +195,20 @@ pub(crate) fn run(family: &Family, privilege: Privilege) -> Result<()> {
 }
 
 /// What to type by hand.
-pub(crate) fn advice(family: &Family) -> String {
+pub(crate) fn advice(family: &Family, wanted: Wanted) -> String {
     if let Family::Other(name) = family {
+        let what = match wanted {
+            Wanted::Drivers => {
+                "the Vulkan loader, Mesa's lavapipe (Vulkan), libEGL and Mesa's llvmpipe (GL)"
+            }
+            Wanted::Browser => "Chromium or Chrome (KARAT_BROWSER names its program)",
+        };
         return format!(
-            "setup can't install packages on `{name}`; install the Vulkan loader, Mesa's \
-             lavapipe (Vulkan), libEGL and Mesa's llvmpipe (GL), then run `cargo ci setup` again"
+            "setup can't install packages on `{name}`; install {what}, then run `cargo ci setup` \
+             again"
         );
     }
-    let lines: Vec<&str> = family.commands().iter().map(|package| package.line).collect();
+    let lines: Vec<&str> = family.commands(wanted).iter().map(|package| package.line).collect();
     format!("to install what is missing, run as root: {}", lines.join(" && "))
 }
 
@@ -196,8 +246,9 @@ mod tests {
 
     #[test]
     fn without_privilege_or_a_known_distribution_it_says_what_to_type() {
-        let message =
-            |family, privilege| run(&family, privilege).expect_err("it can't").to_string();
+        let message = |family, privilege| {
+            run(&family, privilege, Wanted::Drivers).expect_err("it can't").to_string()
+        };
         assert_eq!(
             message(Family::Fedora, Privilege::Lacking),
             "to install what is missing, run as root: dnf install -y mesa-vulkan-drivers \

@@ -1,7 +1,7 @@
 //! `karat pending`, `accept`, `reject` and `preview`
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::ensure;
 use karat::{Acceptance, ExposureArguments, Goldens, Image, Pending};
@@ -11,14 +11,19 @@ use super::table::{DIM, Table};
 use super::{Outcome, Verdict};
 
 #[derive(clap::Args)]
-struct FolderArgs {
+pub(super) struct FolderArgs {
     /// Folder of goldens [default: as in `metadata.karat` of Cargo.toml, else `golden`]
     #[arg(long, value_name = "DIR")]
     golden: Option<PathBuf>,
 }
 
 impl FolderArgs {
-    fn open(&self) -> anyhow::Result<Goldens> {
+    /// The folder that was named.
+    pub(super) fn named(&self) -> Option<&Path> {
+        self.golden.as_deref()
+    }
+
+    pub(super) fn open(&self) -> anyhow::Result<Goldens> {
         let folder = match &self.golden {
             Some(folder) => folder.clone(),
             None => Project::find()?.golden(),

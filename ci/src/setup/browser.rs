@@ -1,0 +1,48 @@
+//! A Chromium, for the tests of the review page. They look in the same places.
+
+use std::path::PathBuf;
+
+use super::host::Host;
+
+/// Names of its program, in the order of preference.
+const NAMES: [&str; 7] = [
+    "chromium",
+    "chromium-browser",
+    "google-chrome",
+    "google-chrome-stable",
+    "chrome",
+    "Google Chrome",
+    "chrome.exe",
+];
+
+/// Where its program is: as `KARAT_BROWSER` says, or where programs are.
+pub(crate) fn find(host: &Host) -> Option<PathBuf> {
+    if let Some(named) = host.listed("KARAT_BROWSER") {
+        return named.into_iter().find(|program| program.is_file());
+    }
+    let usual = ["/usr/bin", "/Applications/Google Chrome.app/Contents/MacOS"];
+    let mut folders = host.listed("PATH").unwrap_or_default();
+    folders.extend(usual.map(|folder| host.path(folder)));
+    folders.push(PathBuf::from(r"C:\Program Files\Google\Chrome\Application"));
+    let mut programs =
+        folders.iter().flat_map(|folder| NAMES.iter().map(move |name| folder.join(name)));
+    programs.find(|program| program.is_file())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::host::tests::Machine;
+    use super::*;
+
+    #[test]
+    fn it_is_found_by_each_name_and_where_the_variable_says() {
+        assert_eq!(find(&Machine::new().host()), None);
+        let machine =
+            Machine::new().file("/opt/bin/google-chrome", "").variable("PATH", "/opt/bin");
+        assert!(find(&machine.host()).is_some_and(|at| at.ends_with("opt/bin/google-chrome")));
+        let machine = Machine::new().file("/usr/bin/chromium", "");
+        assert!(find(&machine.host()).is_some());
+        let machine = machine.variable("KARAT_BROWSER", "/nowhere/chrome");
+        assert_eq!(find(&machine.host()), None, "what is named is meant");
+    }
+}

@@ -1,0 +1,92 @@
+// The list of cases, and their data: scripts that hand over one case each.
+
+// Loads a case's data once.
+function load(entry) {
+  if (entry.data || entry.loading) return;
+  entry.loading = true;
+  const script = element("script", { src: `data/${entry.index}.js`, async: true });
+  script.addEventListener("error", () => {
+    entry.loading = false;
+    entry.error = index.served
+      ? "The frame can't be loaded: is `karat review` still running?"
+      : `The frame can't be loaded: data/${entry.index}.js isn't beside this page.`;
+    change();
+  });
+  script.addEventListener("load", () => script.remove());
+  document.head.append(script);
+}
+
+// What a data file calls.
+function receive(data) {
+  const entry = state.cases.find(({ index: number }) => number === data.index);
+  if (!entry) return;
+  entry.loading = false;
+  if (data.error) {
+    entry.error = data.error;
+    change();
+    return;
+  }
+  const image = (stored) => stored && prepared({ width: stored.width, height: stored.height, values: numbers.decode(stored) });
+  const parts = data.parts.map(({ name, golden, actual }) => ({ name, golden: image(golden), actual: image(actual) }));
+  const grey = ({ values }) => values.every((value, i) => i % 4 === 0 || i % 4 === 3 || value === values[i - (i % 4)]);
+  const maps = data.maps.map((map) => {
+    const made = image(map.image);
+    return { ...map, image: made, scalar: grey(made) };
+  });
+  entry.data = { ...data, parts, maps };
+  entry.error = null;
+  change();
+}
+
+// Adds the key, the logarithmic mean of luminance, and what counts as dark: the same share of the
+// key as in the comparison of frames.
+function prepared(image) {
+  const { values } = image;
+  let [sum, count] = [0, 0];
+  for (let i = 0; i < values.length; i += 4) {
+    const light = 0.2126 * values[i] + 0.7152 * values[i + 1] + 0.0722 * values[i + 2];
+    if (light > 1.1754944e-38 && light < Infinity) { // normal f32
+      sum += Math.log(light);
+      count += 1;
+    }
+  }
+  const key = count ? Math.exp(sum / count) : 1;
+  return Object.assign(image, { key, dark: 1e-4 * key });
+}
+
+(() => {
+  const list = byId("cases");
+  const STATUS = { accepted: "accepted", rejected: "rejected", gone: "no longer pending" };
+
+  const row = (entry, position) => {
+    const status = STATUS[entry.status] ?? (entry.new ? "new" : "");
+    const button = element("button", { type: "button", className: entry.status },
+      element("span", { className: "name" }, entry.name),
+      element("span", { className: "status" }, status));
+    button.title = `${entry.name}, ${entry.size.join(" × ")}${status ? `, ${status}` : ""}`;
+    button.setAttribute("aria-current", String(position === state.selected));
+    button.addEventListener("click", (event) => {
+      actions.select(position);
+      if (event.detail) document.activeElement?.blur();
+    });
+    return element("li", {}, button);
+  };
+
+  let shown = "";
+  listeners.push(() => {
+    const now = JSON.stringify([state.selected, state.cases.map(({ status }) => status)]);
+    if (now === shown) return;
+    shown = now;
+    const focused = list.contains(document.activeElement);
+    list.replaceChildren(...state.cases.map(row));
+    const current = list.querySelector("[aria-current=true]");
+    current?.scrollIntoView({ block: "nearest" });
+    if (focused) current?.focus();
+    const left = state.cases.filter(({ status }) => status === "pending").length;
+    byId("count").textContent = left ? `${left} pending` : "nothing is left to review";
+    const entry = selectedCase();
+    byId("name").textContent = entry?.name ?? "";
+    byId("size").textContent = entry ? entry.size.join(" × ") : "";
+    document.title = entry ? `${entry.name} – Karat review` : "Karat review";
+  });
+})();

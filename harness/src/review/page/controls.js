@@ -1,0 +1,212 @@
+// The toolbar and the keys. Each control shows the state and changes it.
+
+const actions = (() => {
+  const stops = (by) => change({ exposure: Math.round((state.exposure + by) * 4) / 4 });
+  const reset = () => change({ fit: true, pinned: null });
+
+  // Pixels 1:1 around what is inspected, or around the middle; again: all of the image.
+  const pixels = () => {
+    if (!state.fit && state.scale === 1) return reset();
+    return change({ scale: 1, fit: false, center: inspected() ?? state.center });
+  };
+
+  // The image's key at middle grey, as in previews; in whole stops, so that values stay readable.
+  const autoExposure = () => {
+    const image = part()?.golden ?? part()?.actual;
+    if (image) change({ exposure: Math.round(Math.log2(0.18 / image.key)) });
+  };
+
+  // The scale ends above 99 % of the differences, at a power of two: a few highlights would darken
+  // all others. What is beyond the scale is pale.
+  const autoGain = () => {
+    const { golden, actual } = part() ?? {};
+    if (!golden || !actual) return;
+    const light = state.relative ? 1 : 2 ** state.exposure;
+    const sizes = [];
+    const [width, height] = [Math.min(golden.width, actual.width), Math.min(golden.height, actual.height)];
+    for (let y = 0; y < height; y += 1) {
+      for (let x = 0; x < width; x += 1) {
+        const [g, a] = [texel(golden, [x, y]), texel(actual, [x, y])];
+        for (let c = 0; c < 3; c += 1) {
+          const by = state.relative ? Math.max(Math.abs(g[c]), golden.dark) : 1;
+          const size = Math.abs(a[c] - g[c]) * light / by;
+          if (size > 0 && size < Infinity) sizes.push(size);
+        }
+      }
+    }
+    const most = Float64Array.from(sizes).sort()[Math.floor(0.99 * sizes.length)];
+    change({ gain: most ? Math.floor(-Math.log2(most)) : 0 });
+  };
+
+  const select = (position) => {
+    const { cases } = state;
+    if (!cases.length) return;
+    const selected = Math.min(cases.length - 1, Math.max(0, position));
+    if (selected !== state.selected) stage.forget?.(imagesOf(selectedCase()));
+    change({ selected, part: 0, map: 0, fit: true, pinned: null, hover: null });
+    load(cases[selected]);
+  };
+
+  const imagesOf = (entry) => [
+    ...(entry?.data?.parts ?? []).flatMap(({ golden, actual }) => [golden, actual]),
+    ...(entry?.data?.maps ?? []).map(({ image }) => image),
+  ];
+
+  const worst = () => {
+    const place = loaded()?.gates.find((gate) => gate.place)?.place;
+    if (place) lookAt(place);
+  };
+
+  const show = (view) => {
+    change({ view, flipping: view === "flip" });
+    if (view === "difference" && !selectedCase()?.gained) {
+      if (selectedCase()) selectedCase().gained = true;
+      autoGain();
+    }
+  };
+
+  return { stops, reset, pixels, autoExposure, autoGain, select, worst, show };
+})();
+
+(() => {
+  const button = (id, act) => byId(id).addEventListener("click", (event) => {
+    act();
+    // A click leaves no focus behind, so that the space bar flips; the keyboard's focus stays.
+    if (event.detail) event.currentTarget.blur();
+  });
+  const toggles = { "false-color": "falseColor", marks: "marks", grid: "grid", relative: "relative" };
+  for (const [id, name] of Object.entries(toggles)) {
+    button(id, () => {
+      change({ [name]: !state[name] });
+      if (name === "relative") actions.autoGain();
+    });
+  }
+  for (const view of VIEWS) button(`view-${view}`, () => actions.show(view));
+  button("exposure-auto", actions.autoExposure);
+  button("exposure-zero", () => change({ exposure: 0 }));
+  button("gain-auto", actions.autoGain);
+  button("gain-less", () => change({ gain: state.gain - 1 }));
+  button("gain-more", () => change({ gain: state.gain + 1 }));
+  button("fit", actions.reset);
+  button("one-to-one", actions.pixels);
+  button("help-open", () => byId("help").showModal());
+
+  const exposures = [byId("exposure"), byId("exposure-value")];
+  exposures.forEach((input) => input.addEventListener("input", () => {
+    const exposure = input.valueAsNumber;
+    if (Number.isFinite(exposure)) change({ exposure });
+  }));
+  const menu = (id, name, options) => {
+    const list = byId(id);
+    list.replaceChildren(...options.map((text, value) => element("option", { value }, text)));
+    list.addEventListener("change", () => change({ [name]: Number(list.value) }));
+  };
+  menu("tone", "tone", tones.all.map(({ name }) => name));
+  menu("channel", "channel", CHANNELS);
+  menu("part", "part", []);
+  menu("map", "map", []);
+  byId("hz").addEventListener("input", (event) => change({ hz: event.target.valueAsNumber }));
+
+  const refill = (list, names, chosen) => {
+    if (list.options.length !== names.length || names.some((name, i) => list.options[i].text !== name)) {
+      list.replaceChildren(...names.map((text, value) => element("option", { value }, text)));
+    }
+    list.value = String(chosen);
+  };
+
+  listeners.push(() => {
+    for (const [id, name] of Object.entries(toggles)) byId(id).setAttribute("aria-pressed", String(state[name]));
+    for (const view of VIEWS) byId(`view-${view}`).setAttribute("aria-pressed", String(state.view === view));
+    for (const input of exposures) if (input !== document.activeElement || input.valueAsNumber !== state.exposure) input.value = state.exposure;
+    byId("tone").value = String(state.tone);
+    byId("channel").value = String(state.channel);
+    byId("gain-value").textContent = state.gain < 0 ? `1/${2 ** -state.gain}` : `× ${2 ** state.gain}`;
+    byId("hz-value").textContent = `${state.hz} a second`;
+    byId("zoom").textContent = `${numbers.rounded(100 * state.scale)} %`;
+    byId("for-difference").hidden = state.view !== "difference";
+    byId("for-flip").hidden = state.view !== "flip";
+    const maps = loaded()?.maps ?? [];
+    const parts = loaded()?.parts ?? [];
+    byId("for-map").hidden = state.view !== "map" || maps.length < 1;
+    byId("view-map").disabled = maps.length < 1;
+    byId("for-part").hidden = parts.length < 2;
+    refill(byId("map"), maps.map(({ name }) => name), state.map);
+    refill(byId("part"), parts.map(({ name }) => name), state.part);
+    byId("map-about").textContent = maps[state.map]?.about ?? "";
+  });
+
+  // Flip: a timer of its own, restarted when the rate changes.
+  let timer = null;
+  let rate = null;
+  listeners.push(() => {
+    const wanted = state.view === "flip" && state.flipping ? state.hz : null;
+    if (wanted === rate) return;
+    rate = wanted;
+    clearInterval(timer);
+    if (rate) timer = setInterval(() => change({ phase: 1 - state.phase }), 1000 / rate);
+  });
+
+  const cycle = (name, count, by = 1) => change({ [name]: (state[name] + by + count) % count });
+  const move = (dx, dy) => {
+    if (state.pinned) {
+      const [width, height] = extent();
+      const [x, y] = state.pinned;
+      return change({ pinned: [Math.min(width - 1, Math.max(0, x + dx)), Math.min(height - 1, Math.max(0, y + dy))] });
+    }
+    const step = 64 / state.scale;
+    return change({ center: [state.center[0] + dx * step, state.center[1] + dy * step], fit: false });
+  };
+  // Space compares by eye: it starts the flipping, and stops it at what is seen.
+  const flip = () => (state.view === "flip"
+    ? change({ flipping: !state.flipping })
+    : actions.show("flip"));
+
+  const KEYS = {
+    j: () => actions.select(state.selected + 1),
+    k: () => actions.select(state.selected - 1),
+    1: () => actions.show("golden"),
+    2: () => actions.show("actual"),
+    3: () => actions.show("difference"),
+    4: () => actions.show("side"),
+    5: () => actions.show("swipe"),
+    6: () => (state.view === "map" ? cycle("map", loaded()?.maps.length || 1) : actions.show("map")),
+    " ": flip,
+    e: () => actions.stops(1),
+    E: () => actions.stops(-1),
+    0: () => change({ exposure: 0 }),
+    x: actions.autoExposure,
+    m: () => cycle("tone", tones.all.length),
+    f: () => change({ falseColor: !state.falseColor }),
+    c: () => cycle("channel", CHANNELS.length),
+    C: () => cycle("channel", CHANNELS.length, -1),
+    n: () => change({ marks: !state.marks }),
+    t: () => change({ grid: !state.grid }),
+    z: actions.pixels,
+    Z: actions.reset,
+    "+": () => zoom(2),
+    "=": () => zoom(2),
+    "-": () => zoom(0.5),
+    w: actions.worst,
+    "[": () => change({ gain: state.gain - 1 }),
+    "]": () => change({ gain: state.gain + 1 }),
+    a: () => decide.open("accept"),
+    r: () => decide.open("reject"),
+    "?": () => byId("help").showModal(),
+    Escape: () => change({ pinned: null }),
+    ArrowLeft: () => move(-1, 0),
+    ArrowRight: () => move(1, 0),
+    ArrowUp: () => move(0, -1),
+    ArrowDown: () => move(0, 1),
+  };
+  document.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
+    const { target } = event;
+    if (target.matches("select, textarea, input:not([type=range])")) return;
+    if (target.matches("button, [type=range]") && [" ", "Enter"].includes(event.key)) return;
+    if (target.matches("[type=range]") && event.key.startsWith("Arrow")) return;
+    const act = KEYS[event.key];
+    if (!act || (!stage.gl && !"jk?".includes(event.key))) return;
+    event.preventDefault();
+    act();
+  });
+})();

@@ -1,0 +1,63 @@
+// What is known of both sides: the verdict, what explains it, gates with their margins, metadata.
+
+(() => {
+  const NAMES = {
+    "adapter.path": "path", "adapter.name": "adapter", "adapter.driver": "driver",
+    "adapter.software": "software", color_space: "colour space", because: "accepted because",
+    accepted_by: "accepted by", accepted_at: "accepted at", relative: "tolerance",
+  };
+  // What explains a difference comes first; what isn't named here follows as it is.
+  const ORDER = ["shader", "adapter.path", "adapter.name", "adapter.driver", "processor", "because",
+    "accepted_by", "accepted_at", "relative", "precision", "width", "height"];
+  // Hashes of pixels are another name for the difference, not a reason of it.
+  const HIDDEN = ["pixels", "schema"];
+  const rank = ({ name, differs }) => (differs ? -100 : 0) + (ORDER.indexOf(name) + 1 || 50);
+  // Hashes are recognised by their beginning; the whole is in the title.
+  const short = (text) => (/^[0-9a-f]{40,}$/.test(text) ? text.slice(0, 12) : text);
+
+  const gate = ({ name, value, bound, place, passes }) => {
+    const times = value === null || !bound ? "" : `, ${numbers.rounded(value / bound)} × bound`;
+    const row = element("li", { className: passes ? "passes" : "fails" },
+      element("span", { className: "name" }, name),
+      element("span", { className: "values" },
+        `${value === null ? "NaN" : numbers.rounded(value)} of ${numbers.rounded(bound)}`),
+      element("span", { className: "margin" }, passes ? `passes${times}` : `fails${times}`));
+    if (place) {
+      const [left, top, right, bottom] = place;
+      const text = left === right && top === bottom ? `(${left}, ${top})` : `(${left}, ${top}) to (${right}, ${bottom})`;
+      const button = element("button", { type: "button", className: "place", title: "look at it (w)" }, `${bound ? "worst" : "first"} at ${text}`);
+      button.addEventListener("click", () => lookAt(place));
+      row.append(button);
+    }
+    return row;
+  };
+
+  // `alone`: there is no golden to be beside.
+  const fact = ({ name, golden, actual, differs }, alone) => {
+    const value = (text) => element("td", { title: text }, short(text) || "–");
+    const wide = (text) => Object.assign(value(text), { colSpan: 2, className: "shared" });
+    // Only a golden has been accepted, so that needs one column, too.
+    const accepted = name.startsWith("accepted_") || name === "because";
+    const values = alone ? [wide(actual)]
+      : golden === actual || accepted ? [wide(golden)] : [value(golden), value(actual)];
+    return element("tr", { className: differs ? "differs" : "" },
+      element("th", { scope: "row" }, NAMES[name] ?? name.replaceAll("_", " ")), ...values);
+  };
+
+  let shown = null;
+  listeners.push(() => {
+    const data = loaded();
+    if (data === shown) return;
+    shown = data;
+    byId("verdict").textContent = data?.verdict ?? "";
+    byId("cause").textContent = data?.cause ?? "";
+    byId("gates").replaceChildren(...(data?.gates ?? []).map(gate));
+    byId("no-gates").hidden = Boolean(data?.gates.length);
+    const facts = (data?.facts ?? []).filter(({ name }) => !HIDDEN.includes(name));
+    facts.sort((a, b) => rank(a) - rank(b));
+    const alone = facts.every(({ golden }) => !golden);
+    byId("facts").querySelector("thead").hidden = alone;
+    const rows = facts.map((entry) => fact(entry, alone));
+    byId("facts").querySelector("tbody").replaceChildren(...rows);
+  });
+})();

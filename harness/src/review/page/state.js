@@ -1,0 +1,74 @@
+// What is looked at, and how. One object; whoever changes it calls `change`, and every part of the
+// page that shows it is told once before the next frame.
+
+const index = JSON.parse(document.getElementById("index").textContent);
+
+const CHANNELS = ["RGB", "R", "G", "B", "A", "luminance"];
+const VIEWS = ["side", "golden", "actual", "swipe", "flip", "difference", "map"];
+
+const state = {
+  cases: index.cases.map((entry) => ({ ...entry, status: "pending", data: null })),
+  selected: 0,
+  view: "side",
+  part: 0,
+  map: 0,
+  channel: 0,
+  exposure: 0, // stops
+  tone: 0,
+  falseColor: false,
+  marks: true,
+  grid: false,
+  relative: true, // differences as shares of the golden, as they are judged
+  gain: 0, // stops
+  hz: 3, // changes a second
+  flipping: false,
+  phase: 0, // of flip: 0 golden, 1 frame
+  swipe: 0.5, // share of the pane
+  scale: 1, // pixels of the screen a texel
+  center: [0, 0], // the texel in the middle of each pane
+  fit: true, // until somebody zooms
+  hover: null, // texel under the cursor
+  pinned: null, // texel that the inspector stays at
+};
+
+const listeners = [];
+let announced = false;
+
+function change(changes = {}) {
+  Object.assign(state, changes);
+  if (announced) return;
+  announced = true;
+  requestAnimationFrame(() => {
+    announced = false;
+    listeners.forEach((listener) => listener());
+  });
+}
+
+const selectedCase = () => state.cases[state.selected];
+const loaded = () => selectedCase()?.data ?? null;
+const part = () => loaded()?.parts[state.part] ?? null;
+const inspected = () => state.pinned ?? state.hover;
+
+// Size of what is looked at: the larger of both sides.
+function extent() {
+  const sides = [part()?.golden, part()?.actual].filter(Boolean);
+  return [Math.max(1, ...sides.map((s) => s.width)), Math.max(1, ...sides.map((s) => s.height))];
+}
+
+// The four values of an image at a texel, or null outside of it.
+function texel(image, at) {
+  if (!image || !at) return null;
+  const [x, y] = at;
+  if (x < 0 || y < 0 || x >= image.width || y >= image.height) return null;
+  const start = 4 * (y * image.width + x);
+  return image.values.subarray(start, start + 4);
+}
+
+// Makes an element: `element("td", { className: "number" }, "1.5")`.
+function element(tag, properties = {}, ...children) {
+  const made = Object.assign(document.createElement(tag), properties);
+  made.append(...children);
+  return made;
+}
+
+const byId = (id) => document.getElementById(id);

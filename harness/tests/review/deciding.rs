@@ -1,0 +1,189 @@
+//! Accepting and rejecting in the page.
+
+use karat::{Image, Precision};
+use serde_json::Value;
+
+use crate::browser::{Browser, Tab};
+use crate::project::{Project, tiny};
+
+/// Accepts the selected case as a person does.
+fn accept(browser: &mut Browser, tab: &Tab, because: &str) {
+    browser.press(tab, "a");
+    browser.wait(tab, "document.getElementById('accept-dialog').open");
+    browser.write(tab, because);
+    browser.press(tab, "Enter");
+}
+
+fn problem(browser: &mut Browser, tab: &Tab) -> String {
+    browser.wait(tab, "document.querySelector('dialog[open] .problem').textContent !== ''");
+    browser.text(tab, "dialog[open] .problem")
+}
+
+fn facts(project: &Project, case: &str) -> (Image, Value) {
+    let (image, metadata) = Image::read_exr(&project.golden(case)).expect("a golden");
+    (image, serde_json::from_str(&metadata.expect("provenance")).expect("JSON"))
+}
+
+#[test]
+fn a_frame_is_looked_at_and_accepted() {
+    let project = Project::with_tiny();
+    project.put_tiny("zebra");
+    let (frame, _) = Image::read_exr(&project.pending("tiny")).expect("pending");
+    assert_ne!(facts(&project, "tiny").0, frame);
+    let server = project.serve();
+    let mut browser = Browser::start();
+    let tab = browser.open(&server.url);
+    browser.settle(&tab);
+    assert_eq!(browser.text(&tab, "#count"), "2 pending");
+
+    browser.press(&tab, "a");
+    browser.press(&tab, "Enter");
+    let text = problem(&mut browser, &tab);
+    assert!(text.contains("accepting `tiny` needs a reason that a reviewer can check"), "{text}");
+    assert!(project.pending("tiny").is_file(), "nothing is accepted without a reason");
+
+    browser.write(&tab, "the light is twice as bright, as the plan says");
+    browser.press(&tab, "Enter");
+    browser.wait(&tab, "document.getElementById('name').textContent === 'zebra'");
+    assert!(
+        !browser
+            .value(&tab, "Boolean(document.querySelector('dialog[open]'))")
+            .as_bool()
+            .expect("a bool")
+    );
+    assert_eq!(browser.text(&tab, "#count"), "1 pending");
+    assert_eq!(browser.text(&tab, "#cases .accepted .status"), "accepted");
+
+    let (golden, facts) = facts(&project, "tiny");
+    assert_eq!(golden, frame, "the golden is the frame");
+    assert_eq!(facts["because"], "the light is twice as bright, as the plan says");
+    assert_eq!(facts["shader"], "changed");
+    assert!(facts["accepted_at"].as_str().is_some_and(|at| at.starts_with("20")), "{facts}");
+    assert!(facts["accepted_by"].as_str().is_some_and(|by| !by.is_empty()), "{facts}");
+    assert!(!project.pending("tiny").exists());
+    let sidecar = std::fs::read_to_string(project.folder().join("golden/tiny.toml"));
+    assert!(sidecar.expect("written").contains("twice as bright"));
+
+    browser.press(&tab, "r");
+    browser.press(&tab, "Enter");
+    browser
+        .wait(&tab, "document.getElementById('count').textContent === 'nothing is left to review'");
+    assert!(!project.pending("zebra").exists() && project.golden("zebra").is_file());
+    let (code, _) = server.interrupt();
+    assert_eq!(code, Some(0));
+}
+
+#[test]
+fn the_second_of_two_tabs_is_told() {
+    let project = Project::with_tiny();
+    project.put_tiny("zebra");
+    let server = project.serve();
+    let mut browser = Browser::start();
+    let (first, second) = (browser.open(&server.url), browser.open(&server.url));
+    browser.settle(&first);
+    browser.settle(&second);
+    accept(&mut browser, &first, "why");
+    browser.wait(&first, "document.getElementById('name').textContent === 'zebra'");
+    let golden = std::fs::read(project.golden("tiny")).expect("a golden");
+
+    accept(&mut browser, &second, "another reason");
+    let text = problem(&mut browser, &second);
+    assert_eq!(text, "no frame `tiny` is pending");
+    assert_eq!(std::fs::read(project.golden("tiny")).expect("a golden"), golden);
+    browser.press(&second, "Escape");
+    assert_eq!(browser.text(&second, "#cases .gone .status"), "no longer pending");
+    assert_eq!(browser.text(&second, "#count"), "1 pending");
+}
+
+#[test]
+fn the_library_s_refusals_are_shown() {
+    let project = Project::with_tiny();
+    let server = project.serve();
+    let mut browser = Browser::start();
+    let tab = browser.open(&server.url);
+    browser.settle(&tab);
+
+    let mut other = tiny();
+    other.pixels_mut()[0][0] = 5.0;
+    project.put_golden("tiny", &other);
+    accept(&mut browser, &tab, "why");
+    let text = problem(&mut browser, &tab);
+    assert!(
+        text.contains("has changed since the pending frame was rendered; run the test again"),
+        "{text}"
+    );
+    assert_eq!(facts(&project, "tiny").0, other, "the other golden isn't lost");
+
+    // Rendered again: what was looked at is another frame.
+    browser.press(&tab, "Escape");
+    project.put_pending("tiny", &tiny(), |_| {});
+    accept(&mut browser, &tab, "why");
+    let text = problem(&mut browser, &tab);
+    assert!(text.contains("was rendered again since this page loaded it"), "{text}");
+
+    let elsewhere = Project::new();
+    elsewhere.put_pending("card", &tiny(), |facts| facts["adapter"]["name"] = "GeForce".into());
+    let server = elsewhere.serve();
+    let tab = browser.open(&server.url);
+    browser.settle(&tab);
+    accept(&mut browser, &tab, "why");
+    let text = problem(&mut browser, &tab);
+    assert!(text.contains("was rendered on vulkan: GeForce"), "{text}");
+    assert!(!elsewhere.golden("card").exists());
+    browser.click(&tab, "#any-adapter");
+    browser.click(&tab, "#accept-dialog .main");
+    browser.wait(&tab, "document.querySelector('#cases .accepted') !== null");
+    let stored = facts(&elsewhere, "card").0;
+    assert_eq!(stored, tiny().rounded_to(Precision::Half));
+}
+
+#[test]
+fn a_server_that_has_gone_is_named() {
+    let project = Project::with_tiny();
+    let server = project.serve();
+    let mut browser = Browser::start();
+    let tab = browser.open(&server.url);
+    browser.settle(&tab);
+    drop(server);
+    accept(&mut browser, &tab, "why");
+    let text = problem(&mut browser, &tab);
+    assert_eq!(text, "The server doesn't answer: is `karat review` still running?");
+}
+
+#[test]
+fn files_show_the_frames_without_any_network() {
+    let project = Project::with_tiny();
+    let report = project.folder().join("a report");
+    let mut command = project.karat(&["review", "--golden", "golden", "--static"]);
+    let ran = command.arg(&report).output().expect("it was built");
+    assert_eq!(ran.status.code(), Some(0), "{ran:?}");
+    let text = String::from_utf8_lossy(&ran.stdout).into_owned();
+    assert!(text.ends_with("index.html: 1 pending frame\n"), "{text}");
+
+    let mut browser = Browser::with(&["--proxy-server=127.0.0.1:9"]);
+    let url = format!("file://{}/index.html", report.display()).replace(' ', "%20");
+    let tab = browser.open(&url);
+    browser.settle(&tab);
+    assert_eq!(
+        browser.value(
+            &tab,
+            "Array.from(karat.state.cases[0].data.parts[0].golden.values.slice(0, 2))"
+        )[1],
+        f64::from(0.02_f32)
+    );
+    assert_eq!(
+        browser.text(&tab, "#accept-command"),
+        "karat accept tiny --golden golden --because \"…\""
+    );
+    assert_eq!(browser.text(&tab, "#reject-command"), "karat reject tiny --golden golden");
+    assert_eq!(browser.value(&tab, "document.getElementById('accept').checkVisibility()"), false);
+    browser.press(&tab, "a");
+    assert_eq!(browser.value(&tab, "document.activeElement.id"), "accept-command");
+    // The policy lets nothing else in: no request, no inline code.
+    let blocked =
+        browser.value(&tab, "fetch('http://127.0.0.1:9/').then(() => 'sent', error => error.name)");
+    assert_eq!(blocked, "TypeError");
+    let injected = "(() => { const s = document.createElement('script'); s.textContent = 'window.injected = 1'; document.head.append(s); return window.injected ?? 'blocked'; })()";
+    assert_eq!(browser.value(&tab, injected), "blocked");
+    assert!(project.pending("tiny").is_file());
+}

@@ -1,0 +1,8 @@
+//! The review page in a browser, and its server without one.
+
+mod browser;
+mod deciding;
+mod looking;
+mod project;
+mod refusing;
+mod shots;
