@@ -30,6 +30,7 @@ mod frame;
 mod gallery;
 mod golden;
 mod image;
+mod metric;
 mod package;
 mod path;
 mod probe;
@@ -57,10 +58,14 @@ pub use frame::{Attribute, Blend, Frame, FrameAgreement, FrameError, Mesh};
 pub use gallery::{ExposureArguments, RenderArguments};
 pub use gallery::{Gallery, RenderOptions};
 pub use golden::{
-    AcceptError, Acceptance, DEFAULT_RELATIVE, FrameDifference, FrameMargin, GoldenError, Goldens,
-    Outlier, Pending, Provenance,
+    AcceptError, Acceptance, Accepted, Criterion, CriterionMargin, FrameDifference, FrameMargin,
+    FrameTolerance, GoldenError, Goldens, Pending, Profile, Provenance,
 };
 pub use image::{Image, ImageError, NonFinite, Precision};
+pub use metric::{
+    DEFAULT_RELATIVE, ErrorMap, ExposureRange, Flip, FlipFailure, Gate, Mask, MaskError, Measured,
+    Metric, Outlier, Outliers, Pair, PairError, Pool, Rect, TILE,
+};
 pub use package::{FunctionItem, Package, PackageError};
 pub use path::{Adapter, Path, PathError, adapter};
 pub use probe::{Inputs, ProbeError, Probed, call};
