@@ -23,7 +23,7 @@ pub use tolerance::{Criterion, CriterionMargin, FrameTolerance};
 use self::compare::Terms;
 use crate::diagnostic::shown;
 use crate::image::{Image, ImageError, Precision};
-use crate::metric::{ExposureRange, Mask};
+use crate::metric::{ExposureRange, Mask, MaskError};
 use crate::path::Adapter;
 
 /// A folder of goldens.
@@ -137,7 +137,7 @@ pub enum GoldenError {
     },
     /// The frame differs.
     #[error(
-        "frame `{case}` differs from its golden `{golden}`: {difference}\n  look at `{pending}`, then `karat accept {case} --because \"...\"` or `karat reject {case}`"
+        "frame `{case}` differs from its golden `{golden}`: {difference}\n  look at `{pending}`, {advice}"
     )]
     Differs {
         /// The golden.
@@ -148,6 +148,16 @@ pub enum GoldenError {
         difference: Box<FrameDifference>,
         /// The frame that was rendered.
         pending: String,
+        /// What to do when one has looked at it.
+        advice: String,
+    },
+    /// The mask can't be used.
+    #[error("frame `{case}` can't be compared: {source}")]
+    Mask {
+        /// The golden.
+        case: String,
+        /// Why.
+        source: MaskError,
     },
     /// The pending frame can't be written.
     #[error("frame `{case}` fails ({failure}), and its pending image can't be written: {source}")]
@@ -210,11 +220,6 @@ impl Goldens {
         if !case.split('/').all(|part| !part.is_empty() && part.chars().all(sound)) {
             return Err(GoldenError::Name(case.to_owned()));
         }
-        let failed = |failure: &str, source: ImageError| GoldenError::Pending {
-            case: case.to_owned(),
-            failure: failure.to_owned(),
-            source,
-        };
         let profile = Profile::of(frame.adapter);
         let (file, own) = self.used(case, &profile);
         let against = pending::Against {
@@ -225,9 +230,15 @@ impl Goldens {
         let (golden, metadata) = match Image::read_exr(&file) {
             Ok(read) => read,
             Err(ImageError::Missing { .. }) => {
+                // A frame with NaN is wrong with and without a golden.
+                let tolerance = &FrameTolerance::gate(0.0);
+                let terms = Terms { tolerance, mask: frame.mask, exposures: None };
+                if let Err(difference) = compare::compare(frame.image, frame.image, &terms) {
+                    return Err(self.differs(case, frame, &file, against, difference));
+                }
                 let pending = self
                     .write_pending(case, frame, &against)
-                    .map_err(|source| failed("it has no golden", source))?;
+                    .map_err(|source| unwritten(case, "it has no golden", source))?;
                 return Err(GoldenError::Missing { case: case.to_owned(), pending });
             }
             Err(source) => return Err(GoldenError::Unreadable { case: case.to_owned(), source }),
@@ -252,17 +263,63 @@ impl Goldens {
                 Ok(FrameMargin { golden: shown(&file), profile, ..margin })
             }
             Err(difference) => {
-                // NaN and infinities are to be looked at as they are.
-                let finite = !matches!(difference, FrameDifference::NonFinite(_));
-                let precision = if finite { precision } else { Precision::Float };
                 let against = pending::Against { hash: golden.hash(), precision, ..against };
-                let pending = self
-                    .write_pending(case, frame, &against)
-                    .map_err(|source| failed(&difference.to_string(), source))?;
-                let (case, difference) = (case.to_owned(), Box::new(difference));
-                let golden = shown(&file);
-                Err(GoldenError::Differs { case, golden, difference, pending })
+                Err(self.differs(case, frame, &file, against, difference))
             }
         }
     }
+
+    /// Leaves the frame to be looked at.
+    fn differs(
+        &self,
+        case: &str,
+        frame: &Rendered<'_>,
+        golden: &Path,
+        mut against: pending::Against,
+        difference: FrameDifference,
+    ) -> GoldenError {
+        if let FrameDifference::Mask(source) = difference {
+            return GoldenError::Mask { case: case.to_owned(), source };
+        }
+        // NaN and infinities are to be looked at as they are.
+        if matches!(difference, FrameDifference::NonFinite(_)) {
+            against.precision = Precision::Float;
+        }
+        let pending = match self.write_pending(case, frame, &against) {
+            Ok(pending) => pending,
+            Err(source) => return unwritten(case, &difference.to_string(), source),
+        };
+        let advice = self.advice(case, frame, &against, &difference);
+        let (case, golden, difference) = (case.to_owned(), shown(golden), Box::new(difference));
+        GoldenError::Differs { case, golden, difference, pending, advice }
+    }
 }
+
+impl Goldens {
+    /// What to do with a frame that differs.
+    fn advice(
+        &self,
+        case: &str,
+        frame: &Rendered<'_>,
+        against: &pending::Against,
+        difference: &FrameDifference,
+    ) -> String {
+        if matches!(difference, FrameDifference::NonFinite(_)) {
+            return "and mend the shader: nothing could ever agree with such a frame".to_owned();
+        }
+        let profile = Profile::of(frame.adapter);
+        let accept = if pending::is_canonical(frame.adapter) && against.profile.is_empty() {
+            String::new()
+        } else {
+            format!(" --profile {profile}")
+        };
+        format!("then `karat accept {case}{accept} --because \"...\"` or `karat reject {case}`")
+    }
+}
+
+fn unwritten(case: &str, failure: &str, source: ImageError) -> GoldenError {
+    GoldenError::Pending { case: case.to_owned(), failure: failure.to_owned(), source }
+}
+
+#[cfg(test)]
+mod tests;

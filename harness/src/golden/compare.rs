@@ -182,6 +182,22 @@ pub(super) fn compare(
     judge(&pair, terms.tolerance)
 }
 
+impl FrameTolerance {
+    /// Compares two images as [`Frame::matches`](crate::Frame::matches) compares a frame with its
+    /// golden. The exposures that HDR-FLIP looks at are chosen from the golden.
+    ///
+    /// # Errors
+    /// If they differ by more than this allows, or can't be compared.
+    pub fn compare(
+        &self,
+        golden: &Image,
+        actual: &Image,
+        mask: Option<&Mask>,
+    ) -> Result<FrameMargin, FrameDifference> {
+        compare(golden, actual, &Terms { tolerance: self, mask, exposures: None })
+    }
+}
+
 fn judge(pair: &Pair<'_>, tolerance: &FrameTolerance) -> Result<FrameMargin, FrameDifference> {
     let frame_pixels = pair.golden().pixels().len();
     let mut margin = FrameMargin {

@@ -8,6 +8,7 @@ use super::{FrameTolerance, Goldens, Profile, Provenance, Rendered, SCHEMA};
 use crate::diagnostic::{nearest, shown};
 use crate::image::{Image, ImageError, Precision};
 use crate::metric::ExposureRange;
+use crate::path::Adapter;
 
 /// A golden larger than this, in bytes, is accepted with a warning: every clone of the project
 /// holds each version of it for ever.
@@ -268,8 +269,7 @@ impl Goldens {
                     return Err(AcceptError::Own { case, profile });
                 }
                 let adapter = &pending.provenance.adapter;
-                let canonical = adapter.path == "vulkan" && adapter.name.contains("llvmpipe");
-                if !canonical && !acceptance.any_adapter {
+                if !is_canonical(adapter) && !acceptance.any_adapter {
                     return Err(AcceptError::Adapter { case, adapter: adapter.to_string() });
                 }
                 self.golden(&case)
@@ -359,6 +359,11 @@ impl Goldens {
             AcceptError::Image(ImageError::Write { path: shown(&pending.path), source })
         })
     }
+}
+
+/// Whether goldens for all profiles are made on it: any machine can have lavapipe.
+pub(super) fn is_canonical(adapter: &Adapter) -> bool {
+    adapter.path == "vulkan" && adapter.name.contains("llvmpipe")
 }
 
 /// Writes a golden and its facts, unless both are there already.
