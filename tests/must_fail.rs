@@ -898,7 +898,7 @@ fn a_frame_that_is_declared_to_fail() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let goldens = Goldens::open(folder.path());
     let pictures = Package::from_source("gradient", include_str!("planted/gradient.wgsl"));
-    let frame = || pictures.frame("", 32, 16).fullscreen("corners", "gradient");
+    let frame = || pictures.frame("", 32, 16).fullscreen("corners", "gradient").tolerance(1e-3);
     let paths = selected();
     let declared = || paths.iter().fold(frame(), |frame, path| frame.fails_on(*path, "bug 1"));
     let error = declared().try_matches(&goldens, "gradient").expect_err("no golden");

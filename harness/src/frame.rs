@@ -5,19 +5,22 @@
 //! colour pass tests for equality, so each fragment is shaded once.
 
 mod comparison;
+mod expectation;
 mod mesh;
 mod renderer;
 
+pub use expectation::FrameMean;
 pub use mesh::{Attribute, Mesh};
 
 use crate::check::{KnownIssue, KnownIssues};
 use crate::fixture::{Fixture, FixtureError, Fixtures};
 use crate::golden::{FrameMargin, FrameTolerance, GoldenError};
 use crate::image::Image;
-use crate::metric::Mask;
+use crate::metric::{Mask, MaskError, Rect};
 use crate::package::Package;
 use crate::path::{self, Adapter, Path, PathError};
 use crate::reflect::{ReflectError, Stage};
+use crate::tolerance::Measure;
 
 /// What becomes of a pixel that is drawn again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -55,6 +58,7 @@ pub struct Frame<'a> {
     tolerance: Option<FrameTolerance>,
     tolerance_on: Vec<(Path, FrameTolerance)>,
     mask: Option<Mask>,
+    variance: Option<Image>,
     known_issues: KnownIssues,
 }
 
@@ -95,6 +99,27 @@ pub enum FrameError {
     /// A bound that bounds nothing.
     #[error("the tolerance of the frame is {0}")]
     Tolerance(String),
+    /// The mean of a rectangle is off.
+    #[error(
+        "on {adapter}\nthe mean of {rect} is {mean:?}, expected {expected:?}: {worst}, {} times what \
+         is allowed",
+        crate::tolerance::significant(worst.ratio)
+    )]
+    Mean {
+        /// What rendered the frame.
+        adapter: Box<Adapter>,
+        /// The rectangle.
+        rect: Rect,
+        /// What was expected of red, green and blue.
+        expected: [f64; 3],
+        /// What they are.
+        mean: [f64; 3],
+        /// The worst of them.
+        worst: Measure,
+    },
+    /// A rectangle that isn't in the frame.
+    #[error(transparent)]
+    Rectangle(MaskError),
     /// A path agrees that is declared to fail.
     #[error(
         "`{case}` matches its golden on {path}, where it is declared to fail: {reason}\n\
@@ -151,6 +176,7 @@ impl Package {
             tolerance: None,
             tolerance_on: Vec::new(),
             mask: None,
+            variance: None,
             known_issues: KnownIssues::default(),
         }
     }
@@ -235,6 +261,16 @@ impl Frame<'_> {
     /// Compares only the pixels of a mask.
     pub fn mask(mut self, mask: Mask) -> Self {
         self.mask = Some(mask);
+        self
+    }
+
+    /// Declares that the frame is noisy, with the variance of each pixel's mean in linear RGB: of
+    /// `n` samples a pixel, that of the samples over `n`. It is kept with the golden. A frame that
+    /// fails its tolerance still passes if no tile of 16 or 48 pixels a side differs by more than
+    /// the noise of both, of which one frame in a hundred is rejected by chance. HDR-FLIP takes no
+    /// part, unless it is asked for.
+    pub fn noise(mut self, variance: Image) -> Self {
+        self.variance = Some(variance);
         self
     }
 

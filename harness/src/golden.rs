@@ -4,26 +4,29 @@
 //! has no golden, fails and leaves `<case>.new.exr` beside it (with `CI` set, in the report's
 //! folder instead). Only accepting writes a golden.
 
+mod acceptance;
 mod compare;
 mod message;
 mod pending;
 mod profile;
 mod tolerance;
+mod variance;
 
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+pub use acceptance::{AcceptError, Acceptance, Accepted};
 pub use compare::{FrameDifference, FrameMargin};
+pub use pending::Pending;
 pub(crate) use pending::build_output;
-pub use pending::{AcceptError, Acceptance, Accepted, Pending};
 pub use profile::Profile;
 pub use tolerance::{Criterion, CriterionMargin, FrameTolerance};
 
 use self::compare::Terms;
 use crate::diagnostic::shown;
 use crate::image::{Image, ImageError, Precision};
-use crate::metric::{ExposureRange, Mask, MaskError};
+use crate::metric::{DEFAULT_RELATIVE, ExposureRange, Mask, MaskError};
 use crate::path::Adapter;
 
 /// A folder of goldens.
@@ -105,6 +108,8 @@ pub(crate) struct Rendered<'a> {
     /// `None`: the default for the golden and the adapter.
     pub(crate) tolerance: Option<&'a FrameTolerance>,
     pub(crate) mask: Option<&'a Mask>,
+    /// Variance of each pixel, of a frame that is noisy.
+    pub(crate) variance: Option<&'a Image>,
 }
 
 /// Why a frame has no verdict, or a bad one.
@@ -232,7 +237,7 @@ impl Goldens {
             Err(ImageError::Missing { .. }) => {
                 // A frame with NaN is wrong with and without a golden.
                 let tolerance = &FrameTolerance::gate(0.0);
-                let terms = Terms { tolerance, mask: frame.mask, exposures: None };
+                let terms = Terms { mask: frame.mask, ..Terms::of(tolerance) };
                 if let Err(difference) = compare::compare(frame.image, frame.image, &terms) {
                     return Err(self.differs(case, frame, &file, against, difference));
                 }
@@ -249,11 +254,21 @@ impl Goldens {
             metadata.and_then(|metadata| serde_json::from_str(&metadata).ok());
         let precision = provenance.as_ref().map_or(Precision::Float, |known| known.precision);
         let made_on = provenance.as_ref().map(|known| Profile::of(&known.adapter));
-        let standard = FrameTolerance::standard(made_on.as_ref() != Some(&profile));
+        let standard = match frame.variance {
+            None => FrameTolerance::standard(made_on.as_ref() != Some(&profile)),
+            // FLIP would see the noise, and let pass what is fainter.
+            Some(_) => FrameTolerance::gate(DEFAULT_RELATIVE),
+        };
+        let unreadable = |source| GoldenError::Unreadable { case: case.to_owned(), source };
+        let golden_variance = match frame.variance {
+            None => None,
+            Some(_) => variance::read(&file).map_err(unreadable)?,
+        };
         let terms = Terms {
-            tolerance: frame.tolerance.unwrap_or(&standard),
             mask: frame.mask,
             exposures: provenance.and_then(|known| known.exposures),
+            noise: frame.variance.map(|actual| (golden_variance.as_ref(), actual)),
+            ..Terms::of(frame.tolerance.unwrap_or(&standard))
         };
         let actual = frame.image.rounded_to(precision);
         match compare::compare(&golden, &actual, &terms) {
@@ -308,7 +323,7 @@ impl Goldens {
             return "and mend the shader: nothing could ever agree with such a frame".to_owned();
         }
         let profile = Profile::of(frame.adapter);
-        let accept = if pending::is_canonical(frame.adapter) && against.profile.is_empty() {
+        let accept = if acceptance::is_canonical(frame.adapter) && against.profile.is_empty() {
             String::new()
         } else {
             format!(" --profile {profile}")

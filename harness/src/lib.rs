@@ -53,7 +53,7 @@ pub use domain::{
 pub use fixture::{
     CubeMap, CubeMapError, Fixture, FixtureError, Sampler, Storage, Texture, Uniform,
 };
-pub use frame::{Attribute, Blend, Frame, FrameAgreement, FrameError, Mesh};
+pub use frame::{Attribute, Blend, Frame, FrameAgreement, FrameError, FrameMean, Mesh};
 #[doc(hidden)] // how the binary and galleries read the same arguments
 pub use gallery::{ExposureArguments, RenderArguments};
 pub use gallery::{Gallery, RenderOptions};
@@ -64,7 +64,7 @@ pub use golden::{
 pub use image::{Image, ImageError, NonFinite, Precision};
 pub use metric::{
     DEFAULT_RELATIVE, ErrorMap, ExposureRange, Flip, FlipFailure, Gate, Mask, MaskError, Measured,
-    Metric, Outlier, Outliers, Pair, PairError, Pool, Rect, TILE,
+    Metric, Noise, Outlier, Outliers, Pair, PairError, Pool, Rect, TILE,
 };
 pub use package::{FunctionItem, Package, PackageError};
 pub use path::{Adapter, Path, PathError, adapter};

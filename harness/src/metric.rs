@@ -5,12 +5,13 @@
 //! decided by the tolerance of the frame, where a number that isn't one fails.
 //!
 //! [`Gate`] is the difference of each channel, with no allowance for outliers; [`Flip`] is what an
-//! eye would see of it.
+//! eye would see of it; [`Noise`] is what of it the noise of both doesn't explain.
 
 mod exposure;
 mod flip;
 mod gate;
 mod mask;
+mod noise;
 mod pair;
 mod tiles;
 
@@ -20,6 +21,7 @@ pub use exposure::ExposureRange;
 pub use flip::{Flip, FlipFailure, Pool};
 pub use gate::{DEFAULT_RELATIVE, Gate, Outlier, Outliers};
 pub use mask::{Mask, MaskError, Rect};
+pub use noise::Noise;
 pub use pair::{Pair, PairError};
 pub use tiles::{ErrorMap, TILE};
 

@@ -69,8 +69,8 @@ impl Frame<'_> {
             let (image, shader) = self.render_on(device)?;
             let own = self.tolerance_on.iter().rev().find(|(path, _)| *path == device.path());
             let tolerance = own.map(|(_, tolerance)| tolerance).or(self.tolerance.as_ref());
-            let mask = self.mask.as_ref();
-            let frame = Rendered { image: &image, adapter, shader, tolerance, mask };
+            let (mask, variance) = (self.mask.as_ref(), self.variance.as_ref());
+            let frame = Rendered { image: &image, adapter, shader, tolerance, mask, variance };
             let compared = goldens.check(case, &frame);
             let asserted = match tolerance {
                 Some(tolerance) => tolerance.to_string(),

@@ -6,7 +6,8 @@ use super::profile::Profile;
 use super::tolerance::{Criterion, CriterionMargin, FrameTolerance, Judgement};
 use crate::image::{Image, NonFinite};
 use crate::metric::{
-    ExposureRange, Gate, Mask, MaskError, Outlier, Outliers, Pair, PairError, Rect,
+    ExposureRange, Gate, Mask, MaskError, Measured, Metric, Noise, Outlier, Outliers, Pair,
+    PairError, Rect,
 };
 use crate::tolerance::significant;
 
@@ -157,6 +158,15 @@ pub(super) struct Terms<'a> {
     pub(super) mask: Option<&'a Mask>,
     /// Those pinned with the golden.
     pub(super) exposures: Option<ExposureRange>,
+    /// The variance of the golden, if it has one, and of the frame.
+    pub(super) noise: Option<(Option<&'a Image>, &'a Image)>,
+}
+
+impl<'a> Terms<'a> {
+    /// A tolerance and nothing else.
+    pub(super) fn of(tolerance: &'a FrameTolerance) -> Self {
+        Self { tolerance, mask: None, exposures: None, noise: None }
+    }
 }
 
 /// Compares by size, finiteness, bits, and then what the tolerance asks for, in its order.
@@ -179,7 +189,7 @@ pub(super) fn compare(
         Some(exposures) => pair.with_exposures(exposures),
         None => pair,
     };
-    judge(&pair, terms.tolerance)
+    judge(&pair, terms)
 }
 
 impl FrameTolerance {
@@ -194,11 +204,26 @@ impl FrameTolerance {
         actual: &Image,
         mask: Option<&Mask>,
     ) -> Result<FrameMargin, FrameDifference> {
-        compare(golden, actual, &Terms { tolerance: self, mask, exposures: None })
+        compare(golden, actual, &Terms { mask, ..Terms::of(self) })
     }
 }
 
-fn judge(pair: &Pair<'_>, tolerance: &FrameTolerance) -> Result<FrameMargin, FrameDifference> {
+/// What of the difference is more than the noise of both.
+fn judge_noise(pair: &Pair<'_>, golden: Option<&Image>, actual: &Image) -> CriterionMargin {
+    let measured = match golden {
+        Some(golden) => Noise { golden, actual }.measure(pair),
+        None => {
+            let note = "the golden has no variance: accept the frame again".to_owned();
+            Measured { note: Some(note), ..Measured::of(f64::NAN) }
+        }
+    };
+    let Measured { value, place, note, .. } = measured;
+    let (criterion, name) = (Criterion::Noise, "noise".to_owned());
+    CriterionMargin { criterion, name, value, bound: 1.0, place, note }
+}
+
+fn judge(pair: &Pair<'_>, terms: &Terms<'_>) -> Result<FrameMargin, FrameDifference> {
+    let tolerance = terms.tolerance;
     let frame_pixels = pair.golden().pixels().len();
     let mut margin = FrameMargin {
         pixels: pair.compared() as u64,
@@ -215,7 +240,12 @@ fn judge(pair: &Pair<'_>, tolerance: &FrameTolerance) -> Result<FrameMargin, Fra
     if pair.is_identical() {
         return Ok(margin);
     }
-    let Judgement { passes, margins, decisive } = tolerance.judge(pair);
+    let Judgement { mut passes, mut margins, mut decisive } = tolerance.judge(pair);
+    if let Some((golden, actual)) = terms.noise.filter(|_| !passes) {
+        let noise = judge_noise(pair, golden, actual);
+        (passes, decisive) = (noise.passes(), margins.len());
+        margins.push(noise);
+    }
     let gate = tolerance.first_gate().unwrap_or_default();
     let decisive = &margins[decisive];
     if passes && decisive.criterion == Criterion::Gate {
@@ -260,7 +290,7 @@ mod tests {
         relative: f32,
     ) -> Result<FrameMargin, FrameDifference> {
         let tolerance = &FrameTolerance::gate(relative);
-        super::compare(golden, actual, &Terms { tolerance, mask: None, exposures: None })
+        super::compare(golden, actual, &Terms::of(tolerance))
     }
 
     fn ramp() -> Image {

@@ -59,7 +59,14 @@ impl Project {
         mask: Option<&Mask>,
     ) -> Result<FrameMargin, GoldenError> {
         let adapter = &adapter(path);
-        let frame = Rendered { image, adapter, shader: "shader".to_owned(), tolerance, mask };
+        let frame = Rendered {
+            image,
+            adapter,
+            shader: "shader".to_owned(),
+            tolerance,
+            mask,
+            variance: None,
+        };
         self.goldens.check("room/ramp", &frame)
     }
 
@@ -329,4 +336,43 @@ fn a_golden_that_would_not_change_is_not_written() {
     std::fs::write(&golden, &before).expect("written");
     let error = project.accept(&failed, "again", None).expect_err("it was another golden");
     assert!(matches!(error, AcceptError::Stale(_)), "{error}");
+}
+
+/// Pixels that differ by their noise pass by it; a tile that differs by more does not.
+#[test]
+fn noise_is_kept_with_the_golden() {
+    let project = Project::new();
+    let check = |image: &Image, variance: f32| {
+        let variance = &Image::new(64, 48, vec![[variance; 4]; 64 * 48]);
+        let shader = "shader".to_owned();
+        let (adapter, variance) = (&adapter("vulkan"), Some(variance));
+        let (tolerance, mask) = (None, None);
+        let frame = Rendered { image, adapter, shader, tolerance, mask, variance };
+        project.goldens.check("room/ramp", &frame)
+    };
+    // Alternating signs: the mean of a tile stays.
+    let noisy = |amplitude: f32, bias: f32| {
+        let mut image = ramp();
+        for (index, pixel) in (0_u32..).zip(image.pixels_mut()) {
+            let sign = if (index + index / 64) % 2 == 0 { 1.0 } else { -1.0 };
+            for value in &mut pixel[..3] {
+                *value += amplitude * sign + bias;
+            }
+        }
+        image
+    };
+    let without = project.check("vulkan", &ramp(), None, None).expect_err("no golden");
+    project.accept(&without, "without variance", None).expect("accepted");
+    let failed = check(&noisy(0.1, 0.0), 0.01).expect_err("the golden has no variance");
+    assert!(failed.to_string().contains("the golden has no variance: accept the frame again"));
+    project.accept(&failed, "with variance", None).expect("accepted");
+    let file = project.folder.path().join("room/ramp.variance.exr");
+    assert!(file.is_file() && !file.with_file_name("ramp.new.variance.exr").exists());
+
+    let margin = check(&noisy(-0.1, 0.0), 0.01).expect("nothing but noise");
+    assert_eq!((margin.decided_by, margin.beyond_gate), (Criterion::Noise, 64 * 48));
+    assert!(margin.to_string().starts_with("passes by noise: the gate is exceeded by 3072 pixels"));
+    let failed = check(&noisy(-0.1, 0.05), 0.01).expect_err("it is brighter");
+    assert!(failed.to_string().contains("noise alone has"), "{failed}");
+    check(&noisy(-0.1, 0.0), f32::NAN).expect_err("no variance");
 }
