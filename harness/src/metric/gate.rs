@@ -3,7 +3,7 @@
 use glam::{BVec4A, Vec4};
 
 use super::mask::Rect;
-use super::pair::Pair;
+use super::pair::{Pair, STRIP};
 use super::{Measured, Metric, luminance};
 
 /// Largest relative difference of a channel, unless a frame says otherwise: twice the step of the
@@ -75,24 +75,20 @@ impl Gate {
         (Vec4::splat(self.relative), Vec4::new(floor, floor, floor, 0.0))
     }
 
-    /// The largest difference over what is allowed, if no pixel is out. One pass over the strips
-    /// that differ, four channels at once.
+    /// The largest difference over what is allowed, if no pixel is out. The floor in the dark takes
+    /// a pass of its own over the golden: where nothing needs it, it isn't asked for, and the
+    /// difference is over what is allowed without it.
     #[must_use]
     pub fn passes(&self, pair: &Pair<'_>) -> Option<f32> {
         if pair.is_identical() {
             return Some(0.0);
         }
-        let (relative, floor) = self.bounds(pair);
-        let (mut largest, mut all) = (Vec4::ZERO, BVec4A::TRUE);
-        for (_, golden, actual) in pair.different() {
-            for (golden, actual) in golden.iter().zip(actual) {
-                let ratio = ratio(*golden, *actual, relative, floor);
-                // NaN is not within anything.
-                all &= ratio.cmple(Vec4::ONE);
-                largest = largest.max(ratio);
-            }
-        }
-        all.all().then(|| largest.max_element())
+        let without_floor = self.absolute.is_none() && self.relative >= 0.0;
+        let bounds = (Vec4::splat(self.relative), Vec4::ZERO);
+        without_floor
+            .then(|| largest(pair, bounds))
+            .flatten()
+            .or_else(|| largest(pair, self.bounds(pair)))
     }
 
     /// The pixels that are out.
@@ -142,6 +138,26 @@ impl Gate {
     }
 }
 
+/// The largest difference over what is allowed, if nothing is out: one pass over what differs,
+/// four channels at once, which ends where something is out.
+fn largest(pair: &Pair<'_>, (relative, floor): (Vec4, Vec4)) -> Option<f32> {
+    let (mut largest, mut all) = (Vec4::ZERO, BVec4A::TRUE);
+    for (_, golden, actual) in pair.different() {
+        for (golden, actual) in golden.chunks(STRIP).zip(actual.chunks(STRIP)) {
+            for (golden, actual) in golden.iter().zip(actual) {
+                let ratio = ratio(*golden, *actual, relative, floor);
+                // NaN is not within anything.
+                all &= ratio.cmple(Vec4::ONE);
+                largest = largest.max(ratio);
+            }
+            if !all.all() {
+                return None;
+            }
+        }
+    }
+    Some(largest.max_element())
+}
+
 /// Difference of each channel over what is allowed. Equal is equal, also under a tolerance of 0.
 fn ratio(golden: [f32; 4], actual: [f32; 4], relative: Vec4, floor: Vec4) -> Vec4 {
     let (golden, actual) = (Vec4::from_array(golden), Vec4::from_array(actual));
@@ -172,23 +188,19 @@ impl Metric for Gate {
 /// The logarithmic mean of luminance, as [`Image::key`](crate::Image::key): of products of eight,
 /// which fit in the exponent of an `f64`, as a logarithm takes as long as all else.
 pub(super) fn key(pixels: &[[f32; 4]]) -> f32 {
-    let (mut sum, mut product) = (0.0, 1.0);
-    let (mut count, mut factors) = (0_u32, 0);
-    for pixel in pixels {
-        let luminance = luminance(pixel);
-        if !(luminance >= f32::MIN_POSITIVE && luminance <= f32::MAX) {
-            continue;
-        }
-        product *= f64::from(luminance);
-        count += 1;
-        factors += 1;
-        // 2^-126 to the eighth power is 2^-1008.
-        if factors == 8 {
-            sum += product.ln();
-            (product, factors) = (1.0, 0);
-        }
+    let (mut sum, mut count) = (0.0, 0_u32);
+    for pixels in pixels.chunks(8) {
+        // 2^-126 to the eighth power is 2^-1008. What is black or no number is left out.
+        let factor = |pixel: Option<&[f32; 4]>| {
+            let luminance = pixel.map_or(0.0, luminance);
+            let counts = luminance >= f32::MIN_POSITIVE && luminance <= f32::MAX;
+            (if counts { f64::from(luminance) } else { 1.0 }, u32::from(counts))
+        };
+        let factors: [_; 8] = std::array::from_fn(|index| factor(pixels.get(index)));
+        let [a, b, c, d, e, f, g, h] = factors.map(|(factor, _)| factor);
+        sum += (((a * b) * (c * d)) * ((e * f) * (g * h))).ln();
+        count += factors.iter().map(|(_, counts)| counts).sum::<u32>();
     }
-    sum += product.ln();
     if count == 0 {
         return 1.0;
     }

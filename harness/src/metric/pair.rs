@@ -14,7 +14,7 @@ use super::tiles::ErrorMap;
 use crate::image::{Image, NonFinite};
 
 /// Pixels that are looked at in one go: those of both images fit in the smallest cache.
-const STRIP: usize = 512;
+pub(super) const STRIP: usize = 512;
 
 /// A golden and a frame: of the same size, finite, and equal where they aren't compared.
 #[derive(Clone, Debug)]
