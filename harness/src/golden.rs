@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 pub use acceptance::{AcceptError, Acceptance, Accepted};
-pub use compare::{FrameDifference, FrameMargin};
+pub use compare::{Deviation, FrameDifference, FrameMargin};
 pub use pending::Pending;
 pub(crate) use pending::build_output;
 pub use profile::Profile;

@@ -58,8 +58,8 @@ pub use frame::{Attribute, Blend, Frame, FrameAgreement, FrameError, FrameMean, 
 pub use gallery::{ExposureArguments, RenderArguments};
 pub use gallery::{Gallery, RenderOptions};
 pub use golden::{
-    AcceptError, Acceptance, Accepted, Criterion, CriterionMargin, FrameDifference, FrameMargin,
-    FrameTolerance, GoldenError, Goldens, Pending, Profile, Provenance,
+    AcceptError, Acceptance, Accepted, Criterion, CriterionMargin, Deviation, FrameDifference,
+    FrameMargin, FrameTolerance, GoldenError, Goldens, Pending, Profile, Provenance,
 };
 pub use image::{Image, ImageError, NonFinite, Precision};
 pub use metric::{

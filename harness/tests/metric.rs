@@ -35,7 +35,7 @@ fn pair(name: &str) -> (Image, Image) {
             let bar = |shift: u32| {
                 sized(&move |x, _, c| {
                     let ramp = (x * [4, 2, 1][c as usize]) as f32 / 64.0;
-                    if (x + shift) / 8 % 2 == 0 { ramp } else { 16.0 }
+                    if ((x + shift) / 8).is_multiple_of(2) { ramp } else { 16.0 }
                 })
             };
             (bar(0), bar(1))

@@ -14,7 +14,7 @@ const HEIGHT: u32 = 1080;
 fn golden() -> Image {
     let pixel = |index: u32| {
         let (x, y) = (index % WIDTH, index / WIDTH);
-        let light = if x / 64 % 10 == 0 { 40.0 } else { 1.0 };
+        let light = if (x / 64).is_multiple_of(10) { 40.0 } else { 1.0 };
         let edge = ((x / 24 + y / 24) % 2) as f32;
         let (x, y) = (x as f32 / WIDTH as f32, y as f32 / HEIGHT as f32);
         [light * (0.1 + x), light * (0.1 + y), 0.2 + 0.5 * edge, 1.0]

@@ -136,7 +136,7 @@ fn failures(error: &GoldenError) -> u64 {
 /// Pixels that are off; 1 of a frame that can't be compared at all.
 fn outliers(difference: &FrameDifference) -> u64 {
     match difference {
-        FrameDifference::Values { outliers, .. } => *outliers as u64,
+        FrameDifference::Values(deviation) => deviation.outliers as u64,
         _ => 1,
     }
 }

@@ -354,7 +354,7 @@ fn noise_is_kept_with_the_golden() {
     let noisy = |amplitude: f32, bias: f32| {
         let mut image = ramp();
         for (index, pixel) in (0_u32..).zip(image.pixels_mut()) {
-            let sign = if (index + index / 64) % 2 == 0 { 1.0 } else { -1.0 };
+            let sign = if (index + index / 64).is_multiple_of(2) { 1.0 } else { -1.0 };
             for value in &mut pixel[..3] {
                 *value += amplitude * sign + bias;
             }

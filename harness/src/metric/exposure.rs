@@ -68,7 +68,7 @@ impl ExposureRange {
     pub(super) fn below(&self, luminance: f32) -> Option<Self> {
         let missing = (self.start - stops(f64::from(luminance))).ceil();
         let sound = missing > 0.0 && missing < 128.0;
-        sound.then(|| Self { start: self.start - missing, stop: self.start - 1.0 })
+        sound.then_some(Self { start: self.start - missing, stop: self.start - 1.0 })
     }
 }
 

@@ -193,7 +193,7 @@ pub(super) fn key(pixels: &[[f32; 4]]) -> f32 {
         // 2^-126 to the eighth power is 2^-1008. What is black or no number is left out.
         let factor = |pixel: Option<&[f32; 4]>| {
             let luminance = pixel.map_or(0.0, luminance);
-            let counts = luminance >= f32::MIN_POSITIVE && luminance <= f32::MAX;
+            let counts = (f32::MIN_POSITIVE..=f32::MAX).contains(&luminance);
             (if counts { f64::from(luminance) } else { 1.0 }, u32::from(counts))
         };
         let factors: [_; 8] = std::array::from_fn(|index| factor(pixels.get(index)));

@@ -101,10 +101,12 @@ impl Mask {
 
     /// One flag a pixel of a frame of this size.
     pub(super) fn flags(&self, width: u32, height: u32) -> Result<Vec<bool>, MaskError> {
-        if let Kind::Only(rects) | Kind::Except(rects) = &self.0 {
-            if let Some(rect) = rects.iter().find(|rect| !rect.fits(width, height)) {
-                return Err(MaskError::Outside { rect: *rect, width, height });
-            }
+        let rects: &[Rect] = match &self.0 {
+            Kind::Only(rects) | Kind::Except(rects) => rects,
+            Kind::Image(_) | Kind::Where(_) => &[],
+        };
+        if let Some(rect) = rects.iter().find(|rect| !rect.fits(width, height)) {
+            return Err(MaskError::Outside { rect: *rect, width, height });
         }
         let every = |compared: &dyn Fn(u32, u32) -> bool| {
             let rows = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));

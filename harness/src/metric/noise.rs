@@ -167,7 +167,7 @@ mod tests {
             for _ in 0..64 {
                 let bits = random.next_u32();
                 let size = (bits >> 8) as f32 / (1 << 24) as f32;
-                let sample = if bits % 2 == 0 { 4.0 * light * size } else { 0.0 };
+                let sample = if bits.is_multiple_of(2) { 4.0 * light * size } else { 0.0 };
                 sum += sample;
                 squares += sample * sample;
             }
