@@ -26,6 +26,8 @@ pub struct Pair<'a> {
     compared: usize,
     /// Strips of pixels that aren't equal bit for bit.
     different: Vec<Range<usize>>,
+    /// The largest difference of a channel relative to the golden's value.
+    largest_relative: f32,
     exposures: OnceLock<ExposureRange>,
     key: OnceLock<f32>,
     /// Of the default distance of sight: two metrics want it.
@@ -99,13 +101,17 @@ impl<'a> Pair<'a> {
         let mut different: Vec<Range<usize>> = Vec::new();
         // The first thing that is not finite is left as it is: NaN, by 0 times infinity.
         let (mut nothing, mut nothing_golden) = (Vec4::ZERO, Vec4::ZERO);
+        let mut largest = Vec4::ZERO;
         let pixels = golden.pixels().chunks(STRIP).zip(actual.pixels().chunks(STRIP));
         for (index, (golden, actual)) in pixels.enumerate() {
             nothing_golden = vanishing(golden, nothing_golden);
             if bytemuck::cast_slice::<_, u8>(golden) == bytemuck::cast_slice::<_, u8>(actual) {
                 continue;
             }
-            nothing = vanishing(actual, nothing);
+            for (golden, actual) in golden.iter().zip(actual) {
+                nothing += Vec4::from_array(*actual) * 0.0;
+                largest = largest.max(gate::ratio(*golden, *actual, Vec4::ONE, Vec4::ZERO));
+            }
             let start = index * STRIP;
             match different.last_mut() {
                 Some(last) if last.end == start => last.end += golden.len(),
@@ -124,8 +130,19 @@ impl<'a> Pair<'a> {
             Some(flags) => flags.iter().filter(|compared| **compared).count(),
             None => golden.pixels().len(),
         };
+        let largest_relative = largest.max_element();
         let (exposures, key, flip) = Default::default();
-        Ok(Self { golden, actual, mask, compared, different, exposures, key, flip })
+        Ok(Self {
+            golden,
+            actual,
+            mask,
+            compared,
+            different,
+            largest_relative,
+            exposures,
+            key,
+            flip,
+        })
     }
 
     /// Pins the exposures that HDR-FLIP looks at; else they are chosen from the golden.
@@ -182,6 +199,11 @@ impl<'a> Pair<'a> {
     #[must_use]
     pub fn exposures(&self) -> ExposureRange {
         *self.exposures.get_or_init(|| ExposureRange::of(&self.golden))
+    }
+
+    /// The largest difference of a channel relative to the golden's value, however dark.
+    pub(super) fn largest_relative(&self) -> f32 {
+        self.largest_relative
     }
 
     /// See [`gate::key`].
