@@ -138,6 +138,8 @@ mod tests {
             },
             processor: "one".to_owned(),
             compared_with: String::new(),
+            compared_profile: String::new(),
+            exposures: None,
             accepted_by: String::new(),
             accepted_at: String::new(),
             because: String::new(),

@@ -264,8 +264,14 @@ impl Server {
             because: decision.because.clone(),
             by: None,
             any_adapter: decision.any_adapter,
+            // What it was compared with is what it replaces.
+            profile: Some(pending.provenance.compared_profile.clone()).filter(|p| !p.is_empty()),
         };
-        self.review.goldens.accept(pending, &acceptance)
+        let accepted = self.review.goldens.accept(pending, &acceptance)?;
+        for warning in accepted.warnings {
+            eprintln!("note: {}: {warning}", pending.case);
+        }
+        Ok(())
     }
 
     fn reject(&self, pending: &Pending, _: &Decision) -> Result<(), AcceptError> {
