@@ -16,6 +16,7 @@ mod known_issue;
 mod limit;
 mod memory;
 mod monotone;
+mod parallel;
 mod property;
 mod quadrature;
 mod reference;

@@ -40,6 +40,8 @@ use crate::path::Adapter;
 pub struct Goldens {
     base: std::borrow::Cow<'static, str>,
     folder: std::borrow::Cow<'static, str>,
+    /// Whether pending frames lie beside their goldens whatever the environment says.
+    beside: bool,
 }
 
 /// Declares a folder of [`Goldens`], relative to the manifest of the crate that calls it.
@@ -182,14 +184,14 @@ impl Goldens {
     #[must_use]
     pub const fn relative(base: &'static str, folder: &'static str) -> Self {
         use std::borrow::Cow;
-        Self { base: Cow::Borrowed(base), folder: Cow::Borrowed(folder) }
+        Self { base: Cow::Borrowed(base), folder: Cow::Borrowed(folder), beside: false }
     }
 
     /// A folder.
     #[must_use]
     pub fn open(folder: &Path) -> Self {
         let folder = folder.to_string_lossy().into_owned().into();
-        Self { base: std::borrow::Cow::Borrowed(""), folder }
+        Self { base: std::borrow::Cow::Borrowed(""), folder, beside: false }
     }
 
     /// The folder.

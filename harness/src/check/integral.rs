@@ -7,10 +7,9 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::disagreement::{CaseFailure, NodeFailure, Simplest, arguments};
 use super::memory::Descent;
+use super::parallel;
 use super::session::{Demand, LanesOnly, PathTally, Session, signature};
 use super::shrink::Effort;
 use super::tally::{Class, Judged, Shown, Tally, classify};
@@ -383,22 +382,22 @@ impl<V: Clone + std::fmt::Debug + Send + Sync + 'static, A: Arguments> Group<V, 
         expected: &(impl Fn(&V) -> E + Sync),
     ) -> Result<Self, Failure> {
         let words = session.scalars().len();
-        let cases: Vec<Case<V, A>> = values
-            .into_par_iter()
-            .map(|value| {
-                let mut lanes = Vec::with_capacity(words);
-                expected(&value).lanes(&mut lanes);
-                // A bound for all components; other shapes have been compared with the result's.
-                let last = lanes.last().copied().unwrap_or(f64::NAN);
-                lanes.resize(words, last);
-                let mut nodes = rule(&value);
-                let own = nodes.len();
-                if let Some(control) = control {
-                    nodes.extend(control(&value));
-                }
-                Case { nodes, own, expected: lanes, value }
-            })
-            .collect();
+        let made = parallel::map(values.len(), |index| {
+            let value = &values[index];
+            let mut lanes = Vec::with_capacity(words);
+            expected(value).lanes(&mut lanes);
+            // A bound for all components; other shapes have been compared with the result's.
+            let last = lanes.last().copied().unwrap_or(f64::NAN);
+            lanes.resize(words, last);
+            let mut nodes = rule(value);
+            let own = nodes.len();
+            if let Some(control) = control {
+                nodes.extend(control(value));
+            }
+            (nodes, own, lanes)
+        });
+        let case = |(value, (nodes, own, expected))| Case { value, nodes, own, expected };
+        let cases: Vec<Case<V, A>> = values.into_iter().zip(made).map(case).collect();
         // In order, so that of several errors the same one is reported every time.
         let mut checked = Vec::with_capacity(cases.len());
         for (index, case) in (first..).zip(cases) {

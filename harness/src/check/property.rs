@@ -86,7 +86,7 @@ where
         let paths = self.runners.iter().zip(results).enumerate();
         let tally = paths.map(|(path, (runner, results))| {
             let sum =
-                tally(batch.first, &results.words, results.stride, |case, _| judge(path, case));
+                tally(batch.first, &results.words, results.stride, &|case, _| judge(path, case));
             PathTally::new(runner.device(), sum, |shown: Shown| {
                 let case = usize::try_from(shown.case - batch.first).expect("in this batch");
                 let Exhibit { lanes, varied, compared, actual, expected, judged } =

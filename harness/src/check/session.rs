@@ -2,11 +2,10 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::disagreement::arguments;
 use super::identity::{Replayed, with_inputs};
 use super::memory::{Descent, Entry, Memory};
+use super::parallel;
 use super::shrink::{Effort, words as words_of};
 use super::tally::{Judged, Shown, Tally, tally};
 use super::{
@@ -603,22 +602,28 @@ where
 
     fn draw(&self, first: u64, size: u64) -> Result<Batch<D::Value>, Failure> {
         let size = usize::try_from(size).expect("a batch fits in memory");
-        let parts: Result<Vec<(Vec<_>, Vec<_>)>, Failure> = (0..size.div_ceil(TASK))
-            .into_par_iter()
-            .map(|task| {
-                let mut values = Vec::with_capacity(TASK);
-                let mut lanes = Vec::with_capacity(TASK * self.words);
-                for index in task * TASK..size.min((task + 1) * TASK) {
-                    let value = self.case(first + index as u64)?;
-                    self.store(&value, &mut lanes);
-                    values.push(value);
-                }
-                Ok((values, lanes))
-            })
-            .collect();
-        let (values, lanes): (Vec<_>, Vec<_>) = parts?.into_iter().unzip();
-        let values = values.into_iter().flatten().collect();
-        Ok(Batch { first, values, lanes: lanes.concat() })
+        let parts = parallel::map(size.div_ceil(TASK), |task| {
+            let mut values = Vec::with_capacity(TASK);
+            let mut lanes = Vec::with_capacity(TASK * self.words);
+            for index in task * TASK..size.min((task + 1) * TASK) {
+                let Ok(value) = self.case(first + index as u64) else { break };
+                self.store(&value, &mut lanes);
+                values.push(value);
+            }
+            (values, lanes)
+        });
+        let mut batch = Batch { first, values: Vec::with_capacity(size), lanes: Vec::new() };
+        for (values, lanes) in parts {
+            batch.values.extend(values);
+            batch.lanes.extend(lanes);
+        }
+        if batch.values.len() < size {
+            // A case that can't be drawn: the first of them says why.
+            for index in first..first + size as u64 {
+                self.case(index)?;
+            }
+        }
+        Ok(batch)
     }
 
     /// Reads each path's results and judges them. `judge` gets the path's index, the case's index
@@ -635,7 +640,7 @@ where
         for (path, (runner, dispatch)) in self.runners.iter().zip(dispatches).enumerate() {
             let tally = runner.read(dispatch, |results| {
                 let stride = runner.stride_out();
-                let sum = tally(batch.first, results, stride, |case, result| {
+                let sum = tally(batch.first, results, stride, &|case, result| {
                     judge(path, case, &result[..words])
                 });
                 PathTally::new(runner.device(), sum, |shown: Shown| {
@@ -715,17 +720,14 @@ impl<V: Arguments> Batch<V> {
         reference: &impl Reference<V>,
     ) -> Result<Vec<f64>, Failure> {
         let words = session.scalars().len();
-        let parts: Vec<Vec<f64>> = self
-            .values
-            .par_chunks(TASK)
-            .map(|values| {
-                let mut lanes = Vec::with_capacity(values.len() * words);
-                for value in values {
-                    reference.expect(value, &mut lanes);
-                }
-                lanes
-            })
-            .collect();
+        let parts = parallel::map(self.values.len().div_ceil(TASK), |task| {
+            let values = &self.values[task * TASK..self.values.len().min((task + 1) * TASK)];
+            let mut lanes = Vec::with_capacity(values.len() * words);
+            for value in values {
+                reference.expect(value, &mut lanes);
+            }
+            lanes
+        });
         let expected = parts.concat();
         session.expect_finite(&expected, "result", |case| {
             (self.first + case as u64, format!("{:?}", self.values[case]))

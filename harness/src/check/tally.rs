@@ -1,7 +1,6 @@
 //! What the cases of one path add up to.
 
-use rayon::prelude::*;
-
+use super::parallel;
 use crate::tolerance::{Measure, Tolerance};
 use crate::value::Scalar;
 
@@ -125,19 +124,17 @@ pub(crate) fn tally(
     first_case: u64,
     words: &[u32],
     stride: usize,
-    judge: impl Fn(usize, &[u32]) -> Judged + Sync,
+    judge: &(dyn Fn(usize, &[u32]) -> Judged + Sync),
 ) -> Tally {
-    words
-        .par_chunks(stride * TASK)
-        .enumerate()
-        .map(|(task, words)| {
-            let mut tally = Tally::default();
-            for (index, case) in (task * TASK..).zip(words.chunks_exact(stride)) {
-                tally.add(first_case + index as u64, judge(index, case));
-            }
-            tally
-        })
-        .reduce(Tally::default, Tally::merge)
+    let parts: Vec<&[u32]> = words.chunks(stride * TASK).collect();
+    let tallies = parallel::map(parts.len(), |task| {
+        let mut tally = Tally::default();
+        for (index, case) in (task * TASK..).zip(parts[task].chunks_exact(stride)) {
+            tally.add(first_case + index as u64, judge(index, case));
+        }
+        tally
+    });
+    tallies.into_iter().fold(Tally::default(), Tally::merge)
 }
 
 /// Compares a result with its reference lane by lane; the worst lane counts.
@@ -197,7 +194,7 @@ mod tests {
             for value in [f32::NAN, f32::INFINITY, -1.0, 0.5, 1.5] {
                 let mut words = vec![1.0_f32.to_bits(); 10_000];
                 words[2 * bad + 1] = value.to_bits();
-                let sum = tally(100, &words, 2, |_, actual| {
+                let sum = tally(100, &words, 2, &|_, actual| {
                     compare(&scalars, actual, &[1.0, 1.0], &tolerance)
                 });
                 assert_eq!((sum.census.cases, sum.census.failures), (5000, 1));

@@ -33,7 +33,7 @@ impl Goldens {
     /// frames are to be looked at and not to be accepted.
     fn pending_folder(&self) -> PathBuf {
         let ci = std::env::var_os("CI").is_some_and(|value| !value.is_empty());
-        if ci || crate::package::overlay().is_some() {
+        if !self.beside && (ci || crate::package::overlay().is_some()) {
             build_output().join("karat/pending")
         } else {
             self.folder()

@@ -39,7 +39,7 @@ struct Project {
 impl Project {
     fn new() -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let goldens = Goldens::open(folder.path());
+        let goldens = Goldens { beside: true, ..Goldens::open(folder.path()) };
         Self { folder, goldens }
     }
 

@@ -355,7 +355,9 @@ fn a_screen_of_two_pixels_a_point_is_used_in_full() {
 fn parts_maps_and_gates_are_what_the_data_has() {
     let project = Project::with_tiny();
     let (_server, mut browser, tab) = open(&project);
-    assert_eq!(browser.value(&tab, "document.getElementById('view-map').disabled"), true);
+    // The map of FLIP.
+    assert_eq!(browser.value(&tab, "document.getElementById('view-map').disabled"), false);
+    assert_eq!(browser.value(&tab, "karat.state.cases[0].data.maps.length"), 1);
     // What a data file with more than one image would hand over.
     browser.value(&tab, r#"(() => {
         const data = { ...karat.state.cases[0].data };

@@ -1,9 +1,8 @@
 //! Calls of a function on one path, with any number of arguments, and random numbers for them.
 
-use rayon::prelude::*;
-
 use crate::check::Failure;
 use crate::check::disagreement::arguments;
+use crate::check::parallel;
 use crate::check::session::signature;
 use crate::domain::Source;
 use crate::probe::{self, Probed, Runner};
@@ -81,24 +80,21 @@ pub(super) fn draw<U: Shareable, A: Arguments>(
 ) -> Vec<u32> {
     debug_assert_eq!(first % BLOCK, 0, "a stream belongs to a block");
     let scalars = U::shape().lanes();
-    let blocks: Vec<Vec<u32>> = (0..count.div_ceil(BLOCK))
-        .into_par_iter()
-        .map(|block| {
-            let mut source = Source::new(seed, (first / BLOCK + block) as u64);
-            let mut lanes = Vec::new();
-            let mut random = Vec::with_capacity(scalars.len());
-            for _ in 0..BLOCK.min(count - block * BLOCK) {
-                random.clear();
-                random.extend(scalars.iter().map(|scalar| match scalar {
-                    Scalar::U32 => source.bits(),
-                    // Exact: 24 bits, and a power of two.
-                    _ => ((source.bits() >> 8) as f32 / 16_777_216.0).to_bits(),
-                }));
-                arguments(U::load(&mut random.iter())).store_all(&mut lanes);
-            }
-            lanes
-        })
-        .collect();
+    let blocks = parallel::map(count.div_ceil(BLOCK), |block| {
+        let mut source = Source::new(seed, (first / BLOCK + block) as u64);
+        let mut lanes = Vec::new();
+        let mut random = Vec::with_capacity(scalars.len());
+        for _ in 0..BLOCK.min(count - block * BLOCK) {
+            random.clear();
+            random.extend(scalars.iter().map(|scalar| match scalar {
+                Scalar::U32 => source.bits(),
+                // Exact: 24 bits, and a power of two.
+                _ => ((source.bits() >> 8) as f32 / 16_777_216.0).to_bits(),
+            }));
+            arguments(U::load(&mut random.iter())).store_all(&mut lanes);
+        }
+        lanes
+    });
     blocks.concat()
 }
 
@@ -112,14 +108,12 @@ impl Calls<'_> {
         points: &[X],
         arguments: At<'_, X>,
     ) -> Result<(Vec<u32>, Vec<u32>), Failure> {
-        let parts: Vec<Vec<u32>> = points
-            .par_chunks(BLOCK)
-            .map(|points| {
-                let mut lanes = Vec::new();
-                points.iter().for_each(|point| arguments(point.clone(), &mut lanes));
-                lanes
-            })
-            .collect();
+        let parts = parallel::map(points.len().div_ceil(BLOCK), |block| {
+            let mut lanes = Vec::new();
+            let points = &points[block * BLOCK..points.len().min((block + 1) * BLOCK)];
+            points.iter().for_each(|point| arguments(point.clone(), &mut lanes));
+            lanes
+        });
         let lanes = parts.concat();
         let results = self.call(&lanes, points.len())?;
         Ok((lanes, results))
