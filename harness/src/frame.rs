@@ -4,21 +4,23 @@
 //! function, and full-screen triangles. With a depth pre-pass, depth alone is drawn first and the
 //! colour pass tests for equality, so each fragment is shaded once.
 
+mod comparison;
+mod expectation;
 mod mesh;
 mod renderer;
 
+pub use expectation::FrameMean;
 pub use mesh::{Attribute, Mesh};
 
-use crate::check::{Identity, KnownIssue, KnownIssues};
+use crate::check::{KnownIssue, KnownIssues};
 use crate::fixture::{Fixture, FixtureError, Fixtures};
-use crate::golden::{
-    DEFAULT_RELATIVE, FrameDifference, FrameMargin, GoldenError, Goldens, Rendered,
-};
+use crate::golden::{FrameMargin, FrameTolerance, GoldenError};
 use crate::image::Image;
+use crate::metric::{Mask, MaskError, Rect};
 use crate::package::Package;
 use crate::path::{self, Adapter, Path, PathError};
-use crate::record::{self, PathRecord, Record, Subject, Verdict};
 use crate::reflect::{ReflectError, Stage};
+use crate::tolerance::Measure;
 
 /// What becomes of a pixel that is drawn again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -52,8 +54,11 @@ pub struct Frame<'a> {
     draws: Vec<Draw>,
     prepass: bool,
     blend: Blend,
-    relative: f32,
-    relative_on: Vec<(Path, f32)>,
+    /// `None`: the default for the golden and the adapter.
+    tolerance: Option<FrameTolerance>,
+    tolerance_on: Vec<(Path, FrameTolerance)>,
+    mask: Option<Mask>,
+    variance: Option<Image>,
     known_issues: KnownIssues,
 }
 
@@ -91,9 +96,30 @@ pub enum FrameError {
         /// What was asked for.
         name: String,
     },
-    /// A tolerance that isn't a number of at least 0.
-    #[error("the tolerance of the frame is {0}; it is a relative difference of at least 0")]
-    Tolerance(f32),
+    /// A bound that bounds nothing.
+    #[error("the tolerance of the frame is {0}")]
+    Tolerance(String),
+    /// The mean of a rectangle is off.
+    #[error(
+        "on {adapter}\nthe mean of {rect} is {mean:?}, expected {expected:?}: {worst}, {} times what \
+         is allowed",
+        crate::tolerance::significant(worst.ratio)
+    )]
+    Mean {
+        /// What rendered the frame.
+        adapter: Box<Adapter>,
+        /// The rectangle.
+        rect: Rect,
+        /// What was expected of red, green and blue.
+        expected: [f64; 3],
+        /// What they are.
+        mean: [f64; 3],
+        /// The worst of them.
+        worst: Measure,
+    },
+    /// A rectangle that isn't in the frame.
+    #[error(transparent)]
+    Rectangle(MaskError),
     /// A path agrees that is declared to fail.
     #[error(
         "`{case}` matches its golden on {path}, where it is declared to fail: {reason}\n\
@@ -147,8 +173,10 @@ impl Package {
             draws: Vec::new(),
             prepass: false,
             blend: Blend::Replace,
-            relative: DEFAULT_RELATIVE,
-            relative_on: Vec::new(),
+            tolerance: None,
+            tolerance_on: Vec::new(),
+            mask: None,
+            variance: None,
             known_issues: KnownIssues::default(),
         }
     }
@@ -205,15 +233,44 @@ impl Frame<'_> {
         self
     }
 
-    /// Sets the largest relative difference of a channel from the golden (default 1e-3).
-    pub fn tolerance(mut self, relative: f32) -> Self {
-        self.relative = relative;
+    /// Sets the largest relative difference of a channel from the golden: the gate alone decides,
+    /// without outliers. See [`within`](Self::within) for more, and for what holds without either.
+    pub fn tolerance(self, relative: f32) -> Self {
+        self.within(FrameTolerance::gate(relative))
+    }
+
+    /// Sets another relative difference for one path, whose driver or formats the golden wasn't
+    /// made on.
+    pub fn tolerance_on(self, path: Path, relative: f32) -> Self {
+        self.within_on(path, FrameTolerance::gate(relative))
+    }
+
+    /// Sets what the frame may differ by (default: [`FrameTolerance::standard`], where a frame
+    /// that fails the gate of 1e-3 still passes if HDR-FLIP sees next to nothing of it).
+    pub fn within(mut self, tolerance: impl Into<FrameTolerance>) -> Self {
+        self.tolerance = Some(tolerance.into());
         self
     }
 
-    /// Sets another tolerance for one path, whose driver or formats the golden wasn't made on.
-    pub fn tolerance_on(mut self, path: Path, relative: f32) -> Self {
-        self.relative_on.push((path, relative));
+    /// Sets what the frame may differ by on one path.
+    pub fn within_on(mut self, path: Path, tolerance: impl Into<FrameTolerance>) -> Self {
+        self.tolerance_on.push((path, tolerance.into()));
+        self
+    }
+
+    /// Compares only the pixels of a mask.
+    pub fn mask(mut self, mask: Mask) -> Self {
+        self.mask = Some(mask);
+        self
+    }
+
+    /// Declares that the frame is noisy, with the variance of each pixel's mean in linear RGB: of
+    /// `n` samples a pixel, that of the samples over `n`. It is kept with the golden. A frame that
+    /// fails its tolerance still passes if no tile of 16 or 48 pixels a side differs by more than
+    /// the noise of both, of which one frame in a hundred is rejected by chance. HDR-FLIP takes no
+    /// part, unless it is asked for.
+    pub fn noise(mut self, variance: Image) -> Self {
+        self.variance = Some(variance);
         self
     }
 
@@ -242,136 +299,6 @@ impl Frame<'_> {
             return Err(FrameError::Size { width, height, path: device.path(), limit });
         }
         renderer::render(device, self)
-    }
-
-    /// Draws the frame on each selected path and compares it with a golden.
-    ///
-    /// # Panics
-    /// With the [`FrameError`], if it differs or there is nothing to compare with.
-    #[track_caller]
-    pub fn matches(&self, goldens: &Goldens, case: &str) -> FrameAgreement {
-        let mut records = Vec::new();
-        let result = self.compare(goldens, case, &mut records);
-        let (verdict, message) = match &result {
-            Ok(agreement) if agreement.known_issues.is_empty() => (Verdict::Pass, None),
-            Ok(_) => (Verdict::KnownIssue, None),
-            Err(error) => {
-                let differs = matches!(error, FrameError::UnexpectedPass { .. })
-                    || matches!(error, FrameError::Golden { source, .. }
-                        if matches!(**source, GoldenError::Differs { .. }));
-                let verdict = if differs { Verdict::Fail } else { Verdict::Error };
-                (verdict, Some(error.to_string()))
-            }
-        };
-        record::write(&Record {
-            schema: record::SCHEMA,
-            test: Identity::current().test,
-            subject: Subject::Frame { golden: case.to_owned() },
-            verdict,
-            paths: records,
-            message,
-            overlay: record::overlay(),
-        });
-        match result {
-            Ok(agreement) => agreement,
-            Err(error) => panic!("{error}"),
-        }
-    }
-
-    /// [`matches`](Self::matches) without the panic. The verdict is left to the caller and isn't
-    /// recorded.
-    ///
-    /// # Errors
-    /// If it differs or there is nothing to compare with.
-    pub fn try_matches(&self, goldens: &Goldens, case: &str) -> Result<FrameAgreement, FrameError> {
-        self.compare(goldens, case, &mut Vec::new())
-    }
-
-    fn compare(
-        &self,
-        goldens: &Goldens,
-        case: &str,
-        records: &mut Vec<PathRecord>,
-    ) -> Result<FrameAgreement, FrameError> {
-        let (mut paths, mut known_issues) = (Vec::new(), Vec::new());
-        if let Some(path) = self.known_issues.unexplained() {
-            return Err(FrameError::UnexplainedIssue(path));
-        }
-        let tolerances = self.relative_on.iter().map(|(_, relative)| *relative);
-        for relative in tolerances.chain([self.relative]) {
-            if !(relative >= 0.0 && relative.is_finite()) {
-                return Err(FrameError::Tolerance(relative));
-            }
-        }
-        for device in path::selected()? {
-            let adapter = device.adapter();
-            let (image, shader) = self.render_on(device)?;
-            let own = self.relative_on.iter().rev().find(|(path, _)| *path == device.path());
-            let relative = own.map_or(self.relative, |(_, relative)| *relative);
-            let frame = Rendered { image: &image, adapter, shader, relative };
-            let compared = goldens.check(case, &frame);
-            let mut entry = PathRecord {
-                adapter: adapter.clone(),
-                cases: u64::from(self.width) * u64::from(self.height),
-                failures: 0,
-                worst: String::new(),
-                ratio: None,
-                asserted: format!("rel {relative:e}"),
-                known_issue: self.known_issues.on(device.path()).map(str::to_owned),
-            };
-            match compared {
-                Ok(margin) => {
-                    entry.ratio = Some(f64::from(margin.ratio));
-                    entry.worst = if margin.identical {
-                        "equal".to_owned()
-                    } else {
-                        let relative = f64::from(margin.relative);
-                        format!("rel {}", crate::tolerance::significant(relative))
-                    };
-                    let known_issue = entry.known_issue.clone();
-                    records.push(entry);
-                    if let Some(reason) = known_issue {
-                        let (case, path) = (case.to_owned(), device.path());
-                        return Err(FrameError::UnexpectedPass { case, path, reason });
-                    }
-                    paths.push((adapter.clone(), margin));
-                }
-                Err(GoldenError::Differs { difference, .. }) if entry.known_issue.is_some() => {
-                    entry.failures = outliers(&difference);
-                    known_issues.push(KnownIssue {
-                        adapter: adapter.clone(),
-                        reason: entry.known_issue.clone().unwrap_or_default(),
-                        cases: entry.cases,
-                        failures: entry.failures,
-                    });
-                    records.push(entry);
-                }
-                Err(source) => {
-                    entry.failures = failures(&source);
-                    records.push(entry);
-                    return Err(FrameError::Golden {
-                        adapter: Box::new(adapter.clone()),
-                        source: Box::new(source),
-                    });
-                }
-            }
-        }
-        Ok(FrameAgreement { case: case.to_owned(), paths, known_issues })
-    }
-}
-
-fn failures(error: &GoldenError) -> u64 {
-    match error {
-        GoldenError::Differs { difference, .. } => outliers(difference),
-        _ => 1,
-    }
-}
-
-/// Pixels that are off; 1 of a frame that can't be compared at all.
-fn outliers(difference: &FrameDifference) -> u64 {
-    match difference {
-        FrameDifference::Values { outliers, .. } => *outliers as u64,
-        _ => 1,
     }
 }
 

@@ -30,6 +30,7 @@ mod frame;
 mod gallery;
 mod golden;
 mod image;
+mod metric;
 mod package;
 mod path;
 mod probe;
@@ -52,15 +53,19 @@ pub use domain::{
 pub use fixture::{
     CubeMap, CubeMapError, Fixture, FixtureError, Sampler, Storage, Texture, Uniform,
 };
-pub use frame::{Attribute, Blend, Frame, FrameAgreement, FrameError, Mesh};
+pub use frame::{Attribute, Blend, Frame, FrameAgreement, FrameError, FrameMean, Mesh};
 #[doc(hidden)] // how the binary and galleries read the same arguments
 pub use gallery::{ExposureArguments, RenderArguments};
 pub use gallery::{Gallery, RenderOptions};
 pub use golden::{
-    AcceptError, Acceptance, DEFAULT_RELATIVE, FrameDifference, FrameMargin, GoldenError, Goldens,
-    Outlier, Pending, Provenance,
+    AcceptError, Acceptance, Accepted, Criterion, CriterionMargin, FrameDifference, FrameMargin,
+    FrameTolerance, GoldenError, Goldens, Pending, Profile, Provenance,
 };
 pub use image::{ExrFile, Image, ImageError, ImageFormat, NonFinite, Part, Precision};
+pub use metric::{
+    DEFAULT_RELATIVE, ErrorMap, ExposureRange, Flip, FlipFailure, Gate, Mask, MaskError, Measured,
+    Metric, Noise, Outlier, Outliers, Pair, PairError, Pool, Rect, TILE,
+};
 pub use package::{FunctionItem, Package, PackageError};
 pub use path::{Adapter, Path, PathError, adapter};
 pub use probe::{Inputs, ProbeError, Probed, call};

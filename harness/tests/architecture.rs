@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The modules of the library from the bottom up: a module uses only those before it.
-const ORDER: [&str; 16] = [
+const ORDER: [&str; 17] = [
     "diagnostic",
     "value",
     "tolerance",
     "domain",
     "stats",
     "image",
+    "metric",
     "package",
     "reflect",
     "path",
@@ -24,13 +25,14 @@ const ORDER: [&str; 16] = [
 ];
 
 /// Crates that only these modules may name.
-const OWNERS: [(&str, &[&str]); 9] = [
+const OWNERS: [(&str, &[&str]); 10] = [
     ("wgpu", &["path", "fixture", "probe", "frame"]),
     ("naga", &["reflect"]),
     ("wesl", &["package"]),
     ("wgsl_parse", &["package"]),
     ("exr", &["image"]),
     ("png", &["image"]),
+    ("flip_rs", &["metric"]),
     ("codespan_reporting", &["diagnostic"]),
     ("clap", &["gallery"]),
     ("statrs", &["stats"]),

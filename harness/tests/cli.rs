@@ -420,6 +420,8 @@ fn pending_frame(golden: &FilePath, case: &str, adapter: &str) {
         },
         processor: String::new(),
         compared_with: String::new(),
+        compared_profile: String::new(),
+        exposures: None,
         accepted_by: String::new(),
         accepted_at: String::new(),
         because: String::new(),

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3, Vec4};
 use karat::prelude::*;
-use karat::{Image, Mesh};
+use karat::{Frame, FrameError, Image, Mesh, Rect};
 
 const SHADER: &str = "
 @group(0) @binding(0) var stripes: texture_2d<f32>;
@@ -88,4 +88,34 @@ fn levels_are_means() {
     for image in drawn("levels", true) {
         assert!(image.pixels().iter().all(|pixel| *pixel == [0.0, 0.5, 1.5, 0.5]));
     }
+}
+
+/// The mean of a rectangle, without a golden; a value that isn't a number is no mean.
+#[test]
+fn the_mean_of_a_rectangle_is_what_is_expected() {
+    let package = Package::from_source("frame", SHADER);
+    let frame: Frame<'_> = package.frame("", 4, 4).mesh("vertex", "attributes", triangle(), 1);
+    let right = Rect::new(2, 0, 2, 4);
+    let mean = frame.expect_mean(right, [0.75, 0.25, 0.5], Abs(1e-6));
+    assert!(!mean.paths.is_empty());
+    let error = frame.try_expect_mean(right, [0.75, 0.25, 0.51], Rel(0.01)).expect_err("it is .5");
+    assert!(matches!(error, FrameError::Mean { .. }));
+    assert!(error.to_string().contains("the mean of (2, 0) to (3, 3) is [0.75, 0.25, 0.5]"));
+    let error = frame.try_expect_mean(Rect::new(2, 0, 3, 4), [0.0; 3], Abs(1.0));
+    assert!(error.expect_err("too wide").to_string().contains("isn't a part of a frame of 4 x 4"));
+    for useless in [f64::NAN, f64::INFINITY, -1.0] {
+        let error = frame.try_expect_mean(right, [0.0; 3], Abs(useless)).expect_err("no bound");
+        assert!(error.to_string().contains("the tolerance of the frame is"), "{error}");
+    }
+    let nan = "@vertex fn vertex(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
+        return vec4f(vec2f(f32(i & 1u), f32(i >> 1u)) * 4.0 - 1.0, 0.5, 1.0);
+    }
+    @fragment fn fragment(@builtin(position) at: vec4f) -> @location(0) vec4f {
+        return vec4f(select(1.0, bitcast<f32>(u32(at.x) + 0x7fc00000u), at.x < 1.0 && at.y < 1.0));
+    }";
+    let package = Package::from_source("frame", nan);
+    let frame = package.frame("", 4, 4).fullscreen("vertex", "fragment");
+    frame.expect_mean(Rect::new(0, 1, 4, 3), [1.0; 3], Abs(0.0));
+    let error = frame.try_expect_mean(Rect::new(0, 0, 4, 4), [1.0; 3], Rel(1e9));
+    assert!(matches!(error, Err(FrameError::Mean { .. })), "{error:?}");
 }

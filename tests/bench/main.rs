@@ -7,6 +7,7 @@
 #![expect(clippy::print_stdout, reason = "a benchmark prints its figures")]
 
 mod bare;
+mod frames;
 
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -28,6 +29,7 @@ fn main() {
             throughput();
             samplers();
             memory();
+            frames::run();
         }
     }
 }
@@ -41,6 +43,11 @@ fn child(task: &str) {
                 .agrees_with(fresnel::schlick, Ulp(11.0));
         }
         "samplers" => samplers(),
+        "frames" => frames::run(),
+        "one_frame" => {
+            frames::compare_one();
+            print!("{}", peak_memory());
+        }
         "karat" => {
             ggx(1_000_000);
             print!("{}", peak_memory());

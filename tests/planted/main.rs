@@ -169,7 +169,8 @@ fn many_integrals(excess: &str, end: f32) -> Agreement {
 fn frame(wgsl: &str) -> Result<String, String> {
     let folder = std::env::args().nth(2).ok_or("name the folder of goldens")?;
     let package = Package::from_source("gradient", wgsl);
-    let frame: Frame<'_> = package.frame("", 32, 16).fullscreen("corners", "gradient");
+    let frame: Frame<'_> =
+        package.frame("", 32, 16).fullscreen("corners", "gradient").tolerance(1e-3);
     frame
         .try_matches(&Goldens::open(folder.as_ref()), "gradient")
         .map(|agreement| format!("{agreement:?}"))

@@ -55,6 +55,9 @@ pub(super) struct AcceptArgs {
     /// Accept a frame that wasn't rendered on lavapipe
     #[arg(long)]
     any_adapter: bool,
+    /// Make it the golden of one profile, where the golden for all fails: `gl-llvmpipe`
+    #[arg(long, value_name = "PROFILE")]
+    profile: Option<String>,
     #[command(flatten)]
     folder: FolderArgs,
 }
@@ -118,10 +121,14 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
         because: args.because.clone(),
         by: args.by.clone(),
         any_adapter: args.any_adapter,
+        profile: args.profile.clone(),
     };
     for pending in select(&goldens, &args.frames)? {
-        goldens.accept(&pending, &acceptance)?;
+        let accepted = goldens.accept(&pending, &acceptance)?;
         writeln!(out, "accepted {}", pending.case)?;
+        for warning in accepted.warnings {
+            writeln!(out, "  note: {warning}")?;
+        }
     }
     Ok(Verdict::Good)
 }

@@ -2,20 +2,94 @@
 
 use std::fmt;
 
+use super::profile::Profile;
+use super::tolerance::{Criterion, CriterionMargin, FrameTolerance, Judgement};
 use crate::image::{Image, NonFinite};
+use crate::metric::{
+    ExposureRange, Gate, Mask, MaskError, Measured, Metric, Noise, Outlier, Outliers, Pair,
+    PairError, Rect,
+};
+use crate::tolerance::significant;
 
 /// How much room a frame that passes has.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct FrameMargin {
     /// Pixels compared.
     pub pixels: u64,
-    /// Whether every bit is equal.
-    pub identical: bool,
-    /// The largest difference over its bound.
-    pub ratio: f32,
+    /// Pixels of the frame.
+    pub frame_pixels: u64,
+    /// What decided that it passes.
+    pub decided_by: Criterion,
+    /// What that measured, over its bound.
+    pub ratio: f64,
     /// The largest difference relative to the golden's value, or to the golden's key where the
     /// golden is darker.
     pub relative: f32,
+    /// Pixels that are off by more than the gate allows: none, unless a later stage decided.
+    pub beyond_gate: usize,
+    /// All that was measured. Nothing, if every bit is equal.
+    pub margins: Vec<CriterionMargin>,
+    /// What the frame might differ by.
+    pub tolerance: String,
+    /// The golden's file.
+    pub golden: String,
+    /// The profile whose own golden that is; `None`: it is the one for all.
+    pub profile: Option<Profile>,
+}
+
+impl FrameMargin {
+    /// Whether every bit is equal.
+    #[must_use]
+    pub fn is_identical(&self) -> bool {
+        self.decided_by == Criterion::Bits
+    }
+}
+
+/// `passes by FLIP: the gate is exceeded by 12 pixels, largest FLIP tile 0.004 of 0.01`
+impl fmt::Display for FrameMargin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let gate = |f: &mut fmt::Formatter<'_>| match self.beyond_gate {
+            0 => Ok(()),
+            pixels => write!(f, "the gate is exceeded by {pixels} pixels, "),
+        };
+        match self.decided_by {
+            Criterion::Bits => f.write_str("equal")?,
+            Criterion::Gate => write!(f, "rel {}", significant(f64::from(self.relative)))?,
+            Criterion::Flip | Criterion::Metric | Criterion::Noise => {
+                let by = match self.decided_by {
+                    Criterion::Flip => "FLIP",
+                    Criterion::Noise => "noise",
+                    _ => "a metric",
+                };
+                write!(f, "passes by {by}: ")?;
+                gate(f)?;
+                let decisive =
+                    self.margins.iter().filter(|margin| margin.criterion == self.decided_by);
+                for (index, margin) in decisive.enumerate() {
+                    f.write_str(if index == 0 { "" } else { ", " })?;
+                    let CriterionMargin { name, value, bound, .. } = margin;
+                    write!(f, "{name} {} of {}", significant(*value), significant(*bound))?;
+                }
+            }
+        }
+        write!(f, "{}", Share { compared: self.pixels, of: self.frame_pixels })
+    }
+}
+
+/// What of a frame is compared, if it isn't all.
+struct Share {
+    compared: u64,
+    of: u64,
+}
+
+impl fmt::Display for Share {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.compared == self.of {
+            return Ok(());
+        }
+        let share = 100.0 * self.compared as f64 / self.of as f64;
+        write!(f, " (compared: {}% of the frame)", significant(share))
+    }
 }
 
 /// How a frame differs from its golden.
@@ -33,164 +107,191 @@ pub enum FrameDifference {
     NonFinite(NonFinite),
     /// NaN or infinities in the golden: nothing can agree with it.
     GoldenNonFinite(NonFinite),
+    /// The mask can't be used.
+    Mask(MaskError),
     /// Values differ by more than is allowed.
     Values {
         /// Pixels with a channel out of bounds.
         outliers: usize,
         /// Pixels compared.
         pixels: usize,
-        /// Smallest rectangle that holds them: left, top, right, bottom, inclusive.
-        bounds: [u32; 4],
+        /// Pixels of the frame.
+        frame_pixels: usize,
+        /// Smallest rectangle that holds the outliers.
+        bounds: Rect,
         /// The worst one.
-        worst: Outlier,
-        /// Largest relative difference allowed.
-        relative: f32,
+        worst: Option<Outlier>,
+        /// What outliers are counted by.
+        gate: Gate,
         /// Share of outliers, in per cent, at 1, 10, 100 and 1000 times the tolerance.
         sweep: [f32; 4],
+        /// All that was measured.
+        margins: Vec<CriterionMargin>,
+        /// What HDR-FLIP looked at.
+        exposures: ExposureRange,
     },
-}
-
-/// A pixel that differs.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Outlier {
-    /// Column.
-    pub x: u32,
-    /// Row.
-    pub y: u32,
-    /// 0 red, 1 green, 2 blue, 3 alpha.
-    pub channel: usize,
-    /// The golden's value.
-    pub golden: f32,
-    /// The frame's value.
-    pub actual: f32,
-    /// Difference over what is allowed.
-    pub ratio: f32,
 }
 
 impl fmt::Display for FrameDifference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Size { golden, actual } => write!(
-                f,
-                "it is {} x {}, the golden {} x {}",
-                actual.0, actual.1, golden.0, golden.1
-            ),
-            Self::NonFinite(census) => write!(f, "it has {census}"),
-            Self::GoldenNonFinite(census) => write!(f, "the golden itself has {census}"),
-            Self::Values { outliers, pixels, bounds, worst, relative, sweep } => {
-                let [left, top, right, bottom] = bounds;
-                writeln!(
-                    f,
-                    "{outliers} of {pixels} pixels are off by more than rel {relative:e}, within \
-                     ({left}, {top}) to ({right}, {bottom})"
-                )?;
-                writeln!(
-                    f,
-                    "  worst: pixel ({}, {}) {}: {} instead of {}, {} times what is allowed",
-                    worst.x,
-                    worst.y,
-                    ["red", "green", "blue", "alpha"].get(worst.channel).unwrap_or(&"?"),
-                    worst.actual,
-                    worst.golden,
-                    crate::tolerance::significant(f64::from(worst.ratio)),
-                )?;
-                write!(f, "  pixels off at a tolerance of")?;
-                for (factor, share) in [1.0, 10.0, 100.0, 1000.0].into_iter().zip(sweep) {
-                    let tolerance = crate::tolerance::significant(f64::from(relative * factor));
-                    write!(f, " {tolerance}: {share:.3}%;")?;
+        let Self::Values { .. } = self else {
+            return match self {
+                Self::Size { golden, actual } => {
+                    let (golden, actual) = (*golden, *actual);
+                    write!(f, "{}", PairError::Size { golden, actual })
                 }
-                Ok(())
-            }
-        }
+                Self::NonFinite(census) => write!(f, "{}", PairError::NonFinite(*census)),
+                Self::GoldenNonFinite(census) => {
+                    write!(f, "{}", PairError::GoldenNonFinite(*census))
+                }
+                Self::Mask(error) => write!(f, "it can't be compared: {error}"),
+                Self::Values { .. } => Ok(()),
+            };
+        };
+        super::message::write_values(self, f)
     }
 }
 
-impl fmt::Display for NonFinite {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} pixels with NaN and {} with infinities", self.nan, self.infinite)?;
-        self.first.map_or(Ok(()), |(x, y)| write!(f, ", first at ({x}, {y})"))
+/// What a comparison is made by.
+pub(super) struct Terms<'a> {
+    pub(super) tolerance: &'a FrameTolerance,
+    pub(super) mask: Option<&'a Mask>,
+    /// Those pinned with the golden.
+    pub(super) exposures: Option<ExposureRange>,
+    /// The variance of the golden, if it has one, and of the frame.
+    pub(super) noise: Option<(Option<&'a Image>, &'a Image)>,
+}
+
+impl<'a> Terms<'a> {
+    /// A tolerance and nothing else.
+    pub(super) fn of(tolerance: &'a FrameTolerance) -> Self {
+        Self { tolerance, mask: None, exposures: None, noise: None }
     }
 }
 
-/// What is darker than this share of the golden's key is compared as if it were that bright. The
-/// key is at middle grey on a screen, so the floor is 1/180 of what 8 bits resolve: black pixels
-/// with rounding noise pass, and dark regions of a frame with bright ones are still compared.
-const DARK: f32 = 1e-4;
-
-/// Compares by size, finiteness, bits, and then each channel of each pixel: the difference may be
-/// `relative` times the golden's value, or (but for alpha) times the share `DARK` of the golden's
-/// key where that is more. There is no allowance for outliers.
+/// Compares by size, finiteness, bits, and then what the tolerance asks for, in its order.
 pub(super) fn compare(
     golden: &Image,
     actual: &Image,
-    relative: f32,
+    terms: &Terms<'_>,
 ) -> Result<FrameMargin, FrameDifference> {
-    let size = |image: &Image| (image.width(), image.height());
-    if size(golden) != size(actual) {
-        return Err(FrameDifference::Size { golden: size(golden), actual: size(actual) });
+    let pair = match terms.mask {
+        None => Pair::new(golden, actual),
+        Some(mask) => Pair::masked(golden, actual, mask),
+    };
+    let pair = pair.map_err(|error| match error {
+        PairError::Size { golden, actual } => FrameDifference::Size { golden, actual },
+        PairError::NonFinite(census) => FrameDifference::NonFinite(census),
+        PairError::GoldenNonFinite(census) => FrameDifference::GoldenNonFinite(census),
+        PairError::Mask(error) => FrameDifference::Mask(error),
+    })?;
+    let pair = match terms.exposures {
+        Some(exposures) => pair.with_exposures(exposures),
+        None => pair,
+    };
+    judge(&pair, terms)
+}
+
+impl FrameTolerance {
+    /// Compares two images as [`Frame::matches`](crate::Frame::matches) compares a frame with its
+    /// golden. The exposures that HDR-FLIP looks at are chosen from the golden.
+    ///
+    /// # Errors
+    /// If they differ by more than this allows, or can't be compared.
+    pub fn compare(
+        &self,
+        golden: &Image,
+        actual: &Image,
+        mask: Option<&Mask>,
+    ) -> Result<FrameMargin, FrameDifference> {
+        compare(golden, actual, &Terms { mask, ..Terms::of(self) })
     }
-    let census = actual.non_finite();
-    if census.first.is_some() {
-        return Err(FrameDifference::NonFinite(census));
-    }
-    let census = golden.non_finite();
-    if census.first.is_some() {
-        return Err(FrameDifference::GoldenNonFinite(census));
-    }
-    let pixels = golden.pixels().len();
-    if golden.pixels() == actual.pixels() {
-        return Ok(FrameMargin {
-            pixels: pixels as u64,
-            identical: true,
-            ratio: 0.0,
-            relative: 0.0,
-        });
-    }
-    let floor = DARK * golden.key();
-    let mut outliers = [0_usize; 4];
-    let mut bounds = [u32::MAX, u32::MAX, 0, 0];
-    let mut worst = Outlier { x: 0, y: 0, channel: 0, golden: 0.0, actual: 0.0, ratio: 0.0 };
-    for (index, (expected, value)) in (0..).zip(golden.pixels().iter().zip(actual.pixels())) {
-        let (x, y) = (index % golden.width(), index / golden.width());
-        let mut largest = 0.0_f32;
-        for channel in 0..4 {
-            let (golden, actual) = (expected[channel], value[channel]);
-            // Alpha is no light: it has no exposure that could hide a difference.
-            let floor = if channel == 3 { 0.0 } else { floor };
-            let ratio = (actual - golden).abs() / (relative * golden.abs().max(floor));
-            // Equal is equal, also under a tolerance of 0; what isn't a ratio of at least 0 comes
-            // of a tolerance that isn't one, and lets nothing pass.
-            let ratio = match ratio {
-                _ if actual == golden => 0.0,
-                ratio if ratio >= 0.0 => ratio,
-                _ => f32::INFINITY,
-            };
-            largest = largest.max(ratio);
-            if ratio > worst.ratio {
-                worst = Outlier { x, y, channel, golden, actual, ratio };
-            }
+}
+
+/// What of the difference is more than the noise of both.
+fn judge_noise(pair: &Pair<'_>, golden: Option<&Image>, actual: &Image) -> CriterionMargin {
+    let measured = match golden {
+        Some(golden) => Noise { golden, actual }.measure(pair),
+        None => {
+            let note = "the golden has no variance: accept the frame again".to_owned();
+            Measured { note: Some(note), ..Measured::of(f64::NAN) }
         }
-        for (count, factor) in outliers.iter_mut().zip([1.0, 10.0, 100.0, 1000.0]) {
-            *count += usize::from(!(largest <= factor));
-        }
-        if !(largest <= 1.0) {
-            let [left, top, right, bottom] = bounds;
-            bounds = [left.min(x), top.min(y), right.max(x), bottom.max(y)];
-        }
+    };
+    let Measured { value, place, note, .. } = measured;
+    let (criterion, name) = (Criterion::Noise, "noise".to_owned());
+    CriterionMargin { criterion, name, value, bound: 1.0, place, note }
+}
+
+fn judge(pair: &Pair<'_>, terms: &Terms<'_>) -> Result<FrameMargin, FrameDifference> {
+    let tolerance = terms.tolerance;
+    let frame_pixels = pair.golden().pixels().len();
+    let mut margin = FrameMargin {
+        pixels: pair.compared() as u64,
+        frame_pixels: frame_pixels as u64,
+        decided_by: Criterion::Bits,
+        ratio: 0.0,
+        relative: 0.0,
+        beyond_gate: 0,
+        margins: Vec::new(),
+        tolerance: tolerance.to_string(),
+        golden: String::new(),
+        profile: None,
+    };
+    if pair.is_identical() {
+        return Ok(margin);
     }
-    if outliers[0] == 0 {
-        let ratio = worst.ratio;
-        let relative = ratio * relative;
-        return Ok(FrameMargin { pixels: pixels as u64, identical: false, ratio, relative });
+    let Judgement { mut passes, mut margins, mut decisive } = tolerance.judge(pair);
+    if let Some((golden, actual)) = terms.noise.filter(|_| !passes) {
+        let noise = judge_noise(pair, golden, actual);
+        (passes, decisive) = (noise.passes(), margins.len());
+        margins.push(noise);
     }
-    let sweep = outliers.map(|count| 100.0 * count as f32 / pixels as f32);
-    let outliers = outliers[0];
-    Err(FrameDifference::Values { outliers, pixels, bounds, worst, relative, sweep })
+    let gate = tolerance.first_gate().unwrap_or_default();
+    let decisive = &margins[decisive];
+    if passes && decisive.criterion == Criterion::Gate {
+        #[expect(clippy::cast_possible_truncation, reason = "it was an f32")]
+        let ratio = decisive.value as f32;
+        margin.relative = ratio * gate.relative;
+        (margin.decided_by, margin.ratio) = (Criterion::Gate, decisive.value);
+        return Ok(FrameMargin { margins: margins, ..margin });
+    }
+    let out = gate.outliers(pair);
+    if passes {
+        margin.relative = out.as_ref().map_or(0.0, |out| out.worst.ratio * gate.relative);
+        margin.beyond_gate = out.map_or(0, |out| out.count);
+        (margin.decided_by, margin.ratio) = (decisive.criterion, decisive.ratio());
+        return Ok(FrameMargin { margins: margins, ..margin });
+    }
+    let whole = Rect::new(0, 0, pair.golden().width(), pair.golden().height());
+    let (outliers, bounds, worst, sweep) = match out {
+        Some(Outliers { count, rect, worst, sweep }) => (count, rect, Some(worst), sweep),
+        None => (0, whole, None, [0.0; 4]),
+    };
+    Err(FrameDifference::Values {
+        outliers,
+        pixels: pair.compared(),
+        frame_pixels,
+        bounds,
+        worst,
+        gate,
+        sweep,
+        margins: margins,
+        exposures: pair.exposures(),
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn compare(
+        golden: &Image,
+        actual: &Image,
+        relative: f32,
+    ) -> Result<FrameMargin, FrameDifference> {
+        let tolerance = &FrameTolerance::gate(relative);
+        super::compare(golden, actual, &Terms::of(tolerance))
+    }
 
     fn ramp() -> Image {
         Image::new(16, 16, (0..256).map(|i| [i as f32 / 64.0, 0.5, 2.0, 1.0]).collect())
@@ -198,7 +299,7 @@ mod tests {
 
     #[test]
     fn equal_images_pass_and_one_changed_channel_fails() {
-        assert_eq!(compare(&ramp(), &ramp(), 1e-3).map(|m| m.identical), Ok(true));
+        assert_eq!(compare(&ramp(), &ramp(), 1e-3).map(|m| m.is_identical()), Ok(true));
         for (index, channel) in [(0, 0), (128, 1), (255, 2), (255, 3)] {
             let mut changed = ramp();
             changed.pixels_mut()[index][channel] += 0.01;
@@ -208,6 +309,7 @@ mod tests {
                 panic!("a change of channel {channel} in pixel {index} passed");
             };
             let place = (index as u32 % 16, index as u32 / 16, channel);
+            let worst = worst.expect("there is one");
             assert_eq!((outliers, (worst.x, worst.y, worst.channel)), (1, place));
         }
     }

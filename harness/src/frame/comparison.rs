@@ -1,0 +1,142 @@
+//! A frame against its golden: on each path, with what was declared of it, as a record.
+
+use super::{Frame, FrameAgreement, FrameError};
+use crate::check::{Identity, KnownIssue};
+use crate::golden::{FrameDifference, FrameTolerance, GoldenError, Goldens, Rendered};
+use crate::path;
+use crate::record::{self, PathRecord, Record, Subject, Verdict};
+
+impl Frame<'_> {
+    /// Draws the frame on each selected path and compares it with a golden.
+    ///
+    /// # Panics
+    /// With the [`FrameError`], if it differs or there is nothing to compare with.
+    #[track_caller]
+    pub fn matches(&self, goldens: &Goldens, case: &str) -> FrameAgreement {
+        let mut records = Vec::new();
+        let result = self.compare(goldens, case, &mut records);
+        let (verdict, message) = match &result {
+            Ok(agreement) if agreement.known_issues.is_empty() => (Verdict::Pass, None),
+            Ok(_) => (Verdict::KnownIssue, None),
+            Err(error) => {
+                let differs = matches!(error, FrameError::UnexpectedPass { .. })
+                    || matches!(error, FrameError::Golden { source, .. }
+                        if matches!(**source, GoldenError::Differs { .. }));
+                let verdict = if differs { Verdict::Fail } else { Verdict::Error };
+                (verdict, Some(error.to_string()))
+            }
+        };
+        record::write(&Record {
+            schema: record::SCHEMA,
+            test: Identity::current().test,
+            subject: Subject::Frame { golden: case.to_owned() },
+            verdict,
+            paths: records,
+            message,
+            overlay: record::overlay(),
+        });
+        match result {
+            Ok(agreement) => agreement,
+            Err(error) => panic!("{error}"),
+        }
+    }
+
+    /// [`matches`](Self::matches) without the panic. The verdict is left to the caller and isn't
+    /// recorded.
+    ///
+    /// # Errors
+    /// If it differs or there is nothing to compare with.
+    pub fn try_matches(&self, goldens: &Goldens, case: &str) -> Result<FrameAgreement, FrameError> {
+        self.compare(goldens, case, &mut Vec::new())
+    }
+
+    fn compare(
+        &self,
+        goldens: &Goldens,
+        case: &str,
+        records: &mut Vec<PathRecord>,
+    ) -> Result<FrameAgreement, FrameError> {
+        let (mut paths, mut known_issues) = (Vec::new(), Vec::new());
+        if let Some(path) = self.known_issues.unexplained() {
+            return Err(FrameError::UnexplainedIssue(path));
+        }
+        let tolerances = self.tolerance_on.iter().map(|(_, tolerance)| tolerance);
+        if let Some(reason) = tolerances.chain(&self.tolerance).find_map(FrameTolerance::unusable) {
+            return Err(FrameError::Tolerance(reason));
+        }
+        for device in path::selected()? {
+            let adapter = device.adapter();
+            let (image, shader) = self.render_on(device)?;
+            let own = self.tolerance_on.iter().rev().find(|(path, _)| *path == device.path());
+            let tolerance = own.map(|(_, tolerance)| tolerance).or(self.tolerance.as_ref());
+            let (mask, variance) = (self.mask.as_ref(), self.variance.as_ref());
+            let frame = Rendered { image: &image, adapter, shader, tolerance, mask, variance };
+            let compared = goldens.check(case, &frame);
+            let asserted = match tolerance {
+                Some(tolerance) => tolerance.to_string(),
+                None => FrameTolerance::default().to_string(),
+            };
+            let mut entry = PathRecord {
+                adapter: adapter.clone(),
+                cases: u64::from(self.width) * u64::from(self.height),
+                failures: 0,
+                worst: String::new(),
+                ratio: None,
+                asserted,
+                known_issue: self.known_issues.on(device.path()).map(str::to_owned),
+            };
+            match compared {
+                Ok(margin) => {
+                    entry.cases = margin.pixels;
+                    entry.ratio = Some(margin.ratio);
+                    entry.worst = margin.to_string();
+                    entry.asserted = match &margin.profile {
+                        Some(profile) => format!("{}, golden of @{profile}", margin.tolerance),
+                        None => margin.tolerance.clone(),
+                    };
+                    let known_issue = entry.known_issue.clone();
+                    records.push(entry);
+                    if let Some(reason) = known_issue {
+                        let (case, path) = (case.to_owned(), device.path());
+                        return Err(FrameError::UnexpectedPass { case, path, reason });
+                    }
+                    paths.push((adapter.clone(), margin));
+                }
+                Err(GoldenError::Differs { difference, .. }) if entry.known_issue.is_some() => {
+                    entry.failures = outliers(&difference);
+                    known_issues.push(KnownIssue {
+                        adapter: adapter.clone(),
+                        reason: entry.known_issue.clone().unwrap_or_default(),
+                        cases: entry.cases,
+                        failures: entry.failures,
+                    });
+                    records.push(entry);
+                }
+                Err(source) => {
+                    entry.failures = failures(&source);
+                    records.push(entry);
+                    return Err(FrameError::Golden {
+                        adapter: Box::new(adapter.clone()),
+                        source: Box::new(source),
+                    });
+                }
+            }
+        }
+        Ok(FrameAgreement { case: case.to_owned(), paths, known_issues })
+    }
+}
+
+fn failures(error: &GoldenError) -> u64 {
+    match error {
+        GoldenError::Differs { difference, .. } => outliers(difference),
+        _ => 1,
+    }
+}
+
+/// Pixels that are off; 1 of a frame that can't be compared at all.
+fn outliers(difference: &FrameDifference) -> u64 {
+    match difference {
+        FrameDifference::Values { outliers, .. } => *outliers as u64,
+        _ => 1,
+    }
+}

@@ -1,0 +1,96 @@
+//! What a frame that differs says.
+
+use std::fmt;
+
+use super::compare::FrameDifference;
+use super::tolerance::{Criterion, CriterionMargin};
+use crate::tolerance::significant;
+
+/// The first line says what is off and where, without its end; each further line one thing more.
+pub(super) fn write_values(
+    difference: &FrameDifference,
+    f: &mut fmt::Formatter<'_>,
+) -> fmt::Result {
+    let FrameDifference::Values {
+        outliers,
+        pixels,
+        frame_pixels,
+        bounds,
+        worst,
+        gate,
+        sweep,
+        margins,
+        exposures,
+    } = difference
+    else {
+        return Ok(());
+    };
+    let relative = gate.relative;
+    match worst {
+        Some(_) => write!(
+            f,
+            "{outliers} of {pixels} pixels are off by more than rel {relative:e}, within {bounds}"
+        )?,
+        None => write!(f, "no pixel is off by more than rel {relative:e}, but other bounds fail")?,
+    }
+    if pixels < frame_pixels {
+        let share = significant(100.0 * *pixels as f64 / *frame_pixels as f64);
+        write!(f, "\n  compared: {share}% of the frame, the mask leaves out the rest")?;
+    }
+    if let Some(worst) = worst {
+        write!(
+            f,
+            "\n  worst: pixel ({}, {}) {}: {} instead of {}, {} times what is allowed",
+            worst.x,
+            worst.y,
+            ["red", "green", "blue", "alpha"].get(worst.channel).unwrap_or(&"?"),
+            worst.actual,
+            worst.golden,
+            significant(f64::from(worst.ratio)),
+        )?;
+    }
+    for margin in margins {
+        let word = if margin.passes() { "passes" } else { "fails " };
+        write!(f, "\n  {word} {margin}")?;
+    }
+    let flip = margins.iter().any(|margin| margin.criterion == Criterion::Flip);
+    if flip {
+        write!(f, "\n  FLIP looked at {exposures}, as the golden has it")?;
+    }
+    if worst.is_some() {
+        write!(f, "\n  pixels off at a tolerance of")?;
+        let shares = [1.0, 10.0, 100.0, 1000.0].into_iter().zip(sweep).enumerate();
+        for (index, (factor, share)) in shares {
+            let tolerance = significant(f64::from(relative * factor));
+            let comma = if index == 0 { "" } else { "," };
+            write!(f, "{comma} {tolerance}: {share:.3}%")?;
+        }
+    }
+    write_what_would_pass(margins, gate.relative, f)
+}
+
+/// The smallest bounds, of two digits, that the frame would pass.
+fn write_what_would_pass(
+    margins: &[CriterionMargin],
+    relative: f32,
+    f: &mut fmt::Formatter<'_>,
+) -> fmt::Result {
+    let failing = margins.iter().filter(|margin| !margin.passes() && margin.value.is_finite());
+    for (index, margin) in failing.enumerate() {
+        f.write_str(if index == 0 { "\n  would pass:" } else { "," })?;
+        match margin.criterion {
+            Criterion::Gate => {
+                let needed = rounded_up(margin.value * f64::from(relative));
+                write!(f, " a gate of rel {needed}")?;
+            }
+            _ => write!(f, " {} of {}", margin.name, rounded_up(margin.value))?,
+        }
+    }
+    Ok(())
+}
+
+/// Two significant digits, not below the value.
+fn rounded_up(value: f64) -> String {
+    let unit = 10_f64.powf(value.abs().log10().floor() - 1.0);
+    significant((value / unit).ceil() * unit)
+}

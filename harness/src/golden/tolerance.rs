@@ -1,0 +1,246 @@
+//! What a frame may differ by.
+
+use std::fmt;
+use std::sync::Arc;
+
+use crate::metric::{DEFAULT_RELATIVE, Flip, Gate, Measured, Metric, Pair, Rect};
+use crate::tolerance::significant;
+
+/// The largest mean FLIP error of a tile, on the profile that the golden was made on. Half floats
+/// give .004, twenty scattered pixels of edges .02, and faults of shaders .09 and more.
+const TILE_BOUND: f64 = 0.01;
+/// The same on other profiles, whose rasterisers put more edges on other pixels.
+const FOREIGN_TILE_BOUND: f64 = 0.03;
+/// The mean FLIP error of a frame.
+const MEAN_BOUND: f64 = 0.005;
+
+/// How much a frame may differ from its golden: bounds of metrics, and their combinations.
+///
+/// A frame that doesn't say may differ by [`FrameTolerance::standard`].
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub enum FrameTolerance {
+    /// Each channel of each pixel. See [`Gate`].
+    Gate(Gate),
+    /// The largest mean error of a tile of 16 x 16 pixels under HDR-FLIP, at most this.
+    FlipTile(f64),
+    /// The mean error under HDR-FLIP, at most this.
+    FlipMean(f64),
+    /// A metric, and the largest value that passes.
+    Metric(Arc<dyn Metric>, f64),
+    /// Passes if all parts pass.
+    All(Vec<Self>),
+    /// Passes if any part passes: the first that does decides.
+    Any(Vec<Self>),
+}
+
+impl FrameTolerance {
+    /// Each channel of each pixel within `relative`. See [`Gate`].
+    #[must_use]
+    pub fn gate(relative: f32) -> Self {
+        Self::Gate(Gate { relative, absolute: None })
+    }
+
+    /// A metric of one's own, and the largest value that passes.
+    #[must_use]
+    pub fn metric(metric: impl Metric + 'static, bound: f64) -> Self {
+        Self::Metric(Arc::new(metric), bound)
+    }
+
+    /// The default: the gate of 1e-3, or else no tile above .01 under HDR-FLIP, and a mean of at
+    /// most .005. On another profile than the golden's a tile may have .03.
+    #[must_use]
+    pub fn standard(foreign: bool) -> Self {
+        let tile = if foreign { FOREIGN_TILE_BOUND } else { TILE_BOUND };
+        let flip = Self::All(vec![Self::FlipTile(tile), Self::FlipMean(MEAN_BOUND)]);
+        Self::Any(vec![Self::gate(DEFAULT_RELATIVE), flip])
+    }
+
+    /// The first bound that bounds nothing.
+    pub(crate) fn unusable(&self) -> Option<String> {
+        let number = |bound: f64| !(bound >= 0.0 && bound.is_finite());
+        match self {
+            Self::Gate(Gate { relative, .. }) if number(f64::from(*relative)) => {
+                Some(format!("{relative}; it is a relative difference of at least 0"))
+            }
+            Self::Gate(Gate { absolute: Some(absolute), .. }) if number(f64::from(*absolute)) => {
+                Some(format!("{absolute}; it is a difference of at least 0"))
+            }
+            Self::Gate(_) => None,
+            Self::FlipTile(bound) | Self::FlipMean(bound) | Self::Metric(_, bound) => {
+                let no_bound = format!("{bound}; a bound is a number of at least 0");
+                number(*bound).then_some(no_bound)
+            }
+            Self::All(parts) | Self::Any(parts) if parts.is_empty() => {
+                Some("a list of no bounds; name at least one".to_owned())
+            }
+            Self::All(parts) | Self::Any(parts) => parts.iter().find_map(Self::unusable),
+        }
+    }
+
+    /// The gate that messages speak of: the first there is, else the default one.
+    pub(super) fn first_gate(&self) -> Option<Gate> {
+        match self {
+            Self::Gate(gate) => Some(*gate),
+            Self::All(parts) | Self::Any(parts) => parts.iter().find_map(Self::first_gate),
+            _ => None,
+        }
+    }
+
+    /// Measures what is needed to decide, cheapest first as the tree is written.
+    pub(super) fn judge(&self, pair: &Pair<'_>) -> Judgement {
+        let leaf = |criterion: Criterion, metric: &dyn Metric, bound: f64| {
+            let Measured { value, place, note, .. } = metric.measure(pair);
+            let margin =
+                CriterionMargin { criterion, name: metric.name(), value, bound, place, note };
+            Judgement { passes: margin.passes(), decisive: 0, margins: vec![margin] }
+        };
+        match self {
+            Self::Gate(gate) => leaf(Criterion::Gate, gate, 1.0),
+            Self::FlipTile(bound) => leaf(Criterion::Flip, &Flip::LARGEST_TILE, *bound),
+            Self::FlipMean(bound) => leaf(Criterion::Flip, &Flip::MEAN, *bound),
+            Self::Metric(metric, bound) => leaf(Criterion::Metric, metric.as_ref(), *bound),
+            Self::All(parts) => {
+                let mut all = Judgement { passes: true, decisive: 0, margins: Vec::new() };
+                for judged in parts.iter().map(|part| part.judge(pair)) {
+                    // What decides is what fails, or else what has the least room.
+                    let tighter = all.margins.get(all.decisive).is_none_or(|so_far| {
+                        let new = judged.margins[judged.decisive].ratio();
+                        (all.passes && !judged.passes)
+                            || (all.passes == judged.passes && new > so_far.ratio())
+                    });
+                    if tighter {
+                        all.decisive = all.margins.len() + judged.decisive;
+                    }
+                    all.passes &= judged.passes;
+                    all.margins.extend(judged.margins);
+                }
+                all
+            }
+            Self::Any(parts) => {
+                let mut any = Judgement { passes: false, decisive: 0, margins: Vec::new() };
+                for judged in parts.iter().map(|part| part.judge(pair)) {
+                    let before = any.margins.len();
+                    any.margins.extend(judged.margins);
+                    if judged.passes {
+                        (any.passes, any.decisive) = (true, before + judged.decisive);
+                        break;
+                    }
+                }
+                any
+            }
+        }
+    }
+}
+
+impl Default for FrameTolerance {
+    fn default() -> Self {
+        Self::standard(false)
+    }
+}
+
+impl From<Gate> for FrameTolerance {
+    fn from(gate: Gate) -> Self {
+        Self::Gate(gate)
+    }
+}
+
+/// `rel 1e-3 or (FLIP tile 0.01 and mean FLIP 0.005)`
+impl fmt::Display for FrameTolerance {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (parts, word) = match self {
+            Self::Gate(Gate { relative, absolute: None }) => return write!(f, "rel {relative:e}"),
+            Self::Gate(Gate { relative, absolute: Some(absolute) }) => {
+                return write!(f, "rel {relative:e} or abs {absolute:e}");
+            }
+            Self::FlipTile(bound) => return write!(f, "FLIP tile {bound}"),
+            Self::FlipMean(bound) => return write!(f, "mean FLIP {bound}"),
+            Self::Metric(metric, bound) => return write!(f, "{} {bound}", metric.name()),
+            Self::All(parts) => (parts, " and "),
+            Self::Any(parts) => (parts, " or "),
+        };
+        for (index, part) in parts.iter().enumerate() {
+            f.write_str(if index == 0 { "" } else { word })?;
+            match part {
+                Self::All(_) | Self::Any(_) => write!(f, "({part})")?,
+                part => write!(f, "{part}")?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What decides about a frame, cheapest first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Criterion {
+    /// Every bit is equal.
+    Bits,
+    /// See [`Gate`].
+    Gate,
+    /// See [`Flip`].
+    Flip,
+    /// A metric of the user's.
+    Metric,
+    /// Nothing differs by more than the noise of both: see [`Frame::noise`](crate::Frame::noise).
+    Noise,
+}
+
+/// What a metric found, and its bound.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CriterionMargin {
+    /// What kind of metric.
+    pub criterion: Criterion,
+    /// Its name.
+    pub name: String,
+    /// What it measured.
+    pub value: f64,
+    /// The largest value that passes.
+    pub bound: f64,
+    /// Where.
+    pub place: Option<Rect>,
+    /// What else there is to say.
+    pub note: Option<String>,
+}
+
+impl CriterionMargin {
+    /// Whether the value is within the bound. What isn't a number is not.
+    #[must_use]
+    pub fn passes(&self) -> bool {
+        self.value <= self.bound
+    }
+
+    /// The value over its bound.
+    #[must_use]
+    pub fn ratio(&self) -> f64 {
+        let ratio = if self.value == 0.0 { 0.0 } else { self.value / self.bound };
+        if ratio >= 0.0 { ratio } else { f64::INFINITY }
+    }
+}
+
+/// `largest FLIP tile 0.019 of 0.01, (16, 32) to (31, 47)`
+impl fmt::Display for CriterionMargin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (value, bound) = (significant(self.value), significant(self.bound));
+        match self.criterion {
+            Criterion::Gate => write!(f, "{}: {value} times what is allowed", self.name)?,
+            _ => write!(f, "{} {value} of {bound}", self.name)?,
+        }
+        match self.place {
+            Some(Rect { left, top, width: 1, height: 1 }) => write!(f, ", at ({left}, {top})")?,
+            Some(rect) => write!(f, ", in {rect}")?,
+            None => {}
+        }
+        self.note.as_ref().map_or(Ok(()), |note| write!(f, " ({note})"))
+    }
+}
+
+/// The verdict of a tolerance.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Judgement {
+    pub(super) passes: bool,
+    /// All that was measured.
+    pub(super) margins: Vec<CriterionMargin>,
+    /// What of it decided.
+    pub(super) decisive: usize,
+}

@@ -1,0 +1,85 @@
+//! How far a frame is from its golden, as numbers.
+//!
+//! A [`Pair`] is a golden and a frame of the same size, both finite; what a [`Mask`] leaves out is
+//! the same in both. A [`Metric`] gives one number of it. Whether the number is small enough is
+//! decided by the tolerance of the frame, where a number that isn't one fails.
+//!
+//! [`Gate`] is the difference of each channel, with no allowance for outliers; [`Flip`] is what an
+//! eye would see of it; [`Noise`] is what of it the noise of both doesn't explain.
+
+mod exposure;
+mod flip;
+mod gate;
+mod mask;
+mod noise;
+mod pair;
+mod tiles;
+
+use std::fmt;
+
+pub use exposure::ExposureRange;
+pub use flip::{Flip, FlipFailure, Pool};
+pub use gate::{DEFAULT_RELATIVE, Gate, Outlier, Outliers};
+pub use mask::{Mask, MaskError, Rect};
+pub use noise::Noise;
+pub use pair::{Pair, PairError};
+pub use tiles::{ErrorMap, TILE};
+
+/// A difference between a golden and a frame, as one number.
+///
+/// ```
+/// use karat::{Image, Measured, Metric, Pair};
+///
+/// /// The largest difference of a green channel.
+/// #[derive(Debug)]
+/// struct Green;
+///
+/// impl Metric for Green {
+///     fn name(&self) -> String {
+///         "green".to_owned()
+///     }
+///     fn measure(&self, pair: &Pair<'_>) -> Measured {
+///         let pixels = pair.golden().pixels().iter().zip(pair.actual().pixels());
+///         let largest = pixels.map(|(a, b)| (a[1] - b[1]).abs()).fold(0.0, f32::max);
+///         Measured::of(largest.into())
+///     }
+/// }
+///
+/// let golden = Image::new(2, 1, vec![[1.0; 4]; 2]);
+/// let actual = Image::new(2, 1, vec![[1.0; 4], [0.5; 4]]);
+/// assert_eq!(Green.measure(&Pair::new(&golden, &actual).unwrap()).value, 0.5);
+/// ```
+pub trait Metric: fmt::Debug + Send + Sync {
+    /// What messages call it: `largest FLIP tile`.
+    fn name(&self) -> String;
+
+    /// Measures. Pixels that are left out are equal in both images, and aren't
+    /// [`counted`](Pair::counts).
+    fn measure(&self, pair: &Pair<'_>) -> Measured;
+}
+
+/// What a metric found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measured {
+    /// The difference: 0 of equal images. NaN and infinity fail under every bound.
+    pub value: f64,
+    /// Where it is largest.
+    pub place: Option<Rect>,
+    /// The difference of each pixel, if the metric has one.
+    pub map: Option<ErrorMap>,
+    /// What else a message should say.
+    pub note: Option<String>,
+}
+
+impl Measured {
+    /// A number without a place.
+    #[must_use]
+    pub fn of(value: f64) -> Self {
+        Self { value, place: None, map: None, note: None }
+    }
+}
+
+/// Luminance of linear sRGB, ITU-R BT.709.
+fn luminance([r, g, b, _]: &[f32; 4]) -> f32 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
+}

@@ -1,0 +1,123 @@
+//! The exposures at which HDR images are compared.
+
+use serde::{Deserialize, Serialize};
+
+use super::luminance;
+use crate::image::Image;
+
+/// A range of exposures, in stops: an exposure of `e` multiplies linear colours by 2^e.
+///
+/// The darkest brings the golden's highlights, the brightest its median luminance to 0.85 of a
+/// display's white (Andersson et al. 2021, section 3.2), with two changes. Highlights are the
+/// 99.9th percentile and not the maximum, which one firefly can move by six stops. And black
+/// pixels don't count, of which there may be more than half.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ExposureRange {
+    /// The darkest exposure.
+    pub start: f64,
+    /// The brightest exposure.
+    pub stop: f64,
+}
+
+/// Where the tone curve of [`Flip`](super::Flip) reaches 0.85: the larger root of
+/// `a x^2 + b x + c`, of the curve (ACES, Narkowicz 2016, scaled by 0.6) minus 0.85.
+const NEAR_WHITE: f64 = {
+    let a = 0.6 * 0.6 * (2.51 - 0.85 * 2.43);
+    let b = 0.6 * (0.03 - 0.85 * 0.59);
+    let c = -0.85 * 0.14;
+    // One root is negative and one positive; Newton's method, as `sqrt` isn't const.
+    let (mut x, mut step) = (10.0, 0);
+    while step < 60 {
+        x -= (a * x * x + b * x + c) / (2.0 * a * x + b);
+        step += 1;
+    }
+    x
+};
+
+/// No range is wider: 32 stops are all of a half float from its smallest normal number.
+const WIDEST: f64 = 32.0;
+
+impl ExposureRange {
+    /// The range of a golden. One without light has that of a white image.
+    #[must_use]
+    pub fn of(golden: &Image) -> Self {
+        let bright = |l: &f32| l.is_finite() && *l > 0.0;
+        let mut lights: Vec<f32> = golden.pixels().iter().map(luminance).filter(bright).collect();
+        if lights.is_empty() {
+            return Self { start: stops(1.0), stop: stops(1.0) };
+        }
+        let mut percentile = |per_mille: usize| {
+            let index = (lights.len() * per_mille / 1000).min(lights.len() - 1);
+            f64::from(*lights.select_nth_unstable_by(index, f32::total_cmp).1)
+        };
+        let (median, highlight) = (percentile(500), percentile(999));
+        let (start, stop) = (stops(highlight), stops(median));
+        Self { start, stop: stop.clamp(start, start + WIDEST) }
+    }
+
+    /// How many exposures are looked at: one a stop, both ends among them, at least two.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "2 to 128")]
+        let count = (self.stop - self.start).ceil().clamp(2.0, 128.0) as usize;
+        count
+    }
+
+    /// Exposures below this range, by whole stops, of which the last shows a luminance; `None` if
+    /// the range shows it.
+    pub(super) fn below(&self, luminance: f32) -> Option<Self> {
+        let missing = (self.start - stops(f64::from(luminance))).ceil();
+        let sound = missing > 0.0 && missing < 128.0;
+        sound.then(|| Self { start: self.start - missing, stop: self.start - 1.0 })
+    }
+}
+
+/// The exposure that brings a luminance near white, to the hundredth of a stop.
+fn stops(luminance: f64) -> f64 {
+    ((NEAR_WHITE / luminance).log2() * 100.0).round() / 100.0
+}
+
+impl std::fmt::Display for ExposureRange {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:+} to {:+} stops", self.start, self.stop)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn white_with(fireflies: usize, value: f32) -> Image {
+        let mut image = Image::new(100, 100, vec![[0.5, 0.5, 0.5, 1.0]; 10_000]);
+        image.pixels_mut()[..fireflies].fill([value; 4]);
+        image
+    }
+
+    #[test]
+    fn fireflies_do_not_move_the_range() {
+        let plain = ExposureRange::of(&white_with(0, 0.0));
+        assert_eq!(ExposureRange::of(&white_with(9, 1e4)), plain);
+        assert!(ExposureRange::of(&white_with(11, 1e4)).start < plain.start - 14.0);
+        assert_eq!(plain.count(), 2);
+    }
+
+    #[test]
+    fn the_range_of_black_is_finite() {
+        let black = ExposureRange::of(&white_with(10_000, 0.0));
+        assert_eq!(black.start, black.stop);
+        assert!(black.start.is_finite());
+        // More than half are black, and the others still are what is looked at.
+        let half = ExposureRange::of(&white_with(6_000, 0.0));
+        assert_eq!(half, ExposureRange::of(&white_with(0, 0.0)));
+    }
+
+    #[test]
+    fn brighter_light_gets_darker_exposures() {
+        let range = ExposureRange { start: -2.0, stop: 3.0 };
+        assert_eq!(range.count(), 5);
+        assert_eq!(range.below(0.5), None);
+        let below = range.below(1e3).expect("brighter than white at -2 stops");
+        assert_eq!(below.stop, -3.0);
+        assert!(below.start < -8.0 && below.start > -11.0, "{below}");
+    }
+}

@@ -1,0 +1,227 @@
+//! The difference of each channel of each pixel, with no allowance for outliers.
+
+use glam::{BVec4A, Vec4};
+
+use super::mask::Rect;
+use super::pair::{Pair, STRIP};
+use super::{Measured, Metric, luminance};
+
+/// Largest relative difference of a channel, unless a frame says otherwise: twice the step of the
+/// half floats that goldens are stored in.
+pub const DEFAULT_RELATIVE: f32 = 1e-3;
+
+/// What is darker than this share of the golden's key is compared as if it were that bright. The
+/// key is at middle grey on a screen, so the floor is 1/180 of what 8 bits resolve: black pixels
+/// with rounding noise pass, and dark regions of a frame with bright ones are still compared.
+const DARK: f32 = 1e-4;
+
+/// Each channel within `relative` times the golden's value, or within `absolute`, whichever is
+/// more. Its value is the largest difference over what is allowed, so that 1 is its bound.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gate {
+    /// Largest difference relative to the golden's value.
+    pub relative: f32,
+    /// Largest difference of a colour however dark the golden is; `None`: `relative` times 1e-4 of
+    /// the golden's key. Alpha is no light, has no exposure that could hide a difference, and is
+    /// compared by `relative` alone.
+    pub absolute: Option<f32>,
+}
+
+/// Pixels that differ by more than is allowed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outliers {
+    /// How many.
+    pub count: usize,
+    /// Smallest rectangle that holds them.
+    pub rect: Rect,
+    /// The worst one.
+    pub worst: Outlier,
+    /// Share of outliers among the pixels compared, in per cent, at 1, 10, 100 and 1000 times the
+    /// tolerance.
+    pub sweep: [f32; 4],
+}
+
+/// A pixel that differs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outlier {
+    /// Column.
+    pub x: u32,
+    /// Row.
+    pub y: u32,
+    /// 0 red, 1 green, 2 blue, 3 alpha.
+    pub channel: usize,
+    /// The golden's value.
+    pub golden: f32,
+    /// The frame's value.
+    pub actual: f32,
+    /// Difference over what is allowed.
+    pub ratio: f32,
+}
+
+impl Default for Gate {
+    fn default() -> Self {
+        Self { relative: DEFAULT_RELATIVE, absolute: None }
+    }
+}
+
+impl Gate {
+    /// What is allowed relative to the golden's value, and what of each channel in the dark. NaN,
+    /// which lets nothing pass, of bounds that bound nothing.
+    fn bounds(&self, pair: &Pair<'_>) -> (Vec4, Vec4) {
+        let floor = self.absolute.unwrap_or_else(|| self.relative * DARK * pair.key());
+        if !(self.relative >= 0.0 && floor >= 0.0) {
+            return (Vec4::NAN, Vec4::NAN);
+        }
+        (Vec4::splat(self.relative), Vec4::new(floor, floor, floor, 0.0))
+    }
+
+    /// The largest difference over what is allowed, if no pixel is out. The floor in the dark takes
+    /// a pass of its own over the golden: where nothing needs it, it isn't asked for, and the
+    /// difference is over what is allowed without it.
+    #[must_use]
+    pub fn passes(&self, pair: &Pair<'_>) -> Option<f32> {
+        if pair.is_identical() {
+            return Some(0.0);
+        }
+        let without_floor = self.absolute.is_none() && self.relative >= 0.0;
+        let bounds = (Vec4::splat(self.relative), Vec4::ZERO);
+        without_floor
+            .then(|| largest(pair, bounds))
+            .flatten()
+            .or_else(|| largest(pair, self.bounds(pair)))
+    }
+
+    /// The pixels that are out.
+    #[must_use]
+    pub fn outliers(&self, pair: &Pair<'_>) -> Option<Outliers> {
+        let mut outliers = [0_usize; 4];
+        let mut bounds = [u32::MAX, u32::MAX, 0, 0];
+        let mut worst: Option<Outlier> = None;
+        self.each(pair, |index, golden, actual, ratio| {
+            let (x, y) = pair.place(index);
+            let largest = ratio.into_iter().fold(0.0, f32::max);
+            for (count, factor) in outliers.iter_mut().zip([1.0, 10.0, 100.0, 1000.0]) {
+                *count += usize::from(!(largest <= factor));
+            }
+            let [left, top, right, bottom] = bounds;
+            bounds = [left.min(x), top.min(y), right.max(x), bottom.max(y)];
+            if worst.is_none_or(|worst| largest > worst.ratio) {
+                let channel = ratio.iter().position(|r| *r == largest).unwrap_or(0);
+                let (golden, actual) = (golden[channel], actual[channel]);
+                worst = Some(Outlier { x, y, channel, golden, actual, ratio: largest });
+            }
+        });
+        let sweep = outliers.map(|count| 100.0 * count as f32 / pair.compared() as f32);
+        let (count, rect) = (outliers[0], worst.map(|_| Rect::spanning(bounds)));
+        Some(Outliers { count, rect: rect?, worst: worst?, sweep })
+    }
+
+    /// Calls `out` with each pixel that is out: its index, both values, and the difference of each
+    /// channel over what is allowed.
+    pub(super) fn each(
+        &self,
+        pair: &Pair<'_>,
+        mut out: impl FnMut(usize, [f32; 4], [f32; 4], [f32; 4]),
+    ) {
+        let (relative, floor) = self.bounds(pair);
+        for (start, golden, actual) in pair.different() {
+            for (index, (golden, actual)) in (start..).zip(golden.iter().zip(actual)) {
+                let ratio = ratio(*golden, *actual, relative, floor);
+                if !ratio.cmple(Vec4::ONE).all() {
+                    // What isn't a ratio comes of a tolerance that isn't one, and lets nothing
+                    // pass.
+                    let sound = |r: f32| if r >= 0.0 { r } else { f32::INFINITY };
+                    out(index, *golden, *actual, ratio.to_array().map(sound));
+                }
+            }
+        }
+    }
+}
+
+/// The largest difference over what is allowed, if nothing is out: one pass over what differs,
+/// four channels at once, which ends where something is out.
+fn largest(pair: &Pair<'_>, (relative, floor): (Vec4, Vec4)) -> Option<f32> {
+    let (mut largest, mut all) = (Vec4::ZERO, BVec4A::TRUE);
+    for (_, golden, actual) in pair.different() {
+        for (golden, actual) in golden.chunks(STRIP).zip(actual.chunks(STRIP)) {
+            for (golden, actual) in golden.iter().zip(actual) {
+                let ratio = ratio(*golden, *actual, relative, floor);
+                // NaN is not within anything.
+                all &= ratio.cmple(Vec4::ONE);
+                largest = largest.max(ratio);
+            }
+            if !all.all() {
+                return None;
+            }
+        }
+    }
+    Some(largest.max_element())
+}
+
+/// Difference of each channel over what is allowed. Equal is equal, also under a tolerance of 0.
+fn ratio(golden: [f32; 4], actual: [f32; 4], relative: Vec4, floor: Vec4) -> Vec4 {
+    let (golden, actual) = (Vec4::from_array(golden), Vec4::from_array(actual));
+    let difference = (actual - golden).abs();
+    let ratio = difference / (relative * golden.abs()).max(floor);
+    Vec4::select(difference.cmpeq(Vec4::ZERO), Vec4::ZERO, ratio)
+}
+
+impl Metric for Gate {
+    fn name(&self) -> String {
+        match self.absolute {
+            None => format!("gate rel {:e}", self.relative),
+            Some(absolute) => format!("gate rel {:e} or abs {absolute:e}", self.relative),
+        }
+    }
+
+    fn measure(&self, pair: &Pair<'_>) -> Measured {
+        if let Some(ratio) = self.passes(pair) {
+            return Measured::of(f64::from(ratio));
+        }
+        let outliers = self.outliers(pair);
+        let value = outliers.as_ref().map_or(f64::NAN, |o| f64::from(o.worst.ratio));
+        let place = outliers.map(|Outliers { worst, .. }| Rect::new(worst.x, worst.y, 1, 1));
+        Measured { place, ..Measured::of(value) }
+    }
+}
+
+/// The logarithmic mean of luminance, as [`Image::key`](crate::Image::key): of products of eight,
+/// which fit in the exponent of an `f64`, as a logarithm takes as long as all else.
+pub(super) fn key(pixels: &[[f32; 4]]) -> f32 {
+    let (mut sum, mut count) = (0.0, 0_u32);
+    for pixels in pixels.chunks(8) {
+        // 2^-126 to the eighth power is 2^-1008. What is black or no number is left out.
+        let factor = |pixel: Option<&[f32; 4]>| {
+            let luminance = pixel.map_or(0.0, luminance);
+            let counts = luminance >= f32::MIN_POSITIVE && luminance <= f32::MAX;
+            (if counts { f64::from(luminance) } else { 1.0 }, u32::from(counts))
+        };
+        let factors: [_; 8] = std::array::from_fn(|index| factor(pixels.get(index)));
+        let [a, b, c, d, e, f, g, h] = factors.map(|(factor, _)| factor);
+        sum += (((a * b) * (c * d)) * ((e * f) * (g * h))).ln();
+        count += factors.iter().map(|(_, counts)| counts).sum::<u32>();
+    }
+    if count == 0 {
+        return 1.0;
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "a mean of f32 luminances")]
+    let key = (sum / f64::from(count)).exp() as f32;
+    key
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Image;
+
+    #[test]
+    fn the_key_is_that_of_the_image() {
+        for scale in [1e-30, 1.0, 1e30] {
+            let pixels = (0..1003).map(|i| [scale * (i % 17) as f32; 4]).collect();
+            let image = Image::new(1003, 1, pixels);
+            let (ours, theirs) = (key(image.pixels()), image.key());
+            assert!((ours - theirs).abs() <= 1e-6 * theirs, "{ours} {theirs}");
+        }
+        assert_eq!(key(&[[0.0; 4]]), 1.0);
+    }
+}

@@ -1,0 +1,163 @@
+//! Which pixels are compared.
+
+use std::fmt;
+use std::sync::Arc;
+
+use crate::image::Image;
+
+/// A rectangle of pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rect {
+    /// First column.
+    pub left: u32,
+    /// First row.
+    pub top: u32,
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
+impl Rect {
+    /// A rectangle from its corner and size.
+    #[must_use]
+    pub const fn new(left: u32, top: u32, width: u32, height: u32) -> Self {
+        Self { left, top, width, height }
+    }
+
+    /// Whether a pixel is in it.
+    #[must_use]
+    pub fn contains(&self, x: u32, y: u32) -> bool {
+        x.wrapping_sub(self.left) < self.width && y.wrapping_sub(self.top) < self.height
+    }
+
+    /// Whether it has pixels, and all of them are in an image of this size.
+    pub(crate) fn fits(&self, width: u32, height: u32) -> bool {
+        let inside = |start: u32, length: u32, side: u32| {
+            length > 0 && start.checked_add(length).is_some_and(|end| end <= side)
+        };
+        inside(self.left, self.width, width) && inside(self.top, self.height, height)
+    }
+
+    /// The rectangle from one pixel to another, both of them in it.
+    pub(crate) fn spanning([left, top, right, bottom]: [u32; 4]) -> Self {
+        Self { left, top, width: right - left + 1, height: bottom - top + 1 }
+    }
+
+    /// The rectangle and what is within `reach` of it, in an image of this size.
+    pub(crate) fn grown(&self, reach: u32, width: u32, height: u32) -> Self {
+        let (left, top) = (self.left.saturating_sub(reach), self.top.saturating_sub(reach));
+        let right = (self.left + self.width).saturating_add(reach).min(width);
+        let bottom = (self.top + self.height).saturating_add(reach).min(height);
+        Self { left, top, width: right - left, height: bottom - top }
+    }
+}
+
+/// `(3, 4) to (10, 12)`, both corners in it.
+impl fmt::Display for Rect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let last = |start: u32, length: u32| start + length.max(1) - 1;
+        let (right, bottom) = (last(self.left, self.width), last(self.top, self.height));
+        write!(f, "({}, {}) to ({right}, {bottom})", self.left, self.top)
+    }
+}
+
+/// Which pixels of a frame are compared. No metric sees the others.
+#[derive(Clone)]
+pub struct Mask(Kind);
+
+#[derive(Clone)]
+enum Kind {
+    Image(Image),
+    Only(Vec<Rect>),
+    Except(Vec<Rect>),
+    Where(Arc<dyn Fn(u32, u32) -> bool + Send + Sync>),
+}
+
+impl Mask {
+    /// The pixels whose red is above a half. The image is as large as the frame.
+    #[must_use]
+    pub fn image(image: Image) -> Self {
+        Self(Kind::Image(image))
+    }
+
+    /// The pixels of any of these rectangles.
+    #[must_use]
+    pub fn only(rects: &[Rect]) -> Self {
+        Self(Kind::Only(rects.to_vec()))
+    }
+
+    /// All pixels but those of these rectangles.
+    #[must_use]
+    pub fn except(rects: &[Rect]) -> Self {
+        Self(Kind::Except(rects.to_vec()))
+    }
+
+    /// The pixels, by column and row, that `compared` says are.
+    #[must_use]
+    pub fn wherever(compared: impl Fn(u32, u32) -> bool + Send + Sync + 'static) -> Self {
+        Self(Kind::Where(Arc::new(compared)))
+    }
+
+    /// One flag a pixel of a frame of this size.
+    pub(super) fn flags(&self, width: u32, height: u32) -> Result<Vec<bool>, MaskError> {
+        if let Kind::Only(rects) | Kind::Except(rects) = &self.0 {
+            if let Some(rect) = rects.iter().find(|rect| !rect.fits(width, height)) {
+                return Err(MaskError::Outside { rect: *rect, width, height });
+            }
+        }
+        let every = |compared: &dyn Fn(u32, u32) -> bool| {
+            let rows = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+            rows.map(|(x, y)| compared(x, y)).collect::<Vec<_>>()
+        };
+        let flags = match &self.0 {
+            Kind::Image(image) if (image.width(), image.height()) != (width, height) => {
+                let mask = (image.width(), image.height());
+                return Err(MaskError::Size { mask, frame: (width, height) });
+            }
+            Kind::Image(image) => image.pixels().iter().map(|pixel| pixel[0] > 0.5).collect(),
+            Kind::Only(rects) => every(&|x, y| rects.iter().any(|rect| rect.contains(x, y))),
+            Kind::Except(rects) => every(&|x, y| !rects.iter().any(|rect| rect.contains(x, y))),
+            Kind::Where(compared) => every(&|x, y| compared(x, y)),
+        };
+        if flags.contains(&true) { Ok(flags) } else { Err(MaskError::Nothing) }
+    }
+}
+
+impl fmt::Debug for Mask {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.0 {
+            Kind::Image(image) => write!(f, "Mask::image({} x {})", image.width(), image.height()),
+            Kind::Only(rects) => f.debug_tuple("Mask::only").field(rects).finish(),
+            Kind::Except(rects) => f.debug_tuple("Mask::except").field(rects).finish(),
+            Kind::Where(_) => f.write_str("Mask::wherever(..)"),
+        }
+    }
+}
+
+/// Why a mask can't be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MaskError {
+    /// It leaves no pixel.
+    #[error("the mask leaves no pixel to compare")]
+    Nothing,
+    /// An image of another size.
+    #[error("the mask is {} x {}, the frame {} x {}", mask.0, mask.1, frame.0, frame.1)]
+    Size {
+        /// Width and height of the mask.
+        mask: (u32, u32),
+        /// Width and height of the frame.
+        frame: (u32, u32),
+    },
+    /// A rectangle that isn't in the frame, or is empty.
+    #[error("the rectangle {rect:?} isn't a part of a frame of {width} x {height}")]
+    Outside {
+        /// The rectangle.
+        rect: Rect,
+        /// Width of the frame.
+        width: u32,
+        /// Height of the frame.
+        height: u32,
+    },
+}

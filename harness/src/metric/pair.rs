@@ -1,0 +1,221 @@
+//! A golden and a frame that can be measured.
+
+use std::borrow::Cow;
+use std::ops::Range;
+use std::sync::OnceLock;
+
+use glam::Vec4;
+
+use super::exposure::ExposureRange;
+use super::flip::FlipFailure;
+use super::gate;
+use super::mask::{Mask, MaskError, Rect};
+use super::tiles::ErrorMap;
+use crate::image::{Image, NonFinite};
+
+/// Pixels that are looked at in one go: those of both images fit in the smallest cache.
+pub(super) const STRIP: usize = 512;
+
+/// A golden and a frame: of the same size, finite, and equal where they aren't compared.
+#[derive(Clone, Debug)]
+pub struct Pair<'a> {
+    golden: Cow<'a, Image>,
+    actual: Cow<'a, Image>,
+    /// One flag a pixel; `None`: all are compared.
+    mask: Option<Vec<bool>>,
+    compared: usize,
+    /// Strips of pixels that aren't equal bit for bit.
+    different: Vec<Range<usize>>,
+    exposures: OnceLock<ExposureRange>,
+    key: OnceLock<f32>,
+    /// Of the default distance of sight: two metrics want it.
+    pub(super) flip: OnceLock<Result<ErrorMap, FlipFailure>>,
+}
+
+/// Why there is nothing to measure.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PairError {
+    /// Another size.
+    #[error("it is {} x {}, the golden {} x {}", actual.0, actual.1, golden.0, golden.1)]
+    Size {
+        /// Width and height of the golden.
+        golden: (u32, u32),
+        /// Width and height of the frame.
+        actual: (u32, u32),
+    },
+    /// NaN or infinities in the frame.
+    #[error("it has {0}")]
+    NonFinite(NonFinite),
+    /// NaN or infinities in the golden: nothing can agree with it.
+    #[error("the golden itself has {0}")]
+    GoldenNonFinite(NonFinite),
+    /// The mask can't be used.
+    #[error(transparent)]
+    Mask(#[from] MaskError),
+}
+
+impl std::fmt::Display for NonFinite {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} pixels with NaN and {} with infinities", self.nan, self.infinite)?;
+        self.first.map_or(Ok(()), |(x, y)| write!(f, ", first at ({x}, {y})"))
+    }
+}
+
+impl<'a> Pair<'a> {
+    /// All pixels of both.
+    ///
+    /// # Errors
+    /// If their sizes differ, or one has a value that isn't a finite number.
+    pub fn new(golden: &'a Image, actual: &'a Image) -> Result<Self, PairError> {
+        same_size(golden, actual)?;
+        Self::scan(Cow::Borrowed(golden), Cow::Borrowed(actual), None)
+    }
+
+    /// The pixels that a mask leaves. The others are made equal, so that no metric that looks at a
+    /// pixel's neighbours sees them.
+    ///
+    /// # Errors
+    /// If the sizes differ, a pixel that is compared isn't finite, or the mask can't be used.
+    pub fn masked(golden: &'a Image, actual: &'a Image, mask: &Mask) -> Result<Self, PairError> {
+        same_size(golden, actual)?;
+        let flags = mask.flags(golden.width(), golden.height())?;
+        let (mut golden, mut actual) = (golden.clone(), actual.clone());
+        let pixels = golden.pixels_mut().iter_mut().zip(actual.pixels_mut());
+        for ((golden, actual), _) in pixels.zip(&flags).filter(|(_, compared)| !**compared) {
+            if !golden.iter().all(|value| value.is_finite()) {
+                *golden = [0.0; 4];
+            }
+            *actual = *golden;
+        }
+        Self::scan(Cow::Owned(golden), Cow::Owned(actual), Some(flags))
+    }
+
+    fn scan(
+        golden: Cow<'a, Image>,
+        actual: Cow<'a, Image>,
+        mask: Option<Vec<bool>>,
+    ) -> Result<Self, PairError> {
+        let mut different: Vec<Range<usize>> = Vec::new();
+        // The first thing that is not finite is left as it is: NaN, by 0 times infinity.
+        let (mut nothing, mut nothing_golden) = (Vec4::ZERO, Vec4::ZERO);
+        let pixels = golden.pixels().chunks(STRIP).zip(actual.pixels().chunks(STRIP));
+        for (index, (golden, actual)) in pixels.enumerate() {
+            nothing_golden = vanishing(golden, nothing_golden);
+            if bytemuck::cast_slice::<_, u8>(golden) == bytemuck::cast_slice::<_, u8>(actual) {
+                continue;
+            }
+            nothing = vanishing(actual, nothing);
+            let start = index * STRIP;
+            match different.last_mut() {
+                Some(last) if last.end == start => last.end += golden.len(),
+                _ => different.push(start..start + golden.len()),
+            }
+        }
+        if (nothing + nothing_golden) != Vec4::ZERO {
+            let census = actual.non_finite();
+            return Err(if census.first.is_some() {
+                PairError::NonFinite(census)
+            } else {
+                PairError::GoldenNonFinite(golden.non_finite())
+            });
+        }
+        let compared = match &mask {
+            Some(flags) => flags.iter().filter(|compared| **compared).count(),
+            None => golden.pixels().len(),
+        };
+        let (exposures, key, flip) = Default::default();
+        Ok(Self { golden, actual, mask, compared, different, exposures, key, flip })
+    }
+
+    /// Pins the exposures that HDR-FLIP looks at; else they are chosen from the golden.
+    #[must_use]
+    pub fn with_exposures(mut self, exposures: ExposureRange) -> Self {
+        self.exposures = OnceLock::from(exposures);
+        self.flip = OnceLock::new();
+        self
+    }
+
+    /// The golden.
+    #[must_use]
+    pub fn golden(&self) -> &Image {
+        &self.golden
+    }
+
+    /// The frame.
+    #[must_use]
+    pub fn actual(&self) -> &Image {
+        &self.actual
+    }
+
+    /// Whether every bit that is compared is equal.
+    #[must_use]
+    pub fn is_identical(&self) -> bool {
+        self.different.is_empty()
+    }
+
+    /// Whether a pixel is compared.
+    #[must_use]
+    pub fn counts(&self, x: u32, y: u32) -> bool {
+        let index = y as usize * self.golden.width() as usize + x as usize;
+        self.mask.as_ref().is_none_or(|flags| flags[index])
+    }
+
+    /// How many pixels are compared; at least one, unless the images have none.
+    #[must_use]
+    pub fn compared(&self) -> usize {
+        self.compared
+    }
+
+    /// How many pixels of a rectangle are compared.
+    #[must_use]
+    pub fn compared_in(&self, rect: Rect) -> usize {
+        let Rect { left, top, width, height } = rect;
+        if self.mask.is_none() {
+            return width as usize * height as usize;
+        }
+        let all = (top..top + height).flat_map(|y| (left..left + width).map(move |x| (x, y)));
+        all.filter(|(x, y)| self.counts(*x, *y)).count()
+    }
+
+    /// The exposures that HDR-FLIP looks at.
+    #[must_use]
+    pub fn exposures(&self) -> ExposureRange {
+        *self.exposures.get_or_init(|| ExposureRange::of(&self.golden))
+    }
+
+    /// See [`gate::key`].
+    pub(super) fn key(&self) -> f32 {
+        *self.key.get_or_init(|| gate::key(self.golden.pixels()))
+    }
+
+    /// Strips of both images that differ in a bit, with the index of their first pixel.
+    pub(super) fn different(&self) -> impl Iterator<Item = (usize, &[[f32; 4]], &[[f32; 4]])> {
+        let (golden, actual) = (self.golden.pixels(), self.actual.pixels());
+        let strip = move |range: &Range<usize>| {
+            (range.start, &golden[range.clone()], &actual[range.clone()])
+        };
+        self.different.iter().map(strip)
+    }
+
+    /// Column and row of a pixel.
+    pub(super) fn place(&self, index: usize) -> (u32, u32) {
+        let width = self.golden.width() as usize;
+        #[expect(clippy::cast_possible_truncation, reason = "both are sides of an image")]
+        let place = ((index % width) as u32, (index / width) as u32);
+        place
+    }
+}
+
+fn same_size(golden: &Image, actual: &Image) -> Result<(), PairError> {
+    let size = |image: &Image| (image.width(), image.height());
+    if size(golden) == size(actual) {
+        return Ok(());
+    }
+    Err(PairError::Size { golden: size(golden), actual: size(actual) })
+}
+
+/// 0 in each lane, or NaN if a value isn't finite. Four channels at once, and no branch.
+fn vanishing(pixels: &[[f32; 4]], start: Vec4) -> Vec4 {
+    pixels.iter().fold(start, |sum, pixel| sum + Vec4::from_array(*pixel) * 0.0)
+}

@@ -1,0 +1,66 @@
+"""HDR-FLIP as NVIDIA computes it (flip-evaluator 1.7), for harness/tests/metric.rs.
+
+    pip install flip-evaluator==1.7 numpy==2.4.6 && python vectors.py
+
+Writes a map of 32-bit floats for each case, little-endian, row by row. The images are made of
+integers by exact operations, so that the test makes the same ones.
+"""
+
+import numpy as np
+from flip_evaluator import evaluate
+
+WIDTH, HEIGHT = 48, 40
+# Name, first and last exposure, pixels per degree. The number of exposures is the default: one a
+# stop, at least two.
+CASES = [
+    ("noise", -3.0, 2.0, None),
+    ("edges", -6.0, 1.0, None),
+    ("highlight", -9.5, -1.5, None),
+    ("drift", -1.0, 0.5, None),
+    ("near", -4.0, 3.0, 30.0),
+    ("far", -2.0, 2.0, 100.0),
+]
+
+
+def random(x, y, channel, seed):
+    """24 random bits of a pixel, as a number in 0 to 1: exact in 32-bit floats."""
+    mask = np.uint64(0xFFFFFFFF)
+    h = x.astype(np.uint64) + 48 * y.astype(np.uint64) + 1920 * np.uint64(channel)
+    h = (h + np.uint64(7919 * seed)) & mask
+    h = (h * np.uint64(747796405) + np.uint64(2891336453)) & mask
+    h = (((h >> ((h >> np.uint64(28)) + np.uint64(4))) ^ h) * np.uint64(277803737)) & mask
+    h = (h >> np.uint64(22)) ^ h
+    return ((h >> np.uint64(8)).astype(np.float32) / np.float32(1 << 24)).astype(np.float32)
+
+
+def pair(name):
+    y, x = np.mgrid[0:HEIGHT, 0:WIDTH]
+    golden = np.stack([random(x, y, c, 1) for c in range(3)], axis=-1)
+    one = np.float32(1)
+    if name == "noise":
+        actual = np.stack([random(x, y, c, 2) for c in range(3)], axis=-1)
+    elif name == "edges":
+        # A bar, and the same bar a pixel further, on a ramp.
+        ramp = (x[..., None] * np.array([4, 2, 1])).astype(np.float32) / np.float32(64)
+        golden = np.where(((x // 8) % 2 == 0)[..., None], ramp, np.float32(16))
+        actual = np.where((((x + 1) // 8) % 2 == 0)[..., None], ramp, np.float32(16))
+    elif name == "highlight":
+        golden = golden / np.float32(4)
+        bright = ((x > 20) & (x < 26) & (y > 10) & (y < 16))[..., None]
+        actual = np.where(bright, np.float32(256), golden)
+        golden = np.where(bright, np.float32(512), golden)
+    elif name == "drift":
+        actual = golden * (one + np.float32(1 / 1024))
+    else:
+        actual = golden * np.where((x < 24)[..., None], one, np.float32(1.125))
+    return golden.astype(np.float32), actual.astype(np.float32)
+
+
+for name, start, stop, ppd in CASES:
+    golden, actual = pair(name)
+    parameters = {"startExposure": start, "stopExposure": stop}
+    if ppd is not None:
+        parameters["ppd"] = ppd
+    errors, mean, used = evaluate(golden, actual, "HDR", True, False, True, parameters)
+    errors.astype("<f4").tofile(f"{name}.f32")
+    print(f"{name:<10} mean {mean:.6f} largest {errors.max():.6f} {used}")

@@ -1,0 +1,236 @@
+//! Metrics against what they should be: HDR-FLIP against NVIDIA's implementation, parts against
+//! wholes, and nothing that is left out or unseen.
+
+use karat::{ErrorMap, ExposureRange, Flip, FlipFailure, Gate, Image, Mask, MaskError};
+use karat::{Metric, Pair, PairError, Rect, TILE};
+
+const WIDTH: u32 = 48;
+const HEIGHT: u32 = 40;
+
+/// The random numbers of `data/flip/vectors.py`.
+fn random(x: u32, y: u32, channel: u32, seed: u32) -> f32 {
+    let h = x + 48 * y + 1920 * channel + 7919 * seed;
+    let h = h.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+    let h = ((h >> ((h >> 28) + 4)) ^ h).wrapping_mul(277_803_737);
+    let h = (h >> 22) ^ h;
+    (h >> 8) as f32 / (1 << 24) as f32
+}
+
+fn image(width: u32, height: u32, value: impl Fn(u32, u32, u32) -> f32) -> Image {
+    let pixel = |index: u32| {
+        let (x, y) = (index % width, index / width);
+        [value(x, y, 0), value(x, y, 1), value(x, y, 2), 1.0]
+    };
+    Image::new(width, height, (0..width * height).map(pixel).collect())
+}
+
+/// The pairs of `data/flip/vectors.py`.
+fn pair(name: &str) -> (Image, Image) {
+    let noise = |seed: u32| move |x: u32, y: u32, c: u32| random(x, y, c, seed);
+    let sized = |value: &dyn Fn(u32, u32, u32) -> f32| image(WIDTH, HEIGHT, value);
+    let bright = |x: u32, y: u32| x > 20 && x < 26 && y > 10 && y < 16;
+    match name {
+        "noise" => (sized(&noise(1)), sized(&noise(2))),
+        "edges" => {
+            let bar = |shift: u32| {
+                sized(&move |x, _, c| {
+                    let ramp = (x * [4, 2, 1][c as usize]) as f32 / 64.0;
+                    if (x + shift) / 8 % 2 == 0 { ramp } else { 16.0 }
+                })
+            };
+            (bar(0), bar(1))
+        }
+        "highlight" => {
+            let with = |light: f32| {
+                sized(&move |x, y, c| if bright(x, y) { light } else { random(x, y, c, 1) / 4.0 })
+            };
+            (with(512.0), with(256.0))
+        }
+        "drift" => (sized(&noise(1)), sized(&|x, y, c| random(x, y, c, 1) * (1.0 + 1.0 / 1024.0))),
+        _ => {
+            let half = |x: u32| if x < 24 { 1.0 } else { 1.125 };
+            (sized(&noise(1)), sized(&move |x, y, c| random(x, y, c, 1) * half(x)))
+        }
+    }
+}
+
+fn published(name: &str) -> Vec<f32> {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/flip");
+    let bytes = std::fs::read(root.join(name).with_extension("f32")).expect("it is there");
+    bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
+}
+
+#[test]
+fn flip_is_what_its_authors_compute() {
+    let default = Flip::MEAN.pixels_per_degree;
+    let mut largest = 0.0_f32;
+    for (name, start, stop, pixels_per_degree) in [
+        ("noise", -3.0, 2.0, default),
+        ("edges", -6.0, 1.0, default),
+        ("highlight", -9.5, -1.5, default),
+        ("drift", -1.0, 0.5, default),
+        ("near", -4.0, 3.0, 30.0),
+        ("far", -2.0, 2.0, 100.0),
+    ] {
+        let (golden, actual) = pair(name);
+        let measured = Pair::new(&golden, &actual).expect("finite");
+        let measured = measured.with_exposures(ExposureRange { start, stop });
+        let flip = Flip { pixels_per_degree, ..Flip::MEAN };
+        let map = flip.whole(&measured).expect("it is computed");
+        let published = published(name);
+        assert_eq!((map.values().len(), published.len()), (1920, 1920));
+        for (index, (ours, theirs)) in map.values().iter().zip(&published).enumerate() {
+            let difference = (ours - theirs).abs();
+            assert!(difference <= 1e-6, "{name}, pixel {index}: {ours} {theirs}");
+            largest = largest.max(difference);
+        }
+        let mean = published.iter().copied().map(f64::from).sum::<f64>() / 1920.0;
+        assert!((map.mean(&measured) - mean).abs() <= 1e-7, "{name}: {mean}");
+        assert!(mean > 1e-3, "{name} would be equal to anything");
+    }
+    println!("largest difference from the published implementation: {largest:e}");
+}
+
+/// A fault in one place: the part of the map that is computed is that of the whole.
+#[test]
+fn a_part_of_the_map_is_that_of_the_whole() {
+    let golden = image(160, 120, |x, y, c| 2.0 * random(x, y, c, 3));
+    for (left, top) in [(0, 0), (155, 40), (70, 112), (80, 60)] {
+        let fault = Rect::new(left, top, 5, 7);
+        let mut actual = golden.clone();
+        for y in top..top + fault.height {
+            for x in left..left + fault.width {
+                actual.pixels_mut()[(y * 160 + x) as usize][1] += 0.5;
+            }
+        }
+        // With exposures that show all of it, none are added.
+        let exposures = ExposureRange { start: -3.0, stop: 2.0 };
+        let pair = Pair::new(&golden, &actual).expect("finite").with_exposures(exposures);
+        let (part, whole) = (Flip::LARGEST_TILE.map(&pair), Flip::LARGEST_TILE.whole(&pair));
+        let (part, whole) = (part.expect("computed"), whole.expect("computed"));
+        assert!(part.values().len() < 27 * 29, "{:?}", part.rect());
+        let pixels = (0..120).flat_map(|y| (0..160).map(move |x| (x, y)));
+        for (x, y) in pixels {
+            assert_eq!(part.at(x, y).to_bits(), whole.at(x, y).to_bits(), "({x}, {y})");
+        }
+        assert_eq!(part.largest_tile(&pair), whole.largest_tile(&pair));
+        assert!((part.mean(&pair) - whole.mean(&pair)).abs() < 1e-12);
+        let at = (left / TILE, top / TILE);
+        let (_, tile) = part.largest_tile(&pair);
+        assert!(tile.left / TILE <= at.0 + 1 && tile.top / TILE <= at.1 + 1, "{tile}");
+    }
+}
+
+/// Alpha, negative light, and light that the golden's exposures leave white.
+#[test]
+fn what_flip_does_not_see_does_not_pass() {
+    let golden = image(64, 64, |x, y, c| random(x, y, c, 4));
+    let changed = |channel: usize, value: f32| {
+        let mut actual = golden.clone();
+        actual.pixels_mut()[100][channel] = value;
+        let measured = Flip::LARGEST_TILE.measure(&Pair::new(&golden, &actual).expect("finite"));
+        (measured.value, measured.note.unwrap_or_default())
+    };
+    let (value, note) = changed(3, 0.99);
+    assert!(value == f64::INFINITY && note == "alpha is off at (36, 1), which FLIP doesn't see");
+    let (value, note) = changed(1, -0.5);
+    assert!(value == f64::INFINITY && note.contains("a negative value is off at (36, 1)"));
+
+    // Three pixels of sun in 4096 don't move the exposures, under which they are white.
+    let sun = |light: f32| {
+        let mut image = golden.clone();
+        image.pixels_mut()[2000..2003].fill([light, light, light, 1.0]);
+        image
+    };
+    let (golden, actual) = (sun(2e4), sun(1e4));
+    let pair = Pair::new(&golden, &actual).expect("finite");
+    let whole = Flip::LARGEST_TILE.whole(&pair).expect("computed");
+    let map = Flip::LARGEST_TILE.map(&pair).expect("computed");
+    let ((seen, _), (unseen, _)) = (map.largest_tile(&pair), whole.largest_tile(&pair));
+    assert!(unseen < 1e-3 && seen > 0.012, "{unseen} {seen}");
+
+    let pair = pair.with_exposures(ExposureRange { start: f64::NAN, stop: 0.0 });
+    assert!(matches!(Flip::MEAN.map(&pair), Err(FlipFailure::Parameters(_))));
+    assert!(!(Flip::MEAN.measure(&pair).value <= 1.0));
+}
+
+#[test]
+fn the_gate_of_a_channel() {
+    let golden = image(600, 3, |x, y, c| 1.0 + random(x, y, c, 5));
+    let gate = Gate::default();
+    assert_eq!(gate.passes(&Pair::new(&golden, &golden).expect("finite")), Some(0.0));
+    for (index, channel) in [(0, 0), (511, 1), (512, 2), (1799, 3)] {
+        let mut actual = golden.clone();
+        actual.pixels_mut()[index][channel] *= 1.0 + 0.9e-3;
+        let ratio = gate.passes(&Pair::new(&golden, &actual).expect("finite"));
+        assert!(ratio.is_some_and(|ratio| (ratio - 0.9).abs() < 1e-3), "{ratio:?}");
+        actual.pixels_mut()[index][channel] *= 1.01;
+        let pair = Pair::new(&golden, &actual).expect("finite");
+        assert_eq!(gate.passes(&pair), None);
+        let outliers = gate.outliers(&pair).expect("one is out");
+        let worst = outliers.worst;
+        let place = (worst.y * 600 + worst.x) as usize;
+        assert_eq!((outliers.count, place, worst.channel), (1, index, channel));
+        let absolute = Gate { relative: 0.0, absolute: Some(0.1) }.passes(&pair);
+        assert_eq!(absolute.is_some(), channel != 3, "an absolute bound is of colours");
+    }
+}
+
+#[test]
+fn masks_leave_out_what_they_say() {
+    let golden = image(64, 48, |x, y, c| random(x, y, c, 6));
+    let mut actual = golden.clone();
+    for index in [64 * 10 + 20, 64 * 11 + 21] {
+        actual.pixels_mut()[index] = [f32::NAN, 9.0, 0.0, 0.5];
+    }
+    assert!(matches!(Pair::new(&golden, &actual), Err(PairError::NonFinite(_))));
+    let hole = Rect::new(20, 10, 2, 2);
+    let black = |x: u32, y: u32, _| if hole.contains(x, y) { 0.0 } else { 1.0 };
+    for mask in [
+        Mask::except(&[hole]),
+        Mask::only(&[Rect::new(0, 0, 64, 10), Rect::new(30, 10, 34, 38)]),
+        Mask::wherever(move |x, y| !hole.contains(x, y)),
+        Mask::image(image(64, 48, black)),
+    ] {
+        let pair = Pair::masked(&golden, &actual, &mask).expect("what is compared is finite");
+        assert!(pair.is_identical() && !pair.counts(20, 10) && pair.compared() < 64 * 48);
+        // A fault beside the hole is seen, and the hole doesn't count.
+        let mut faulty = actual.clone();
+        faulty.pixels_mut()[64 * 12 + 40] = [9.0; 4];
+        let pair = Pair::masked(&golden, &faulty, &mask).expect("finite");
+        let found = Gate::default().outliers(&pair).expect("it is out");
+        assert_eq!((found.count, found.rect), (1, Rect::new(40, 12, 1, 1)));
+    }
+    let refused = |mask: &Mask| Pair::masked(&golden, &actual, mask).expect_err("useless");
+    assert_eq!(refused(&Mask::wherever(|_, _| false)), PairError::Mask(MaskError::Nothing));
+    assert_eq!(refused(&Mask::only(&[])).to_string(), "the mask leaves no pixel to compare");
+    let error = refused(&Mask::image(image(8, 8, |_, _, _| 1.0)));
+    assert_eq!(error.to_string(), "the mask is 8 x 8, the frame 64 x 48");
+    for rect in [Rect::new(60, 0, 5, 5), Rect::new(3, 3, 0, 4), Rect::new(u32::MAX, 0, 2, 2)] {
+        assert!(matches!(
+            refused(&Mask::except(&[rect])),
+            PairError::Mask(MaskError::Outside { .. })
+        ));
+    }
+}
+
+/// The mean of a tile is over those of its pixels that are compared.
+#[test]
+fn tiles_and_means_are_of_what_is_compared() {
+    let golden = image(40, 20, |_, _, _| 1.0);
+    let mut actual = golden.clone();
+    actual.pixels_mut()[0] = [2.0; 4];
+    let errors = |x: u32, y: u32| if (x, y) == (33, 17) { 1.0 } else { 0.25 };
+    let rect = Rect::new(30, 15, 10, 5);
+    let pixels = (15..20).flat_map(|y| (30..40).map(move |x| (x, y)));
+    let map = ErrorMap::new(rect, pixels.map(|(x, y)| errors(x, y)).collect());
+    let all = Pair::new(&golden, &actual).expect("finite");
+    // The tile of the corner has 8 x 4 pixels.
+    let expected = (31.0 * 0.25 + 1.0) / 32.0;
+    assert_eq!(map.largest_tile(&all), (expected, Rect::new(32, 16, 8, 4)));
+    assert_eq!(map.mean(&all), (49.0 * 0.25 + 1.0) / 800.0);
+    let mask = Mask::except(&[Rect::new(33, 17, 1, 1)]);
+    let pair = Pair::masked(&golden, &actual, &mask).expect("finite");
+    assert_eq!(map.largest_tile(&pair), (0.25, Rect::new(32, 16, 8, 4)));
+    assert_eq!(map.mean(&pair), 49.0 * 0.25 / 799.0);
+}

@@ -1,0 +1,126 @@
+//! Frames of 1920 x 1080 pixels against their goldens, on one thread.
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use karat::{ExposureRange, Flip, FrameTolerance, Gate, Image, Pair, Precision};
+
+use super::{Spread, peak_memory, spawn};
+
+const WIDTH: u32 = 1920;
+const HEIGHT: u32 = 1080;
+
+/// Gradients with edges and a bright tenth: seven stops.
+fn golden() -> Image {
+    let pixel = |index: u32| {
+        let (x, y) = (index % WIDTH, index / WIDTH);
+        let light = if x / 64 % 10 == 0 { 40.0 } else { 1.0 };
+        let edge = ((x / 24 + y / 24) % 2) as f32;
+        let (x, y) = (x as f32 / WIDTH as f32, y as f32 / HEIGHT as f32);
+        [light * (0.1 + x), light * (0.1 + y), 0.2 + 0.5 * edge, 1.0]
+    };
+    Image::new(WIDTH, HEIGHT, (0..WIDTH * HEIGHT).map(pixel).collect())
+}
+
+fn scaled(image: &Image, factor: f32) -> Image {
+    let mut scaled = image.clone();
+    for value in scaled.pixels_mut().iter_mut().flat_map(|pixel| &mut pixel[..3]) {
+        *value *= factor;
+    }
+    scaled
+}
+
+/// A black square of 8 x 8 pixels.
+fn with_hole(image: &Image) -> Image {
+    let mut changed = image.clone();
+    for index in (500..508).flat_map(|y| (900..908).map(move |x| y * WIDTH + x)) {
+        changed.pixels_mut()[index as usize] = [0.0, 0.0, 0.0, 1.0];
+    }
+    changed
+}
+
+/// What a frame that differs everywhere takes at most: both images, and FLIP of all of it.
+pub(super) fn compare_one() {
+    let golden = golden();
+    let actual = scaled(&golden, 1.01);
+    assert!(FrameTolerance::default().compare(&golden, &actual, None).is_err());
+}
+
+fn pair<'a>(golden: &'a Image, actual: &'a Image) -> Pair<'a> {
+    Pair::new(golden, actual).expect("the images are finite")
+}
+
+pub(super) fn run() {
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    one.expect("a thread starts").install(measure);
+    let peaks = (0..3).map(|_| spawn("one_frame", &[]).1.parse().expect("a child prints its peak"));
+    println!(
+        "  peak memory of a frame that differs everywhere [MB]  {}",
+        Spread::of(peaks.collect())
+    );
+}
+
+fn measure() {
+    println!("\na frame of 1920 x 1080 against its golden, one thread [ms]");
+    let golden = golden();
+    let copy = golden.clone();
+    let [drifted, brighter] = [1.0001, 1.01].map(|factor| scaled(&golden, factor));
+    let hole = with_hole(&golden);
+    let exposures = ExposureRange::of(&golden);
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = folder.path().join("frame.exr");
+    golden.write_exr(&file, Precision::Half, None).expect("written");
+    let gate = Gate::default();
+    let bytes = |image: &Image| image.pixels().len() * 16;
+    println!("  images of {} MB, {} exposures", bytes(&golden) >> 20, exposures.count());
+
+    let read = || {
+        assert!(
+            bytemuck::cast_slice::<_, u8>(golden.pixels())
+                == bytemuck::cast_slice::<_, u8>(copy.pixels())
+        )
+    };
+    let equal = || assert!(pair(&golden, &copy).is_identical());
+    let passes = || assert!(gate.passes(&pair(&golden, &drifted)).is_some());
+    let local = || assert!(gate.passes(&pair(&golden, &hole)).is_none());
+    let outliers = || assert!(gate.outliers(&pair(&golden, &brighter)).is_some());
+    let cropped = || {
+        let pair = pair(&golden, &hole).with_exposures(exposures);
+        assert!(Flip::LARGEST_TILE.map(&pair).expect("computed").largest_tile(&pair).0 > 0.01);
+    };
+    let whole = || {
+        let pair = pair(&golden, &hole).with_exposures(exposures);
+        assert!(Flip::LARGEST_TILE.whole(&pair).expect("computed").largest_tile(&pair).0 > 0.01);
+    };
+    let round = || drop(black_box(golden.rounded_to(Precision::Half)));
+    let write = || golden.write_exr(&file, Precision::Half, None).expect("written");
+    let reread = || drop(black_box(Image::read_exr(&file).expect("readable")));
+    type Task<'a> = (&'a str, &'a dyn Fn(), usize);
+    let tasks: [Task<'_>; 10] = [
+        ("both images read once", &read, 15),
+        ("equal: bits, finiteness", &equal, 15),
+        ("drift of 1e-4: the gate passes", &passes, 15),
+        ("a hole of 8 x 8: the gate fails", &local, 15),
+        ("1 % everywhere: all outliers", &outliers, 15),
+        ("FLIP of the hole", &cropped, 9),
+        ("FLIP of all pixels", &whole, 3),
+        ("rounded to half floats", &round, 9),
+        ("EXR written", &write, 3),
+        ("EXR read", &reread, 5),
+    ];
+    let mut baseline = 0.0;
+    for (name, task, repetitions) in tasks {
+        task();
+        let time = |_| {
+            let start = Instant::now();
+            task();
+            start.elapsed().as_secs_f64() * 1e3
+        };
+        let spread = Spread::of((0..repetitions).map(time).collect());
+        if baseline == 0.0 {
+            baseline = spread.0[0];
+        }
+        println!("  {name:<32} {spread}  x {:.2}", spread.0[0] / baseline);
+    }
+    black_box(peak_memory());
+}

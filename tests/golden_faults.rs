@@ -1,0 +1,244 @@
+//! Which faults the default tolerance of frames sees, and which changes it lets pass.
+//!
+//! Each is planted in one scene of the host's: spheres with highlights on a chequered floor with
+//! their shadows, 640 x 360 pixels in HDR. The table goes to `target/karat/golden-faults.md`.
+
+use std::fmt::Write as _;
+use std::ops::RangeInclusive;
+
+use glam::DVec3;
+use karat::{Criterion, Flip, FrameTolerance, Gate, Image, Metric, Pair, Precision};
+
+const WIDTH: u32 = 640;
+const HEIGHT: u32 = 360;
+
+/// The scene, with what can be wrong in it.
+#[derive(Clone, Copy)]
+struct Scene {
+    /// What the light of the second sphere is multiplied by.
+    second: f64,
+    /// What highlights are multiplied by.
+    highlights: f64,
+    /// How far shadows are moved to the right, as a share of a pixel's width on the floor.
+    shadow: f64,
+}
+
+const RIGHT: Scene = Scene { second: 1.0, highlights: 1.0, shadow: 0.0 };
+
+/// Centre and colour of a sphere of radius 1.
+const SPHERES: [(DVec3, DVec3); 5] = [
+    (DVec3::new(-4.6, 1.0, 0.5), DVec3::new(0.7, 0.2, 0.1)),
+    (DVec3::new(-2.3, 1.0, -0.6), DVec3::new(0.2, 0.6, 0.2)),
+    (DVec3::new(0.0, 1.0, 0.4), DVec3::new(0.7, 0.7, 0.7)),
+    (DVec3::new(2.3, 1.0, -0.5), DVec3::new(0.1, 0.2, 0.7)),
+    (DVec3::new(4.6, 1.0, 0.6), DVec3::new(0.8, 0.6, 0.1)),
+];
+const EYE: DVec3 = DVec3::new(0.0, 2.6, 9.0);
+const SUN: DVec3 = DVec3::new(0.48, 0.8, 0.36);
+
+/// Distance to the nearer side of a sphere.
+fn hit(from: DVec3, towards: DVec3, centre: DVec3) -> Option<f64> {
+    let to = centre - from;
+    let along = to.dot(towards);
+    let rest = 1.0 - (to.length_squared() - along * along);
+    (rest > 0.0 && along > rest.sqrt()).then(|| along - rest.sqrt())
+}
+
+fn lit(at: DVec3) -> bool {
+    SPHERES.iter().all(|(centre, _)| hit(at, SUN, *centre).is_none())
+}
+
+impl Scene {
+    fn light(&self, x: f64, y: f64) -> DVec3 {
+        let plane = DVec3::new(x - 320.0, 150.0 - y, -620.0);
+        let towards = plane.normalize();
+        let spheres = SPHERES.iter().enumerate();
+        let hits = spheres.filter_map(|(i, (c, _))| hit(EYE, towards, *c).map(|t| (t, i)));
+        let nearest = hits.min_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((distance, index)) = nearest {
+            let at = EYE + distance * towards;
+            let (centre, colour) = SPHERES[index];
+            let normal = at - centre;
+            let mirrored = towards - 2.0 * towards.dot(normal) * normal;
+            let sun = normal.dot(SUN).max(0.0);
+            let highlight = self.highlights * 60.0 * mirrored.dot(SUN).max(0.0).powi(400);
+            let light = colour * (3.0 * sun + 0.25 + 0.15 * normal.y) + DVec3::splat(highlight);
+            return if index == 1 { self.second * light } else { light };
+        }
+        if towards.y >= 0.0 {
+            return DVec3::new(0.35, 0.55, 1.0) * (0.8 + 0.6 * towards.y);
+        }
+        let at = EYE - EYE.y / towards.y * towards;
+        // A pixel is as wide as this at the distance of the floor.
+        let pixel = at.distance(EYE) / plane.length();
+        let sun = if lit(at - DVec3::X * self.shadow * pixel) { 3.0 * SUN.y } else { 0.0 };
+        let chequer = (at.x.floor() + at.z.floor()).rem_euclid(2.0);
+        DVec3::splat((0.25 + 0.3 * chequer) * (sun + 0.3)) / (1.0 + 1e-3 * at.length_squared())
+    }
+
+    fn draw(&self) -> Image {
+        let pixel = |index: u32| {
+            let (x, y) = (f64::from(index % WIDTH), f64::from(index / WIDTH));
+            let [r, g, b] = self.light(x + 0.5, y + 0.5).as_vec3().to_array();
+            [r, g, b, 1.0]
+        };
+        Image::new(WIDTH, HEIGHT, (0..WIDTH * HEIGHT).map(pixel).collect())
+    }
+}
+
+fn scaled(image: &Image, factor: f32) -> Image {
+    let pixels = image.pixels().iter().map(|[r, g, b, a]| [r * factor, g * factor, b * factor, *a]);
+    Image::new(WIDTH, HEIGHT, pixels.collect())
+}
+
+/// Pixels of edges that take the colour of the pixel beside them: `count` of them, evenly spread
+/// over all there are.
+fn edges_moved(image: &Image, count: usize) -> Image {
+    let bright = |pixel: &[f32; 4]| pixel[0] + pixel[1] + pixel[2];
+    let edge = |index: &usize| {
+        let (here, beside) = (bright(&image.pixels()[*index]), bright(&image.pixels()[index + 1]));
+        index % WIDTH as usize + 1 < WIDTH as usize && here.max(beside) > 2.0 * here.min(beside)
+    };
+    let edges: Vec<usize> = (0..image.pixels().len() - 1).filter(edge).collect();
+    let mut moved = image.clone();
+    for index in (0..count).map(|i| edges[(2 * i + 1) * edges.len() / (2 * count)]) {
+        moved.pixels_mut()[index] = image.pixels()[index + 1];
+    }
+    moved
+}
+
+fn changed(image: &Image, change: impl Fn(u32, u32, &mut [f32; 4])) -> Image {
+    let mut changed = image.clone();
+    for (index, pixel) in (0..).zip(changed.pixels_mut()) {
+        change(index % WIDTH, index / WIDTH, pixel);
+    }
+    changed
+}
+
+/// What should become of a change.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Verdict {
+    /// Within the gate.
+    Gate,
+    /// Outside of the gate, and hardly seen.
+    Flip,
+    /// Seen on the profile that the golden was made on, hardly on others.
+    FlipElsewhere,
+    /// Seen everywhere.
+    Fault,
+}
+
+/// A change, what should become of it, and the largest tile that HDR-FLIP should find.
+struct Row {
+    name: &'static str,
+    verdict: Verdict,
+    tile: RangeInclusive<f64>,
+    actual: Image,
+}
+
+fn rows(golden: &Image) -> Vec<Row> {
+    let row = |name, verdict, tile, actual| Row { name, verdict, tile, actual };
+    let hole = |x: u32, y: u32| (300..308).contains(&x) && (300..308).contains(&y);
+    let black = |x: u32, y: u32, pixel: &mut [f32; 4]| {
+        if hole(x, y) {
+            *pixel = [0.0, 0.0, 0.0, 1.0];
+        }
+    };
+    vec![
+        row("relative drift 1e-4", Verdict::Gate, 1.2e-3..=1.7e-3, scaled(golden, 1.0001)),
+        row(
+            "rounding to half floats",
+            Verdict::Gate,
+            3.0e-3..=4.2e-3,
+            golden.rounded_to(Precision::Half),
+        ),
+        row("one pixel of an edge", Verdict::Flip, 4.5e-3..=6.3e-3, edges_moved(golden, 1)),
+        row(
+            "20 pixels of edges, scattered",
+            Verdict::FlipElsewhere,
+            0.0175..=0.024,
+            edges_moved(golden, 20),
+        ),
+        row(
+            "one sphere 5 % brighter",
+            Verdict::Fault,
+            0.095..=0.13,
+            Scene { second: 1.05, ..RIGHT }.draw(),
+        ),
+        row(
+            "highlights halved",
+            Verdict::Fault,
+            0.18..=0.25,
+            Scene { highlights: 0.5, ..RIGHT }.draw(),
+        ),
+        row(
+            "shadows moved by a pixel",
+            Verdict::Fault,
+            0.137..=0.185,
+            Scene { shadow: 1.0, ..RIGHT }.draw(),
+        ),
+        row("a hole of 8 x 8 pixels", Verdict::Fault, 0.079..=0.107, changed(golden, black)),
+        row("everything 1 % brighter", Verdict::Fault, 0.032..=0.043, scaled(golden, 1.01)),
+        row(
+            "alpha of one pixel",
+            Verdict::Fault,
+            f64::INFINITY..=f64::INFINITY,
+            changed(golden, |x, y, pixel| {
+                if (x, y) == (5, 5) {
+                    pixel[3] = 0.9;
+                }
+            }),
+        ),
+    ]
+}
+
+#[test]
+fn faults_are_seen_and_benign_changes_pass() {
+    let golden = RIGHT.draw();
+    let [own, foreign] = [false, true].map(FrameTolerance::standard);
+    let mut table = "# Changes of a frame, and the default tolerance\n\n\
+        HDR-FLIP errors; a tile may have .01 on the profile of the golden and .03 on others.\n\n\
+        | change | pixels off by 1e-3 | largest tile | mean | verdict |\n|---|---|---|---|---|\n"
+        .to_owned();
+    let mut complaints = Vec::new();
+    for Row { name, verdict, tile, actual } in rows(&golden) {
+        let pair = Pair::new(&golden, &actual).expect("finite");
+        // Of what the gate passes, too.
+        let measure = |flip: Flip| match Gate::default().passes(&pair) {
+            None => flip.measure(&pair).value,
+            Some(_) => {
+                let map = flip.whole(&pair).expect("computed");
+                if flip == Flip::MEAN { map.mean(&pair) } else { map.largest_tile(&pair).0 }
+            }
+        };
+        let (largest, mean) = (measure(Flip::LARGEST_TILE), measure(Flip::MEAN));
+        let off = Gate::default().outliers(&pair).map_or(0, |outliers| outliers.count);
+        let compared = [&own, &foreign].map(|tolerance| tolerance.compare(&golden, &actual, None));
+        let found = match compared.map(|margin| margin.map(|margin| margin.decided_by)) {
+            [Ok(Criterion::Gate), _] => Verdict::Gate,
+            [Ok(_), _] => Verdict::Flip,
+            [Err(_), Ok(_)] => Verdict::FlipElsewhere,
+            [Err(_), Err(_)] => Verdict::Fault,
+        };
+        writeln!(table, "| {name} | {off} | {largest:.4} | {mean:.5} | {found:?} |").expect("text");
+        if found != verdict || !tile.contains(&largest) {
+            complaints
+                .push(format!("{name}: {found:?}, {largest}; expected {verdict:?}, {tile:?}"));
+        }
+    }
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/karat");
+    std::fs::create_dir_all(&folder).expect("a folder of build output");
+    std::fs::write(folder.join("golden-faults.md"), &table).expect("written");
+    println!("{table}");
+    assert!(complaints.is_empty(), "{}", complaints.join("\n"));
+}
+
+/// What a wider tolerance would let pass is seen by the gate alone.
+#[test]
+fn the_gate_alone_sees_all_of_them() {
+    let golden = RIGHT.draw();
+    for Row { name, verdict, actual, .. } in rows(&golden) {
+        let passes = FrameTolerance::gate(1e-3).compare(&golden, &actual, None).is_ok();
+        assert_eq!(passes, verdict == Verdict::Gate, "{name}");
+    }
+}
