@@ -89,12 +89,16 @@ impl Goldens {
     /// If a pending file can't be read, or isn't Karat's.
     pub fn pending(&self) -> Result<Vec<Pending>, AcceptError> {
         let mut found = Vec::new();
-        let pattern = self.folder().join("**/*.new.exr");
+        // The folder's name is no pattern, whatever it holds.
+        let folder = glob::Pattern::escape(&self.folder().to_string_lossy());
+        let pattern = Path::new(&folder).join("**/*.new.exr");
         let files = glob::glob(&pattern.to_string_lossy()).into_iter().flatten();
         for path in files.filter_map(Result::ok) {
             let (_, metadata) = Image::read_exr(&path)?;
             let provenance: Provenance = metadata
                 .and_then(|metadata| serde_json::from_str(&metadata).ok())
+                // Its name becomes a file's.
+                .filter(|provenance: &Provenance| super::is_name(&provenance.case))
                 .ok_or_else(|| AcceptError::Foreign(shown(&path)))?;
             found.push(Pending { case: provenance.case.clone(), path, provenance });
         }
