@@ -86,7 +86,9 @@ fn unpack(path: &Path, folder: &Path) -> anyhow::Result<()> {
     for index in 0..entries {
         let entry = archive.by_index(index).context("an entry can't be read")?;
         let name = entry.name().context("an entry has no name")?.escape_debug().to_string();
-        let Some(relative) = entry.enclosed_name() else {
+        // The crate makes `/etc/x` relative, which is safe, and a sign of nothing good.
+        let relative = entry.enclosed_name().filter(|_| !name.starts_with(['/', '\\']));
+        let Some(relative) = relative else {
             bail!("its entry `{name}` would lie outside of the folder it is unpacked into");
         };
         let wanted = name.ends_with(".new.exr") || name.ends_with(".new.variance.exr");

@@ -179,11 +179,11 @@ impl Evidence {
         for record in records {
             let ran = record.paths.iter().map(|path| Profile::of(&path.adapter).to_string());
             let ran: BTreeSet<String> = ran.collect();
-            if let Subject::Frame { golden, folder, .. } = &record.subject {
-                if same(folder) {
-                    frames.insert(golden.clone());
-                    pairs.extend(ran.iter().map(|profile| (golden.clone(), profile.clone())));
-                }
+            if let Subject::Frame { golden, folder, .. } = &record.subject
+                && same(folder)
+            {
+                frames.insert(golden.clone());
+                pairs.extend(ran.iter().map(|profile| (golden.clone(), profile.clone())));
             }
             profiles.extend(ran);
         }

@@ -13,12 +13,9 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
         write!(out, "{name}: {}, {} x {}", side.file, side.width, side.height)?;
         write_census(side, out)?;
     }
-    if let Some(gate) = &comparison.gate {
-        if comparison.verdict != Verdict::Equal {
-            write_gate(gate, comparison.compared, out)?;
-        }
-    }
-    if let (Some(flip), false) = (&comparison.flip, comparison.verdict == Verdict::Equal) {
+    let equal = comparison.verdict == Verdict::Equal;
+    if let (Some(gate), Some(flip), false) = (&comparison.gate, &comparison.flip, equal) {
+        write_gate(gate, comparison.compared, out)?;
         write_flip(flip, out)?;
     }
     let all = u64::from(a.width) * u64::from(a.height);
