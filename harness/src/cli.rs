@@ -131,6 +131,8 @@ enum Command {
     /// List goldens that no test compared in the last full run
     #[command(after_help = "Examples:\n  karat test && karat unreferenced\n  \
                             karat unreferenced --delete\n\
+                            A test that is ignored, or behind a feature that is off, compares \
+                            nothing.\n\
                             Exit codes: 0 each golden was compared; 1 one wasn't, or a file is no \
                             golden's;\n2 a file can't be read; 3 there is no record of a full run \
                             that passed, and so no verdict.")]

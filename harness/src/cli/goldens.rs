@@ -47,7 +47,8 @@ pub(super) struct FromArgs {
 }
 
 impl FromArgs {
-    fn open(&self) -> anyhow::Result<Option<Artefact>> {
+    /// `None`: those of the project.
+    pub(super) fn open(&self) -> anyhow::Result<Option<Artefact>> {
         self.from.as_deref().map(Artefact::open).transpose()
     }
 }

@@ -22,7 +22,7 @@ pub(super) struct OutputArgs {
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
     /// Print GitHub's annotations of failures and append to the job's summary [default: where
-    /// GITHUB_ACTIONS is set]
+    /// GITHUB_ACTIONS is `true`]
     #[arg(long)]
     github: bool,
 }
