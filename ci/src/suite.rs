@@ -1,15 +1,16 @@
 //! `cargo ci test`: all of CI.
 
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 
 use crate::setup::{self, PATHS};
 use crate::step::Steps;
 use crate::{command, lint};
 
-/// Runs every step, whatever became of those before it; the tests come last, so that the
-/// test runner's closing lines are the last thing on stdout.
+/// Runs every step, whatever became of those before it. What comes after the tests prints to stderr,
+/// so that the test runner's closing lines are the last thing on stdout.
 pub(crate) fn run() -> ExitCode {
     let mut steps = Steps::new("cargo ci test");
     steps.run("setup", setup::install_missing);
@@ -18,6 +19,8 @@ pub(crate) fn run() -> ExitCode {
     steps.run("build", build);
     steps.run("paths", open_paths);
     steps.run("tests", test);
+    steps.run("report", report);
+    steps.run("goldens", unreferenced);
     steps.finish()
 }
 
@@ -35,8 +38,64 @@ pub(crate) fn open_paths() -> Result<()> {
     command::run(&mut command::karat(&["doctor", "--require", PATHS])?)
 }
 
+/// Every test, with its verdicts recorded where `karat` looks for the record of the last run.
 fn test() -> Result<()> {
+    let record = record();
+    clear(&record)?;
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
     // A path that doesn't open must fail the run: a test skipped there would prove nothing.
-    command::run(test.env("KARAT_PATHS", "all").env("KARAT_REQUIRE", PATHS))
+    test.env("KARAT_PATHS", "all").env("KARAT_REQUIRE", PATHS).env("KARAT_RECORD", &record);
+    let outcome = command::run(&mut test);
+    std::fs::write(record.join("run.json"), ending(outcome.is_ok()))
+        .with_context(|| format!("the tests recorded nothing in `{}`", record.display()))
+        .and(outcome)
+}
+
+/// JUnit and, on GitHub, annotations and the job's summary. A check that failed has failed the
+/// tests already; here it isn't counted a second time.
+fn report() -> Result<()> {
+    let junit = output().join("junit.xml");
+    let mut report = command::karat(&["report", "--junit"])?;
+    match command::run_aside(report.arg(&junit)) {
+        Err(error) if command::exit_code(&error) == 1 => Ok(()),
+        outcome => outcome,
+    }
+}
+
+/// A golden that no test compares is dead weight, or its test is gone.
+fn unreferenced() -> Result<()> {
+    command::run_aside(&mut command::karat(&["unreferenced"])?)
+}
+
+/// Where what runs leave behind goes, as `karat` has it.
+fn output() -> PathBuf {
+    let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
+    command::root().join(target).join("karat")
+}
+
+fn record() -> PathBuf {
+    output().join("record")
+}
+
+/// What `karat` reads of how a run was made (`karat::record::Run`): no test was left out.
+fn ending(passed: bool) -> String {
+    serde_json::json!({ "schema": 2, "selected": [], "passed": passed }).to_string()
+}
+
+fn clear(folder: &Path) -> Result<()> {
+    match std::fs::remove_dir_all(folder) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(error).with_context(|| format!("can't clear `{}`", folder.display()))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_run_says_how_it_was_made() {
+        let expected = r#"{"passed":true,"schema":2,"selected":[]}"#;
+        assert_eq!(super::ending(true), expected); // harness/tests/reports.rs reads the same text
+    }
 }

@@ -1,24 +1,33 @@
 //! `karat`: the loop around the tests.
 //!
-//! Exit codes: 0 when all is well; 1 when a check fails, a frame differs or a path is missing; 2
-//! when the command couldn't do its work.
+//! Exit codes: 0 when all is well; 1 when a check fails, a frame differs, a golden is unreferenced,
+//! an acceptance is refused or a path is missing; 2 when the command couldn't do its work; 3 when
+//! what it was to look at isn't there: an image, a golden, a pending frame, the record of a full
+//! run.
 
+mod artefact;
 mod call;
+mod diff;
 mod doctor;
 mod goldens;
+mod heatmap;
 mod list;
+mod preview;
 mod project;
 mod render;
+mod report;
 mod review;
 mod show;
 mod table;
 mod test;
+mod unreferenced;
 
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
+use karat::{AcceptError, ImageError};
 
 /// The exit code of a command that did its work: whether all was well.
 type Outcome = anyhow::Result<Verdict>;
@@ -28,12 +37,29 @@ type Outcome = anyhow::Result<Verdict>;
 enum Verdict {
     Good,
     Bad,
+    /// What it should be compared with isn't there.
+    Missing,
+}
+
+impl From<Verdict> for ExitCode {
+    fn from(verdict: Verdict) -> Self {
+        Self::from(match verdict {
+            Verdict::Good => 0,
+            Verdict::Bad => 1,
+            Verdict::Missing => 3,
+        })
+    }
 }
 
 /// A command couldn't do its work, and the program that it ran has said why.
 #[derive(Debug, thiserror::Error)]
 #[error("see above")]
 struct Reported;
+
+/// What a command was to look at isn't there.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+struct NotThere(String);
 
 #[derive(Parser)]
 #[command(
@@ -44,7 +70,9 @@ struct Reported;
                   Environment: KARAT_PATHS (vulkan, gl, all), KARAT_REQUIRE (paths that must run), \
                   KARAT_ADAPTER (part of a name),\nKARAT_DEADLINE (seconds), KARAT_SEED and \
                   KARAT_CASE (replay),\nKARAT_OVERLAY (a folder of files that stand in for \
-                  modules), NO_COLOR."
+                  modules), NO_COLOR.\n\
+                  Exit codes: 0 good; 1 a check failed, a frame differs, an acceptance is refused; \
+                  2 the command couldn't do its work;\n3 what it was to look at isn't there."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -55,9 +83,17 @@ struct Cli {
 enum Command {
     /// Run the tests and print function x path with cases and worst error
     #[command(after_help = "Examples:\n  karat test\n  karat test schlick --paths all\n  \
-                            karat test -p tests --require vulkan,gl\n\
-                            Fails if a test fails, or if no check ran at all.")]
+                            karat test -p tests --require vulkan,gl\n  \
+                            karat test --junit target/karat/junit.xml\n\
+                            Fails if a test fails, or if no check ran at all. On GitHub (or with \
+                            --github) failures are annotated\nand summarised.")]
     Test(test::Args),
+    /// Print what the last run recorded, and write it for CI
+    #[command(after_help = "Examples:\n  karat report\n  karat report --github\n  \
+                            karat report --junit target/karat/junit.xml\n\
+                            Exit codes: 0 every check passed; 1 one failed; 2 the record can't be \
+                            read; 3 there is none.")]
+    Report(report::Args),
     /// List the functions of the shader packages, with signatures and whether they are tested
     List(list::Args),
     /// Print the linked shader of a function with its generated kernel
@@ -74,14 +110,24 @@ enum Command {
     /// Tell which execution paths open, with drivers and versions, and how to get what is missing
     Doctor(doctor::Args),
     /// List frames that differ from their golden, or have none
+    #[command(after_help = "Examples:\n  karat pending\n  karat pending --from karat.zip --json\n\
+                      Exit codes: 0 nothing is pending; 1 a frame differs; 2 a file can't be read; \
+                      3 frames are new, none differs.")]
     Pending(goldens::PendingArgs),
     /// Make a pending frame the golden
     #[command(
         after_help = "Examples:\n  karat accept scene --because \"the coat conserves energy\"\n  \
-                            karat accept 'furnace/*' --because \"new mesh\""
+                            karat accept 'furnace/*' --because \"new mesh\"\n  \
+                            karat accept scene --from karat.zip --because \"as reviewed\"\n\
+                            Exit codes: 0 accepted; 1 refused (the golden changed since, another \
+                            adapter, NaN, too large);\n2 a file can't be read or written; 3 no \
+                            such frame is pending."
     )]
     Accept(goldens::AcceptArgs),
     /// Delete a pending frame
+    #[command(after_help = "Examples:\n  karat reject scene\n  karat reject '*'\n\
+                            Exit codes: 0 deleted; 2 a file can't be deleted; 3 no such frame is \
+                            pending.")]
     Reject(goldens::RejectArgs),
     /// Look at pending frames beside their goldens in a browser, and accept or reject them there
     #[command(after_help = "Examples:\n  karat review --open\n  \
@@ -92,6 +138,18 @@ enum Command {
                             Exit codes: 0 nothing is left pending, or the page is written; 1 some \
                             are; 2 an error.")]
     Review(review::Args),
+    /// List goldens that no test compared in the last full run
+    #[command(after_help = "Examples:\n  karat test && karat unreferenced\n  \
+                            karat unreferenced --delete\n\
+                            A test that is ignored, or behind a feature that is off, compares \
+                            nothing.\n\
+                            Exit codes: 0 each golden was compared; 1 one wasn't, or a file is no \
+                            golden's;\n2 a file can't be read; 3 there is no record of a full run \
+                            that passed, and so no verdict.")]
+    Unreferenced(unreferenced::Args),
+    /// Compare any two images, EXR or PNG
+    #[command(after_help = diff::EXAMPLES)]
+    Diff(diff::Args),
     /// Write frames of the project's gallery as EXR (linear, 32-bit float) and PNG (to look at)
     #[command(after_help = "Examples:\n  karat render --list\n  karat render --scene\n  \
                             karat render 'furnace/*' --size 640x360 --samples 256 --exposure -1\n\
@@ -100,7 +158,7 @@ enum Command {
                             a frame can't be rendered or has values that are not finite.")]
     Render(karat::RenderArguments),
     /// Write an EXR image as a tone-mapped PNG, to look at it
-    Preview(goldens::PreviewArgs),
+    Preview(preview::Args),
     /// Print a completion script for a shell
     Completions {
         /// The shell
@@ -123,6 +181,7 @@ pub(crate) fn run() -> ExitCode {
     let mut out = anstream::stdout().lock();
     let result = match cli.command {
         Command::Test(args) => test::run(&args, &mut out),
+        Command::Report(args) => report::run(&args, &mut out),
         Command::List(args) => list::run(&args, &mut out),
         Command::Show(args) => show::run(&args, &mut out),
         Command::Call(args) => call::run(&args, &mut out),
@@ -130,9 +189,11 @@ pub(crate) fn run() -> ExitCode {
         Command::Pending(args) => goldens::pending(&args, &mut out),
         Command::Accept(args) => goldens::accept(&args, &mut out),
         Command::Reject(args) => goldens::reject(&args, &mut out),
+        Command::Unreferenced(args) => unreferenced::run(&args, &mut out),
+        Command::Diff(args) => diff::run(&args, &mut out),
         Command::Review(args) => review::run(&args, &mut out),
         Command::Render(args) => render::run(args),
-        Command::Preview(args) => goldens::preview(&args, &mut out),
+        Command::Preview(args) => preview::run(&args, &mut out),
         Command::Completions { shell } => {
             // The generator panics where it can't write, so it writes to memory.
             let mut script = Vec::new();
@@ -142,19 +203,41 @@ pub(crate) fn run() -> ExitCode {
     };
     let result = result.and_then(|verdict| Ok(out.flush().map(|()| verdict)?));
     match result {
-        Ok(Verdict::Good) => ExitCode::SUCCESS,
-        Ok(Verdict::Bad) => ExitCode::from(1),
+        Ok(verdict) => verdict.into(),
         // Whoever reads the output has seen enough: `karat list | head`.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) if error.is::<Reported>() => ExitCode::from(2),
         Err(error) => {
-            let text = format!("{error:#}");
-            let prefix = if text.starts_with("error") { "" } else { "error: " };
-            // There is nowhere left to report that stderr is closed.
-            drop(writeln!(anstream::stderr(), "{prefix}{text}"));
-            ExitCode::from(2)
+            complain(&format!("{error:#}"));
+            ExitCode::from(if is_missing(&error) { 3 } else { 2 })
         }
     }
+}
+
+/// An error for people.
+fn complain(text: &str) {
+    let prefix = if text.starts_with("error") { "" } else { "error: " };
+    // There is nowhere left to report that stderr is closed.
+    drop(writeln!(anstream::stderr(), "{prefix}{text}"));
+}
+
+/// Whether the error is that something isn't there, and not that it can't be used.
+fn is_missing(error: &anyhow::Error) -> bool {
+    let missing = |image: &ImageError| matches!(image, ImageError::Missing { .. });
+    error.is::<NotThere>()
+        || error.downcast_ref().is_some_and(missing)
+        || error.downcast_ref().is_some_and(|error| match error {
+            AcceptError::NotPending { .. } => true,
+            AcceptError::Image(image) => missing(image),
+            _ => false,
+        })
+}
+
+/// Writes JSON, indented, with an end of line.
+fn write_json(value: &impl serde::Serialize, out: &mut dyn Write) -> anyhow::Result<()> {
+    serde_json::to_writer_pretty(&mut *out, value)?;
+    writeln!(out)?;
+    Ok(())
 }
 
 fn is_broken_pipe(error: &anyhow::Error) -> bool {

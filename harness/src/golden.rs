@@ -224,8 +224,7 @@ impl Goldens {
         case: &str,
         frame: &Rendered<'_>,
     ) -> Result<FrameMargin, GoldenError> {
-        let sound = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
-        if !case.split('/').all(|part| !part.is_empty() && part.chars().all(sound)) {
+        if !is_name(case) {
             return Err(GoldenError::Name(case.to_owned()));
         }
         let profile = Profile::of(frame.adapter);
@@ -333,6 +332,12 @@ impl Goldens {
         };
         format!("then `karat accept {case}{accept} --because \"...\"` or `karat reject {case}`")
     }
+}
+
+/// Whether this can name a golden: it leaves no folder, on any system.
+fn is_name(case: &str) -> bool {
+    let sound = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
+    case.split('/').all(|part| !part.is_empty() && part.chars().all(sound))
 }
 
 fn unwritten(case: &str, failure: &str, source: ImageError) -> GoldenError {

@@ -1,7 +1,8 @@
 //! What a run found, as data: one JSON line for each verdict.
 //!
 //! Every process of a run appends to a file of its own in the folder that `KARAT_RECORD` names;
-//! the command line reads them all. Nothing is written when the variable isn't set.
+//! the command line reads them all. Nothing is written when the variable isn't set. Whoever starts a
+//! run says in `run.json` how it was made ([`Run`]), when it has ended.
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Write};
@@ -73,6 +74,12 @@ pub enum Subject {
     Frame {
         /// Name of the golden.
         golden: String,
+        /// The folder of goldens; empty if the frame was compared with a number.
+        #[serde(default)]
+        folder: String,
+        /// `file:line:column` of the call in the test, the file as the compiler was given it.
+        #[serde(default)]
+        location: String,
     },
 }
 
@@ -93,6 +100,51 @@ pub struct PathRecord {
     pub asserted: String,
     /// Why this path was declared to fail; `None`: it was to pass.
     pub known_issue: Option<String>,
+}
+
+/// How a run was made: `run.json`, beside its records. A record without it is of a run that didn't
+/// end, and is no evidence that something was left out.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Run {
+    /// See [`SCHEMA`].
+    pub schema: u32,
+    /// What chose among the tests: a filter, packages, targets. Empty: every test ran.
+    pub selected: Vec<String>,
+    /// Whether every test passed. What comes after a failure in its test isn't recorded.
+    pub passed: bool,
+}
+
+impl Run {
+    /// The file in the folder of records.
+    const FILE: &'static str = "run.json";
+
+    /// Keeps it with the records of a folder.
+    ///
+    /// # Errors
+    /// If the file can't be written.
+    pub fn write(&self, folder: &Path) -> std::io::Result<()> {
+        let text = serde_json::to_string(self).expect("a run is plain data");
+        std::fs::write(folder.join(Self::FILE), text)
+    }
+
+    /// How the run of a folder's records was made; `None` if nobody says.
+    ///
+    /// # Errors
+    /// If the file can't be read or isn't of this version.
+    pub fn read(folder: &Path) -> Result<Option<Self>, RecordError> {
+        let file = folder.join(Self::FILE);
+        let path = file.display().to_string();
+        let text = match std::fs::read_to_string(&file) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            read => read.map_err(|source| RecordError::Read { path: path.clone(), source })?,
+        };
+        let bad = |reason: String| RecordError::Line { path: path.clone(), line: 1, reason };
+        let run: Self = serde_json::from_str(&text).map_err(|error| bad(error.to_string()))?;
+        if run.schema != SCHEMA {
+            return Err(bad(format!("it has version {}", run.schema)));
+        }
+        Ok(Some(run))
+    }
 }
 
 /// The overlay that is in force, as records have it.
@@ -184,7 +236,7 @@ pub fn read(folder: &Path) -> Result<Vec<Record>, RecordError> {
     let key = |record: &Record| {
         let subject = match &record.subject {
             Subject::Function { function, check, .. } => format!("{function} {check}"),
-            Subject::Frame { golden } => format!("~{golden}"),
+            Subject::Frame { golden, .. } => format!("~{golden}"),
         };
         (subject, record.test.clone())
     };

@@ -1,11 +1,21 @@
 //! The command line as a process: what it prints, and its exit code.
 
+#[path = "cli/diff.rs"]
+mod diff;
+#[path = "cli/pending.rs"]
+mod pending;
+#[path = "cli/report.rs"]
+mod report;
+#[path = "cli/unreferenced.rs"]
+mod unreferenced;
+
 use std::io::Read;
 use std::path::Path as FilePath;
 use std::process::{Command, Stdio};
 
-use karat::{Adapter, Image, Precision, Provenance};
 use tempfile::TempDir;
+
+use self::pending::pending_frame;
 
 const SHADERS: [(&str, &str); 3] = [
     ("constants.wgsl", "const TWO = 2.0;\n"),
@@ -63,7 +73,13 @@ impl Ran {
     /// The message of a command that couldn't do its work.
     #[track_caller]
     fn error(self) -> String {
-        assert_eq!(self.code, Some(2), "{self:?}");
+        self.failure(2)
+    }
+
+    /// The message of a command that ended with this code.
+    #[track_caller]
+    fn failure(self, code: i32) -> String {
+        assert_eq!(self.code, Some(code), "{self:?}");
         assert!(self.err.starts_with("error: "), "{self:?}");
         self.err
     }
@@ -76,7 +92,16 @@ fn command(folder: &FilePath, arguments: &[&str]) -> Command {
             command.env_remove(name);
         }
     }
-    for name in ["CI", "NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE", "CARGO_TARGET_DIR"] {
+    for name in [
+        "CI",
+        "GITHUB_ACTIONS",
+        "GITHUB_STEP_SUMMARY",
+        "CARGO",
+        "NO_COLOR",
+        "CLICOLOR",
+        "CLICOLOR_FORCE",
+        "CARGO_TARGET_DIR",
+    ] {
         command.env_remove(name);
     }
     // Mesa's device-select layer complains where there is no window system.
@@ -400,81 +425,6 @@ fn doctor_tells_which_paths_open() {
     assert_eq!(ran.code, Some(1), "{ran:?}");
 }
 
-fn pending_frame(golden: &FilePath, case: &str, adapter: &str) {
-    let image = Image::new(2, 1, vec![[0.25, 0.5, 4.0, 1.0], [1.0; 4]]);
-    let provenance = Provenance {
-        schema: 1,
-        case: case.to_owned(),
-        shader: String::new(),
-        pixels: image.hash(),
-        width: 2,
-        height: 1,
-        color_space: "linear sRGB".to_owned(),
-        precision: Precision::Half,
-        relative: "1e-3".to_owned(),
-        adapter: Adapter {
-            path: "vulkan".to_owned(),
-            name: adapter.to_owned(),
-            driver: String::new(),
-            software: true,
-        },
-        processor: String::new(),
-        compared_with: String::new(),
-        compared_profile: String::new(),
-        exposures: None,
-        accepted_by: String::new(),
-        accepted_at: String::new(),
-        because: String::new(),
-    };
-    let metadata = serde_json::to_string(&provenance).expect("plain data");
-    let path = golden.join(format!("{case}.new.exr"));
-    image.write_exr(&path, Precision::Half, Some(&metadata)).expect("written");
-}
-
-#[test]
-fn pending_frames_are_listed_accepted_and_rejected() {
-    let project = project();
-    let folder = project.path();
-    let golden = folder.join("golden");
-    let missing = karat(folder, &["pending"]);
-    assert_eq!(missing.code, Some(2), "{missing:?}");
-    assert!(missing.err.contains("name the folder of goldens with --golden DIR"), "{missing:?}");
-    std::fs::create_dir_all(golden.join("furnace")).expect("a folder");
-    assert_eq!(karat(folder, &["pending"]).good(), "no frame is pending\n");
-    assert_eq!(karat(folder, &["pending", "--json"]).good(), "[]\n");
-    pending_frame(&golden, "scene", "llvmpipe (LLVM 15.0.6, 256 bits)");
-    pending_frame(&golden, "furnace/rough", "llvmpipe (LLVM 15.0.6, 256 bits)");
-    pending_frame(&golden, "furnace/smooth", "GeForce");
-
-    let out = karat(folder, &["pending"]).good();
-    assert!(out.contains("scene           none    2 x 1  vulkan: llvmpipe"), "{out}");
-    let list = json(&karat(folder, &["pending", "--json"]).good());
-    assert_eq!(list[0]["case"], "furnace/rough");
-
-    assert!(karat(folder, &["accept", "scene"]).error().contains("--because <REASON>"));
-    let error = karat(folder, &["accept", "scene", "--because", " "]).error();
-    assert!(error.contains("accepting `scene` needs a reason"), "{error}");
-    let error = karat(folder, &["accept", "scne", "--because", "why"]).error();
-    assert!(error.contains("no frame `scne` is pending; did you mean `scene`?"), "{error}");
-    let error = karat(folder, &["reject", "scne"]).error();
-    assert!(error.contains("did you mean `scene`?"), "{error}");
-    assert!(golden.join("scene.new.exr").is_file() && !golden.join("scene.exr").exists());
-
-    let accept = ["accept", "scene", "--because", "the first one", "--by", "A. Reviewer"];
-    assert_eq!(karat(folder, &accept).good(), "accepted scene\n");
-    assert!(golden.join("scene.exr").is_file() && !golden.join("scene.new.exr").exists());
-    let facts = std::fs::read_to_string(golden.join("scene.toml")).expect("written");
-    assert!(facts.contains("because = \"the first one\"") && facts.contains("A. Reviewer"));
-
-    let error = karat(folder, &["accept", "furnace/smooth", "--because", "why"]).error();
-    assert!(error.contains("goldens are made on lavapipe"), "{error}");
-    let out = karat(folder, &["reject", "furnace/*", "furnace/rough"]).good();
-    assert_eq!(out, "rejected furnace/rough\nrejected furnace/smooth\n");
-    assert_eq!(karat(folder, &["pending"]).good(), "no frame is pending\n");
-    let error = karat(folder, &["pending", "--golden", "nowhere"]).error();
-    assert!(error.contains("there is no folder `nowhere`"), "{error}");
-}
-
 #[test]
 fn preview_writes_a_png() {
     let project = project();
@@ -500,7 +450,8 @@ fn preview_writes_a_png() {
         ("text.exr", "`text.exr` isn't a readable OpenEXR image"),
         ("none.exr", "there is no image `none.exr`"),
     ] {
-        let error = karat(folder, &["preview", file]).error();
+        let code = if file == "none.exr" { 3 } else { 2 };
+        let error = karat(folder, &["preview", file]).failure(code);
         assert!(error.contains(message), "{error}");
         assert!(!folder.join(file).with_extension("png").exists(), "no PNG of a bad image");
     }
@@ -556,9 +507,12 @@ fn usage_is_explained() {
         ("show", ""),
         ("call", "karat call fresnel::schlick 0.04,0.04,0.04 0.3"),
         ("doctor", ""),
-        ("pending", ""),
+        ("report", "karat report --github"),
+        ("pending", "karat pending --from karat.zip --json"),
         ("accept", "karat accept scene --because \""),
-        ("reject", ""),
+        ("reject", "karat reject scene"),
+        ("unreferenced", "karat unreferenced --delete"),
+        ("diff", "karat diff golden/scene.exr golden/scene.new.exr"),
         ("render", "karat render --scene"),
         ("preview", ""),
         ("completions", ""),

@@ -189,7 +189,7 @@ fn caught(record: &Record) -> Caught {
         Subject::Function { function, check, assertion, .. } => {
             (format!("{function} {check}"), assertion.clone())
         }
-        Subject::Frame { golden } => (format!("frame {golden}"), "its golden".to_owned()),
+        Subject::Frame { golden, .. } => (format!("frame {golden}"), "its golden".to_owned()),
     };
     let path = record.paths.iter().find(|path| path.failures > 0);
     let (failing, worst) = path.map_or_else(Default::default, |path| {

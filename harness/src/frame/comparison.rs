@@ -13,6 +13,7 @@ impl Frame<'_> {
     /// With the [`FrameError`], if it differs or there is nothing to compare with.
     #[track_caller]
     pub fn matches(&self, goldens: &Goldens, case: &str) -> FrameAgreement {
+        let location = std::panic::Location::caller().to_string();
         let mut records = Vec::new();
         let result = self.compare(goldens, case, &mut records);
         let (verdict, message) = match &result {
@@ -29,7 +30,11 @@ impl Frame<'_> {
         record::write(&Record {
             schema: record::SCHEMA,
             test: Identity::current().test,
-            subject: Subject::Frame { golden: case.to_owned() },
+            subject: Subject::Frame {
+                golden: case.to_owned(),
+                folder: goldens.folder().display().to_string(),
+                location,
+            },
             verdict,
             paths: records,
             message,

@@ -28,6 +28,7 @@ impl Frame<'_> {
         expected: [f64; 3],
         tolerance: impl Into<Tolerance>,
     ) -> FrameMean {
+        let location = std::panic::Location::caller().to_string();
         let mut records = Vec::new();
         let result = self.mean(rect, expected, &tolerance.into(), &mut records);
         let verdict = match &result {
@@ -38,7 +39,11 @@ impl Frame<'_> {
         record::write(&Record {
             schema: record::SCHEMA,
             test: Identity::current().test,
-            subject: Subject::Frame { golden: format!("mean of {rect}") },
+            subject: Subject::Frame {
+                golden: format!("mean of {rect}"),
+                folder: String::new(),
+                location,
+            },
             verdict,
             paths: records,
             message: result.as_ref().err().map(ToString::to_string),

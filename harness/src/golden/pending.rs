@@ -6,6 +6,9 @@ use super::{AcceptError, FrameTolerance, Goldens, Provenance, Rendered, SCHEMA};
 use crate::diagnostic::{nearest, shown};
 use crate::image::{Image, ImageError, Precision};
 
+/// The folder of frames that were rendered under an overlay. No golden's name has an `@`.
+const OVERLAID: &str = "@overlay";
+
 /// What a frame was compared with.
 pub(super) struct Against {
     /// Of the golden's pixels; empty if there was none.
@@ -33,7 +36,12 @@ impl Goldens {
     /// frames are to be looked at and not to be accepted.
     fn pending_folder(&self) -> PathBuf {
         let ci = std::env::var_os("CI").is_some_and(|value| !value.is_empty());
-        if !self.beside && (ci || crate::package::overlay().is_some()) {
+        if self.beside {
+            self.folder()
+        } else if crate::package::overlay().is_some() {
+            // In what a CI run leaves, too, they aren't found among those that may be accepted.
+            build_output().join("karat").join(OVERLAID)
+        } else if ci {
             build_output().join("karat/pending")
         } else {
             self.folder()
@@ -89,12 +97,20 @@ impl Goldens {
     /// If a pending file can't be read, or isn't Karat's.
     pub fn pending(&self) -> Result<Vec<Pending>, AcceptError> {
         let mut found = Vec::new();
-        let pattern = self.folder().join("**/*.new.exr");
+        // The folder's name is no pattern, whatever it holds.
+        let folder = glob::Pattern::escape(&self.folder().to_string_lossy());
+        let pattern = Path::new(&folder).join("**/*.new.exr");
         let files = glob::glob(&pattern.to_string_lossy()).into_iter().flatten();
-        for path in files.filter_map(Result::ok) {
+        let overlaid = |path: &PathBuf| {
+            let below = path.strip_prefix(self.folder()).unwrap_or(path);
+            below.iter().any(|part| part == OVERLAID)
+        };
+        for path in files.filter_map(Result::ok).filter(|path| !overlaid(path)) {
             let (_, metadata) = Image::read_exr(&path)?;
             let provenance: Provenance = metadata
                 .and_then(|metadata| serde_json::from_str(&metadata).ok())
+                // Its name becomes a file's.
+                .filter(|provenance: &Provenance| super::is_name(&provenance.case))
                 .ok_or_else(|| AcceptError::Foreign(shown(&path)))?;
             found.push(Pending { case: provenance.case.clone(), path, provenance });
         }

@@ -38,6 +38,17 @@ impl ErrorMap {
         &self.values
     }
 
+    /// The colour that pictures show an error from 0 to 1 in, as 8-bit sRGB: matplotlib's magma
+    /// (Smith and van der Walt 2015, CC0), as in the pictures of NVIDIA's FLIP.
+    #[must_use]
+    pub fn colour(error: f32) -> [u8; 3] {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+        let index = (error.clamp(0.0, 1.0) * 255.0).round() as usize; // NaN is 0
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+        let bytes = flip_rs::MAGMA[index].map(|value| (value * 255.0).round() as u8);
+        bytes
+    }
+
     /// The error of a pixel of the frame.
     #[must_use]
     pub fn at(&self, x: u32, y: u32) -> f32 {

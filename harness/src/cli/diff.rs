@@ -1,0 +1,116 @@
+//! `karat diff`: how far two images are from each other.
+
+mod comparison;
+mod message;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use karat::{ExposureRange, Image, ImageError, ImageFormat, Mask, Pair, PairError, Provenance};
+
+use self::comparison::{Bounds, Comparison, Reason, Side};
+use super::heatmap::{self, Heatmap};
+use super::{Outcome, Verdict, write_json};
+
+pub(super) const EXAMPLES: &str = "\
+Examples:
+  karat diff golden/scene.exr golden/scene.new.exr
+  karat diff a.exr b.png --rel 0                        every channel is equal
+  karat diff a.exr b.exr --flip-tile 0.03 --heatmap flip.png
+  karat diff a.exr b.exr --mask sky.png --json
+
+The first image is what the second should be. A PNG is made linear before it is compared. The
+bounds are those of frames: each channel within 1e-3, or else no tile of 16 x 16 pixels above 0.01
+under HDR-FLIP and a mean of at most 0.005. --rel alone leaves the gate alone. FLIP looks at the
+exposures that the first image's golden pins, or else at those that suit the first image.
+Exit codes: 0 within the bounds; 1 differs, in size too; 2 an image can't be read or compared; 3 an
+image isn't there. NaN and infinities differ from everything.
+JSON: a, b {file, width, height, nan, infinite, first_non_finite}, verdict (equal, within, differs),
+reason (size, non_finite, values, or null), tolerance, compared, gate {relative, off, bounds, worst,
+sweep}, flip {largest_tile, tile, mean, tile_bound, mean_bound, exposures, note}, heatmap.";
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// What the other image should be: EXR or PNG
+    a: PathBuf,
+    /// The image that is compared with it
+    b: PathBuf,
+    /// Largest relative difference of a channel [default: 1e-3]
+    #[arg(long, value_name = "R", value_parser = bound)]
+    rel: Option<f64>,
+    /// Largest mean HDR-FLIP of a tile, where --rel fails
+    #[arg(long, value_name = "E", value_parser = bound)]
+    flip_tile: Option<f64>,
+    /// Largest mean HDR-FLIP of the image, where --rel fails
+    #[arg(long, value_name = "E", value_parser = bound)]
+    flip_mean: Option<f64>,
+    /// Compare only the pixels whose red is above a half in this image
+    #[arg(long, value_name = "IMAGE")]
+    mask: Option<PathBuf>,
+    /// Write HDR-FLIP of each pixel: colours (magma) as PNG, or the errors themselves as EXR
+    #[arg(long, value_name = "OUT", value_parser = heatmap::file)]
+    heatmap: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+fn bound(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(bound) if bound >= 0.0 && bound <= f64::from(f32::MAX) => Ok(bound),
+        _ => Err("a bound is a finite number of at least 0".to_owned()),
+    }
+}
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    let (a, exposures) = read(&args.a)?;
+    let (b, _) = read(&args.b)?;
+    let bounds = Bounds::new(args.rel, args.flip_tile, args.flip_mean);
+    let sides = [(&args.a, &a), (&args.b, &b)].map(|(file, image)| Side::of(file, image));
+    let mask = args.mask.as_deref().map(|file| read(file).map(|(image, _)| Mask::image(image)));
+    let pair = match mask.transpose()? {
+        Some(mask) => Pair::masked(&a, &b, &mask),
+        None => Pair::new(&a, &b),
+    };
+    let comparison = match pair {
+        Ok(pair) => {
+            let pair = exposures.into_iter().fold(pair, Pair::with_exposures);
+            let mut comparison = Comparison::measure(sides, &pair, &bounds);
+            if let Some(file) = &args.heatmap {
+                Heatmap::flip(&pair).context("there is no heatmap")?.write(file)?;
+                comparison.heatmap = Some(file.display().to_string());
+            }
+            comparison
+        }
+        Err(PairError::Size { .. }) => Comparison::impossible(sides, &bounds, Reason::Size),
+        Err(PairError::NonFinite(_) | PairError::GoldenNonFinite(_)) => {
+            Comparison::impossible(sides, &bounds, Reason::NonFinite)
+        }
+        Err(error) => bail!(error),
+    };
+    if args.json {
+        write_json(&comparison, out)?;
+    } else {
+        message::write(&comparison, out)?;
+    }
+    if args.heatmap.is_some() && comparison.heatmap.is_none() {
+        super::complain("there is no heatmap of images that can't be compared pixel by pixel");
+    }
+    Ok(if comparison.passes() { Verdict::Good } else { Verdict::Bad })
+}
+
+/// An image, and the exposures that it pins if it is a golden.
+fn read(file: &Path) -> anyhow::Result<(Image, Option<ExposureRange>)> {
+    match Image::read_exr(file) {
+        Ok((image, metadata)) => {
+            let known = metadata.and_then(|text| serde_json::from_str::<Provenance>(&text).ok());
+            Ok((image, known.and_then(|known| known.exposures)))
+        }
+        // Its content tells what it is.
+        Err(ImageError::Corrupt { format: ImageFormat::OpenExr, .. }) => {
+            Ok((Image::read(file)?, None))
+        }
+        Err(error) => Err(error.into()),
+    }
+}

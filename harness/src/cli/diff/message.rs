@@ -1,0 +1,93 @@
+//! A comparison for people.
+
+use std::io::{self, Write};
+
+use karat::format_f32;
+
+use super::comparison::{Comparison, FlipResult, GateResult, Reason, Side, Verdict};
+use crate::cli::table::{BAD, GOOD};
+
+pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<()> {
+    let Comparison { a, b, tolerance, .. } = comparison;
+    for (name, side) in [("a", a), ("b", b)] {
+        write!(out, "{name}: {}, {} x {}", side.file, side.width, side.height)?;
+        write_census(side, out)?;
+    }
+    let equal = comparison.verdict == Verdict::Equal;
+    if let (Some(gate), Some(flip), false) = (&comparison.gate, &comparison.flip, equal) {
+        write_gate(gate, comparison.compared, out)?;
+        write_flip(flip, out)?;
+    }
+    let all = u64::from(a.width) * u64::from(a.height);
+    if comparison.gate.is_some() && (comparison.compared as u64) < all {
+        writeln!(
+            out,
+            "{} of {all} pixels are compared, the mask leaves out the rest",
+            comparison.compared
+        )?;
+    }
+    if let Some(file) = &comparison.heatmap {
+        writeln!(out, "heatmap: {file}")?;
+    }
+    match (comparison.verdict, comparison.reason) {
+        (Verdict::Equal, _) => writeln!(out, "{GOOD}equal, bit for bit{GOOD:#}"),
+        (Verdict::Within, _) => writeln!(out, "{GOOD}within {tolerance}{GOOD:#}"),
+        (_, Some(Reason::Size)) => writeln!(out, "{BAD}they differ in size{BAD:#}"),
+        (_, Some(Reason::NonFinite)) => {
+            writeln!(out, "{BAD}they differ: nothing agrees with NaN or an infinity{BAD:#}")
+        }
+        _ => writeln!(out, "{BAD}they differ by more than {tolerance}{BAD:#}"),
+    }
+}
+
+fn write_census(side: &Side, out: &mut dyn Write) -> io::Result<()> {
+    if let Some((x, y)) = side.first_non_finite {
+        let Side { nan, infinite, .. } = side;
+        write!(out, ", {nan} pixels with NaN and {infinite} with infinities, first at ({x}, {y})")?;
+    }
+    writeln!(out)
+}
+
+fn write_gate(gate: &GateResult, compared: usize, out: &mut dyn Write) -> io::Result<()> {
+    let GateResult { relative, off, bounds, worst, sweep } = gate;
+    write!(out, "gate: {off} of {compared} pixels are off by more than rel {relative:e}")?;
+    if let Some(bounds) = bounds {
+        write!(out, ", within {bounds}")?;
+    }
+    writeln!(out)?;
+    let Some(worst) = worst else { return Ok(()) };
+    let (a, b) = (format_f32(worst.a), format_f32(worst.b));
+    let (x, y, ratio) = (worst.x, worst.y, short(f64::from(worst.ratio)));
+    let channel = worst.channel;
+    writeln!(
+        out,
+        "  worst: pixel ({x}, {y}) {channel}: {b} instead of {a}, {ratio} times what is allowed"
+    )?;
+    let shares = [1.0, 10.0, 100.0, 1000.0].into_iter().zip(sweep);
+    let shares: Vec<String> = shares
+        .map(|(factor, share)| format!("{}: {share:.3}%", short(f64::from(relative * factor))))
+        .collect();
+    writeln!(out, "  pixels off at a tolerance of {}", shares.join(", "))
+}
+
+fn write_flip(flip: &FlipResult, out: &mut dyn Write) -> io::Result<()> {
+    if let Some(note) = &flip.note {
+        return writeln!(out, "HDR-FLIP: {note}");
+    }
+    let of = |bound: Option<f64>| bound.map_or_else(String::new, |b| format!(" of {}", short(b)));
+    write!(out, "HDR-FLIP: largest tile {}{}", short(flip.largest_tile), of(flip.tile_bound))?;
+    if let Some(tile) = flip.tile {
+        write!(out, ", in {tile}")?;
+    }
+    let mean = short(flip.mean);
+    writeln!(out, "; mean {mean}{}; at {}", of(flip.mean_bound), flip.exposures)
+}
+
+/// Three significant digits.
+fn short(value: f64) -> String {
+    let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
+    if rounded != 0.0 && !(1e-4..1e6).contains(&rounded.abs()) {
+        return format!("{rounded:e}");
+    }
+    rounded.to_string()
+}

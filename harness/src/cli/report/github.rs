@@ -1,0 +1,162 @@
+//! Failures as annotations of a GitHub workflow, and as the summary of its job.
+
+use std::fmt::Write as _;
+use std::fs::OpenOptions;
+use std::io::Write;
+
+use anyhow::Context;
+use karat::record::{Record, Subject, Verdict};
+
+use super::tables::is_failure;
+use super::{Place, pictures, place, replay, subject};
+use crate::cli::project::Project;
+
+/// GitHub takes a MiB of summary for each step, and drops more.
+const LONGEST: usize = 900 << 10;
+/// Characters of a message in the summary.
+const LONGEST_MESSAGE: usize = 4 << 10;
+
+pub(super) fn write(
+    records: &[Record],
+    passed: bool,
+    project: &Project,
+    out: &mut dyn Write,
+) -> anyhow::Result<()> {
+    let failures: Vec<&Record> = records.iter().filter(|record| is_failure(record)).collect();
+    for record in &failures {
+        writeln!(out, "{}", annotation(record, place(record, project.root()).as_ref()))?;
+    }
+    let Some(file) = std::env::var_os("GITHUB_STEP_SUMMARY").filter(|file| !file.is_empty()) else {
+        return Ok(());
+    };
+    let text = summary(records, &failures, passed, project)?;
+    let shown = std::path::Path::new(&file).display().to_string();
+    let mut file = OpenOptions::new()
+        .create(true)
+        .append(true)
+        .open(&file)
+        .with_context(|| format!("can't append to the summary `{shown}`"))?;
+    Ok(file.write_all(text.as_bytes())?)
+}
+
+/// `::error file=...,line=...,col=...,title=...::message`
+fn annotation(record: &Record, place: Option<&Place>) -> String {
+    let mut properties = String::new();
+    if let Some(Place { file, line, column }) = place {
+        let file = escape_property(file);
+        properties = format!("file={file},line={line},col={column},");
+    }
+    let title = escape_property(&subject(record));
+    let message = record.message.as_deref().unwrap_or("it fails, and says nothing");
+    format!("::error {properties}title={title}::{}", escape(message))
+}
+
+/// What ends a command's message, or looks like an escape.
+fn escape(text: &str) -> String {
+    text.replace('%', "%25").replace('\r', "%0D").replace('\n', "%0A")
+}
+
+fn escape_property(text: &str) -> String {
+    escape(text).replace(':', "%3A").replace(',', "%2C")
+}
+
+fn summary(
+    records: &[Record],
+    failures: &[&Record],
+    passed: bool,
+    project: &Project,
+) -> anyhow::Result<String> {
+    let known = records.iter().filter(|record| record.verdict == Verdict::KnownIssue).count();
+    let mut text = String::from("## Karat\n\n");
+    let (count, failed) = (records.len(), failures.len());
+    writeln!(text, "{count} checks, {failed} failed, {known} known issues.\n")?;
+    if !passed && failures.is_empty() {
+        text.push_str("A test failed outside of Karat's checks, or the run didn't end.\n\n");
+    }
+    let is_frame = |record: &Record| matches!(record.subject, Subject::Frame { .. });
+    let (frames, functions): (Vec<&Record>, Vec<&Record>) =
+        failures.iter().partition(|record| is_frame(record));
+    let mut dropped = 0;
+    for (head, records) in [("Function", functions), ("Frame", frames)] {
+        if records.is_empty() {
+            continue;
+        }
+        writeln!(
+            text,
+            "| {head} | Path | Cases | Failed | Worst | Asserted |\n|---|---|--:|--:|---|---|"
+        )?;
+        records.iter().try_for_each(|record| rows(record, &mut text))?;
+        text.push('\n');
+        for record in records {
+            let section = section(record, project)?;
+            if text.len() + section.len() > LONGEST {
+                dropped += 1;
+            } else {
+                text.push_str(&section);
+            }
+        }
+    }
+    if dropped > 0 {
+        writeln!(text, "{dropped} more messages are in the log.")?;
+    }
+    Ok(text)
+}
+
+fn rows(record: &Record, text: &mut String) -> std::fmt::Result {
+    let name = cell(&subject(record));
+    if record.paths.is_empty() {
+        writeln!(text, "| {name} | - | 0 | - | error | |")?;
+    }
+    for path in &record.paths {
+        let (worst, asserted) = (cell(&path.worst), cell(&path.asserted));
+        let (cases, failures) = (path.cases, path.failures);
+        let path = cell(&path.adapter.path);
+        writeln!(text, "| {name} | {path} | {cases} | {failures} | {worst} | {asserted} |")?;
+    }
+    Ok(())
+}
+
+/// A failure's message, folded, and the pictures of a frame in the artefact.
+fn section(record: &Record, project: &Project) -> anyhow::Result<String> {
+    let mut text = format!("<details><summary>{}</summary>\n\n", html(&subject(record)));
+    let message = record.message.as_deref().unwrap_or_default();
+    let end = message.char_indices().nth(LONGEST_MESSAGE).map_or(message.len(), |(end, _)| end);
+    writeln!(text, "<pre>{}</pre>\n", html(&message[..end]))?;
+    if let Some(command) = replay(record) {
+        writeln!(text, "Replay: <code>{}</code>\n", html(command))?;
+    }
+    let output = project.output();
+    let pictures = pictures::write(record, project, &output.join("report"))?;
+    if !pictures.is_empty() {
+        let name = |(what, file): &(&str, std::path::PathBuf)| {
+            let file = file.strip_prefix(&output).unwrap_or(file).display().to_string();
+            format!("{what} `{}`", file.replace('\\', "/"))
+        };
+        let names: Vec<String> = pictures.iter().map(name).collect();
+        writeln!(text, "In the artefact of this run: {}\n", names.join(", "))?;
+    }
+    text.push_str("</details>\n\n");
+    Ok(text)
+}
+
+/// Text that neither Markdown nor HTML takes for its own.
+fn html(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+/// One cell of a table.
+fn cell(text: &str) -> String {
+    html(text).replace('|', "\\|").replace(['\n', '\r'], " ").replace('`', "'")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commands_are_escaped() {
+        assert_eq!(escape("100% off\r\nat (1, 2): red"), "100%25 off%0D%0Aat (1, 2): red");
+        assert_eq!(escape_property("a::b, 5%"), "a%3A%3Ab%2C 5%25");
+        assert_eq!(cell("a|b\n<img>"), "a\\|b &lt;img&gt;");
+    }
+}

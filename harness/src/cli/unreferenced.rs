@@ -1,0 +1,203 @@
+//! `karat unreferenced`: goldens that no test compares.
+//!
+//! The evidence is the record of a run of all tests that passed; without it there is no verdict.
+
+mod files;
+
+use std::collections::BTreeSet;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, ensure};
+use karat::Profile;
+use karat::record::{self, Record, Run, Subject};
+use serde::Serialize;
+
+use self::files::{Files, Golden, Stray};
+use super::goldens::FolderArgs;
+use super::project::Project;
+use super::table::{BAD, DIM, GOOD};
+use super::{NotThere, Outcome, Verdict, write_json};
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// Delete them, with their facts, after listing them
+    #[arg(long)]
+    delete: bool,
+    /// Print JSON: record, compared, unreferenced {case, profile, file}, unjudged (the same),
+    /// stray {file, reason}, deleted (files)
+    #[arg(long)]
+    json: bool,
+    /// Folder of records [default: that of the last run]
+    #[arg(long, value_name = "DIR")]
+    record: Option<PathBuf>,
+    #[command(flatten)]
+    folder: FolderArgs,
+}
+
+#[derive(Debug, Serialize)]
+struct Report {
+    record: String,
+    /// How many goldens a test compared.
+    compared: usize,
+    unreferenced: Vec<Golden>,
+    /// Goldens of profiles that didn't run.
+    unjudged: Vec<Golden>,
+    stray: Vec<Stray>,
+    deleted: Vec<PathBuf>,
+}
+
+/// What the tests compared.
+struct Evidence {
+    /// Names of goldens.
+    frames: BTreeSet<String>,
+    /// Profiles that ran.
+    profiles: BTreeSet<String>,
+    /// Names and profiles.
+    pairs: BTreeSet<(String, String)>,
+}
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    let folder = args.folder.path()?;
+    let record = match &args.record {
+        Some(folder) => folder.clone(),
+        None => Project::find()?.output().join("record"),
+    };
+    let evidence = Evidence::of(&record, &folder)?;
+    let Files { goldens, stray } = Files::of(&folder)?;
+    let mut report = Report {
+        record: record.display().to_string(),
+        compared: 0,
+        unreferenced: Vec::new(),
+        unjudged: Vec::new(),
+        stray,
+        deleted: Vec::new(),
+    };
+    for golden in goldens {
+        match evidence.has(&golden) {
+            Some(true) => report.compared += 1,
+            Some(false) => report.unreferenced.push(golden),
+            None => report.unjudged.push(golden),
+        }
+    }
+    if !args.json {
+        write(&report, out)?;
+        out.flush()?;
+    }
+    if args.delete {
+        ensure!(
+            report.compared > 0 || report.unreferenced.is_empty(),
+            "the run compared none of the goldens in `{}`: they aren't deleted, as it may be the \
+             wrong folder",
+            folder.display()
+        );
+        for file in deletable(&report) {
+            std::fs::remove_file(&file)
+                .with_context(|| format!("can't delete `{}`", file.display()))?;
+            report.deleted.push(file);
+        }
+    }
+    if args.json {
+        write_json(&report, out)?;
+    } else if args.delete {
+        writeln!(out, "deleted {} files", report.deleted.len())?;
+    }
+    let left = report.stray.iter().any(|stray| !report.deleted.contains(&stray.file));
+    let good = !left && (args.delete || report.unreferenced.is_empty());
+    Ok(if good { Verdict::Good } else { Verdict::Bad })
+}
+
+/// The files of goldens that nobody compares, and what is left of goldens that are gone. Files that
+/// aren't Karat's are left alone.
+fn deletable(report: &Report) -> Vec<PathBuf> {
+    let of = |golden: &Golden| {
+        let beside = ["toml", "variance.exr"].map(|ending| golden.file.with_extension(ending));
+        std::iter::once(golden.file.clone()).chain(beside).collect::<Vec<_>>()
+    };
+    let strays = report.stray.iter().filter(|stray| stray.is_ours).map(|stray| stray.file.clone());
+    let mut all: Vec<PathBuf> = report.unreferenced.iter().flat_map(of).chain(strays).collect();
+    all.retain(|file| file.symlink_metadata().is_ok());
+    all.sort();
+    all.dedup();
+    all
+}
+
+fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
+    for golden in &report.unreferenced {
+        writeln!(out, "{BAD}no test compares {golden}{BAD:#}  {}", golden.file.display())?;
+    }
+    for Stray { file, reason, .. } in &report.stray {
+        writeln!(out, "{BAD}{reason}{BAD:#}  {}", file.display())?;
+    }
+    for golden in &report.unjudged {
+        writeln!(out, "{DIM}not judged, as its profile didn't run: {golden}{DIM:#}")?;
+    }
+    let (unreferenced, stray) = (report.unreferenced.len(), report.stray.len());
+    let style = if unreferenced + stray == 0 { GOOD } else { BAD };
+    let compared = report.compared;
+    writeln!(
+        out,
+        "{style}{compared} goldens compared, {unreferenced} unreferenced, {stray} stray files{style:#}"
+    )
+}
+
+impl Evidence {
+    /// What the last run compared with goldens of a folder.
+    fn of(record: &Path, golden: &Path) -> anyhow::Result<Self> {
+        let shown = record.display();
+        let none =
+            |why: String| NotThere(format!("{why}; run `karat test` without a filter first"));
+        if !record.is_dir() {
+            return Err(none(format!("there is no record of a run (`{shown}`)")).into());
+        }
+        let run = Run::read(record)?;
+        let run = run
+            .ok_or_else(|| none(format!("the record `{shown}` doesn't say that its run ended")))?;
+        if !run.selected.is_empty() {
+            let selected = run.selected.join(" ");
+            return Err(none(format!("the last run left tests out (`{selected}`)")).into());
+        }
+        let records = record::read(record)?;
+        if let Some(overlay) = records.iter().find_map(|record| record.overlay.as_ref()) {
+            return Err(none(format!("the last run had KARAT_OVERLAY={overlay}")).into());
+        }
+        if !run.passed {
+            let why = "a test failed in the last run, and what it would have compared afterwards is \
+                       unknown; mend it, or accept its frames";
+            return Err(none(why.to_owned()).into());
+        }
+        Ok(Self::gather(&records, golden))
+    }
+
+    fn gather(records: &[Record], golden: &Path) -> Self {
+        let (mut frames, mut profiles, mut pairs) =
+            <(BTreeSet<_>, BTreeSet<_>, BTreeSet<_>)>::default();
+        let same = |folder: &str| match (Path::new(folder).canonicalize(), golden.canonicalize()) {
+            (Ok(folder), Ok(golden)) => folder == golden,
+            _ => false,
+        };
+        for record in records {
+            let ran = record.paths.iter().map(|path| Profile::of(&path.adapter).to_string());
+            let ran: BTreeSet<String> = ran.collect();
+            if let Subject::Frame { golden, folder, .. } = &record.subject
+                && same(folder)
+            {
+                frames.insert(golden.clone());
+                pairs.extend(ran.iter().map(|profile| (golden.clone(), profile.clone())));
+            }
+            profiles.extend(ran);
+        }
+        Self { frames, profiles, pairs }
+    }
+
+    /// Whether a test compared a golden; `None` if its profile didn't run.
+    fn has(&self, golden: &Golden) -> Option<bool> {
+        if !self.frames.contains(&golden.case) {
+            return Some(false);
+        }
+        let Some(profile) = &golden.profile else { return Some(true) };
+        self.profiles
+            .contains(profile)
+            .then(|| self.pairs.contains(&(golden.case.clone(), profile.clone())))
+    }
+}

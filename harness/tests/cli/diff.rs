@@ -1,0 +1,155 @@
+//! `karat diff`, without a Cargo project.
+
+use karat::{Image, Precision};
+
+use super::*;
+
+fn image(width: u32, height: u32, value: impl Fn(u32) -> f32) -> Image {
+    let pixels = (0..width * height).map(|index| [value(index), 0.5, 2.0, 1.0]);
+    Image::new(width, height, pixels.collect())
+}
+
+/// A folder of images: `a`, `same`, `near` (a drift of 4e-4), `hole`, `small`, `nan`.
+fn images() -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let ramp = |index: u32| 0.25 + (index % 48) as f32 / 64.0;
+    let hole = |index: u32| if index % 48 < 8 && index / 48 < 8 { 0.01 } else { ramp(index) };
+    for (name, image) in [
+        ("a", image(48, 32, ramp)),
+        ("same", image(48, 32, ramp)),
+        ("near", image(48, 32, |index| ramp(index) * 1.0004)),
+        ("hole", image(48, 32, hole)),
+        ("small", image(8, 32, ramp)),
+        ("nan", image(48, 32, |index| if index == 50 { f32::NAN } else { ramp(index) })),
+        ("mask", image(48, 32, |index| if hole(index) == ramp(index) { 1.0 } else { 0.0 })),
+    ] {
+        let path = folder.path().join(format!("{name}.exr"));
+        image.write_exr(&path, Precision::Float, None).expect("written");
+    }
+    folder
+}
+
+fn diff(folder: &TempDir, arguments: &[&str]) -> Ran {
+    karat(folder.path(), &[&["diff"], arguments].concat())
+}
+
+#[test]
+fn bounds_decide_and_the_exit_code_says_so() {
+    let folder = images();
+    for (arguments, code, end) in [
+        (&["a.exr", "same.exr"][..], 0, "equal, bit for bit\n"),
+        (&["a.exr", "near.exr"], 0, "within rel 1e-3 or (FLIP tile 0.01 and mean FLIP 0.005)\n"),
+        (&["a.exr", "near.exr", "--rel", "1e-4"], 1, "they differ by more than rel 1e-4\n"),
+        (&["a.exr", "near.exr", "--rel", "0"], 1, "they differ by more than rel 0e0\n"),
+        (&["a.exr", "hole.exr"], 1, "and mean FLIP 0.005)\n"),
+        (&["a.exr", "hole.exr", "--flip-tile", "1"], 0, "within rel 1e-3 or (FLIP tile 1)\n"),
+        (&["a.exr", "hole.exr", "--flip-tile", "1", "--flip-mean", "0"], 1, "mean FLIP 0)\n"),
+        (&["a.exr", "hole.exr", "--rel", "1"], 0, "within rel 1e0\n"),
+        (&["a.exr", "hole.exr", "--mask", "mask.exr"], 0, "equal, bit for bit\n"),
+        (&["a.exr", "small.exr"], 1, "they differ in size\n"),
+        (&["a.exr", "nan.exr"], 1, "nothing agrees with NaN or an infinity\n"),
+        (&["nan.exr", "nan.exr"], 1, "nothing agrees with NaN or an infinity\n"),
+    ] {
+        let ran = diff(&folder, arguments);
+        assert_eq!((ran.code, ran.err.as_str()), (Some(code), ""), "{arguments:?}: {ran:?}");
+        assert!(ran.out.ends_with(end), "{arguments:?}: {ran:?}");
+    }
+}
+
+#[test]
+fn the_report_says_how_many_where_and_how_far() {
+    let folder = images();
+    let out = diff(&folder, &["a.exr", "hole.exr"]).out;
+    for part in [
+        "a: a.exr, 48 x 32\nb: hole.exr, 48 x 32\n",
+        "gate: 64 of 1536 pixels are off by more than rel 1e-3, within (0, 0) to (7, 7)\n",
+        "  worst: pixel (7, 0) red: 0.01 instead of 0.359375, 972 times what is allowed\n",
+        "  pixels off at a tolerance of 0.001: 4.167%, 0.01: 4.167%, 0.1: 4.167%, 1: 0.000%\n",
+        "HDR-FLIP: largest tile 0.",
+        " of 0.01, in (0, 0) to (15, 15); mean 0.",
+    ] {
+        assert!(out.contains(part), "no `{part}` in:\n{out}");
+    }
+    let out = diff(&folder, &["a.exr", "nan.exr"]).out;
+    let census = "b: nan.exr, 48 x 32, 1 pixels with NaN and 0 with infinities, first at (2, 1)\n";
+    assert!(out.contains(census), "{out}");
+}
+
+#[test]
+fn json_has_what_the_report_has() {
+    let folder = images();
+    let report = json(&diff(&folder, &["a.exr", "hole.exr", "--json"]).out);
+    assert_eq!((&report["verdict"], &report["reason"]), (&"differs".into(), &"values".into()));
+    assert_eq!((&report["a"]["width"], &report["b"]["nan"]), (&48.into(), &0.into()));
+    assert_eq!(
+        (&report["gate"]["off"], &report["gate"]["bounds"]["width"]),
+        (&64.into(), &8.into())
+    );
+    assert_eq!(report["gate"]["worst"]["channel"], "red");
+    assert!(report["flip"]["largest_tile"].as_f64().is_some_and(|tile| tile > 0.01), "{report}");
+    assert_eq!(report["flip"]["tile_bound"], 0.01);
+    let report = json(&diff(&folder, &["nan.exr", "a.exr", "--json"]).out);
+    assert_eq!((&report["reason"], &report["a"]["nan"]), (&"non_finite".into(), &1.into()));
+    assert!(report["gate"].is_null() && report["flip"].is_null());
+    let report = json(&diff(&folder, &["a.exr", "small.exr", "--json"]).out);
+    assert_eq!(report["reason"], "size");
+    let report = json(&diff(&folder, &["a.exr", "same.exr", "--json"]).good());
+    assert_eq!((&report["verdict"], &report["reason"]), (&"equal".into(), &().into()));
+}
+
+#[test]
+fn a_heatmap_is_colours_or_the_errors_themselves() {
+    let folder = images();
+    for name in ["flip.png", "flip.exr"] {
+        let ran = diff(&folder, &["a.exr", "hole.exr", "--heatmap", name]);
+        assert!(ran.code == Some(1) && ran.out.contains(&format!("heatmap: {name}\n")), "{ran:?}");
+    }
+    let errors = Image::read(&folder.path().join("flip.exr")).expect("an image");
+    let colours = Image::read(&folder.path().join("flip.png")).expect("an image");
+    assert_eq!((errors.width(), errors.height()), (48, 32));
+    let (hole, far) = (3 * 48 + 3, 31 * 48 + 47);
+    assert!(errors.pixels()[hole][0] > 0.1 && errors.pixels()[far][0] == 0.0);
+    // Magma begins at nearly black, and grows brighter.
+    assert!(colours.pixels()[hole][0] > 0.05 && colours.pixels()[far][0] < 0.01);
+    let error = diff(&folder, &["a.exr", "hole.exr", "--heatmap", "flip.jpg"]).error();
+    assert!(error.contains("name a .png (colours) or an .exr"), "{error}");
+    let ran = diff(&folder, &["a.exr", "small.exr", "--heatmap", "none.png"]);
+    assert!(ran.code == Some(1) && ran.err.contains("there is no heatmap"), "{ran:?}");
+    assert!(!folder.path().join("none.png").exists());
+}
+
+#[test]
+fn a_png_is_compared_with_an_exr() {
+    let folder = images();
+    // A preview is tone-mapped, so it isn't what it was made of.
+    karat(folder.path(), &["preview", "a.exr", "--out", "a.png"]).good();
+    assert_eq!(diff(&folder, &["a.png", "a.png"]).code, Some(0));
+    assert_eq!(diff(&folder, &["a.exr", "a.png"]).code, Some(1));
+    let png = Image::read(&folder.path().join("a.png")).expect("an image");
+    let path = folder.path().join("linear.exr");
+    png.write_exr(&path, Precision::Float, None).expect("written");
+    assert_eq!(diff(&folder, &["a.png", "linear.exr", "--rel", "0"]).code, Some(0));
+}
+
+#[test]
+fn what_cannot_be_compared_is_an_error_and_what_is_missing_another() {
+    let folder = images();
+    write(folder.path(), "text.exr", "not an image");
+    let exr = std::fs::read(folder.path().join("a.exr")).expect("written");
+    std::fs::write(folder.path().join("half.exr"), &exr[..exr.len() / 2]).expect("written");
+    for (arguments, code, message) in [
+        (&["a.exr", "none.exr"][..], 3, "there is no image `none.exr`"),
+        (&["none.exr", "a.exr"], 3, "there is no image `none.exr`"),
+        (&["a.exr", "a.exr", "--mask", "none.png"], 3, "there is no image `none.png`"),
+        (&["a.exr", "text.exr"], 2, "`text.exr` is neither an OpenEXR nor a PNG image"),
+        (&["half.exr", "a.exr"], 2, "`half.exr` isn't a readable OpenEXR image"),
+        (&["a.exr", "a.exr", "--mask", "small.exr"], 2, "the mask is 8 x 32, the frame 48 x 32"),
+        (&["a.exr", "a.exr", "--rel", "NaN"], 2, "a bound is a finite number of at least 0"),
+        (&["a.exr", "a.exr", "--flip-tile", "inf"], 2, "a bound is a finite number"),
+        (&["a.exr", "a.exr", "--heatmap", "no/where.png"], 2, "can't write `no/where.png`"),
+        (&["a.exr"], 2, "required arguments were not provided"),
+    ] {
+        let error = diff(&folder, arguments).failure(code);
+        assert!(error.contains(message), "{arguments:?}: {error}");
+    }
+}

@@ -1,0 +1,223 @@
+//! What other programs read of a run: JUnit XML, GitHub's annotations and summary.
+
+use karat::record::Run;
+
+use super::pending::pending_frame;
+use super::*;
+
+fn line(
+    test: &str,
+    subject: serde_json::Value,
+    paths: &[&str],
+    verdict: &str,
+    message: Option<&str>,
+) -> String {
+    let failures = u32::from(verdict != "pass");
+    let path = |path: &&str| {
+        serde_json::json!({
+            "adapter": {
+                "path": path, "name": "llvmpipe (LLVM 15.0.6, 256 bits)", "driver": "", "software": true
+            },
+            "cases": 100, "failures": failures, "worst": "7 ulp | more", "ratio": 7.0,
+            "asserted": "1 ulp", "known_issue": null
+        })
+    };
+    let paths: Vec<_> = paths.iter().map(path).collect();
+    let record = serde_json::json!({
+        "schema": 2, "test": test, "subject": subject, "verdict": verdict, "paths": paths,
+        "message": message
+    });
+    format!("{record}\n")
+}
+
+/// The record of a frame that was compared with a golden of a folder.
+pub(crate) fn frame(folder: &FilePath, golden: &str, paths: &[&str], verdict: &str) -> String {
+    let message = (verdict != "pass").then_some("frame differs\n  by 100%");
+    let subject = serde_json::json!({
+        "kind": "frame", "golden": golden, "folder": folder, "location": "tests/frames.rs:7:3"
+    });
+    line("frames", subject, paths, verdict, message)
+}
+
+/// The record of a function's check.
+pub(crate) fn function(name: &str, path: &str, verdict: &str, message: Option<&str>) -> String {
+    let subject = serde_json::json!({
+        "kind": "function", "package": "shaders", "function": name, "check": "agrees_with",
+        "assertion": "1 ulp", "location": "shaders/calc.wgsl:4:1", "seed": 1
+    });
+    line("tests::calc", subject, &[path], verdict, message)
+}
+
+const MESSAGE: &str = "error: `calc::double` fails, 50%: <b>\n  worst\u{1b}[0m\n  \
+                       replay: KARAT_CASE=calc::double/agrees_with/3 cargo test calc";
+
+/// A project, and the lines of a run in it: a function that passes, one that fails, a frame that
+/// differs from its golden and one that has none.
+fn run() -> (TempDir, String) {
+    let project = project();
+    let golden = project.path().join("golden");
+    pending_frame(&golden, "furnace/scene", "llvmpipe (LLVM 15.0.6, 256 bits)");
+    karat(project.path(), &["accept", "furnace/scene", "--because", "why"]).good();
+    pending_frame(&golden, "furnace/scene", "llvmpipe (LLVM 15.0.6, 256 bits)");
+    write(project.path(), "tests/frames.rs", "");
+    let package = project.path().join("shaders");
+    let failing = function("calc::double", "gl", "fail", Some(MESSAGE));
+    let lines = [
+        function("calc::same", "gl", "pass", None),
+        failing.replace(r#""package":"shaders""#, &format!("\"package\":{package:?}")),
+        frame(&golden, "furnace/scene", &["vulkan"], "fail"),
+        frame(&golden, "new", &[], "error"),
+    ];
+    (project, lines.concat())
+}
+
+fn record(project: &TempDir, lines: &str, passed: bool) {
+    let folder = project.path().join("target/karat/record");
+    write(&folder, "1.jsonl", lines);
+    let run = Run { schema: karat::record::SCHEMA, selected: Vec::new(), passed };
+    run.write(&folder).expect("written");
+}
+
+fn attribute<'a>(node: roxmltree::Node<'a, '_>, name: &str) -> &'a str {
+    node.attribute(name).unwrap_or_else(|| panic!("no `{name}` in {node:?}"))
+}
+
+#[test]
+fn junit_has_a_case_for_each_check_and_frame() {
+    let (project, lines) = run();
+    record(&project, &lines, false);
+    let ran = karat(project.path(), &["report", "--junit", "out/junit.xml"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert!(ran.out.contains("4 checks, 3 failed"), "{ran:?}");
+    let text = std::fs::read_to_string(project.path().join("out/junit.xml")).expect("written");
+    let xml = roxmltree::Document::parse(&text).expect("well-formed");
+    let root = xml.root_element();
+    assert_eq!(root.tag_name().name(), "testsuites");
+    let counts = ["tests", "failures", "errors"].map(|name| attribute(root, name));
+    assert_eq!(counts, ["4", "2", "1"]);
+    let cases: Vec<_> = root.descendants().filter(|node| node.has_tag_name("testcase")).collect();
+    let find = |name: &str| {
+        *cases
+            .iter()
+            .find(|case| attribute(**case, "name") == name)
+            .unwrap_or_else(|| panic!("{text}"))
+    };
+    let double = find("calc::double agrees_with");
+    assert_eq!(attribute(double, "classname"), "tests::calc");
+    let child = |case: roxmltree::Node<'_, '_>, name: &str| {
+        let child = case.children().find(|node| node.has_tag_name(name));
+        let child = child.unwrap_or_else(|| panic!("no {name} in:\n{text}"));
+        (child.attribute("message").map(str::to_owned), child.text().unwrap_or_default().to_owned())
+    };
+    let (message, description) = child(double, "failure");
+    assert_eq!(message.as_deref(), Some("error: `calc::double` fails, 50%: <b>"));
+    assert!(description.contains("worst"), "{description}");
+    let (_, out) = child(double, "system-out");
+    assert!(
+        out.ends_with("replay: KARAT_CASE=calc::double/agrees_with/3 cargo test calc"),
+        "{out}"
+    );
+    child(find("frame furnace/scene"), "failure");
+    child(find("frame new"), "error");
+    assert!(!find("calc::same agrees_with").children().any(|node| node.has_tag_name("failure")));
+}
+
+#[test]
+fn a_failure_outside_of_checks_is_in_junit_too() {
+    let project = project();
+    record(&project, &function("calc::same", "gl", "pass", None), false);
+    let ran = karat(project.path(), &["report", "--junit", "junit.xml"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    let text = std::fs::read_to_string(project.path().join("junit.xml")).expect("written");
+    let xml = roxmltree::Document::parse(&text).expect("well-formed");
+    assert_eq!(attribute(xml.root_element(), "errors"), "1", "{text}");
+}
+
+#[test]
+fn github_gets_annotations_a_summary_and_pictures() {
+    let (project, lines) = run();
+    record(&project, &lines, false);
+    write(project.path(), "summary.md", "before\n");
+    let mut command = command(project.path(), &["report"]);
+    command.env("GITHUB_ACTIONS", "true");
+    command.env("GITHUB_STEP_SUMMARY", project.path().join("summary.md"));
+    let ran = output(&mut command);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    let annotations: Vec<&str> =
+        ran.out.lines().filter(|line| line.starts_with("::error ")).collect();
+    assert_eq!(annotations.len(), 3, "{ran:?}");
+    let start = "::error file=shaders/calc.wgsl,line=4,col=1,title=calc%3A%3Adouble agrees_with::\
+                 error: `calc::double` fails, 50%25: <b>%0A  worst";
+    assert!(annotations[0].starts_with(start), "{annotations:?}");
+    let frame = "::error file=golden/furnace/scene.toml,line=1,col=1,title=frame furnace/scene::\
+                 frame differs%0A  by 100%25";
+    assert_eq!(annotations[1], frame, "{annotations:?}");
+    let new = "::error file=tests/frames.rs,line=7,col=3,title=frame new::";
+    assert!(annotations.iter().any(|line| line.starts_with(new)), "{annotations:?}");
+
+    let summary = std::fs::read_to_string(project.path().join("summary.md")).expect("written");
+    assert!(summary.starts_with("before\n## Karat\n\n4 checks, 3 failed"), "{summary}");
+    for part in [
+        "| calc::double agrees_with | gl | 100 | 1 | 7 ulp \\| more | 1 ulp |\n",
+        "| frame new | - | 0 | - | error | |\n",
+        "fails, 50%: &lt;b&gt;",
+        "Replay: <code>KARAT_CASE=calc::double/agrees_with/3 cargo test calc</code>",
+        "golden `report/furnace/scene.golden.png`, actual `report/furnace/scene.actual.png`, \
+         flip `report/furnace/scene.flip.png`",
+    ] {
+        assert!(summary.contains(part), "no `{part}` in:\n{summary}");
+    }
+    for name in ["golden", "actual", "flip"] {
+        let file = format!("target/karat/report/furnace/scene.{name}.png");
+        karat::Image::read(&project.path().join(file)).expect("a picture");
+    }
+    // Elsewhere only if it is asked for.
+    assert!(!karat(project.path(), &["report"]).out.contains("::error"));
+    assert!(karat(project.path(), &["report", "--github"]).out.contains("::error"));
+}
+
+#[test]
+fn a_report_needs_a_record() {
+    let project = project();
+    let error = karat(project.path(), &["report"]).failure(3);
+    assert!(error.contains("there is no record of a run"), "{error}");
+    record(&project, "", true);
+    let error = karat(project.path(), &["report"]).error();
+    assert!(error.contains("a run that compared nothing is no success"), "{error}");
+}
+
+/// `karat test` with a stand-in for cargo, that records what it is told to.
+#[cfg(unix)]
+#[test]
+fn a_run_says_what_it_left_out_and_writes_its_reports() {
+    let (project, lines) = run();
+    let folder = project.path();
+    write(folder, "lines.jsonl", &lines);
+    // `sh test --no-fail-fast ...` runs the file `test`.
+    let script =
+        "mkdir -p \"$KARAT_RECORD\"\ncp lines.jsonl \"$KARAT_RECORD/1.jsonl\"\nexit $STATUS\n";
+    write(folder, "test", script);
+    let test = |arguments: &[&str], status: &str| {
+        let mut command = command(folder, &[&["test"], arguments].concat());
+        output(command.env("CARGO", "/bin/sh").env("STATUS", status))
+    };
+    let read = || {
+        let run = Run::read(&folder.join("target/karat/record")).expect("readable");
+        run.expect("a run says how it was made")
+    };
+    let ran = test(&["--junit", "junit.xml", "--github"], "1");
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert!(ran.out.contains("::error file=shaders/calc.wgsl"), "{ran:?}");
+    assert!(folder.join("junit.xml").is_file());
+    assert_eq!((read().selected.len(), read().passed), (0, false));
+
+    write(folder, "lines.jsonl", &function("calc::same", "gl", "pass", None));
+    assert_eq!(test(&[], "0").code, Some(0));
+    assert_eq!((read().selected.len(), read().passed), (0, true));
+    assert_eq!(test(&["same", "-p", "a", "--test", "b"], "0").code, Some(0));
+    assert_eq!(read().selected, ["same", "-p a", "--test b"]);
+    // A report of a run before doesn't outlive one that recorded nothing.
+    write(folder, "lines.jsonl", "");
+    assert_eq!(test(&["--junit", "junit.xml"], "101").code, Some(2));
+    assert!(!folder.join("junit.xml").exists());
+}

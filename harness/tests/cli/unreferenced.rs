@@ -1,0 +1,167 @@
+//! `karat unreferenced`: no verdict without the record of a full run that passed.
+
+use std::path::PathBuf;
+
+use karat::record::Run;
+
+use super::pending::pending_frame;
+use super::report::{frame, function};
+use super::*;
+
+const LAVAPIPE: &str = "llvmpipe (LLVM 15.0.6, 256 bits)";
+
+/// A project with the goldens `scene`, `room`, and `scene` of the profiles of GL and of a foreign
+/// adapter.
+fn goldens() -> TempDir {
+    let project = project();
+    let golden = project.path().join("golden");
+    for case in ["scene", "room"] {
+        pending_frame(&golden, case, LAVAPIPE);
+    }
+    let accept = ["accept", "*", "--because", "the first ones"];
+    karat(project.path(), &accept).good();
+    for profile in ["@gl-llvmpipe", "@metal-apple"] {
+        std::fs::create_dir(golden.join(profile)).expect("a folder");
+        for file in ["scene.exr", "scene.toml"] {
+            std::fs::copy(golden.join(file), golden.join(profile).join(file)).expect("copied");
+        }
+    }
+    project
+}
+
+fn record(project: &TempDir, lines: &[String], run: Option<(&[&str], bool)>) -> PathBuf {
+    let folder = project.path().join("target/karat/record");
+    if folder.is_dir() {
+        std::fs::remove_dir_all(&folder).expect("removed");
+    }
+    write(&folder, "1.jsonl", &lines.concat());
+    if let Some((selected, passed)) = run {
+        let selected = selected.iter().map(|text| (*text).to_owned()).collect();
+        let run = Run { schema: karat::record::SCHEMA, selected, passed };
+        run.write(&folder).expect("written");
+    }
+    folder
+}
+
+#[test]
+fn goldens_that_all_are_compared_pass() {
+    let project = goldens();
+    let golden = project.path().join("golden");
+    let all = [
+        frame(&golden, "scene", &["vulkan", "gl"], "pass"),
+        frame(&golden, "room", &["vulkan"], "pass"),
+    ];
+    record(&project, &all, Some((&[], true)));
+    let out = karat(project.path(), &["unreferenced"]).good();
+    assert!(out.contains("not judged, as its profile didn't run: scene of profile metal-apple"));
+    assert!(out.ends_with("3 goldens compared, 0 unreferenced, 0 stray files\n"), "{out}");
+    // What `cargo ci test` writes is read, too.
+    let folder = record(&project, &all, None);
+    write(&folder, "run.json", r#"{"passed":true,"schema":2,"selected":[]}"#);
+    karat(project.path(), &["unreferenced"]).good();
+}
+
+#[test]
+fn a_golden_that_nobody_compares_fails_and_may_be_deleted() {
+    let project = goldens();
+    let golden = project.path().join("golden");
+    // A frame of that name in another folder is another frame.
+    let elsewhere = frame(&project.path().join("other"), "room", &["vulkan"], "pass");
+    std::fs::create_dir(project.path().join("other")).expect("a folder");
+    let scene = frame(&golden, "scene", &["vulkan"], "pass");
+    // Something else ran on GL, so the golden of GL might have been compared.
+    let lines = [elsewhere, scene, function("m::f", "gl", "pass", None)];
+    record(&project, &lines, Some((&[], true)));
+    let ran = karat(project.path(), &["unreferenced"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert!(ran.out.contains("no test compares room  "), "{ran:?}");
+    assert!(ran.out.contains("no test compares scene of profile gl-llvmpipe  "), "{ran:?}");
+    assert!(ran.out.ends_with("1 goldens compared, 2 unreferenced, 0 stray files\n"), "{ran:?}");
+    let ran = karat(project.path(), &["unreferenced", "--json"]);
+    let report = json(&ran.out);
+    assert_eq!((ran.code, &report["compared"]), (Some(1), &1.into()));
+    assert_eq!(report["unreferenced"][1]["case"], "room");
+    assert_eq!(report["unreferenced"][0]["profile"], "gl-llvmpipe");
+    assert_eq!(report["unjudged"][0]["profile"], "metal-apple");
+
+    let out = karat(project.path(), &["unreferenced", "--delete"]).good();
+    assert!(out.ends_with("deleted 4 files\n"), "{out}");
+    assert!(golden.join("scene.exr").is_file() && golden.join("@metal-apple/scene.exr").is_file());
+    for file in ["room.exr", "room.toml", "@gl-llvmpipe/scene.exr", "@gl-llvmpipe/scene.toml"] {
+        assert!(!golden.join(file).exists(), "{file}");
+    }
+    karat(project.path(), &["unreferenced"]).good();
+}
+
+#[test]
+fn without_evidence_there_is_no_verdict() {
+    let project = goldens();
+    let folder = project.path();
+    let error = karat(folder, &["unreferenced"]).failure(3);
+    assert!(error.contains("there is no record of a run"), "{error}");
+    let all = [frame(&folder.join("golden"), "scene", &["vulkan"], "pass")];
+    for (run, message) in [
+        (None, "doesn't say that its run ended"),
+        (Some((&["scene"][..], true)), "the last run left tests out (`scene`)"),
+        (Some((&["-p tests"], true)), "the last run left tests out (`-p tests`)"),
+        (Some((&[], false)), "a test failed in the last run"),
+    ] {
+        record(&project, &all, run);
+        let error = karat(folder, &["unreferenced", "--delete"]).failure(3);
+        assert!(error.contains(message), "{error}");
+    }
+    let overlaid = all[0].replace("\"message\"", "\"overlay\":\"mutants\",\"message\"");
+    record(&project, &[overlaid], Some((&[], true)));
+    let error = karat(folder, &["unreferenced", "--delete"]).failure(3);
+    assert!(error.contains("the last run had KARAT_OVERLAY=mutants"), "{error}");
+    let record_folder = record(&project, &["not a record\n".to_owned()], Some((&[], true)));
+    let error = karat(folder, &["unreferenced"]).error();
+    assert!(error.contains("1.jsonl` line 1 isn't a record of version 2"), "{error}");
+    write(&record_folder, "run.json", "{}");
+    let error = karat(folder, &["unreferenced"]).error();
+    assert!(error.contains("run.json` line 1 isn't a record of version 2"), "{error}");
+    assert!(folder.join("golden/room.exr").is_file(), "nothing was deleted");
+}
+
+#[test]
+fn a_run_that_compared_nothing_of_a_folder_deletes_nothing_there() {
+    let project = goldens();
+    record(&project, &[function("m::f", "vulkan", "pass", None)], Some((&[], true)));
+    assert_eq!(karat(project.path(), &["unreferenced"]).code, Some(1));
+    let error = karat(project.path(), &["unreferenced", "--delete"]).error();
+    assert!(error.contains("the run compared none of the goldens in"), "{error}");
+    assert!(project.path().join("golden/room.exr").is_file());
+}
+
+#[test]
+fn stray_files_are_reported_and_only_ours_are_deleted() {
+    let project = goldens();
+    let golden = project.path().join("golden");
+    for profile in ["@gl-llvmpipe", "@metal-apple"] {
+        std::fs::remove_dir_all(golden.join(profile)).expect("removed");
+    }
+    let all = ["scene", "room"].map(|case| frame(&golden, case, &["vulkan"], "pass"));
+    record(&project, &all, Some((&[], true)));
+    for file in ["README.md", ".gitattributes", "scene.png"] {
+        write(&golden, file, "");
+    }
+    karat(project.path(), &["unreferenced"]).good();
+    for file in ["gone.toml", "gone.variance.exr", "room.exr.orig", "gone.png"] {
+        write(&golden, file, "");
+    }
+    let ran = karat(project.path(), &["unreferenced"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    for reason in [
+        "facts without a golden",
+        "a variance without a golden",
+        "a file that isn't a golden's",
+        "a preview without an image",
+    ] {
+        assert!(ran.out.contains(reason), "no `{reason}`: {ran:?}");
+    }
+    let ran = karat(project.path(), &["unreferenced", "--delete"]);
+    assert_eq!(ran.code, Some(1), "what isn't ours is left: {ran:?}");
+    assert!(!golden.join("gone.toml").exists() && !golden.join("gone.variance.exr").exists());
+    assert!(golden.join("room.exr.orig").is_file() && golden.join("gone.png").is_file());
+    assert!(golden.join("README.md").is_file() && golden.join("scene.png").is_file());
+}
