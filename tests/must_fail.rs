@@ -624,6 +624,30 @@ fn accepting_off_the_canonical_rasteriser_is_refused() {
     assert!(error.to_string().contains("goldens are made on lavapipe"), "{error}");
 }
 
+/// A rasteriser with other vectors, as another machine has: the golden holds there, too.
+#[test]
+fn a_golden_holds_at_another_vector_width() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (_, text) = golden_fault(folder.path(), &[]);
+    assert!(text.contains("has no golden"), "{text}");
+    let goldens = Goldens::open(folder.path());
+    let pending = goldens.select("gradient").expect("it is pending");
+    let acceptance =
+        Acceptance { because: "why".to_owned(), any_adapter: true, ..Acceptance::default() };
+    goldens.accept(&pending[0], &acceptance).expect("accepted");
+    let open = Path::ALL.into_iter().find_map(|path| karat::adapter(path).ok());
+    let narrow = [("LP_NATIVE_VECTOR_WIDTH", "128")];
+    let (agrees, text) = golden_fault(folder.path(), &narrow);
+    assert!(agrees, "{text}");
+    // That the variable works shows in the name of the adapter, which a frame that is new has.
+    let other = tempfile::tempdir().expect("a temporary folder");
+    golden_fault(other.path(), &narrow);
+    let pending = Goldens::open(other.path()).select("gradient").expect("it is pending");
+    let name = &pending[0].provenance.adapter.name;
+    let lavapipe = open.is_some_and(|adapter| adapter.name.contains("llvmpipe"));
+    assert!(!lavapipe || name.contains("128 bits"), "{name}");
+}
+
 /// Results of software rasterisers depend on their vector width and on the processor.
 #[test]
 fn a_golden_says_what_it_was_made_on() {

@@ -1,6 +1,6 @@
 //! Accepting and rejecting in the page.
 
-use karat::{Image, Precision};
+use karat::{FrameAgreement, FrameError, GoldenError, Goldens, Image, Package, Path, Precision};
 use serde_json::Value;
 
 use crate::browser::{Browser, Tab};
@@ -71,6 +71,53 @@ fn a_frame_is_looked_at_and_accepted() {
     assert!(!project.pending("zebra").exists() && project.golden("zebra").is_file());
     let (code, _) = server.interrupt();
     assert_eq!(code, Some(0));
+}
+
+/// Renders a frame of one colour and compares it with the project's golden. A frame that waits
+/// elsewhere, as in CI, is brought beside its golden, where the review looks.
+fn rendered(project: &Project, red: &str) -> Result<FrameAgreement, FrameError> {
+    let wgsl = format!(
+        "@vertex fn corners(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {{\n    \
+            return vec4f(4.0 * f32(index & 1u) - 1.0, 4.0 * f32(index >> 1u) - 1.0, 1.0, 1.0);\n}}\n\
+         @fragment fn plain() -> @location(0) vec4f {{ return vec4f({red}, 0.5, 0.25, 1.0); }}\n"
+    );
+    let package = Package::from_source("plain", &wgsl);
+    let frame = package.frame("", 32, 16).fullscreen("corners", "plain");
+    let goldens = Goldens::open(&project.folder().join("golden"));
+    let result = frame.try_matches(&goldens, "review_loop");
+    if let Err(FrameError::Golden { source, .. }) = &result
+        && let GoldenError::Missing { pending, .. } | GoldenError::Differs { pending, .. } =
+            &**source
+    {
+        let beside = project.pending("review_loop");
+        if !beside.exists() {
+            std::fs::copy(pending, &beside).expect("copied");
+        }
+    }
+    result
+}
+
+/// Fail, review, accept, green: a new frame, and one that another shader has changed.
+#[test]
+fn a_failing_frame_is_accepted_in_the_page_and_passes() {
+    let project = Project::new();
+    assert!(Path::ALL.into_iter().any(|path| karat::adapter(path).is_ok()), "a path opens");
+    for (red, because) in [("1.0", "the first one"), ("2.0", "twice as red, as planned")] {
+        let failure = rendered(&project, red).expect_err("not accepted yet").to_string();
+        assert!(failure.contains("review_loop"), "{failure}");
+        let server = project.serve();
+        let mut browser = Browser::start();
+        let tab = browser.open(&server.url);
+        browser.settle(&tab);
+        accept(&mut browser, &tab, because);
+        let done = "document.getElementById('count').textContent === 'nothing is left to review'";
+        browser.wait(&tab, done);
+        assert_eq!(server.interrupt().0, Some(0));
+        assert_eq!(facts(&project, "review_loop").1["because"], because);
+        let agreement = rendered(&project, red).expect("it is the golden now");
+        assert!(!agreement.paths.is_empty());
+    }
+    rendered(&project, "1.0").expect_err("it was another");
 }
 
 #[test]
