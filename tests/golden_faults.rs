@@ -7,7 +7,9 @@ use std::fmt::Write as _;
 use std::ops::RangeInclusive;
 
 use glam::DVec3;
-use karat::{Criterion, Flip, FrameTolerance, Gate, Image, Metric, Pair, Precision};
+use karat::{
+    Criterion, DEFAULT_RELATIVE, Flip, FrameTolerance, Gate, Image, Metric, Pair, Precision,
+};
 
 const WIDTH: u32 = 640;
 const HEIGHT: u32 = 360;
@@ -241,4 +243,37 @@ fn the_gate_alone_sees_all_of_them() {
         let passes = FrameTolerance::gate(1e-3).compare(&golden, &actual, None).is_ok();
         assert_eq!(passes, verdict == Verdict::Gate, "{name}");
     }
+}
+
+/// What each golden of this repository shows at least: a change of one channel of one pixel by three
+/// thousandths, wherever it is, in light and in shade.
+#[test]
+fn the_smallest_fault_of_each_golden_is_seen() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../golden");
+    let files = std::fs::read_dir(folder).expect("the goldens");
+    let files = files.map(|entry| entry.expect("a file").path());
+    let mut goldens = 0;
+    for file in files.filter(|file| file.extension().is_some_and(|name| name == "exr")) {
+        let (golden, _) = Image::read_exr(&file).expect("a golden");
+        let floor = 1e-3 * golden.key(); // ten times what the gate treats as black
+        let gate = FrameTolerance::gate(DEFAULT_RELATIVE);
+        let mut tried = 0;
+        let pixels = golden.pixels().len();
+        for index in (0..pixels).step_by(pixels.div_ceil(29)) {
+            for channel in 0..4 {
+                let value = golden.pixels()[index][channel];
+                if value == 0.0 || channel < 3 && value.abs() < floor {
+                    continue;
+                }
+                let mut faulty = golden.clone();
+                faulty.pixels_mut()[index][channel] = value * 1.003;
+                let found = gate.compare(&golden, &faulty, None);
+                assert!(found.is_err(), "{}: pixel {index}, {channel}", file.display());
+                tried += 1;
+            }
+        }
+        assert!(tried > 20, "{}: {tried}", file.display());
+        goldens += 1;
+    }
+    assert!(goldens >= 14, "{goldens}");
 }
