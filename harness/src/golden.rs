@@ -257,7 +257,8 @@ impl Goldens {
         let precision = provenance.as_ref().map_or(Precision::Float, |known| known.precision);
         let made_on = provenance.as_ref().map(|known| Profile::of(&known.adapter));
         let standard = match frame.variance {
-            None => FrameTolerance::standard(made_on.as_ref() != Some(&profile)),
+            // Of an unknown origin it is held to the bounds of its own profile.
+            None => FrameTolerance::standard(made_on.is_some_and(|made_on| made_on != profile)),
             // FLIP would see the noise, and let pass what is fainter.
             Some(_) => FrameTolerance::gate(DEFAULT_RELATIVE),
         };

@@ -100,14 +100,6 @@ pub enum ReviewError {
     /// The pending frames can't be read.
     #[error(transparent)]
     Goldens(#[from] AcceptError),
-    /// A pending file isn't where its own metadata says.
-    #[error("`{path}` says that it is frame `{case}`; delete it and run its test again")]
-    Name {
-        /// The file.
-        path: String,
-        /// The name in its metadata.
-        case: String,
-    },
     /// A file of the page can't be written.
     #[error("can't write `{path}`: {source}")]
     Write {

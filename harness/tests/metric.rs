@@ -1,7 +1,9 @@
 //! Metrics against what they should be: HDR-FLIP against NVIDIA's implementation, parts against
 //! wholes, and nothing that is left out or unseen.
 
-use karat::{ErrorMap, ExposureRange, Flip, FlipFailure, Gate, Image, Mask, MaskError};
+use karat::{
+    ErrorMap, ExposureRange, Flip, FlipFailure, FrameTolerance, Gate, Image, Mask, MaskError, Noise,
+};
 use karat::{Metric, Pair, PairError, Rect, TILE};
 
 const WIDTH: u32 = 48;
@@ -104,7 +106,7 @@ fn a_part_of_the_map_is_that_of_the_whole() {
             }
         }
         // With exposures that show all of it, none are added.
-        let exposures = ExposureRange { start: -3.0, stop: 2.0 };
+        let exposures = ExposureRange { start: -3.0, stop: 4.0 };
         let pair = Pair::new(&golden, &actual).expect("finite").with_exposures(exposures);
         let (part, whole) = (Flip::LARGEST_TILE.map(&pair), Flip::LARGEST_TILE.whole(&pair));
         let (part, whole) = (part.expect("computed"), whole.expect("computed"));
@@ -233,4 +235,70 @@ fn tiles_and_means_are_of_what_is_compared() {
     let pair = Pair::masked(&golden, &actual, &mask).expect("finite");
     assert_eq!(map.largest_tile(&pair), (0.25, Rect::new(32, 16, 8, 4)));
     assert_eq!(map.mean(&pair), 49.0 * 0.25 / 799.0);
+}
+
+/// What is wrong in the dark is seen, however bright the rest of the frame is.
+#[test]
+fn the_dark_half_of_a_bright_frame_is_seen() {
+    let scene = |ground: [f32; 3]| {
+        let sky = |y: u32| y < 66;
+        image(160, 120, |_, y, c| if sky(y) { 1000.0 } else { ground[c as usize] })
+    };
+    for (right, wrong) in [
+        ([1.0; 3], [3.0, 0.0, 0.0]),
+        ([0.2; 3], [0.0; 3]),
+        ([0.2; 3], [0.4; 3]),
+        ([0.2; 3], [0.2, 0.1, 0.2]),
+    ] {
+        let found = FrameTolerance::default().compare(&scene(right), &scene(wrong), None);
+        assert!(found.is_err(), "{right:?} {wrong:?}: {found:?}");
+    }
+    // A lamp in a dark room.
+    let room = |light: f32| {
+        let lamp = |x: u32, y: u32| (60..80).contains(&x) && (40..60).contains(&y);
+        image(160, 120, move |x, y, _| if lamp(x, y) { 500.0 } else { light })
+    };
+    let found = FrameTolerance::default().compare(&room(0.0), &room(0.02), None);
+    assert!(found.is_err(), "{found:?}");
+}
+
+/// What a mask leaves out chooses neither exposures nor what counts as black.
+#[test]
+fn what_is_left_out_has_no_say() {
+    let scene = |rest: f32| image(160, 120, |_, y, _| if y < 108 { 1e9 } else { rest });
+    let mask = Mask::only(&[Rect::new(0, 108, 160, 12)]);
+    for tolerance in [FrameTolerance::gate(1e-3), FrameTolerance::default()] {
+        let found = tolerance.compare(&scene(0.05), &scene(5.0), Some(&mask));
+        assert!(found.is_err(), "{found:?}");
+    }
+    let mut unclear = image(160, 120, |_, _, _| 1.0);
+    unclear.pixels_mut()[7][0] = f32::NAN;
+    let same = scene(0.05);
+    let found = FrameTolerance::gate(1e-3).compare(&same, &same, Some(&Mask::image(unclear)));
+    assert!(found.is_err(), "{found:?}");
+}
+
+/// A hue that is wrong at the right luminance is no noise.
+#[test]
+fn noise_is_judged_in_each_channel() {
+    let golden = image(64, 64, |_, _, _| 0.5);
+    let red = 0.5 / 0.2126;
+    let actual = image(64, 64, |_, _, c| if c == 0 { red } else { 0.0 });
+    let variance = image(64, 64, |_, _, _| 1e-4);
+    let noise = Noise { golden: &variance, actual: &variance };
+    let pair = Pair::new(&golden, &actual).expect("finite");
+    assert!(!(noise.measure(&pair).value <= 1.0));
+}
+
+/// A bound that bounds nothing is no tolerance.
+#[test]
+fn tolerances_of_nothing_compare_nothing() {
+    let golden = image(16, 16, |_, _, _| 0.5);
+    for tolerance in [
+        FrameTolerance::All(Vec::new()),
+        FrameTolerance::FlipTile(f64::INFINITY),
+        FrameTolerance::gate(f32::NAN),
+    ] {
+        assert!(tolerance.compare(&golden, &golden, None).is_err(), "{tolerance:?}");
+    }
 }

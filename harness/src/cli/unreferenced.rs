@@ -9,8 +9,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
-use karat::Profile;
 use karat::record::{self, Record, Run, Subject};
+use karat::{Image, Profile, Provenance};
 use serde::Serialize;
 
 use self::files::{Files, Golden, Stray};
@@ -115,11 +115,18 @@ fn deletable(report: &Report) -> Vec<PathBuf> {
         std::iter::once(golden.file.clone()).chain(beside).collect::<Vec<_>>()
     };
     let strays = report.stray.iter().filter(|stray| stray.is_ours).map(|stray| stray.file.clone());
-    let mut all: Vec<PathBuf> = report.unreferenced.iter().flat_map(of).chain(strays).collect();
+    let goldens = report.unreferenced.iter().filter(|golden| is_golden(&golden.file));
+    let mut all: Vec<PathBuf> = goldens.flat_map(of).chain(strays).collect();
     all.retain(|file| file.symlink_metadata().is_ok());
     all.sort();
     all.dedup();
     all
+}
+
+/// Whether an image says that it was accepted: another tool's may lie there for a reason.
+fn is_golden(file: &Path) -> bool {
+    let metadata = Image::read_exr(file).ok().and_then(|(_, metadata)| metadata);
+    metadata.is_some_and(|text| serde_json::from_str::<Provenance>(&text).is_ok())
 }
 
 fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {

@@ -78,6 +78,20 @@ pub enum AcceptError {
         "the golden of `{0}` has changed since the pending frame was rendered; run the test again"
     )]
     Stale(String),
+    /// The file's pixels are others than it says.
+    #[error(
+        "the pending frame of `{0}` isn't the one that was looked at: its pixels are others than its \
+         file says; run the test again"
+    )]
+    Altered(String),
+    /// A pending file isn't where its own metadata says.
+    #[error("`{path}` says that it is frame `{case}`; delete it and run its test again")]
+    Misplaced {
+        /// The file.
+        path: String,
+        /// The name in its metadata.
+        case: String,
+    },
     /// The frame comes from another profile.
     #[error("`{case}` was rendered on profile {found}, and can't be the golden of {asked}")]
     Profile {
@@ -154,6 +168,9 @@ impl Goldens {
             return Err(AcceptError::NoReason(case));
         }
         let (image, _) = Image::read_exr(&pending.path)?;
+        if image.hash() != pending.provenance.pixels {
+            return Err(AcceptError::Altered(case));
+        }
         let path = match &acceptance.profile {
             None => {
                 let profile = pending.provenance.compared_profile.clone();
@@ -179,10 +196,9 @@ impl Goldens {
         let current = match Image::read_exr(&compared) {
             Ok((golden, _)) => golden.hash(),
             Err(ImageError::Missing { .. }) => String::new(),
-            // A golden that can't be read is replaced by accepting; it can't be lost twice.
-            Err(ImageError::Corrupt { .. } | ImageError::LfsPointer { .. }) => {
-                pending.provenance.compared_with.clone()
-            }
+            // A golden that is damaged is replaced by accepting; it can't be lost twice. One that
+            // Git has not fetched isn't lost.
+            Err(ImageError::Corrupt { .. }) => pending.provenance.compared_with.clone(),
             Err(error) => return Err(error.into()),
         };
         if current != pending.provenance.compared_with {
@@ -197,8 +213,10 @@ impl Goldens {
             because: because.to_owned(),
             ..pending.provenance.clone()
         };
+        // Read before anything is written, so that a damaged one leaves the golden as it was.
+        let variance = variance::read(&pending.path)?;
         let accepted = write_golden(&path, &image, &provenance)?;
-        match variance::read(&pending.path)? {
+        match variance {
             Some(variance) => variance::write(&path, &variance)?,
             // That of another image says nothing of this one. Most have none.
             None => drop(std::fs::remove_file(variance::file(&path))),

@@ -109,6 +109,8 @@ pub enum FrameDifference {
     GoldenNonFinite(NonFinite),
     /// The mask can't be used.
     Mask(MaskError),
+    /// The tolerance has a bound that bounds nothing.
+    Tolerance(String),
     /// Values differ by more than is allowed.
     Values(Box<Deviation>),
 }
@@ -146,6 +148,7 @@ impl fmt::Display for FrameDifference {
             Self::NonFinite(census) => write!(f, "{}", PairError::NonFinite(*census)),
             Self::GoldenNonFinite(census) => write!(f, "{}", PairError::GoldenNonFinite(*census)),
             Self::Mask(error) => write!(f, "it can't be compared: {error}"),
+            Self::Tolerance(reason) => write!(f, "its tolerance is {reason}"),
             Self::Values(deviation) => write!(f, "{deviation}"),
         }
     }
@@ -184,7 +187,8 @@ pub(super) fn compare(
         PairError::GoldenNonFinite(census) => FrameDifference::GoldenNonFinite(census),
         PairError::Mask(error) => FrameDifference::Mask(error),
     })?;
-    let pair = match terms.exposures {
+    // What is pinned was chosen from all pixels, and those that are left out have no say.
+    let pair = match terms.exposures.filter(|_| terms.mask.is_none()) {
         Some(exposures) => pair.with_exposures(exposures),
         None => pair,
     };
@@ -203,6 +207,9 @@ impl FrameTolerance {
         actual: &Image,
         mask: Option<&Mask>,
     ) -> Result<FrameMargin, FrameDifference> {
+        if let Some(unusable) = self.unusable() {
+            return Err(FrameDifference::Tolerance(unusable));
+        }
         compare(golden, actual, &Terms { mask, ..Terms::of(self) })
     }
 }

@@ -109,9 +109,14 @@ impl Goldens {
             let (_, metadata) = Image::read_exr(&path)?;
             let provenance: Provenance = metadata
                 .and_then(|metadata| serde_json::from_str(&metadata).ok())
-                // Its name becomes a file's.
-                .filter(|provenance: &Provenance| super::is_name(&provenance.case))
                 .ok_or_else(|| AcceptError::Foreign(shown(&path)))?;
+            // Its name becomes a file's.
+            let case = &provenance.case;
+            let own = path.to_string_lossy().replace('\\', "/");
+            if !super::is_name(case) || !own.ends_with(&format!("/{case}.new.exr")) {
+                let (path, case) = (shown(&path), case.clone());
+                return Err(AcceptError::Misplaced { path, case });
+            }
             found.push(Pending { case: provenance.case.clone(), path, provenance });
         }
         found.sort_by(|a, b| a.case.cmp(&b.case));

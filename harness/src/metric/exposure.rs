@@ -41,8 +41,13 @@ impl ExposureRange {
     /// The range of a golden. One without light has that of a white image.
     #[must_use]
     pub fn of(golden: &Image) -> Self {
+        Self::of_pixels(golden.pixels())
+    }
+
+    /// The range of those pixels of a golden that are compared.
+    pub(super) fn of_pixels(pixels: &[[f32; 4]]) -> Self {
         let bright = |l: &f32| l.is_finite() && *l > 0.0;
-        let mut lights: Vec<f32> = golden.pixels().iter().map(luminance).filter(bright).collect();
+        let mut lights: Vec<f32> = pixels.iter().map(luminance).filter(bright).collect();
         if lights.is_empty() {
             return Self { start: stops(1.0), stop: stops(1.0) };
         }
@@ -69,6 +74,14 @@ impl ExposureRange {
         let missing = (self.start - stops(f64::from(luminance))).ceil();
         let sound = missing > 0.0 && missing < 128.0;
         sound.then_some(Self { start: self.start - missing, stop: self.start - 1.0 })
+    }
+
+    /// Exposures above this range, of which the last shows a dark luminance as the range shows the
+    /// median; `None` if the range does.
+    pub(super) fn above(&self, luminance: f32) -> Option<Self> {
+        let missing = (stops(f64::from(luminance)) - self.stop).ceil();
+        let sound = missing > 0.0 && missing < 128.0;
+        sound.then_some(Self { start: self.stop + 1.0, stop: self.stop + missing })
     }
 }
 
@@ -119,5 +132,9 @@ mod tests {
         let below = range.below(1e3).expect("brighter than white at -2 stops");
         assert_eq!(below.stop, -3.0);
         assert!(below.start < -8.0 && below.start > -11.0, "{below}");
+        assert_eq!(range.above(10.0), None);
+        let above = range.above(1e-3).expect("darker than the median");
+        assert_eq!(above.start, 4.0);
+        assert!(above.stop > 10.0 && above.stop < 14.0, "{above}");
     }
 }

@@ -11,7 +11,7 @@
 use flip_rs::{HdrOptions, RgbImage, hdr_flip};
 
 use super::exposure::ExposureRange;
-use super::gate::Gate;
+use super::gate::{DARK, Gate};
 use super::mask::Rect;
 use super::pair::Pair;
 use super::tiles::ErrorMap;
@@ -75,14 +75,14 @@ impl Flip {
     /// The errors of the pixels that see what is off by more than [`Gate::default`] allows: they
     /// are those that the whole frame would give, bit for bit. Where the golden's exposures don't
     /// show a pixel that is off, since it is brighter than all but 0.1 % of the golden, darker ones
-    /// are added.
+    /// are added; and brighter ones for what is off in the dark, down to where the gate ends.
     ///
     /// # Errors
     /// If something is off that FLIP doesn't see, or it can't be computed.
     pub fn map(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
         let exposures = pair.exposures();
         let mut bounds: Option<[u32; 4]> = None;
-        let (mut brightest, mut unseen) = (0.0_f32, None);
+        let (mut brightest, mut dimmest, mut unseen) = (0.0_f32, f32::INFINITY, None);
         Gate::default().each(pair, |index, golden, actual, ratio| {
             let (x, y) = pair.place(index);
             if !(ratio[3] <= 1.0) {
@@ -91,7 +91,8 @@ impl Flip {
             if (0..3).any(|c| !(ratio[c] <= 1.0) && golden[c].min(actual[c]) < 0.0) {
                 unseen = unseen.take().or(Some(FlipFailure::Negative(x, y)));
             }
-            brightest = golden[..3].iter().chain(&actual[..3]).copied().fold(brightest, f32::max);
+            let light = golden[..3].iter().chain(&actual[..3]).copied().fold(0.0, f32::max);
+            (brightest, dimmest) = (brightest.max(light), dimmest.min(light));
             let [left, top, right, bottom] = bounds.unwrap_or([x, y, x, y]);
             bounds = Some([left.min(x), top.min(y), right.max(x), bottom.max(y)]);
         });
@@ -107,6 +108,11 @@ impl Flip {
         if let Some(below) = exposures.below(brightest) {
             let dark = self.part(pair, seen, below)?;
             let larger = map.values().iter().zip(dark.values()).map(|(a, b)| a.max(*b)).collect();
+            map = ErrorMap::new(seen, larger);
+        }
+        if let Some(above) = exposures.above(dimmest.max(DARK * pair.key())) {
+            let bright = self.part(pair, seen, above)?;
+            let larger = map.values().iter().zip(bright.values()).map(|(a, b)| a.max(*b)).collect();
             map = ErrorMap::new(seen, larger);
         }
         Ok(map)

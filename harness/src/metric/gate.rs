@@ -13,7 +13,7 @@ pub const DEFAULT_RELATIVE: f32 = 1e-3;
 /// What is darker than this share of the golden's key is compared as if it were that bright. The
 /// key is at middle grey on a screen, so the floor is 1/180 of what 8 bits resolve: black pixels
 /// with rounding noise pass, and dark regions of a frame with bright ones are still compared.
-const DARK: f32 = 1e-4;
+pub(super) const DARK: f32 = 1e-4;
 
 /// Each channel within `relative` times the golden's value, or within `absolute`, whichever is
 /// more. Its value is the largest difference over what is allowed, so that 1 is its bound.

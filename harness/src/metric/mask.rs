@@ -117,7 +117,14 @@ impl Mask {
                 let mask = (image.width(), image.height());
                 return Err(MaskError::Size { mask, frame: (width, height) });
             }
-            Kind::Image(image) => image.pixels().iter().map(|pixel| pixel[0] > 0.5).collect(),
+            Kind::Image(image) => {
+                let unclear = image.pixels().iter().position(|pixel| !pixel[0].is_finite());
+                if let Some(index) = unclear {
+                    let (x, y) = (index % width as usize, index / width as usize);
+                    return Err(MaskError::NonFinite { x, y });
+                }
+                image.pixels().iter().map(|pixel| pixel[0] > 0.5).collect()
+            }
             Kind::Only(rects) => every(&|x, y| rects.iter().any(|rect| rect.contains(x, y))),
             Kind::Except(rects) => every(&|x, y| !rects.iter().any(|rect| rect.contains(x, y))),
             Kind::Where(compared) => every(&|x, y| compared(x, y)),
@@ -141,6 +148,14 @@ impl fmt::Debug for Mask {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MaskError {
+    /// NaN or an infinity, which neither compares nor leaves out.
+    #[error("the mask isn't a finite number at ({x}, {y})")]
+    NonFinite {
+        /// Column.
+        x: usize,
+        /// Row.
+        y: usize,
+    },
     /// It leaves no pixel.
     #[error("the mask leaves no pixel to compare")]
     Nothing,

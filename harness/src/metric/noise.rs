@@ -11,7 +11,7 @@
 use super::gate::{DEFAULT_RELATIVE, Gate};
 use super::mask::Rect;
 use super::pair::Pair;
-use super::{Measured, Metric, luminance};
+use super::{Measured, Metric};
 use crate::image::Image;
 use crate::stats::{normal_tail, sidak};
 
@@ -21,7 +21,7 @@ const SIDES: [u32; 2] = [16, 48];
 /// How likely noise alone fails a frame.
 const SIGNIFICANCE: f64 = 0.01;
 
-/// The largest z of a tile's mean luminance over what noise alone reaches in one frame of a
+/// The largest z of a tile's mean, of any channel, over what noise alone reaches in one frame of a
 /// hundred, so that 1 is its bound. What the default [`Gate`] allows isn't counted: rounding isn't
 /// noise.
 #[derive(Clone, Debug)]
@@ -35,19 +35,25 @@ pub struct Noise<'a> {
 /// How much brighter a tile is than the golden's, and what there is to compare that with.
 #[derive(Clone, Copy, Default)]
 struct Sum {
-    difference: f64,
-    slack: f64,
-    variance: f64,
+    difference: [f64; 3],
+    slack: [f64; 3],
+    variance: [f64; 3],
     pixels: u32,
 }
 
-impl Noise<'_> {
-    /// The variance of luminance, if all channels have the same noise.
-    fn variance([r, g, b, _]: [f32; 4]) -> f64 {
-        let deviation = luminance(&[r.sqrt(), g.sqrt(), b.sqrt(), 0.0]);
-        f64::from(deviation).powi(2)
+impl Sum {
+    /// The largest z of a channel.
+    fn z(&self) -> f64 {
+        let z = (0..3).map(|channel| {
+            let beyond = (self.difference[channel].abs() - self.slack[channel]).max(0.0);
+            if beyond == 0.0 { 0.0 } else { beyond / self.variance[channel].sqrt() }
+        });
+        // Not `f64::max`, which drops NaN.
+        z.fold(0.0, |worst, z| if z <= worst { worst } else { z })
     }
+}
 
+impl Noise<'_> {
     /// What is wrong with the variances.
     fn unusable(&self, pair: &Pair<'_>) -> Option<String> {
         let size = (pair.golden().width(), pair.golden().height());
@@ -79,10 +85,12 @@ impl Noise<'_> {
                 continue;
             }
             let sum = &mut sums[(y / side * columns + x / side) as usize];
-            let light = f64::from(luminance(golden));
-            sum.difference += f64::from(luminance(actual)) - light;
-            sum.slack += (f64::from(DEFAULT_RELATIVE) * light.abs()).max(floor);
-            sum.variance += Self::variance(*vg) + Self::variance(*va);
+            for channel in 0..3 {
+                let light = f64::from(golden[channel]);
+                sum.difference[channel] += f64::from(actual[channel]) - light;
+                sum.slack[channel] += (f64::from(DEFAULT_RELATIVE) * light.abs()).max(floor);
+                sum.variance[channel] += f64::from(vg[channel]) + f64::from(va[channel]);
+            }
             sum.pixels += 1;
         }
         let tile = |index: u32| {
@@ -117,12 +125,8 @@ impl Metric for Noise<'_> {
             return Measured { note, ..Measured::of(f64::INFINITY) };
         }
         let tiles: Vec<_> = SIDES.iter().flat_map(|side| self.tiles(pair, *side)).collect();
-        let critical = critical(sidak(SIGNIFICANCE, tiles.len() as u64));
-        let z = |sum: &Sum| {
-            let beyond = (sum.difference.abs() - sum.slack).max(0.0);
-            if beyond == 0.0 { 0.0 } else { beyond / sum.variance.sqrt() }
-        };
-        let largest = tiles.iter().map(|(tile, sum)| (z(sum), *tile));
+        let critical = critical(sidak(SIGNIFICANCE, 3 * tiles.len() as u64));
+        let largest = tiles.iter().map(|(tile, sum)| (sum.z(), *tile));
         let largest = largest.max_by(|a, b| a.0.total_cmp(&b.0));
         let Some((z, place)) = largest else {
             return Measured::of(f64::NAN);

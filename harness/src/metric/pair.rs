@@ -198,7 +198,19 @@ impl<'a> Pair<'a> {
     /// The exposures that HDR-FLIP looks at.
     #[must_use]
     pub fn exposures(&self) -> ExposureRange {
-        *self.exposures.get_or_init(|| ExposureRange::of(&self.golden))
+        *self.exposures.get_or_init(|| ExposureRange::of_pixels(&self.compared_pixels()))
+    }
+
+    /// The golden's pixels that are compared.
+    fn compared_pixels(&self) -> Cow<'_, [[f32; 4]]> {
+        let pixels = self.golden.pixels();
+        match &self.mask {
+            None => pixels.into(),
+            Some(flags) => {
+                let compared = pixels.iter().zip(flags).filter(|(_, compared)| **compared);
+                compared.map(|(pixel, _)| *pixel).collect::<Vec<_>>().into()
+            }
+        }
     }
 
     /// The largest difference of a channel relative to the golden's value, however dark.
@@ -208,7 +220,7 @@ impl<'a> Pair<'a> {
 
     /// See [`gate::key`].
     pub(super) fn key(&self) -> f32 {
-        *self.key.get_or_init(|| gate::key(self.golden.pixels()))
+        *self.key.get_or_init(|| gate::key(&self.compared_pixels()))
     }
 
     /// Strips of both images that differ in a bit, with the index of their first pixel.

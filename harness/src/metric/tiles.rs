@@ -96,7 +96,8 @@ impl ErrorMap {
             }
             let tile = tile(index);
             let mean = sum / pair.compared_in(tile) as f64;
-            if !(mean <= largest.0) {
+            // NaN is the largest, and stays.
+            if !(mean <= largest.0) && !largest.0.is_nan() {
                 largest = (mean, tile);
             }
         }

@@ -10,11 +10,10 @@ use crate::image::{Image, ImageError};
 /// become the paths of goldens, and a file may come from somebody else's machine.
 pub(super) fn pending(goldens: &Goldens) -> Result<Vec<Pending>, ReviewError> {
     let pending = goldens.pending()?;
-    let sound = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '/');
     for Pending { case, path, .. } in &pending {
-        let expected = goldens.folder().join(format!("{case}.new.exr"));
-        if *path != expected || !case.chars().all(sound) {
-            return Err(ReviewError::Name { path: shown(path), case: case.clone() });
+        if *path != goldens.folder().join(format!("{case}.new.exr")) {
+            let (path, case) = (shown(path), case.clone());
+            return Err(AcceptError::Misplaced { path, case }.into());
         }
     }
     Ok(pending)

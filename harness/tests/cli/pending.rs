@@ -202,9 +202,10 @@ fn a_hostile_or_damaged_artefact_changes_nothing() {
     write(folder, "text.zip", "not a zip");
     // A name that would leave the folder of goldens, in a file that wouldn't.
     write_frame(&folder.join("names"), "evil", "../../evil", LAVAPIPE, "");
-    for case in ["a", "b"] {
+    for case in ["a/scene", "b/scene"] {
         write_frame(&folder.join("twice"), case, "scene", LAVAPIPE, "");
     }
+    write_frame(&folder.join("other"), "a", "scene", LAVAPIPE, "");
     for (from, code, message) in [
         ("slip.zip", 2, "would lie outside of the folder it is unpacked into"),
         ("root.zip", 2, "would lie outside of the folder it is unpacked into"),
@@ -213,8 +214,13 @@ fn a_hostile_or_damaged_artefact_changes_nothing() {
         ("half.zip", 2, "can't use `half.zip`: it isn't a readable zip"),
         ("damaged.zip", 2, "its entry `scene.new.exr` is damaged"),
         ("text.zip", 2, "can't use `text.zip`: it isn't a readable zip"),
-        ("names", 2, "evil.new.exr` wasn't written by Karat"),
-        ("twice", 2, "frame `scene` is pending twice, as `a.new.exr` and as `b.new.exr`"),
+        ("names", 2, "evil.new.exr` says that it is frame `../../evil`"),
+        ("other", 2, "a.new.exr` says that it is frame `scene`"),
+        (
+            "twice",
+            2,
+            "frame `scene` is pending twice, as `a/scene.new.exr` and as `b/scene.new.exr`",
+        ),
         ("empty.zip", 3, "no frame `*` is pending"),
         ("nowhere", 3, "there is no folder or zip `nowhere`"),
     ] {

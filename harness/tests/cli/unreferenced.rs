@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use karat::record::Run;
+use karat::{Image, Precision};
 
 use super::pending::pending_frame;
 use super::report::{frame, function};
@@ -146,9 +147,13 @@ fn stray_files_are_reported_and_only_ours_are_deleted() {
         write(&golden, file, "");
     }
     karat(project.path(), &["unreferenced"]).good();
-    for file in ["gone.toml", "gone.variance.exr", "room.exr.orig", "gone.png"] {
+    for file in ["cameras.toml", "gone.variance.exr", "room.exr.orig", "gone.png"] {
         write(&golden, file, "");
     }
+    std::fs::copy(golden.join("scene.toml"), golden.join("gone.toml")).expect("copied");
+    // An image of another tool, which no test compares.
+    let sky = Image::new(1, 1, vec![[1.0; 4]]);
+    sky.write_exr(&golden.join("sky.exr"), Precision::Half, None).expect("written");
     let ran = karat(project.path(), &["unreferenced"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     for reason in [
@@ -163,5 +168,6 @@ fn stray_files_are_reported_and_only_ours_are_deleted() {
     assert_eq!(ran.code, Some(1), "what isn't ours is left: {ran:?}");
     assert!(!golden.join("gone.toml").exists() && !golden.join("gone.variance.exr").exists());
     assert!(golden.join("room.exr.orig").is_file() && golden.join("gone.png").is_file());
+    assert!(golden.join("cameras.toml").is_file() && golden.join("sky.exr").is_file());
     assert!(golden.join("README.md").is_file() && golden.join("scene.png").is_file());
 }

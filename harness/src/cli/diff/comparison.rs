@@ -23,9 +23,10 @@ impl Bounds {
         #[expect(clippy::cast_possible_truncation, reason = "checked when it was parsed")]
         let relative = rel.map_or(DEFAULT_RELATIVE, |rel| rel as f32);
         let gate = Gate { relative, absolute: None };
-        let (flip_tile, flip_mean) = match (rel, flip_tile, flip_mean) {
-            (None, None, None) => (Some(0.01), Some(0.005)),
-            _ => (flip_tile, flip_mean),
+        // One bound of FLIP doesn't take the other away.
+        let (flip_tile, flip_mean) = match rel {
+            None => (flip_tile.or(Some(0.01)), flip_mean.or(Some(0.005))),
+            Some(_) => (flip_tile, flip_mean),
         };
         let tiles = flip_tile.map(FrameTolerance::FlipTile);
         let flips: Vec<_> =

@@ -5,6 +5,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use karat::Provenance;
 use serde::Serialize;
 
 /// A golden.
@@ -69,7 +70,7 @@ impl Files {
                 _ if all.contains(&golden) => {}
                 ".new.png" | ".new.variance.exr"
                     if all.contains(&file.with_file_name(format!("{stem}.new.exr"))) => {}
-                ".toml" => files.push(file, "facts without a golden", true),
+                ".toml" => files.push(file, "facts without a golden", is_facts(file)),
                 ".variance.exr" => files.push(file, "a variance without a golden", true),
                 ".new.variance.exr" => files.push(file, "a variance without a frame", true),
                 _ => files.push(file, "a preview without an image", false),
@@ -81,6 +82,12 @@ impl Files {
     fn push(&mut self, file: &Path, reason: &'static str, is_ours: bool) {
         self.stray.push(Stray { file: file.to_owned(), reason, is_ours });
     }
+}
+
+/// Whether a file holds the facts of a golden.
+fn is_facts(file: &Path) -> bool {
+    let text = std::fs::read_to_string(file).unwrap_or_default();
+    toml::from_str::<Provenance>(&text).is_ok()
 }
 
 /// A file's name and how it ends, of the endings that are known.
