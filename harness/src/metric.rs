@@ -78,8 +78,3 @@ impl Measured {
         Self { value, place: None, map: None, note: None }
     }
 }
-
-/// Luminance of linear sRGB, ITU-R BT.709.
-fn luminance([r, g, b, _]: &[f32; 4]) -> f32 {
-    0.2126 * r + 0.7152 * g + 0.0722 * b
-}

@@ -28,7 +28,7 @@ pub use power::{Rate, chi_square_power, kolmogorov_power, mean_power};
 pub use support::{Place, Support};
 pub use tail::{
     binomial_tail, chi_square_critical, chi_square_tail, kolmogorov_tail, noncentral_tail,
-    normal_tail,
+    normal_critical, normal_tail,
 };
 
 /// Why a test has no verdict.

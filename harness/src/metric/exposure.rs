@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::luminance;
 use crate::image::Image;
+use crate::image::luminance;
 
 /// A range of exposures, in stops: an exposure of `e` multiplies linear colours by 2^e.
 ///

@@ -4,7 +4,8 @@ use glam::{BVec4A, Vec4};
 
 use super::mask::Rect;
 use super::pair::{Pair, STRIP};
-use super::{Measured, Metric, luminance};
+use super::{Measured, Metric};
+use crate::image::luminance;
 
 /// Largest relative difference of a channel, unless a frame says otherwise: twice the step of the
 /// half floats that goldens are stored in.

@@ -5,15 +5,15 @@
 //! sizes, so that both a small fault and a faint one are seen, and Sidak's correction shares the
 //! significance among all of them.
 //!
-//! The noise of pixels is taken to be independent, and that of the channels of one pixel, which
-//! come of the same samples, to be the same.
+//! The noise of pixels is taken to be independent. Each channel is judged by its own, as a wrong hue
+//! may have the right luminance.
 
 use super::gate::{DEFAULT_RELATIVE, Gate};
 use super::mask::Rect;
 use super::pair::Pair;
 use super::{Measured, Metric};
 use crate::image::Image;
-use crate::stats::{normal_tail, sidak};
+use crate::stats::{normal_critical, sidak};
 
 /// Pixels a side of the tiles.
 const SIDES: [u32; 2] = [16, 48];
@@ -125,7 +125,7 @@ impl Metric for Noise<'_> {
             return Measured { note, ..Measured::of(f64::INFINITY) };
         }
         let tiles: Vec<_> = SIDES.iter().flat_map(|side| self.tiles(pair, *side)).collect();
-        let critical = critical(sidak(SIGNIFICANCE, 3 * tiles.len() as u64));
+        let critical = normal_critical(sidak(SIGNIFICANCE, 3 * tiles.len() as u64));
         let largest = tiles.iter().map(|(tile, sum)| (sum.z(), *tile));
         let largest = largest.max_by(|a, b| a.0.total_cmp(&b.0));
         let Some((z, place)) = largest else {
@@ -135,17 +135,6 @@ impl Metric for Noise<'_> {
         let note = Some(note);
         Measured { place: (z > 0.0).then_some(place), note, ..Measured::of(z / critical) }
     }
-}
-
-/// The z that a normal number reaches with this probability, on either side.
-fn critical(probability: f64) -> f64 {
-    // Beyond 38 the tail is below all numbers.
-    let (mut low, mut high) = (0.0, 38.0);
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        if normal_tail(middle) > probability { low = middle } else { high = middle }
-    }
-    high
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::chi_square::POOLED;
 use super::tail::{
-    chi_square_critical, critical, kolmogorov_tail, noncentral_tail, normal_tail, normal_upper,
+    chi_square_critical, critical, kolmogorov_tail, noncentral_tail, normal_critical, normal_upper,
 };
 use super::{NoVerdict, probability};
 
@@ -78,8 +78,7 @@ pub fn mean_power(
     if error == 0.0 {
         return probability(f64::from(u8::from(shift > slack)));
     }
-    // 40 deviations are beyond the smallest double.
-    let bound = critical(40.0, significance, normal_tail);
+    let bound = normal_critical(significance);
     let beyond = |shift: f64| normal_upper(bound + (slack - shift) / error);
     probability(beyond(shift) + beyond(-shift))
 }

@@ -65,6 +65,14 @@ pub fn normal_tail(z: f64) -> f64 {
     erfc(z.abs() / std::f64::consts::SQRT_2)
 }
 
+/// The distance from 0 that a standard normal number reaches with probability `significance`, on
+/// either side.
+#[must_use]
+pub fn normal_critical(significance: f64) -> f64 {
+    // 40 deviations are beyond the smallest double.
+    critical(40.0, significance, normal_tail)
+}
+
 /// Probability that a standard normal number is at least `z`.
 pub(super) fn normal_upper(z: f64) -> f64 {
     0.5 * erfc(z / std::f64::consts::SQRT_2)

@@ -11,7 +11,7 @@ use crate::check::{Failure, Probe, Recording};
 use crate::domain::Domain;
 use crate::stats::{
     CellIntegral, Cells, ChiSquare, CubatureError, Mean, Moments, NoVerdict, Place, accepts,
-    binomial_tail, chi_square_power, integrate, normal_tail,
+    binomial_tail, chi_square_power, integrate, mean_power,
 };
 use crate::value::{Arguments, Scalar, Shape, Shareable};
 
@@ -566,17 +566,9 @@ impl<D: Domain> Run<'_, '_, '_, D> {
             return Ok(shape);
         }
         let deviation = (actual.total * (1.0 - actual.total) / samples).max(0.0).sqrt();
-        let shift = ((claimed.total - actual.total).abs() - bound).max(0.0);
-        let (mut critical, mut step) = (0.0, 20.0);
-        while step > 1e-6 {
-            if normal_tail(critical + step) >= threshold {
-                critical += step;
-            }
-            step *= 0.5;
-        }
-        let beyond = (shift / deviation.max(f64::MIN_POSITIVE)) - critical;
-        let upper = normal_tail(beyond) / 2.0;
-        Ok(shape.max(if beyond > 0.0 { 1.0 - upper } else { upper }))
+        let left = mean_power(claimed.total - actual.total, deviation, bound, threshold)
+            .map_err(|none| self.evidence(none))?;
+        Ok(shape.max(left))
     }
 
     /// The cells, laid by samples that are not judged.
