@@ -2,9 +2,9 @@
 //! wholes, and nothing that is left out or unseen.
 
 use karat::{
-    ErrorMap, ExposureRange, Flip, FlipFailure, FrameTolerance, Gate, Image, Mask, MaskError, Noise,
+    ErrorMap, ExposureRange, Flip, FlipFailure, FrameTolerance, Gate, Image, Mask, MaskError,
+    Metric, Noise, Pair, PairError, Precision, Rect, TILE,
 };
-use karat::{Metric, Pair, PairError, Rect, TILE};
 
 const WIDTH: u32 = 48;
 const HEIGHT: u32 = 40;
@@ -176,6 +176,55 @@ fn the_gate_of_a_channel() {
         let absolute = Gate { relative: 0.0, absolute: Some(0.1) }.passes(&pair);
         assert_eq!(absolute.is_some(), channel != 3, "an absolute bound is of colours");
     }
+}
+
+/// Half floats hold what they round by half of the tolerance.
+#[test]
+fn an_image_is_stored_as_precisely_as_the_gate_compares() {
+    let gate = |relative| Gate { relative, absolute: None };
+    let precision = |image: &Image, relative| gate(relative).precision_for(image, None);
+    let ordinary = image(64, 48, |x, y, c| 0.01 + 20.0 * random(x, y, c, 7));
+    assert_eq!(precision(&ordinary, 1e-3), Precision::Half);
+    assert_eq!(precision(&ordinary, 4e-4), Precision::Float);
+    assert_eq!(precision(&ordinary, f32::NAN), Precision::Float);
+    // What half floats are is held under any tolerance.
+    assert_eq!(precision(&ordinary.rounded_to(Precision::Half), 0.0), Precision::Half);
+    let with = |channel: usize, value: f32| {
+        let mut image = ordinary.clone();
+        image.pixels_mut()[64 * 20 + 9][channel] = value;
+        image
+    };
+    // The key is near 8, so that what is below 8e-4 is compared as if it were that.
+    for (channel, value, expected) in [
+        (1, 65504.0, Precision::Half),
+        (1, 7e4, Precision::Float),
+        (1, -7e4, Precision::Float),
+        (1, 1.2345e-8, Precision::Half),
+        (3, 1.2345e-8, Precision::Float),
+        (3, 0.7, Precision::Half),
+        (2, f32::NAN, Precision::Float),
+        (2, f32::INFINITY, Precision::Float),
+    ] {
+        assert_eq!(precision(&with(channel, value), 1e-3), expected, "{channel} {value}");
+    }
+    for light in [1e-8, 3e-6] {
+        let dark = image(64, 48, |x, y, c| light * (1.0 + random(x, y, c, 7)));
+        assert_eq!(precision(&dark, 1e-3), Precision::Float, "{light}");
+        let absolute = Gate { relative: 1e-3, absolute: Some(1e-5) };
+        assert_eq!(absolute.precision_for(&dark, None), Precision::Half, "{light}");
+    }
+    // What isn't compared neither needs floats nor says what is dark.
+    let hole = Rect::new(9, 20, 1, 1);
+    let masked =
+        |image: &Image, rect| gate(1e-3).precision_for(image, Some(&Mask::except(&[rect])));
+    assert_eq!(masked(&with(1, 7e4), hole), Precision::Half);
+    assert_eq!(masked(&with(1, f32::NAN), hole), Precision::Half);
+    assert_eq!(masked(&with(1, 7e4), Rect::new(0, 0, 9, 9)), Precision::Float);
+    assert_eq!(masked(&ordinary, Rect::new(0, 0, 99, 99)), Precision::Float);
+    // Beside a bright half of the frame this is black.
+    let half_dark = image(64, 48, |_, y, _| if y < 24 { 6e4 } else { 1.2345e-5 });
+    assert_eq!(precision(&half_dark, 1e-3), Precision::Half);
+    assert_eq!(masked(&half_dark, Rect::new(0, 0, 64, 24)), Precision::Float);
 }
 
 #[test]

@@ -2,10 +2,10 @@
 
 use glam::{BVec4A, Vec4};
 
-use super::mask::Rect;
+use super::mask::{Mask, Rect};
 use super::pair::{Pair, STRIP};
 use super::{Measured, Metric};
-use crate::image::luminance;
+use crate::image::{Image, Precision, luminance};
 
 /// Largest relative difference of a channel, unless a frame says otherwise: twice the step of the
 /// half floats that goldens are stored in.
@@ -90,6 +90,25 @@ impl Gate {
             return Some(ratio);
         }
         largest(pair, self.bounds(pair))
+    }
+
+    /// The precision that a file needs to hold an image for this gate: half floats if rounding to
+    /// them takes at most half of what is allowed of each channel that is compared. Two frames that
+    /// hardly differ may be rounded to neighbours, twice that apart, and still pass. Values above
+    /// 65504 need floats, small ones in a dark image, and all under a tolerance below 2^-10. So does
+    /// what can't be compared: an image with NaN, or a mask of another size.
+    #[must_use]
+    pub fn precision_for(&self, image: &Image, mask: Option<&Mask>) -> Precision {
+        let rounded = image.rounded_to(Precision::Half);
+        let pair = match mask {
+            None => Pair::new(image, &rounded),
+            Some(mask) => Pair::masked(image, &rounded, mask),
+        };
+        let half = Self { relative: self.relative / 2.0, absolute: self.absolute.map(|a| a / 2.0) };
+        match pair {
+            Ok(pair) if half.passes(&pair).is_some() => Precision::Half,
+            _ => Precision::Float,
+        }
     }
 
     /// The pixels that are out.
@@ -213,7 +232,6 @@ pub(super) fn key(pixels: &[[f32; 4]]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Image;
 
     #[test]
     fn the_key_is_that_of_the_image() {
