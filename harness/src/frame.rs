@@ -9,6 +9,8 @@ mod expectation;
 mod mesh;
 mod renderer;
 
+use std::collections::BTreeMap;
+
 pub use expectation::FrameMean;
 pub use mesh::{Attribute, Mesh};
 
@@ -59,6 +61,8 @@ pub struct Frame<'a> {
     tolerance_on: Vec<(Path, FrameTolerance)>,
     mask: Option<Mask>,
     variance: Option<Image>,
+    facts: BTreeMap<String, String>,
+    aovs: Vec<(String, Self)>,
     known_issues: KnownIssues,
 }
 
@@ -99,6 +103,9 @@ pub enum FrameError {
     /// A bound that bounds nothing.
     #[error("the tolerance of the frame is {0}")]
     Tolerance(String),
+    /// A name that no arbitrary output variable can have.
+    #[error("`{0}` can't name an AOV: {1}")]
+    Aov(String, &'static str),
     /// The mean of a rectangle is off.
     #[error(
         "on {adapter}\nthe mean of {rect} is {mean:?}, expected {expected:?}: {worst}, {} times what \
@@ -177,6 +184,8 @@ impl Package {
             tolerance_on: Vec::new(),
             mask: None,
             variance: None,
+            facts: BTreeMap::new(),
+            aovs: Vec::new(),
             known_issues: KnownIssues::default(),
         }
     }
@@ -271,6 +280,21 @@ impl Frame<'_> {
     /// part, unless it is asked for.
     pub fn noise(mut self, variance: Image) -> Self {
         self.variance = Some(variance);
+        self
+    }
+
+    /// Says something of the frame that is kept with its golden and shown when it differs: its
+    /// seed, its samples a pixel.
+    pub fn fact(mut self, name: &str, value: impl std::fmt::Display) -> Self {
+        self.facts.insert(name.to_owned(), value.to_string());
+        self
+    }
+
+    /// Keeps another frame of the same scene with the golden, such as its normals: it explains a
+    /// difference, and isn't compared. It is drawn only when this frame differs or is new. `name` is
+    /// that of a part of the EXR file: letters, digits, `-`, `_` and `.`.
+    pub fn aov(mut self, name: &str, frame: Self) -> Self {
+        self.aovs.push((name.to_owned(), frame));
         self
     }
 

@@ -6,28 +6,33 @@
 
 mod acceptance;
 mod compare;
+mod lock;
 mod message;
+mod parts;
 mod pending;
 mod profile;
+mod provenance;
+mod reference;
 mod tolerance;
-mod variance;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-
-use serde::{Deserialize, Serialize};
 
 pub use acceptance::{AcceptError, Acceptance, Accepted};
 pub use compare::{Deviation, FrameDifference, FrameMargin};
-pub use pending::Pending;
+pub(crate) use parts::{COLOR, MASK, VARIANCE};
 pub(crate) use pending::build_output;
+pub use pending::{Pending, PendingFrames, Unusable};
 pub use profile::Profile;
+pub use provenance::{FrameFinding, Provenance, ProvenanceError};
 pub use tolerance::{Criterion, CriterionMargin, FrameTolerance};
-pub(crate) use tolerance::{MEAN_BOUND, TILE_BOUND};
 
 use self::compare::Terms;
+use self::pending::Against;
+use self::reference::{Reference, ReferenceError};
 use crate::diagnostic::shown;
-use crate::image::{Image, ImageError, Precision};
-use crate::metric::{DEFAULT_RELATIVE, ExposureRange, Mask, MaskError};
+use crate::image::{Image, ImageError, Part, Precision};
+use crate::metric::{Mask, MaskError};
 use crate::path::Adapter;
 
 /// A folder of goldens.
@@ -52,58 +57,8 @@ macro_rules! goldens {
     };
 }
 
-/// What is known of a golden or a pending frame, stored in its EXR and beside it as TOML.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Provenance {
-    /// Version of this format.
-    pub schema: u32,
-    /// Name of the golden.
-    pub case: String,
-    /// blake3 of the linked WGSL.
-    pub shader: String,
-    /// blake3 of size and pixels, as stored.
-    pub pixels: String,
-    /// Pixels across.
-    pub width: u32,
-    /// Pixels down.
-    pub height: u32,
-    /// Colour space of the values.
-    pub color_space: String,
-    /// How samples are stored.
-    pub precision: Precision,
-    /// What the frame may differ by: `1e-3`, a relative difference, or a tree of bounds.
-    pub relative: String,
-    /// What rendered it. The name of a software rasteriser holds its compiler's version and its
-    /// vector width, which its results depend on.
-    pub adapter: Adapter,
-    /// Vendor and model of the processor: software rasterisers differ between them.
-    pub processor: String,
-    /// Pixels of the golden that this frame was compared with; empty if there was none.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub compared_with: String,
-    /// The profile whose golden this frame was compared with; empty if it was the one for all.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub compared_profile: String,
-    /// What HDR-FLIP looks at, pinned when the golden was accepted: it doesn't change with the
-    /// frame.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub exposures: Option<ExposureRange>,
-    /// Who accepted it.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub accepted_by: String,
-    /// When, in UTC.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub accepted_at: String,
-    /// Why.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub because: String,
-}
-
-/// Version of [`Provenance`].
-const SCHEMA: u32 = 1;
-
 /// A frame to be compared.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub(crate) struct Rendered<'a> {
     pub(crate) image: &'a Image,
     pub(crate) adapter: &'a Adapter,
@@ -113,6 +68,20 @@ pub(crate) struct Rendered<'a> {
     pub(crate) mask: Option<&'a Mask>,
     /// Variance of each pixel, of a frame that is noisy.
     pub(crate) variance: Option<&'a Image>,
+    /// What its author says of it.
+    pub(crate) facts: &'a BTreeMap<String, String>,
+    /// What else is kept of its pixels; rendered where the frame is, and only if it is kept.
+    pub(crate) aovs: &'a dyn Fn() -> Vec<Part>,
+    /// Whether it is known to differ: there is nothing to review then.
+    pub(crate) known_issue: bool,
+}
+
+impl Rendered<'_> {
+    /// How it is stored: half floats, unless their rounding could be taken for a difference.
+    fn precision(&self) -> Precision {
+        let gate = self.tolerance.and_then(FrameTolerance::first_gate).unwrap_or_default();
+        gate.precision_for(self.image, self.mask)
+    }
 }
 
 /// Why a frame has no verdict, or a bad one.
@@ -125,13 +94,15 @@ pub enum GoldenError {
     /// There is no golden yet.
     #[error(
         "frame `{case}` has no golden; look at `{pending}` and accept it with \
-         `karat accept {case} --because \"...\"`"
+         `karat accept {case}{arguments} --because \"...\"`"
     )]
     Missing {
         /// The golden.
         case: String,
         /// The frame that was rendered.
         pending: String,
+        /// What accepting needs besides: `--any-adapter`.
+        arguments: String,
     },
     /// The golden can't be read. It isn't overwritten.
     #[error(
@@ -142,6 +113,14 @@ pub enum GoldenError {
         case: String,
         /// Why.
         source: ImageError,
+    },
+    /// What the golden says of itself can't be used.
+    #[error("the golden of frame `{case}` can't be used: {source}")]
+    Provenance {
+        /// The golden.
+        case: String,
+        /// Why.
+        source: ProvenanceError,
     },
     /// The frame differs.
     #[error(
@@ -218,6 +197,14 @@ impl Goldens {
         if own.symlink_metadata().is_ok() { (own, true) } else { (self.golden(case), false) }
     }
 
+    /// The golden that a pending frame was compared with.
+    pub(crate) fn compared(&self, pending: &Pending) -> PathBuf {
+        match pending.provenance.compared_profile.as_str() {
+            "" => self.golden(&pending.case),
+            _ => self.golden_of(&pending.case, &pending.profile()),
+        }
+    }
+
     /// Compares a frame with its golden.
     pub(crate) fn check(
         &self,
@@ -229,62 +216,60 @@ impl Goldens {
         }
         let profile = Profile::of(frame.adapter);
         let (file, own) = self.used(case, &profile);
-        let against = pending::Against {
-            hash: String::new(),
-            profile: if own { profile.to_string() } else { String::new() },
-            precision: Precision::Half,
-        };
-        let (golden, metadata) = match Image::read_exr(&file) {
-            Ok(read) => read,
-            Err(ImageError::Missing { .. }) => {
-                // A frame with NaN is wrong with and without a golden.
-                let tolerance = &FrameTolerance::gate(0.0);
-                let terms = Terms { mask: frame.mask, ..Terms::of(tolerance) };
-                if let Err(difference) = compare::compare(frame.image, frame.image, &terms) {
-                    return Err(self.differs(case, frame, &file, against, difference));
-                }
-                let pending = self
-                    .write_pending(case, frame, &against)
-                    .map_err(|source| unwritten(case, "it has no golden", source))?;
-                return Err(GoldenError::Missing { case: case.to_owned(), pending });
+        let golden = match Reference::read(&file, frame.variance.is_some()) {
+            Ok(golden) => golden,
+            Err(ReferenceError::Image(ImageError::Missing { .. })) => {
+                return Err(self.missing(case, &file, frame));
             }
-            Err(source) => return Err(GoldenError::Unreadable { case: case.to_owned(), source }),
+            Err(ReferenceError::Image(source)) => {
+                return Err(GoldenError::Unreadable { case: case.to_owned(), source });
+            }
+            Err(ReferenceError::Provenance(source)) => {
+                return Err(GoldenError::Provenance { case: case.to_owned(), source });
+            }
         };
-        // A golden made by another tool has no provenance of ours; it is float to be on the safe
-        // side.
-        let provenance: Option<Provenance> =
-            metadata.and_then(|metadata| serde_json::from_str(&metadata).ok());
-        let precision = provenance.as_ref().map_or(Precision::Float, |known| known.precision);
-        let made_on = provenance.as_ref().map(|known| Profile::of(&known.adapter));
-        let standard = match frame.variance {
-            // Of an unknown origin it is held to the bounds of its own profile.
-            None => FrameTolerance::standard(made_on.is_some_and(|made_on| made_on != profile)),
-            // FLIP would see the noise, and let pass what is fainter.
-            Some(_) => FrameTolerance::gate(DEFAULT_RELATIVE),
-        };
-        let unreadable = |source| GoldenError::Unreadable { case: case.to_owned(), source };
-        let golden_variance = match frame.variance {
-            None => None,
-            Some(_) => variance::read(&file).map_err(unreadable)?,
-        };
-        let terms = Terms {
-            mask: frame.mask,
-            exposures: provenance.and_then(|known| known.exposures),
-            noise: frame.variance.map(|actual| (golden_variance.as_ref(), actual)),
-            ..Terms::of(frame.tolerance.unwrap_or(&standard))
-        };
-        let actual = frame.image.rounded_to(precision);
-        match compare::compare(&golden, &actual, &terms) {
+        match golden.compare(frame) {
             Ok(margin) => {
-                self.remove_pending(case);
+                self.remove_pending(case, &profile);
                 let profile = own.then_some(profile);
                 Ok(FrameMargin { golden: shown(&file), profile, ..margin })
             }
             Err(difference) => {
-                let against = pending::Against { hash: golden.hash(), precision, ..against };
-                Err(self.differs(case, frame, &file, against, difference))
+                let base_passes = own && self.base_passes(case, frame);
+                let against = Against {
+                    hash: golden.hash(),
+                    profile: if own { profile.to_string() } else { String::new() },
+                    tolerance: golden.tolerance(frame).to_string(),
+                    finding: Some(FrameFinding { base_passes, ..FrameFinding::from(&difference) }),
+                };
+                Err(self.differs(case, frame, &file, &against, difference))
             }
         }
+    }
+
+    /// A frame that has no golden. One with NaN is wrong with and without.
+    fn missing(&self, case: &str, file: &Path, frame: &Rendered<'_>) -> GoldenError {
+        let tolerance = frame.tolerance.cloned().unwrap_or_default();
+        let against = Against { tolerance: tolerance.to_string(), ..Against::default() };
+        let terms = Terms { mask: frame.mask, ..Terms::of(&tolerance) };
+        if let Err(difference) = compare::compare(frame.image, frame.image, &terms) {
+            let finding = Some(FrameFinding::from(&difference));
+            return self.differs(case, frame, file, &Against { finding, ..against }, difference);
+        }
+        match self.write_pending(case, frame, &against) {
+            Ok(pending) => GoldenError::Missing {
+                case: case.to_owned(),
+                pending: shown(&pending.path),
+                arguments: pending.accept_arguments(),
+            },
+            Err(source) => unwritten(case, "it has no golden", source),
+        }
+    }
+
+    /// Whether the golden for all serves a profile that has one of its own.
+    fn base_passes(&self, case: &str, frame: &Rendered<'_>) -> bool {
+        let base = Reference::read(&self.golden(case), frame.variance.is_some());
+        base.is_ok_and(|base| base.compare(frame).is_ok())
     }
 
     /// Leaves the frame to be looked at.
@@ -293,46 +278,41 @@ impl Goldens {
         case: &str,
         frame: &Rendered<'_>,
         golden: &Path,
-        mut against: pending::Against,
+        against: &Against,
         difference: FrameDifference,
     ) -> GoldenError {
         if let FrameDifference::Mask(source) = difference {
             return GoldenError::Mask { case: case.to_owned(), source };
         }
-        // NaN and infinities are to be looked at as they are.
-        if matches!(difference, FrameDifference::NonFinite(_)) {
-            against.precision = Precision::Float;
-        }
-        let pending = match self.write_pending(case, frame, &against) {
-            Ok(pending) => pending,
-            Err(source) => return unwritten(case, &difference.to_string(), source),
+        let (advice, pending) = if frame.known_issue {
+            // What is known to differ isn't to be decided about.
+            (String::new(), None)
+        } else {
+            match self.write_pending(case, frame, against) {
+                Ok(pending) => (advice(&pending, &difference, golden), Some(pending)),
+                Err(source) => return unwritten(case, &difference.to_string(), source),
+            }
         };
-        let advice = self.advice(case, frame, &against, &difference);
+        let pending = pending.map_or_else(String::new, |pending| shown(&pending.path));
         let (case, golden, difference) = (case.to_owned(), shown(golden), Box::new(difference));
         GoldenError::Differs { case, golden, difference, pending, advice }
     }
 }
 
-impl Goldens {
-    /// What to do with a frame that differs.
-    fn advice(
-        &self,
-        case: &str,
-        frame: &Rendered<'_>,
-        against: &pending::Against,
-        difference: &FrameDifference,
-    ) -> String {
-        if matches!(difference, FrameDifference::NonFinite(_)) {
-            return "and mend the shader: nothing could ever agree with such a frame".to_owned();
-        }
-        let profile = Profile::of(frame.adapter);
-        let accept = if acceptance::is_canonical(frame.adapter) && against.profile.is_empty() {
-            String::new()
-        } else {
-            format!(" --profile {profile}")
-        };
-        format!("then `karat accept {case}{accept} --because \"...\"` or `karat reject {case}`")
+/// What to do with a frame that differs.
+fn advice(pending: &Pending, difference: &FrameDifference, golden: &Path) -> String {
+    if matches!(difference, FrameDifference::NonFinite(_)) {
+        return "and mend the shader: nothing could ever agree with such a frame".to_owned();
     }
+    let Pending { case, provenance, .. } = pending;
+    if provenance.finding.as_ref().is_some_and(|finding| finding.base_passes) {
+        return format!(
+            "then delete `{}` with its `.toml` and run the test again: the golden for all passes",
+            shown(golden)
+        );
+    }
+    let arguments = pending.accept_arguments();
+    format!("then `karat accept {case}{arguments} --because \"...\"` or `karat reject {case}`")
 }
 
 /// Whether this can name a golden: it leaves no folder, on any system.

@@ -61,7 +61,8 @@ pub use gallery::{ExposureArguments, RenderArguments};
 pub use gallery::{Gallery, RenderOptions};
 pub use golden::{
     AcceptError, Acceptance, Accepted, Criterion, CriterionMargin, Deviation, FrameDifference,
-    FrameMargin, FrameTolerance, GoldenError, Goldens, Pending, Profile, Provenance,
+    FrameFinding, FrameMargin, FrameTolerance, GoldenError, Goldens, Pending, PendingFrames,
+    Profile, Provenance, ProvenanceError, Unusable,
 };
 pub use image::{ExrFile, Image, ImageError, ImageFormat, NonFinite, Part, Precision};
 pub use metric::{

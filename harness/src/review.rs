@@ -11,8 +11,8 @@
 
 mod data;
 mod facts;
-mod gates;
 mod load;
+mod maps;
 mod page;
 mod server;
 
@@ -22,12 +22,12 @@ pub use facts::{Cause, Fact};
 pub use server::{Server, Stop};
 
 use crate::diagnostic::shown;
-use crate::golden::{AcceptError, Goldens, Provenance};
+use crate::golden::{AcceptError, CriterionMargin, Goldens, Pending, PendingFrames, Provenance};
 use crate::image::Image;
 
 /// What the page shows of one pending frame.
 ///
-/// [`load`](Self::load) fills it in; whoever has another map or another gate pushes it.
+/// [`load`](Self::load) fills it in; whoever has another map pushes it.
 #[derive(Clone, Debug)]
 pub struct Case {
     /// Name of the golden.
@@ -36,8 +36,8 @@ pub struct Case {
     pub parts: Vec<Part>,
     /// Images computed from both.
     pub maps: Vec<Map>,
-    /// What was measured, against what is allowed.
-    pub gates: Vec<Gate>,
+    /// What the test measured, against what it allows.
+    pub margins: Vec<CriterionMargin>,
     /// How the frame differs, for people.
     pub verdict: String,
     /// What the golden's file says of itself; `None` if there is no golden or it says nothing.
@@ -68,38 +68,25 @@ pub struct Map {
     pub about: String,
     /// Its values. Where all three colours are equal it is shown in false colour.
     pub image: Image,
-    /// The value at the upper end of the false colours.
-    pub full: f32,
-}
-
-/// A measured value and its bound.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Gate {
-    /// What was measured.
-    pub name: String,
-    /// The value. It passes if it is at most `bound`, so that NaN doesn't.
-    pub value: f64,
-    /// The largest value that passes.
-    pub bound: f64,
-    /// Where the worst is: left, top, right, bottom in pixels, inclusive.
-    pub place: Option<[u32; 4]>,
-}
-
-impl Gate {
-    /// Whether the value is within its bound.
-    #[must_use]
-    pub fn passes(&self) -> bool {
-        self.value <= self.bound
-    }
+    /// The values at the lower and the upper end of the false colours.
+    pub range: [f32; 2],
 }
 
 /// Why there is no review.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReviewError {
-    /// The pending frames can't be read.
+    /// A pending frame can't be read.
     #[error(transparent)]
     Goldens(#[from] AcceptError),
+    /// A file of an older page can't be removed.
+    #[error("can't remove `{path}`, which is of an older page: {source}")]
+    Remove {
+        /// The file.
+        path: String,
+        /// Why.
+        source: std::io::Error,
+    },
     /// A file of the page can't be written.
     #[error("can't write `{path}`: {source}")]
     Write {
@@ -125,13 +112,15 @@ pub enum ReviewError {
 ///
 /// let folder = tempfile::tempdir().unwrap();
 /// let review = Review::new(Goldens::open(&folder.path().join("golden")));
-/// let frames = review.write(&folder.path().join("report")).unwrap();
-/// assert_eq!(frames, 0); // nothing is pending, and the page says so
+/// let pending = review.write(&folder.path().join("report")).unwrap();
+/// assert!(pending.is_empty()); // and the page says so
 /// assert!(folder.path().join("report/index.html").is_file());
 /// ```
 #[derive(Clone, Debug)]
 pub struct Review {
     goldens: Goldens,
+    /// Where the frames wait, which needn't be beside their goldens.
+    waiting: Goldens,
     arguments: String,
 }
 
@@ -139,7 +128,14 @@ impl Review {
     /// A review of all that is pending in a folder of goldens.
     #[must_use]
     pub fn new(goldens: Goldens) -> Self {
-        Self { goldens, arguments: String::new() }
+        Self { waiting: goldens.clone(), goldens, arguments: String::new() }
+    }
+
+    /// Takes the pending frames from another folder, such as what a CI run left.
+    #[must_use]
+    pub fn pending_in(mut self, folder: &Path) -> Self {
+        self.waiting = Goldens::open(folder);
+        self
     }
 
     /// Arguments that the commands on the page need, such as `--golden other`.
@@ -149,41 +145,60 @@ impl Review {
         self
     }
 
-    /// Writes the page into a folder: `index.html` and `data/<n>.js`. Returns how many frames it
-    /// shows.
+    /// Writes the page into a folder: `index.html` and `data/<n>.js`. Frames that can't be read are
+    /// on the page, too, and say why. What an older page has left in `data` is removed.
     ///
     /// # Errors
-    /// If a pending frame can't be read or a file can't be written.
-    pub fn write(&self, folder: &Path) -> Result<usize, ReviewError> {
+    /// If a file can't be written or removed.
+    pub fn write(&self, folder: &Path) -> Result<PendingFrames, ReviewError> {
         let put = |name: &str, text: &str| {
             let path = folder.join(name);
             crate::image::write_whole(&path, text.as_bytes())
                 .map_err(|source| ReviewError::Write { path: shown(&path), source })
         };
-        let pending = load::pending(&self.goldens)?;
-        for (index, frame) in pending.iter().enumerate() {
-            let case = Case::load(&self.goldens, frame)?;
-            put(&format!("data/{index}.js"), &data::script(index, &case))?;
+        let pending = self.pending();
+        for (index, frame) in pending.frames.iter().enumerate() {
+            put(&format!("data/{index}.js"), &self.script(index, frame))?;
         }
-        let listed: Vec<_> = pending.iter().enumerate().collect();
-        put("index.html", &page::html(&listed, &self.arguments, &page::Mode::Files))?;
-        Ok(pending.len())
+        remove_data(&folder.join("data"), pending.frames.len())?;
+        let numbers: Vec<_> = (0..pending.frames.len()).collect();
+        put("index.html", &page::html(&pending, &numbers, &self.arguments, &page::Mode::Files))?;
+        Ok(pending)
+    }
+
+    /// What the page loads of a frame.
+    fn script(&self, index: usize, frame: &Pending) -> String {
+        match Case::load(&self.goldens, frame) {
+            Ok(case) => data::script(index, frame, &case),
+            Err(error) => data::failure(index, &error.to_string()),
+        }
     }
 
     /// Serves the page on 127.0.0.1, on any free port if `port` is 0.
     ///
     /// # Errors
-    /// If the port is taken, or a pending frame can't be read.
+    /// If the port is taken.
     pub fn serve(self, port: u16) -> Result<Server, ReviewError> {
-        load::pending(&self.goldens)?;
         Server::bind(self, port)
     }
 
-    /// How many frames are pending now.
-    ///
-    /// # Errors
-    /// If a pending frame can't be read.
-    pub fn pending(&self) -> Result<usize, ReviewError> {
-        Ok(load::pending(&self.goldens)?.len())
+    /// What is pending now.
+    #[must_use]
+    pub fn pending(&self) -> PendingFrames {
+        self.waiting.pending()
     }
+}
+
+/// Removes the data of frames that an older page had and this one has not.
+fn remove_data(folder: &Path, frames: usize) -> Result<(), ReviewError> {
+    let files = std::fs::read_dir(folder).into_iter().flatten().filter_map(Result::ok);
+    for path in files.map(|file| file.path()) {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let number = name.strip_suffix(".js").and_then(|number| number.parse::<usize>().ok());
+        if number.is_some_and(|number| number >= frames && name == format!("{number}.js")) {
+            std::fs::remove_file(&path)
+                .map_err(|source| ReviewError::Remove { path: shown(&path), source })?;
+        }
+    }
+    Ok(())
 }

@@ -1,14 +1,13 @@
 //! What a CI run left, downloaded: a folder, or the zip that it came in.
 //!
-//! A zip may be damaged or hostile. Of its entries only pending frames and their variances are
-//! unpacked, into a temporary folder, within limits that no honest run comes near.
+//! A zip may be damaged or hostile. Of its entries only pending frames are unpacked, into a temporary folder, within limits that no honest run comes near.
 
 use std::fs::File;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
-use karat::{Goldens, Pending};
+use karat::Goldens;
 use tempfile::TempDir;
 use zip::ZipArchive;
 
@@ -51,30 +50,14 @@ impl Artefact {
         self.unpacked.is_some()
     }
 
-    /// The pending frames, by name; each has one file.
-    pub(super) fn pending(&self) -> anyhow::Result<Vec<Pending>> {
-        let pending = self.goldens().pending()?;
-        for pair in pending.windows(2) {
-            let [a, b] = pair else { continue };
-            ensure!(
-                a.case != b.case,
-                "frame `{}` is pending twice, as `{}` and as `{}`: take one job's artefact at a time",
-                a.case,
-                self.shown(a),
-                self.shown(b)
-            );
-        }
-        Ok(pending)
-    }
-
-    /// The folder as one to select frames from.
-    pub(super) fn goldens(&self) -> Goldens {
+    /// The folder that frames are selected from.
+    pub(super) fn frames(&self) -> Goldens {
         Goldens::open(&self.folder)
     }
 
-    fn shown(&self, pending: &Pending) -> String {
-        let path = pending.path.strip_prefix(&self.folder).unwrap_or(&pending.path);
-        path.display().to_string()
+    /// The folder itself.
+    pub(super) fn folder(&self) -> &Path {
+        &self.folder
     }
 }
 
@@ -91,8 +74,7 @@ fn unpack(path: &Path, folder: &Path) -> anyhow::Result<()> {
         let Some(relative) = relative else {
             bail!("its entry `{name}` would lie outside of the folder it is unpacked into");
         };
-        let wanted = name.ends_with(".new.exr") || name.ends_with(".new.variance.exr");
-        if !wanted || !entry.is_file() {
+        if !name.ends_with(".new.exr") || !entry.is_file() {
             continue;
         }
         frames += 1;

@@ -4,13 +4,13 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{bail, ensure};
-use karat::{AcceptError, Acceptance, Goldens, Pending, Profile, Provenance};
+use karat::{AcceptError, Acceptance, Goldens, Pending, PendingFrames, Provenance, Unusable};
 use serde::Serialize;
 
 use super::artefact::Artefact;
 use super::project::Project;
 use super::table::{DIM, Table};
-use super::{Outcome, Verdict, complain, write_json};
+use super::{Outcome, Reported, Verdict, complain, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct FolderArgs {
@@ -52,6 +52,11 @@ pub(super) struct FromArgs {
 }
 
 impl FromArgs {
+    /// What was named.
+    pub(super) fn named(&self) -> Option<&Path> {
+        self.from.as_deref()
+    }
+
     /// `None`: those of the project.
     pub(super) fn open(&self) -> anyhow::Result<Option<Artefact>> {
         self.from.as_deref().map(Artefact::open).transpose()
@@ -61,7 +66,8 @@ impl FromArgs {
 #[derive(clap::Args)]
 pub(super) struct PendingArgs {
     /// Print JSON: of each frame status (differs or new), file, profile, and its provenance (case,
-    /// width, height, adapter, compared_with, ...)
+    /// width, height, adapter, compared_with, finding, ...); of a file that can't be used status
+    /// (unusable), file and error
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -115,9 +121,13 @@ pub(super) struct RejectArgs {
 struct PendingEntry<'a> {
     status: Status,
     file: &'a Path,
-    profile: String,
+    /// Why the file can't be used.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    profile: Option<String>,
     #[serde(flatten)]
-    provenance: &'a Provenance,
+    provenance: Option<&'a Provenance>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -127,50 +137,72 @@ enum Status {
     Differs,
     /// There is no golden.
     New,
+    /// The file can't be used.
+    Unusable,
 }
 
 impl Status {
     fn of(pending: &Pending) -> Self {
-        if pending.provenance.compared_with.is_empty() { Self::New } else { Self::Differs }
+        if pending.is_new() { Self::New } else { Self::Differs }
+    }
+}
+
+impl<'a> From<&'a Pending> for PendingEntry<'a> {
+    fn from(pending: &'a Pending) -> Self {
+        Self {
+            status: Status::of(pending),
+            file: &pending.path,
+            error: None,
+            profile: Some(pending.profile().to_string()),
+            provenance: Some(&pending.provenance),
+        }
+    }
+}
+
+impl<'a> From<&'a Unusable> for PendingEntry<'a> {
+    fn from(Unusable { path, reason }: &'a Unusable) -> Self {
+        let error = Some(reason.to_string());
+        Self { status: Status::Unusable, file: path, error, profile: None, provenance: None }
     }
 }
 
 pub(super) fn pending(args: &PendingArgs, out: &mut dyn Write) -> Outcome {
     let artefact = args.from.open()?;
-    let pending = match &artefact {
-        Some(artefact) => artefact.pending()?,
-        None => args.folder.open()?.pending()?,
+    let PendingFrames { frames, unusable } = match &artefact {
+        Some(artefact) => artefact.frames().pending(),
+        None => args.folder.open()?.pending(),
     };
     if args.json {
-        let entry = |pending| PendingEntry {
-            status: Status::of(pending),
-            file: &pending.path,
-            profile: Profile::of(&pending.provenance.adapter).to_string(),
-            provenance: &pending.provenance,
-        };
-        write_json(&pending.iter().map(entry).collect::<Vec<_>>(), out)?;
-    } else if pending.is_empty() {
+        let entries = frames.iter().map(PendingEntry::from);
+        write_json(&entries.chain(unusable.iter().map(Into::into)).collect::<Vec<_>>(), out)?;
+    } else if !frames.is_empty() {
+        write_table(&frames, out)?;
+    } else if unusable.is_empty() {
         writeln!(out, "no frame is pending")?;
-    } else {
-        write_table(&pending, out)?;
     }
-    Ok(if pending.iter().any(|pending| Status::of(pending) == Status::Differs) {
+    report(&unusable)?;
+    Ok(if frames.iter().any(|pending| Status::of(pending) == Status::Differs) {
         Verdict::Bad
-    } else if pending.is_empty() {
+    } else if frames.is_empty() {
         Verdict::Good
     } else {
         Verdict::Missing
     })
 }
 
+/// Complains of files that can't be used. The others were taken care of, but not all is done.
+pub(super) fn report(unusable: &[Unusable]) -> anyhow::Result<()> {
+    for Unusable { reason, .. } in unusable {
+        complain(&reason.to_string());
+    }
+    if unusable.is_empty() { Ok(()) } else { Err(Reported.into()) }
+}
+
 fn write_table(pending: &[Pending], out: &mut dyn Write) -> std::io::Result<()> {
     let mut table = Table::new(&["frame", "golden", "size", "rendered on"], &[]);
     for pending in pending {
         let Pending { case, provenance, .. } = pending;
-        let golden = match Status::of(pending) {
-            Status::New => "none",
-            Status::Differs => "differs",
-        };
+        let golden = if pending.is_new() { "none" } else { "differs" };
         let size = format!("{} x {}", provenance.width, provenance.height);
         let cells = vec![case.clone(), golden.to_owned(), size, provenance.adapter.to_string()];
         table.row(DIM, cells);
@@ -178,15 +210,18 @@ fn write_table(pending: &[Pending], out: &mut dyn Write) -> std::io::Result<()> 
     table.write(out)
 }
 
-/// The pending frames of these names and globs, each once.
-fn select(goldens: &Goldens, frames: &[String]) -> anyhow::Result<Vec<Pending>> {
-    let mut selected = Vec::new();
-    for frame in frames {
-        selected.extend(goldens.select(frame)?);
+/// What is pending of these names and globs, each once.
+fn select(goldens: &Goldens, names: &[String]) -> anyhow::Result<PendingFrames> {
+    let mut selected = PendingFrames::default();
+    for name in names {
+        let PendingFrames { frames, unusable } = goldens.select(name)?;
+        selected.frames.extend(frames);
+        selected.unusable.extend(unusable);
     }
-    selected.sort_by(|a, b| a.path.cmp(&b.path));
-    selected.dedup_by(|a, b| a.path == b.path);
-    selected.sort_by(|a, b| a.case.cmp(&b.case));
+    selected.frames.sort_by(|a, b| (&a.case, &a.path).cmp(&(&b.case, &b.path)));
+    selected.frames.dedup_by(|a, b| a.path == b.path);
+    selected.unusable.sort_by(|a, b| a.path.cmp(&b.path));
+    selected.unusable.dedup_by(|a, b| a.path == b.path);
     Ok(selected)
 }
 
@@ -205,21 +240,16 @@ struct AcceptEntry {
 pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
     let goldens = args.folder.open()?;
     let artefact = args.from.open()?;
-    let selected = match &artefact {
-        Some(artefact) => {
-            artefact.pending()?; // of two frames of one name neither is taken
-            select(&artefact.goldens(), &args.frames)?
-        }
-        None => select(&goldens, &args.frames)?,
-    };
+    let waiting = artefact.as_ref().map_or_else(|| goldens.clone(), Artefact::frames);
+    let PendingFrames { frames, unusable } = select(&waiting, &args.frames)?;
     let acceptance = Acceptance {
         because: args.because.clone(),
         by: args.by.clone(),
         any_adapter: args.any_adapter,
         profile: args.profile.clone(),
     };
-    let mut entries = Vec::new();
-    for pending in selected {
+    let (mut entries, mut failed) = (Vec::new(), false);
+    for pending in frames {
         let case = pending.case.clone();
         let entry = match goldens.accept(&pending, &acceptance) {
             Ok(done) => AcceptEntry {
@@ -230,11 +260,12 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
                 warnings: done.warnings,
                 error: None,
             },
-            // What is refused here says nothing of the other frames.
-            Err(error) if is_refusal(&error) => {
+            Err(error @ AcceptError::NoReason(_)) => return Err(error.into()),
+            // What happens to one frame says nothing of the others.
+            Err(error) => {
+                failed |= matches!(error, AcceptError::Image(_));
                 AcceptEntry { case, error: Some(error.to_string()), ..AcceptEntry::default() }
             }
-            Err(error) => return Err(error.into()),
         };
         if !args.json {
             write_accepted(&entry, out)?;
@@ -244,16 +275,12 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
     if args.json {
         write_json(&entries, out)?;
     }
+    report(&unusable)?;
+    if failed {
+        return Err(Reported.into());
+    }
     let refused = entries.iter().any(|entry| !entry.accepted);
     Ok(if refused { Verdict::Bad } else { Verdict::Good })
-}
-
-/// Whether a guard holds a frame back, where other errors hold up all.
-fn is_refusal(error: &AcceptError) -> bool {
-    !matches!(
-        error,
-        AcceptError::NoReason(_) | AcceptError::Image(_) | AcceptError::NotPending { .. }
-    )
 }
 
 fn write_accepted(entry: &AcceptEntry, out: &mut dyn Write) -> std::io::Result<()> {
@@ -281,11 +308,12 @@ pub(super) fn reject(args: &RejectArgs, out: &mut dyn Write) -> Outcome {
             "a frame in a zip can't be rejected: nothing waits there, and deleting the zip forgets \
              its frames"
         ),
-        Some(artefact) => artefact.goldens(),
+        Some(artefact) => artefact.frames(),
         None => args.folder.open()?,
     };
     let mut entries = Vec::new();
-    for pending in select(&goldens, &args.frames)? {
+    let PendingFrames { frames, unusable } = select(&goldens, &args.frames)?;
+    for pending in frames {
         goldens.reject(&pending)?;
         if !args.json {
             writeln!(out, "rejected {}", pending.case)?;
@@ -295,5 +323,6 @@ pub(super) fn reject(args: &RejectArgs, out: &mut dyn Write) -> Outcome {
     if args.json {
         write_json(&entries, out)?;
     }
+    report(&unusable)?;
     Ok(Verdict::Good)
 }

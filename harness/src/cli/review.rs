@@ -4,9 +4,10 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use anyhow::Context;
+use karat::PendingFrames;
 use karat::review::Review;
 
-use super::goldens::FolderArgs;
+use super::goldens::{FolderArgs, FromArgs, report};
 use super::{Outcome, Verdict};
 
 #[derive(clap::Args)]
@@ -22,29 +23,33 @@ pub(super) struct Args {
     #[arg(long)]
     open: bool,
     #[command(flatten)]
+    from: FromArgs,
+    #[command(flatten)]
     folder: FolderArgs,
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
-    let mut review = Review::new(args.folder.open()?);
-    if let Some(folder) = args.folder.named() {
-        review = review.with_arguments(&format!("--golden {}", quoted(&folder.to_string_lossy())));
+    let artefact = args.from.open()?;
+    let mut review = Review::new(args.folder.open()?).with_arguments(&arguments(args));
+    if let Some(artefact) = &artefact {
+        review = review.pending_in(artefact.folder());
     }
     if let Some(folder) = &args.files {
-        let frames = review.write(folder)?;
+        let PendingFrames { frames, unusable } = review.write(folder)?;
         let page = folder.join("index.html");
-        writeln!(out, "{}: {frames} pending {}", page.display(), plural(frames))?;
+        writeln!(out, "{}: {}", page.display(), frames_pending(frames.len()))?;
+        report(&unusable)?;
         return Ok(Verdict::Good);
     }
-    if review.pending()? == 0 {
+    let pending = review.pending();
+    if pending.is_empty() {
         writeln!(out, "no frame is pending")?;
         return Ok(Verdict::Good);
     }
     let server = review.serve(args.port)?;
     let stop = server.stop();
     ctrlc::set_handler(move || stop.stop()).context("can't wait for Ctrl-C")?;
-    let pending = server.pending()?;
-    writeln!(out, "{pending} pending {}; stop with Ctrl-C", plural(pending))?;
+    writeln!(out, "{}; stop with Ctrl-C", frames_pending(pending.frames.len()))?;
     writeln!(out, "{}", server.url())?;
     out.flush()?;
     if args.open
@@ -52,21 +57,32 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     {
         writeln!(anstream::stderr(), "no browser opens ({error}); open the URL yourself")?;
     }
+    // The page shows what can't be used; whoever looks here is told, too.
+    let told = report(&pending.unusable);
     server.run();
-    match server.pending()? {
-        0 => {
-            writeln!(out, "nothing is left pending")?;
-            Ok(Verdict::Good)
-        }
-        left => {
-            writeln!(out, "{left} {} left pending", plural(left))?;
-            Ok(Verdict::Bad)
-        }
+    let PendingFrames { frames, unusable } = server.pending();
+    match frames.len() {
+        0 => writeln!(out, "nothing is left pending")?,
+        1 => writeln!(out, "1 frame left pending")?,
+        left => writeln!(out, "{left} frames left pending")?,
     }
+    if !unusable.is_empty() {
+        told?;
+    }
+    Ok(if frames.is_empty() { Verdict::Good } else { Verdict::Bad })
 }
 
-fn plural(frames: usize) -> &'static str {
-    if frames == 1 { "frame" } else { "frames" }
+/// What the commands on the page need to find the same folders.
+fn arguments(args: &Args) -> String {
+    let named = [("--from", args.from.named()), ("--golden", args.folder.named())];
+    let given = named.into_iter().filter_map(|(name, path)| Some((name, path?)));
+    let words: Vec<String> =
+        given.map(|(name, path)| format!("{name} {}", quoted(&path.to_string_lossy()))).collect();
+    words.join(" ")
+}
+
+fn frames_pending(frames: usize) -> String {
+    format!("{frames} pending {}", if frames == 1 { "frame" } else { "frames" })
 }
 
 /// A word of a POSIX shell.

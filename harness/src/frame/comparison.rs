@@ -2,7 +2,11 @@
 
 use super::{Frame, FrameAgreement, FrameError};
 use crate::check::{Identity, KnownIssue};
-use crate::golden::{FrameDifference, FrameTolerance, GoldenError, Goldens, Rendered};
+use crate::golden::{
+    COLOR, FrameDifference, FrameTolerance, GoldenError, Goldens, MASK, Rendered, VARIANCE,
+};
+use crate::image::Part;
+use crate::metric::Gate;
 use crate::path;
 use crate::record::{self, PathRecord, Record, Subject, Verdict};
 
@@ -69,13 +73,26 @@ impl Frame<'_> {
         if let Some(reason) = tolerances.chain(&self.tolerance).find_map(FrameTolerance::unusable) {
             return Err(FrameError::Tolerance(reason));
         }
+        if let Some((name, reason)) = self.unusable_aov() {
+            return Err(FrameError::Aov(name.to_owned(), reason));
+        }
         for device in path::selected()? {
             let adapter = device.adapter();
             let (image, shader) = self.render_on(device)?;
             let own = self.tolerance_on.iter().rev().find(|(path, _)| *path == device.path());
             let tolerance = own.map(|(_, tolerance)| tolerance).or(self.tolerance.as_ref());
-            let (mask, variance) = (self.mask.as_ref(), self.variance.as_ref());
-            let frame = Rendered { image: &image, adapter, shader, tolerance, mask, variance };
+            let known_issue = self.known_issues.on(device.path()).map(str::to_owned);
+            let frame = Rendered {
+                image: &image,
+                adapter,
+                shader,
+                tolerance,
+                mask: self.mask.as_ref(),
+                variance: self.variance.as_ref(),
+                facts: &self.facts,
+                aovs: &|| self.aovs_on(device),
+                known_issue: known_issue.is_some(),
+            };
             let compared = goldens.check(case, &frame);
             let asserted = match tolerance {
                 Some(tolerance) => tolerance.to_string(),
@@ -88,7 +105,7 @@ impl Frame<'_> {
                 worst: String::new(),
                 ratio: None,
                 asserted,
-                known_issue: self.known_issues.on(device.path()).map(str::to_owned),
+                known_issue,
             };
             match compared {
                 Ok(margin) => {
@@ -128,6 +145,39 @@ impl Frame<'_> {
             }
         }
         Ok(FrameAgreement { case: case.to_owned(), paths, known_issues })
+    }
+}
+
+impl Frame<'_> {
+    /// The first name of an AOV that its file can't have, and why.
+    fn unusable_aov(&self) -> Option<(&str, &'static str)> {
+        let sound = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+        self.aovs.iter().enumerate().find_map(|(index, (name, _))| {
+            let reason = if name.is_empty() || name.len() > 255 || !name.chars().all(sound) {
+                "use 1 to 255 letters, digits, `-`, `_` and `.`"
+            } else if [COLOR, VARIANCE, MASK].contains(&name.as_str()) {
+                "it is the name of another part of a golden"
+            } else if self.aovs[..index].iter().any(|(other, _)| other == name) {
+                "another one has it"
+            } else {
+                return None;
+            };
+            Some((name.as_str(), reason))
+        })
+    }
+
+    /// What else is kept of the pixels. What can't be drawn is missed by no verdict.
+    fn aovs_on(&self, device: &'static path::Device) -> Vec<Part> {
+        let drawn = self.aovs.iter().filter_map(|(name, frame)| match frame.render_on(device) {
+            Ok((image, _)) => {
+                Some(Part::new(name, Gate::default().precision_for(&image, None), image))
+            }
+            Err(error) => {
+                eprintln!("note: the AOV `{name}` isn't kept: {error}");
+                None
+            }
+        });
+        drawn.collect()
     }
 }
 

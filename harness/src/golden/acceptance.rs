@@ -3,12 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use super::compare::{Terms, compare};
-use super::{FrameTolerance, Goldens, Pending, Profile, Provenance, variance};
+use super::lock::lock;
+use super::{Goldens, Pending, Profile, Provenance, ProvenanceError, parts};
 use crate::diagnostic::shown;
-use crate::image::{Image, ImageError};
+use crate::image::{ExrFile, Image, ImageError, Staged};
 use crate::metric::ExposureRange;
-use crate::path::Adapter;
 
 /// A golden larger than this, in bytes, is accepted with a warning: every clone of the project
 /// holds each version of it for ever.
@@ -84,6 +83,27 @@ pub enum AcceptError {
          file says; run the test again"
     )]
     Altered(String),
+    /// Two files say that they are the same frame.
+    #[error(
+        "frame `{case}` is pending twice, as `{first}` and as `{second}`: delete one, or take one \
+         job's artefact at a time"
+    )]
+    Twice {
+        /// The golden.
+        case: String,
+        /// A file.
+        first: String,
+        /// Another one.
+        second: String,
+    },
+    /// What a file says of itself can't be used.
+    #[error("`{path}` can't be used: {source}")]
+    Provenance {
+        /// The file.
+        path: String,
+        /// Why.
+        source: ProvenanceError,
+    },
     /// A pending file isn't where its own metadata says.
     #[error("`{path}` says that it is frame `{case}`; delete it and run its test again")]
     Misplaced {
@@ -157,7 +177,7 @@ impl Goldens {
     /// # Errors
     /// Without a reason; if the golden changed since the frame was compared; if the frame wasn't
     /// rendered on lavapipe and any adapter isn't allowed; if a profile doesn't need its own
-    /// golden; if the file is too large or can't be written.
+    /// golden; if the file is too large or can't be written. The golden then is as it was.
     pub fn accept(
         &self,
         pending: &Pending,
@@ -167,7 +187,16 @@ impl Goldens {
         if because.is_empty() {
             return Err(AcceptError::NoReason(case));
         }
-        let (image, _) = Image::read_exr(&pending.path)?;
+        // Between looking at the golden and replacing it nobody else does so.
+        let _lock = lock(&self.folder())?;
+        let ExrFile { parts, .. } = match ExrFile::read(&pending.path) {
+            // Somebody has decided while this waited.
+            Err(ImageError::Missing { .. }) => {
+                return Err(AcceptError::NotPending { case, nearest: None });
+            }
+            read => read?,
+        };
+        let image = &parts[0].image;
         if image.hash() != pending.provenance.pixels {
             return Err(AcceptError::Altered(case));
         }
@@ -177,129 +206,133 @@ impl Goldens {
                 if !profile.is_empty() {
                     return Err(AcceptError::Own { case, profile });
                 }
-                let adapter = &pending.provenance.adapter;
-                if !is_canonical(adapter) && !acceptance.any_adapter {
-                    return Err(AcceptError::Adapter { case, adapter: adapter.to_string() });
+                if !pending.is_canonical() && !acceptance.any_adapter {
+                    let adapter = pending.provenance.adapter.to_string();
+                    return Err(AcceptError::Adapter { case, adapter });
                 }
                 self.golden(&case)
             }
-            Some(profile) => self.needed(pending, &image, profile)?,
+            Some(profile) => self.needed(pending, profile)?,
         };
-        if image.non_finite().first.is_some() {
+        if parts::non_finite(&parts) {
             return Err(AcceptError::NonFinite(case));
         }
-        // The file that the frame was compared with, which needn't be the one that is written.
-        let compared = match pending.provenance.compared_profile.as_str() {
-            "" => self.golden(&case),
-            _ => self.golden_of(&case, &Profile::of(&pending.provenance.adapter)),
-        };
-        let current = match Image::read_exr(&compared) {
-            Ok((golden, _)) => golden.hash(),
-            Err(ImageError::Missing { .. }) => String::new(),
-            // A golden that is damaged is replaced by accepting; it can't be lost twice. One that
-            // Git has not fetched isn't lost.
-            Err(ImageError::Corrupt { .. }) => pending.provenance.compared_with.clone(),
-            Err(error) => return Err(error.into()),
-        };
-        if current != pending.provenance.compared_with {
-            return Err(AcceptError::Stale(case));
-        }
+        self.unchanged(pending)?;
         let provenance = Provenance {
             compared_with: String::new(),
             compared_profile: String::new(),
-            exposures: Some(ExposureRange::of(&image)),
+            finding: None,
+            exposures: Some(ExposureRange::of(image)),
             accepted_by: acceptance.by.clone().unwrap_or_else(person),
             accepted_at: humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
             because: because.to_owned(),
             ..pending.provenance.clone()
         };
-        // Read before anything is written, so that a damaged one leaves the golden as it was.
-        let variance = variance::read(&pending.path)?;
-        let accepted = write_golden(&path, &image, &provenance)?;
-        match variance {
-            Some(variance) => variance::write(&path, &variance)?,
-            // That of another image says nothing of this one. Most have none.
-            None => drop(std::fs::remove_file(variance::file(&path))),
-        }
+        let golden = ExrFile { metadata: Some(provenance.metadata()), parts };
+        let accepted = write_golden(&path, &golden, &provenance)?;
         self.reject(pending)?;
         Ok(accepted)
     }
 
+    /// The golden that a frame was compared with, which needn't be the one that is written, is what
+    /// it was then.
+    fn unchanged(&self, pending: &Pending) -> Result<(), AcceptError> {
+        let known = &pending.provenance;
+        let current = match Image::read_exr(&self.compared(pending)) {
+            Ok((golden, _)) => golden.hash(),
+            Err(ImageError::Missing { .. }) => String::new(),
+            // A golden that is damaged is replaced by accepting; it can't be lost twice. One that
+            // Git has not fetched isn't lost.
+            Err(ImageError::Corrupt { .. }) => known.compared_with.clone(),
+            Err(error) => return Err(error.into()),
+        };
+        if current == known.compared_with {
+            Ok(())
+        } else {
+            Err(AcceptError::Stale(pending.case.clone()))
+        }
+    }
+
     /// Where the golden of a profile goes, if the profile is the frame's and the golden for all
     /// fails there.
-    fn needed(
-        &self,
-        pending: &Pending,
-        image: &Image,
-        asked: &str,
-    ) -> Result<PathBuf, AcceptError> {
+    fn needed(&self, pending: &Pending, asked: &str) -> Result<PathBuf, AcceptError> {
         let (case, known) = (pending.case.clone(), &pending.provenance);
-        let profile = Profile::of(&known.adapter);
+        let profile = pending.profile();
         if profile.to_string() != asked {
             return Err(AcceptError::Profile { case, found: profile, asked: asked.to_owned() });
         }
-        let (base, metadata) = match Image::read_exr(&self.golden(&case)) {
-            Ok(read) => read,
-            Err(ImageError::Missing { .. }) => {
-                return Err(AcceptError::Needless { case, profile, missing: true });
-            }
-            Err(error) => return Err(error.into()),
-        };
-        // A frame that was compared with the golden for all has failed there, by its own tolerance
-        // and mask.
-        let failed = known.compared_profile.is_empty() && known.compared_with == base.hash();
-        let base_known = metadata.and_then(|text| serde_json::from_str::<Provenance>(&text).ok());
-        let tolerance = known
-            .relative
-            .parse()
-            .map_or_else(|_| FrameTolerance::standard(true), FrameTolerance::gate);
-        let exposures = base_known.and_then(|known| known.exposures);
-        let terms = Terms { exposures, ..Terms::of(&tolerance) };
-        if !failed && compare(&base, image, &terms).is_ok() {
-            return Err(AcceptError::Needless { case, profile, missing: false });
+        let needless = |missing| Err(AcceptError::Needless { case, profile, missing });
+        if !self.golden(&pending.case).is_file() {
+            return needless(true);
         }
-        let own = self.golden_of(&case, &profile);
+        // By the tolerance and mask of its test, which alone knows them.
+        if known.finding.as_ref().is_some_and(|finding| finding.base_passes) {
+            return needless(false);
+        }
+        let own = self.golden_of(&pending.case, &pending.profile());
         if known.compared_profile.is_empty() && own.exists() {
-            return Err(AcceptError::Stale(case));
+            return Err(AcceptError::Stale(pending.case.clone()));
         }
         Ok(own)
     }
 }
 
-/// Whether goldens for all profiles are made on it: any machine can have lavapipe.
-pub(super) fn is_canonical(adapter: &Adapter) -> bool {
-    adapter.path == "vulkan" && adapter.name.contains("llvmpipe")
-}
-
-/// Writes a golden and its facts, unless both are there already.
+/// Writes a golden and its facts, both or neither, unless both are there already.
 fn write_golden(
     path: &Path,
-    image: &Image,
+    golden: &ExrFile,
     provenance: &Provenance,
 ) -> Result<Accepted, AcceptError> {
-    let golden = path.to_owned();
-    let facts = |known: &Provenance| {
+    let sidecar = path.with_extension("toml");
+    if is_there(path, golden, provenance) && sidecar.is_file() {
+        let warnings = vec![format!("`{}` has these pixels and facts already", shown(path))];
+        return Ok(Accepted { golden: path.to_owned(), written: false, warnings });
+    }
+    let image = golden.bytes(path)?;
+    let bytes = image.len() as u64;
+    if bytes > TOO_LARGE {
+        return Err(AcceptError::TooLarge { case: provenance.case.clone(), bytes });
+    }
+    let facts = toml::to_string(provenance).expect("provenance is plain data");
+    let failed = |path: &Path, source| ImageError::Write { path: shown(path), source };
+    let before = std::fs::read(&sidecar).ok();
+    // Both are on the disk before either takes its place.
+    let facts = Staged::new(&sidecar, facts.as_bytes()).map_err(|error| failed(&sidecar, error))?;
+    let image = Staged::new(path, &image).map_err(|error| failed(path, error))?;
+    facts.commit().map_err(|error| failed(&sidecar, error))?;
+    if let Err(error) = image.commit() {
+        // The error that matters is the first one.
+        drop(match before {
+            Some(before) => crate::image::write_whole(&sidecar, &before),
+            None => std::fs::remove_file(&sidecar),
+        });
+        return Err(failed(path, error).into());
+    }
+    let warnings = warnings(path, bytes, provenance);
+    Ok(Accepted { golden: path.to_owned(), written: true, warnings })
+}
+
+/// Whether the golden has these parts and facts.
+fn is_there(path: &Path, golden: &ExrFile, provenance: &Provenance) -> bool {
+    let decision_aside = |known: &Provenance| {
         let (accepted_by, accepted_at, because) = Default::default();
         Provenance { accepted_by, accepted_at, because, ..known.clone() }
     };
-    if let Ok((current, Some(metadata))) = Image::read_exr(path) {
-        let known: Option<Provenance> = serde_json::from_str(&metadata).ok();
-        let same = known.is_some_and(|known| facts(&known) == facts(provenance));
-        if same && current.hash() == image.hash() && path.with_extension("toml").is_file() {
-            let warnings = vec![format!("`{}` has these pixels and facts already", shown(path))];
-            return Ok(Accepted { golden, written: false, warnings });
-        }
-    }
-    let metadata = serde_json::to_string(provenance).expect("provenance is plain data");
-    let beside = path.with_extension("exr.new");
-    image.write_exr(&beside, provenance.precision, Some(&metadata))?;
-    let failed = |source| ImageError::Write { path: shown(path), source };
-    let bytes = std::fs::metadata(&beside).map_err(failed)?.len();
-    if bytes > TOO_LARGE {
-        std::fs::remove_file(&beside).map_err(failed)?;
-        return Err(AcceptError::TooLarge { case: provenance.case.clone(), bytes });
-    }
-    std::fs::rename(&beside, path).map_err(failed)?;
+    let Ok(ExrFile { parts, metadata: Some(metadata) }) = ExrFile::read(path) else {
+        return false;
+    };
+    let same_pixels = |a: &crate::image::Part, b: &crate::image::Part| {
+        // Bit by bit, as NaN under a mask equals nothing.
+        a.name == b.name && a.precision == b.precision && a.image.hash() == b.image.hash()
+    };
+    let known = Provenance::parse(&metadata);
+    known.is_ok_and(|known| decision_aside(&known) == decision_aside(provenance))
+        && parts.len() == golden.parts.len()
+        && parts.iter().zip(&golden.parts).all(|(a, b)| same_pixels(a, b))
+}
+
+/// What a reviewer should know of the golden that was written.
+fn warnings(path: &Path, bytes: u64, provenance: &Provenance) -> Vec<String> {
     let mut warnings = Vec::new();
     if bytes > LARGE {
         let (size, limit) = (bytes >> 10, LARGE >> 10);
@@ -308,7 +341,7 @@ fn write_golden(
             shown(path)
         ));
     }
-    let (width, height) = (image.width(), image.height());
+    let Provenance { width, height, .. } = *provenance;
     if width > WIDE.0 || height > WIDE.1 {
         warnings.push(format!(
             "`{}` is {width} x {height}; {} x {} shows most faults",
@@ -317,11 +350,7 @@ fn write_golden(
             WIDE.1
         ));
     }
-    let facts = toml::to_string(provenance).expect("provenance is plain data");
-    let sidecar = path.with_extension("toml");
-    crate::image::write_whole(&sidecar, facts.as_bytes())
-        .map_err(|source| ImageError::Write { path: shown(&sidecar), source })?;
-    Ok(Accepted { golden, written: true, warnings })
+    warnings
 }
 
 /// Who accepts: the name that Git signs commits with, or the login name.

@@ -54,6 +54,7 @@ impl fmt::Display for FrameMargin {
         };
         match self.decided_by {
             Criterion::Bits => f.write_str("equal")?,
+            Criterion::Finite => f.write_str("finite")?,
             Criterion::Gate => write!(f, "rel {}", significant(f64::from(self.relative)))?,
             Criterion::Flip | Criterion::Metric | Criterion::Noise => {
                 let by = match self.decided_by {

@@ -6,21 +6,28 @@ use super::compare::Deviation;
 use super::tolerance::{Criterion, CriterionMargin};
 use crate::tolerance::significant;
 
+impl Deviation {
+    /// What is off and where, in a line.
+    pub(super) fn summary(&self) -> String {
+        let Self { outliers, pixels, bounds, worst, gate, .. } = self;
+        let relative = gate.relative;
+        match worst {
+            Some(_) => format!(
+                "{outliers} of {pixels} pixels are off by more than rel {relative:e}, within {bounds}"
+            ),
+            None => {
+                format!("no pixel is off by more than rel {relative:e}, but other bounds fail")
+            }
+        }
+    }
+}
+
 /// The first line says what is off and where; each further line one thing more.
 impl fmt::Display for Deviation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { outliers, pixels, frame_pixels, bounds, worst, gate, sweep, margins, exposures } =
-            self;
+        let Self { pixels, frame_pixels, worst, gate, sweep, margins, exposures, .. } = self;
         let relative = gate.relative;
-        match worst {
-            Some(_) => write!(
-                f,
-                "{outliers} of {pixels} pixels are off by more than rel {relative:e}, within {bounds}"
-            )?,
-            None => {
-                write!(f, "no pixel is off by more than rel {relative:e}, but other bounds fail")?
-            }
-        }
+        f.write_str(&self.summary())?;
         if pixels < frame_pixels {
             let share = significant(100.0 * *pixels as f64 / *frame_pixels as f64);
             write!(f, "\n  compared: {share}% of the frame, the mask leaves out the rest")?;

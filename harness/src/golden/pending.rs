@@ -2,21 +2,24 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{AcceptError, FrameTolerance, Goldens, Provenance, Rendered, SCHEMA};
+use super::{AcceptError, FrameFinding, Goldens, Profile, Provenance, Rendered, parts};
 use crate::diagnostic::{nearest, shown};
-use crate::image::{Image, ImageError, Precision};
+use crate::image::{ExrFile, Image, ImageError, Part};
 
 /// The folder of frames that were rendered under an overlay. No golden's name has an `@`.
 const OVERLAID: &str = "@overlay";
 
-/// What a frame was compared with.
+/// What a frame was compared with, and what came of it.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Against {
     /// Of the golden's pixels; empty if there was none.
     pub(super) hash: String,
     /// Whose golden it was; empty: that of all.
     pub(super) profile: String,
-    /// How the frame is stored.
-    pub(super) precision: Precision,
+    /// What the frame might differ by.
+    pub(super) tolerance: String,
+    /// `None`: there was nothing to compare with.
+    pub(super) finding: Option<FrameFinding>,
 }
 
 /// A frame that differs from its golden, or has none.
@@ -26,8 +29,88 @@ pub struct Pending {
     pub case: String,
     /// The frame's file.
     pub path: PathBuf,
-    /// What rendered it.
+    /// What rendered it, and what comparing it found.
     pub provenance: Provenance,
+}
+
+impl Pending {
+    /// The profile that rendered it.
+    #[must_use]
+    pub fn profile(&self) -> Profile {
+        Profile::of(&self.provenance.adapter)
+    }
+
+    /// Whether there is no golden that it could have been compared with.
+    #[must_use]
+    pub fn is_new(&self) -> bool {
+        self.provenance.compared_with.is_empty()
+    }
+
+    /// Whether it was rendered on lavapipe, where goldens for all profiles are made: any machine
+    /// can have it.
+    #[must_use]
+    pub fn is_canonical(&self) -> bool {
+        let adapter = &self.provenance.adapter;
+        adapter.path == "vulkan" && adapter.name.contains("llvmpipe")
+    }
+
+    /// What `karat accept` needs besides name and reason: ` --profile gl-llvmpipe`.
+    #[must_use]
+    pub fn accept_arguments(&self) -> String {
+        if !self.provenance.compared_profile.is_empty() || !(self.is_canonical() || self.is_new()) {
+            format!(" --profile {}", self.profile())
+        } else if self.is_canonical() {
+            String::new()
+        } else {
+            " --any-adapter".to_owned()
+        }
+    }
+}
+
+/// What waits in a folder.
+#[derive(Debug, Default)]
+pub struct PendingFrames {
+    /// The frames, by name.
+    pub frames: Vec<Pending>,
+    /// Files that are named as pending frames are, and can't be used.
+    pub unusable: Vec<Unusable>,
+}
+
+/// A file or folder that can't be used, where pending frames are looked for.
+#[derive(Debug)]
+pub struct Unusable {
+    /// The file or folder.
+    pub path: PathBuf,
+    /// Why.
+    pub reason: AcceptError,
+}
+
+impl PendingFrames {
+    /// Whether nothing waits, and nothing is in the way.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.frames.is_empty() && self.unusable.is_empty()
+    }
+
+    /// Of two files that say they are the same frame, neither is one.
+    fn without_doubles(mut self) -> Self {
+        self.frames.sort_by(|a, b| (&a.case, &a.path).cmp(&(&b.case, &b.path)));
+        let (mut single, mut doubles): (Vec<Pending>, Vec<Pending>) = Default::default();
+        for group in self.frames.chunk_by(|a, b| a.case == b.case) {
+            if group.len() == 1 { &mut single } else { &mut doubles }.extend_from_slice(group);
+        }
+        for group in doubles.chunk_by(|a, b| a.case == b.case) {
+            let [first, second, ..] = group else { continue };
+            let reason = AcceptError::Twice {
+                case: first.case.clone(),
+                first: shown(&first.path),
+                second: shown(&second.path),
+            };
+            self.unusable.push(Unusable { path: first.path.clone(), reason });
+        }
+        self.unusable.sort_by(|a, b| a.path.cmp(&b.path));
+        Self { frames: single, ..self }
+    }
 }
 
 impl Goldens {
@@ -53,92 +136,87 @@ impl Goldens {
         case: &str,
         frame: &Rendered<'_>,
         against: &Against,
-    ) -> Result<String, ImageError> {
-        let precision = against.precision;
-        let stored = frame.image.rounded_to(precision);
-        let provenance = Provenance {
-            schema: SCHEMA,
-            case: case.to_owned(),
-            shader: frame.shader.clone(),
-            pixels: stored.hash(),
-            width: stored.width(),
-            height: stored.height(),
-            color_space: "linear sRGB (BT.709 primaries, D65)".to_owned(),
-            precision,
-            relative: relative(frame.tolerance),
-            adapter: frame.adapter.clone(),
-            processor: processor(),
-            compared_with: against.hash.clone(),
-            compared_profile: against.profile.clone(),
-            exposures: None,
-            accepted_by: String::new(),
-            accepted_at: String::new(),
-            because: String::new(),
-        };
-        let path = self.pending_folder().join(format!("{case}.new.exr"));
-        let metadata = serde_json::to_string(&provenance).expect("provenance is plain data");
-        stored.write_exr(&path, precision, Some(&metadata))?;
-        if let Some(variance) = frame.variance {
-            super::variance::write(&path, variance)?;
+    ) -> Result<Pending, ImageError> {
+        let path = self.pending_file(case);
+        let (provenance, parts) = frame.stored(case, against);
+        let metadata = Some(provenance.metadata());
+        ExrFile { parts, metadata }.write(&path)?;
+        Ok(Pending { case: case.to_owned(), path, provenance })
+    }
+
+    fn pending_file(&self, case: &str) -> PathBuf {
+        self.pending_folder().join(format!("{case}.new.exr"))
+    }
+
+    /// Removes what waits of a frame that agrees again, if it was rendered on the same profile. That
+    /// there was none is no error.
+    pub(super) fn remove_pending(&self, case: &str, profile: &Profile) {
+        let file = self.pending_file(case);
+        if named(&file).is_ok_and(|pending| pending.profile() == *profile) {
+            drop(std::fs::remove_file(file));
         }
-        Ok(shown(&path))
     }
 
-    pub(super) fn remove_pending(&self, case: &str) {
-        // A frame that agrees again has nothing to review. That there was none is no error.
-        let path = self.pending_folder().join(format!("{case}.new.exr"));
-        drop(std::fs::remove_file(super::variance::file(&path)));
-        drop(std::fs::remove_file(path));
-    }
-
-    /// All pending frames of a folder, by name.
-    ///
-    /// # Errors
-    /// If a pending file can't be read, or isn't Karat's.
-    pub fn pending(&self) -> Result<Vec<Pending>, AcceptError> {
-        let mut found = Vec::new();
+    /// All that is pending in a folder and the folders below it.
+    #[must_use]
+    pub fn pending(&self) -> PendingFrames {
+        let mut found = PendingFrames::default();
         // The folder's name is no pattern, whatever it holds.
         let folder = glob::Pattern::escape(&self.folder().to_string_lossy());
         let pattern = Path::new(&folder).join("**/*.new.exr");
-        let files = glob::glob(&pattern.to_string_lossy()).into_iter().flatten();
-        let overlaid = |path: &PathBuf| {
+        let overlaid = |path: &Path| {
             let below = path.strip_prefix(self.folder()).unwrap_or(path);
             below.iter().any(|part| part == OVERLAID)
         };
-        for path in files.filter_map(Result::ok).filter(|path| !overlaid(path)) {
-            let (_, metadata) = Image::read_exr(&path)?;
-            let provenance: Provenance = metadata
-                .and_then(|metadata| serde_json::from_str(&metadata).ok())
-                .ok_or_else(|| AcceptError::Foreign(shown(&path)))?;
-            // Its name becomes a file's.
-            let case = &provenance.case;
-            let own = path.to_string_lossy().replace('\\', "/");
-            if !super::is_name(case) || !own.ends_with(&format!("/{case}.new.exr")) {
-                let (path, case) = (shown(&path), case.clone());
-                return Err(AcceptError::Misplaced { path, case });
+        for entry in glob::glob(&pattern.to_string_lossy()).into_iter().flatten() {
+            let read = match entry {
+                Ok(path) if overlaid(&path) => continue,
+                Ok(path) => named(&path).map_err(|reason| Unusable { path, reason }),
+                // A folder that can't be looked into.
+                Err(error) => {
+                    let path = error.path().to_owned();
+                    let (place, source) = (shown(&path), error.into());
+                    let reason = ImageError::Read { path: place, source }.into();
+                    Err(Unusable { path, reason })
+                }
+            };
+            match read {
+                Ok(pending) => found.frames.push(pending),
+                Err(unusable) => found.unusable.push(unusable),
             }
-            found.push(Pending { case: provenance.case.clone(), path, provenance });
         }
-        found.sort_by(|a, b| a.case.cmp(&b.case));
-        Ok(found)
+        found.without_doubles()
     }
 
-    /// The pending frames that a name or a glob selects.
+    /// What is pending of a name or a glob; files that can't be used are selected by their own
+    /// names.
     ///
     /// # Errors
-    /// If none is.
-    pub fn select(&self, pattern: &str) -> Result<Vec<Pending>, AcceptError> {
-        let all = self.pending()?;
+    /// If nothing is.
+    pub fn select(&self, pattern: &str) -> Result<PendingFrames, AcceptError> {
+        let PendingFrames { mut frames, mut unusable } = self.pending();
         let glob = glob::Pattern::new(pattern).ok();
-        let matches =
+        let selects =
             |case: &str| case == pattern || glob.as_ref().is_some_and(|glob| glob.matches(case));
-        let selected: Vec<_> = all.iter().filter(|p| matches(&p.case)).cloned().collect();
+        let near = nearest(pattern, frames.iter().map(|pending| pending.case.as_str()));
+        let near = near.map(str::to_owned);
+        frames.retain(|pending| selects(&pending.case));
+        unusable.retain(|Unusable { path, reason }| match reason {
+            AcceptError::Twice { case, .. } => selects(case),
+            _ => selects(&self.name_of(path)),
+        });
+        let selected = PendingFrames { frames, unusable };
         if selected.is_empty() {
-            let names = all.iter().map(|pending| pending.case.as_str());
-            let nearest = nearest(pattern, names).map(str::to_owned);
-            return Err(AcceptError::NotPending { case: pattern.to_owned(), nearest });
+            return Err(AcceptError::NotPending { case: pattern.to_owned(), nearest: near });
         }
         Ok(selected)
+    }
+
+    /// The name that a pending file in this folder has by its place.
+    fn name_of(&self, path: &Path) -> String {
+        let path = path.strip_prefix(self.folder()).unwrap_or(path);
+        let name = path.to_string_lossy().replace('\\', "/");
+        name.strip_suffix(".new.exr").unwrap_or(&name).to_owned()
     }
 
     /// Deletes a pending frame.
@@ -146,20 +224,59 @@ impl Goldens {
     /// # Errors
     /// If the file can't be deleted.
     pub fn reject(&self, pending: &Pending) -> Result<(), AcceptError> {
-        // Most have no variance.
-        drop(std::fs::remove_file(super::variance::file(&pending.path)));
         std::fs::remove_file(&pending.path).map_err(|source| {
             AcceptError::Image(ImageError::Write { path: shown(&pending.path), source })
         })
     }
 }
 
-/// How a tolerance is kept with a golden.
-fn relative(tolerance: Option<&FrameTolerance>) -> String {
-    let standard = FrameTolerance::default();
-    match tolerance.unwrap_or(&standard) {
-        FrameTolerance::Gate(gate) if gate.absolute.is_none() => format!("{:e}", gate.relative),
-        tree => tree.to_string(),
+/// A pending frame whose name is that of its file: names become the paths of goldens, and a file may
+/// come from somebody else's machine.
+fn named(path: &Path) -> Result<Pending, AcceptError> {
+    let (_, metadata) = Image::read_exr(path)?;
+    let metadata = metadata.ok_or_else(|| AcceptError::Foreign(shown(path)))?;
+    let provenance = Provenance::parse(&metadata)
+        .map_err(|source| AcceptError::Provenance { path: shown(path), source })?;
+    let case = provenance.case.clone();
+    let own = path.to_string_lossy().replace('\\', "/");
+    if !super::is_name(&case) || !own.ends_with(&format!("/{case}.new.exr")) {
+        return Err(AcceptError::Misplaced { path: shown(path), case });
+    }
+    Ok(Pending { case, path: path.to_owned(), provenance })
+}
+
+impl Rendered<'_> {
+    /// What is stored of the frame: what is known of it, and the parts of its file.
+    fn stored(&self, case: &str, against: &Against) -> (Provenance, Vec<Part>) {
+        let (width, height) = (self.image.width(), self.image.height());
+        let precision = self.precision();
+        let stored = self.image.rounded_to(precision);
+        let provenance = Provenance {
+            schema: Provenance::SCHEMA,
+            case: case.to_owned(),
+            shader: self.shader.clone(),
+            pixels: stored.hash(),
+            width,
+            height,
+            color_space: "linear sRGB (BT.709 primaries, D65)".to_owned(),
+            precision,
+            tolerance: against.tolerance.clone(),
+            adapter: self.adapter.clone(),
+            processor: processor(),
+            facts: self.facts.clone(),
+            compared_with: against.hash.clone(),
+            compared_profile: against.profile.clone(),
+            finding: against.finding.clone(),
+            exposures: None,
+            accepted_by: String::new(),
+            accepted_at: String::new(),
+            because: String::new(),
+        };
+        let mut all = vec![Part::new(parts::COLOR, precision, stored)];
+        all.extend(self.variance.map(parts::variance));
+        all.extend(self.mask.and_then(|mask| parts::mask(mask, width, height)));
+        all.extend((self.aovs)());
+        (provenance, all)
     }
 }
 

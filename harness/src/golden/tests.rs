@@ -3,7 +3,8 @@
 use tempfile::TempDir;
 
 use super::*;
-use crate::metric::{Gate, Measured, Metric, Pair, Rect};
+use crate::image::ExrFile;
+use crate::metric::{ExposureRange, Gate, Measured, Metric, Pair, Rect};
 
 const LAVAPIPE: [&str; 2] = ["llvmpipe (LLVM 15.0.6, 256 bits)", "llvmpipe Mesa 22.3.6"];
 
@@ -29,6 +30,33 @@ fn with(changes: &[(u32, u32)], factor: f32) -> Image {
         }
     }
     image
+}
+
+static NO_FACTS: BTreeMap<String, String> = BTreeMap::new();
+
+fn no_aovs() -> Vec<Part> {
+    Vec::new()
+}
+
+/// A frame of which nothing is declared.
+fn rendered<'a>(image: &'a Image, adapter: &'a Adapter) -> Rendered<'a> {
+    Rendered {
+        image,
+        adapter,
+        shader: "shader".to_owned(),
+        tolerance: None,
+        mask: None,
+        variance: None,
+        facts: &NO_FACTS,
+        aovs: &no_aovs,
+        known_issue: false,
+    }
+}
+
+/// Eight by eight pixels that are off.
+fn spot(factor: f32) -> Image {
+    let pixels: Vec<_> = (8..16).flat_map(|y| (24..32).map(move |x| (x, y))).collect();
+    with(&pixels, factor)
 }
 
 struct Project {
@@ -59,14 +87,7 @@ impl Project {
         mask: Option<&Mask>,
     ) -> Result<FrameMargin, GoldenError> {
         let adapter = &adapter(path);
-        let frame = Rendered {
-            image,
-            adapter,
-            shader: "shader".to_owned(),
-            tolerance,
-            mask,
-            variance: None,
-        };
+        let frame = Rendered { tolerance, mask, ..rendered(image, adapter) };
         self.goldens.check("room/ramp", &frame)
     }
 
@@ -81,18 +102,20 @@ impl Project {
         else {
             panic!("nothing is pending: {failed}");
         };
-        let path = PathBuf::from(pending);
-        let (_, metadata) = Image::read_exr(&path).expect("it was written");
-        let provenance: Provenance =
-            serde_json::from_str(&metadata.expect("it has facts")).expect("they are ours");
-        let case = provenance.case.clone();
+        let pending = pending_at(Path::new(pending));
         let acceptance = Acceptance {
             because: because.to_owned(),
             by: Some("A. Reviewer".to_owned()),
             profile: profile.map(str::to_owned),
             ..Acceptance::default()
         };
-        self.goldens.accept(&Pending { case, path, provenance }, &acceptance)
+        self.goldens.accept(&pending, &acceptance)
+    }
+
+    /// Names of the golden's parts.
+    fn parts(&self) -> Vec<String> {
+        let file = ExrFile::read(&self.folder.path().join("room/ramp.exr")).expect("readable");
+        file.parts.into_iter().map(|part| part.name).collect()
     }
 
     /// A message without the names of temporary files.
@@ -102,6 +125,12 @@ impl Project {
         let build = shown(&build_output().join("karat/pending"));
         text.replace(&build, "golden")
     }
+}
+
+fn pending_at(path: &Path) -> Pending {
+    let (_, metadata) = Image::read_exr(path).expect("it was written");
+    let provenance = Provenance::parse(&metadata.expect("it has facts")).expect("they are ours");
+    Pending { case: provenance.case.clone(), path: path.to_owned(), provenance }
 }
 
 /// Some pixels of an edge, a hole, and what to do about them.
@@ -326,14 +355,16 @@ fn a_golden_that_would_not_change_is_not_written() {
     let golden_file = project.folder.path().join("room/ramp.exr");
     let before = std::fs::read(&golden_file).expect("there");
     let adapter = &adapter("vulkan");
-    let (tolerance, mask, variance) = (None, None, None);
-    let (image, shader) = (&ramp(), "shader".to_owned());
-    let frame = Rendered { image, adapter, shader, tolerance, mask, variance };
-    let (hash, precision) = (ramp().hash(), Precision::Half);
-    let against = pending::Against { hash, profile: String::new(), precision };
+    let image = &ramp();
+    let against = Against {
+        hash: image.hash(),
+        tolerance: FrameTolerance::default().to_string(),
+        ..Against::default()
+    };
     let case = "room/ramp".to_owned();
+    let frame = rendered(image, adapter);
     let pending = project.goldens.write_pending(&case, &frame, &against).expect("written");
-    let (golden, advice) = (String::new(), String::new());
+    let (golden, advice, pending) = (String::new(), String::new(), shown(&pending.path));
     let difference = Box::new(FrameDifference::Size { golden: (0, 0), actual: (0, 0) });
     let same = GoldenError::Differs { case, golden, difference, pending, advice };
     let accepted = project.accept(&same, "again", None).expect("nothing speaks against it");
@@ -353,10 +384,8 @@ fn noise_is_kept_with_the_golden() {
     let project = Project::new();
     let check = |image: &Image, variance: f32| {
         let variance = &Image::new(64, 48, vec![[variance; 4]; 64 * 48]);
-        let shader = "shader".to_owned();
-        let (adapter, variance) = (&adapter("vulkan"), Some(variance));
-        let (tolerance, mask) = (None, None);
-        let frame = Rendered { image, adapter, shader, tolerance, mask, variance };
+        let adapter = &adapter("vulkan");
+        let frame = Rendered { variance: Some(variance), ..rendered(image, adapter) };
         project.goldens.check("room/ramp", &frame)
     };
     // Alternating signs: the mean of a tile stays.
@@ -375,8 +404,7 @@ fn noise_is_kept_with_the_golden() {
     let failed = check(&noisy(0.1, 0.0), 0.01).expect_err("the golden has no variance");
     assert!(failed.to_string().contains("the golden has no variance: accept the frame again"));
     project.accept(&failed, "with variance", None).expect("accepted");
-    let file = project.folder.path().join("room/ramp.variance.exr");
-    assert!(file.is_file() && !file.with_file_name("ramp.new.variance.exr").exists());
+    assert_eq!(project.parts(), ["color", "color.variance"]);
 
     let margin = check(&noisy(-0.1, 0.0), 0.01).expect("nothing but noise");
     assert_eq!((margin.decided_by, margin.beyond_gate), (Criterion::Noise, 64 * 48));
@@ -384,4 +412,277 @@ fn noise_is_kept_with_the_golden() {
     let failed = check(&noisy(-0.1, 0.05), 0.01).expect_err("it is brighter");
     assert!(failed.to_string().contains("noise alone has"), "{failed}");
     check(&noisy(-0.1, 0.0), f32::NAN).expect_err("no variance");
+    // A frame that is no longer noisy leaves no variance.
+    let still = project.check("vulkan", &ramp(), None, None).expect_err("the golden was noisy");
+    project.accept(&still, "without noise", None).expect("accepted");
+    assert_eq!(project.parts(), ["color"]);
+}
+
+#[test]
+fn what_the_test_found_waits_with_the_frame() {
+    let project = Project::with_golden();
+    let tolerance = FrameTolerance::All(vec![
+        FrameTolerance::gate(2e-3),
+        FrameTolerance::metric(Red(f64::INFINITY), 0.5),
+    ]);
+    let mask = Mask::except(&[Rect::new(0, 0, 32, 12)]);
+    let changed = with(&[(3, 30)], 1.5);
+    project.check("vulkan", &changed, Some(&tolerance), Some(&mask)).expect_err("it differs");
+    let file = project.folder.path().join("room/ramp.new.exr");
+    let Provenance { finding, tolerance, compared_with, .. } = pending_at(&file).provenance;
+    let FrameFinding { verdict, margins, base_passes } = finding.expect("it was compared");
+    assert_eq!(
+        verdict,
+        "1 of 2688 pixels are off by more than rel 2e-3, within (3, 30) to (3, 30)"
+    );
+    assert_eq!(tolerance, "rel 2e-3 and red 0.5");
+    assert_eq!(compared_with, ramp().hash());
+    let [gate, red] = &*margins else { panic!("{margins:?}") };
+    assert_eq!((gate.place, gate.passes()), (Some(Rect::new(3, 30, 1, 1)), false));
+    assert_eq!((red.name.as_str(), red.value, red.passes()), ("red", f64::INFINITY, false));
+    assert!(!base_passes);
+    let ExrFile { parts, .. } = ExrFile::read(&file).expect("readable");
+    assert_eq!((parts[1].name.as_str(), parts.len()), ("mask", 2));
+    let flag = |x: usize, y: usize| parts[1].image.pixels()[64 * y + x][0];
+    assert_eq!([flag(0, 0), flag(31, 11), flag(32, 11), flag(31, 12)], [0.0, 0.0, 1.0, 1.0]);
+
+    let mut broken = ramp();
+    broken.pixels_mut()[70][1] = f32::NAN;
+    project.check("vulkan", &broken, None, None).expect_err("NaN");
+    let finding = pending_at(&file).provenance.finding.expect("it was looked at");
+    assert_eq!((finding.margins[0].value, finding.margins[0].passes()), (1.0, false));
+    assert_eq!(finding.margins[0].place, Some(Rect::new(6, 1, 1, 1)));
+}
+
+/// What half floats can't hold is stored in floats, and compared as it is.
+#[test]
+fn frames_are_stored_as_precisely_as_they_are_compared() {
+    for (light, precision) in
+        [(1.0, Precision::Half), (1e5, Precision::Float), (1e-8, Precision::Float)]
+    {
+        let project = Project::new();
+        let mut image = ramp();
+        for value in image.pixels_mut().iter_mut().flat_map(|pixel| &mut pixel[..3]) {
+            *value = (*value + 0.1) * light;
+        }
+        let failed = project.check("vulkan", &image, None, None).expect_err("no golden");
+        project.accept(&failed, "first", None).expect("accepted");
+        let golden = pending_at(&project.folder.path().join("room/ramp.exr")).provenance;
+        assert_eq!(golden.precision, precision, "{light}");
+        let margin = project.check("vulkan", &image, None, None).expect("equal");
+        assert!(margin.is_identical(), "{light}: {margin}");
+        image.pixels_mut()[64 * 8..][..64 * 8].iter_mut().for_each(|pixel| pixel[0] *= 2.0);
+        project.check("vulkan", &image, None, None).expect_err("rows are off");
+    }
+    // A golden in half floats, and a frame that they can't hold.
+    let project = Project::with_golden();
+    let mut bright = ramp();
+    bright.pixels_mut()[70][0] = 7e4;
+    let failed = project.check("vulkan", &bright, None, None).expect_err("it differs").to_string();
+    assert!(failed.contains("70000 instead of"), "{failed}");
+}
+
+/// Pixels that aren't compared may be anything.
+#[test]
+fn a_frame_with_nan_under_its_mask_is_accepted() {
+    let project = Project::new();
+    let mut image = ramp();
+    image.pixels_mut()[70] = [f32::NAN; 4];
+    let (aside, beside) = (Rect::new(6, 1, 1, 1), Rect::new(7, 1, 1, 1));
+    let mask = |rect| Mask::except(&[rect]);
+    let failed = project.check("vulkan", &image, None, Some(&mask(aside))).expect_err("none");
+    project.accept(&failed, "first", None).expect("nobody looks there");
+    project.check("vulkan", &image, None, Some(&mask(aside))).expect("it agrees");
+    project.check("vulkan", &ramp(), None, Some(&mask(aside))).expect("it agrees");
+    let failed = project.check("vulkan", &image, None, Some(&mask(beside))).expect_err("NaN");
+    let error = project.accept(&failed, "why", None).expect_err("NaN");
+    assert!(matches!(error, AcceptError::NonFinite(_)), "{error}");
+}
+
+/// What waits is what somebody has to decide about.
+#[test]
+fn a_pending_frame_stays_until_its_own_profile_agrees() {
+    let project = Project::with_golden();
+    let file = project.folder.path().join("room/ramp.new.exr");
+    let strict = &FrameTolerance::gate(1e-3);
+    let changed = spot(1.5);
+    project.check("gl", &changed, Some(strict), None).expect_err("it differs on GL");
+    project.check("vulkan", &ramp(), Some(strict), None).expect("and not on Vulkan");
+    assert!(file.is_file(), "GL's frame still waits");
+    project.check("gl", &ramp(), Some(strict), None).expect("mended");
+    assert!(!file.exists());
+
+    let adapter = &adapter("gl");
+    let known = Rendered { known_issue: true, ..rendered(&changed, adapter) };
+    project.goldens.check("room/ramp", &known).expect_err("as is known");
+    assert!(!file.exists(), "nobody decides about a known issue");
+}
+
+/// Where the golden for all would do, a profile's own is to go.
+#[test]
+fn a_golden_of_a_profile_that_is_not_needed_any_more_is_named() {
+    let project = Project::with_golden();
+    let strict = &FrameTolerance::gate(1e-3);
+    let mask = &Mask::except(&[Rect::new(50, 3, 1, 1)]);
+    let on_gl = with(&[(3, 30), (50, 3)], 1.5);
+    let failed = project.check("gl", &on_gl, Some(strict), Some(mask)).expect_err("on GL");
+    project.accept(&failed, "why", Some("gl-llvmpipe")).expect("it fails there");
+    // By the mask of the test, which no other program knows.
+    let mended = with(&[(50, 3)], 1.5);
+    let failed = project.check("gl", &mended, Some(strict), Some(mask)).expect_err("another");
+    let text = project.text(&failed);
+    assert!(
+        text.ends_with(
+            "look at `golden/room/ramp.new.exr`, then delete `golden/@gl-llvmpipe/room/ramp.exr` \
+             with its `.toml` and run the test again: the golden for all passes"
+        ),
+        "{text}"
+    );
+    let error = project.accept(&failed, "why", Some("gl-llvmpipe")).expect_err("not needed");
+    assert!(matches!(error, AcceptError::Needless { missing: false, .. }), "{error}");
+}
+
+#[test]
+fn one_of_two_acceptances_is_carried_out() {
+    let project = Project::with_golden();
+    for round in 0..20 {
+        let changed = spot(1.5 + round as f32);
+        project.check("vulkan", &changed, None, None).expect_err("it differs");
+        let pending = pending_at(&project.folder.path().join("room/ramp.new.exr"));
+        let because =
+            |because: &str| Acceptance { because: because.into(), ..Acceptance::default() };
+        let accept = |reason: &'static str| {
+            let (goldens, pending) = (&project.goldens, &pending);
+            move || goldens.accept(pending, &because(reason)).map(|_| reason)
+        };
+        let [one, other] = std::thread::scope(|scope| {
+            [scope.spawn(accept("one")), scope.spawn(accept("other"))]
+                .map(|thread| thread.join().expect("no panic"))
+        });
+        let (reason, error) = match (one, other) {
+            (Ok(reason), Err(error)) | (Err(error), Ok(reason)) => (reason, error),
+            both => panic!("one is carried out: {both:?}"),
+        };
+        assert!(matches!(error, AcceptError::NotPending { .. }), "{error}");
+        let golden = pending_at(&project.folder.path().join("room/ramp.exr"));
+        assert_eq!(golden.provenance.because, reason);
+    }
+}
+
+/// Both files of a golden are written, or neither.
+#[test]
+fn a_golden_without_its_facts_is_not_written() {
+    let project = Project::with_golden();
+    let folder = project.folder.path();
+    let (image, facts) = (folder.join("room/ramp.exr"), folder.join("room/ramp.toml"));
+    let before = std::fs::read(&image).expect("there");
+    std::fs::remove_file(&facts).expect("removed");
+    std::fs::create_dir_all(facts.join("in the way")).expect("a folder");
+    let failed = project.check("vulkan", &spot(1.5), None, None).expect_err("another");
+    let error = project.accept(&failed, "why", None).expect_err("a folder is in the way");
+    assert!(error.to_string().contains("ramp.toml"), "{error}");
+    assert_eq!(std::fs::read(&image).expect("there"), before);
+    assert!(project.folder.path().join("room/ramp.new.exr").is_file(), "it still waits");
+    std::fs::remove_dir_all(&facts).expect("removed");
+    project.accept(&failed, "why", None).expect("nothing is in the way");
+
+    std::fs::remove_file(&image).expect("removed");
+    std::fs::create_dir_all(image.join("in the way")).expect("a folder");
+    let known = std::fs::read(&facts).expect("there");
+    let pending = project.goldens.write_pending(
+        "room/ramp",
+        &rendered(&ramp(), &adapter("vulkan")),
+        &Against::default(),
+    );
+    let pending = pending.expect("written");
+    let acceptance = Acceptance { because: "why".to_owned(), ..Acceptance::default() };
+    project.goldens.accept(&pending, &acceptance).expect_err("a folder is in the way");
+    assert_eq!(std::fs::read(&facts).expect("there"), known);
+    let files = std::fs::read_dir(project.folder.path().join("room")).expect("a folder");
+    assert_eq!(files.count(), 3, "no temporary file stays");
+}
+
+#[test]
+fn what_an_author_says_is_kept_and_aovs_are_drawn_when_they_are_needed() {
+    let project = Project::with_golden();
+    let facts = BTreeMap::from([("seed".to_owned(), "7".to_owned())]);
+    let drawn = std::cell::Cell::new(0);
+    let aovs = || {
+        drawn.set(drawn.get() + 1);
+        vec![Part::new("normal", Precision::Half, ramp())]
+    };
+    let adapter = &adapter("vulkan");
+    let check = |image: &Image| {
+        let frame = Rendered { facts: &facts, aovs: &aovs, ..rendered(image, adapter) };
+        project.goldens.check("room/ramp", &frame)
+    };
+    check(&ramp()).expect("equal");
+    assert_eq!(drawn.get(), 0);
+    let failed = check(&spot(1.5)).expect_err("it differs");
+    assert_eq!(drawn.get(), 1);
+    project.accept(&failed, "why", None).expect("accepted");
+    assert_eq!(project.parts(), ["color", "normal"]);
+    let golden = pending_at(&project.folder.path().join("room/ramp.exr"));
+    assert_eq!(golden.provenance.facts, facts);
+}
+
+/// Facts that can't be relied on are no licence to compare without them.
+#[test]
+fn facts_that_cannot_be_used_are_errors() {
+    let project = Project::with_golden();
+    let file = project.folder.path().join("room/ramp.exr");
+    for (facts, expected) in [
+        (r#"{"schema": 7}"#, "was written by a newer Karat (facts of version 7"),
+        ("{}", "what it says of itself can't be read (missing field `schema`"),
+    ] {
+        ramp().write_exr(&file, Precision::Half, Some(facts)).expect("written");
+        let error = project.check("vulkan", &ramp(), None, None).expect_err("no facts");
+        assert!(error.to_string().contains(expected), "{error}");
+    }
+    ramp().write_exr(&file, Precision::Half, None).expect("written");
+    project.check("vulkan", &ramp(), None, None).expect("another tool's");
+}
+
+/// One bad file is in nobody's way.
+#[test]
+fn files_that_cannot_be_used_are_named_beside_the_others() {
+    let project = Project::new();
+    project.check("vulkan", &ramp(), None, None).expect_err("no golden");
+    let folder = project.folder.path();
+    let good = std::fs::read(folder.join("room/ramp.new.exr")).expect("there");
+    for (name, bytes) in [("cut", &good[..good.len() / 2]), ("other", &good), ("empty", &[])] {
+        std::fs::write(folder.join(format!("{name}.new.exr")), bytes).expect("written");
+    }
+    ramp().write_exr(&folder.join("foreign.new.exr"), Precision::Half, None).expect("written");
+    std::fs::create_dir(folder.join("folder.new.exr")).expect("a folder");
+    let PendingFrames { frames, unusable } = project.goldens.pending();
+    assert_eq!(frames.iter().map(|frame| &*frame.case).collect::<Vec<_>>(), ["room/ramp"]);
+    let reasons: Vec<String> =
+        unusable.iter().map(|unusable| unusable.reason.to_string()).collect();
+    for (reason, expected) in reasons.iter().zip([
+        "cut.new.exr` isn't a readable OpenEXR image",
+        "empty.new.exr` isn't a readable OpenEXR image: it is empty",
+        "folder.new.exr`: it is a folder",
+        "foreign.new.exr` wasn't written by Karat",
+        "other.new.exr` says that it is frame `room/ramp`",
+    ]) {
+        assert!(reason.contains(expected), "{reason}");
+    }
+    assert_eq!(reasons.len(), 5);
+    assert_eq!(project.goldens.select("room/*").expect("one").unusable.len(), 0);
+    assert_eq!(project.goldens.select("cut").expect("it is there").unusable.len(), 1);
+    assert_eq!(project.goldens.select("*").expect("all").frames.len(), 1);
+    let error = project.goldens.select("room/rmp").expect_err("none").to_string();
+    assert!(error.contains("did you mean `room/ramp`?"), "{error}");
+
+    std::fs::create_dir_all(folder.join("copy/room")).expect("a folder");
+    std::fs::write(folder.join("copy/room/ramp.new.exr"), &good).expect("written");
+    let PendingFrames { frames, unusable } = project.goldens.pending();
+    let double =
+        unusable.iter().find(|unusable| matches!(unusable.reason, AcceptError::Twice { .. }));
+    let double = double.expect("neither is the frame").reason.to_string();
+    assert!(
+        frames.is_empty() && double.contains("frame `room/ramp` is pending twice, as"),
+        "{double}"
+    );
 }

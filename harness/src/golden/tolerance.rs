@@ -3,16 +3,19 @@
 use std::fmt;
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
+use super::provenance::number;
 use crate::metric::{DEFAULT_RELATIVE, Flip, Gate, Measured, Metric, Pair, Rect};
 use crate::tolerance::significant;
 
 /// The largest mean FLIP error of a tile, on the profile that the golden was made on. Half floats
 /// give .004, twenty scattered pixels of edges .02, and faults of shaders .09 and more.
-pub(crate) const TILE_BOUND: f64 = 0.01;
+const TILE_BOUND: f64 = 0.01;
 /// The same on other profiles, whose rasterisers put more edges on other pixels.
 const FOREIGN_TILE_BOUND: f64 = 0.03;
 /// The mean FLIP error of a frame.
-pub(crate) const MEAN_BOUND: f64 = 0.005;
+const MEAN_BOUND: f64 = 0.005;
 
 /// How much a frame may differ from its golden: bounds of metrics, and their combinations.
 ///
@@ -171,9 +174,12 @@ impl fmt::Display for FrameTolerance {
 }
 
 /// What decides about a frame, cheapest first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Criterion {
+    /// Every value is a finite number.
+    Finite,
     /// Every bit is equal.
     Bits,
     /// See [`Gate`].
@@ -187,19 +193,22 @@ pub enum Criterion {
 }
 
 /// What a metric found, and its bound.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CriterionMargin {
     /// What kind of metric.
     pub criterion: Criterion,
     /// Its name.
     pub name: String,
     /// What it measured.
+    #[serde(with = "number")]
     pub value: f64,
     /// The largest value that passes.
     pub bound: f64,
     /// Where.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<Rect>,
     /// What else there is to say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
 }
 
@@ -223,6 +232,7 @@ impl fmt::Display for CriterionMargin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (value, bound) = (significant(self.value), significant(self.bound));
         match self.criterion {
+            Criterion::Finite => write!(f, "{value} {}", self.name)?,
             Criterion::Gate => write!(f, "{}: {value} times what is allowed", self.name)?,
             _ => write!(f, "{} {value} of {bound}", self.name)?,
         }

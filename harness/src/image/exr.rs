@@ -112,16 +112,23 @@ impl ExrFile {
     /// If there are no parts, if their names aren't sound or not different, if a side is 0 or longer
     /// than what is read, or if the folder or file can't be written.
     pub fn write(&self, path: &Path) -> Result<(), ImageError> {
-        let parts: Vec<_> = self
-            .parts
-            .iter()
-            .map(|part| write::Layer {
-                name: &part.name,
-                precision: part.precision,
-                image: &part.image,
+        write::write(path, &self.layers(), self.metadata.as_deref())
+    }
+
+    /// The bytes of the file that [`write`](Self::write) would write at this place.
+    pub(crate) fn bytes(&self, path: &Path) -> Result<Vec<u8>, ImageError> {
+        write::bytes(path, &self.layers(), self.metadata.as_deref())
+    }
+
+    fn layers(&self) -> Vec<write::Layer<'_>> {
+        let parts = self.parts.iter();
+        parts
+            .map(|Part { name, precision, image }| write::Layer {
+                name,
+                precision: *precision,
+                image,
             })
-            .collect();
-        write::write(path, &parts, self.metadata.as_deref())
+            .collect()
     }
 }
 

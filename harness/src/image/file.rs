@@ -99,23 +99,40 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
 /// one, whole. Whoever writes the same file at the same time writes beside it under another name,
 /// and the last rename stays.
 pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder)?;
+    Staged::new(path, bytes)?.commit()
+}
+
+/// A file that is written beside its place and not yet renamed to it. It is removed if it is
+/// dropped before.
+#[derive(Debug)]
+pub(crate) struct Staged<'a> {
+    beside: PathBuf,
+    place: &'a Path,
+}
+
+impl<'a> Staged<'a> {
+    pub(crate) fn new(place: &'a Path, bytes: &[u8]) -> std::io::Result<Self> {
+        if let Some(folder) = place.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+            std::fs::create_dir_all(folder)?;
+        }
+        let (beside, mut file) = create_beside(place)?;
+        let staged = Self { beside, place };
+        // A full disk may be noticed only when the system writes what it has put off. The file is
+        // closed here, as Windows renames no open one.
+        file.write_all(bytes).and_then(|()| file.sync_all())?;
+        Ok(staged)
     }
-    let (beside, mut file) = create_beside(path)?;
-    let written = file
-        .write_all(bytes)
-        // A full disk may be noticed only when the system writes what it has put off.
-        .and_then(|()| file.sync_all())
-        .and_then(|()| {
-            drop(file); // Windows renames no open file.
-            std::fs::rename(&beside, path)
-        });
-    if written.is_err() {
-        // The error that matters is the first one.
-        drop(std::fs::remove_file(&beside));
+
+    pub(crate) fn commit(self) -> std::io::Result<()> {
+        std::fs::rename(&self.beside, self.place)
     }
-    written
+}
+
+impl Drop for Staged<'_> {
+    fn drop(&mut self) {
+        // Nothing is there after a rename; else the error that matters is the first one.
+        drop(std::fs::remove_file(&self.beside));
+    }
 }
 
 /// A new file in the same folder, named as no other thread or process names its own.

@@ -3,10 +3,12 @@
 use std::fmt;
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use crate::image::Image;
 
 /// A rectangle of pixels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Rect {
     /// First column.
     pub left: u32,
@@ -97,6 +99,16 @@ impl Mask {
     #[must_use]
     pub fn wherever(compared: impl Fn(u32, u32) -> bool + Send + Sync + 'static) -> Self {
         Self(Kind::Where(Arc::new(compared)))
+    }
+
+    /// The mask of a frame of this size as an image: 1 where pixels are compared, else 0.
+    ///
+    /// # Errors
+    /// If it can't be used for this size, or leaves no pixel.
+    pub fn to_image(&self, width: u32, height: u32) -> Result<Image, MaskError> {
+        let value = |compared: bool| if compared { 1.0 } else { 0.0 };
+        let flags = self.flags(width, height)?.into_iter().map(value);
+        Ok(Image::new(width, height, flags.map(|value| [value, value, value, 1.0]).collect()))
     }
 
     /// One flag a pixel of a frame of this size.

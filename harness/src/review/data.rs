@@ -5,31 +5,59 @@ use base64::engine::general_purpose::STANDARD;
 use half::f16;
 use serde_json::{Value, json};
 
-use super::{Case, Gate, Map, Part, facts};
+use super::{Case, Map, Part, facts};
+use crate::golden::{CriterionMargin, Pending};
 use crate::image::Image;
 
 /// The whole script. Its text has neither `<` nor line separators, so it could be embedded, too.
-pub(super) fn script(index: usize, case: &Case) -> String {
+pub(super) fn script(index: usize, pending: &Pending, case: &Case) -> String {
     let side = |image: &Option<Image>| image.as_ref().map_or(Value::Null, pixels);
     let part = |Part { name, golden, actual }: &Part| json!({ "name": name, "golden": side(golden), "actual": side(actual) });
-    let map = |Map { name, about, image, full }: &Map| json!({ "name": name, "about": about, "full": full, "image": pixels(image) });
-    let gate = |gate: &Gate| {
-        let Gate { name, value, bound, place } = gate;
-        // JSON has no NaN, so the verdict is made here.
-        json!({ "name": name, "value": value, "bound": bound, "place": place, "passes": gate.passes() })
-    };
+    let map = |Map { name, about, image, range }: &Map| json!({ "name": name, "about": about, "range": range, "image": pixels(image) });
     let data = json!({
         "index": index,
         "name": case.name,
         "parts": case.parts.iter().map(part).collect::<Vec<_>>(),
         "maps": case.maps.iter().map(map).collect::<Vec<_>>(),
-        "gates": case.gates.iter().map(gate).collect::<Vec<_>>(),
+        "gates": case.margins.iter().map(gate).collect::<Vec<_>>(),
         "verdict": case.verdict,
         "cause": case.cause.to_string(),
         "pixels": case.actual_provenance.pixels,
+        "accepting": {
+            "canonical": pending.is_canonical(),
+            "new": pending.is_new(),
+            "own": !pending.provenance.compared_profile.is_empty(),
+            "profile": pending.profile().to_string(),
+        },
         "facts": facts::table(case.golden_provenance.as_ref(), &case.actual_provenance),
     });
-    format!("karat.receive({});\n", embedded(&data))
+    received(&data)
+}
+
+/// A script that says why there is no data.
+pub(super) fn failure(index: usize, error: &str) -> String {
+    received(&json!({ "index": index, "error": error }))
+}
+
+fn received(data: &Value) -> String {
+    format!("karat.receive({});\n", embedded(data))
+}
+
+/// JSON has no NaN, so whether it passes is said here; the corners of its place are inclusive.
+fn gate(margin: &CriterionMargin) -> Value {
+    let CriterionMargin { name, value, bound, note, .. } = margin;
+    let corners = margin.place.map(|place| {
+        let (right, bottom) = (place.left + place.width.max(1), place.top + place.height.max(1));
+        [place.left, place.top, right - 1, bottom - 1]
+    });
+    json!({
+        "name": name,
+        "value": value,
+        "bound": bound,
+        "note": note,
+        "place": corners,
+        "passes": margin.passes(),
+    })
 }
 
 /// JSON that can stand in a script or in HTML.

@@ -82,8 +82,11 @@ pub(super) fn table(golden: Option<&Provenance>, actual: &Provenance) -> Vec<Fac
     };
     let mut names: Vec<&String> = golden.iter().chain(&actual).map(|(name, _)| name).collect();
     let mut seen = std::collections::BTreeSet::new();
-    // What was compared with, and the name of both, say nothing here.
-    names.retain(|name| !["case", "compared_with"].contains(&name.as_str()) && seen.insert(*name));
+    // What was compared with, and the name of both, say nothing here; the finding is shown by
+    // itself.
+    let aside =
+        |name: &str| ["case", "compared_with"].contains(&name) || name.starts_with("finding.");
+    names.retain(|name| !aside(name) && seen.insert(*name));
     let fact = |name: &String| {
         let (golden, actual) = (value(&golden, name), value(&actual, name));
         let differs = !golden.is_empty() && !actual.is_empty() && golden != actual;
@@ -129,7 +132,7 @@ mod tests {
             height: 1,
             color_space: "linear sRGB".to_owned(),
             precision: Precision::Half,
-            relative: "1e-3".to_owned(),
+            tolerance: "rel 1e-3".to_owned(),
             adapter: Adapter {
                 path: "vulkan".to_owned(),
                 name: "llvmpipe".to_owned(),
@@ -137,8 +140,10 @@ mod tests {
                 software: true,
             },
             processor: "one".to_owned(),
+            facts: std::collections::BTreeMap::new(),
             compared_with: String::new(),
             compared_profile: String::new(),
+            finding: None,
             exposures: None,
             accepted_by: String::new(),
             accepted_at: String::new(),

@@ -1,72 +1,93 @@
 //! From files to cases.
 
-use super::gates::Judged;
-use super::{Case, Cause, Part, ReviewError};
-use crate::diagnostic::shown;
-use crate::golden::{AcceptError, Goldens, Pending, Provenance};
-use crate::image::{Image, ImageError};
-
-/// The pending frames, each of which is where its name says: names are printed in commands and
-/// become the paths of goldens, and a file may come from somebody else's machine.
-pub(super) fn pending(goldens: &Goldens) -> Result<Vec<Pending>, ReviewError> {
-    let pending = goldens.pending()?;
-    for Pending { case, path, .. } in &pending {
-        if *path != goldens.folder().join(format!("{case}.new.exr")) {
-            let (path, case) = (shown(path), case.clone());
-            return Err(AcceptError::Misplaced { path, case }.into());
-        }
-    }
-    Ok(pending)
-}
-
-/// The golden that a frame was compared with: that of a profile if it says so.
-fn golden_file(pending: &Pending) -> String {
-    let Pending { case, provenance, .. } = pending;
-    let profile = &provenance.compared_profile;
-    let sound = profile.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
-    if profile.is_empty() || !sound {
-        format!("{case}.exr")
-    } else {
-        format!("@{profile}/{case}.exr")
-    }
-}
+use super::maps::maps;
+use super::{Case, Cause, Part};
+use crate::golden::{AcceptError, COLOR, Goldens, MASK, Pending, Provenance};
+use crate::image::{self, ExrFile, Image, ImageError};
+use crate::metric::{Mask, Pair};
 
 impl Case {
-    /// Reads a pending frame and its golden, and compares them. A golden that can't be read is
-    /// reported in the verdict, since accepting replaces it.
+    /// Reads a pending frame and its golden. A golden that can't be read is reported in the verdict,
+    /// since accepting replaces it.
     ///
     /// # Errors
     /// If the pending frame can't be read.
     pub fn load(goldens: &Goldens, pending: &Pending) -> Result<Self, AcceptError> {
-        let (actual, _) = Image::read_exr(&pending.path)?;
-        let path = goldens.folder().join(golden_file(pending));
-        let (golden, metadata, unreadable) = match Image::read_exr(&path) {
-            Ok((golden, metadata)) => (Some(golden), metadata, None),
-            Err(ImageError::Missing { .. }) => (None, None, None),
-            Err(error) => (None, None, Some(error)),
+        let actual = ExrFile::read(&pending.path)?;
+        let (golden, unreadable) = match ExrFile::read(&goldens.compared(pending)) {
+            Ok(golden) => (Some(golden), None),
+            Err(ImageError::Missing { .. }) => (None, None),
+            Err(error) => (None, Some(error)),
         };
-        let golden_provenance: Option<Provenance> =
-            metadata.and_then(|metadata| serde_json::from_str(&metadata).ok());
+        let metadata = golden.as_ref().and_then(|golden| golden.metadata.as_deref());
+        let golden_provenance = metadata.and_then(|metadata| Provenance::parse(metadata).ok());
         let actual_provenance = pending.provenance.clone();
         let cause = Cause::of(
             golden.is_some() || unreadable.is_some(),
             golden_provenance.as_ref(),
             &actual_provenance,
         );
-        let known = golden.as_ref().map(|golden| (golden, golden_provenance.as_ref()));
-        let Judged { mut verdict, gates, maps } = Judged::of(known, &actual, &actual_provenance);
-        if let Some(error) = unreadable {
-            verdict = format!("the golden can't be used: {error}");
-        }
+        let golden_image = golden.as_ref().map(|golden| &golden.parts[0].image);
+        let (verdict, margins) = match (&unreadable, &actual_provenance.finding) {
+            (Some(error), _) => (format!("the golden can't be used: {error}"), Vec::new()),
+            _ if golden_image.map_or_else(String::new, Image::hash)
+                != actual_provenance.compared_with =>
+            {
+                let changed =
+                    "the golden changed since this frame was rendered: run its test again";
+                (changed.to_owned(), Vec::new())
+            }
+            (None, Some(finding)) => (finding.verdict.clone(), finding.margins.clone()),
+            (None, None) if golden.is_none() => ("there is no golden yet".to_owned(), Vec::new()),
+            (None, None) => ("its file doesn't say how it differs".to_owned(), Vec::new()),
+        };
+        let maps = golden_image.map_or_else(Vec::new, |golden_image| {
+            let exposures = golden_provenance.as_ref().and_then(|known| known.exposures);
+            let (image, mask) = (&actual.parts[0].image, mask(&actual));
+            let pair = match &mask {
+                Some(mask) => Pair::masked(golden_image, image, mask),
+                // What is pinned was chosen from all pixels.
+                None => Pair::new(golden_image, image)
+                    .map(|pair| exposures.into_iter().fold(pair, Pair::with_exposures)),
+            };
+            pair.map_or_else(|_| Vec::new(), |pair| maps(&pair))
+        });
         Ok(Self {
             name: pending.case.clone(),
-            parts: vec![Part { name: "color".to_owned(), golden, actual: Some(actual) }],
+            parts: parts(golden, actual),
             maps,
-            gates,
+            margins,
             verdict,
             golden_provenance,
             actual_provenance,
             cause,
         })
     }
+}
+
+fn mask(file: &ExrFile) -> Option<Mask> {
+    let part = file.parts.iter().find(|part| part.name == MASK)?;
+    Some(Mask::image(part.image.clone()))
+}
+
+/// The parts of both sides by name, the frame first.
+fn parts(golden: Option<ExrFile>, actual: ExrFile) -> Vec<Part> {
+    // The first part of another tool's golden has a name of its own, or none.
+    let named = |(index, part): (usize, image::Part)| {
+        (if index == 0 { COLOR.to_owned() } else { part.name }, part.image)
+    };
+    let mut golden: Vec<_> =
+        golden.into_iter().flat_map(|file| file.parts).enumerate().map(named).collect();
+    let mut all = Vec::new();
+    for (name, image) in actual.parts.into_iter().enumerate().map(named) {
+        let same = golden.iter().position(|(other, _)| *other == name);
+        let golden = same.map(|index| golden.swap_remove(index).1);
+        all.push(Part { name, golden, actual: Some(image) });
+    }
+    all.extend(golden.into_iter().map(|(name, image)| Part {
+        name,
+        golden: Some(image),
+        actual: None,
+    }));
+    all
 }

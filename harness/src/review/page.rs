@@ -3,7 +3,8 @@
 use serde_json::json;
 
 use super::data::embedded;
-use crate::golden::Pending;
+use crate::diagnostic::shown;
+use crate::golden::PendingFrames;
 
 const HTML: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
@@ -35,25 +36,35 @@ pub(super) enum Mode {
     },
 }
 
-/// The page for these pending frames, each with the number of its data file.
-pub(super) fn html(cases: &[(usize, &Pending)], arguments: &str, mode: &Mode) -> String {
+/// The page for what is pending, each frame with the number of its data file.
+pub(super) fn html(
+    pending: &PendingFrames,
+    numbers: &[usize],
+    arguments: &str,
+    mode: &Mode,
+) -> String {
     let token = match mode {
         Mode::Files => "",
         Mode::Served { token } => token,
     };
-    let listed = cases.iter().map(|(index, Pending { case, provenance, .. })| {
+    let arguments = if arguments.is_empty() { String::new() } else { format!(" {arguments}") };
+    let frames = pending.frames.iter().zip(numbers).map(|(frame, number)| {
         json!({
-            "index": index,
-            "name": case,
-            "new": provenance.compared_with.is_empty(),
-            "size": [provenance.width, provenance.height],
+            "index": number,
+            "name": frame.case,
+            "new": frame.is_new(),
+            "size": [frame.provenance.width, frame.provenance.height],
+            "accept": format!("{}{arguments}", frame.accept_arguments()),
         })
     });
-    let arguments = if arguments.is_empty() { String::new() } else { format!(" {arguments}") };
+    let unusable = pending.unusable.iter().map(
+        |unusable| json!({ "name": shown(&unusable.path), "error": unusable.reason.to_string() }),
+    );
     let index = embedded(&json!({
         "served": !token.is_empty(),
         "arguments": arguments,
-        "cases": listed.collect::<Vec<_>>(),
+        "cases": frames.collect::<Vec<_>>(),
+        "unusable": unusable.collect::<Vec<_>>(),
     }));
     let script = SCRIPTS.join("\n");
     // Inline style and script run because the policy names this value. It depends on all that is

@@ -12,8 +12,8 @@ use serde::Deserialize;
 use serde_json::json;
 use tiny_http::{Header, Method, Request, Response};
 
-use super::{Case, Review, ReviewError, data, load, page};
-use crate::golden::{AcceptError, Acceptance, Pending};
+use super::{Review, ReviewError, data, page};
+use crate::golden::{AcceptError, Acceptance, Pending, PendingFrames};
 
 /// Longest decision that is read; a reason is a sentence.
 const LONGEST_BODY: u64 = 64 << 10;
@@ -49,6 +49,9 @@ struct Decision {
     pixels: String,
     #[serde(default)]
     because: String,
+    /// Whether it becomes the golden of its own profile.
+    #[serde(default)]
+    profile: bool,
     #[serde(default)]
     any_adapter: bool,
 }
@@ -58,8 +61,6 @@ struct Decision {
 enum Refused {
     #[error(transparent)]
     Goldens(#[from] AcceptError),
-    #[error(transparent)]
-    Review(#[from] ReviewError),
     #[error("frame `{0}` was rendered again since this page loaded it; reload to see it")]
     Unseen(String),
 }
@@ -99,11 +100,9 @@ impl Server {
         Stop(Arc::clone(&self.http))
     }
 
-    /// How many frames are pending now.
-    ///
-    /// # Errors
-    /// If a pending frame can't be read.
-    pub fn pending(&self) -> Result<usize, ReviewError> {
+    /// What is pending now.
+    #[must_use]
+    pub fn pending(&self) -> PendingFrames {
         self.review.pending()
     }
 
@@ -175,22 +174,18 @@ impl Server {
     }
 
     fn page(&self) -> Answer {
-        let pending = match load::pending(&self.review.goldens) {
-            Ok(pending) => pending,
-            Err(error) => return Answer::text(500, &error.to_string()),
-        };
+        let pending = self.review.pending();
         let mut numbered = self.numbered.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut listed = Vec::new();
-        for frame in &pending {
+        let mut numbers = Vec::new();
+        for frame in &pending.frames {
             let known = numbered.iter().position(|name| *name == frame.case);
-            let number = known.unwrap_or(numbered.len());
+            numbers.push(known.unwrap_or(numbered.len()));
             if known.is_none() {
                 numbered.push(frame.case.clone());
             }
-            listed.push((number, frame));
         }
         let mode = page::Mode::Served { token: self.token.clone() };
-        let html = page::html(&listed, &self.review.arguments, &mode);
+        let html = page::html(&pending, &numbers, &self.review.arguments, &mode);
         Answer(200, "text/html; charset=utf-8", html)
     }
 
@@ -200,21 +195,17 @@ impl Server {
             numbered.get(number).cloned()
         };
         let Some(name) = name else { return Answer::text(404, "there is no such case") };
-        let script = self
-            .find(&name)
-            .and_then(|pending| Ok(Case::load(&self.review.goldens, &pending)?))
-            .map(|case| data::script(number, &case));
-        let script = script.unwrap_or_else(|error| {
-            // The page can't read the status of a script, so what is wrong is told by one.
-            let failure = json!({ "index": number, "error": error.to_string() });
-            format!("karat.receive({});\n", data::embedded(&failure))
-        });
+        // The page can't read the status of a script, so what is wrong is told by one.
+        let script = match self.find(&name) {
+            Ok(pending) => self.review.script(number, &pending),
+            Err(error) => data::failure(number, &error.to_string()),
+        };
         Answer(200, "text/javascript; charset=utf-8", script)
     }
 
     /// The pending frame of exactly this name.
     fn find(&self, name: &str) -> Result<Pending, Refused> {
-        let pending = load::pending(&self.review.goldens)?;
+        let pending = self.review.pending().frames;
         let found = pending.into_iter().find(|pending| pending.case == name);
         let gone = || AcceptError::NotPending { case: name.to_owned(), nearest: None };
         Ok(found.ok_or_else(gone)?)
@@ -246,16 +237,13 @@ impl Server {
             }
             Ok(carry_out(self, &pending, &decision)?)
         });
-        let names = load::pending(&self.review.goldens)
-            .map(|pending| pending.into_iter().map(|frame| frame.case).collect::<Vec<_>>());
-        let (status, error, adapter) = match &outcome {
-            Ok(()) => (200, None, false),
-            Err(refused) => {
-                let adapter = matches!(refused, Refused::Goldens(AcceptError::Adapter { .. }));
-                (409, Some(refused.to_string()), adapter)
-            }
+        let frames = self.review.pending().frames;
+        let names: Vec<String> = frames.into_iter().map(|frame| frame.case).collect();
+        let (status, error) = match &outcome {
+            Ok(()) => (200, None),
+            Err(refused) => (409, Some(refused.to_string())),
         };
-        let body = json!({ "error": error, "adapter": adapter, "pending": names.ok() });
+        let body = json!({ "error": error, "pending": names });
         Answer(status, "application/json", body.to_string())
     }
 
@@ -264,8 +252,9 @@ impl Server {
             because: decision.because.clone(),
             by: None,
             any_adapter: decision.any_adapter,
-            // What it was compared with is what it replaces.
-            profile: Some(pending.provenance.compared_profile.clone()).filter(|p| !p.is_empty()),
+            // The golden of a profile that it was compared with is what it replaces.
+            profile: (decision.profile || !pending.provenance.compared_profile.is_empty())
+                .then(|| pending.profile().to_string()),
         };
         let accepted = self.review.goldens.accept(pending, &acceptance)?;
         for warning in accepted.warnings {

@@ -36,11 +36,20 @@ pub(super) fn write(
     layers: &[Layer<'_>],
     metadata: Option<&str>,
 ) -> Result<(), ImageError> {
+    let bytes = bytes(path, layers, metadata)?;
+    write_whole(path, &bytes).map_err(|source| ImageError::Write { path: shown(path), source })
+}
+
+/// The bytes of a file that is to be written there.
+pub(super) fn bytes(
+    path: &Path,
+    layers: &[Layer<'_>],
+    metadata: Option<&str>,
+) -> Result<Vec<u8>, ImageError> {
     check_names(layers)?;
     let failed = |source| ImageError::Write { path: shown(path), source };
     check_sizes(layers).map_err(failed)?;
-    let bytes = encode(layers, metadata).map_err(|error| failed(Error::other(error)))?;
-    write_whole(path, &bytes).map_err(failed)
+    encode(layers, metadata).map_err(|error| failed(Error::other(error)))
 }
 
 fn check_names(layers: &[Layer<'_>]) -> Result<(), ImageError> {

@@ -1,0 +1,45 @@
+//! The parts of a golden's file: the frame, and what else is known of its pixels.
+
+use std::path::Path;
+
+use crate::image::{ExrFile, Image, ImageError, Part, Precision};
+use crate::metric::Mask;
+
+/// The frame itself, always the first part.
+pub(crate) const COLOR: &str = "color";
+/// The variance of each pixel, of a noisy frame.
+pub(crate) const VARIANCE: &str = "color.variance";
+/// 1 where pixels are compared, 0 where they are not.
+pub(crate) const MASK: &str = "mask";
+
+/// A part of a file; `None`: it has none of this name.
+pub(super) fn read(path: &Path, name: &str) -> Result<Option<Image>, ImageError> {
+    let parts = ExrFile::read(path)?.parts;
+    Ok(parts.into_iter().find(|part| part.name == name).map(|part| part.image))
+}
+
+/// Half floats hold no variance below 6e-8, so it is stored in floats, of which seven bits of the
+/// mantissa are kept: more says nothing of a variance, and doesn't compress.
+pub(super) fn variance(image: &Image) -> Part {
+    let mut coarse = image.clone();
+    for value in coarse.pixels_mut().iter_mut().flatten() {
+        *value = f32::from_bits(value.to_bits() & 0xffff_0000);
+    }
+    Part::new(VARIANCE, Precision::Float, coarse)
+}
+
+/// A mask as an image; `None`: it can't be used for a frame of this size.
+pub(super) fn mask(mask: &Mask, width: u32, height: u32) -> Option<Part> {
+    Some(Part::new(MASK, Precision::Half, mask.to_image(width, height).ok()?))
+}
+
+/// Pixels that count and are no finite numbers, by the mask among the parts.
+pub(super) fn non_finite(parts: &[Part]) -> bool {
+    let Some(color) = parts.first() else { return false };
+    let mask = parts.iter().find(|part| part.name == MASK).map(|part| part.image.pixels());
+    let counts =
+        |index: usize| mask.and_then(|mask| mask.get(index)).is_none_or(|flag| flag[0] > 0.5);
+    let pixels = color.image.pixels().iter().enumerate();
+    let mut broken = pixels.filter(|(_, pixel)| !pixel.iter().all(|value| value.is_finite()));
+    broken.any(|(index, _)| counts(index))
+}

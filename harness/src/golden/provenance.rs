@@ -1,0 +1,205 @@
+//! What is known of a golden or a pending frame, stored in its EXR and beside it as TOML.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::compare::FrameDifference;
+use super::tolerance::{Criterion, CriterionMargin};
+use crate::image::Precision;
+use crate::metric::{ExposureRange, Rect};
+use crate::path::Adapter;
+
+/// What is known of a golden or a pending frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Provenance {
+    /// Version of this format: [`Provenance::SCHEMA`].
+    pub schema: u32,
+    /// Name of the golden.
+    pub case: String,
+    /// blake3 of the linked WGSL.
+    pub shader: String,
+    /// blake3 of size and pixels, as stored.
+    pub pixels: String,
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+    /// Colour space of the values.
+    pub color_space: String,
+    /// How samples are stored.
+    pub precision: Precision,
+    /// What the frame may differ by: `rel 1e-3 or (FLIP tile 0.01 and mean FLIP 0.005)`.
+    pub tolerance: String,
+    /// What rendered it. The name of a software rasteriser holds its compiler's version and its
+    /// vector width, which its results depend on.
+    pub adapter: Adapter,
+    /// Vendor and model of the processor: software rasterisers differ between them.
+    pub processor: String,
+    /// What its author says of it, by name: the seed, samples a pixel.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub facts: BTreeMap<String, String>,
+    /// Pixels of the golden that this frame was compared with; empty if there was none.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub compared_with: String,
+    /// The profile whose golden this frame was compared with; empty if it was the one for all.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub compared_profile: String,
+    /// What comparing found, of a pending frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub finding: Option<FrameFinding>,
+    /// What HDR-FLIP looks at, pinned when the golden was accepted: it doesn't change with the
+    /// frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exposures: Option<ExposureRange>,
+    /// Who accepted it.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub accepted_by: String,
+    /// When, in UTC.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub accepted_at: String,
+    /// Why.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub because: String,
+}
+
+/// Why facts that a file has can't be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ProvenanceError {
+    /// They are in a format of a later version.
+    #[error("it was written by a newer Karat (facts of version {0}, this one reads {max}): update Karat", max = Provenance::SCHEMA)]
+    Newer(u32),
+    /// They aren't what they should be.
+    #[error("what it says of itself can't be read ({0}): make it again")]
+    Damaged(String),
+}
+
+impl Provenance {
+    /// Version of the format that is written, and the latest that is read.
+    pub const SCHEMA: u32 = 1;
+
+    /// Reads the metadata of an EXR file.
+    ///
+    /// # Errors
+    /// If it is of a later version, or isn't a provenance.
+    pub fn parse(metadata: &str) -> Result<Self, ProvenanceError> {
+        #[derive(Deserialize)]
+        struct Version {
+            schema: u32,
+        }
+        let damaged = |error: serde_json::Error| ProvenanceError::Damaged(error.to_string());
+        match serde_json::from_str(metadata).map_err(damaged)? {
+            Version { schema } if schema > Self::SCHEMA => Err(ProvenanceError::Newer(schema)),
+            _ => serde_json::from_str(metadata).map_err(damaged),
+        }
+    }
+
+    /// As text for an EXR's attribute.
+    pub(super) fn metadata(&self) -> String {
+        serde_json::to_string(self).expect("provenance is plain data")
+    }
+}
+
+/// What comparing a frame with its golden found, as the test said it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrameFinding {
+    /// How the frame differs, in words.
+    pub verdict: String,
+    /// All that was measured, in order.
+    pub margins: Vec<CriterionMargin>,
+    /// Whether the golden for all would pass, of a frame that was compared with the golden of its
+    /// profile: then the profile needs none.
+    #[serde(default)]
+    pub base_passes: bool,
+}
+
+impl From<&FrameDifference> for FrameFinding {
+    fn from(difference: &FrameDifference) -> Self {
+        let margins = match difference {
+            FrameDifference::Values(deviation) => deviation.margins.clone(),
+            FrameDifference::NonFinite(census) => vec![CriterionMargin {
+                criterion: Criterion::Finite,
+                name: "pixels with NaN or infinity".to_owned(),
+                value: (census.nan + census.infinite) as f64,
+                bound: 0.0,
+                place: census.first.map(|(x, y)| Rect::new(x, y, 1, 1)),
+                note: None,
+            }],
+            _ => Vec::new(),
+        };
+        let verdict = match difference {
+            FrameDifference::Values(deviation) => deviation.summary(),
+            other => other.to_string(),
+        };
+        Self { verdict, margins, base_passes: false }
+    }
+}
+
+/// Numbers that JSON has no word for, as text: `inf`, `NaN`.
+pub(super) mod number {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    #[derive(Serialize, Deserialize)]
+    #[serde(untagged)]
+    enum Number {
+        Finite(f64),
+        Other(String),
+    }
+
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "what serde calls it with")]
+    pub(in super::super) fn serialize<S: Serializer>(
+        value: &f64,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        let number = if value.is_finite() {
+            Number::Finite(*value)
+        } else {
+            Number::Other(value.to_string())
+        };
+        number.serialize(serializer)
+    }
+
+    pub(in super::super) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<f64, D::Error> {
+        match Number::deserialize(deserializer)? {
+            Number::Finite(value) => Ok(value),
+            Number::Other(text) => text.parse().map_err(serde::de::Error::custom),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn findings_keep_what_json_has_no_word_for() {
+        let margin = |value| CriterionMargin {
+            criterion: Criterion::Flip,
+            name: "largest FLIP tile".to_owned(),
+            value,
+            bound: 0.01,
+            place: Some(Rect::new(1, 2, 16, 16)),
+            note: Some("alpha".to_owned()),
+        };
+        for value in [0.25, 1e-300, f64::INFINITY] {
+            let text = serde_json::to_string(&margin(value)).expect("plain data");
+            let read: CriterionMargin = serde_json::from_str(&text).expect("as written");
+            assert_eq!(read, margin(value), "{text}");
+        }
+        let text = serde_json::to_string(&margin(f64::NAN)).expect("plain data");
+        let read: CriterionMargin = serde_json::from_str(&text).expect("as written");
+        assert!(read.value.is_nan() && !read.passes(), "{text}");
+    }
+
+    #[test]
+    fn facts_of_another_version_or_shape_are_told_apart() {
+        assert_eq!(Provenance::parse(r#"{"schema": 2}"#), Err(ProvenanceError::Newer(2)));
+        for damaged in ["", "{}", "[]", r#"{"schema": "one"}"#, r#"{"schema": 1}"#] {
+            let error = Provenance::parse(damaged).expect_err(damaged);
+            assert!(matches!(error, ProvenanceError::Damaged(_)), "{damaged}: {error}");
+        }
+    }
+}
