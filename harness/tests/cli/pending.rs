@@ -1,5 +1,6 @@
 //! `karat pending`, `accept` and `reject`, here and from what a CI run left.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Write;
 
@@ -26,7 +27,7 @@ fn write_frame(golden: &FilePath, file: &str, case: &str, adapter: &str, compare
         height: 1,
         color_space: "linear sRGB".to_owned(),
         precision: Precision::Half,
-        relative: "1e-3".to_owned(),
+        tolerance: "rel 1e-3".to_owned(),
         adapter: Adapter {
             path: "vulkan".to_owned(),
             name: adapter.to_owned(),
@@ -34,8 +35,10 @@ fn write_frame(golden: &FilePath, file: &str, case: &str, adapter: &str, compare
             software: true,
         },
         processor: String::new(),
+        facts: BTreeMap::new(),
         compared_with: compared_with.to_owned(),
         compared_profile: String::new(),
+        finding: None,
         exposures: None,
         accepted_by: String::new(),
         accepted_at: String::new(),

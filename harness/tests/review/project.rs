@@ -5,7 +5,7 @@ use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
 
-use karat::{Image, Precision};
+use karat::{FrameFinding, FrameTolerance, Image, Precision};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
@@ -74,7 +74,13 @@ impl Project {
         facts["case"] = case.into();
         facts["width"] = image.width().into();
         facts["height"] = image.height().into();
-        facts["compared_with"] = golden.map_or(String::new(), |(image, _)| image.hash()).into();
+        if let Some((golden, _)) = golden {
+            facts["compared_with"] = golden.hash().into();
+            // As the test would have found it.
+            let found = FrameTolerance::default().compare(&golden, image, None);
+            let found = found.as_ref().err().map(FrameFinding::from);
+            facts["finding"] = serde_json::to_value(found).expect("plain data");
+        }
         change(&mut facts);
         let precision =
             if facts["precision"] == "half" { Precision::Half } else { Precision::Float };

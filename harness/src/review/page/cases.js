@@ -2,7 +2,7 @@
 
 // Loads a case's data once.
 function load(entry) {
-  if (entry.data || entry.loading) return;
+  if (entry.data || entry.loading || entry.index === null) return;
   entry.loading = true;
   const script = element("script", { src: `data/${entry.index}.js`, async: true });
   script.addEventListener("error", () => {
@@ -56,14 +56,18 @@ function prepared(image) {
 
 (() => {
   const list = byId("cases");
-  const STATUS = { accepted: "accepted", rejected: "rejected", gone: "no longer pending" };
+  const STATUS = {
+    accepted: "accepted", rejected: "rejected", gone: "no longer pending", unusable: "can't be used",
+  };
+
+  const size = (entry) => entry?.size?.join(" × ") ?? "";
 
   const row = (entry, position) => {
     const status = STATUS[entry.status] ?? (entry.new ? "new" : "");
     const button = element("button", { type: "button", className: entry.status },
       element("span", { className: "name" }, entry.name),
       element("span", { className: "status" }, status));
-    button.title = `${entry.name}, ${entry.size.join(" × ")}${status ? `, ${status}` : ""}`;
+    button.title = [entry.name, size(entry), status].filter(Boolean).join(", ");
     button.setAttribute("aria-current", String(position === state.selected));
     button.addEventListener("click", (event) => {
       actions.select(position);
@@ -86,7 +90,7 @@ function prepared(image) {
     byId("count").textContent = left ? `${left} pending` : "nothing is left to review";
     const entry = selectedCase();
     byId("name").textContent = entry?.name ?? "";
-    byId("size").textContent = entry ? entry.size.join(" × ") : "";
+    byId("size").textContent = size(entry);
     document.title = entry ? `${entry.name} – Karat review` : "Karat review";
   });
 })();

@@ -6,18 +6,19 @@ const decide = (() => {
   const because = byId("because");
 
   const command = (kind, entry) => (kind === "accept"
-    ? `karat accept ${entry.name}${index.arguments} --because "…"`
+    ? `karat accept ${entry.name}${entry.accept} --because "…"`
     : `karat reject ${entry.name}${index.arguments}`);
 
   const open = (kind) => {
     const entry = selectedCase();
-    if (!entry?.data) return;
+    if (!entry || entry.status === "unusable") return;
     if (!index.served) {
       const line = byId(`${kind}-command`);
       line.focus();
       getSelection().selectAllChildren(line);
       return;
     }
+    if (!entry.data) return;
     if (entry.status !== "pending") {
       announce(`${entry.name} is ${entry.status === "gone" ? "no longer pending" : entry.status} already`);
       return;
@@ -26,9 +27,26 @@ const decide = (() => {
     dialog.querySelector(".subject").textContent = entry.name;
     dialog.querySelector(".problem").textContent = "";
     because.value = "";
-    byId("any-adapter").checked = false;
-    byId("any-adapter-line").hidden = true;
+    if (kind === "accept") offer(entry.data.accepting);
     dialog.showModal();
+  };
+
+  // What the frame may become the golden of. One from lavapipe is everybody's, and one that was
+  // compared with its profile's golden replaces that.
+  const offer = ({ canonical, own, profile, new: first }) => {
+    byId("of-own").hidden = !own;
+    byId("any-adapter-line").hidden = canonical || own || !first;
+    byId("of-which").hidden = canonical || own || first;
+    byId("any-adapter").checked = false;
+    byId("of-profile").checked = true;
+    document.querySelectorAll("#accept-form .profile").forEach((name) => { name.textContent = profile; });
+  };
+
+  // The same, as it is sent.
+  const chosen = () => {
+    const which = !byId("of-which").hidden;
+    const all = which && byId("of-all").checked;
+    return { profile: which && !all, any_adapter: all || byId("any-adapter").checked };
   };
 
   const announce = (text) => {
@@ -70,7 +88,6 @@ const decide = (() => {
       refresh(answer.pending);
       if (answer.error) {
         problem.textContent = answer.error;
-        byId("any-adapter-line").hidden = !answer.adapter && byId("any-adapter-line").hidden;
         change();
       } else {
         dialog.close();
@@ -88,7 +105,7 @@ const decide = (() => {
 
   byId("accept-form").addEventListener("submit", (event) => {
     event.preventDefault();
-    send("accept", accepting, { because: because.value, any_adapter: byId("any-adapter").checked });
+    send("accept", accepting, { because: because.value, ...chosen() });
   });
   byId("reject-form").addEventListener("submit", (event) => {
     event.preventDefault();
@@ -108,7 +125,7 @@ const decide = (() => {
   listeners.push(() => {
     const entry = selectedCase();
     byId("served").hidden = !index.served;
-    byId("typed").hidden = index.served || !entry;
+    byId("typed").hidden = index.served || !entry || entry.status === "unusable";
     for (const kind of ["accept", "reject"]) {
       byId(kind).disabled = !entry?.data || entry.status !== "pending";
       if (entry && byId(`${kind}-command`).textContent !== command(kind, entry)) {

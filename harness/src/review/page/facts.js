@@ -4,24 +4,25 @@
   const NAMES = {
     "adapter.path": "path", "adapter.name": "adapter", "adapter.driver": "driver",
     "adapter.software": "software", color_space: "colour space", because: "accepted because",
-    accepted_by: "accepted by", accepted_at: "accepted at", relative: "tolerance",
+    accepted_by: "accepted by", accepted_at: "accepted at",
   };
   // What explains a difference comes first; what isn't named here follows as it is.
   const ORDER = ["shader", "adapter.path", "adapter.name", "adapter.driver", "processor", "because",
-    "accepted_by", "accepted_at", "relative", "precision", "width", "height"];
+    "accepted_by", "accepted_at", "tolerance", "precision", "width", "height"];
   // Hashes of pixels are another name for the difference, not a reason of it.
   const HIDDEN = ["pixels", "schema"];
   const rank = ({ name, differs }) => (differs ? -100 : 0) + (ORDER.indexOf(name) + 1 || 50);
   // Hashes are recognised by their beginning; the whole is in the title.
   const short = (text) => (/^[0-9a-f]{40,}$/.test(text) ? text.slice(0, 12) : text);
 
-  const gate = ({ name, value, bound, place, passes }) => {
+  const gate = ({ name, value, bound, note, place, passes }) => {
     const times = value === null || !bound ? "" : `, ${numbers.rounded(value / bound)} × bound`;
     const row = element("li", { className: passes ? "passes" : "fails" },
       element("span", { className: "name" }, name),
       element("span", { className: "values" },
         `${value === null ? "NaN" : numbers.rounded(value)} of ${numbers.rounded(bound)}`),
       element("span", { className: "margin" }, passes ? `passes${times}` : `fails${times}`));
+    if (note) row.append(element("span", { className: "note" }, note));
     if (place) {
       const [left, top, right, bottom] = place;
       const text = left === right && top === bottom ? `(${left}, ${top})` : `(${left}, ${top}) to (${right}, ${bottom})`;

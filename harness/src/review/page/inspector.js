@@ -37,7 +37,7 @@
     const map = loaded()?.maps[state.map];
     const value = state.view === "map" && map ? texel(map.image, at) : null;
     byId("map-value").textContent = value
-      ? `${map.name}: ${map.scalar ? numbers.shortest(value[0]) : [...value].map(numbers.shortest).join(", ")}`
+      ? `${map.name}: ${map.scalar ? (value[3] ? numbers.shortest(value[0]) : "none") : [...value].map(numbers.shortest).join(", ")}`
       : "";
   });
 })();

@@ -66,7 +66,7 @@
       strip((t) => tones.signed(2.02 * t - 1.01), [`−${ends}`, "equal", `+${ends}`], title);
     } else if (state.view === "map") {
       const map = loaded()?.maps[state.map];
-      if (map?.scalar) strip(tones.turbo, ["0", numbers.rounded(map.full)], map.name);
+      if (map?.scalar) strip(tones.turbo, map.range.map((end) => numbers.rounded(end)), map.name);
     } else if (state.falseColor) {
       const { STOPS } = tones;
       const light = (t) => tones.falseColor(0.18 * 2 ** ((2 * t - 1) * STOPS));
@@ -80,6 +80,7 @@
     if (!stage.gl) {
       return "This browser has no WebGL 2, which the page needs to show float images. Turn on hardware acceleration, or open the page in a current Firefox, Chrome, Edge or Safari.";
     }
+    if (stage.gl.isContextLost()) return "The browser has taken the graphics memory back. The page goes on when it gives it again; else reload it.";
     if (!current) return "No frame is pending.";
     if (current.error) return current.error;
     if (!current.data) return "Loading …";

@@ -24,7 +24,7 @@ uniform bool marks;
 uniform bool grid;
 uniform float gain;       // of differences: a factor
 uniform float dark;       // what is darker counts as this bright in relative differences
-uniform float full;       // the value of a map that is at the end of the false colours
+uniform vec2 range;       // the values of a map that are at the ends of the false colours
 out vec4 shown;
 
 const int layer = ${layer};         // 0 golden, 1 actual, 2 difference, 3 map
@@ -153,7 +153,9 @@ void main() {
       if (m.w > marked.w) marked = m;
       float d = layer == 2 ? difference(g, a) : 0.0;
       if (abs(d) > abs(most)) most = d;
-      sum += layer == 3 && scalarMap ? turbo(c.r / full) : seen(c);
+      vec3 nothing = vec3(0.117); // where a map has no value
+      vec3 level = c.a == 0.0 ? nothing : turbo((c.r - range.x) / (range.y - range.x));
+      sum += layer == 3 && scalarMap ? level : seen(c);
     }
   }
   vec3 color = layer == 2 ? diverging(most) : sum / float(n * n);

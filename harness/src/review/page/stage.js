@@ -12,9 +12,21 @@ const stage = (() => {
     gl.compileShader(shader);
     return shader;
   };
-  const vertex = compiled(gl.VERTEX_SHADER, VERTEX);
+  // A browser may take all of it back, and give it again: what was made before is then nothing.
+  let vertex = compiled(gl.VERTEX_SHADER, VERTEX);
+  let generation = 0;
+  canvas.addEventListener("webglcontextlost", (event) => {
+    event.preventDefault(); // else it is never given again
+    change();
+  });
+  canvas.addEventListener("webglcontextrestored", () => {
+    generation += 1;
+    programs.clear();
+    vertex = compiled(gl.VERTEX_SHADER, VERTEX);
+    change();
+  });
   const UNIFORMS = ["golden", "actual", "map", "goldenSize", "actualSize", "mapSize", "origin",
-    "scale", "height", "exposure", "marks", "grid", "gain", "dark", "full"];
+    "scale", "height", "exposure", "marks", "grid", "gain", "dark", "range"];
 
   // A program of these choices and the places of its uniforms; made once.
   const programs = new Map();
@@ -39,8 +51,9 @@ const stage = (() => {
   const nothing = { width: 0, height: 0, values: new Float32Array(4) };
   const bind = (uniforms, unit, name, image) => {
     gl.activeTexture(gl.TEXTURE0 + unit);
-    if (!image.texture) {
+    if (!image.texture || image.generation !== generation) {
       image.texture = gl.createTexture();
+      image.generation = generation;
       gl.bindTexture(gl.TEXTURE_2D, image.texture);
       gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
       gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, image.width || 1, image.height || 1, 0, gl.RGBA,
@@ -60,7 +73,7 @@ const stage = (() => {
   // Frees the textures of a case that is no longer looked at.
   const forget = (images) => {
     for (const image of images.filter((image) => image?.texture)) {
-      gl.deleteTexture(image.texture);
+      if (image.generation === generation) gl.deleteTexture(image.texture);
       image.texture = null;
     }
   };
@@ -123,6 +136,7 @@ const stage = (() => {
 
   const draw = () => {
     resize();
+    if (gl.isContextLost()) return;
     if (state.fit) {
       const [width, height] = extent();
       Object.assign(state, { scale: fitting(), center: [width / 2, height / 2] });
@@ -158,7 +172,7 @@ const stage = (() => {
     gl.uniform1f(uniforms.exposure, 2 ** state.exposure);
     gl.uniform1f(uniforms.gain, 2 ** state.gain);
     gl.uniform1f(uniforms.dark, golden?.dark ?? 1);
-    gl.uniform1f(uniforms.full, map?.full ?? 1);
+    gl.uniform2f(uniforms.range, ...(map?.range ?? [0, 1]));
     gl.uniform1i(uniforms.marks, state.marks);
     gl.uniform1i(uniforms.grid, state.grid);
     gl.uniform2f(uniforms.origin, ...origin(pane));

@@ -7,7 +7,11 @@ const CHANNELS = ["RGB", "R", "G", "B", "A", "luminance"];
 const VIEWS = ["side", "golden", "actual", "swipe", "flip", "difference", "map"];
 
 const state = {
-  cases: index.cases.map((entry) => ({ ...entry, status: "pending", data: null })),
+  // Files that can't be used have nothing to load, and say why.
+  cases: [
+    ...index.cases.map((entry) => ({ ...entry, status: "pending", data: null })),
+    ...index.unusable.map((entry) => ({ ...entry, index: null, status: "unusable", data: null })),
+  ],
   selected: 0,
   view: "side",
   part: 0,
