@@ -66,8 +66,8 @@ pub use golden::{
 };
 pub use image::{ExrFile, Image, ImageError, ImageFormat, NonFinite, Part, Precision};
 pub use metric::{
-    DEFAULT_RELATIVE, ErrorMap, ExposureRange, Flip, FlipFailure, Gate, Mask, MaskError, Measured,
-    Metric, Noise, Outlier, Outliers, Pair, PairError, Pool, Rect, TILE,
+    DEFAULT_RELATIVE, ErrorMap, ExposureMap, ExposureRange, Flip, FlipFailure, Gate, Mask,
+    MaskError, Measured, Metric, Noise, Outlier, Outliers, Pair, PairError, Pool, Rect, TILE,
 };
 pub use package::{FunctionItem, Package, PackageError};
 pub use path::{Adapter, Path, PathError, adapter};

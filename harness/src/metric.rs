@@ -17,7 +17,7 @@ mod tiles;
 
 use std::fmt;
 
-pub use exposure::ExposureRange;
+pub use exposure::{ExposureMap, ExposureRange};
 pub use flip::{Flip, FlipFailure, Pool};
 pub use gate::{DEFAULT_RELATIVE, Gate, Outlier, Outliers};
 pub use mask::{Mask, MaskError, Rect};

@@ -56,24 +56,31 @@ fn pair(name: &str) -> (Image, Image) {
     }
 }
 
-fn published(name: &str) -> Vec<f32> {
+/// Of `data/flip`.
+fn data(file: &str) -> Vec<u8> {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/flip");
-    let bytes = std::fs::read(root.join(name).with_extension("f32")).expect("it is there");
+    std::fs::read(root.join(file)).expect("it is there")
+}
+
+fn published(name: &str) -> Vec<f32> {
+    let bytes = data(&format!("{name}.f32"));
     bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
 }
 
+/// Name, first and last exposure, pixels per degree.
+const CASES: [(&str, f64, f64, f32); 6] = [
+    ("noise", -3.0, 2.0, Flip::MEAN.pixels_per_degree),
+    ("edges", -6.0, 1.0, Flip::MEAN.pixels_per_degree),
+    ("highlight", -9.5, -1.5, Flip::MEAN.pixels_per_degree),
+    ("drift", -1.0, 0.5, Flip::MEAN.pixels_per_degree),
+    ("near", -4.0, 3.0, 30.0),
+    ("far", -2.0, 2.0, 100.0),
+];
+
 #[test]
 fn flip_is_what_its_authors_compute() {
-    let default = Flip::MEAN.pixels_per_degree;
     let mut largest = 0.0_f32;
-    for (name, start, stop, pixels_per_degree) in [
-        ("noise", -3.0, 2.0, default),
-        ("edges", -6.0, 1.0, default),
-        ("highlight", -9.5, -1.5, default),
-        ("drift", -1.0, 0.5, default),
-        ("near", -4.0, 3.0, 30.0),
-        ("far", -2.0, 2.0, 100.0),
-    ] {
+    for (name, start, stop, pixels_per_degree) in CASES {
         let (golden, actual) = pair(name);
         let measured = Pair::new(&golden, &actual).expect("finite");
         let measured = measured.with_exposures(ExposureRange { start, stop });
@@ -91,6 +98,83 @@ fn flip_is_what_its_authors_compute() {
         assert!(mean > 1e-3, "{name} would be equal to anything");
     }
     println!("largest difference from the published implementation: {largest:e}");
+}
+
+/// Which exposure is worst, where those that are added to the published ones show no more.
+#[test]
+fn exposures_are_those_of_flips_authors() {
+    let mut same = 0;
+    for (name, start, stop, pixels_per_degree) in CASES.into_iter().filter(|c| c.0 != "drift") {
+        let (golden, actual) = pair(name);
+        let pair = Pair::new(&golden, &actual).expect("finite");
+        let pair = pair.with_exposures(ExposureRange { start, stop });
+        let flip = Flip { pixels_per_degree, ..Flip::MEAN };
+        let (map, whole) = (flip.map(&pair).expect("computed"), flip.whole(&pair).expect("too"));
+        let exposures = flip.exposures(&pair).expect("computed");
+        let step = (stop - start) / ((stop - start).ceil() - 1.0);
+        for (index, theirs) in (0..).zip(data(&format!("{name}.u8"))) {
+            let (x, y) = (index % WIDTH, index / WIDTH);
+            let ours = exposures.at(x, y).map(f64::from);
+            let (judged, published) = (map.at(x, y), whole.at(x, y));
+            if judged > published {
+                let added = ours.expect("it has an error");
+                assert!(!(start..=stop).contains(&added), "{name} ({x}, {y}): {added}");
+            } else if judged > 0.0 {
+                let (ours, theirs) = (ours.expect("an error"), start + f64::from(theirs) * step);
+                assert!((ours - theirs).abs() < 1e-5, "{name} ({x}, {y}): {ours} {theirs}");
+                same += 1;
+            } else {
+                assert_eq!((ours, theirs), (None, 255), "{name} ({x}, {y})");
+            }
+        }
+    }
+    assert!(same > 5000, "{same}");
+}
+
+/// Dark exposures show what is wrong with a light, bright ones what is in its shadow.
+#[test]
+fn exposures_tell_highlights_from_shadows() {
+    let lamp = Rect::new(20, 20, 24, 24);
+    let room = |light: f32, shade: f32| {
+        image(160, 120, move |x, y, _| if lamp.contains(x, y) { light } else { shade })
+    };
+    let golden = room(500.0, 0.05);
+    let exposures = |actual: &Image, mask: Option<&Mask>| {
+        let pair = match mask {
+            None => Pair::new(&golden, actual),
+            Some(mask) => Pair::masked(&golden, actual, mask),
+        };
+        let pair = pair.expect("finite");
+        Flip::LARGEST_TILE.exposures(&pair).expect("computed")
+    };
+    let all = ExposureRange::of(&golden);
+    let (darkest, brightest) = (all.start as f32, all.stop as f32);
+    assert!(brightest - darkest > 10.0, "{all}");
+    let light = exposures(&room(250.0, 0.05), None);
+    assert_eq!(light.range().map(|range| *range.start()), Some(darkest));
+    let at = light.at(32, 32).expect("the middle of the lamp");
+    assert!(at < darkest + 2.0, "{at} of {all}");
+    assert_eq!((light.at(100, 100), light.at(159, 119), light.at(999, 0)), (None, None, None));
+
+    let mut shadow = golden.clone();
+    for y in 90..100 {
+        shadow.pixels_mut()[160 * y + 100..160 * y + 110].fill([0.04, 0.04, 0.04, 1.0]);
+    }
+    let shade = exposures(&shadow, None);
+    let at = shade.at(105, 95).expect("the middle of the shadow");
+    // Where greys of 0.05 and 0.04 are furthest apart for an eye.
+    assert!(at > brightest - 4.0, "{at} of {all}");
+    assert_eq!(shade.at(32, 32), None);
+    // More light than all others: exposures that are added.
+    let mut sun = golden.clone();
+    sun.pixels_mut()[160 * 95 + 105] = [1e6, 1e6, 1e6, 1.0];
+    let at = exposures(&sun, None).at(105, 95);
+    assert!(at.is_some_and(|at| at < darkest), "{at:?} of {all}");
+    let equal = exposures(&golden, None);
+    assert_eq!((equal.range(), equal.at(105, 95)), (None, None));
+    let mask = Mask::except(&[Rect::new(100, 90, 5, 10)]);
+    let masked = exposures(&shadow, Some(&mask));
+    assert!(masked.at(104, 95).is_none() && masked.at(105, 95).is_some(), "{masked:?}");
 }
 
 /// A fault in one place: the part of the map that is computed is that of the whole.
@@ -150,6 +234,27 @@ fn what_flip_does_not_see_does_not_pass() {
     let map = Flip::LARGEST_TILE.map(&pair).expect("computed");
     let ((seen, _), (unseen, _)) = (map.largest_tile(&pair), whole.largest_tile(&pair));
     assert!(unseen < 1e-3 && seen > 0.012, "{unseen} {seen}");
+
+    // What no exposure shows is no pass.
+    for (light, other) in [(1e30, 3e38), (3e38, 1e30)] {
+        let sun = |light: f32| {
+            image(64, 64, |x, y, _| if y == 31 && (16..19).contains(&x) { light } else { 0.2 })
+        };
+        let (golden, actual) = (sun(light), sun(other));
+        let pair = Pair::new(&golden, &actual).expect("finite");
+        let measured = Flip::MEAN.measure(&pair);
+        assert_eq!(measured.value, f64::INFINITY);
+        let note = "3e38 at (16, 31) is over 128 stops from what the golden's exposures show, and \
+                    FLIP looks no further: have the shader clamp it, or compare by the gate alone";
+        assert_eq!(measured.note.as_deref(), Some(note));
+        assert!(FrameTolerance::default().compare(&golden, &actual, None).is_err());
+    }
+    let dark = |light: f32| image(64, 64, |x, y, _| if x + y == 9 { light } else { 1e-37 });
+    let (night, day) = (dark(1e-41), dark(3e-41));
+    let measured = Flip::MEAN.measure(&Pair::new(&night, &day).expect("finite"));
+    assert!(
+        measured.note.is_some_and(|note| note.starts_with("3e-41 at (9, 0) is over 128 stops"))
+    );
 
     let pair = pair.with_exposures(ExposureRange { start: f64::NAN, stop: 0.0 });
     assert!(matches!(Flip::MEAN.map(&pair), Err(FlipFailure::Parameters(_))));

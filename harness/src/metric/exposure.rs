@@ -1,7 +1,11 @@
 //! The exposures at which HDR images are compared.
 
+use std::ops::RangeInclusive;
+
 use serde::{Deserialize, Serialize};
 
+use super::mask::Rect;
+use super::pair::Pair;
 use crate::image::Image;
 use crate::image::luminance;
 
@@ -37,6 +41,10 @@ const NEAR_WHITE: f64 = {
 /// No range is wider: 32 stops are all of a half float from its smallest normal number.
 const WIDEST: f64 = 32.0;
 
+/// Most exposures that FLIP looks at in one go, of which there is one a stop: `flip-rs` refuses
+/// more. They are also as far from 0 as a float can be multiplied by.
+const MOST: usize = flip_rs::MAX_EXPOSURES;
+
 impl ExposureRange {
     /// The range of a golden. One without light has that of a white image.
     #[must_use]
@@ -64,7 +72,7 @@ impl ExposureRange {
     #[must_use]
     pub fn count(&self) -> usize {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "2 to 128")]
-        let count = (self.stop - self.start).ceil().clamp(2.0, 128.0) as usize;
+        let count = (self.stop - self.start).ceil().clamp(2.0, MOST as f64) as usize;
         count
     }
 
@@ -72,16 +80,20 @@ impl ExposureRange {
     /// the range shows it.
     pub(super) fn below(&self, luminance: f32) -> Option<Self> {
         let missing = (self.start - stops(f64::from(luminance))).ceil();
-        let sound = missing > 0.0 && missing < 128.0;
-        sound.then_some(Self { start: self.start - missing, stop: self.start - 1.0 })
+        (missing > 0.0).then_some(Self { start: self.start - missing, stop: self.start - 1.0 })
     }
 
     /// Exposures above this range, of which the last shows a dark luminance as the range shows the
     /// median; `None` if the range does.
     pub(super) fn above(&self, luminance: f32) -> Option<Self> {
         let missing = (stops(f64::from(luminance)) - self.stop).ceil();
-        let sound = missing > 0.0 && missing < 128.0;
-        sound.then_some(Self { start: self.stop + 1.0, stop: self.stop + missing })
+        (missing > 0.0).then_some(Self { start: self.stop + 1.0, stop: self.stop + missing })
+    }
+
+    /// Whether FLIP can look at all of it, stop by stop.
+    pub(super) fn is_visible(&self) -> bool {
+        let most = MOST as f64;
+        self.stop - self.start < most && self.start > -most && self.stop < most
     }
 }
 
@@ -93,6 +105,54 @@ fn stops(luminance: f64) -> f64 {
 impl std::fmt::Display for ExposureRange {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{:+} to {:+} stops", self.start, self.stop)
+    }
+}
+
+/// For each pixel of a part of a frame, the exposure at which its error is largest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExposureMap {
+    rect: Rect,
+    /// In stops; NaN where there is no error.
+    values: Vec<f32>,
+}
+
+impl ExposureMap {
+    /// Row by row; NaN where there is no error.
+    pub(super) fn new(rect: Rect, mut values: Vec<f32>, pair: &Pair<'_>) -> Self {
+        for (index, value) in (0..).zip(&mut values) {
+            let (x, y) = (rect.left + index % rect.width, rect.top + index / rect.width);
+            if !pair.counts(x, y) {
+                *value = f32::NAN;
+            }
+        }
+        Self { rect, values }
+    }
+
+    /// The part of the frame that was looked at.
+    #[must_use]
+    pub fn rect(&self) -> Rect {
+        self.rect
+    }
+
+    /// The exposure of a pixel of the frame, in stops; `None` if it has no error, wasn't looked at,
+    /// or isn't compared.
+    #[must_use]
+    pub fn at(&self, x: u32, y: u32) -> Option<f32> {
+        if !self.rect.contains(x, y) {
+            return None;
+        }
+        let (column, row) = ((x - self.rect.left) as usize, (y - self.rect.top) as usize);
+        Some(self.values[row * self.rect.width as usize + column]).filter(|stops| !stops.is_nan())
+    }
+
+    /// The darkest and the brightest of all pixels; `None` if none has an error.
+    #[must_use]
+    pub fn range(&self) -> Option<RangeInclusive<f32>> {
+        let stops = self.values.iter().copied().filter(|stops| !stops.is_nan());
+        let (start, stop) = stops.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), stops| {
+            (low.min(stops), high.max(stops))
+        });
+        (start <= stop).then_some(start..=stop)
     }
 }
 
@@ -136,5 +196,10 @@ mod tests {
         let above = range.above(1e-3).expect("darker than the median");
         assert_eq!(above.start, 4.0);
         assert!(above.stop > 10.0 && above.stop < 14.0, "{above}");
+        assert!(below.is_visible() && above.is_visible());
+        let beyond = range.below(f32::MAX).expect("brighter still");
+        assert!(beyond.is_visible() && !ExposureRange { start: -128.0, ..beyond }.is_visible());
+        assert!(!ExposureRange { start: -90.0, stop: 90.0 }.is_visible());
+        assert!(!ExposureRange { start: f64::NAN, stop: 90.0 }.is_visible());
     }
 }

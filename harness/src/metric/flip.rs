@@ -10,7 +10,7 @@
 
 use flip_rs::{HdrOptions, RgbImage, hdr_flip};
 
-use super::exposure::ExposureRange;
+use super::exposure::{ExposureMap, ExposureRange};
 use super::gate::{DARK, Gate};
 use super::mask::Rect;
 use super::pair::Pair;
@@ -46,6 +46,19 @@ pub enum FlipFailure {
     /// A negative value is off, which displays don't show.
     #[error("a negative value is off at ({0}, {1}), which FLIP doesn't see")]
     Negative(u32, u32),
+    /// Something is off that only an exposure beyond all others would show.
+    #[error(
+        "{light:e} at ({x}, {y}) is over 128 stops from what the golden's exposures show, and FLIP \
+         looks no further: have the shader clamp it, or compare by the gate alone"
+    )]
+    Exposures {
+        /// The brighter value of golden and frame.
+        light: f32,
+        /// Column.
+        x: u32,
+        /// Row.
+        y: u32,
+    },
     /// The exposures or the distance of sight are none.
     #[error("FLIP can't be computed: {0}")]
     Parameters(String),
@@ -80,42 +93,49 @@ impl Flip {
     /// # Errors
     /// If something is off that FLIP doesn't see, or it can't be computed.
     pub fn map(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
-        let exposures = pair.exposures();
-        let mut bounds: Option<[u32; 4]> = None;
-        let (mut brightest, mut dimmest, mut unseen) = (0.0_f32, f32::INFINITY, None);
-        Gate::default().each(pair, |index, golden, actual, ratio| {
-            let (x, y) = pair.place(index);
-            if !(ratio[3] <= 1.0) {
-                unseen = unseen.take().or(Some(FlipFailure::Alpha(x, y)));
-            }
-            if (0..3).any(|c| !(ratio[c] <= 1.0) && golden[c].min(actual[c]) < 0.0) {
-                unseen = unseen.take().or(Some(FlipFailure::Negative(x, y)));
-            }
-            let light = golden[..3].iter().chain(&actual[..3]).copied().fold(0.0, f32::max);
-            (brightest, dimmest) = (brightest.max(light), dimmest.min(light));
-            let [left, top, right, bottom] = bounds.unwrap_or([x, y, x, y]);
-            bounds = Some([left.min(x), top.min(y), right.max(x), bottom.max(y)]);
-        });
-        if let Some(unseen) = unseen {
-            return Err(unseen);
+        self.worst(pair).map(|worst| worst.errors)
+    }
+
+    /// The exposures at which the errors of [`map`](Self::map) are largest, in stops: dark ones of
+    /// what is off in highlights, bright ones of what is off in shadows. The darkest of several
+    /// with the same error. They are [`Pair::exposures`], one a stop, and what is added to them.
+    ///
+    /// # Errors
+    /// As for [`map`](Self::map).
+    pub fn exposures(&self, pair: &Pair<'_>) -> Result<ExposureMap, FlipFailure> {
+        self.worst(pair).map(|worst| worst.exposures)
+    }
+
+    /// Computed once for the default distance of sight.
+    fn worst(&self, pair: &Pair<'_>) -> Result<Worst, FlipFailure> {
+        if self.pixels_per_degree == flip_rs::DEFAULT_PPD {
+            return pair.flip.get_or_init(|| self.compute(pair)).clone();
         }
-        let Some(bounds) = bounds else {
-            return Ok(ErrorMap::new(Rect::new(0, 0, 0, 0), Vec::new()));
-        };
+        self.compute(pair)
+    }
+
+    fn compute(&self, pair: &Pair<'_>) -> Result<Worst, FlipFailure> {
         let (width, height) = (pair.golden().width(), pair.golden().height());
-        let seen = Rect::spanning(bounds).grown(self.reach(), width, height);
-        let mut map = self.part(pair, seen, exposures)?;
-        if let Some(below) = exposures.below(brightest) {
-            let dark = self.part(pair, seen, below)?;
-            let larger = map.values().iter().zip(dark.values()).map(|(a, b)| a.max(*b)).collect();
-            map = ErrorMap::new(seen, larger);
+        let (rect, ranges) = match Off::of(pair)? {
+            None => (Rect::new(0, 0, 0, 0), Vec::new()),
+            Some(off) => (
+                Rect::spanning(off.bounds).grown(self.reach(), width, height),
+                off.exposures(pair)?,
+            ),
+        };
+        let pixels = rect.width as usize * rect.height as usize;
+        let (mut errors, mut exposures) = (vec![0.0; pixels], vec![f32::NAN; pixels]);
+        for range in ranges {
+            let found = self.part(pair, rect, range)?;
+            let so_far = errors.iter_mut().zip(&mut exposures);
+            for ((error, exposure), (found, at)) in so_far.zip(found) {
+                if found > *error {
+                    (*error, *exposure) = (found, at);
+                }
+            }
         }
-        if let Some(above) = exposures.above(dimmest.max(DARK * pair.key())) {
-            let bright = self.part(pair, seen, above)?;
-            let larger = map.values().iter().zip(bright.values()).map(|(a, b)| a.max(*b)).collect();
-            map = ErrorMap::new(seen, larger);
-        }
-        Ok(map)
+        let exposures = ExposureMap::new(rect, exposures, pair);
+        Ok(Worst { errors: ErrorMap::new(rect, errors), exposures })
     }
 
     /// The errors of all pixels, as published: of the pair's exposures and no others.
@@ -124,16 +144,18 @@ impl Flip {
     /// If it can't be computed.
     pub fn whole(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
         let whole = Rect::new(0, 0, pair.golden().width(), pair.golden().height());
-        self.part(pair, whole, pair.exposures())
+        let found = self.part(pair, whole, pair.exposures())?;
+        Ok(ErrorMap::new(whole, found.into_iter().map(|(error, _)| error).collect()))
     }
 
-    /// The errors of a rectangle, from all that its pixels see.
+    /// The errors of a rectangle, from all that its pixels see, and the exposures at which they are
+    /// largest.
     fn part(
         &self,
         pair: &Pair<'_>,
         rect: Rect,
         exposures: ExposureRange,
-    ) -> Result<ErrorMap, FlipFailure> {
+    ) -> Result<Vec<(f32, f32)>, FlipFailure> {
         let failed = |error: flip_rs::FlipError| FlipFailure::Parameters(error.to_string());
         let (width, height) = (pair.golden().width(), pair.golden().height());
         let read = rect.grown(self.reach(), width, height);
@@ -144,14 +166,84 @@ impl Flip {
         let [start, stop] = [exposures.start as f32, exposures.stop as f32];
         (options.start_exposure, options.stop_exposure) = (Some(start), Some(stop));
         options.num_exposures = Some(exposures.count());
-        options.return_exposure_map = false;
+        options.return_exposure_map = true;
         let found = hdr_flip(&golden.map_err(failed)?, &actual.map_err(failed)?, options);
-        let errors = found.map_err(failed)?.error_map;
+        let found = found.map_err(failed)?;
+        let (errors, worst) = (found.error_map, found.exposure_map.expect("it was asked for"));
+        // Exposures are given by their places in the range, 0 to 1.
+        let last = (exposures.count() - 1) as f32;
+        let step = (stop - start) / last;
+        let pixel = |(error, place): (&f32, &f32)| (*error, start + (place * last).round() * step);
+        let width = read.width as usize;
+        let rows = errors.pixels().chunks(width).zip(worst.pixels().chunks(width));
         let (left, top) = ((rect.left - read.left) as usize, (rect.top - read.top) as usize);
-        let rows = errors.pixels().chunks(read.width as usize).skip(top);
-        let rows = rows.take(rect.height as usize);
-        let values = rows.flat_map(|row| &row[left..left + rect.width as usize]).copied();
-        Ok(ErrorMap::new(rect, values.collect()))
+        let columns = left..left + rect.width as usize;
+        let rows = rows.skip(top).take(rect.height as usize);
+        let rows = rows.flat_map(|(errors, worst)| {
+            errors[columns.clone()].iter().zip(&worst[columns.clone()])
+        });
+        Ok(rows.map(pixel).collect())
+    }
+}
+
+/// What FLIP finds in the part of a frame that sees what is off.
+#[derive(Clone, Debug)]
+pub(super) struct Worst {
+    errors: ErrorMap,
+    exposures: ExposureMap,
+}
+
+/// What the default gate refuses.
+struct Off {
+    /// The first and the last column and row.
+    bounds: [u32; 4],
+    /// The largest value of the pixel that has the largest, and its place.
+    brightest: (f32, usize),
+    /// The largest value of the pixel that has the smallest.
+    dimmest: (f32, usize),
+}
+
+impl Off {
+    /// `None` if nothing is off.
+    fn of(pair: &Pair<'_>) -> Result<Option<Self>, FlipFailure> {
+        let (mut off, mut unseen): (Option<Self>, _) = (None, None);
+        Gate::default().each(pair, |index, golden, actual, ratio| {
+            let (x, y) = pair.place(index);
+            if !(ratio[3] <= 1.0) {
+                unseen = unseen.take().or(Some(FlipFailure::Alpha(x, y)));
+            }
+            if (0..3).any(|c| !(ratio[c] <= 1.0) && golden[c].min(actual[c]) < 0.0) {
+                unseen = unseen.take().or(Some(FlipFailure::Negative(x, y)));
+            }
+            let light = golden[..3].iter().chain(&actual[..3]).copied().fold(0.0, f32::max);
+            let light = (light, index);
+            let off =
+                off.get_or_insert(Self { bounds: [x, y, x, y], brightest: light, dimmest: light });
+            if light.0 > off.brightest.0 {
+                off.brightest = light;
+            }
+            if light.0 < off.dimmest.0 {
+                off.dimmest = light;
+            }
+            let [left, top, right, bottom] = off.bounds;
+            off.bounds = [left.min(x), top.min(y), right.max(x), bottom.max(y)];
+        });
+        unseen.map_or(Ok(off), Err)
+    }
+
+    /// The exposures of the pair, and those that show what is off beyond them.
+    fn exposures(&self, pair: &Pair<'_>) -> Result<Vec<ExposureRange>, FlipFailure> {
+        let exposures = pair.exposures();
+        let dark = self.dimmest.0.max(DARK * pair.key());
+        let visible = |range: ExposureRange, (light, index)| {
+            let (x, y) = pair.place(index);
+            let beyond = FlipFailure::Exposures { light, x, y };
+            if range.is_visible() { Ok(range) } else { Err(beyond) }
+        };
+        let below = exposures.below(self.brightest.0).map(|range| visible(range, self.brightest));
+        let above = exposures.above(dark).map(|range| visible(range, self.dimmest));
+        // Dark ones first: of equal errors the first counts.
+        [below, Some(Ok(exposures)), above].into_iter().flatten().collect()
     }
 }
 
@@ -172,10 +264,7 @@ impl Metric for Flip {
     }
 
     fn measure(&self, pair: &Pair<'_>) -> Measured {
-        let cached = self.pixels_per_degree == flip_rs::DEFAULT_PPD;
-        let map =
-            if cached { pair.flip.get_or_init(|| self.map(pair)).clone() } else { self.map(pair) };
-        let map = match map {
+        let map = match self.map(pair) {
             Ok(map) => map,
             Err(failure) => {
                 let note = Some(failure.to_string());

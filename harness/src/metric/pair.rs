@@ -7,10 +7,9 @@ use std::sync::OnceLock;
 use glam::Vec4;
 
 use super::exposure::ExposureRange;
-use super::flip::FlipFailure;
+use super::flip::{FlipFailure, Worst};
 use super::gate;
 use super::mask::{Mask, MaskError, Rect};
-use super::tiles::ErrorMap;
 use crate::image::{Image, NonFinite};
 
 /// Pixels that are looked at in one go: those of both images fit in the smallest cache.
@@ -30,8 +29,8 @@ pub struct Pair<'a> {
     largest_relative: f32,
     exposures: OnceLock<ExposureRange>,
     key: OnceLock<f32>,
-    /// Of the default distance of sight: two metrics want it.
-    pub(super) flip: OnceLock<Result<ErrorMap, FlipFailure>>,
+    /// Of the default distance of sight: several metrics want it.
+    pub(super) flip: OnceLock<Result<Worst, FlipFailure>>,
 }
 
 /// Why there is nothing to measure.

@@ -2,9 +2,16 @@
 
     pip install flip-evaluator==1.7 numpy==2.4.6 && python vectors.py
 
-Writes a map of 32-bit floats for each case, little-endian, row by row. The images are made of
-integers by exact operations, so that the test makes the same ones.
+Writes a map of 32-bit floats for each case, little-endian, row by row; and a map of bytes, which of
+the exposures has the largest error, 255 where there is none. The images are made of integers by
+exact operations, so that the test makes the same ones.
+
+The package returns no map of exposures. So each is evaluated alone: the largest errors are then
+those of all at once, and the first exposure that has them is what the package's command line
+draws.
 """
+
+import math
 
 import numpy as np
 from flip_evaluator import evaluate
@@ -58,9 +65,22 @@ def pair(name):
 
 for name, start, stop, ppd in CASES:
     golden, actual = pair(name)
-    parameters = {"startExposure": start, "stopExposure": stop}
-    if ppd is not None:
-        parameters["ppd"] = ppd
+    distance = {} if ppd is None else {"ppd": ppd}
+    parameters = {"startExposure": start, "stopExposure": stop, **distance}
     errors, mean, used = evaluate(golden, actual, "HDR", True, False, True, parameters)
     errors.astype("<f4").tofile(f"{name}.f32")
+    largest = np.zeros((HEIGHT, WIDTH), np.float32)
+    worst = np.full((HEIGHT, WIDTH), 255, np.uint8)
+    count = max(2, math.ceil(stop - start))
+    step = np.float32(stop - start) / np.float32(count - 1)
+    for index in range(count):
+        exposure = float(np.float32(start) + np.float32(index) * step)
+        parameters = {"startExposure": exposure, "stopExposure": exposure, **distance}
+        one = evaluate(golden, actual, "HDR", True, False, False, parameters)[0]
+        one = one.reshape(HEIGHT, WIDTH)
+        worst[one > largest] = index
+        largest = np.maximum(largest, one)
+    assert (largest == errors.reshape(HEIGHT, WIDTH)).all()
+    if name != "drift":  # which is within the gate: nobody asks for its exposures
+        worst.tofile(f"{name}.u8")
     print(f"{name:<10} mean {mean:.6f} largest {errors.max():.6f} {used}")
