@@ -175,9 +175,12 @@ fn spheres(
     let (width, height) = shot.size.unwrap_or(usual_size);
     let camera = scene::camera(f64::from(width) / f64::from(height));
     let [base_color, surface] = scene::material_maps(painted);
+    let samples = shot.samples(samples);
     let frame = grid("scene", fragment, camera, (width, height))
+        .fact("diffuse samples", samples.diffuse)
+        .fact("specular samples", samples.specular)
         .fullscreen("background_vertex", "background_fragment")
-        .with("samples", Uniform::new(shot.samples(samples)))
+        .with("samples", Uniform::new(samples))
         .with("base_color_map", base_color)
         .with("surface_map", surface)
         .with("mask", scene::no_mask())

@@ -92,8 +92,9 @@ impl PendingFrames {
         self.frames.is_empty() && self.unusable.is_empty()
     }
 
-    /// Of two files that say they are the same frame, neither is one.
-    fn without_doubles(mut self) -> Self {
+    /// Of two files in a folder that say they are the same frame, neither is one.
+    fn without_doubles(mut self, folder: &Path) -> Self {
+        let below = |path: &Path| shown(path.strip_prefix(folder).unwrap_or(path));
         self.frames.sort_by(|a, b| (&a.case, &a.path).cmp(&(&b.case, &b.path)));
         let (mut single, mut doubles): (Vec<Pending>, Vec<Pending>) = Default::default();
         for group in self.frames.chunk_by(|a, b| a.case == b.case) {
@@ -103,8 +104,8 @@ impl PendingFrames {
             let [first, second, ..] = group else { continue };
             let reason = AcceptError::Twice {
                 case: first.case.clone(),
-                first: shown(&first.path),
-                second: shown(&second.path),
+                first: below(&first.path),
+                second: below(&second.path),
             };
             self.unusable.push(Unusable { path: first.path.clone(), reason });
         }
@@ -185,7 +186,7 @@ impl Goldens {
                 Err(unusable) => found.unusable.push(unusable),
             }
         }
-        found.without_doubles()
+        found.without_doubles(&self.folder())
     }
 
     /// What is pending of a name or a glob; files that can't be used are selected by their own

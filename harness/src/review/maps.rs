@@ -9,20 +9,30 @@ pub(super) fn maps(pair: &Pair<'_>) -> Vec<Map> {
     let errors = Flip::LARGEST_TILE.map(pair).ok().map(|map| Map {
         name: "HDR-FLIP".to_owned(),
         about: "what an eye sees of the difference, from 0 to 1, of the worst exposure".to_owned(),
-        image: grey(pair, |x, y| map.at(x, y)),
+        image: scalars(pair, |x, y| Some(map.at(x, y))),
         range: [0.0, 1.0],
     });
-    errors.into_iter().collect()
+    errors.into_iter().chain(worst_exposures(pair)).collect()
 }
 
-/// An image of the pair's size, with the same value in all colours.
-fn grey(pair: &Pair<'_>, value: impl Fn(u32, u32) -> f32) -> Image {
+/// Dark exposures of what is off in highlights, bright ones of what is off in shadows.
+fn worst_exposures(pair: &Pair<'_>) -> Option<Map> {
+    let exposures = Flip::LARGEST_TILE.exposures(pair).ok()?;
+    let (start, stop) = exposures.range()?.into_inner();
+    Some(Map {
+        name: "worst exposure".to_owned(),
+        about: "the exposure, in stops, at which HDR-FLIP sees most of it".to_owned(),
+        image: scalars(pair, |x, y| exposures.at(x, y)),
+        // Of one exposure the whole is one colour.
+        range: [start.floor(), stop.ceil().max(start.floor() + 1.0)],
+    })
+}
+
+/// An image of the pair's size, with the same value in all colours; alpha is 0 where there is none.
+fn scalars(pair: &Pair<'_>, value: impl Fn(u32, u32) -> Option<f32>) -> Image {
     let (width, height) = (pair.actual().width(), pair.actual().height());
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-    let pixel = |(x, y)| {
-        let value = value(x, y);
-        [value, value, value, 1.0]
-    };
+    let pixel = |(x, y)| value(x, y).map_or([0.0; 4], |value| [value, value, value, 1.0]);
     Image::new(width, height, pixels.map(pixel).collect())
 }
 
@@ -39,7 +49,10 @@ mod tests {
         }
         let pair = Pair::new(&golden, &actual).expect("finite");
         let maps = maps(&pair);
-        let value = |x: usize, y: usize| maps[0].image.pixels()[40 * y + x][0];
-        assert!(value(10, 10) > 0.1 && value(39, 19) < 0.01);
+        let value = |map: usize, x: usize, y: usize| maps[map].image.pixels()[40 * y + x];
+        assert!(value(0, 10, 10)[0] > 0.1 && value(0, 39, 19)[0] < 0.01);
+        let [start, stop] = maps[1].range;
+        assert!(start < stop && (start..=stop).contains(&value(1, 10, 10)[0]), "{start} {stop}");
+        assert_eq!((value(1, 10, 10)[3], value(1, 39, 19)[3]), (1.0, 0.0));
     }
 }

@@ -144,6 +144,38 @@ fn frames_that_differ_are_told_from_new_ones() {
     karat(project.path(), &["pending"]).good();
 }
 
+/// What can't be done of one frame is told, and done of the others.
+#[test]
+fn a_file_that_cannot_be_used_is_in_nobody_s_way() {
+    let project = with_goldens();
+    let (folder, golden) = (project.path(), project.path().join("golden"));
+    pending_frame(&golden, "scene", LAVAPIPE);
+    pending_frame(&golden, "blocked", LAVAPIPE);
+    std::fs::write(golden.join("cut.new.exr"), b"v/1\x01").expect("written");
+    std::fs::create_dir_all(golden.join("blocked.toml/x")).expect("a folder");
+
+    let ran = karat(folder, &["pending", "--json"]);
+    assert_eq!(ran.code, Some(2), "{ran:?}");
+    let list = json(&ran.out);
+    assert_eq!(list.as_array().map(Vec::len), Some(3), "{list}");
+    assert_eq!(list[2]["status"], "unusable");
+    let error = list[2]["error"].as_str().expect("a reason");
+    assert!(error.contains("golden/cut.new.exr` isn't a readable OpenEXR image"), "{error}");
+    let ran = karat(folder, &["pending"]);
+    assert!(ran.out.contains("scene") && ran.err.contains("cut.new.exr"), "{ran:?}");
+
+    let ran = karat(folder, &["accept", "*", "--because", "why", "--json"]);
+    assert_eq!(ran.code, Some(2), "{ran:?}");
+    let list = json(&ran.out);
+    assert_eq!((&list[0]["case"], &list[0]["accepted"]), (&"blocked".into(), &false.into()));
+    assert!(list[0]["error"].as_str().is_some_and(|why| why.contains("blocked.toml")), "{list}");
+    assert_eq!((&list[1]["case"], &list[1]["accepted"]), (&"scene".into(), &true.into()));
+    assert!(golden.join("scene.exr").is_file() && !golden.join("blocked.exr").exists());
+    assert!(ran.err.contains("cut.new.exr"), "{ran:?}");
+    let error = karat(folder, &["accept", "cut", "--because", "why"]).failure(2);
+    assert!(error.contains("cut.new.exr` isn't a readable OpenEXR image"), "{error}");
+}
+
 #[test]
 fn frames_of_a_ci_run_are_accepted_from_a_folder_or_a_zip() {
     let project = with_goldens();

@@ -169,7 +169,10 @@ fn the_library_s_refusals_are_shown() {
     assert!(text.contains("was rendered again since this page loaded it"), "{text}");
 
     let elsewhere = Project::new();
-    elsewhere.put_pending("card", &tiny(), |facts| facts["adapter"]["name"] = "GeForce".into());
+    elsewhere.put_pending("card", &tiny(), |facts| {
+        facts["adapter"]["name"] = "GeForce".into();
+        facts["adapter"]["driver"] = "NVIDIA 550.1".into();
+    });
     let server = elsewhere.serve();
     let tab = browser.open(&server.url);
     browser.settle(&tab);
@@ -177,11 +180,101 @@ fn the_library_s_refusals_are_shown() {
     let text = problem(&mut browser, &tab);
     assert!(text.contains("was rendered on vulkan: GeForce"), "{text}");
     assert!(!elsewhere.golden("card").exists());
+    let offered = browser.text(&tab, "#any-adapter-line");
+    assert!(offered.contains("vulkan-nvidia"), "{offered}");
     browser.click(&tab, "#any-adapter");
     browser.click(&tab, "#accept-dialog .main");
     browser.wait(&tab, "document.querySelector('#cases .accepted') !== null");
     let stored = facts(&elsewhere, "card").0;
     assert_eq!(stored, tiny().rounded_to(Precision::Half));
+}
+
+fn on_gl(facts: &mut Value) {
+    facts["adapter"]["path"] = "gl".into();
+}
+
+/// Where the golden for all fails, a profile gets its own, unless the reviewer wants otherwise.
+#[test]
+fn a_frame_of_another_profile_becomes_its_golden() {
+    let project = Project::with_tiny();
+    let mut other = tiny();
+    other.pixels_mut()[0] = [3.0, 3.0, 3.0, 1.0];
+    project.put_pending("tiny", &other, on_gl);
+    project.put_golden("zebra", &tiny());
+    project.put_pending("zebra", &other, on_gl);
+    let own = |case: &str| project.folder().join(format!("golden/@gl-llvmpipe/{case}.exr"));
+    let server = project.serve();
+    let mut browser = Browser::start();
+    let tab = browser.open(&server.url);
+    browser.settle(&tab);
+    accept(&mut browser, &tab, "GL rounds to 16 bits");
+    browser.wait(&tab, "document.getElementById('name').textContent === 'zebra'");
+    assert!(own("tiny").is_file(), "the default harms no other profile");
+    assert_eq!(facts(&project, "tiny").0, tiny());
+
+    browser.press(&tab, "a");
+    browser.wait(&tab, "document.getElementById('accept-dialog').open");
+    browser.click(&tab, "#of-all");
+    browser.click(&tab, "#because");
+    browser.write(&tab, "it is right for all");
+    browser.press(&tab, "Enter");
+    browser
+        .wait(&tab, "document.getElementById('count').textContent === 'nothing is left to review'");
+    assert!(!own("zebra").exists());
+    assert_eq!(facts(&project, "zebra").0, other);
+}
+
+/// A file that can't be read is on the list, and says why; the others are reviewed.
+#[test]
+fn a_file_that_cannot_be_used_is_shown_with_its_reason() {
+    let project = Project::with_tiny();
+    std::fs::write(project.pending("broken"), b"no image").expect("written");
+    let server = project.serve();
+    let mut browser = Browser::start();
+    let tab = browser.open(&server.url);
+    browser.settle(&tab);
+    assert_eq!(browser.text(&tab, "#count"), "1 pending");
+    let status = browser.text(&tab, "#cases .unusable .status");
+    assert_eq!(status, "can't be used");
+    browser.press(&tab, "j");
+    browser.wait(&tab, "document.getElementById('message').innerText.includes('broken.new.exr')");
+    assert_eq!(browser.value(&tab, "document.getElementById('accept').disabled"), true);
+    browser.press(&tab, "a");
+    assert_eq!(browser.value(&tab, "document.getElementById('accept-dialog').open"), false);
+    browser.press(&tab, "k");
+    accept(&mut browser, &tab, "why");
+    browser.wait(&tab, "document.querySelector('#cases .accepted') !== null");
+    assert!(project.pending("broken").is_file());
+}
+
+/// What a CI run has left is looked at there, and accepted here.
+#[test]
+fn frames_of_a_ci_run_are_reviewed() {
+    let project = Project::with_tiny();
+    let artefact = project.folder().join("ci run/pending");
+    std::fs::create_dir_all(&artefact).expect("a folder");
+    std::fs::rename(project.pending("tiny"), artefact.join("tiny.new.exr")).expect("moved");
+    let report = project.folder().join("report");
+    std::fs::create_dir_all(report.join("data")).expect("a folder");
+    for file in ["7.js", "notes.js"] {
+        std::fs::write(report.join("data").join(file), "old").expect("written");
+    }
+    let mut command = project.karat(&["review", "--from", "ci run", "--static"]);
+    let ran = command.arg(&report).output().expect("it was built");
+    assert_eq!(ran.status.code(), Some(0), "{ran:?}");
+    let page = std::fs::read_to_string(report.join("index.html")).expect("written");
+    assert!(page.contains(r#" --from 'ci run'"#), "the commands need it, too");
+    assert!(!report.join("data/7.js").exists() && report.join("data/notes.js").is_file());
+
+    let server = project.serve_with(&["--from", "ci run"]);
+    let mut browser = Browser::start();
+    let tab = browser.open(&server.url);
+    browser.settle(&tab);
+    accept(&mut browser, &tab, "as CI has it");
+    browser
+        .wait(&tab, "document.getElementById('count').textContent === 'nothing is left to review'");
+    assert_eq!(facts(&project, "tiny").1["because"], "as CI has it");
+    assert!(!artefact.join("tiny.new.exr").exists());
 }
 
 #[test]

@@ -335,7 +335,7 @@ fn facts_are_side_by_side_with_what_differs_first() {
     assert_eq!(rows.as_array().map(Vec::len), Some(2), "{rows}");
     assert_eq!(rows[1], serde_json::json!(["driver", old, "llvmpipe Mesa 25.0.7 (LLVM 19.1.7)"]));
     let gate = browser.text(&tab, "#gates li");
-    assert!(gate.contains("largest relative difference") && gate.contains("fails"), "{gate}");
+    assert!(gate.contains("gate rel 1e-3") && gate.contains("fails"), "{gate}");
     browser.press(&tab, "w");
     assert_eq!(browser.value(&tab, "karat.state.pinned !== null && karat.state.scale >= 1"), true);
 }
@@ -357,7 +357,8 @@ fn parts_maps_and_gates_are_what_the_data_has() {
     let (_server, mut browser, tab) = open(&project);
     // The map of FLIP.
     assert_eq!(browser.value(&tab, "document.getElementById('view-map').disabled"), false);
-    assert_eq!(browser.value(&tab, "karat.state.cases[0].data.maps.length"), 1);
+    let maps = browser.value(&tab, "karat.state.cases[0].data.maps.map((map) => map.name)");
+    assert_eq!(maps, serde_json::json!(["HDR-FLIP", "worst exposure"]));
     // What a data file with more than one image would hand over.
     browser.value(&tab, r#"(() => {
         const data = { ...karat.state.cases[0].data };
@@ -366,9 +367,9 @@ fn parts_maps_and_gates_are_what_the_data_has() {
         karat.receive({ ...data,
             parts: [{ name: "color", golden: image(1, 0, 0, 1), actual: image(0, 1, 0, 1) },
                     { name: "variance", golden: image(0, 0, 1, 1), actual: null }],
-            maps: [{ name: "HDR-FLIP", about: "perceived error", full: 0.1, image: image(0.05, 0.05, 0.05, 1) },
-                   { name: "exposure", about: "the worst one", full: 1, image: image(1, 0, 1, 1) }],
-            gates: [{ name: "mean FLIP", value: 0.002, bound: 0.005, place: null, passes: true },
+            maps: [{ name: "HDR-FLIP", about: "perceived error", range: [0, 0.1], image: image(0.05, 0.05, 0.05, 1) },
+                   { name: "exposure", about: "the worst one", range: [0, 1], image: image(1, 0, 1, 1) }],
+            gates: [{ name: "mean FLIP", value: 0.002, bound: 0.005, place: null, passes: true, note: "of all pixels" },
                     { name: "worst tile", value: 0.094, bound: 0.01, place: [0, 0, 3, 3], passes: false }] });
     })()"#);
     browser.press(&tab, "1");
@@ -383,10 +384,54 @@ fn parts_maps_and_gates_are_what_the_data_has() {
     assert_eq!(seen(&mut browser, &tab, 0, 1, 1), [255, 0, 255], "colours stay as they are");
     let gates = browser.text(&tab, "#gates");
     assert!(gates.contains("0.002 of 0.005") && gates.contains("passes, 0.4 × bound"), "{gates}");
+    assert!(gates.contains("of all pixels"), "{gates}");
     assert!(
         gates.contains("fails, 9.4 × bound") && gates.contains("worst at (0, 0) to (3, 3)"),
         "{gates}"
     );
+}
+
+/// Scalars from one end of their range to the other, and pixels that have none.
+#[test]
+fn a_map_has_its_range_and_holes() {
+    let project = Project::with_tiny();
+    let (_server, mut browser, tab) = open(&project);
+    browser.value(&tab, r#"(() => {
+        const data = { ...karat.state.cases[0].data };
+        const values = Array.from({ length: 16 }, (_, i) => i < 8 ? [-4, -4, -4, 1] : [0, 0, 0, 0]).flat();
+        const image = { width: 4, height: 4, format: "f32", data:
+            btoa(String.fromCharCode(...new Uint8Array(new Float32Array(values).buffer))) };
+        karat.receive({ ...data, parts: [{ name: "color", golden: image, actual: image }],
+            maps: [{ name: "worst exposure", about: "stops", range: [-6, -2], image }] });
+    })()"#);
+    browser.press(&tab, "6");
+    assert_eq!(
+        seen(&mut browser, &tab, 0, 1, 1),
+        [150, 250, 80],
+        "-4 of -6 to -2 is in the middle"
+    );
+    assert_eq!(seen(&mut browser, &tab, 0, 1, 3), [30, 30, 30], "there is no value");
+    let ticks = browser.text(&tab, "#legend .ticks");
+    assert!(ticks.contains("−6") && ticks.contains("−2"), "{ticks}");
+}
+
+/// A browser may take the graphics memory back, and give it again.
+#[test]
+fn a_lost_context_is_told_and_made_good() {
+    let project = Project::with_tiny();
+    let (_server, mut browser, tab) = open(&project);
+    browser.press(&tab, "1");
+    let before = seen(&mut browser, &tab, 0, 1, 1);
+    browser.value(&tab, "(() => { window.losing = karat.stage.gl.getExtension('WEBGL_lose_context'); losing.loseContext(); })()");
+    browser.wait(
+        &tab,
+        "document.getElementById('message').innerText.includes('taken the graphics memory back')",
+    );
+    browser.value(&tab, "losing.restoreContext()");
+    browser.wait(&tab, "document.getElementById('message').hidden");
+    browser.press(&tab, "2");
+    browser.press(&tab, "1");
+    assert_eq!(seen(&mut browser, &tab, 0, 1, 1), before);
 }
 
 #[test]

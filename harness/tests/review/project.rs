@@ -5,7 +5,8 @@ use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
 
-use karat::{FrameFinding, FrameTolerance, Image, Precision};
+use karat::FrameTolerance::{self, FlipMean, FlipTile};
+use karat::{FrameFinding, Image, Precision};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
@@ -76,8 +77,9 @@ impl Project {
         facts["height"] = image.height().into();
         if let Some((golden, _)) = golden {
             facts["compared_with"] = golden.hash().into();
-            // As the test would have found it.
-            let found = FrameTolerance::default().compare(&golden, image, None);
+            // As a test would have found it that wants all of it.
+            let bounds = [FrameTolerance::gate(1e-3), FlipTile(0.01), FlipMean(0.005)];
+            let found = FrameTolerance::All(bounds.into()).compare(&golden, image, None);
             let found = found.as_ref().err().map(FrameFinding::from);
             facts["finding"] = serde_json::to_value(found).expect("plain data");
         }
@@ -175,7 +177,12 @@ impl Project {
     }
 
     pub(crate) fn serve(&self) -> Server {
+        self.serve_with(&[])
+    }
+
+    pub(crate) fn serve_with(&self, arguments: &[&str]) -> Server {
         let mut command = self.karat(&["review"]);
+        command.args(arguments);
         let mut child = command.stdout(Stdio::piped()).spawn().expect("it was built");
         let mut out = BufReader::new(child.stdout.take().expect("it is piped"));
         let mut line = || {

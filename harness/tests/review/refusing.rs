@@ -118,10 +118,13 @@ fn a_pending_file_that_names_another_place_is_refused() {
     let project = Project::with_tiny();
     let golden = tiny();
     project.put_pending("other", &golden, |facts| facts["case"] = "../outside".into());
-    let ran = project.karat(&["review"]).output().expect("it was built");
-    let error = String::from_utf8_lossy(&ran.stderr).into_owned();
-    assert_eq!(ran.status.code(), Some(2), "{error}");
-    assert!(error.contains("says that it is frame `../outside`"), "{error}");
+    let server = project.serve();
+    let page = server.get("").text;
+    assert!(page.contains("says that it is frame `../outside`"), "{page}");
+    for name in ["../outside", "other"] {
+        let text = refused(&server, "accept", &decision(name, &golden.hash()));
+        assert!(text.contains("is pending"), "{text}");
+    }
 }
 
 #[test]

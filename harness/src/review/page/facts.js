@@ -42,7 +42,7 @@
     const values = alone ? [wide(actual)]
       : golden === actual || accepted ? [wide(golden)] : [value(golden), value(actual)];
     return element("tr", { className: differs ? "differs" : "" },
-      element("th", { scope: "row" }, NAMES[name] ?? name.replaceAll("_", " ")), ...values);
+      element("th", { scope: "row" }, NAMES[name] ?? name.replace(/^facts\./, "").replaceAll("_", " ")), ...values);
   };
 
   let shown = null;

@@ -109,7 +109,7 @@
     const text = message();
     byId("message").textContent = text;
     byId("message").hidden = !text;
-    canvas.dataset.ready = String(Boolean(loaded()));
+    canvas.dataset.ready = String(Boolean(loaded() || selectedCase()?.error));
   });
 
   const position = (event) => {

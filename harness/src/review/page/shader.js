@@ -150,6 +150,7 @@ void main() {
         if (other.w > m.w) m = other;
         if (m.w < 2.0) m = vec4(0.0); // the difference of negative numbers is one
       }
+      if (layer == 3 && scalarMap && m.w < 2.0) m = vec4(0.0); // nor is a negative scalar light
       if (m.w > marked.w) marked = m;
       float d = layer == 2 ? difference(g, a) : 0.0;
       if (abs(d) > abs(most)) most = d;
