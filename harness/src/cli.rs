@@ -208,7 +208,7 @@ pub(crate) fn run() -> ExitCode {
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) if error.is::<Reported>() => ExitCode::from(2),
         Err(error) => {
-            complain(&format!("{error:#}"));
+            complain(&whole(&error));
             ExitCode::from(if is_missing(&error) { 3 } else { 2 })
         }
     }
@@ -219,6 +219,19 @@ fn complain(text: &str) {
     let prefix = if text.starts_with("error") { "" } else { "error: " };
     // There is nowhere left to report that stderr is closed.
     drop(writeln!(anstream::stderr(), "{prefix}{text}"));
+}
+
+/// What went wrong and why, each cause once: many an error's text has its cause's in it already, so
+/// that those who print nothing else see it.
+fn whole(error: &anyhow::Error) -> String {
+    let mut causes = error.chain().map(ToString::to_string);
+    let first = causes.next().unwrap_or_default();
+    causes.fold(
+        first,
+        |text, cause| {
+            if text.contains(&cause) { text } else { format!("{text}: {cause}") }
+        },
+    )
 }
 
 /// Whether the error is that something isn't there, and not that it can't be used.
@@ -246,4 +259,25 @@ fn is_broken_pipe(error: &anyhow::Error) -> bool {
         None => error.downcast_ref().map(std::io::Error::kind),
     };
     kind == Some(std::io::ErrorKind::BrokenPipe)
+}
+
+#[cfg(test)]
+mod tests {
+    use anyhow::anyhow;
+
+    use super::*;
+
+    #[test]
+    fn causes_are_told_once() {
+        let folder = || std::io::Error::new(std::io::ErrorKind::IsADirectory, "it is a folder");
+        let image = ImageError::Read { path: "a".to_owned(), source: folder() };
+        assert_eq!(whole(&image.into()), "can't read `a`: it is a folder");
+        let accept =
+            AcceptError::Image(ImageError::Write { path: "a".to_owned(), source: folder() });
+        let accept = anyhow::Error::from(accept).context("frame `scene`");
+        assert_eq!(whole(&accept), "frame `scene`: can't write `a`: it is a folder");
+        let context = anyhow!("no entry").context("it isn't a zip").context("can't use `a`");
+        assert_eq!(whole(&context), "can't use `a`: it isn't a zip: no entry");
+        assert_eq!(whole(&anyhow!("alone")), "alone");
+    }
 }

@@ -2,6 +2,8 @@
 
 #[path = "cli/diff.rs"]
 mod diff;
+#[path = "cli/errors.rs"]
+mod errors;
 #[path = "cli/pending.rs"]
 mod pending;
 #[path = "cli/report.rs"]
