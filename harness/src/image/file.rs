@@ -42,6 +42,15 @@ pub(super) fn found(bytes: &[u8]) -> &'static str {
     }
 }
 
+/// What the samples of a PNG stand for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Samples {
+    /// Light, encoded for screens.
+    Colours,
+    /// Numbers.
+    Data,
+}
+
 impl Image {
     /// Reads an image of either format, told by its content and not by its name: OpenEXR as
     /// [`read_exr`](Self::read_exr) does, or PNG.
@@ -54,6 +63,20 @@ impl Image {
     /// # Errors
     /// If the file is missing, unreadable, damaged, of another format or too large.
     pub fn read(path: &Path) -> Result<Self, ImageError> {
+        Self::read_as(path, Samples::Colours)
+    }
+
+    /// [`read`](Self::read) without making a PNG linear: its values over the largest that its
+    /// samples have. So is read what isn't a colour, a [`Mask`](crate::Mask) that was painted: half
+    /// of what a paint program shows is a half.
+    ///
+    /// # Errors
+    /// As for [`read`](Self::read).
+    pub fn read_stored(path: &Path) -> Result<Self, ImageError> {
+        Self::read_as(path, Samples::Data)
+    }
+
+    fn read_as(path: &Path, samples: Samples) -> Result<Self, ImageError> {
         let bytes = bytes(path)?;
         if bytes.starts_with(&exr::meta::magic_number::BYTES) {
             let (image, _) = ExrFile::decode_first(&bytes)
@@ -61,7 +84,8 @@ impl Image {
             return Ok(image);
         }
         if bytes.starts_with(PNG) {
-            return super::png::decode(&bytes).map_err(ImageError::corrupt(path, ImageFormat::Png));
+            return super::png::decode(&bytes, samples)
+                .map_err(ImageError::corrupt(path, ImageFormat::Png));
         }
         Err(ImageError::Unknown { path: shown(path), found: found(&bytes) })
     }

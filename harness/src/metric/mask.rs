@@ -77,7 +77,8 @@ enum Kind {
 }
 
 impl Mask {
-    /// The pixels whose red is above a half. The image is as large as the frame.
+    /// The pixels whose red is above a half. The image is as large as the frame. One that was
+    /// painted is read by [`Image::read_stored`].
     #[must_use]
     pub fn image(image: Image) -> Self {
         Self(Kind::Image(image))

@@ -47,6 +47,32 @@ fn pixels(bytes: &[u8]) -> Vec<[f32; 4]> {
 }
 
 #[test]
+fn what_is_no_colour_is_read_as_it_is_stored() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("mask.png");
+    let stored = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).expect("written");
+        Image::read_stored(&path).expect("readable").pixels().to_vec()
+    };
+    let gamma = |encoder: &mut Encoder<'_, &mut Vec<u8>>| {
+        encoder.set_source_gamma(png::ScaledFloat::new(0.25));
+    };
+    let eighth = |byte: u8| f32::from(byte) / 255.0;
+    let grey = encode(ColorType::Grayscale, BitDepth::Eight, 2, &[127, 128], gamma);
+    let reds: Vec<f32> = stored(&grey).iter().map(|pixel| pixel[0]).collect();
+    assert_eq!(reds, [eighth(127), eighth(128)]);
+    let alpha = encode(ColorType::GrayscaleAlpha, BitDepth::Sixteen, 1, &[128, 0, 0, 0], |_| {});
+    let half = 32_768.0 / 65_535.0;
+    assert_eq!(stored(&alpha), [[half, half, half, 0.0]]);
+    // Floats are what they are.
+    Image::new(1, 1, vec![[0.25, 2.0, -1.0, 0.5]])
+        .write_exr(&path, karat::Precision::Float, None)
+        .expect("written");
+    let image = Image::read_stored(&path).expect("readable");
+    assert_eq!(image.pixels(), [[0.25, 2.0, -1.0, 0.5]]);
+}
+
+#[test]
 fn every_kind_of_png_becomes_linear() {
     let plain = |_: &mut Encoder<'_, &mut Vec<u8>>| {};
     let of = |byte: u8| srgb(f64::from(byte) / 255.0);

@@ -5,12 +5,12 @@ use std::io::Cursor;
 use png::{BitDepth, ColorType, Decoder, Info, Limits, Transformations};
 
 use crate::image::Image;
-use crate::image::file::{LARGEST_DECODED, LARGEST_RATIO, LONGEST_SIDE};
+use crate::image::file::{LARGEST_DECODED, LARGEST_RATIO, LONGEST_SIDE, Samples};
 
 /// What a decoder may reserve beside the pixels: a row, and chunks that aren't ignored.
 const BESIDE_PIXELS: usize = 1 << 20;
 
-pub(in crate::image) fn decode(bytes: &[u8]) -> Result<Image, String> {
+pub(in crate::image) fn decode(bytes: &[u8], kind: Samples) -> Result<Image, String> {
     let limits = Limits { bytes: BESIDE_PIXELS };
     let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), limits);
     decoder.set_transformations(Transformations::EXPAND);
@@ -18,7 +18,10 @@ pub(in crate::image) fn decode(bytes: &[u8]) -> Result<Image, String> {
     decoder.set_ignore_iccp_chunk(true);
     check(decoder.read_header_info().map_err(|error| error.to_string())?, bytes.len())?;
     let mut reader = decoder.read_info().map_err(|error| error.to_string())?;
-    let linear = Linear::of(reader.info())?;
+    let linear = match kind {
+        Samples::Colours => Linear::of(reader.info())?,
+        Samples::Data => Linear::Power(1.0),
+    };
     let length = reader.output_buffer_size().ok_or("its pixels don't fit in memory")?;
     let mut samples = vec![0; length];
     let frame = reader.next_frame(&mut samples).map_err(|error| error.to_string())?;
