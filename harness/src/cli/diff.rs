@@ -37,15 +37,16 @@ pub(super) struct Args {
     /// The image that is compared with it
     b: PathBuf,
     /// Largest relative difference of a channel [default: 1e-3]
-    #[arg(long, value_name = "R", value_parser = bound)]
+    #[arg(long, value_name = "R", value_parser = bound, allow_hyphen_values = true)]
     rel: Option<f64>,
     /// Largest mean HDR-FLIP of a tile, where --rel fails
-    #[arg(long, value_name = "E", value_parser = bound)]
+    #[arg(long, value_name = "E", value_parser = bound, allow_hyphen_values = true)]
     flip_tile: Option<f64>,
     /// Largest mean HDR-FLIP of the image, where --rel fails
-    #[arg(long, value_name = "E", value_parser = bound)]
+    #[arg(long, value_name = "E", value_parser = bound, allow_hyphen_values = true)]
     flip_mean: Option<f64>,
-    /// Compare only the pixels whose red is above a half in this image
+    /// Compare only the pixels whose red is above a half in this image, as it is stored: in a PNG
+    /// of 8 bits from 128 on
     #[arg(long, value_name = "IMAGE")]
     mask: Option<PathBuf>,
     /// Write HDR-FLIP of each pixel: colours (magma) as PNG, or the errors themselves as EXR
@@ -56,6 +57,7 @@ pub(super) struct Args {
     json: bool,
 }
 
+/// A number that begins with a hyphen is one that is refused here, and no option.
 fn bound(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(bound) if bound >= 0.0 && bound <= f64::from(f32::MAX) => Ok(bound),
@@ -68,8 +70,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let (b, _) = read(&args.b)?;
     let bounds = Bounds::new(args.rel, args.flip_tile, args.flip_mean);
     let sides = [(&args.a, &a), (&args.b, &b)].map(|(file, image)| Side::of(file, image));
-    let mask = args.mask.as_deref().map(|file| read(file).map(|(image, _)| Mask::image(image)));
-    let pair = match mask.transpose()? {
+    let mask = args.mask.as_deref().map(Image::read_stored).transpose()?.map(Mask::image);
+    let pair = match mask {
         Some(mask) => Pair::masked(&a, &b, &mask),
         None => Pair::new(&a, &b),
     };
