@@ -144,8 +144,9 @@ enum Command {
                             A test that is ignored, or behind a feature that is off, compares \
                             nothing.\n\
                             Exit codes: 0 each golden was compared; 1 one wasn't, or a file is no \
-                            golden's;\n2 a file can't be read; 3 there is no record of a full run \
-                            that passed, and so no verdict.")]
+                            golden's;\n2 a file can't be read; 3 there is no golden, or no record of a \
+                            full run that passed\nand compared frames with this folder's, and so \
+                            no verdict.")]
     Unreferenced(unreferenced::Args),
     /// Compare any two images, EXR or PNG
     #[command(after_help = diff::EXAMPLES)]

@@ -51,6 +51,8 @@ struct Report {
 struct Evidence {
     /// Names of goldens.
     frames: BTreeSet<String>,
+    /// Other folders whose goldens were compared.
+    elsewhere: BTreeSet<String>,
     /// Profiles that ran.
     profiles: BTreeSet<String>,
     /// Names and profiles.
@@ -65,6 +67,20 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     };
     let evidence = Evidence::of(&record, &folder)?;
     let Files { goldens, stray } = Files::of(&folder)?;
+    let shown = folder.display();
+    if goldens.is_empty() && stray.is_empty() {
+        let why = "so there is nothing to judge; name the folder of goldens with --golden DIR";
+        return Err(NotThere(format!("there is no golden in `{shown}`, {why}")).into());
+    }
+    if evidence.frames.is_empty() && !evidence.elsewhere.is_empty() {
+        let elsewhere: Vec<&str> = evidence.elsewhere.iter().map(String::as_str).collect();
+        return Err(NotThere(format!(
+            "the last run compared no frame with a golden of `{shown}`, but with those of `{}`; \
+             name their folder with --golden DIR",
+            elsewhere.join("`, `")
+        ))
+        .into());
+    }
     let mut report = Report {
         record: record.display().to_string(),
         compared: 0,
@@ -87,9 +103,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if args.delete {
         ensure!(
             report.compared > 0 || report.unreferenced.is_empty(),
-            "the run compared none of the goldens in `{}`: they aren't deleted, as it may be the \
-             wrong folder",
-            folder.display()
+            "the run compared none of the goldens in `{shown}`: they aren't deleted, as it may be \
+             the wrong folder"
         );
         for file in deletable(&report) {
             std::fs::remove_file(&file)
@@ -179,6 +194,7 @@ impl Evidence {
     fn gather(records: &[Record], golden: &Path) -> Self {
         let (mut frames, mut profiles, mut pairs) =
             <(BTreeSet<_>, BTreeSet<_>, BTreeSet<_>)>::default();
+        let mut elsewhere = BTreeSet::new();
         let same = |folder: &str| match (Path::new(folder).canonicalize(), golden.canonicalize()) {
             (Ok(folder), Ok(golden)) => folder == golden,
             _ => false,
@@ -186,15 +202,20 @@ impl Evidence {
         for record in records {
             let ran = record.paths.iter().map(|path| Profile::of(&path.adapter).to_string());
             let ran: BTreeSet<String> = ran.collect();
-            if let Subject::Frame { golden, folder, .. } = &record.subject
-                && same(folder)
-            {
-                frames.insert(golden.clone());
-                pairs.extend(ran.iter().map(|profile| (golden.clone(), profile.clone())));
+            match &record.subject {
+                Subject::Frame { golden, folder, .. } if same(folder) => {
+                    frames.insert(golden.clone());
+                    pairs.extend(ran.iter().map(|profile| (golden.clone(), profile.clone())));
+                }
+                // A frame without a folder was compared with a number.
+                Subject::Frame { folder, .. } if !folder.is_empty() => {
+                    elsewhere.insert(folder.clone());
+                }
+                _ => {}
             }
             profiles.extend(ran);
         }
-        Self { frames, profiles, pairs }
+        Self { frames, elsewhere, profiles, pairs }
     }
 
     /// Whether a test compared a golden; `None` if its profile didn't run.

@@ -135,6 +135,44 @@ fn a_run_that_compared_nothing_of_a_folder_deletes_nothing_there() {
 }
 
 #[test]
+fn a_folder_without_goldens_has_no_verdict() {
+    let project = goldens();
+    let folder = project.path();
+    record(&project, &[function("m::f", "vulkan", "pass", None)], Some((&[], true)));
+    std::fs::create_dir(folder.join("empty")).expect("a folder");
+    write(folder, "empty/README.md", "goldens will be here");
+    for arguments in [&[][..], &["--json"], &["--delete"]] {
+        let all = [&["unreferenced", "--golden", "empty"], arguments].concat();
+        let ran = karat(folder, &all);
+        assert_eq!(ran.out, "", "{arguments:?}");
+        assert!(ran.failure(3).contains("there is no golden in `empty`"), "{arguments:?}");
+    }
+    // What a golden has left behind is something to judge.
+    write(folder, "empty/gone.variance.exr", "");
+    assert_eq!(karat(folder, &["unreferenced", "--golden", "empty"]).code, Some(1));
+}
+
+#[test]
+fn a_run_that_compared_frames_only_elsewhere_has_no_verdict() {
+    let project = goldens();
+    let folder = project.path();
+    let other = folder.join("other");
+    std::fs::create_dir(&other).expect("a folder");
+    let mean = frame(FilePath::new(""), "mean of (0, 0) to (1, 1)", &["vulkan"], "pass");
+    let elsewhere = frame(&other, "scene", &["vulkan"], "pass");
+    record(&project, &[elsewhere, mean.clone()], Some((&[], true)));
+    for arguments in [&["unreferenced"][..], &["unreferenced", "--delete"]] {
+        let error = karat(folder, arguments).failure(3);
+        assert!(error.contains("the last run compared no frame with a golden of"), "{error}");
+        assert!(error.contains(&format!("but with those of `{}`;", other.display())), "{error}");
+    }
+    assert!(folder.join("golden/room.exr").is_file(), "nothing was deleted");
+    // A number is no golden elsewhere: here nothing is compared any more.
+    record(&project, &[mean], Some((&[], true)));
+    assert_eq!(karat(folder, &["unreferenced"]).code, Some(1));
+}
+
+#[test]
 fn stray_files_are_reported_and_only_ours_are_deleted() {
     let project = goldens();
     let golden = project.path().join("golden");
