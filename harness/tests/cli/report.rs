@@ -143,8 +143,7 @@ fn github_gets_annotations_a_summary_and_pictures() {
     command.env("GITHUB_STEP_SUMMARY", project.path().join("summary.md"));
     let ran = output(&mut command);
     assert_eq!(ran.code, Some(1), "{ran:?}");
-    let annotations: Vec<&str> =
-        ran.out.lines().filter(|line| line.starts_with("::error ")).collect();
+    let annotations = annotations(&ran);
     assert_eq!(annotations.len(), 3, "{ran:?}");
     let start = "::error file=shaders/calc.wgsl,line=4,col=1,title=calc%3A%3Adouble agrees_with::\
                  error: `calc::double` fails, 50%25: <b>%0A  worst";
@@ -174,6 +173,66 @@ fn github_gets_annotations_a_summary_and_pictures() {
     // Elsewhere only if it is asked for.
     assert!(!karat(project.path(), &["report"]).out.contains("::error"));
     assert!(karat(project.path(), &["report", "--github"]).out.contains("::error"));
+}
+
+/// The lines that GitHub's runner takes for errors. Nowhere else is a command: not within a line,
+/// and not on stderr.
+#[track_caller]
+fn annotations(ran: &Ran) -> Vec<&str> {
+    let lines: Vec<&str> = ran.out.lines().filter(|line| line.starts_with("::error ")).collect();
+    assert_eq!(ran.out.matches("::error ").count(), lines.len(), "{ran:?}");
+    assert!(!ran.err.contains("::error "), "{ran:?}");
+    lines
+}
+
+#[test]
+fn github_shows_ten_annotations_and_the_last_names_the_rest() {
+    let project = project();
+    let failing = |count: u32| {
+        let line = |index| function(&format!("calc::f{index:02}"), "gl", "fail", Some(MESSAGE));
+        let lines: String = (0..count).map(line).collect();
+        record(&project, &lines, false);
+        karat(project.path(), &["report", "--github"])
+    };
+    let ran = failing(10);
+    let shown = annotations(&ran);
+    assert_eq!(shown.len(), 10);
+    assert!(shown[9].contains("title=calc%3A%3Af09 agrees_with::error: "), "{shown:?}");
+    let ran = failing(12);
+    let shown = annotations(&ran);
+    assert_eq!(shown.len(), 10);
+    assert!(shown[8].contains("title=calc%3A%3Af08 agrees_with::error: "), "{shown:?}");
+    let rest = "::error title=3 more checks failed::the log has their messages:%0A\
+                calc::f09 agrees_with%0Acalc::f10 agrees_with%0Acalc::f11 agrees_with";
+    assert_eq!(shown[9], rest);
+}
+
+#[test]
+fn a_long_annotation_keeps_its_replay_command() {
+    let project = project();
+    let message = MESSAGE.replace("worst", &"100% off\n  ".repeat(1000));
+    record(&project, &function("calc::double", "gl", "fail", Some(&message)), false);
+    let ran = karat(project.path(), &["report", "--github"]);
+    let shown = annotations(&ran);
+    let message = shown[0].split_once("agrees_with::").expect("a message").1;
+    let message = message.replace("%0A", "\n").replace("%25", "%");
+    assert_eq!(message.encode_utf16().count(), 4096);
+    let end = "\n  ... (the log has the rest)\n  \
+               replay: KARAT_CASE=calc::double/agrees_with/3 cargo test calc";
+    assert!(message.ends_with(end), "{message}");
+}
+
+#[test]
+fn a_failure_outside_of_checks_is_annotated_too() {
+    let project = project();
+    let lines = function("calc::same", "gl", "pass", None);
+    record(&project, &lines, false);
+    let ran = karat(project.path(), &["report", "--github"]);
+    let outside =
+        "::error title=karat::A test failed outside of Karat's checks, or the run didn't end.";
+    assert_eq!(annotations(&ran), [outside]);
+    record(&project, &lines, true);
+    assert!(annotations(&karat(project.path(), &["report", "--github"])).is_empty());
 }
 
 #[test]
@@ -207,7 +266,7 @@ fn a_run_says_what_it_left_out_and_writes_its_reports() {
     };
     let ran = test(&["--junit", "junit.xml", "--github"], "1");
     assert_eq!(ran.code, Some(1), "{ran:?}");
-    assert!(ran.out.contains("::error file=shaders/calc.wgsl"), "{ran:?}");
+    assert!(annotations(&ran)[0].starts_with("::error file=shaders/calc.wgsl"), "{ran:?}");
     assert!(folder.join("junit.xml").is_file());
     assert_eq!((read().selected.len(), read().passed), (0, false));
 

@@ -15,6 +15,11 @@ use crate::cli::project::Project;
 const LONGEST: usize = 900 << 10;
 /// Characters of a message in the summary.
 const LONGEST_MESSAGE: usize = 4 << 10;
+/// Errors of a step that GitHub's runner makes annotations of; it only logs the others.
+const MOST_ANNOTATIONS: usize = 10;
+/// UTF-16 units of a message that its runner keeps, and of a title that its service takes.
+const LONGEST_ANNOTATION: usize = 4096;
+const LONGEST_TITLE: usize = 255;
 
 pub(super) fn write(
     records: &[Record],
@@ -23,9 +28,10 @@ pub(super) fn write(
     out: &mut dyn Write,
 ) -> anyhow::Result<()> {
     let failures: Vec<&Record> = records.iter().filter(|record| is_failure(record)).collect();
-    for record in &failures {
-        writeln!(out, "{}", annotation(record, place(record, project.root()).as_ref()))?;
+    for annotation in annotations(&failures, passed, project) {
+        writeln!(out, "{annotation}")?;
     }
+    out.flush()?;
     let Some(file) = std::env::var_os("GITHUB_STEP_SUMMARY").filter(|file| !file.is_empty()) else {
         return Ok(());
     };
@@ -39,16 +45,63 @@ pub(super) fn write(
     Ok(file.write_all(text.as_bytes())?)
 }
 
+/// A line for each failure; of too many the last one stands for all that are left.
+fn annotations(failures: &[&Record], passed: bool, project: &Project) -> Vec<String> {
+    let shown =
+        if failures.len() > MOST_ANNOTATIONS { MOST_ANNOTATIONS - 1 } else { failures.len() };
+    let (shown, rest) = failures.split_at(shown);
+    let of = |record: &&Record| {
+        let place = place(record, project.root());
+        annotation(place.as_ref(), &subject(record), &message(record))
+    };
+    let mut lines: Vec<String> = shown.iter().map(of).collect();
+    if !rest.is_empty() {
+        let names: Vec<String> = rest.iter().map(|record| subject(record)).collect();
+        let title = format!("{} more checks failed", rest.len());
+        let message = format!("the log has their messages:\n{}", names.join("\n"));
+        lines.push(annotation(None, &title, &message));
+    }
+    if failures.is_empty() && !passed {
+        lines.push(annotation(None, "karat", OUTSIDE));
+    }
+    lines
+}
+
+/// A run that failed without a check that did.
+const OUTSIDE: &str = "A test failed outside of Karat's checks, or the run didn't end.";
+
+/// What a failure says. Of a long message the replay command, which is its end, is kept.
+fn message(record: &Record) -> String {
+    let message = record.message.as_deref().unwrap_or("it fails, and says nothing");
+    if message.encode_utf16().count() <= LONGEST_ANNOTATION {
+        return message.to_owned();
+    }
+    let replay = replay(record).map(|command| format!("\n  replay: {command}"));
+    let end = format!("\n  ... (the log has the rest){}", replay.unwrap_or_default());
+    let room = LONGEST_ANNOTATION.saturating_sub(end.encode_utf16().count());
+    format!("{}{end}", cut(message, room))
+}
+
+/// As much of a text as takes no more units of UTF-16.
+fn cut(text: &str, units: usize) -> &str {
+    let mut taken = 0;
+    let end = text.char_indices().find(|(_, character)| {
+        taken += character.len_utf16();
+        taken > units
+    });
+    end.map_or(text, |(end, _)| &text[..end])
+}
+
 /// `::error file=...,line=...,col=...,title=...::message`
-fn annotation(record: &Record, place: Option<&Place>) -> String {
+fn annotation(place: Option<&Place>, title: &str, message: &str) -> String {
     let mut properties = String::new();
     if let Some(Place { file, line, column }) = place {
         let file = escape_property(file);
         properties = format!("file={file},line={line},col={column},");
     }
-    let title = escape_property(&subject(record));
-    let message = record.message.as_deref().unwrap_or("it fails, and says nothing");
-    format!("::error {properties}title={title}::{}", escape(message))
+    let title = escape_property(cut(title, LONGEST_TITLE));
+    let message = anstream::adapter::strip_str(cut(message, LONGEST_ANNOTATION)).to_string();
+    format!("::error {properties}title={title}::{}", escape(&message))
 }
 
 /// What ends a command's message, or looks like an escape.
@@ -71,7 +124,7 @@ fn summary(
     let (count, failed) = (records.len(), failures.len());
     writeln!(text, "{count} checks, {failed} failed, {known} known issues.\n")?;
     if !passed && failures.is_empty() {
-        text.push_str("A test failed outside of Karat's checks, or the run didn't end.\n\n");
+        writeln!(text, "{OUTSIDE}\n")?;
     }
     let is_frame = |record: &Record| matches!(record.subject, Subject::Frame { .. });
     let (frames, functions): (Vec<&Record>, Vec<&Record>) =
@@ -152,6 +205,15 @@ fn cell(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn texts_are_cut_between_characters() {
+        assert_eq!(cut("abc", 3), "abc");
+        assert_eq!(cut("abc", 2), "ab");
+        // One character, two units.
+        assert_eq!(cut("a\u{1f980}b", 2), "a");
+        assert_eq!(cut("a\u{1f980}b", 3), "a\u{1f980}");
+    }
 
     #[test]
     fn commands_are_escaped() {
