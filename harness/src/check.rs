@@ -55,7 +55,7 @@ use crate::fixture::{Fixture, Fixtures};
 use crate::package::Package;
 use crate::path::Path;
 use crate::probe::Inputs;
-use crate::record::{self, PathRecord, Record, Subject, Verdict};
+use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
 use crate::tolerance::{Measure, Tolerance, Unit};
 use crate::value::{Arguments, Scalar, Shareable};
 
@@ -430,6 +430,7 @@ impl<D: Domain> Plan<'_, D> {
         recording: Recording,
         check: impl Fn(&Session<'_, D>) -> Result<Vec<PathTally>, Failure>,
     ) -> Result<Agreement, Failure> {
+        let stopwatch = Stopwatch::start();
         let function = self.probe.path.clone();
         let identity = Identity::of(&function, name);
         let package = self.probe.package.root().display().to_string();
@@ -477,7 +478,8 @@ impl<D: Domain> Plan<'_, D> {
         };
         let test = identity.test;
         let (schema, overlay) = (record::SCHEMA, record::overlay());
-        record::write(&Record { schema, test, subject, verdict, paths, message, overlay });
+        let time = Some(stopwatch.time());
+        record::write(&Record { schema, test, subject, verdict, paths, message, overlay, time });
         result
     }
 

@@ -8,6 +8,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::sync::{Mutex, OnceLock};
+use std::time::{Instant, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
@@ -49,6 +50,42 @@ pub struct Record {
     /// about the package as it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub overlay: Option<String>,
+    /// When it was made; `None`: an older Karat wrote the record.
+    #[serde(flatten)]
+    pub time: Option<Time>,
+}
+
+/// When a verdict was made, for people who look for slow tests. It is never a part of the verdict,
+/// and differs from run to run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Time {
+    /// When the check began, in UTC: `2026-01-31T12:00:00.000Z`.
+    pub started: String,
+    /// How long it took, whatever ran beside it.
+    pub seconds: f64,
+}
+
+/// Measures the [`Time`] of a verdict.
+#[derive(Debug)]
+pub(crate) struct Stopwatch {
+    started: SystemTime,
+    /// The clock of the system may be set meanwhile.
+    running: Instant,
+}
+
+impl Stopwatch {
+    pub(crate) fn start() -> Self {
+        Self { started: SystemTime::now(), running: Instant::now() }
+    }
+
+    pub(crate) fn time(&self) -> Time {
+        // There are no names for times before the epoch.
+        let started = self.started.max(SystemTime::UNIX_EPOCH);
+        Time {
+            started: humantime::format_rfc3339_millis(started).to_string(),
+            seconds: self.running.elapsed().as_secs_f64(),
+        }
+    }
 }
 
 /// What a verdict is about.
@@ -242,4 +279,47 @@ pub fn read(folder: &Path) -> Result<Vec<Record>, RecordError> {
     };
     records.sort_by_cached_key(key);
     Ok(records)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(time: Option<Time>) -> Record {
+        let subject = Subject::Frame {
+            golden: String::new(),
+            folder: String::new(),
+            location: String::new(),
+        };
+        Record {
+            schema: SCHEMA,
+            test: "t".to_owned(),
+            subject,
+            verdict: Verdict::Pass,
+            paths: Vec::new(),
+            message: None,
+            overlay: None,
+            time,
+        }
+    }
+
+    #[test]
+    fn records_have_a_time_or_none() {
+        for time in [None, Some(Stopwatch::start().time())] {
+            let line = serde_json::to_string(&record(time.clone())).expect("plain data");
+            assert_eq!(line.contains(r#""seconds":"#), time.is_some(), "{line}");
+            let read: Record = serde_json::from_str(&line).expect("a record");
+            assert_eq!(read, record(time));
+        }
+    }
+
+    #[test]
+    fn a_stopwatch_measures() {
+        let stopwatch = Stopwatch::start();
+        std::thread::sleep(std::time::Duration::from_millis(20));
+        let time = stopwatch.time();
+        assert!(time.seconds >= 0.02, "{time:?}");
+        let started = humantime::parse_rfc3339(&time.started).expect("RFC 3339");
+        assert!(started <= SystemTime::now(), "{time:?}");
+    }
 }

@@ -26,7 +26,7 @@ use super::{Failure, Identity, Plan, Probe, Recording};
 use crate::domain::{Domain, Source};
 use crate::path::Adapter;
 use crate::probe::{BATCH, Inputs};
-use crate::record::{self, PathRecord, Record, Subject, Verdict};
+use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
 use crate::stats::{Support, sidak};
 use crate::value::{Arguments, Shape, Shareable};
 use calls::Calls;
@@ -267,6 +267,7 @@ fn conclude<D: Domain>(
     ) -> Result<Judgement, Failure>,
 ) -> Result<Fit, Failure> {
     let function = plan.probe.path.clone();
+    let stopwatch = Stopwatch::start();
     let check = assertion.check;
     let identity = Identity::of(&function, check);
     let seed = plan.seed.unwrap_or_else(|| identity.seed(&function, &identity.check));
@@ -383,7 +384,8 @@ fn conclude<D: Domain>(
         };
         let test = identity.test;
         let (schema, overlay) = (record::SCHEMA, record::overlay());
-        record::write(&Record { schema, test, subject, verdict, paths, message, overlay });
+        let time = Some(stopwatch.time());
+        record::write(&Record { schema, test, subject, verdict, paths, message, overlay, time });
     }
     result
 }

@@ -8,7 +8,7 @@ use crate::golden::{
 use crate::image::Part;
 use crate::metric::Gate;
 use crate::path;
-use crate::record::{self, PathRecord, Record, Subject, Verdict};
+use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
 
 impl Frame<'_> {
     /// Draws the frame on each selected path and compares it with a golden.
@@ -17,6 +17,7 @@ impl Frame<'_> {
     /// With the [`FrameError`], if it differs or there is nothing to compare with.
     #[track_caller]
     pub fn matches(&self, goldens: &Goldens, case: &str) -> FrameAgreement {
+        let stopwatch = Stopwatch::start();
         let location = std::panic::Location::caller().to_string();
         let mut records = Vec::new();
         let result = self.compare(goldens, case, &mut records);
@@ -43,6 +44,7 @@ impl Frame<'_> {
             paths: records,
             message,
             overlay: record::overlay(),
+            time: Some(stopwatch.time()),
         });
         match result {
             Ok(agreement) => agreement,

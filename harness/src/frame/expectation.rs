@@ -5,7 +5,7 @@ use crate::check::Identity;
 use crate::image::Image;
 use crate::metric::{MaskError, Rect};
 use crate::path::{self, Adapter};
-use crate::record::{self, PathRecord, Record, Subject, Verdict};
+use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
 use crate::tolerance::{Measure, Tolerance};
 
 /// What the mean of a rectangle is on each path.
@@ -28,6 +28,7 @@ impl Frame<'_> {
         expected: [f64; 3],
         tolerance: impl Into<Tolerance>,
     ) -> FrameMean {
+        let stopwatch = Stopwatch::start();
         let location = std::panic::Location::caller().to_string();
         let mut records = Vec::new();
         let result = self.mean(rect, expected, &tolerance.into(), &mut records);
@@ -48,6 +49,7 @@ impl Frame<'_> {
             paths: records,
             message: result.as_ref().err().map(ToString::to_string),
             overlay: record::overlay(),
+            time: Some(stopwatch.time()),
         });
         match result {
             Ok(mean) => mean,

@@ -123,6 +123,50 @@ fn junit_has_a_case_for_each_check_and_frame() {
 }
 
 #[test]
+fn junit_says_when_and_how_long() {
+    let project = project();
+    let at = |line: String, started: &str, seconds: &str| {
+        let time = format!("\"started\":\"{started}\",\"seconds\":{seconds},\"message\"");
+        line.replace("\"message\"", &time)
+    };
+    let pass = |name: &str| function(name, "gl", "pass", None);
+    let scene = frame(&project.path().join("golden"), "scene", &["gl"], "pass");
+    let lines = [
+        at(pass("calc::double"), "2026-01-31T12:00:01.500Z", "1.25"),
+        at(pass("calc::same"), "2026-01-31T12:00:00.000Z", "0.5"),
+        // An older record, and what nobody can use.
+        pass("calc::sum"),
+        at(pass("calc::third"), "yesterday", "-1"),
+        at(scene, "2026-01-31T12:00:02.000Z", "3.21"),
+    ];
+    record(&project, &lines.concat(), true);
+    let out = karat(project.path(), &["report", "--junit", "junit.xml"]).good();
+    assert!(
+        out.contains("\nslowest: frame scene 3.2 s, calc::double agrees_with 1.2 s\n"),
+        "{out}"
+    );
+    let text = std::fs::read_to_string(project.path().join("junit.xml")).expect("written");
+    let xml = roxmltree::Document::parse(&text).expect("well-formed");
+    let of = |tag: &str| {
+        let nodes = xml.descendants().filter(|node| node.has_tag_name(tag));
+        let times = nodes.map(|node| (node.attribute("timestamp"), node.attribute("time")));
+        times.collect::<Vec<_>>()
+    };
+    let (first, second) = ("2026-01-31T12:00:00.000+00:00", "2026-01-31T12:00:01.500+00:00");
+    let third = "2026-01-31T12:00:02.000+00:00";
+    assert_eq!(of("testsuites"), [(Some(first), Some("4.960"))]);
+    assert_eq!(of("testsuite"), [(Some(first), Some("1.750")), (Some(third), Some("3.210"))]);
+    let cases = [
+        (Some(second), Some("1.250")),
+        (Some(first), Some("0.500")),
+        (None, None),
+        (None, None),
+        (Some(third), Some("3.210")),
+    ];
+    assert_eq!(of("testcase"), cases);
+}
+
+#[test]
 fn a_failure_outside_of_checks_is_in_junit_too() {
     let project = project();
     record(&project, &function("calc::same", "gl", "pass", None), false);

@@ -1,10 +1,13 @@
 //! JUnit XML: a suite of functions and one of frames, a case for each check.
 
+use std::time::Duration;
+
 use anyhow::Context;
 use karat::record::{Record, Subject, Verdict};
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 
-/// The file. A test that failed outside of Karat's checks is a case of its own, so that no reader
+/// The file. Times are of each check, and their sums: checks run beside each other, so a run takes
+/// less. A test that failed outside of Karat's checks is a case of its own, so that no reader
 /// takes the run for a success.
 pub(super) fn text(records: &[Record], passed: bool) -> anyhow::Result<String> {
     let mut report = Report::new("karat");
@@ -16,7 +19,15 @@ pub(super) fn text(records: &[Record], passed: bool) -> anyhow::Result<String> {
             Subject::Frame { .. } => frames.add_test_case(case(record)),
         };
     }
-    report.add_test_suites([functions, frames].into_iter().filter(|s| !s.test_cases.is_empty()));
+    for mut suite in [functions, frames].into_iter().filter(|suite| !suite.test_cases.is_empty()) {
+        suite.timestamp = suite.test_cases.iter().filter_map(|case| case.timestamp).min();
+        suite.time =
+            suite.test_cases.iter().filter_map(|case| case.time).reduce(Duration::saturating_add);
+        report.add_test_suite(suite);
+    }
+    report.timestamp = report.test_suites.iter().filter_map(|suite| suite.timestamp).min();
+    report.time =
+        report.test_suites.iter().filter_map(|suite| suite.time).reduce(Duration::saturating_add);
     let failed = records.iter().any(super::tables::is_failure);
     if !passed && !failed {
         let mut status = TestCaseStatus::non_success(NonSuccessKind::Error);
@@ -40,6 +51,11 @@ fn case(record: &Record) -> TestCase {
     }
     let mut case = TestCase::new(super::subject(record), status);
     case.set_classname(record.test.as_str());
+    if let Some(time) = &record.time {
+        // Whatever can't be read is no reason to lose a verdict.
+        case.timestamp = time.started.parse().ok();
+        case.time = Duration::try_from_secs_f64(time.seconds).ok();
+    }
     let mut lines: Vec<String> = Vec::new();
     for path in &record.paths {
         let known = path.known_issue.as_ref().map(|why| format!("; known issue: {why}"));

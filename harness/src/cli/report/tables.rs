@@ -30,6 +30,9 @@ pub(in crate::cli) fn write_sum(
         out,
         "\n{style}{count} checks, {failed} failed{known}{style:#}, {cases} cases compared"
     )?;
+    if let Some(slowest) = slowest(records) {
+        writeln!(out, "{DIM}slowest: {slowest}{DIM:#}")?;
+    }
     writeln!(out, "{DIM}record: {}{DIM:#}", folder.display())?;
     let overlays: BTreeSet<_> = records.iter().filter_map(|r| r.overlay.as_ref()).collect();
     for overlay in overlays {
@@ -39,6 +42,21 @@ pub(in crate::cli) fn write_sum(
         writeln!(out, "{BAD}a test failed outside of Karat's checks, see above{BAD:#}")?;
     }
     Ok(())
+}
+
+/// Seconds below which no check is worth a word.
+const SLOW: f64 = 1.0;
+
+/// The three slowest checks: `frame scene 3.2 s, fresnel::schlick agrees_with 1.1 s`; `None` where all
+/// are quick.
+fn slowest(records: &[Record]) -> Option<String> {
+    let time = |record: &Record| Some((record.time.as_ref()?.seconds, super::subject(record)));
+    let mut times: Vec<_> =
+        records.iter().filter_map(time).filter(|(seconds, _)| *seconds >= SLOW).collect();
+    times.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let shown = times.iter().take(3).map(|(seconds, name)| format!("{name} {seconds:.1} s"));
+    let shown: Vec<String> = shown.collect();
+    (!shown.is_empty()).then(|| shown.join(", "))
 }
 
 /// Refuses a run without a verdict.
@@ -163,7 +181,7 @@ mod tests {
         };
         let test = "t".to_owned();
         let (schema, paths) = (record::SCHEMA, vec![path]);
-        Record { schema, test, subject, verdict, paths, message: None, overlay: None }
+        Record { schema, test, subject, verdict, paths, message: None, overlay: None, time: None }
     }
 
     fn table(record: Record) -> (usize, String) {
@@ -191,6 +209,18 @@ mod tests {
         assert_eq!(known_issues(&[record(Recorded::Pass, 0, None)]), "");
         let (failed, text) = table(record(Recorded::Fail, 3, None));
         assert!(failed == 1 && text.contains("FAIL 7 ulp"), "{text}");
+    }
+
+    #[test]
+    fn the_slowest_are_named_where_something_is_slow() {
+        let took = |seconds: f64| {
+            let time = record::Time { started: String::new(), seconds };
+            Record { time: Some(time), ..record(Recorded::Pass, 0, None) }
+        };
+        assert_eq!(slowest(&[record(Recorded::Pass, 0, None), took(0.99)]), None);
+        let records = [took(1.04), took(0.5), took(30.0), took(2.0), took(1.5)];
+        let expected = "m::f agrees_with 30.0 s, m::f agrees_with 2.0 s, m::f agrees_with 1.5 s";
+        assert_eq!(slowest(&records).as_deref(), Some(expected));
     }
 
     #[test]
