@@ -28,7 +28,8 @@ Exit codes: 0 within the bounds; 1 differs, in size too; 2 an image can't be rea
 image isn't there. NaN and infinities differ from everything.
 JSON: a, b {file, width, height, nan, infinite, first_non_finite}, verdict (equal, within, differs),
 reason (size, non_finite, values, or null), tolerance, compared, gate {relative, off, bounds, worst,
-sweep}, flip {largest_tile, tile, mean, tile_bound, mean_bound, exposures, note}, heatmap.";
+sweep}, flip {largest_tile, tile, mean, tile_bound, mean_bound, exposures, note}, heatmap, heatmap_full (the
+error that the last colour stands for).";
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -49,7 +50,8 @@ pub(super) struct Args {
     /// of 8 bits from 128 on
     #[arg(long, value_name = "IMAGE")]
     mask: Option<PathBuf>,
-    /// Write HDR-FLIP of each pixel: colours (magma) as PNG, or the errors themselves as EXR
+    /// Write HDR-FLIP of each pixel: as PNG in colours (magma), black for 0, on a scale that suits the
+    /// largest error and is drawn below; or as EXR, the errors themselves
     #[arg(long, value_name = "OUT", value_parser = heatmap::file)]
     heatmap: Option<PathBuf>,
     /// Print JSON
@@ -80,7 +82,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             let pair = exposures.into_iter().fold(pair, Pair::with_exposures);
             let mut comparison = Comparison::measure(sides, &pair, &bounds);
             if let Some(file) = &args.heatmap {
-                Heatmap::flip(&pair).context("there is no heatmap")?.write(file)?;
+                let map = Heatmap::flip(&pair).context("there is no heatmap")?;
+                comparison.heatmap_full = map.write(file)?;
                 comparison.heatmap = Some(file.display().to_string());
             }
             comparison

@@ -1,9 +1,20 @@
 //! HDR-FLIP of each pixel as a picture.
 
+mod canvas;
+mod legend;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use karat::{ErrorMap, Flip, FlipFailure, Image, Pair, Precision};
+
+use self::canvas::Canvas;
+use self::legend::Legend;
+
+/// Ends of scales. 1 is that of other tools, so that pictures of large errors compare with theirs;
+/// small errors would all be black there. Below a thousandth nobody sees anything, and everything
+/// would look wrong.
+const STEPS: [f32; 10] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
 
 /// An error for each pixel of an image, 0 to 1.
 #[derive(Debug)]
@@ -26,21 +37,46 @@ impl Heatmap {
         Ok(Self { width, height, errors })
     }
 
-    /// Writes the errors themselves as EXR, or their colours as PNG.
-    pub(super) fn write(&self, path: &Path) -> anyhow::Result<()> {
+    /// Writes the errors themselves as EXR, or their colours as PNG with a legend below; the error
+    /// that the last colour stands for.
+    pub(super) fn write(&self, path: &Path) -> anyhow::Result<Option<f32>> {
         if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) {
             let pixels = self.errors.iter().map(|error| [*error, *error, *error, 1.0]).collect();
             let image = Image::new(self.width, self.height, pixels);
-            return Ok(image.write_exr(path, Precision::Float, None)?);
+            image.write_exr(path, Precision::Float, None)?;
+            return Ok(None);
         }
-        let colours: Vec<u8> =
-            self.errors.iter().flat_map(|error| ErrorMap::colour(*error)).collect();
+        let full = self.full();
+        let canvas = self.picture(full);
         let mut file = Vec::new();
-        let mut encoder = png::Encoder::new(&mut file, self.width, self.height);
+        let mut encoder = png::Encoder::new(&mut file, canvas.width, canvas.height());
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
-        encoder.write_header()?.write_image_data(&colours)?;
-        std::fs::write(path, file).with_context(|| format!("can't write `{}`", path.display()))
+        encoder.write_header()?.write_image_data(canvas.bytes())?;
+        std::fs::write(path, file).with_context(|| format!("can't write `{}`", path.display()))?;
+        Ok(Some(full))
+    }
+
+    /// The least step that no error exceeds.
+    fn full(&self) -> f32 {
+        let largest = self.errors.iter().copied().fold(0.0, f32::max);
+        // Nothing is off: the scale of other tools is as good as any.
+        if largest == 0.0 {
+            return 1.0;
+        }
+        STEPS.into_iter().find(|step| largest <= *step).unwrap_or(1.0)
+    }
+
+    /// The colours of all pixels, and below them what the colours stand for.
+    fn picture(&self, full: f32) -> Canvas {
+        let legend = Legend::of(self.width, full);
+        let mut canvas = Canvas::new(self.width.max(legend.width()), self.height + legend.height());
+        let pixels = (0..self.height).flat_map(|y| (0..self.width).map(move |x| (x, y)));
+        for ((x, y), error) in pixels.zip(&self.errors) {
+            canvas.set(x, y, ErrorMap::colour(error / full));
+        }
+        legend.draw(&mut canvas, self.height);
+        canvas
     }
 }
 
@@ -52,4 +88,37 @@ pub(super) fn file(name: &str) -> Result<PathBuf, String> {
         return Ok(path);
     }
     Err("name a .png (colours) or an .exr (the errors themselves)".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map(largest: f32) -> Heatmap {
+        Heatmap { width: 2, height: 1, errors: vec![0.0, largest] }
+    }
+
+    #[test]
+    fn the_scale_ends_at_the_next_step() {
+        for (largest, full) in [
+            (0.0, 1.0),
+            (1e-9, 0.001),
+            (0.0011, 0.002),
+            (0.05, 0.05),
+            (0.050_001, 0.1),
+            (0.3, 0.5),
+            (0.51, 1.0),
+            (1.0, 1.0),
+        ] {
+            assert_eq!(map(largest).full(), full, "{largest}");
+        }
+    }
+
+    #[test]
+    fn the_largest_error_is_bright_however_small() {
+        for largest in [0.002, 0.2, 1.0] {
+            let canvas = map(largest).picture(map(largest).full());
+            assert_eq!(canvas.bytes()[..6], [0, 0, 4, 252, 253, 191], "magma's ends");
+        }
+    }
 }

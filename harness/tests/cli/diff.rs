@@ -160,17 +160,37 @@ fn a_bound_is_a_finite_number_of_at_least_0() {
 #[test]
 fn a_heatmap_is_colours_or_the_errors_themselves() {
     let folder = images();
-    for name in ["flip.png", "flip.exr"] {
-        let ran = diff(&folder, &["a.exr", "hole.exr", "--heatmap", name]);
-        assert!(ran.code == Some(1) && ran.out.contains(&format!("heatmap: {name}\n")), "{ran:?}");
-    }
-    let errors = Image::read(&folder.path().join("flip.exr")).expect("an image");
-    let colours = Image::read(&folder.path().join("flip.png")).expect("an image");
+    let heatmap = |b: &str, file: &str| {
+        let arguments = ["a.exr", b, "--rel", "0", "--heatmap", file];
+        let (text, json) = (diff(&folder, &arguments), [&arguments[..], &["--json"]].concat());
+        assert_eq!(text.code, Some(1), "{text:?}");
+        let report = super::json(&diff(&folder, &json).out);
+        assert_eq!(report["heatmap"], file);
+        let image = Image::read(&folder.path().join(file)).expect("an image");
+        (text.out, report["heatmap_full"].clone(), image)
+    };
+    let (out, full, errors) = heatmap("hole.exr", "flip.exr");
+    assert!(out.contains("\nheatmap: flip.exr\n") && full.is_null(), "{out}");
     assert_eq!((errors.width(), errors.height()), (48, 32));
     let (hole, far) = (3 * 48 + 3, 31 * 48 + 47);
     assert!(errors.pixels()[hole][0] > 0.1 && errors.pixels()[far][0] == 0.0);
-    // Magma begins at nearly black, and grows brighter.
-    assert!(colours.pixels()[hole][0] > 0.05 && colours.pixels()[far][0] < 0.01);
+    let largest = |image: &Image| image.pixels().iter().map(|pixel| pixel[0]).fold(0.0, f32::max);
+
+    let (out, full, colours) = heatmap("hole.exr", "flip.png");
+    let scale = if largest(&errors) > 0.5 { 1.0 } else { 0.5 };
+    assert!(out.contains(&format!("\nheatmap: flip.png, colours from 0 to {scale}\n")), "{out}");
+    assert_eq!(full, scale);
+    // Pixels are where they are in the images; the legend is below, and needs more room.
+    assert!(colours.width() > 48 && colours.height() > 32);
+    let at = |x: u32, y: u32| colours.pixels()[(y * colours.width() + x) as usize];
+    assert!(at(3, 3)[0] > 0.05 && at(47, 31)[0] < 0.01, "magma begins at nearly black");
+
+    // What is next to nothing is seen, too, and the numbers say that it is.
+    let (out, full, colours) = heatmap("near.exr", "near.png");
+    assert!(full.as_f64().is_some_and(|full| full <= 0.01), "{out}");
+    let rows = colours.pixels().chunks(colours.width() as usize).take(32);
+    let brightest = rows.flat_map(|row| &row[..48]).map(|pixel| pixel[0]).fold(0.0, f32::max);
+    assert!(brightest > 0.3, "{brightest}");
     let error = diff(&folder, &["a.exr", "hole.exr", "--heatmap", "flip.jpg"]).error();
     assert!(error.contains("name a .png (colours) or an .exr"), "{error}");
     let ran = diff(&folder, &["a.exr", "small.exr", "--heatmap", "none.png"]);

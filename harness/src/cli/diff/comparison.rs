@@ -56,6 +56,8 @@ pub(super) struct Comparison {
     pub(super) flip: Option<FlipResult>,
     /// The file of the heatmap.
     pub(super) heatmap: Option<String>,
+    /// The error that its last colour stands for; `None`: it holds the errors themselves.
+    pub(super) heatmap_full: Option<f32>,
 }
 
 /// An image.
@@ -145,8 +147,8 @@ impl Comparison {
     pub(super) fn impossible([a, b]: [Side; 2], bounds: &Bounds, reason: Reason) -> Self {
         let (verdict, reason) = (Verdict::Differs, Some(reason));
         let tolerance = bounds.tolerance.to_string();
-        let (gate, flip, heatmap) = (None, None, None);
-        Self { a, b, verdict, reason, tolerance, compared: 0, gate, flip, heatmap }
+        let (gate, flip, heatmap, heatmap_full) = (None, None, None, None);
+        Self { a, b, verdict, reason, tolerance, compared: 0, gate, flip, heatmap, heatmap_full }
     }
 
     pub(super) fn measure([a, b]: [Side; 2], pair: &Pair<'_>, bounds: &Bounds) -> Self {
@@ -169,6 +171,7 @@ impl Comparison {
             gate: Some(gate),
             flip: Some(flip),
             heatmap: None,
+            heatmap_full: None,
         }
     }
 

@@ -27,7 +27,8 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
         )?;
     }
     if let Some(file) = &comparison.heatmap {
-        writeln!(out, "heatmap: {file}")?;
+        let scale = comparison.heatmap_full.map(|full| format!(", colours from 0 to {full}"));
+        writeln!(out, "heatmap: {file}{}", scale.unwrap_or_default())?;
     }
     match (comparison.verdict, comparison.reason) {
         (Verdict::Equal, _) => writeln!(out, "{GOOD}equal, bit for bit{GOOD:#}"),
