@@ -12,6 +12,7 @@ mod doctor;
 mod goldens;
 mod heatmap;
 mod list;
+mod patience;
 mod preview;
 mod project;
 mod render;

@@ -7,10 +7,13 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use karat::{ExposureRange, Image, ImageError, ImageFormat, Mask, Pair, PairError, Provenance};
+use karat::{
+    ExposureRange, ExrFile, Image, ImageError, ImageFormat, Mask, Pair, PairError, Provenance,
+};
 
 use self::comparison::{Bounds, Comparison, Reason, Side};
 use super::heatmap::{self, Heatmap};
+use super::patience::patiently;
 use super::{Outcome, Verdict, write_json};
 
 pub(super) const EXAMPLES: &str = "\
@@ -26,7 +29,9 @@ under HDR-FLIP and a mean of at most 0.005. --rel alone leaves the gate alone. F
 exposures that the first image's golden pins, or else at those that suit the first image.
 Exit codes: 0 within the bounds; 1 differs, in size too; 2 an image can't be read or compared; 3 an
 image isn't there. NaN and infinities differ from everything.
-JSON: a, b {file, width, height, nan, infinite, first_non_finite}, verdict (equal, within, differs),
+Of a file of several parts the first with colours is compared. The noise that a golden's variance
+explains isn't taken into account: that is a test's.
+JSON: a, b {file, width, height, nan, infinite, first_non_finite, parts, variance}, verdict (equal, within, differs),
 reason (size, non_finite, values, or null), tolerance, compared, gate {relative, off, bounds, worst,
 sweep}, flip {largest_tile, tile, mean, tile_bound, mean_bound, exposures, note}, heatmap, heatmap_full (the
 error that the last colour stands for).";
@@ -68,10 +73,10 @@ fn bound(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
-    let (a, exposures) = read(&args.a)?;
-    let (b, _) = read(&args.b)?;
+    let (File { image: a, exposures, parts: a_parts }, File { image: b, parts: b_parts, .. }) =
+        (File::read(&args.a)?, File::read(&args.b)?);
     let bounds = Bounds::new(args.rel, args.flip_tile, args.flip_mean);
-    let sides = [(&args.a, &a), (&args.b, &b)].map(|(file, image)| Side::of(file, image));
+    let sides = [Side::of(&args.a, &a, a_parts), Side::of(&args.b, &b, b_parts)];
     let mask = args.mask.as_deref().map(Image::read_stored).transpose()?.map(Mask::image);
     let pair = match mask {
         Some(mask) => Pair::masked(&a, &b, &mask),
@@ -80,13 +85,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let comparison = match pair {
         Ok(pair) => {
             let pair = exposures.into_iter().fold(pair, Pair::with_exposures);
-            let mut comparison = Comparison::measure(sides, &pair, &bounds);
-            if let Some(file) = &args.heatmap {
-                let map = Heatmap::flip(&pair).context("there is no heatmap")?;
-                comparison.heatmap_full = map.write(file)?;
-                comparison.heatmap = Some(file.display().to_string());
-            }
-            comparison
+            let (width, height) = (a.width(), a.height());
+            let doing = format!("HDR-FLIP of {width} x {height} pixels takes a while ...");
+            patiently(&doing, || measure(sides, &pair, &bounds, args.heatmap.as_deref()))?
         }
         Err(PairError::Size { .. }) => Comparison::impossible(sides, &bounds, Reason::Size),
         Err(PairError::NonFinite(_) | PairError::GoldenNonFinite(_)) => {
@@ -105,17 +106,45 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if comparison.passes() { Verdict::Good } else { Verdict::Bad })
 }
 
-/// An image, and the exposures that it pins if it is a golden.
-fn read(file: &Path) -> anyhow::Result<(Image, Option<ExposureRange>)> {
-    match Image::read_exr(file) {
-        Ok((image, metadata)) => {
-            let known = metadata.and_then(|text| serde_json::from_str::<Provenance>(&text).ok());
-            Ok((image, known.and_then(|known| known.exposures)))
+/// Measures, and writes the heatmap if one is wanted.
+fn measure(
+    sides: [Side; 2],
+    pair: &Pair<'_>,
+    bounds: &Bounds,
+    heatmap: Option<&Path>,
+) -> anyhow::Result<Comparison> {
+    let mut comparison = Comparison::measure(sides, pair, bounds);
+    if let Some(file) = heatmap {
+        let map = Heatmap::flip(pair).context("there is no heatmap")?;
+        comparison.heatmap_full = map.write(file)?;
+        comparison.heatmap = Some(file.display().to_string());
+    }
+    Ok(comparison)
+}
+
+/// What is compared, and what a file says of it.
+struct File {
+    image: Image,
+    /// Those that it pins if it is a golden.
+    exposures: Option<ExposureRange>,
+    /// Names of the parts that could be compared; the first is.
+    parts: Vec<String>,
+}
+
+impl File {
+    fn read(file: &Path) -> anyhow::Result<Self> {
+        match Image::read_exr(file) {
+            Ok((image, metadata)) => {
+                let known =
+                    metadata.and_then(|text| serde_json::from_str::<Provenance>(&text).ok());
+                let exposures = known.and_then(|known| known.exposures);
+                Ok(Self { image, exposures, parts: ExrFile::part_names(file)? })
+            }
+            // Its content tells what it is.
+            Err(ImageError::Corrupt { format: ImageFormat::OpenExr, .. }) => {
+                Ok(Self { image: Image::read(file)?, exposures: None, parts: Vec::new() })
+            }
+            Err(error) => Err(error.into()),
         }
-        // Its content tells what it is.
-        Err(ImageError::Corrupt { format: ImageFormat::OpenExr, .. }) => {
-            Ok((Image::read(file)?, None))
-        }
-        Err(error) => Err(error.into()),
     }
 }

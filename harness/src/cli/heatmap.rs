@@ -6,7 +6,7 @@ mod legend;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use karat::{ErrorMap, Flip, FlipFailure, Image, Pair, Precision};
+use karat::{ErrorMap, Flip, FlipFailure, Image, Metric, Pair, Precision, Rect};
 
 use self::canvas::Canvas;
 use self::legend::Legend;
@@ -28,9 +28,14 @@ impl Heatmap {
     /// HDR-FLIP of all pixels: as published and, where that is too bright to see what is off, as
     /// verdicts have it, which look at darker exposures there.
     pub(super) fn flip(pair: &Pair<'_>) -> Result<Self, FlipFailure> {
-        let whole = Flip::LARGEST_TILE.whole(pair)?;
-        let judged = Flip::LARGEST_TILE.map(pair).ok();
         let (width, height) = (pair.golden().width(), pair.golden().height());
+        let judged = Flip::LARGEST_TILE.measure(pair).map;
+        // A verdict that looked at every pixel has looked at the published exposures, too.
+        let all = Rect::new(0, 0, width, height);
+        if let Some(judged) = judged.as_ref().filter(|map| map.rect() == all) {
+            return Ok(Self { width, height, errors: judged.values().to_vec() });
+        }
+        let whole = Flip::LARGEST_TILE.whole(pair)?;
         let judged = |x, y| judged.as_ref().map_or(0.0, |map| map.at(x, y));
         let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
         let errors = pixels.map(|(x, y)| whole.at(x, y).max(judged(x, y))).collect();

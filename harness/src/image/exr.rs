@@ -96,13 +96,29 @@ impl ExrFile {
     /// The first part with colours, or else the first one with greys; and the metadata.
     pub(super) fn decode_first(bytes: &[u8]) -> Result<(Image, Option<String>), String> {
         let mut file = FileHeader::parse(bytes)?;
-        let selected = || file.parts.iter().map(select).enumerate();
-        let (index, selection) = selected()
-            .find_map(|(index, selection)| Some((index, selection.filter(|s| s.coloured)?)))
-            .or_else(|| selected().find_map(|(index, selection)| Some((index, selection?))))
-            .ok_or_else(|| colourless(&file))?;
+        let (index, selection) = first(&file).ok_or_else(|| colourless(&file))?;
         let image = decode(bytes, &file, index, &selection)?;
         Ok((image, file.parts.swap_remove(0).metadata))
+    }
+
+    /// The names of the parts that [`read`](Self::read) gives, without their pixels. The first one is
+    /// that of the part that [`Image::read_exr`] reads; the others are as they are in the file.
+    ///
+    /// # Errors
+    /// As for [`read`](Self::read), but pixels may be damaged.
+    pub fn part_names(path: &Path) -> Result<Vec<String>, ImageError> {
+        let names = |bytes: &[u8]| {
+            let file = FileHeader::parse(bytes)?;
+            let (index, _) = first(&file).ok_or_else(|| colourless(&file))?;
+            let others = file
+                .parts
+                .iter()
+                .enumerate()
+                .filter(|(other, part)| *other != index && select(part).is_some());
+            let all = std::iter::once(&file.parts[index]).chain(others.map(|(_, part)| part));
+            Ok(all.map(|part| part.name.clone()).collect())
+        };
+        names(&file::bytes(path)?).map_err(ImageError::corrupt(path, ImageFormat::OpenExr))
     }
 
     /// Writes the file, the metadata as its one attribute of ours. The same parts and metadata give
@@ -155,6 +171,14 @@ impl Image {
     ) -> Result<(), ImageError> {
         write::write(path, &[write::Layer { name: "", precision, image: self }], metadata)
     }
+}
+
+/// The first part with colours, or else the first one with greys.
+fn first(file: &FileHeader) -> Option<(usize, Selection)> {
+    let selected = || file.parts.iter().map(select).enumerate();
+    selected()
+        .find_map(|(index, selection)| Some((index, selection.filter(|s| s.coloured)?)))
+        .or_else(|| selected().find_map(|(index, selection)| Some((index, selection?))))
 }
 
 fn colourless(file: &FileHeader) -> String {

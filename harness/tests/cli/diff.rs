@@ -1,6 +1,6 @@
 //! `karat diff`, without a Cargo project.
 
-use karat::{Image, Precision};
+use karat::{ExrFile, Image, Part, Precision};
 
 use super::*;
 
@@ -196,6 +196,75 @@ fn a_heatmap_is_colours_or_the_errors_themselves() {
     let ran = diff(&folder, &["a.exr", "small.exr", "--heatmap", "none.png"]);
     assert!(ran.code == Some(1) && ran.err.contains("there is no heatmap"), "{ran:?}");
     assert!(!folder.path().join("none.png").exists());
+}
+
+#[test]
+fn images_that_differ_only_in_alpha_differ() {
+    let folder = images();
+    let mut clear = Image::read(&folder.path().join("a.exr")).expect("an image");
+    clear.pixels_mut()[50][3] = 0.5;
+    let path = folder.path().join("clear.exr");
+    clear.write_exr(&path, Precision::Float, None).expect("written");
+    let ran = diff(&folder, &["a.exr", "clear.exr", "--heatmap", "flip.png"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    for part in [
+        "gate: 1 of 1536 pixels are off by more than rel 1e-3, within (2, 1) to (2, 1)\n",
+        "  worst: pixel (2, 1) alpha: 0.5 instead of 1, 500 times what is allowed\n",
+        "HDR-FLIP: alpha is off at (2, 1), which FLIP doesn't see\n",
+        "heatmap: flip.png, colours from 0 to 1, without what FLIP doesn't see\n",
+    ] {
+        assert!(ran.out.contains(part), "no `{part}`: {ran:?}");
+    }
+    // However much FLIP is allowed to see, it doesn't see this.
+    let lenient = ["a.exr", "clear.exr", "--flip-tile", "1", "--flip-mean", "1", "--json"];
+    let ran = diff(&folder, &lenient);
+    let report = json(&ran.out);
+    assert_eq!((ran.code, &report["gate"]["worst"]["channel"]), (Some(1), &"alpha".into()));
+    assert!(report["flip"]["largest_tile"].is_null() && report["flip"]["mean"].is_null());
+    assert_eq!(report["flip"]["note"], "alpha is off at (2, 1), which FLIP doesn't see");
+    assert_eq!(diff(&folder, &["a.exr", "clear.exr", "--rel", "0.5"]).code, Some(0));
+}
+
+#[test]
+fn images_of_other_sizes_have_their_sizes_and_their_census() {
+    let folder = images();
+    let arguments = ["nan.exr", "small.exr"];
+    let ran = diff(&folder, &arguments);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    let expected = "a: nan.exr, 48 x 32, 1 pixels with NaN and 0 with infinities, first at (2, 1)\n\
+                    b: small.exr, 8 x 32\nthey differ in size\n";
+    assert_eq!(ran.out, expected);
+    let report = json(&diff(&folder, &[&arguments[..], &["--json"]].concat()).out);
+    let size = |side: &str| (report[side]["width"].clone(), report[side]["height"].clone());
+    assert_eq!((size("a"), size("b")), ((48.into(), 32.into()), (8.into(), 32.into())));
+    assert_eq!((&report["a"]["nan"], &report["b"]["nan"]), (&1.into(), &0.into()));
+    assert_eq!((&report["verdict"], &report["compared"]), (&"differs".into(), &0.into()));
+}
+
+/// What isn't compared is told: other parts, and what the noise of a golden would explain.
+#[test]
+fn parts_and_variances_that_are_not_compared_are_named() {
+    let folder = images();
+    let path = |name: &str| folder.path().join(name);
+    let beauty = Image::read(&path("a.exr")).expect("an image");
+    let hole = Image::read(&path("hole.exr")).expect("an image");
+    let part = |name: &str, image: &Image| Part::new(name, Precision::Float, image.clone());
+    let parts = vec![part("beauty", &beauty), part("albedo", &hole), part("light", &hole)];
+    ExrFile { parts, metadata: None }.write(&path("parts.exr")).expect("written");
+    hole.write_exr(&path("a.variance.exr"), Precision::Float, None).expect("written");
+    let out = diff(&folder, &["a.exr", "parts.exr"]).good();
+    let head = "a: a.exr, 48 x 32; its variance `a.variance.exr`, which a test may allow for, isn't \
+                looked at\nb: parts.exr, 48 x 32, part `beauty`, not `albedo`, `light`\n";
+    assert!(out.starts_with(head) && out.ends_with("equal, bit for bit\n"), "{out}");
+    let report = json(&diff(&folder, &["a.exr", "parts.exr", "--json"]).good());
+    assert_eq!(report["b"]["parts"], serde_json::json!(["beauty", "albedo", "light"]));
+    assert_eq!(
+        (&report["a"]["parts"], &report["b"]["variance"]),
+        (&serde_json::json!([]), &().into())
+    );
+    assert_eq!(report["a"]["variance"], "a.variance.exr");
+    // Noise or not: what differs differs.
+    assert_eq!(diff(&folder, &["a.exr", "hole.exr"]).code, Some(1));
 }
 
 #[test]

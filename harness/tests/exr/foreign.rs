@@ -119,6 +119,8 @@ fn parts_have_their_names_and_precisions() {
         ("mask", Precision::Half),
     ];
     assert_eq!(parts, expected);
+    let names = ExrFile::part_names(&data("parts.exr")).expect("readable");
+    assert_eq!(names, expected.map(|(name, _)| name));
     assert_eq!(file.parts[1].image, patterned());
     let mask = opaque(image(WIDTH, 9, |x, y, _| pattern(x, y, 7)));
     assert_eq!(file.parts[2].image, mask);

@@ -25,6 +25,8 @@ fn parts_come_back_and_give_the_same_bytes() {
     assert_eq!(ExrFile::read(&path).expect("readable"), golden());
     let (beauty, metadata) = Image::read_exr(&path).expect("readable");
     assert_eq!((beauty, metadata.as_deref()), (image(0.25), Some("{\"schema\":2}")));
+    let names = ExrFile::part_names(&path).expect("readable");
+    assert_eq!(names, ["beauty", "color.variance", "mask"]);
     for _ in 0..8 {
         golden().write(&path).expect("written");
         assert!(std::fs::read(&path).expect("readable") == first, "other bytes");

@@ -72,6 +72,10 @@ pub(super) struct Side {
     pub(super) infinite: usize,
     /// Column and row of the first of them.
     pub(super) first_non_finite: Option<(u32, u32)>,
+    /// Names of the parts that could be compared, if there are several. The first one is.
+    pub(super) parts: Vec<String>,
+    /// The file of its variance, which tests may allow for.
+    pub(super) variance: Option<String>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -129,8 +133,9 @@ pub(super) struct FlipResult {
 }
 
 impl Side {
-    pub(super) fn of(file: &Path, image: &Image) -> Self {
+    pub(super) fn of(file: &Path, image: &Image, parts: Vec<String>) -> Self {
         let census = image.non_finite();
+        let variance = file.with_extension("variance.exr");
         Self {
             file: file.display().to_string(),
             width: image.width(),
@@ -138,6 +143,8 @@ impl Side {
             nan: census.nan,
             infinite: census.infinite,
             first_non_finite: census.first,
+            parts: if parts.len() > 1 { parts } else { Vec::new() },
+            variance: variance.is_file().then(|| variance.display().to_string()),
         }
     }
 }

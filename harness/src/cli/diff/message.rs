@@ -11,6 +11,7 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
     let Comparison { a, b, tolerance, .. } = comparison;
     for (name, side) in [("a", a), ("b", b)] {
         write!(out, "{name}: {}, {} x {}", side.file, side.width, side.height)?;
+        write_rest(side, out)?;
         write_census(side, out)?;
     }
     let equal = comparison.verdict == Verdict::Equal;
@@ -28,7 +29,9 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
     }
     if let Some(file) = &comparison.heatmap {
         let scale = comparison.heatmap_full.map(|full| format!(", colours from 0 to {full}"));
-        writeln!(out, "heatmap: {file}{}", scale.unwrap_or_default())?;
+        let unseen = comparison.flip.as_ref().is_some_and(|flip| flip.note.is_some());
+        let unseen = if unseen { ", without what FLIP doesn't see" } else { "" };
+        writeln!(out, "heatmap: {file}{}{unseen}", scale.unwrap_or_default())?;
     }
     match (comparison.verdict, comparison.reason) {
         (Verdict::Equal, _) => writeln!(out, "{GOOD}equal, bit for bit{GOOD:#}"),
@@ -39,6 +42,16 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
         }
         _ => writeln!(out, "{BAD}they differ by more than {tolerance}{BAD:#}"),
     }
+}
+
+/// What of the file isn't compared.
+fn write_rest(side: &Side, out: &mut dyn Write) -> io::Result<()> {
+    if let [compared, others @ ..] = side.parts.as_slice() {
+        write!(out, ", part `{compared}`, not `{}`", others.join("`, `"))?;
+    }
+    side.variance.as_ref().map_or(Ok(()), |file| {
+        write!(out, "; its variance `{file}`, which a test may allow for, isn't looked at")
+    })
 }
 
 fn write_census(side: &Side, out: &mut dyn Write) -> io::Result<()> {

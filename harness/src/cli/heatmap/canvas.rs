@@ -13,8 +13,8 @@ pub(super) struct Canvas {
 /// Columns and rows of a glyph.
 pub(super) const GLYPH: (u32, u32) = (3, 5);
 
-/// The digits and the point, row by row from the top, the leftmost pixel in the highest bit. No
-/// font is among the crates that are here, and numbers need no more.
+/// The digits and the point, row by row from the top, the leftmost pixel in the highest bit.
+/// Crates with fonts bring a library for drawing along, and numbers need no more than this.
 const GLYPHS: [(char, [u8; 5]); 11] = [
     ('0', [0b111, 0b101, 0b101, 0b101, 0b111]),
     ('1', [0b010, 0b110, 0b010, 0b010, 0b111]),
