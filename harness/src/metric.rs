@@ -10,6 +10,7 @@
 mod exposure;
 mod flip;
 mod gate;
+mod ldr;
 mod mask;
 mod noise;
 mod pair;

@@ -177,6 +177,44 @@ fn exposures_tell_highlights_from_shadows() {
     assert!(masked.at(104, 95).is_none() && masked.at(105, 95).is_some(), "{masked:?}");
 }
 
+/// What a display shows of the same images; of `far` only a half differs, and no more is computed.
+#[test]
+fn ldr_flip_is_what_its_authors_compute() {
+    let default = Flip::MEAN.pixels_per_degree;
+    for (name, pixels_per_degree) in
+        [("ldr_noise", default), ("ldr_edges", default), ("ldr_far", 100.0)]
+    {
+        let (golden, actual) = pair(name.trim_start_matches("ldr_"));
+        let pair = Pair::new(&golden, &actual).expect("finite");
+        let flip = Flip { pixels_per_degree, ..Flip::MEAN };
+        let map = flip.displayed(&pair).expect("it is computed");
+        assert_eq!(map.rect().left > 0, name == "ldr_far");
+        let published = published(name);
+        assert_eq!(published.len(), 1920);
+        for (index, theirs) in (0..).zip(&published) {
+            let (x, y) = (index % WIDTH, index / WIDTH);
+            let difference = (map.at(x, y) - theirs).abs();
+            assert!(difference <= 1e-6, "{name}, ({x}, {y}): {} {theirs}", map.at(x, y));
+        }
+        let mean = published.iter().copied().map(f64::from).sum::<f64>() / 1920.0;
+        assert!((map.mean(&pair) - mean).abs() <= 1e-7, "{name}: {mean}");
+        assert!(mean > 1e-3, "{name} would be equal to anything");
+    }
+}
+
+#[test]
+fn ldr_flip_sees_no_alpha_and_nothing_that_a_display_clips() {
+    let golden = image(24, 24, |_, _, _| 2.0);
+    let mut actual = golden.clone();
+    actual.pixels_mut()[30] = [3.0, 1.0, 2.0, 0.5];
+    let pair = Pair::new(&golden, &actual).expect("finite");
+    let map = Flip::MEAN.displayed(&pair).expect("it is computed");
+    assert!(map.values().iter().all(|error| *error == 0.0), "{map:?}");
+    let same = Pair::new(&golden, &golden).expect("finite");
+    let map = Flip::MEAN.displayed(&same).expect("it is computed");
+    assert!(map.values().is_empty() && map.mean(&same) == 0.0);
+}
+
 /// A fault in one place: the part of the map that is computed is that of the whole.
 #[test]
 fn a_part_of_the_map_is_that_of_the_whole() {

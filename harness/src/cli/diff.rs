@@ -11,7 +11,7 @@ use karat::{
     ExposureRange, ExrFile, Image, ImageError, ImageFormat, Mask, Pair, PairError, Provenance,
 };
 
-use self::comparison::{Bounds, Comparison, Reason, Side};
+use self::comparison::{Bounds, Comparison, LdrResult, Reason, Side};
 use super::heatmap::{self, Heatmap};
 use super::patience::patiently;
 use super::{Outcome, Verdict, write_json};
@@ -26,15 +26,17 @@ Examples:
 The first image is what the second should be. A PNG is made linear before it is compared. The
 bounds are those of frames: each channel within 1e-3, or else no tile of 16 x 16 pixels above 0.01
 under HDR-FLIP and a mean of at most 0.005. --rel alone leaves the gate alone. FLIP looks at the
-exposures that the first image's golden pins, or else at those that suit the first image.
+exposures that the first image's golden pins, or else at those that suit the first image. Of two
+PNGs LDR-FLIP is printed, too, the number that other FLIP tools have; no bound applies to it.
+Of a file of several parts the first with colours is compared. The noise that a golden's variance
+explains isn't taken into account, as a test does.
 Exit codes: 0 within the bounds; 1 differs, in size too; 2 an image can't be read or compared; 3 an
 image isn't there. NaN and infinities differ from everything.
-Of a file of several parts the first with colours is compared. The noise that a golden's variance
-explains isn't taken into account: that is a test's.
-JSON: a, b {file, width, height, nan, infinite, first_non_finite, parts, variance}, verdict (equal, within, differs),
-reason (size, non_finite, values, or null), tolerance, compared, gate {relative, off, bounds, worst,
-sweep}, flip {largest_tile, tile, mean, tile_bound, mean_bound, exposures, note}, heatmap, heatmap_full (the
-error that the last colour stands for).";
+JSON: a, b {file, width, height, nan, infinite, first_non_finite, parts, variance}, verdict (equal,
+within, differs), reason (size, non_finite, values, or null), tolerance, compared, gate {relative,
+off, bounds, worst, sweep}, flip {largest_tile, tile, mean, tile_bound, mean_bound, exposures,
+note}, ldr_flip {largest_tile, tile, mean}, heatmap, heatmap_full (the error that its last colour
+stands for).";
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -73,21 +75,33 @@ fn bound(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
-    let (File { image: a, exposures, parts: a_parts }, File { image: b, parts: b_parts, .. }) =
-        (File::read(&args.a)?, File::read(&args.b)?);
+    let (a, b) = (File::read(&args.a)?, File::read(&args.b)?);
     let bounds = Bounds::new(args.rel, args.flip_tile, args.flip_mean);
-    let sides = [Side::of(&args.a, &a, a_parts), Side::of(&args.b, &b, b_parts)];
+    let sides = [(&args.a, &a), (&args.b, &b)]
+        .map(|(file, read)| Side::of(file, &read.image, read.parts.clone()));
     let mask = args.mask.as_deref().map(Image::read_stored).transpose()?.map(Mask::image);
     let pair = match mask {
-        Some(mask) => Pair::masked(&a, &b, &mask),
-        None => Pair::new(&a, &b),
+        Some(mask) => Pair::masked(&a.image, &b.image, &mask),
+        None => Pair::new(&a.image, &b.image),
     };
     let comparison = match pair {
         Ok(pair) => {
-            let pair = exposures.into_iter().fold(pair, Pair::with_exposures);
-            let (width, height) = (a.width(), a.height());
-            let doing = format!("HDR-FLIP of {width} x {height} pixels takes a while ...");
-            patiently(&doing, || measure(sides, &pair, &bounds, args.heatmap.as_deref()))?
+            let pair = a.exposures.into_iter().fold(pair, Pair::with_exposures);
+            let doing =
+                format!("FLIP of {} pixels takes a while ...", pair.golden().pixels().len());
+            patiently(&doing, || -> anyhow::Result<_> {
+                let mut comparison = Comparison::measure(sides, &pair, &bounds);
+                if a.is_png && b.is_png {
+                    comparison.ldr_flip =
+                        Some(LdrResult::of(&pair).context("there is no LDR-FLIP")?);
+                }
+                if let Some(file) = &args.heatmap {
+                    let map = Heatmap::flip(&pair).context("there is no heatmap")?;
+                    comparison.heatmap_full = map.write(file)?;
+                    comparison.heatmap = Some(file.display().to_string());
+                }
+                Ok(comparison)
+            })?
         }
         Err(PairError::Size { .. }) => Comparison::impossible(sides, &bounds, Reason::Size),
         Err(PairError::NonFinite(_) | PairError::GoldenNonFinite(_)) => {
@@ -106,22 +120,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if comparison.passes() { Verdict::Good } else { Verdict::Bad })
 }
 
-/// Measures, and writes the heatmap if one is wanted.
-fn measure(
-    sides: [Side; 2],
-    pair: &Pair<'_>,
-    bounds: &Bounds,
-    heatmap: Option<&Path>,
-) -> anyhow::Result<Comparison> {
-    let mut comparison = Comparison::measure(sides, pair, bounds);
-    if let Some(file) = heatmap {
-        let map = Heatmap::flip(pair).context("there is no heatmap")?;
-        comparison.heatmap_full = map.write(file)?;
-        comparison.heatmap = Some(file.display().to_string());
-    }
-    Ok(comparison)
-}
-
 /// What is compared, and what a file says of it.
 struct File {
     image: Image,
@@ -129,6 +127,8 @@ struct File {
     exposures: Option<ExposureRange>,
     /// Names of the parts that could be compared; the first is.
     parts: Vec<String>,
+    /// Whether it is what a display shows.
+    is_png: bool,
 }
 
 impl File {
@@ -138,11 +138,12 @@ impl File {
                 let known =
                     metadata.and_then(|text| serde_json::from_str::<Provenance>(&text).ok());
                 let exposures = known.and_then(|known| known.exposures);
-                Ok(Self { image, exposures, parts: ExrFile::part_names(file)? })
+                Ok(Self { image, exposures, parts: ExrFile::part_names(file)?, is_png: false })
             }
             // Its content tells what it is.
             Err(ImageError::Corrupt { format: ImageFormat::OpenExr, .. }) => {
-                Ok(Self { image: Image::read(file)?, exposures: None, parts: Vec::new() })
+                let image = Image::read(file)?;
+                Ok(Self { image, exposures: None, parts: Vec::new(), is_png: true })
             }
             Err(error) => Err(error.into()),
         }

@@ -76,7 +76,7 @@ impl Flip {
 
     /// How far a pixel's difference is seen: three deviations of the widest filter. Andersson et
     /// al. 2020, sections 4.1 and 4.2.
-    fn reach(&self) -> u32 {
+    pub(super) fn reach(&self) -> u32 {
         // The widest Gaussian of contrast sensitivity, b = 0.04, and features of 0.082 degrees.
         let widest = (0.04 / (2.0 * std::f32::consts::PI.powi(2))).sqrt();
         let reach = (3.0 * widest.max(0.5 * 0.082) * self.pixels_per_degree).ceil();

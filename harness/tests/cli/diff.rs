@@ -267,6 +267,41 @@ fn parts_and_variances_that_are_not_compared_are_named() {
     assert_eq!(diff(&folder, &["a.exr", "hole.exr"]).code, Some(1));
 }
 
+/// Of two PNGs there is the number that other tools have: these are flip-evaluator 1.7's.
+#[test]
+fn of_two_pngs_ldr_flip_is_told_and_decides_nothing() {
+    let folder = images();
+    let grey = |x: u32, y: u32| ((5 * x + 3 * y) % 256) as u8;
+    let hole = |x: u32, y: u32| if x < 8 && y < 8 { 255 - grey(x, y) } else { grey(x, y) };
+    let bytes = |value: &dyn Fn(u32, u32) -> u8| {
+        (0..48 * 32).map(|index| value(index % 48, index / 48)).collect::<Vec<_>>()
+    };
+    png(&folder, "a.png", 48, &bytes(&grey));
+    png(&folder, "hole.png", 48, &bytes(&hole));
+    let ran = diff(&folder, &["a.png", "hole.png"]);
+    let line = "\nLDR-FLIP: largest tile 0.363; mean 0.0605; no bound applies to it\n";
+    assert!(ran.code == Some(1) && ran.out.contains(line), "{ran:?}");
+    let report = json(&diff(&folder, &["a.png", "hole.png", "--json"]).out);
+    let near = |value: &serde_json::Value, expected: f64| {
+        value.as_f64().is_some_and(|value| (value - expected).abs() < 1e-6)
+    };
+    let ldr = &report["ldr_flip"];
+    assert!(
+        near(&ldr["mean"], 0.060_525_926) && near(&ldr["largest_tile"], 0.363_155_556),
+        "{ldr}"
+    );
+    assert_eq!((&ldr["tile"]["left"], &ldr["tile"]["width"]), (&0.into(), &16.into()));
+    let lenient = ["a.png", "hole.png", "--rel", "1e9"];
+    assert!(diff(&folder, &lenient).good().contains(line));
+    let mask: Vec<u8> = bytes(&|x, y| if hole(x, y) == grey(x, y) { 255 } else { 0 });
+    png(&folder, "mask.png", 48, &mask);
+    let masked = ["a.png", "hole.png", "--mask", "mask.png", "--json"];
+    assert_eq!(json(&diff(&folder, &masked).good())["ldr_flip"]["mean"], 0.0);
+    // What isn't made for a display has no such number.
+    let report = json(&diff(&folder, &["a.exr", "a.png", "--json"]).out);
+    assert!(report["ldr_flip"].is_null() && !report["flip"].is_null());
+}
+
 #[test]
 fn a_png_is_compared_with_an_exr() {
     let folder = images();

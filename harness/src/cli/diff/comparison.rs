@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use karat::{
-    DEFAULT_RELATIVE, ExposureRange, Flip, FrameTolerance, Gate, Image, Metric, Outliers, Pair,
-    Rect,
+    DEFAULT_RELATIVE, ExposureRange, Flip, FlipFailure, FrameTolerance, Gate, Image, Metric,
+    Outliers, Pair, Rect,
 };
 use serde::{Serialize, Serializer};
 
@@ -54,6 +54,8 @@ pub(super) struct Comparison {
     /// `None`: there is nothing to measure.
     pub(super) gate: Option<GateResult>,
     pub(super) flip: Option<FlipResult>,
+    /// Of two PNGs; no bound applies to it.
+    pub(super) ldr_flip: Option<LdrResult>,
     /// The file of the heatmap.
     pub(super) heatmap: Option<String>,
     /// The error that its last colour stands for; `None`: it holds the errors themselves.
@@ -132,6 +134,25 @@ pub(super) struct FlipResult {
     pub(super) note: Option<String>,
 }
 
+/// What other tools say of images that are what a display shows.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct LdrResult {
+    /// The largest mean of a tile.
+    pub(super) largest_tile: f64,
+    #[serde(serialize_with = "rect")]
+    pub(super) tile: Option<Rect>,
+    pub(super) mean: f64,
+}
+
+impl LdrResult {
+    pub(super) fn of(pair: &Pair<'_>) -> Result<Self, FlipFailure> {
+        let map = Flip::MEAN.displayed(pair)?;
+        let (largest_tile, tile) = map.largest_tile(pair);
+        let tile = (largest_tile > 0.0).then_some(tile);
+        Ok(Self { largest_tile, tile, mean: map.mean(pair) })
+    }
+}
+
 impl Side {
     pub(super) fn of(file: &Path, image: &Image, parts: Vec<String>) -> Self {
         let census = image.non_finite();
@@ -154,8 +175,19 @@ impl Comparison {
     pub(super) fn impossible([a, b]: [Side; 2], bounds: &Bounds, reason: Reason) -> Self {
         let (verdict, reason) = (Verdict::Differs, Some(reason));
         let tolerance = bounds.tolerance.to_string();
-        let (gate, flip, heatmap, heatmap_full) = (None, None, None, None);
-        Self { a, b, verdict, reason, tolerance, compared: 0, gate, flip, heatmap, heatmap_full }
+        Self {
+            a,
+            b,
+            verdict,
+            reason,
+            tolerance,
+            compared: 0,
+            gate: None,
+            flip: None,
+            ldr_flip: None,
+            heatmap: None,
+            heatmap_full: None,
+        }
     }
 
     pub(super) fn measure([a, b]: [Side; 2], pair: &Pair<'_>, bounds: &Bounds) -> Self {
@@ -177,6 +209,7 @@ impl Comparison {
             compared: pair.compared(),
             gate: Some(gate),
             flip: Some(flip),
+            ldr_flip: None,
             heatmap: None,
             heatmap_full: None,
         }

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use karat::format_f32;
 
-use super::comparison::{Comparison, FlipResult, GateResult, Reason, Side, Verdict};
+use super::comparison::{Comparison, FlipResult, GateResult, LdrResult, Reason, Side, Verdict};
 use crate::cli::table::{BAD, GOOD};
 
 pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<()> {
@@ -18,6 +18,7 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
     if let (Some(gate), Some(flip), false) = (&comparison.gate, &comparison.flip, equal) {
         write_gate(gate, comparison.compared, out)?;
         write_flip(flip, out)?;
+        comparison.ldr_flip.as_ref().map_or(Ok(()), |flip| write_ldr(flip, out))?;
     }
     let all = u64::from(a.width) * u64::from(a.height);
     if comparison.gate.is_some() && (comparison.compared as u64) < all {
@@ -95,6 +96,12 @@ fn write_flip(flip: &FlipResult, out: &mut dyn Write) -> io::Result<()> {
     }
     let mean = short(flip.mean);
     writeln!(out, "; mean {mean}{}; at {}", of(flip.mean_bound), flip.exposures)
+}
+
+/// The number that other FLIP tools have of PNGs.
+fn write_ldr(flip: &LdrResult, out: &mut dyn Write) -> io::Result<()> {
+    let (mean, tile) = (short(flip.mean), short(flip.largest_tile));
+    writeln!(out, "LDR-FLIP: largest tile {tile}; mean {mean}; no bound applies to it")
 }
 
 /// Three significant digits.

@@ -1,4 +1,4 @@
-"""HDR-FLIP as NVIDIA computes it (flip-evaluator 1.7), for harness/tests/metric.rs.
+"""FLIP as NVIDIA computes it (flip-evaluator 1.7), for harness/tests/metric.rs.
 
     pip install flip-evaluator==1.7 numpy==2.4.6 && python vectors.py
 
@@ -26,6 +26,12 @@ CASES = [
     ("drift", -1.0, 0.5, None),
     ("near", -4.0, 3.0, 30.0),
     ("far", -2.0, 2.0, 100.0),
+]
+# LDR-FLIP: name, what is compared, pixels per degree.
+DISPLAYED = [
+    ("ldr_noise", "noise", None),
+    ("ldr_edges", "edges", None),
+    ("ldr_far", "far", 100.0),
 ]
 
 
@@ -63,12 +69,25 @@ def pair(name):
     return golden.astype(np.float32), actual.astype(np.float32)
 
 
+def encoded(linear):
+    """sRGB of what a display shows, in 64-bit floats first."""
+    linear = np.clip(linear.astype(np.float64), 0, 1)
+    low = linear <= 0.0031308
+    return np.where(low, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055).astype(np.float32)
+
+
+def write(name, found):
+    errors, mean, used = found
+    errors.astype("<f4").tofile(f"{name}.f32")
+    print(f"{name:<10} mean {mean:.6f} largest {errors.max():.6f} {used}")
+
+
 for name, start, stop, ppd in CASES:
     golden, actual = pair(name)
     distance = {} if ppd is None else {"ppd": ppd}
     parameters = {"startExposure": start, "stopExposure": stop, **distance}
-    errors, mean, used = evaluate(golden, actual, "HDR", True, False, True, parameters)
-    errors.astype("<f4").tofile(f"{name}.f32")
+    found = evaluate(golden, actual, "HDR", True, False, True, parameters)
+    write(name, found)
     largest = np.zeros((HEIGHT, WIDTH), np.float32)
     worst = np.full((HEIGHT, WIDTH), 255, np.uint8)
     count = max(2, math.ceil(stop - start))
@@ -80,7 +99,11 @@ for name, start, stop, ppd in CASES:
         one = one.reshape(HEIGHT, WIDTH)
         worst[one > largest] = index
         largest = np.maximum(largest, one)
-    assert (largest == errors.reshape(HEIGHT, WIDTH)).all()
+    assert (largest == found[0].reshape(HEIGHT, WIDTH)).all()
     if name != "drift":  # which is within the gate: nobody asks for its exposures
         worst.tofile(f"{name}.u8")
-    print(f"{name:<10} mean {mean:.6f} largest {errors.max():.6f} {used}")
+
+for name, images, ppd in DISPLAYED:
+    golden, actual = (encoded(image) for image in pair(images))
+    parameters = {} if ppd is None else {"ppd": ppd}
+    write(name, evaluate(golden, actual, "LDR", True, False, True, parameters))

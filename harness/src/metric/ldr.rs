@@ -1,0 +1,70 @@
+//! LDR-FLIP: HDR-FLIP's elder, for images that are what a display shows (Andersson et al. 2020). It is
+//! the number that other tools have of PNGs. No tolerance asks for it: it is blind to whatever a
+//! display clips.
+
+use flip_rs::{FlipError, RgbImage, ldr_flip};
+
+use super::flip::{Flip, FlipFailure};
+use super::mask::Rect;
+use super::pair::Pair;
+use super::tiles::ErrorMap;
+use crate::image::Image;
+
+impl Flip {
+    /// LDR-FLIP of the pixels that see a difference: colours are clipped to 0..1 and encoded as
+    /// sRGB. Alpha isn't seen.
+    ///
+    /// # Errors
+    /// If it can't be computed.
+    pub fn displayed(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
+        let failed = |error: FlipError| FlipFailure::Parameters(error.to_string());
+        let Some(bounds) = bounds(pair) else {
+            return Ok(ErrorMap::new(Rect::new(0, 0, 0, 0), Vec::new()));
+        };
+        let (width, height) = (pair.golden().width(), pair.golden().height());
+        // As in HDR-FLIP, what a pixel sees decides its error, bit for bit.
+        let rect = bounds.grown(self.reach(), width, height);
+        let read = rect.grown(self.reach(), width, height);
+        let golden = encoded(pair.golden(), read).map_err(failed)?;
+        let actual = encoded(pair.actual(), read).map_err(failed)?;
+        let errors = ldr_flip(&golden, &actual, self.pixels_per_degree).map_err(failed)?;
+        let (left, top) = ((rect.left - read.left) as usize, (rect.top - read.top) as usize);
+        let rows = errors.pixels().chunks(read.width as usize).skip(top);
+        let rows = rows.take(rect.height as usize);
+        let values = rows.flat_map(|row| &row[left..left + rect.width as usize]).copied();
+        Ok(ErrorMap::new(rect, values.collect()))
+    }
+}
+
+/// The rectangle of all pixels that differ.
+fn bounds(pair: &Pair<'_>) -> Option<Rect> {
+    let mut bounds: Option<[u32; 4]> = None;
+    for (start, golden, actual) in pair.different() {
+        let pixels = golden.iter().zip(actual).enumerate();
+        for (index, _) in pixels.filter(|(_, (golden, actual))| golden != actual) {
+            let (x, y) = pair.place(start + index);
+            let [left, top, right, bottom] = bounds.unwrap_or([x, y, x, y]);
+            bounds = Some([left.min(x), top.min(y), right.max(x), bottom.max(y)]);
+        }
+    }
+    bounds.map(Rect::spanning)
+}
+
+/// A part of an image as a display is sent it.
+fn encoded(image: &Image, rect: Rect) -> Result<RgbImage<f32>, FlipError> {
+    let (left, width) = (rect.left as usize, rect.width as usize);
+    let rows = image.pixels().chunks(image.width().max(1) as usize).skip(rect.top as usize);
+    let rows = rows.take(rect.height as usize).flat_map(|row| &row[left..left + width]);
+    let colours = rows.flat_map(|[r, g, b, _]| [*r, *g, *b].map(to_srgb)).collect();
+    RgbImage::new(width, rect.height as usize, colours)
+}
+
+/// IEC 61966-2-1, from linear.
+fn to_srgb(linear: f32) -> f32 {
+    let linear = f64::from(linear).clamp(0.0, 1.0);
+    let encoded =
+        if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
+    #[expect(clippy::cast_possible_truncation, reason = "what FLIP computes with")]
+    let encoded = encoded as f32;
+    encoded
+}
