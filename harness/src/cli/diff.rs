@@ -28,15 +28,16 @@ bounds are those of frames: each channel within 1e-3, or else no tile of 16 x 16
 under HDR-FLIP and a mean of at most 0.005. --rel alone leaves the gate alone. FLIP looks at the
 exposures that the first image's golden pins, or else at those that suit the first image. Of two
 PNGs LDR-FLIP is printed, too, the number that other FLIP tools have; no bound applies to it.
-Of a file of several parts the first with colours is compared. The noise that a golden's variance
-explains isn't taken into account, as a test does.
+Of a file of several parts the first with colours is compared. Without --mask, that of the second
+file is used, if it is a frame whose test declares one: its part `mask`. The noise that a golden's
+variance explains isn't taken into account, as a test does.
 Exit codes: 0 within the bounds; 1 differs, in size too; 2 an image can't be read or compared; 3 an
 image isn't there. NaN and infinities differ from everything.
-JSON: a, b {file, width, height, nan, infinite, first_non_finite, parts, variance}, verdict (equal,
-within, differs), reason (size, non_finite, values, or null), tolerance, compared, gate {relative,
-off, bounds, worst, sweep}, flip {largest_tile, tile, mean, tile_bound, mean_bound, exposures,
-note}, ldr_flip {largest_tile, tile, mean}, heatmap, heatmap_full (the error that its last colour
-stands for).";
+JSON: a, b {file, width, height, nan, infinite, first_non_finite, parts}, verdict (equal,
+within, differs), reason (size, non_finite, values, or null), tolerance, compared, own_mask, gate
+{relative, off, bounds, worst, sweep}, flip {largest_tile, tile, mean, tile_bound, mean_bound,
+exposures, note}, ldr_flip {largest_tile, tile, mean}, heatmap, heatmap_full (the error that its
+last colour stands for).";
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -80,11 +81,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let sides = [(&args.a, &a), (&args.b, &b)]
         .map(|(file, read)| Side::of(file, &read.image, read.parts.clone()));
     let mask = args.mask.as_deref().map(Image::read_stored).transpose()?.map(Mask::image);
+    // What a test left out is left out here, too.
+    let own = mask.is_none() && b.mask.is_some();
+    let mask = mask.or(b.mask);
     let pair = match mask {
         Some(mask) => Pair::masked(&a.image, &b.image, &mask),
         None => Pair::new(&a.image, &b.image),
     };
-    let comparison = match pair {
+    let mut comparison = match pair {
         Ok(pair) => {
             let pair = a.exposures.into_iter().fold(pair, Pair::with_exposures);
             let doing =
@@ -109,6 +113,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         }
         Err(error) => bail!(error),
     };
+    comparison.own_mask = own;
     if args.json {
         write_json(&comparison, out)?;
     } else {
@@ -127,6 +132,8 @@ struct File {
     exposures: Option<ExposureRange>,
     /// Names of the parts that could be compared; the first is.
     parts: Vec<String>,
+    /// Of a frame whose test declares one.
+    mask: Option<Mask>,
     /// Whether it is what a display shows.
     is_png: bool,
 }
@@ -135,15 +142,21 @@ impl File {
     fn read(file: &Path) -> anyhow::Result<Self> {
         match Image::read_exr(file) {
             Ok((image, metadata)) => {
-                let known =
-                    metadata.and_then(|text| serde_json::from_str::<Provenance>(&text).ok());
+                let known = metadata.and_then(|text| Provenance::parse(&text).ok());
+                let parts = ExrFile::part_names(file)?;
+                // Another tool's part of this name may be anything.
+                let mask = match &known {
+                    Some(_) if parts.len() > 1 => ExrFile::read(file)?.mask(),
+                    _ => None,
+                };
                 let exposures = known.and_then(|known| known.exposures);
-                Ok(Self { image, exposures, parts: ExrFile::part_names(file)?, is_png: false })
+                Ok(Self { image, exposures, parts, mask, is_png: false })
             }
             // Its content tells what it is.
             Err(ImageError::Corrupt { format: ImageFormat::OpenExr, .. }) => {
                 let image = Image::read(file)?;
-                Ok(Self { image, exposures: None, parts: Vec::new(), is_png: true })
+                let (exposures, parts, mask) = (None, Vec::new(), None);
+                Ok(Self { image, exposures, parts, mask, is_png: true })
             }
             Err(error) => Err(error.into()),
         }

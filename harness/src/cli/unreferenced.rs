@@ -125,10 +125,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 /// The files of goldens that nobody compares, and what is left of goldens that are gone. Files that
 /// aren't Karat's are left alone.
 fn deletable(report: &Report) -> Vec<PathBuf> {
-    let of = |golden: &Golden| {
-        let beside = ["toml", "variance.exr"].map(|ending| golden.file.with_extension(ending));
-        std::iter::once(golden.file.clone()).chain(beside).collect::<Vec<_>>()
-    };
+    let of = |golden: &Golden| [golden.file.clone(), golden.file.with_extension("toml")];
     let strays = report.stray.iter().filter(|stray| stray.is_ours).map(|stray| stray.file.clone());
     let goldens = report.unreferenced.iter().filter(|golden| is_golden(&golden.file));
     let mut all: Vec<PathBuf> = goldens.flat_map(of).chain(strays).collect();

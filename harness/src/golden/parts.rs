@@ -12,6 +12,16 @@ pub(crate) const VARIANCE: &str = "color.variance";
 /// 1 where pixels are compared, 0 where they are not.
 pub(crate) const MASK: &str = "mask";
 
+impl ExrFile {
+    /// What a frame or golden of Karat's was compared with, if its test declared a mask: its part
+    /// `mask`.
+    #[must_use]
+    pub fn mask(&self) -> Option<Mask> {
+        let part = self.parts.iter().skip(1).find(|part| part.name == MASK)?;
+        Some(Mask::image(part.image.clone()))
+    }
+}
+
 /// A part of a file; `None`: it has none of this name.
 pub(super) fn read(path: &Path, name: &str) -> Result<Option<Image>, ImageError> {
     let parts = ExrFile::read(path)?.parts;

@@ -7,6 +7,13 @@ use crate::image::{self, ExrFile, Image, ImageError};
 use crate::metric::{Mask, Pair};
 
 impl Case {
+    /// What the frame was compared with, if its test declared a mask.
+    #[must_use]
+    pub fn mask(&self) -> Option<Mask> {
+        let part = self.parts.iter().skip(1).find(|part| part.name == MASK)?;
+        part.actual.clone().map(Mask::image)
+    }
+
     /// Reads a pending frame and its golden. A golden that can't be read is reported in the verdict,
     /// since accepting replaces it.
     ///
@@ -43,7 +50,7 @@ impl Case {
         };
         let maps = golden_image.map_or_else(Vec::new, |golden_image| {
             let exposures = golden_provenance.as_ref().and_then(|known| known.exposures);
-            let (image, mask) = (&actual.parts[0].image, mask(&actual));
+            let (image, mask) = (&actual.parts[0].image, actual.mask());
             let pair = match &mask {
                 Some(mask) => Pair::masked(golden_image, image, mask),
                 // What is pinned was chosen from all pixels.
@@ -63,11 +70,6 @@ impl Case {
             cause,
         })
     }
-}
-
-fn mask(file: &ExrFile) -> Option<Mask> {
-    let part = file.parts.iter().find(|part| part.name == MASK)?;
-    Some(Mask::image(part.image.clone()))
 }
 
 /// The parts of both sides by name, the frame first.

@@ -2,6 +2,7 @@
 
 use karat::{ExrFile, Image, Part, Precision};
 
+use super::pending::provenance;
 use super::*;
 
 fn image(width: u32, height: u32, value: impl Fn(u32) -> f32) -> Image {
@@ -121,7 +122,7 @@ fn a_mask_is_above_a_half_as_it_is_stored() {
     };
     let out = mask(127).good();
     assert!(
-        out.contains("1472 of 1536 pixels are compared, the mask leaves out the rest\n"),
+        out.contains("1472 of 1536 pixels are compared, by the mask\n"),
         "{out}"
     );
     assert!(out.ends_with("equal, bit for bit\n"), "{out}");
@@ -241,9 +242,9 @@ fn images_of_other_sizes_have_their_sizes_and_their_census() {
     assert_eq!((&report["verdict"], &report["compared"]), (&"differs".into(), &0.into()));
 }
 
-/// What isn't compared is told: other parts, and what the noise of a golden would explain.
+/// What isn't compared is told.
 #[test]
-fn parts_and_variances_that_are_not_compared_are_named() {
+fn parts_that_are_not_compared_are_named() {
     let folder = images();
     let path = |name: &str| folder.path().join(name);
     let beauty = Image::read(&path("a.exr")).expect("an image");
@@ -251,20 +252,39 @@ fn parts_and_variances_that_are_not_compared_are_named() {
     let part = |name: &str, image: &Image| Part::new(name, Precision::Float, image.clone());
     let parts = vec![part("beauty", &beauty), part("albedo", &hole), part("light", &hole)];
     ExrFile { parts, metadata: None }.write(&path("parts.exr")).expect("written");
-    hole.write_exr(&path("a.variance.exr"), Precision::Float, None).expect("written");
     let out = diff(&folder, &["a.exr", "parts.exr"]).good();
-    let head = "a: a.exr, 48 x 32; its variance `a.variance.exr`, which a test may allow for, isn't \
-                looked at\nb: parts.exr, 48 x 32, part `beauty`, not `albedo`, `light`\n";
+    let head = "a: a.exr, 48 x 32\nb: parts.exr, 48 x 32, part `beauty`, not `albedo`, `light`\n";
     assert!(out.starts_with(head) && out.ends_with("equal, bit for bit\n"), "{out}");
     let report = json(&diff(&folder, &["a.exr", "parts.exr", "--json"]).good());
     assert_eq!(report["b"]["parts"], serde_json::json!(["beauty", "albedo", "light"]));
-    assert_eq!(
-        (&report["a"]["parts"], &report["b"]["variance"]),
-        (&serde_json::json!([]), &().into())
-    );
-    assert_eq!(report["a"]["variance"], "a.variance.exr");
-    // Noise or not: what differs differs.
-    assert_eq!(diff(&folder, &["a.exr", "hole.exr"]).code, Some(1));
+    assert_eq!(report["a"]["parts"], serde_json::json!([]));
+}
+
+/// A frame of Karat's is compared where its test compared it.
+#[test]
+fn the_mask_of_a_test_is_used() {
+    let folder = images();
+    let path = |name: &str| folder.path().join(name);
+    let golden = Image::read(&path("a.exr")).expect("an image");
+    let mut actual = golden.clone();
+    actual.pixels_mut()[5] = [f32::NAN; 4];
+    let mut mask = Image::new(48, 32, vec![[1.0; 4]; 48 * 32]);
+    mask.pixels_mut()[5] = [0.0; 4];
+    let write = |name: &str, metadata: Option<String>| {
+        let part = |name: &str, image: &Image| Part::new(name, Precision::Float, image.clone());
+        let parts = vec![part("color", &actual), part("mask", &mask)];
+        ExrFile { parts, metadata }.write(&path(name)).expect("written");
+    };
+    let facts = provenance("scene", "pixels", "llvmpipe", "");
+    write("scene.new.exr", serde_json::to_string(&facts).ok());
+    write("foreign.exr", None);
+    let out = diff(&folder, &["a.exr", "scene.new.exr"]).good();
+    let told = "1535 of 1536 pixels are compared, by the part `mask` of b\n";
+    assert!(out.contains(told) && out.ends_with("equal, bit for bit\n"), "{out}");
+    let report = json(&diff(&folder, &["a.exr", "scene.new.exr", "--json"]).good());
+    assert_eq!((&report["own_mask"], &report["compared"]), (&true.into(), &1535.into()));
+    // Another tool's part may be anything.
+    assert_eq!(diff(&folder, &["a.exr", "foreign.exr"]).code, Some(1));
 }
 
 /// Of two PNGs there is the number that other tools have: these are flip-evaluator 1.7's.

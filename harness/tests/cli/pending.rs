@@ -18,11 +18,23 @@ pub(crate) fn pending_frame(golden: &FilePath, case: &str, adapter: &str) {
 /// A pending frame whose provenance says what it likes.
 fn write_frame(golden: &FilePath, file: &str, case: &str, adapter: &str, compared_with: &str) {
     let image = Image::new(2, 1, vec![[0.25, 0.5, 4.0, 1.0], [1.0; 4]]);
-    let provenance = Provenance {
+    let provenance = provenance(case, &image.hash(), adapter, compared_with);
+    let metadata = serde_json::to_string(&provenance).expect("plain data");
+    let path = golden.join(format!("{file}.new.exr"));
+    image.write_exr(&path, Precision::Half, Some(&metadata)).expect("written");
+}
+
+pub(crate) fn provenance(
+    case: &str,
+    pixels: &str,
+    adapter: &str,
+    compared_with: &str,
+) -> Provenance {
+    Provenance {
         schema: 1,
         case: case.to_owned(),
         shader: String::new(),
-        pixels: image.hash(),
+        pixels: pixels.to_owned(),
         width: 2,
         height: 1,
         color_space: "linear sRGB".to_owned(),
@@ -43,10 +55,7 @@ fn write_frame(golden: &FilePath, file: &str, case: &str, adapter: &str, compare
         accepted_by: String::new(),
         accepted_at: String::new(),
         because: String::new(),
-    };
-    let metadata = serde_json::to_string(&provenance).expect("plain data");
-    let path = golden.join(format!("{file}.new.exr"));
-    image.write_exr(&path, Precision::Half, Some(&metadata)).expect("written");
+    }
 }
 
 #[test]

@@ -148,7 +148,7 @@ fn a_folder_without_goldens_has_no_verdict() {
         assert!(ran.failure(3).contains("there is no golden in `empty`"), "{arguments:?}");
     }
     // What a golden has left behind is something to judge.
-    write(folder, "empty/gone.variance.exr", "");
+    write(folder, "empty/gone.png", "");
     assert_eq!(karat(folder, &["unreferenced", "--golden", "empty"]).code, Some(1));
 }
 
@@ -185,7 +185,7 @@ fn stray_files_are_reported_and_only_ours_are_deleted() {
         write(&golden, file, "");
     }
     karat(project.path(), &["unreferenced"]).good();
-    for file in ["cameras.toml", "gone.variance.exr", "room.exr.orig", "gone.png"] {
+    for file in ["cameras.toml", "room.exr.orig", "gone.png"] {
         write(&golden, file, "");
     }
     std::fs::copy(golden.join("scene.toml"), golden.join("gone.toml")).expect("copied");
@@ -194,17 +194,14 @@ fn stray_files_are_reported_and_only_ours_are_deleted() {
     sky.write_exr(&golden.join("sky.exr"), Precision::Half, None).expect("written");
     let ran = karat(project.path(), &["unreferenced"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
-    for reason in [
-        "facts without a golden",
-        "a variance without a golden",
-        "a file that isn't a golden's",
-        "a preview without an image",
-    ] {
+    for reason in
+        ["facts without a golden", "a file that isn't a golden's", "a preview without an image"]
+    {
         assert!(ran.out.contains(reason), "no `{reason}`: {ran:?}");
     }
     let ran = karat(project.path(), &["unreferenced", "--delete"]);
     assert_eq!(ran.code, Some(1), "what isn't ours is left: {ran:?}");
-    assert!(!golden.join("gone.toml").exists() && !golden.join("gone.variance.exr").exists());
+    assert!(!golden.join("gone.toml").exists());
     assert!(golden.join("room.exr.orig").is_file() && golden.join("gone.png").is_file());
     assert!(golden.join("cameras.toml").is_file() && golden.join("sky.exr").is_file());
     assert!(golden.join("README.md").is_file() && golden.join("scene.png").is_file());

@@ -51,6 +51,8 @@ pub(super) struct Comparison {
     pub(super) tolerance: String,
     /// Pixels that were compared.
     pub(super) compared: usize,
+    /// Whether a mask of the second file's own chose them.
+    pub(super) own_mask: bool,
     /// `None`: there is nothing to measure.
     pub(super) gate: Option<GateResult>,
     pub(super) flip: Option<FlipResult>,
@@ -76,8 +78,6 @@ pub(super) struct Side {
     pub(super) first_non_finite: Option<(u32, u32)>,
     /// Names of the parts that could be compared, if there are several. The first one is.
     pub(super) parts: Vec<String>,
-    /// The file of its variance, which tests may allow for.
-    pub(super) variance: Option<String>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -156,7 +156,6 @@ impl LdrResult {
 impl Side {
     pub(super) fn of(file: &Path, image: &Image, parts: Vec<String>) -> Self {
         let census = image.non_finite();
-        let variance = file.with_extension("variance.exr");
         Self {
             file: file.display().to_string(),
             width: image.width(),
@@ -165,7 +164,6 @@ impl Side {
             infinite: census.infinite,
             first_non_finite: census.first,
             parts: if parts.len() > 1 { parts } else { Vec::new() },
-            variance: variance.is_file().then(|| variance.display().to_string()),
         }
     }
 }
@@ -182,6 +180,7 @@ impl Comparison {
             reason,
             tolerance,
             compared: 0,
+            own_mask: false,
             gate: None,
             flip: None,
             ldr_flip: None,
@@ -207,6 +206,7 @@ impl Comparison {
             reason: (verdict == Verdict::Differs).then_some(Reason::Values),
             tolerance: bounds.tolerance.to_string(),
             compared: pair.compared(),
+            own_mask: false,
             gate: Some(gate),
             flip: Some(flip),
             ldr_flip: None,

@@ -22,11 +22,8 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
     }
     let all = u64::from(a.width) * u64::from(a.height);
     if comparison.gate.is_some() && (comparison.compared as u64) < all {
-        writeln!(
-            out,
-            "{} of {all} pixels are compared, the mask leaves out the rest",
-            comparison.compared
-        )?;
+        let by = if comparison.own_mask { "the part `mask` of b" } else { "the mask" };
+        writeln!(out, "{} of {all} pixels are compared, by {by}", comparison.compared)?;
     }
     if let Some(file) = &comparison.heatmap {
         let scale = comparison.heatmap_full.map(|full| format!(", colours from 0 to {full}"));
@@ -50,9 +47,7 @@ fn write_rest(side: &Side, out: &mut dyn Write) -> io::Result<()> {
     if let [compared, others @ ..] = side.parts.as_slice() {
         write!(out, ", part `{compared}`, not `{}`", others.join("`, `"))?;
     }
-    side.variance.as_ref().map_or(Ok(()), |file| {
-        write!(out, "; its variance `{file}`, which a test may allow for, isn't looked at")
-    })
+    Ok(())
 }
 
 fn write_census(side: &Side, out: &mut dyn Write) -> io::Result<()> {

@@ -6,7 +6,8 @@
 use std::path::{Path, PathBuf};
 
 use karat::record::{Record, Subject};
-use karat::{Image, Pair, Profile};
+use karat::review::Case;
+use karat::{Goldens, Image, Pair};
 
 use crate::cli::heatmap::Heatmap;
 use crate::cli::project::Project;
@@ -26,16 +27,14 @@ pub(super) fn write(
     if goldens.is_empty() {
         return Ok(Vec::new());
     }
-    let goldens = Path::new(goldens);
-    let profiles = record.paths.iter().map(|path| Profile::of(&path.adapter));
-    let own = profiles.map(|profile| goldens.join(format!("@{profile}/{case}.exr")));
-    let golden = own.chain([goldens.join(format!("{case}.exr"))]).find(|file| file.is_file());
+    let goldens = Goldens::open(Path::new(goldens));
     // With `CI` set, nothing is written beside the goldens.
-    let pending = [project.output().join("pending"), goldens.to_owned()];
-    let actual = pending.map(|folder| folder.join(format!("{case}.new.exr")));
-    let read = |file: Option<PathBuf>| Image::read(&file?).ok();
-    let golden = read(golden);
-    let actual = read(actual.into_iter().find(|file| file.is_file()));
+    let waiting = [Goldens::open(&project.output().join("pending")), goldens.clone()];
+    let pending = waiting.iter().find_map(|folder| folder.select(case).ok()?.frames.pop());
+    let Some(loaded) = pending.and_then(|pending| Case::load(&goldens, &pending).ok()) else {
+        return Ok(Vec::new());
+    };
+    let (golden, actual) = (&loaded.parts[0].golden, &loaded.parts[0].actual);
 
     let mut written = Vec::new();
     let mut place = |name| {
@@ -43,7 +42,7 @@ pub(super) fn write(
         written.push((name, file.clone()));
         file
     };
-    for (name, image) in [("golden", &golden), ("actual", &actual)] {
+    for (name, image) in [("golden", golden), ("actual", actual)] {
         if let Some(image) = image {
             // The frame at the golden's exposure: a brighter one is to look brighter.
             let stops = golden.as_ref().map_or(0.0, |golden| (image.key() / golden.key()).log2());
@@ -52,9 +51,13 @@ pub(super) fn write(
             small.write_png_exposed(&place(name), if stops.is_finite() { stops } else { 0.0 })?;
         }
     }
-    if let (Some(golden), Some(actual)) = (&golden, &actual) {
-        let map = Pair::new(golden, actual).ok().and_then(|pair| Heatmap::flip(&pair).ok());
-        if let Some(map) = map {
+    if let (Some(golden), Some(actual)) = (golden, actual) {
+        let mask = loaded.mask();
+        let pair = match &mask {
+            Some(mask) => Pair::masked(golden, actual, mask),
+            None => Pair::new(golden, actual),
+        };
+        if let Some(map) = pair.ok().and_then(|pair| Heatmap::flip(&pair).ok()) {
             map.write(&place("flip"))?;
         }
     }

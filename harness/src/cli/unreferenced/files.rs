@@ -42,10 +42,8 @@ pub(super) struct Files {
     pub(super) stray: Vec<Stray>,
 }
 
-/// What may be beside a golden: its facts and its variance; a frame that waits, with its variance;
-/// and previews of either.
-const COMPANIONS: [&str; 6] =
-    [".new.variance.exr", ".variance.exr", ".new.exr", ".new.png", ".toml", ".png"];
+/// What may be beside a golden: its facts; a frame that waits; and previews of either.
+const COMPANIONS: [&str; 4] = [".new.exr", ".new.png", ".toml", ".png"];
 
 impl Files {
     pub(super) fn of(folder: &Path) -> anyhow::Result<Self> {
@@ -68,11 +66,8 @@ impl Files {
                 // A frame may wait without a golden.
                 ".new.exr" => {}
                 _ if all.contains(&golden) => {}
-                ".new.png" | ".new.variance.exr"
-                    if all.contains(&file.with_file_name(format!("{stem}.new.exr"))) => {}
+                ".new.png" if all.contains(&file.with_file_name(format!("{stem}.new.exr"))) => {}
                 ".toml" => files.push(file, "facts without a golden", is_facts(file)),
-                ".variance.exr" => files.push(file, "a variance without a golden", true),
-                ".new.variance.exr" => files.push(file, "a variance without a frame", true),
                 _ => files.push(file, "a preview without an image", false),
             }
         }
