@@ -133,7 +133,8 @@ enum Command {
     /// Look at pending frames beside their goldens in a browser, and accept or reject them there
     #[command(after_help = "Examples:\n  karat review --open\n  \
                             karat review --port 8000      (with `ssh -L 8000:127.0.0.1:8000`)\n  \
-                            karat review --static report  (files; open report/index.html)\n\
+                            karat review --static report  (files; open report/index.html)\n  \
+                            karat review --from karat.zip (what a CI run left; accepted here)\n\
                             Only this machine can reach the page, and only with its URL, which \
                             is secret: whoever has it can accept.\nPress ? there for the keys. \
                             Exit codes: 0 nothing is left pending, or the page is written; 1 some \

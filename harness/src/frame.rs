@@ -59,6 +59,7 @@ pub struct Frame<'a> {
     /// `None`: the default for the golden and the adapter.
     tolerance: Option<FrameTolerance>,
     tolerance_on: Vec<(Path, FrameTolerance)>,
+    tolerance_for: Vec<(String, FrameTolerance)>,
     mask: Option<Mask>,
     variance: Option<Image>,
     facts: BTreeMap<String, String>,
@@ -106,6 +107,12 @@ pub enum FrameError {
     /// A name that no arbitrary output variable can have.
     #[error("`{0}` can't name an AOV: {1}")]
     Aov(String, &'static str),
+    /// A tolerance for a profile that can't be.
+    #[error(
+        "there is no profile `{0}`: it is a path and a family of drivers, `gl-llvmpipe`, as \
+         `karat doctor` tells"
+    )]
+    Profile(String),
     /// The mean of a rectangle is off.
     #[error(
         "on {adapter}\nthe mean of {rect} is {mean:?}, expected {expected:?}: {worst}, {} times what \
@@ -182,6 +189,7 @@ impl Package {
             blend: Blend::Replace,
             tolerance: None,
             tolerance_on: Vec::new(),
+            tolerance_for: Vec::new(),
             mask: None,
             variance: None,
             facts: BTreeMap::new(),
@@ -264,6 +272,13 @@ impl Frame<'_> {
     /// Sets what the frame may differ by on one path.
     pub fn within_on(mut self, path: Path, tolerance: impl Into<FrameTolerance>) -> Self {
         self.tolerance_on.push((path, tolerance.into()));
+        self
+    }
+
+    /// Sets what the frame may differ by on one [`Profile`](crate::Profile), before what holds on its
+    /// path: `vulkan-nvidia`.
+    pub fn within_for(mut self, profile: &str, tolerance: impl Into<FrameTolerance>) -> Self {
+        self.tolerance_for.push((profile.to_owned(), tolerance.into()));
         self
     }
 

@@ -2,7 +2,10 @@
 
 use glam::{Vec2, Vec3, Vec4};
 use karat::prelude::*;
-use karat::{Frame, FrameError, Image, Mesh, Rect};
+use karat::{
+    ExrFile, Frame, FrameError, FrameTolerance, GoldenError, Goldens, Image, Mesh, Precision,
+    Profile, Provenance, Rect,
+};
 
 const SHADER: &str = "
 @group(0) @binding(0) var stripes: texture_2d<f32>;
@@ -118,4 +121,79 @@ fn the_mean_of_a_rectangle_is_what_is_expected() {
     frame.expect_mean(Rect::new(0, 1, 4, 3), [1.0; 3], Abs(0.0));
     let error = frame.try_expect_mean(Rect::new(0, 0, 4, 4), [1.0; 3], Rel(1e9));
     assert!(matches!(error, Err(FrameError::Mean { .. })), "{error:?}");
+}
+
+/// Profiles of the paths that open.
+fn profiles() -> Vec<(Path, String)> {
+    let adapters =
+        Path::ALL.into_iter().filter_map(|path| Some((path, karat::adapter(path).ok()?)));
+    adapters.map(|(path, adapter)| (path, Profile::of(&adapter).to_string())).collect()
+}
+
+/// What holds on a profile comes before what holds on its path, and that before the rest.
+#[test]
+fn the_most_particular_tolerance_holds() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let goldens = Goldens::open(folder.path());
+    let package = Package::from_source("frame", SHADER);
+    let frame = || package.frame("", 4, 4).mesh("vertex", "attributes", triangle(), 1);
+    let mut golden = frame().render(profiles()[0].0).expect("drawn");
+    golden.pixels_mut()[3][1] *= 1.01;
+    golden.write_exr(&folder.path().join("near.exr"), Precision::Float, None).expect("written");
+    let (tight, wide) = (|| FrameTolerance::gate(1e-3), || FrameTolerance::gate(0.02));
+    let on = |frame: Frame<'_>, path: Option<f32>, profile: Option<f32>| {
+        let all = profiles().into_iter().fold(frame, |frame, (on, name)| {
+            let frame = path.iter().fold(frame, |frame, bound| frame.tolerance_on(on, *bound));
+            profile
+                .iter()
+                .fold(frame, |frame, bound| frame.within_for(&name, FrameTolerance::gate(*bound)))
+        });
+        all.try_matches(&goldens, "near").map(|agreement| agreement.paths.len())
+    };
+    on(frame().within(tight()), None, None).expect_err("a hundredth off");
+    on(frame().within(tight()), Some(0.02), None).expect("allowed on the path");
+    on(frame().within(tight()), Some(1e-3), Some(0.02)).expect("allowed on the profile");
+    on(frame().within(wide()), Some(0.02), Some(1e-3)).expect_err("not on the profile");
+    let elsewhere = frame().within(tight()).within_for("gl-nobody", wide());
+    on(elsewhere, None, None).expect_err("of no profile here");
+    let error = on(frame().within_for("llvmpipe", wide()), None, None).expect_err("no profile");
+    assert!(error.to_string().contains("there is no profile `llvmpipe`"), "{error}");
+    let error = on(frame(), None, Some(f32::NAN)).expect_err("no bound");
+    assert!(matches!(error, FrameError::Tolerance(_)), "{error}");
+}
+
+/// What explains a frame is kept with it: other frames of the scene, and what its author says.
+#[test]
+fn aovs_and_facts_are_kept_with_a_frame_that_is_new() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let goldens = Goldens::open(folder.path());
+    let package = Package::from_source("frame", SHADER);
+    let plain = |fragment: &str| package.frame("", 4, 4).mesh("vertex", fragment, triangle(), 1);
+    let textured = |fragment: &str| {
+        plain(fragment)
+            .with("stripes", Texture::from_fn(4, 4, |x, _| Vec4::splat(x as f32)).with_mips())
+            .with("stripes_sampler", Sampler::Nearest)
+    };
+    let frame = plain("attributes")
+        .fact("samples", 64)
+        .aov("levels", textured("levels"))
+        .aov("missing", plain("no_such_function"));
+    let error = frame.try_matches(&goldens, "aovs_and_facts").expect_err("no golden");
+    let FrameError::Golden { source, .. } = &error else { panic!("{error}") };
+    let GoldenError::Missing { pending, .. } = &**source else { panic!("{error}") };
+    let ExrFile { parts, metadata } = ExrFile::read(pending.as_ref()).expect("written");
+    let names: Vec<&str> = parts.iter().map(|part| part.name.as_str()).collect();
+    assert_eq!(names, ["color", "levels"], "what can't be drawn is left out");
+    assert!(parts[1].image.pixels().iter().all(|pixel| pixel[2] == 1.5));
+    let facts = Provenance::parse(&metadata.expect("facts")).expect("ours").facts;
+    assert_eq!(facts.get("samples").map(String::as_str), Some("64"));
+    for (name, reason) in [("", "use 1 to 255"), ("a/b", "use 1 to 255"), ("mask", "another part")]
+    {
+        let frame = plain("attributes").aov(name, plain("attributes"));
+        let error = frame.try_matches(&goldens, "aovs_and_facts").expect_err("no name");
+        assert!(error.to_string().contains(reason), "{error}");
+    }
+    let twice = plain("attributes").aov("a", plain("attributes")).aov("a", plain("attributes"));
+    let error = twice.try_matches(&goldens, "aovs_and_facts").expect_err("one name");
+    assert!(error.to_string().contains("another one has it"), "{error}");
 }

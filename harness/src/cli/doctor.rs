@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use karat::{Adapter, Path};
+use karat::{Adapter, Path, Profile};
 use serde::Serialize;
 
 use super::table::{BAD, DIM, GOOD, HEAD};
@@ -33,6 +33,8 @@ struct Report {
 #[derive(Serialize)]
 struct PathReport {
     path: &'static str,
+    /// What goldens of this path and driver alone are filed under.
+    profile: Option<String>,
     adapter: Option<Adapter>,
     missing: Option<String>,
     remedy: Option<String>,
@@ -52,12 +54,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         .map(|path| match karat::adapter(path) {
             Ok(adapter) => PathReport {
                 path: path.name(),
+                profile: Some(Profile::of(&adapter).to_string()),
                 adapter: Some(adapter),
                 missing: None,
                 remedy: None,
             },
             Err(error) => PathReport {
                 path: path.name(),
+                profile: None,
                 adapter: None,
                 missing: Some(error.to_string()),
                 remedy: Some(remedy(path).to_owned()),
@@ -89,12 +93,13 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
         write!(out, ", {library} {version}")?;
     }
     writeln!(out, "\n")?;
-    for PathReport { path, adapter, missing, remedy } in &report.paths {
+    for PathReport { path, profile, adapter, missing, remedy } in &report.paths {
         match adapter {
             Some(adapter) => {
                 let kind = if adapter.software { "software" } else { "hardware" };
                 writeln!(out, "{GOOD}{path:<8}{GOOD:#} {} ({kind})", adapter.name)?;
-                writeln!(out, "{DIM}         {}{DIM:#}", adapter.driver)?;
+                let profile = profile.as_deref().unwrap_or_default();
+                writeln!(out, "{DIM}         {}, profile {profile}{DIM:#}", adapter.driver)?;
             }
             None => {
                 let missing = missing.as_deref().unwrap_or_default();

@@ -3,11 +3,11 @@
 use super::{Frame, FrameAgreement, FrameError};
 use crate::check::{Identity, KnownIssue};
 use crate::golden::{
-    COLOR, FrameDifference, FrameTolerance, GoldenError, Goldens, MASK, Rendered, VARIANCE,
+    COLOR, FrameDifference, FrameTolerance, GoldenError, Goldens, MASK, Profile, Rendered, VARIANCE,
 };
 use crate::image::Part;
 use crate::metric::Gate;
-use crate::path;
+use crate::path::{self, Adapter, Path};
 use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
 
 impl Frame<'_> {
@@ -71,18 +71,14 @@ impl Frame<'_> {
         if let Some(path) = self.known_issues.unexplained() {
             return Err(FrameError::UnexplainedIssue(path));
         }
-        let tolerances = self.tolerance_on.iter().map(|(_, tolerance)| tolerance);
-        if let Some(reason) = tolerances.chain(&self.tolerance).find_map(FrameTolerance::unusable) {
-            return Err(FrameError::Tolerance(reason));
-        }
+        self.check_tolerances()?;
         if let Some((name, reason)) = self.unusable_aov() {
             return Err(FrameError::Aov(name.to_owned(), reason));
         }
         for device in path::selected()? {
             let adapter = device.adapter();
             let (image, shader) = self.render_on(device)?;
-            let own = self.tolerance_on.iter().rev().find(|(path, _)| *path == device.path());
-            let tolerance = own.map(|(_, tolerance)| tolerance).or(self.tolerance.as_ref());
+            let tolerance = self.tolerance_of(device.path(), adapter);
             let known_issue = self.known_issues.on(device.path()).map(str::to_owned);
             let frame = Rendered {
                 image: &image,
@@ -151,6 +147,27 @@ impl Frame<'_> {
 }
 
 impl Frame<'_> {
+    /// Each bounds something, on a profile that can be.
+    fn check_tolerances(&self) -> Result<(), FrameError> {
+        let strange = self.tolerance_for.iter().find(|(profile, _)| !Profile::is_name(profile));
+        if let Some((profile, _)) = strange {
+            return Err(FrameError::Profile(profile.clone()));
+        }
+        let on_paths = self.tolerance_on.iter().map(|(_, tolerance)| tolerance);
+        let on_profiles = self.tolerance_for.iter().map(|(_, tolerance)| tolerance);
+        let mut all = on_paths.chain(on_profiles).chain(&self.tolerance);
+        all.find_map(FrameTolerance::unusable).map_or(Ok(()), |why| Err(FrameError::Tolerance(why)))
+    }
+
+    /// The most particular: of the profile, of the path, of the frame.
+    fn tolerance_of(&self, path: Path, adapter: &Adapter) -> Option<&FrameTolerance> {
+        let profile = Profile::of(adapter).to_string();
+        let for_profile = self.tolerance_for.iter().rev().find(|(name, _)| *name == profile);
+        let on_path = || self.tolerance_on.iter().rev().find(|(other, _)| *other == path);
+        let declared = for_profile.map(|(_, tolerance)| tolerance);
+        declared.or_else(|| Some(&on_path()?.1)).or(self.tolerance.as_ref())
+    }
+
     /// The first name of an AOV that its file can't have, and why.
     fn unusable_aov(&self) -> Option<(&str, &'static str)> {
         let sound = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::path::Adapter;
+use crate::path::{Adapter, Path};
 
 /// An execution path and the family of its driver: `vulkan-llvmpipe`, `gl-nvidia`.
 ///
@@ -34,6 +34,14 @@ const FAMILIES: [(&str, &str); 17] = [
 ];
 
 impl Profile {
+    /// Whether this can be a profile's name: a path, a hyphen and a family.
+    pub(crate) fn is_name(text: &str) -> bool {
+        text.split_once('-').is_some_and(|(path, family)| {
+            let sound = !family.is_empty() && family.chars().all(|c| c.is_ascii_alphanumeric());
+            path.parse::<Path>().is_ok() && sound
+        })
+    }
+
     /// The profile of an adapter. One of no known family has the first word of its name.
     #[must_use]
     pub fn of(adapter: &Adapter) -> Self {
@@ -57,6 +65,16 @@ impl fmt::Display for Profile {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_are_a_path_and_a_family() {
+        for name in ["gl-llvmpipe", "vulkan-nvidia", "dx12-warp"] {
+            assert!(Profile::is_name(name), "{name}");
+        }
+        for name in ["", "gl", "gl-", "llvmpipe", "opengl-mesa", "gl_llvmpipe", "gl-a/b"] {
+            assert!(!Profile::is_name(name), "{name}");
+        }
+    }
 
     #[test]
     fn drivers_of_a_family_share_a_profile() {

@@ -121,10 +121,7 @@ fn a_mask_is_above_a_half_as_it_is_stored() {
         diff(&folder, &["a.exr", "hole.exr", "--mask", "mask.png"])
     };
     let out = mask(127).good();
-    assert!(
-        out.contains("1472 of 1536 pixels are compared, by the mask\n"),
-        "{out}"
-    );
+    assert!(out.contains("1472 of 1536 pixels are compared, by the mask\n"), "{out}");
     assert!(out.ends_with("equal, bit for bit\n"), "{out}");
     let ran = mask(128);
     assert!(ran.code == Some(1) && !ran.out.contains("the mask leaves out"), "{ran:?}");
