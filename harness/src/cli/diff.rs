@@ -54,8 +54,8 @@ pub(super) struct Args {
     /// Largest mean HDR-FLIP of the image, where --rel fails
     #[arg(long, value_name = "E", value_parser = bound, allow_hyphen_values = true)]
     flip_mean: Option<f64>,
-    /// Compare only the pixels whose red is above a half in this image, as it is stored: in a PNG
-    /// of 8 bits from 128 on
+    /// Compare only the pixels whose red is above a half in this image, as it is stored (in a PNG of
+    /// 8 bits from 128 on), or in its part `mask` if it has one
     #[arg(long, value_name = "IMAGE")]
     mask: Option<PathBuf>,
     /// Write HDR-FLIP of each pixel: as PNG in colours (magma), black for 0, on a scale that suits the
@@ -80,7 +80,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let bounds = Bounds::new(args.rel, args.flip_tile, args.flip_mean);
     let sides = [(&args.a, &a), (&args.b, &b)]
         .map(|(file, read)| Side::of(file, &read.image, read.parts.clone()));
-    let mask = args.mask.as_deref().map(Image::read_stored).transpose()?.map(Mask::image);
+    let mask = args.mask.as_deref().map(mask).transpose()?;
     // What a test left out is left out here, too.
     let own = mask.is_none() && b.mask.is_some();
     let mask = mask.or(b.mask);
@@ -123,6 +123,15 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         super::complain("there is no heatmap of images that can't be compared pixel by pixel");
     }
     Ok(if comparison.passes() { Verdict::Good } else { Verdict::Bad })
+}
+
+/// The mask of a file: its part of that name, as goldens have it, or else what it shows.
+fn mask(file: &Path) -> anyhow::Result<Mask> {
+    // What can't be read as OpenEXR may be a PNG.
+    match ExrFile::read(file).ok().and_then(|file| file.mask()) {
+        Some(mask) => Ok(mask),
+        None => Ok(Mask::image(Image::read_stored(file)?)),
+    }
 }
 
 /// What is compared, and what a file says of it.

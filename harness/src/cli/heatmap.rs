@@ -6,15 +6,10 @@ mod legend;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use karat::{ErrorMap, Flip, FlipFailure, Image, Metric, Pair, Precision, Rect};
+use karat::{ErrorMap, Flip, FlipFailure, Image, Pair, Precision, Rect};
 
 use self::canvas::Canvas;
 use self::legend::Legend;
-
-/// Ends of scales. 1 is that of other tools, so that pictures of large errors compare with theirs;
-/// small errors would all be black there. Below a thousandth nobody sees anything, and everything
-/// would look wrong.
-const STEPS: [f32; 10] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
 
 /// An error for each pixel of an image, 0 to 1.
 #[derive(Debug)]
@@ -29,7 +24,7 @@ impl Heatmap {
     /// verdicts have it, which look at darker exposures there.
     pub(super) fn flip(pair: &Pair<'_>) -> Result<Self, FlipFailure> {
         let (width, height) = (pair.golden().width(), pair.golden().height());
-        let judged = Flip::LARGEST_TILE.measure(pair).map;
+        let judged = Flip::LARGEST_TILE.map(pair).ok();
         // A verdict that looked at every pixel has looked at the published exposures, too.
         let all = Rect::new(0, 0, width, height);
         if let Some(judged) = judged.as_ref().filter(|map| map.rect() == all) {
@@ -51,7 +46,7 @@ impl Heatmap {
             image.write_exr(path, Precision::Float, None)?;
             return Ok(None);
         }
-        let full = self.full();
+        let full = ErrorMap::scale(&self.errors);
         let canvas = self.picture(full);
         let mut file = Vec::new();
         let mut encoder = png::Encoder::new(&mut file, canvas.width, canvas.height());
@@ -60,16 +55,6 @@ impl Heatmap {
         encoder.write_header()?.write_image_data(canvas.bytes())?;
         std::fs::write(path, file).with_context(|| format!("can't write `{}`", path.display()))?;
         Ok(Some(full))
-    }
-
-    /// The least step that no error exceeds.
-    fn full(&self) -> f32 {
-        let largest = self.errors.iter().copied().fold(0.0, f32::max);
-        // Nothing is off: the scale of other tools is as good as any.
-        if largest == 0.0 {
-            return 1.0;
-        }
-        STEPS.into_iter().find(|step| largest <= *step).unwrap_or(1.0)
     }
 
     /// The colours of all pixels, and below them what the colours stand for.
@@ -104,25 +89,9 @@ mod tests {
     }
 
     #[test]
-    fn the_scale_ends_at_the_next_step() {
-        for (largest, full) in [
-            (0.0, 1.0),
-            (1e-9, 0.001),
-            (0.0011, 0.002),
-            (0.05, 0.05),
-            (0.050_001, 0.1),
-            (0.3, 0.5),
-            (0.51, 1.0),
-            (1.0, 1.0),
-        ] {
-            assert_eq!(map(largest).full(), full, "{largest}");
-        }
-    }
-
-    #[test]
     fn the_largest_error_is_bright_however_small() {
         for largest in [0.002, 0.2, 1.0] {
-            let canvas = map(largest).picture(map(largest).full());
+            let canvas = map(largest).picture(largest);
             assert_eq!(canvas.bytes()[..6], [0, 0, 4, 252, 253, 191], "magma's ends");
         }
     }

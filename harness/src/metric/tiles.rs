@@ -14,6 +14,11 @@ pub struct ErrorMap {
     values: Vec<f32>,
 }
 
+/// Ends of scales. 1 is that of other tools, so that pictures of large errors compare with theirs;
+/// small errors would all be black there. Below a thousandth nobody sees anything, and everything
+/// would look wrong.
+const STEPS: [f32; 10] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
+
 impl ErrorMap {
     /// The errors of a rectangle, row by row.
     ///
@@ -36,6 +41,15 @@ impl ErrorMap {
     #[must_use]
     pub fn values(&self) -> &[f32] {
         &self.values
+    }
+
+    /// The error that the last colour of a picture of these errors stands for: the least of 1, 0.5,
+    /// 0.2, 0.1 and so on down to 0.001 that none exceeds, and 1 if there is no error at all.
+    #[must_use]
+    pub fn scale(errors: &[f32]) -> f32 {
+        let largest = errors.iter().copied().fold(0.0, f32::max);
+        let end = STEPS.into_iter().find(|step| largest <= *step).unwrap_or(1.0);
+        if largest == 0.0 { 1.0 } else { end }
     }
 
     /// The colour that pictures show an error from 0 to 1 in, as 8-bit sRGB: matplotlib's magma
@@ -102,5 +116,26 @@ impl ErrorMap {
             }
         }
         largest
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_scale_ends_at_the_next_step() {
+        for (largest, full) in [
+            (0.0, 1.0),
+            (1e-9, 0.001),
+            (0.0011, 0.002),
+            (0.05, 0.05),
+            (0.050_001, 0.1),
+            (0.3, 0.5),
+            (0.51, 1.0),
+            (1.0, 1.0),
+        ] {
+            assert_eq!(ErrorMap::scale(&[0.0, largest]), full, "{largest}");
+        }
     }
 }

@@ -6,7 +6,7 @@ use half::f16;
 use serde_json::{Value, json};
 
 use super::{Case, Map, Part, facts};
-use crate::golden::{CriterionMargin, Pending};
+use crate::golden::{Criterion, CriterionMargin, Pending};
 use crate::image::Image;
 
 /// The whole script. Its text has neither `<` nor line separators, so it could be embedded, too.
@@ -43,15 +43,20 @@ fn received(data: &Value) -> String {
     format!("karat.receive({});\n", embedded(data))
 }
 
-/// JSON has no NaN, so whether it passes is said here; the corners of its place are inclusive.
+/// JSON has neither NaN nor infinity, so they are words, and whether it passes is said here. The
+/// corners of its place are inclusive.
 fn gate(margin: &CriterionMargin) -> Value {
     let CriterionMargin { name, value, bound, note, .. } = margin;
     let corners = margin.place.map(|place| {
         let (right, bottom) = (place.left + place.width.max(1), place.top + place.height.max(1));
         [place.left, place.top, right - 1, bottom - 1]
     });
+    let value = if value.is_finite() { json!(value) } else { json!(value.to_string()) };
+    // A gate's value is over its bound already.
+    let ratio = margin.criterion == Criterion::Gate;
     json!({
         "name": name,
+        "ratio": ratio,
         "value": value,
         "bound": bound,
         "note": note,

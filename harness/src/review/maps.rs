@@ -2,15 +2,15 @@
 
 use super::Map;
 use crate::image::Image;
-use crate::metric::{Flip, Pair};
+use crate::metric::{ErrorMap, Flip, Pair};
 
 /// What can be computed of golden and frame. Of images that FLIP can't compare there is nothing.
 pub(super) fn maps(pair: &Pair<'_>) -> Vec<Map> {
     let errors = Flip::LARGEST_TILE.map(pair).ok().map(|map| Map {
         name: "HDR-FLIP".to_owned(),
-        about: "what an eye sees of the difference, from 0 to 1, of the worst exposure".to_owned(),
+        about: "what an eye sees of the difference, at most 1, at the worst exposure".to_owned(),
         image: scalars(pair, |x, y| Some(map.at(x, y))),
-        range: [0.0, 1.0],
+        range: [0.0, ErrorMap::scale(map.values())],
     });
     errors.into_iter().chain(worst_exposures(pair)).collect()
 }

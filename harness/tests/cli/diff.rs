@@ -280,8 +280,10 @@ fn the_mask_of_a_test_is_used() {
     assert!(out.contains(told) && out.ends_with("equal, bit for bit\n"), "{out}");
     let report = json(&diff(&folder, &["a.exr", "scene.new.exr", "--json"]).good());
     assert_eq!((&report["own_mask"], &report["compared"]), (&true.into(), &1535.into()));
-    // Another tool's part may be anything.
+    // Another tool's part may be anything, unless it is asked for.
     assert_eq!(diff(&folder, &["a.exr", "foreign.exr"]).code, Some(1));
+    let out = diff(&folder, &["a.exr", "foreign.exr", "--mask", "foreign.exr"]).good();
+    assert!(out.contains("1535 of 1536 pixels are compared, by the mask\n"), "{out}");
 }
 
 /// Of two PNGs there is the number that other tools have: these are flip-evaluator 1.7's.

@@ -11,7 +11,7 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
     let Comparison { a, b, tolerance, .. } = comparison;
     for (name, side) in [("a", a), ("b", b)] {
         write!(out, "{name}: {}, {} x {}", side.file, side.width, side.height)?;
-        write_rest(side, out)?;
+        write_parts(side, out)?;
         write_census(side, out)?;
     }
     let equal = comparison.verdict == Verdict::Equal;
@@ -43,11 +43,9 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
 }
 
 /// What of the file isn't compared.
-fn write_rest(side: &Side, out: &mut dyn Write) -> io::Result<()> {
-    if let [compared, others @ ..] = side.parts.as_slice() {
-        write!(out, ", part `{compared}`, not `{}`", others.join("`, `"))?;
-    }
-    Ok(())
+fn write_parts(side: &Side, out: &mut dyn Write) -> io::Result<()> {
+    let [compared, others @ ..] = side.parts.as_slice() else { return Ok(()) };
+    write!(out, ", part `{compared}`, not `{}`", others.join("`, `"))
 }
 
 fn write_census(side: &Side, out: &mut dyn Write) -> io::Result<()> {

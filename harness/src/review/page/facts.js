@@ -3,7 +3,8 @@
 (() => {
   const NAMES = {
     "adapter.path": "path", "adapter.name": "adapter", "adapter.driver": "driver",
-    "adapter.software": "software", color_space: "colour space", because: "accepted because",
+    "adapter.software": "software", "exposures.start": "FLIP from", "exposures.stop": "FLIP to",
+    color_space: "colour space", because: "accepted because",
     accepted_by: "accepted by", accepted_at: "accepted at",
   };
   // What explains a difference comes first; what isn't named here follows as it is.
@@ -15,12 +16,13 @@
   // Hashes are recognised by their beginning; the whole is in the title.
   const short = (text) => (/^[0-9a-f]{40,}$/.test(text) ? text.slice(0, 12) : text);
 
-  const gate = ({ name, value, bound, note, place, passes }) => {
-    const times = value === null || !bound ? "" : `, ${numbers.rounded(value / bound)} × bound`;
+  const gate = ({ name, ratio, value, bound, note, place, passes }) => {
+    const number = typeof value === "number"; // else it is a word: NaN, inf
+    const times = number && bound ? `, ${numbers.rounded(value / bound)} × bound` : "";
     const row = element("li", { className: passes ? "passes" : "fails" },
       element("span", { className: "name" }, name),
       element("span", { className: "values" },
-        `${value === null ? "NaN" : numbers.rounded(value)} of ${numbers.rounded(bound)}`),
+        ratio ? "" : `${number ? numbers.rounded(value) : value} of ${numbers.rounded(bound)}`),
       element("span", { className: "margin" }, passes ? `passes${times}` : `fails${times}`));
     if (note) row.append(element("span", { className: "note" }, note));
     if (place) {
