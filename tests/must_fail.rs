@@ -541,7 +541,7 @@ fn goldens_that_are_missing_shifted_resized_or_corrupt() {
 
     let goldens = Goldens::open(folder.path());
     let accept = |because: &str| {
-        let pending = goldens.select("gradient").expect("it is pending");
+        let pending = goldens.select("gradient").expect("it is pending").frames;
         let because = because.to_owned();
         goldens
             .accept(&pending[0], &Acceptance { because, any_adapter: true, ..Default::default() })
@@ -594,7 +594,7 @@ fn a_frame_with_nan_is_not_accepted() {
     let (output, text) = planted(&["nan_frame", &folder_name], &[]);
     assert!(!output.status.success() && text.contains("512 pixels with NaN"), "{text}");
     let goldens = Goldens::open(folder.path());
-    let pending = goldens.select("gradient").expect("it is pending");
+    let pending = goldens.select("gradient").expect("it is pending").frames;
     let acceptance =
         Acceptance { because: "why".to_owned(), any_adapter: true, ..Default::default() };
     let error = goldens.accept(&pending[0], &acceptance).expect_err("it has NaN");
@@ -618,7 +618,7 @@ fn accepting_off_the_canonical_rasteriser_is_refused() {
     let (_, text) = golden_fault(folder.path(), &[("KARAT_PATHS", "gl")]);
     assert!(text.contains("has no golden"), "{text}");
     let goldens = Goldens::open(folder.path());
-    let pending = goldens.select("*").expect("it is pending");
+    let pending = goldens.select("*").expect("it is pending").frames;
     let acceptance = Acceptance { because: "why".to_owned(), ..Default::default() };
     let error = goldens.accept(&pending[0], &acceptance).expect_err("rendered on GL");
     assert!(error.to_string().contains("goldens are made on lavapipe"), "{error}");
@@ -631,7 +631,7 @@ fn a_golden_holds_at_another_vector_width() {
     let (_, text) = golden_fault(folder.path(), &[]);
     assert!(text.contains("has no golden"), "{text}");
     let goldens = Goldens::open(folder.path());
-    let pending = goldens.select("gradient").expect("it is pending");
+    let pending = goldens.select("gradient").expect("it is pending").frames;
     let acceptance =
         Acceptance { because: "why".to_owned(), any_adapter: true, ..Acceptance::default() };
     goldens.accept(&pending[0], &acceptance).expect("accepted");
@@ -642,7 +642,7 @@ fn a_golden_holds_at_another_vector_width() {
     // That the variable works shows in the name of the adapter, which a frame that is new has.
     let other = tempfile::tempdir().expect("a temporary folder");
     golden_fault(other.path(), &narrow);
-    let pending = Goldens::open(other.path()).select("gradient").expect("it is pending");
+    let pending = Goldens::open(other.path()).select("gradient").expect("it is pending").frames;
     let name = &pending[0].provenance.adapter.name;
     let lavapipe = open.is_some_and(|adapter| adapter.name.contains("llvmpipe"));
     assert!(!lavapipe || name.contains("128 bits"), "{name}");
@@ -655,7 +655,7 @@ fn a_golden_says_what_it_was_made_on() {
     let (_, text) = golden_fault(folder.path(), &[]);
     assert!(text.contains("has no golden"), "{text}");
     let goldens = Goldens::open(folder.path());
-    let pending = goldens.select("gradient").expect("it is pending");
+    let pending = goldens.select("gradient").expect("it is pending").frames;
     let acceptance =
         Acceptance { because: "why".to_owned(), any_adapter: true, ..Default::default() };
     goldens.accept(&pending[0], &acceptance).expect("accepted");

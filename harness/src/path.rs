@@ -18,7 +18,7 @@ use std::str::FromStr;
 use std::sync::OnceLock;
 
 pub(crate) use deadline::{Guard, guard};
-pub(crate) use device::Device;
+pub(crate) use device::{Device, Turn};
 
 use crate::diagnostic::nearest;
 

@@ -58,6 +58,7 @@ pub(super) fn render(
     let all = stages.iter().flat_map(|stage| stage.depth.iter().chain(&stage.color));
     let all: Vec<Binding> = all.cloned().collect();
     fixture::check_used(&all, frame.fixtures())?;
+    let _turn = device.turn();
     let mut resources: BTreeMap<(u32, u32), Resource> = BTreeMap::new();
     for (binding, fixture) in fixture::resolve(&all, frame.fixtures())? {
         let key = (binding.group, binding.binding);

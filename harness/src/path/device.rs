@@ -5,6 +5,8 @@ use std::sync::mpsc::RecvTimeoutError;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use parking_lot::{ReentrantMutex, ReentrantMutexGuard};
+
 use super::{Adapter, Path, PathError, guard};
 
 /// How long a poll's callback is waited for before polling again.
@@ -19,7 +21,12 @@ pub(crate) struct Device {
     pub(crate) queue: wgpu::Queue,
     color_format: wgpu::TextureFormat,
     pipelines: Mutex<HashMap<blake3::Hash, Arc<wgpu::ComputePipeline>>>,
+    /// `None`: threads needn't take turns.
+    turns: Option<ReentrantMutex<()>>,
 }
+
+/// What a thread holds while it is its turn. See [`Device::turn`].
+pub(crate) type Turn = Option<ReentrantMutexGuard<'static, ()>>;
 
 impl Device {
     pub(super) fn open(path: Path) -> Result<Self, PathError> {
@@ -79,7 +86,17 @@ impl Device {
             name: info.name,
             driver,
         };
-        Ok(Self { path, adapter, device, queue, color_format, pipelines: Mutex::default() })
+        let turns = (path == Path::Gl).then(ReentrantMutex::default);
+        let pipelines = Mutex::default();
+        Ok(Self { path, adapter, device, queue, color_format, pipelines, turns })
+    }
+
+    /// Waits until no other thread uses the device, where a driver serves one thread at a time: wgpu
+    /// panics in a thread that has waited for GL's context for six seconds, as on a busy machine it
+    /// may while another compiles. A turn is taken for whatever reaches the driver, the release of
+    /// resources included; not while other threads are waited for; and before a deadline begins.
+    pub(crate) fn turn(&'static self) -> Turn {
+        self.turns.as_ref().map(ReentrantMutex::lock)
     }
 
     pub(crate) fn path(&self) -> Path {
@@ -165,14 +182,16 @@ impl Device {
             .map_err(|error| PathError::Driver { path: self.path, message: error.to_string() })
     }
 
-    /// Copies the mapped contents of a read-back buffer. Unmaps it.
+    /// Copies the mapped contents of a read-back buffer. Unmaps it. It isn't this thread's turn while
+    /// `read` reads, which may wait for other threads.
     pub(crate) fn read_back<T>(
-        &self,
+        &'static self,
         buffer: &wgpu::Buffer,
         size: u64,
         read: impl FnOnce(&[u8]) -> T,
     ) -> Result<T, PathError> {
         let failed = |message: String| PathError::Driver { path: self.path, message };
+        let turn = self.turn();
         let (sender, receiver) = std::sync::mpsc::channel();
         let slice = buffer.slice(0..size);
         slice.map_async(wgpu::MapMode::Read, move |result| {
@@ -193,10 +212,12 @@ impl Device {
             }
         };
         mapped.map_err(|error| failed(error.to_string()))?;
+        drop(turn);
         let value = {
             let view = slice.get_mapped_range().map_err(|error| failed(error.to_string()))?;
             read(&view)
         };
+        let _turn = self.turn();
         buffer.unmap();
         Ok(value)
     }

@@ -1,12 +1,12 @@
 //! A kernel on a device: buffers, bind groups, dispatch and read-back.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use super::kernel::{ENTRY_POINT, Kernel, UNIFORM_WORDS, WORKGROUP};
 use super::{Inputs, ProbeError, Probed};
 use crate::fixture::{self, Fixtures, Resource};
-use crate::path::{Device, guard};
+use crate::path::{Device, Turn, guard};
 
 /// Results are set to this before a dispatch: a quiet NaN that no kernel computes, so a result
 /// that was never written can't be mistaken for a value.
@@ -31,6 +31,14 @@ pub(crate) struct Runner {
     words_in: usize,
     stride_out: usize,
     function: String,
+    /// The turn in which the fields above are released.
+    last: Turn,
+}
+
+impl Drop for Runner {
+    fn drop(&mut self) {
+        self.last = self.device.turn();
+    }
 }
 
 /// The fixtures of each group, with their binding numbers.
@@ -68,6 +76,7 @@ impl Runner {
         }
         let path = device.path();
         let name = function.path.clone();
+        let _turn = device.turn();
         let _deadline = guard(move || format!("compiling the probe of `{name}` on path {path}"));
         let pipeline = (kernel.inputs != Inputs::Constant)
             .then(|| compile(device, &function.path, &kernel.text))
@@ -127,6 +136,7 @@ impl Runner {
             words_in: kernel.words_in,
             stride_out,
             function: function.path.clone(),
+            last: None,
         })
     }
 
@@ -144,11 +154,7 @@ impl Runner {
             let (function, inputs) = (self.function.clone(), self.kernel.inputs);
             ProbeError::Inputs { function, inputs, reason }
         })?;
-        // One at a time: other threads wait for the compiler, too, and some drivers give up.
-        static COMPILING: Mutex<()> = Mutex::new(());
-        let turn = COMPILING.lock().unwrap_or_else(PoisonError::into_inner);
         let pipeline = compile(self.device, &self.function, &text)?;
-        drop(turn);
         let own = [None, Some(&self.results), Some(&self.batch)];
         bind(self.device, pipeline, &self.resources, self.kernel.first_binding, own)
     }
@@ -178,6 +184,7 @@ impl Runner {
         assert!(cases <= self.capacity, "a batch is no larger than the runner's capacity");
         assert_eq!(arguments.len(), cases * self.words_in, "each case has all its arguments");
         let (path, function) = (self.device.path(), self.function.clone());
+        let _turn = self.device.turn();
         let deadline = guard(move || {
             format!("the probe of `{function}` on path {path} ({cases} cases in one dispatch)")
         });
@@ -371,6 +378,32 @@ mod tests {
         let stale = probed(|text| text.replace("karat_batch.y ^ karat_case", "karat_case"));
         for result in run(&stale, 100) {
             assert!(matches!(result, Err(ProbeError::NotWritten { count: 100, .. })));
+        }
+    }
+
+    /// While another thread has its turn nothing of a probe reaches GL's driver, up to its release;
+    /// other drivers serve several threads at once.
+    #[test]
+    fn threads_take_turns_on_gl() {
+        use std::sync::mpsc::channel;
+        use std::time::Duration;
+        for device in crate::path::selected().expect("a path opens") {
+            let probed = probed(|text| text);
+            let turn = device.turn();
+            let (sender, done) = channel();
+            std::thread::scope(|scope| {
+                scope.spawn(|| {
+                    let ran = Runner::new(device, &probed, &Vec::new(), 1);
+                    sender.send(ran.is_ok()).expect("somebody listens");
+                });
+                let early = done.recv_timeout(Duration::from_millis(300));
+                let serial = device.path() == crate::Path::Gl;
+                assert!(!serial || early.is_err(), "it didn't wait for its turn");
+                drop(turn);
+                let late = early.or_else(|_| done.recv_timeout(Duration::from_secs(60)));
+                assert_eq!(late, Ok(true), "on {}", device.path());
+            });
+            assert!(run(&probed, 1).into_iter().all(|ran| ran.is_ok()));
         }
     }
 }
