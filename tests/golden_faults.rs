@@ -1,15 +1,17 @@
 //! Which faults the default tolerance of frames sees, and which changes it lets pass.
 //!
 //! Each is planted in one scene of the host's: spheres with highlights on a chequered floor with
-//! their shadows, 640 x 360 pixels in HDR. The table goes to `target/karat/golden-faults.md`.
+//! their shadows, 640 x 360 pixels in HDR; once as it is and once with noise. The table goes to `target/karat/golden-faults.md`.
 
 use std::fmt::Write as _;
 use std::ops::RangeInclusive;
 
 use glam::DVec3;
 use karat::{
-    Criterion, DEFAULT_RELATIVE, Flip, FrameTolerance, Gate, Image, Metric, Pair, Precision,
+    Criterion, DEFAULT_RELATIVE, Flip, FrameTolerance, Gate, Image, Metric, Noise, Pair, Precision,
 };
+use rand_core::Rng;
+use rand_pcg::Pcg32;
 
 const WIDTH: u32 = 640;
 const HEIGHT: u32 = 360;
@@ -117,6 +119,47 @@ fn changed(image: &Image, change: impl Fn(u32, u32, &mut [f32; 4])) -> Image {
     changed
 }
 
+/// What 64 samples of a light of 1 have as their mean, and its variance, for each pixel. Half of the
+/// samples are in shadow, the others exponential.
+fn noise(seed: u64) -> Vec<[f32; 2]> {
+    let sample = |byte: usize| {
+        if byte < 128 { 0.0 } else { -2.0 * ((255.5 - byte as f32) / 128.0).ln() }
+    };
+    let samples: [f32; 256] = std::array::from_fn(sample);
+    let mut random = Pcg32::new(seed, 7);
+    let mut pixel = |_| {
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for byte in (0..16).flat_map(|_| random.next_u32().to_le_bytes()) {
+            let sample = samples[usize::from(byte)];
+            sum += sample;
+            squares += sample * sample;
+        }
+        let mean = sum / 64.0;
+        [mean, (squares / 64.0 - mean * mean).max(0.0) / 63.0]
+    };
+    (0..WIDTH * HEIGHT).map(&mut pixel).collect()
+}
+
+/// An image with that noise, and the variance of its pixels.
+fn noisy(image: &Image, noise: &[[f32; 2]]) -> (Image, Image) {
+    let pixel = |([r, g, b, a], [mean, variance]): (&[f32; 4], &[f32; 2])| {
+        let square = |light: &f32| light * light * variance;
+        ([r * mean, g * mean, b * mean, *a], [square(r), square(g), square(b), 0.0])
+    };
+    let (means, variances) = image.pixels().iter().zip(noise).map(pixel).unzip();
+    (Image::new(WIDTH, HEIGHT, means), Image::new(WIDTH, HEIGHT, variances))
+}
+
+/// Each value off by up to `amount` of itself, by chance.
+fn jittered(image: &Image, amount: f32) -> Image {
+    let mut random = Pcg32::new(1, 3);
+    let mut jittered = image.clone();
+    for value in jittered.pixels_mut().iter_mut().flat_map(|pixel| &mut pixel[..3]) {
+        *value *= 1.0 + amount * (random.next_u32() as f32 / 2.0_f32.powi(31) - 1.0);
+    }
+    jittered
+}
+
 /// What should become of a change.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Verdict {
@@ -147,7 +190,13 @@ fn rows(golden: &Image) -> Vec<Row> {
         }
     };
     vec![
-        row("relative drift 1e-4", Verdict::Gate, 1.2e-3..=1.7e-3, scaled(golden, 1.0001)),
+        row(
+            "drift of up to 1e-4, by chance",
+            Verdict::Gate,
+            3.3e-4..=4.7e-4,
+            jittered(golden, 1e-4),
+        ),
+        row("everything 1e-4 brighter", Verdict::Gate, 1.2e-3..=1.7e-3, scaled(golden, 1.0001)),
         row(
             "rounding to half floats",
             Verdict::Gate,
@@ -194,6 +243,32 @@ fn rows(golden: &Image) -> Vec<Row> {
     ]
 }
 
+/// The changes in a golden and a frame that have noise of their own, judged by the variances of both:
+/// what is benign passes as noise, what is a fault is still one. No other criterion lets noise pass.
+fn under_noise(rows: &[Row], table: &mut String, complaints: &mut Vec<String>) {
+    let golden = &RIGHT.draw();
+    let [ours, theirs] = [3, 4].map(noise);
+    let (noisy_golden, variance) = noisy(golden, &ours);
+    for tolerance in [false, true].map(FrameTolerance::standard) {
+        if tolerance.compare(&noisy_golden, &noisy(golden, &theirs).0, None).is_ok() {
+            complaints.push(format!("noise passes by {tolerance}"));
+        }
+    }
+    let changes = rows.iter().map(|row| (row.name, row.verdict, &row.actual));
+    let no_change = [("another pattern of noise", Verdict::Gate, golden)];
+    for (name, verdict, actual) in no_change.into_iter().chain(changes) {
+        let (actual, actual_variance) = noisy(actual, &theirs);
+        let pair = Pair::new(&noisy_golden, &actual).expect("finite");
+        let found = Noise { golden: &variance, actual: &actual_variance }.measure(&pair);
+        let passes = found.value <= 1.0;
+        let shown = if passes { "Noise" } else { "Fault" };
+        writeln!(table, "| {name} | {:.2} | {shown} |", found.value).expect("text");
+        if passes == (verdict == Verdict::Fault) {
+            complaints.push(format!("{name}, under noise: {shown}, {found:?}"));
+        }
+    }
+}
+
 #[test]
 fn faults_are_seen_and_benign_changes_pass() {
     let golden = RIGHT.draw();
@@ -203,19 +278,22 @@ fn faults_are_seen_and_benign_changes_pass() {
         | change | pixels off by 1e-3 | largest tile | mean | verdict |\n|---|---|---|---|---|\n"
         .to_owned();
     let mut complaints = Vec::new();
-    for Row { name, verdict, tile, actual } in rows(&golden) {
-        let pair = Pair::new(&golden, &actual).expect("finite");
+    let rows = rows(&golden);
+    for Row { name, verdict, tile, actual } in &rows {
+        let pair = Pair::new(&golden, actual).expect("finite");
         // Of what the gate passes, too.
-        let measure = |flip: Flip| match Gate::default().passes(&pair) {
-            None => flip.measure(&pair).value,
+        let (largest, mean) = match Gate::default().passes(&pair) {
+            None => {
+                let measure = |flip: Flip| flip.measure(&pair).value;
+                (measure(Flip::LARGEST_TILE), measure(Flip::MEAN))
+            }
             Some(_) => {
-                let map = flip.whole(&pair).expect("computed");
-                if flip == Flip::MEAN { map.mean(&pair) } else { map.largest_tile(&pair).0 }
+                let map = Flip::MEAN.whole(&pair).expect("computed");
+                (map.largest_tile(&pair).0, map.mean(&pair))
             }
         };
-        let (largest, mean) = (measure(Flip::LARGEST_TILE), measure(Flip::MEAN));
         let off = Gate::default().outliers(&pair).map_or(0, |outliers| outliers.count);
-        let compared = [&own, &foreign].map(|tolerance| tolerance.compare(&golden, &actual, None));
+        let compared = [&own, &foreign].map(|tolerance| tolerance.compare(&golden, actual, None));
         let found = match compared.map(|margin| margin.map(|margin| margin.decided_by)) {
             [Ok(Criterion::Gate), _] => Verdict::Gate,
             [Ok(_), _] => Verdict::Flip,
@@ -223,11 +301,15 @@ fn faults_are_seen_and_benign_changes_pass() {
             [Err(_), Err(_)] => Verdict::Fault,
         };
         writeln!(table, "| {name} | {off} | {largest:.4} | {mean:.5} | {found:?} |").expect("text");
-        if found != verdict || !tile.contains(&largest) {
+        if found != *verdict || !tile.contains(&largest) {
             complaints
                 .push(format!("{name}: {found:?}, {largest}; expected {verdict:?}, {tile:?}"));
         }
     }
+    table += "\nThe same with noise of 64 samples in both, judged by their variances: the largest z of a \
+        tile over what noise alone has in a frame of a hundred.\n\n\
+        | change | z | verdict |\n|---|---|---|\n";
+    under_noise(&rows, &mut table, &mut complaints);
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/karat");
     std::fs::create_dir_all(&folder).expect("a folder of build output");
     std::fs::write(folder.join("golden-faults.md"), &table).expect("written");

@@ -1,9 +1,10 @@
 //! Whether two noisy images have the same expectation.
 //!
 //! Pixels of a path tracer differ from run to run by their noise. Means of tiles differ by far
-//! less, and by an amount that the variances of both images tell: Welch's z. Tiles are of two
-//! sizes, so that both a small fault and a faint one are seen; they overlap by half, so that none
-//! is cut in four by their edges; and Sidak's correction shares the significance among all of them.
+//! less, and by an amount that the variances of both images tell: Welch's z. Tiles are of several
+//! sizes, from 16 pixels to the frame, so that both a small fault and a faint one are seen; they
+//! overlap by half, so that none is cut in four by their edges; and Sidak's correction shares the
+//! significance among all of them.
 //!
 //! A change of light by some per cent is as much in the dark as in the bright, where the noise is.
 //! So pixels are weighed by the brightness around them, without their own: a weight that knew the
@@ -29,8 +30,8 @@ use crate::stats::{normal_critical, sidak};
 /// Pixels a side of the cells that tiles are made of: half of the smaller tile.
 const CELL: u32 = 8;
 
-/// Cells a side of the tiles: 16 and 48 pixels.
-const SIDES: [u32; 2] = [2, 6];
+/// Cells a side of the tiles: 16, 48 and 144 pixels. One more is the frame.
+const SIDES: [u32; 3] = [2, 6, 18];
 
 /// How likely noise alone fails a frame.
 const SIGNIFICANCE: f64 = 0.01;
@@ -135,9 +136,10 @@ impl Noise<'_> {
                 .filter(move |start| *start == 0 || start + half < cells)
         };
         let mut tiles = Vec::new();
-        for side in SIDES {
-            let places = starts(side / 2, rows)
-                .flat_map(|row| starts(side / 2, columns).map(move |column| (column, row)));
+        for side in SIDES.into_iter().chain([columns.max(rows)]) {
+            let half = side.div_ceil(2).max(1);
+            let places = starts(half, rows)
+                .flat_map(|row| starts(half, columns).map(move |column| (column, row)));
             for (column, row) in places {
                 let (right, bottom) = ((column + side).min(columns), (row + side).min(rows));
                 let mut sum = Sum::default();
@@ -268,10 +270,11 @@ mod tests {
     /// The mean of 64 samples a pixel, and its variance. Half of the samples are in shadow, the
     /// others exponential: of 1.7 times their mean in deviation.
     fn rendered(seed: u64) -> (Image, Image) {
-        let sample = |byte: usize| {
-            if byte < 128 { 0.0 } else { -2.0 * ((255.5 - byte as f32) / 128.0).ln() }
-        };
+        let sample =
+            |byte: usize| if byte < 128 { 0.0 } else { -((255.5 - byte as f32) / 128.0).ln() };
         let samples: [f32; 256] = std::array::from_fn(sample);
+        let mean = samples.iter().sum::<f32>() / 256.0;
+        let samples = samples.map(|sample| sample / mean);
         let mut random = Pcg32::new(seed, 7);
         let mut pixel = |index: u32| {
             let (mut sum, mut squares) = (0.0, 0.0);
