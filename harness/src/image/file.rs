@@ -38,7 +38,7 @@ pub(super) fn found(bytes: &[u8]) -> &'static str {
     match known {
         Some((_, name)) => name,
         None if bytes.is_empty() => "empty",
-        None => "something else",
+        None => "of a format that isn't known",
     }
 }
 

@@ -54,7 +54,7 @@ pub(super) fn decode(
             .filter(|offset| *offset > file.tables)
             .and_then(|offset| bytes.get(offset..))
             .map(|rest| Bytes { rest })
-            .ok_or_else(|| of("its table points to nowhere".to_owned()))?;
+            .ok_or_else(|| of("its table of chunks points to nowhere".to_owned()))?;
         let data = found(&mut chunk, file.numbered.then_some(index), place, block.bytes(part))
             .map_err(of)?;
         each(block, &decompress(part, &header, data, block).map_err(of)?);
@@ -104,23 +104,29 @@ fn found<'a>(
     place: Place,
     longest: usize,
 ) -> Result<&'a [u8], String> {
-    let numbered = part.is_none_or(|part| i32::try_from(part).is_ok_and(|p| chunk.i32() == Ok(p)));
+    let mut number = || chunk.i32().map_err(|_| "it ends in the middle of a chunk");
+    let numbered = match part {
+        None => true,
+        Some(part) => i32::try_from(part) == Ok(number()?),
+    };
     let here = match place {
-        Place::Row(row) => i64::from(chunk.i32()?) == row,
+        Place::Row(row) => i64::from(number()?) == row,
         Place::Tile(column, row) => {
             // The last two are the level.
-            [chunk.i32()?, chunk.i32()?, chunk.i32()?, chunk.i32()?] == [column, row, 0, 0]
+            [number()?, number()?, number()?, number()?] == [column, row, 0, 0]
         }
     };
+    let length = number()?;
     if !numbered || !here {
-        return Err("its table points to another chunk or to none".to_owned());
+        return Err("its table of chunks points to another chunk or to none".to_owned());
     }
-    let length = chunk.i32()?;
     usize::try_from(length)
         .ok()
         .filter(|length| (1..=longest).contains(length))
         .and_then(|length| chunk.take(length).ok())
-        .ok_or_else(|| format!("it has {length} bytes in a chunk, for {longest} bytes of pixels"))
+        .ok_or_else(|| {
+            format!("it announces {length} bytes in a chunk, for {longest} bytes of pixels")
+        })
 }
 
 /// What the codecs want to know of a part.
@@ -157,7 +163,8 @@ fn decompress(
     data: &[u8],
     block: Block,
 ) -> Result<Vec<u8>, String> {
-    let failed = |reason: &str| format!("its pixels can't be decompressed: {reason}");
+    let codec = name(part.compression);
+    let failed = |reason: &str| format!("its pixels can't be decompressed by {codec}: {reason}");
     // A block of the full length is stored as it is.
     if data.len() < block.bytes(part) {
         match part.compression {
@@ -177,8 +184,37 @@ fn decompress(
     }));
     match decoded {
         Ok(Ok(pixels)) => Ok(pixels),
-        Ok(Err(Error::Invalid(reason) | Error::NotSupported(reason))) => Err(failed(&reason)),
+        Ok(Err(Error::Invalid(reason) | Error::NotSupported(reason))) => {
+            Err(failed(unwrapped(&reason)))
+        }
         Ok(Err(error)) => Err(failed(&error.to_string())),
         Err(_) => Err(failed("the decoder panicked")),
+    }
+}
+
+/// What a codec says, without the words that the crate puts around it. Some of it isn't a reason.
+fn unwrapped(message: &str) -> &str {
+    let inside = message.split_once("(invalid: ").and_then(|(_, inside)| inside.strip_suffix(')'));
+    match inside.unwrap_or(message) {
+        "compressed data" | "compression data" => "the data are damaged",
+        "decompressed data" => "they have another length",
+        reason => reason,
+    }
+}
+
+/// As OpenEXR calls them.
+fn name(compression: Compression) -> &'static str {
+    match compression {
+        Compression::Uncompressed => "none",
+        Compression::RLE => "RLE",
+        Compression::ZIP1 => "ZIPS",
+        Compression::ZIP16 => "ZIP",
+        Compression::PIZ => "PIZ",
+        Compression::PXR24 => "PXR24",
+        Compression::B44 => "B44",
+        Compression::B44A => "B44A",
+        Compression::DWAA(_) => "DWAA",
+        Compression::DWAB(_) => "DWAB",
+        _ => "a codec that isn't read",
     }
 }

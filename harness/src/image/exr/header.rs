@@ -134,7 +134,7 @@ impl FileHeader {
             ));
         }
         if entries > rest / 8 {
-            return Err(format!("its header announces {entries} chunks, but it ends before"));
+            return Err(format!("its header announces {entries} chunks, but the file ends before"));
         }
         Ok(())
     }
@@ -203,7 +203,7 @@ impl Attributes {
             Some("deepscanline" | "deeptile") => {
                 return Err("it holds deep data, which isn't read".to_owned());
             }
-            Some(kind) => return Err(format!("it has a part of type `{}`", shown(kind))),
+            Some(kind) => return Err(format!("it has a part of unknown type `{}`", shown(kind))),
             None => tiled,
         };
         let (blocks, chunks) = if tiled {
