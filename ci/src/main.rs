@@ -27,11 +27,11 @@ struct Cli {
 
 const EXAMPLES: &str = "\
 Examples:
-  cargo ci setup           make sure Vulkan and GL open; install Mesa if they don't
-  cargo ci demo            from a fresh clone to verdicts on every path
-  cargo ci lint            the quick half of CI, before a commit
-  cargo ci test            all of CI, before a push
-  cargo ci bench -- probe  the benchmarks whose name contains `probe`
+  cargo ci setup            make sure Vulkan and GL open; install Mesa if they don't
+  cargo ci demo             from a fresh clone to verdicts on every path
+  cargo ci lint             the quick half of CI, before a commit
+  cargo ci test             all of CI, before a push
+  cargo ci bench -- frames  the benchmarks whose name contains `frames`
 
 No GPU is needed: Mesa's lavapipe (Vulkan) and llvmpipe (GL) run on the processor.";
 

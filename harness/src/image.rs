@@ -6,6 +6,7 @@ mod file;
 mod png;
 
 use half::f16;
+use half::slice::HalfFloatSliceExt;
 
 pub use self::error::{ImageError, ImageFormat};
 pub use self::exr::{ExrFile, Part, Precision};
@@ -68,12 +69,18 @@ impl Image {
     /// The image that a file of this precision gives back.
     #[must_use]
     pub fn rounded_to(&self, precision: Precision) -> Self {
-        let round = |value: &f32| match precision {
-            Precision::Half => f16::from_f32(*value).to_f32(),
-            Precision::Float => *value,
-        };
-        let pixels = self.pixels.iter().map(|pixel| pixel.each_ref().map(round)).collect();
-        Self { pixels, ..*self }
+        let mut rounded = self.clone();
+        if precision == Precision::Half {
+            // As many as fit in the smallest cache: a slice is converted several times faster than
+            // its values one by one.
+            let mut halves = [f16::ZERO; 4096];
+            for values in rounded.pixels.as_flattened_mut().chunks_mut(halves.len()) {
+                let halves = &mut halves[..values.len()];
+                halves.convert_from_f32_slice(values);
+                halves.convert_to_f32_slice(values);
+            }
+        }
+        rounded
     }
 
     /// A hash of size and pixel bits.
@@ -189,6 +196,21 @@ mod tests {
         assert!(!a.relative_eq(&b, 0.0, 1e-3));
         assert!(a.abs_diff_eq(&b, 0.011));
         assert_ne!(a.hash(), b.hash());
+    }
+
+    #[test]
+    fn values_are_rounded_as_each_alone() {
+        let values = (0..5000).map(|i| (i as f32 - 2500.0) * 1.37_f32.powi(i % 61 - 40));
+        let odd = [0.0, -0.0, 65_504.0, 65_519.9, 65_520.0, 7e4, -1e9, 3e-8, 2.9e-8, 6.1e-5];
+        let values: Vec<f32> = values.chain(odd).chain([0.5; 2]).collect();
+        let pixels = values.as_chunks().0.to_vec();
+        let image = Image::new(values.len() as u32 / 4, 1, pixels);
+        let rounded = image.rounded_to(Precision::Half);
+        for (value, rounded) in values.iter().zip(rounded.pixels().as_flattened()) {
+            let expected = f16::from_f32_const(*value).to_f32_const();
+            assert_eq!(rounded.to_bits(), expected.to_bits(), "{value:e}");
+        }
+        assert_eq!(image.rounded_to(Precision::Float), image);
     }
 
     #[test]

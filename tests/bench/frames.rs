@@ -3,7 +3,7 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use karat::{ExposureRange, Flip, FrameTolerance, Gate, Image, Pair, Precision};
+use karat::{ExposureRange, Flip, FrameTolerance, Gate, Image, Metric, Noise, Pair, Precision};
 
 use super::{Spread, spawn};
 
@@ -94,11 +94,17 @@ fn measure() {
         let pair = pair(&golden, &hole).with_exposures(exposures);
         assert!(Flip::LARGEST_TILE.whole(&pair).expect("computed").largest_tile(&pair).0 > 0.01);
     };
+    // Of a deviation that explains the drift.
+    let variance = Image::new(WIDTH, HEIGHT, vec![[1e-4, 1e-4, 1e-4, 0.0]; golden.pixels().len()]);
+    let noise = || {
+        let noise = Noise { golden: &variance, actual: &variance };
+        assert!(noise.measure(&pair(&golden, &drifted)).value <= 1.0);
+    };
     let round = || drop(black_box(golden.rounded_to(Precision::Half)));
     let write = || golden.write_exr(&file, Precision::Half, None).expect("written");
     let reread = || drop(black_box(Image::read_exr(&file).expect("readable")));
     type Task<'a> = (&'a str, &'a dyn Fn(), usize);
-    let tasks: [Task<'_>; 10] = [
+    let tasks: [Task<'_>; 11] = [
         ("both images read once", &read, 15),
         ("equal: bits, finiteness", &equal, 15),
         ("drift of 1e-4: the gate passes", &passes, 15),
@@ -106,6 +112,7 @@ fn measure() {
         ("1 % everywhere: all outliers", &outliers, 15),
         ("FLIP of the hole", &cropped, 9),
         ("FLIP of all pixels", &whole, 3),
+        ("noise by tiles", &noise, 5),
         ("rounded to half floats", &round, 9),
         ("EXR written", &write, 3),
         ("EXR read", &reread, 5),

@@ -20,17 +20,30 @@ use self::bare::Bare;
 /// Repetitions of what starts a process.
 const STARTS: usize = 9;
 
+/// What is measured, by name.
+const BENCHMARKS: [(&str, fn()); 5] = [
+    ("starts", starts),
+    ("throughput", throughput),
+    ("samplers", samplers),
+    ("memory", memory),
+    ("frames", frames::run),
+];
+
 fn main() {
-    let arguments: Vec<String> = std::env::args().collect();
-    match arguments.get(1).map(String::as_str) {
-        Some("--child") => child(&arguments[2]),
-        _ => {
-            starts();
-            throughput();
-            samplers();
-            memory();
-            frames::run();
-        }
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    if arguments.first().is_some_and(|first| first == "--child") {
+        return child(&arguments[1]);
+    }
+    // Cargo itself adds `--bench`.
+    let parts: Vec<&String> = arguments.iter().filter(|part| !part.starts_with('-')).collect();
+    let asked = |name: &str| parts.is_empty() || parts.iter().any(|part| name.contains(*part));
+    let chosen: Vec<_> = BENCHMARKS.into_iter().filter(|(name, _)| asked(name)).collect();
+    if chosen.is_empty() {
+        eprintln!("no benchmark has such a name; there are {}", BENCHMARKS.map(|b| b.0).join(", "));
+        std::process::exit(2);
+    }
+    for (_, run) in chosen {
+        run();
     }
 }
 
@@ -42,8 +55,6 @@ fn child(task: &str) {
                 .over((UnitRgb, 0.0..=1.0))
                 .agrees_with(fresnel::schlick, Ulp(11.0));
         }
-        "samplers" => samplers(),
-        "frames" => frames::run(),
         "one_frame" => {
             frames::compare_one();
             print!("{}", peak_memory());
