@@ -36,8 +36,8 @@ const SIDES: [u32; 3] = [2, 6, 18];
 /// How likely noise alone fails a frame.
 const SIGNIFICANCE: f64 = 0.01;
 
-/// What is darker than this share of the golden's key weighs no more than that: it is black on a
-/// screen, where middle grey is 45 steps of 8 bits above black.
+/// What is darker than this share of the golden's key weighs no more than that. With the key at middle
+/// grey it is 6 of the 255 steps of a screen: noise below hardly shows, and must not outweigh the rest.
 const BLACK: f64 = 0.01;
 
 /// The largest z of a tile's mean, of any channel, over what noise alone reaches in one frame of a
