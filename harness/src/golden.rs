@@ -10,6 +10,7 @@ mod lock;
 mod message;
 mod parts;
 mod pending;
+mod place;
 mod profile;
 mod provenance;
 mod reference;
@@ -18,11 +19,13 @@ mod tolerance;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use half::f16;
+
 pub use acceptance::{AcceptError, Acceptance, Accepted};
 pub use compare::{Deviation, FrameDifference, FrameMargin};
 pub(crate) use parts::{COLOR, MASK, VARIANCE};
-pub(crate) use pending::build_output;
 pub use pending::{Pending, PendingFrames, Unusable};
+pub(crate) use place::{build_output, in_ci};
 pub use profile::Profile;
 pub use provenance::{FrameFinding, Provenance, ProvenanceError};
 pub use tolerance::{Criterion, CriterionMargin, FrameTolerance};
@@ -32,7 +35,7 @@ use self::pending::Against;
 use self::reference::{Reference, ReferenceError};
 use crate::diagnostic::shown;
 use crate::image::{Image, ImageError, Part, Precision};
-use crate::metric::{Mask, MaskError};
+use crate::metric::{Gate, Mask, MaskError};
 use crate::path::Adapter;
 
 /// A folder of goldens.
@@ -77,10 +80,19 @@ pub(crate) struct Rendered<'a> {
 }
 
 impl Rendered<'_> {
+    fn gate(&self) -> Gate {
+        self.tolerance.and_then(FrameTolerance::first_gate).unwrap_or_default()
+    }
+
     /// How it is stored: half floats, unless their rounding could be taken for a difference.
     fn precision(&self) -> Precision {
-        let gate = self.tolerance.and_then(FrameTolerance::first_gate).unwrap_or_default();
-        gate.precision_for(self.image, self.mask)
+        self.gate().precision_for(self.image, self.mask)
+    }
+
+    /// Whether half floats hide what its tolerance wouldn't, whatever the golden is stored in. Only
+    /// then it is worth a look at all pixels: by what is above, an ordinary frame is rounded by less.
+    fn asks_for_floats(&self) -> bool {
+        self.gate().relative < f16::EPSILON.to_f32() && self.precision() == Precision::Float
     }
 }
 
@@ -105,9 +117,8 @@ pub enum GoldenError {
         arguments: String,
     },
     /// The golden can't be read. It isn't overwritten.
-    #[error(
-        "the golden of frame `{case}` can't be used: {source}; restore it from version control"
-    )]
+    #[error("the golden of frame `{case}` can't be used: {source}{}",
+        if matches!(source, ImageError::Corrupt { .. }) { "; restore it from version control" } else { "" })]
     Unreadable {
         /// The golden.
         case: String,
@@ -137,6 +148,19 @@ pub enum GoldenError {
         pending: String,
         /// What to do when one has looked at it.
         advice: String,
+    },
+    /// There is no golden yet, and the frame can't become one.
+    #[error(
+        "frame `{case}` has no golden and can't become one: {difference}\n  look at `{pending}`, and \
+         mend the shader"
+    )]
+    Unacceptable {
+        /// The golden.
+        case: String,
+        /// What is wrong.
+        difference: Box<FrameDifference>,
+        /// The frame that was rendered.
+        pending: String,
     },
     /// The mask can't be used.
     #[error("frame `{case}` can't be compared: {source}")]
@@ -219,7 +243,7 @@ impl Goldens {
         let golden = match Reference::read(&file, frame.variance.is_some()) {
             Ok(golden) => golden,
             Err(ReferenceError::Image(ImageError::Missing { .. })) => {
-                return Err(self.missing(case, &file, frame));
+                return Err(self.missing(case, frame));
             }
             Err(ReferenceError::Image(source)) => {
                 return Err(GoldenError::Unreadable { case: case.to_owned(), source });
@@ -248,19 +272,29 @@ impl Goldens {
     }
 
     /// A frame that has no golden. One with NaN is wrong with and without.
-    fn missing(&self, case: &str, file: &Path, frame: &Rendered<'_>) -> GoldenError {
+    fn missing(&self, case: &str, frame: &Rendered<'_>) -> GoldenError {
         let tolerance = frame.tolerance.cloned().unwrap_or_default();
         let against = Against { tolerance: tolerance.to_string(), ..Against::default() };
         let terms = Terms { mask: frame.mask, ..Terms::of(&tolerance) };
         if let Err(difference) = compare::compare(frame.image, frame.image, &terms) {
+            let case = case.to_owned();
+            if let FrameDifference::Mask(source) = difference {
+                return GoldenError::Mask { case, source };
+            }
             let finding = Some(FrameFinding::from(&difference));
-            return self.differs(case, frame, file, &Against { finding, ..against }, difference);
+            return match self.write_pending(&case, frame, &Against { finding, ..against }) {
+                Ok(pending) => {
+                    let (difference, pending) = (Box::new(difference), shown(&pending.path));
+                    GoldenError::Unacceptable { case, difference, pending }
+                }
+                Err(source) => unwritten(&case, &difference.to_string(), source),
+            };
         }
         match self.write_pending(case, frame, &against) {
             Ok(pending) => GoldenError::Missing {
                 case: case.to_owned(),
                 pending: shown(&pending.path),
-                arguments: pending.accept_arguments(),
+                arguments: pending.accept_arguments() + &self.arguments(),
             },
             Err(source) => unwritten(case, "it has no golden", source),
         }
@@ -284,12 +318,13 @@ impl Goldens {
         if let FrameDifference::Mask(source) = difference {
             return GoldenError::Mask { case: case.to_owned(), source };
         }
-        let (advice, pending) = if frame.known_issue {
+        let known = frame.known_issue && matches!(difference, FrameDifference::Values(_));
+        let (advice, pending) = if known {
             // What is known to differ isn't to be decided about.
             (String::new(), None)
         } else {
             match self.write_pending(case, frame, against) {
-                Ok(pending) => (advice(&pending, &difference, golden), Some(pending)),
+                Ok(pending) => (self.advice(&pending, &difference, golden), Some(pending)),
                 Err(source) => return unwritten(case, &difference.to_string(), source),
             }
         };
@@ -299,20 +334,24 @@ impl Goldens {
     }
 }
 
-/// What to do with a frame that differs.
-fn advice(pending: &Pending, difference: &FrameDifference, golden: &Path) -> String {
-    if matches!(difference, FrameDifference::NonFinite(_)) {
-        return "and mend the shader: nothing could ever agree with such a frame".to_owned();
+impl Goldens {
+    /// What to do with a frame that differs.
+    fn advice(&self, pending: &Pending, difference: &FrameDifference, golden: &Path) -> String {
+        if matches!(difference, FrameDifference::NonFinite(_)) {
+            return "and mend the shader: nothing could ever agree with such a frame".to_owned();
+        }
+        let Pending { case, provenance, .. } = pending;
+        if provenance.finding.as_ref().is_some_and(|finding| finding.base_passes) {
+            return format!(
+                "then delete `{}` with its `.toml` and run the test again: the golden for all passes",
+                shown(golden)
+            );
+        }
+        let (arguments, place) = (pending.accept_arguments(), self.arguments());
+        format!(
+            "then `karat accept {case}{arguments}{place} --because \"...\"` or `karat reject {case}{place}`"
+        )
     }
-    let Pending { case, provenance, .. } = pending;
-    if provenance.finding.as_ref().is_some_and(|finding| finding.base_passes) {
-        return format!(
-            "then delete `{}` with its `.toml` and run the test again: the golden for all passes",
-            shown(golden)
-        );
-    }
-    let arguments = pending.accept_arguments();
-    format!("then `karat accept {case}{arguments} --because \"...\"` or `karat reject {case}`")
 }
 
 /// Whether this can name a golden: it leaves no folder, on any system.

@@ -62,7 +62,7 @@ impl Memory {
         let stem = exe.file_stem()?.to_string_lossy().into_owned();
         let target = stem.rsplit_once('-').map_or(&*stem, |(name, _)| name);
         let folder = Path::new(&package).join(".karat").join("failures").join(target);
-        let ci = std::env::var_os("CI").is_some_and(|value| !value.is_empty());
+        let ci = crate::golden::in_ci();
         // Under an overlay it is the overlay's module that fails.
         let writable = !ci && crate::package::overlay().is_none();
         Some(Self::read(folder.join(format!("{}.txt", file_name(&identity.test))), writable))

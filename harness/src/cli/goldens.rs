@@ -1,5 +1,6 @@
 //! `karat pending`, `accept` and `reject`
 
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -199,12 +200,16 @@ pub(super) fn report(unusable: &[Unusable]) -> anyhow::Result<()> {
 }
 
 fn write_table(pending: &[Pending], out: &mut dyn Write) -> std::io::Result<()> {
-    let mut table = Table::new(&["frame", "golden", "size", "rendered on"], &[]);
+    let folder = |pending: &Pending| pending.provenance.folder.clone();
+    let several = pending.windows(2).any(|pair| folder(&pair[0]) != folder(&pair[1]));
+    let head: &[&str] = &["frame", "golden", "size", "rendered on", "goldens"];
+    let mut table = Table::new(&head[..if several { 5 } else { 4 }], &[]);
     for pending in pending {
         let Pending { case, provenance, .. } = pending;
         let golden = if pending.is_new() { "none" } else { "differs" };
         let size = format!("{} x {}", provenance.width, provenance.height);
-        let cells = vec![case.clone(), golden.to_owned(), size, provenance.adapter.to_string()];
+        let mut cells = vec![case.clone(), golden.to_owned(), size, provenance.adapter.to_string()];
+        cells.extend(several.then(|| folder(pending)));
         table.row(DIM, cells);
     }
     table.write(out)
@@ -242,6 +247,16 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
     let artefact = args.from.open()?;
     let waiting = artefact.as_ref().map_or_else(|| goldens.clone(), Artefact::frames);
     let PendingFrames { frames, unusable } = select(&waiting, &args.frames)?;
+    // What a CI run left may be of several folders of goldens.
+    let (own, others): (Vec<_>, Vec<_>) =
+        frames.into_iter().partition(|pending| pending.is_of(&goldens));
+    if !own.is_empty() && !others.is_empty() {
+        let folders: BTreeSet<&str> =
+            others.iter().map(|pending| pending.provenance.folder.as_str()).collect();
+        let folders = folders.into_iter().collect::<Vec<_>>().join("`, `");
+        writeln!(anstream::stderr(), "note: frames of `{folders}` aren't looked at")?;
+    }
+    let frames = if own.is_empty() { others } else { own };
     let acceptance = Acceptance {
         because: args.because.clone(),
         by: args.by.clone(),

@@ -27,7 +27,7 @@ impl Frame<'_> {
             Err(error) => {
                 let differs = matches!(error, FrameError::UnexpectedPass { .. })
                     || matches!(error, FrameError::Golden { source, .. }
-                        if matches!(**source, GoldenError::Differs { .. }));
+                        if matches!(**source, GoldenError::Differs { .. } | GoldenError::Unacceptable { .. }));
                 let verdict = if differs { Verdict::Fail } else { Verdict::Error };
                 (verdict, Some(error.to_string()))
             }
@@ -122,7 +122,11 @@ impl Frame<'_> {
                     }
                     paths.push((adapter.clone(), margin));
                 }
-                Err(GoldenError::Differs { difference, .. }) if entry.known_issue.is_some() => {
+                // A frame with NaN or of another size is another bug than the one that is known.
+                Err(GoldenError::Differs { difference, .. })
+                    if entry.known_issue.is_some()
+                        && matches!(*difference, FrameDifference::Values(_)) =>
+                {
                     entry.failures = outliers(&difference);
                     known_issues.push(KnownIssue {
                         adapter: adapter.clone(),
@@ -134,6 +138,11 @@ impl Frame<'_> {
                 }
                 Err(source) => {
                     entry.failures = failures(&source);
+                    if let GoldenError::Differs { difference, .. } = &source
+                        && let FrameDifference::Values(deviation) = &**difference
+                    {
+                        (entry.worst, entry.ratio) = deviation.worst_margin();
+                    }
                     records.push(entry);
                     return Err(FrameError::Golden {
                         adapter: Box::new(adapter.clone()),

@@ -104,6 +104,14 @@ pub enum AcceptError {
         /// Why.
         source: ProvenanceError,
     },
+    /// The frame was compared with goldens of another folder.
+    #[error("`{case}` was compared with goldens of `{folder}`: name them with --golden {folder}")]
+    Elsewhere {
+        /// The golden.
+        case: String,
+        /// The folder, from the project's root.
+        folder: String,
+    },
     /// A pending file isn't where its own metadata says.
     #[error("`{path}` says that it is frame `{case}`; delete it and run its test again")]
     Misplaced {
@@ -187,6 +195,10 @@ impl Goldens {
         if because.is_empty() {
             return Err(AcceptError::NoReason(case));
         }
+        if !pending.is_of(self) {
+            let folder = pending.provenance.folder.clone();
+            return Err(AcceptError::Elsewhere { case, folder });
+        }
         // Between looking at the golden and replacing it nobody else does so.
         let _lock = lock(&self.folder())?;
         let ExrFile { parts, .. } = match ExrFile::read(&pending.path) {
@@ -219,6 +231,7 @@ impl Goldens {
         }
         self.unchanged(pending)?;
         let provenance = Provenance {
+            folder: String::new(),
             compared_with: String::new(),
             compared_profile: String::new(),
             finding: None,

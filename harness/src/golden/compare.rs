@@ -137,6 +137,8 @@ pub struct Deviation {
     pub margins: Vec<CriterionMargin>,
     /// What HDR-FLIP looked at.
     pub exposures: ExposureRange,
+    /// Whether the golden pins it.
+    pub pinned: bool,
 }
 
 impl fmt::Display for FrameDifference {
@@ -284,6 +286,7 @@ fn judge(pair: &Pair<'_>, terms: &Terms<'_>) -> Result<FrameMargin, FrameDiffere
         sweep,
         margins,
         exposures: pair.exposures(),
+        pinned: terms.exposures.is_some() && terms.mask.is_none(),
     })))
 }
 

@@ -1,11 +1,19 @@
 //! One acceptance at a time in a folder of goldens, whichever processes ask.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use crate::diagnostic::shown;
 use crate::image::ImageError;
+
+/// How long an acceptance is waited for; it takes a second for a large frame.
+const PATIENCE: Duration = Duration::from_secs(30);
+/// After this time whoever waits is told.
+const SILENT: Duration = Duration::from_secs(1);
+/// Between two looks.
+const PAUSE: Duration = Duration::from_millis(20);
 
 /// Waits for the folder's lock, which is given back when the file is dropped.
 ///
@@ -20,8 +28,24 @@ pub(super) fn lock(folder: &Path) -> Result<File, ImageError> {
         opened => opened,
     };
     let opened = opened.map_err(failed)?;
-    opened.lock().map_err(failed)?;
-    Ok(opened)
+    let (begun, mut told) = (Instant::now(), false);
+    loop {
+        match opened.try_lock() {
+            Ok(()) => return Ok(opened),
+            Err(TryLockError::Error(error)) => return Err(failed(error)),
+            Err(TryLockError::WouldBlock) if begun.elapsed() > PATIENCE => {
+                let reason = "another acceptance has held this lock for 30 seconds; end it";
+                return Err(failed(Error::new(ErrorKind::TimedOut, reason)));
+            }
+            Err(TryLockError::WouldBlock) => {
+                if !told && begun.elapsed() > SILENT {
+                    eprintln!("note: waiting for another acceptance (`{}`)", shown(&file));
+                    told = true;
+                }
+                std::thread::sleep(PAUSE);
+            }
+        }
+    }
 }
 
 fn place(folder: &Path) -> PathBuf {

@@ -7,6 +7,20 @@ use super::tolerance::{Criterion, CriterionMargin};
 use crate::tolerance::significant;
 
 impl Deviation {
+    /// The first bound that fails, in short: what was measured, and how many times the bound it is.
+    pub(crate) fn worst_margin(&self) -> (String, Option<f64>) {
+        let Some(margin) = self.margins.iter().find(|margin| !margin.passes()) else {
+            return (String::new(), None);
+        };
+        let value = match margin.criterion {
+            Criterion::Gate => {
+                format!("rel {}", significant(margin.value * f64::from(self.gate.relative)))
+            }
+            _ => format!("{} {}", margin.name, significant(margin.value)),
+        };
+        (value, Some(margin.ratio()).filter(|ratio| ratio.is_finite()))
+    }
+
     /// What is off and where, in a line.
     pub(super) fn summary(&self) -> String {
         let Self { outliers, pixels, bounds, worst, gate, .. } = self;
@@ -25,7 +39,8 @@ impl Deviation {
 /// The first line says what is off and where; each further line one thing more.
 impl fmt::Display for Deviation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { pixels, frame_pixels, worst, gate, sweep, margins, exposures, .. } = self;
+        let Self { pixels, frame_pixels, worst, gate, sweep, margins, exposures, pinned, .. } =
+            self;
         let relative = gate.relative;
         f.write_str(&self.summary())?;
         if pixels < frame_pixels {
@@ -50,7 +65,8 @@ impl fmt::Display for Deviation {
         }
         let flip = margins.iter().any(|margin| margin.criterion == Criterion::Flip);
         if flip {
-            write!(f, "\n  FLIP looked at {exposures}, as the golden has it")?;
+            let pinned = if *pinned { ", as the golden has it" } else { "" };
+            write!(f, "\n  FLIP looked at {exposures}{pinned}")?;
         }
         if worst.is_some() {
             write!(f, "\n  pixels off at a tolerance of")?;

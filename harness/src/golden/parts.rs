@@ -1,7 +1,9 @@
 //! The parts of a golden's file: the frame, and what else is known of its pixels.
 
+use std::io::{Error, ErrorKind};
 use std::path::Path;
 
+use crate::diagnostic::shown;
 use crate::image::{ExrFile, Image, ImageError, Part, Precision};
 use crate::metric::Mask;
 
@@ -19,6 +21,26 @@ impl ExrFile {
     pub fn mask(&self) -> Option<Mask> {
         let part = self.parts.iter().skip(1).find(|part| part.name == MASK)?;
         Some(Mask::image(part.image.clone()))
+    }
+}
+
+/// A golden or a pending frame is a file: a pipe would be waited for, and a link to nothing is no golden
+/// that was never made but one whose content isn't here.
+pub(super) fn check_file(path: &Path) -> Result<(), ImageError> {
+    let refused = |kind, what: &str| {
+        let source = Error::new(kind, what);
+        Err(ImageError::Read { path: shown(path), source })
+    };
+    match path.metadata() {
+        Ok(known) if !(known.is_file() || known.is_dir()) => {
+            refused(ErrorKind::InvalidInput, "it is neither a file nor a link to one")
+        }
+        Err(_) if path.symlink_metadata().is_ok() => {
+            let what = "it is a link to what isn't here; fetch its content";
+            refused(ErrorKind::InvalidInput, what)
+        }
+        // What else is wrong shows when it is read.
+        _ => Ok(()),
     }
 }
 

@@ -2,12 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use super::place::OVERLAID;
 use super::{AcceptError, FrameFinding, Goldens, Profile, Provenance, Rendered, parts};
 use crate::diagnostic::{nearest, shown};
 use crate::image::{ExrFile, Image, ImageError, Part};
-
-/// The folder of frames that were rendered under an overlay. No golden's name has an `@`.
-const OVERLAID: &str = "@overlay";
 
 /// What a frame was compared with, and what came of it.
 #[derive(Clone, Debug, Default)]
@@ -34,6 +32,13 @@ pub struct Pending {
 }
 
 impl Pending {
+    /// Whether it was compared with goldens of this folder; where nobody says, it may have been.
+    #[must_use]
+    pub fn is_of(&self, goldens: &Goldens) -> bool {
+        let (own, folder) = (goldens.key(), &self.provenance.folder);
+        own.is_empty() || folder.is_empty() || own == *folder
+    }
+
     /// The profile that rendered it.
     #[must_use]
     pub fn profile(&self) -> Profile {
@@ -92,15 +97,18 @@ impl PendingFrames {
         self.frames.is_empty() && self.unusable.is_empty()
     }
 
-    /// Of two files in a folder that say they are the same frame, neither is one.
+    /// Of two files in a folder that say they are the same frame of the same goldens, neither is one.
     fn without_doubles(mut self, folder: &Path) -> Self {
+        fn name(pending: &Pending) -> (&str, &str) {
+            (&pending.case, &pending.provenance.folder)
+        }
         let below = |path: &Path| shown(path.strip_prefix(folder).unwrap_or(path));
-        self.frames.sort_by(|a, b| (&a.case, &a.path).cmp(&(&b.case, &b.path)));
+        self.frames.sort_by(|a, b| (name(a), &a.path).cmp(&(name(b), &b.path)));
         let (mut single, mut doubles): (Vec<Pending>, Vec<Pending>) = Default::default();
-        for group in self.frames.chunk_by(|a, b| a.case == b.case) {
+        for group in self.frames.chunk_by(|a, b| name(a) == name(b)) {
             if group.len() == 1 { &mut single } else { &mut doubles }.extend_from_slice(group);
         }
-        for group in doubles.chunk_by(|a, b| a.case == b.case) {
+        for group in doubles.chunk_by(|a, b| name(a) == name(b)) {
             let [first, second, ..] = group else { continue };
             let reason = AcceptError::Twice {
                 case: first.case.clone(),
@@ -115,23 +123,6 @@ impl PendingFrames {
 }
 
 impl Goldens {
-    /// Where pending frames are written: beside their goldens or, with `CI` set, in the folder of
-    /// build output, as nothing may change the sources there. There, too, under an overlay: its
-    /// frames are to be looked at and not to be accepted.
-    fn pending_folder(&self) -> PathBuf {
-        let ci = std::env::var_os("CI").is_some_and(|value| !value.is_empty());
-        if self.beside {
-            self.folder()
-        } else if crate::package::overlay().is_some() {
-            // In what a CI run leaves, too, they aren't found among those that may be accepted.
-            build_output().join("karat").join(OVERLAID)
-        } else if ci {
-            build_output().join("karat/pending")
-        } else {
-            self.folder()
-        }
-    }
-
     pub(super) fn write_pending(
         &self,
         case: &str,
@@ -139,7 +130,8 @@ impl Goldens {
         against: &Against,
     ) -> Result<Pending, ImageError> {
         let path = self.pending_file(case);
-        let (provenance, parts) = frame.stored(case, against);
+        let (mut provenance, parts) = frame.stored(case, against);
+        provenance.folder = self.key();
         let metadata = Some(provenance.metadata());
         ExrFile { parts, metadata }.write(&path)?;
         Ok(Pending { case: case.to_owned(), path, provenance })
@@ -234,6 +226,7 @@ impl Goldens {
 /// A pending frame whose name is that of its file: names become the paths of goldens, and a file may
 /// come from somebody else's machine.
 fn named(path: &Path) -> Result<Pending, AcceptError> {
+    parts::check_file(path)?;
     let (_, metadata) = Image::read_exr(path)?;
     let metadata = metadata.ok_or_else(|| AcceptError::Foreign(shown(path)))?;
     let provenance = Provenance::parse(&metadata)
@@ -265,6 +258,7 @@ impl Rendered<'_> {
             adapter: self.adapter.clone(),
             processor: processor(),
             facts: self.facts.clone(),
+            folder: String::new(),
             compared_with: against.hash.clone(),
             compared_profile: against.profile.clone(),
             finding: against.finding.clone(),
@@ -279,15 +273,6 @@ impl Rendered<'_> {
         all.extend((self.aovs)());
         (provenance, all)
     }
-}
-
-/// Cargo's target folder, which it marks for backup programs; the folder above the profile's in
-/// one that Cargo didn't make, and so doesn't mark; the working directory if the test wasn't built by Cargo.
-pub(crate) fn build_output() -> PathBuf {
-    let exe = std::env::current_exe().unwrap_or_default();
-    let marked = exe.ancestors().find(|folder| folder.join("CACHEDIR.TAG").is_file());
-    let profile = || exe.ancestors().find(|folder| folder.join("deps").is_dir());
-    marked.or_else(|| profile()?.parent()).map_or_else(PathBuf::new, Path::to_path_buf)
 }
 
 /// Vendor and model of the processor, where the system tells.

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::compare::FrameDifference;
 use super::tolerance::{Criterion, CriterionMargin};
@@ -39,6 +40,9 @@ pub struct Provenance {
     /// What its author says of it, by name: the seed, samples a pixel.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub facts: BTreeMap<String, String>,
+    /// The folder of the goldens that a pending frame was compared with, from the project's root.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub folder: String,
     /// Pixels of the golden that this frame was compared with; empty if there was none.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub compared_with: String,
@@ -89,6 +93,11 @@ impl Provenance {
             schema: u32,
         }
         let damaged = |error: serde_json::Error| ProvenanceError::Damaged(error.to_string());
+        let all = serde_json::from_str(metadata).map_err(damaged)?;
+        if has_controls(&all) {
+            // They would reach the terminal of whoever lists what a stranger's CI run left.
+            return Err(ProvenanceError::Damaged("it has control characters".to_owned()));
+        }
         match serde_json::from_str(metadata).map_err(damaged)? {
             Version { schema } if schema > Self::SCHEMA => Err(ProvenanceError::Newer(schema)),
             _ => serde_json::from_str(metadata).map_err(damaged),
@@ -98,6 +107,19 @@ impl Provenance {
     /// As text for an EXR's attribute.
     pub(super) fn metadata(&self) -> String {
         serde_json::to_string(self).expect("provenance is plain data")
+    }
+}
+
+/// Whether a text has a control character other than those that break lines.
+fn has_controls(value: &Value) -> bool {
+    let controls = |text: &str| text.chars().any(|c| c.is_control() && !"\n\r\t".contains(c));
+    match value {
+        Value::String(text) => controls(text),
+        Value::Array(items) => items.iter().any(has_controls),
+        Value::Object(members) => {
+            members.iter().any(|(name, value)| controls(name) || has_controls(value))
+        }
+        _ => false,
     }
 }
 
@@ -197,6 +219,9 @@ mod tests {
     #[test]
     fn facts_of_another_version_or_shape_are_told_apart() {
         assert_eq!(Provenance::parse(r#"{"schema": 2}"#), Err(ProvenanceError::Newer(2)));
+        let escape = r#"{"schema": 1, "adapter": {"name": "\u001b[31mred"}}"#;
+        let error = Provenance::parse(escape).expect_err("a terminal's escape").to_string();
+        assert!(error.contains("it has control characters"), "{error}");
         for damaged in ["", "{}", "[]", r#"{"schema": "one"}"#, r#"{"schema": 1}"#] {
             let error = Provenance::parse(damaged).expect_err(damaged);
             assert!(matches!(error, ProvenanceError::Damaged(_)), "{damaged}: {error}");

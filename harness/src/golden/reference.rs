@@ -30,11 +30,17 @@ impl From<ImageError> for ReferenceError {
 
 impl Reference {
     pub(super) fn read(file: &Path, noisy: bool) -> Result<Self, ReferenceError> {
+        parts::check_file(file)?;
         let (image, metadata) = Image::read_exr(file)?;
         let provenance = metadata.as_deref().map(Provenance::parse).transpose();
         let provenance = provenance.map_err(ReferenceError::Provenance)?;
         let variance = if noisy { parts::read(file, parts::VARIANCE)? } else { None };
         Ok(Self { image, provenance, variance })
+    }
+
+    /// Another tool's is taken to be, to be on the safe side.
+    fn is_in_floats(&self) -> bool {
+        self.provenance.as_ref().is_none_or(|known| known.precision == Precision::Float)
     }
 
     pub(super) fn hash(&self) -> String {
@@ -62,10 +68,11 @@ impl Reference {
             exposures: self.provenance.as_ref().and_then(|known| known.exposures),
             noise: frame.variance.map(|actual| (self.variance.as_ref(), actual)),
         };
-        // A frame as this golden's file would hold it. Another tool's is taken to be in floats, to be
-        // on the safe side.
-        let precision = self.provenance.as_ref().map_or(Precision::Float, |known| known.precision);
-        match compare(&self.image, &frame.image.rounded_to(precision), &terms) {
+        if self.is_in_floats() || frame.asks_for_floats() {
+            return compare(&self.image, frame.image, &terms);
+        }
+        // A frame as this golden's file would hold it.
+        match compare(&self.image, &frame.image.rounded_to(Precision::Half), &terms) {
             // What half floats can't hold may be finite all the same.
             Err(FrameDifference::NonFinite(_)) => compare(&self.image, frame.image, &terms),
             compared => compared,

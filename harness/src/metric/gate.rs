@@ -16,15 +16,18 @@ pub const DEFAULT_RELATIVE: f32 = 1e-3;
 /// with rounding noise pass, and dark regions of a frame with bright ones are still compared.
 pub(super) const DARK: f32 = 1e-4;
 
+/// Alpha below this is compared as if it were this: what is a hundredth opaque isn't seen, and
+/// `1 - transmittance` leaves roundings there.
+const CLEAR: f32 = 0.01;
+
 /// Each channel within `relative` times the golden's value, or within `absolute`, whichever is
 /// more. Its value is the largest difference over what is allowed, so that 1 is its bound.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gate {
     /// Largest difference relative to the golden's value.
     pub relative: f32,
-    /// Largest difference of a colour however dark the golden is; `None`: `relative` times 1e-4 of
-    /// the golden's key. Alpha is no light, has no exposure that could hide a difference, and is
-    /// compared by `relative` alone.
+    /// Largest difference of a channel however dark the golden is; `None`: `relative` times 1e-4 of
+    /// the golden's key. Alpha is no light and knows no key: it may differ by `relative` of a hundredth.
     pub absolute: Option<f32>,
 }
 
@@ -70,10 +73,11 @@ impl Gate {
     /// which lets nothing pass, of bounds that bound nothing.
     fn bounds(&self, pair: &Pair<'_>) -> (Vec4, Vec4) {
         let floor = self.absolute.unwrap_or_else(|| self.relative * DARK * pair.key());
+        let alpha = self.absolute.unwrap_or(self.relative * CLEAR);
         if !(self.relative >= 0.0 && floor >= 0.0) {
             return (Vec4::NAN, Vec4::NAN);
         }
-        (Vec4::splat(self.relative), Vec4::new(floor, floor, floor, 0.0))
+        (Vec4::splat(self.relative), Vec4::new(floor, floor, floor, alpha))
     }
 
     /// The largest difference over what is allowed, if no pixel is out. The floor in the dark takes

@@ -181,7 +181,7 @@ pub enum MaskError {
         frame: (u32, u32),
     },
     /// A rectangle that isn't in the frame, or is empty.
-    #[error("the rectangle {rect:?} isn't a part of a frame of {width} x {height}")]
+    #[error("the rectangle {rect} isn't a part of a frame of {width} x {height}")]
     Outside {
         /// The rectangle.
         rect: Rect,

@@ -10,6 +10,10 @@
 //! So pixels are weighed by the brightness around them, without their own: a weight that knew the
 //! pixel's own noise would favour one side, wherever golden and frame have other numbers of samples.
 //!
+//! Pixels that changed places, as under a texture that is shifted, have the same mean. So the squares
+//! of a tile's differences are compared, too, with the variances: a chi-square of as many degrees of
+//! freedom as pixels matter in the sum.
+//!
 //! Measured on a scene of three decades of light, 640 x 360 pixels of 64 samples each: light that is
 //! 5 % more in 2 % of the frame fails 199 of 200 renderings, noise alone none of 200. Without the
 //! weights and the overlap it would fail 43 %, and none if pixels were judged one by one and 0.25 %
@@ -25,7 +29,7 @@ use super::mask::Rect;
 use super::pair::Pair;
 use super::{Measured, Metric};
 use crate::image::Image;
-use crate::stats::{normal_critical, sidak};
+use crate::stats::{chi_square_critical, normal_critical, sidak};
 
 /// Pixels a side of the cells that tiles are made of: half of the smaller tile.
 const CELL: u32 = 8;
@@ -36,12 +40,17 @@ const SIDES: [u32; 3] = [2, 6, 18];
 /// How likely noise alone fails a frame.
 const SIGNIFICANCE: f64 = 0.01;
 
+/// How many times the squares of differences may exceed what a chi-square allows: the variances are
+/// estimates from few samples that aren't normal.
+const SCATTER: f64 = 2.0;
+
 /// What is darker than this share of the golden's key weighs no more than that. With the key at middle
 /// grey it is 6 of the 255 steps of a screen: noise below hardly shows, and must not outweigh the rest.
 const BLACK: f64 = 0.01;
 
 /// The largest z of a tile's mean, of any channel, over what noise alone reaches in one frame of a
-/// hundred, so that 1 is its bound. What the default [`Gate`] allows isn't counted: rounding isn't
+/// hundred, so that 1 is its bound; or how far the pixels of a tile scatter, over twice what noise
+/// alone reaches, if that is more. What the default [`Gate`] allows isn't counted: rounding isn't
 /// noise.
 #[derive(Clone, Debug)]
 pub struct Noise<'a> {
@@ -57,6 +66,10 @@ struct Sum {
     difference: DVec3,
     slack: DVec3,
     variance: DVec3,
+    /// Squares of what of each pixel's difference isn't slack.
+    squares: DVec3,
+    /// Squares of the variances.
+    variances: DVec3,
     pixels: u32,
 }
 
@@ -65,6 +78,8 @@ impl Sum {
         self.difference += other.difference;
         self.slack += other.slack;
         self.variance += other.variance;
+        self.squares += other.squares;
+        self.variances += other.variances;
         self.pixels += other.pixels;
     }
 
@@ -74,9 +89,31 @@ impl Sum {
             let beyond = (self.difference[channel].abs() - self.slack[channel]).max(0.0);
             if beyond == 0.0 { 0.0 } else { beyond / self.variance[channel].sqrt() }
         });
-        // Not `f64::max`, which drops NaN.
-        z.fold(0.0, |worst, z| if z <= worst { worst } else { z })
+        z.fold(0.0, larger)
     }
+
+    /// How far the pixels of a channel scatter at most, over what is allowed.
+    fn scatter(&self, significance: f64) -> f64 {
+        let scatter = (0..3).map(|channel| {
+            let (squares, variance) = (self.squares[channel], self.variance[channel]);
+            let ratio = if squares == 0.0 { 0.0 } else { squares / variance };
+            if ratio <= SCATTER {
+                return ratio / SCATTER; // the critical value is above 1
+            }
+            // Of pixels whose variances differ only the larger ones matter.
+            let freedom = (variance * variance / self.variances[channel]).max(1.0);
+            if !freedom.is_finite() {
+                return f64::INFINITY;
+            }
+            ratio / (SCATTER * chi_square_critical(freedom, significance) / freedom)
+        });
+        scatter.fold(0.0, larger)
+    }
+}
+
+/// Not `f64::max`, which drops NaN.
+fn larger(worst: f64, value: f64) -> f64 {
+    if value <= worst { worst } else { value }
 }
 
 impl Noise<'_> {
@@ -89,9 +126,13 @@ impl Noise<'_> {
                 return Some(format!("the variance of the {name} is {width} x {height}"));
             }
             let sound = |pixel: &[f32; 4]| pixel[..3].iter().all(|v| *v >= 0.0 && v.is_finite());
-            if let Some(index) = image.pixels().iter().position(|pixel| !sound(pixel)) {
-                let (x, y) = pair.place(index);
-                return Some(format!("the variance of the {name} is no number at ({x}, {y})"));
+            let places = (0..).map(|index| pair.place(index)).zip(image.pixels());
+            let mut unsound = places.filter(|((x, y), p)| pair.counts(*x, *y) && !sound(p));
+            if let Some(((x, y), [red, green, blue, _])) = unsound.next() {
+                return Some(format!(
+                    "the variance of the {name} is {red}, {green}, {blue} at ({x}, {y}); each is a \
+                     finite number of at least 0"
+                ));
             }
         }
         None
@@ -114,10 +155,15 @@ impl Noise<'_> {
             }
             let (weight, light) = (surroundings.weight(index), colour(golden));
             let slack = (f64::from(DEFAULT_RELATIVE) * light.abs()).max(DVec3::splat(floor.into()));
+            let difference = weight * (colour(actual) - light);
+            let beyond = (difference.abs() - weight * slack).max(DVec3::ZERO);
+            let variance = weight * weight * (colour(vg) + colour(va));
             cells[(y / CELL * columns + x / CELL) as usize].add(&Sum {
-                difference: weight * (colour(actual) - light),
+                difference,
                 slack: weight * slack,
-                variance: weight * weight * (colour(vg) + colour(va)),
+                variance,
+                squares: beyond * beyond,
+                variances: variance * variance,
                 pixels: 1,
             });
         }
@@ -223,15 +269,25 @@ impl Metric for Noise<'_> {
             return Measured { note, ..Measured::of(f64::INFINITY) };
         }
         let tiles = self.tiles(pair);
-        let critical = normal_critical(sidak(SIGNIFICANCE, 3 * tiles.len() as u64));
-        let largest = tiles.iter().map(|(tile, sum)| (sum.z(), *tile));
-        let largest = largest.max_by(|a, b| a.0.total_cmp(&b.0));
-        let Some((z, place)) = largest else {
+        // Three channels, each by its mean and its scatter.
+        let significance = sidak(SIGNIFICANCE, 6 * tiles.len() as u64);
+        let critical = normal_critical(significance);
+        let largest = |value: &dyn Fn(&Sum) -> f64| {
+            let values = tiles.iter().map(|(tile, sum)| (value(sum), *tile));
+            values.max_by(|a, b| a.0.total_cmp(&b.0))
+        };
+        let (Some((z, place)), Some((scatter, scattered))) =
+            (largest(&Sum::z), largest(&|sum| sum.scatter(significance)))
+        else {
             return Measured::of(f64::NAN);
         };
+        let mean = z / critical;
+        if scatter > mean {
+            let note = Some("single pixels are off by more than their noise".to_owned());
+            return Measured { place: Some(scattered), note, ..Measured::of(scatter) };
+        }
         let note = format!("z {z:.2}, noise alone has {critical:.2} in a frame of a hundred");
-        let note = Some(note);
-        Measured { place: (z > 0.0).then_some(place), note, ..Measured::of(z / critical) }
+        Measured { place: (z > 0.0).then_some(place), note: Some(note), ..Measured::of(mean) }
     }
 }
 
@@ -353,6 +409,29 @@ mod tests {
         assert_eq!(seen_by_pixels.rejected, 0, "pixels alone don't show the fault");
     }
 
+    /// Patterns that changed places: each tile has the mean that it had.
+    #[test]
+    fn pixels_that_changed_places_are_seen() {
+        let image = |value: &dyn Fn(u32, u32) -> f32| {
+            let pixels = (0..64 * 64).map(|index| value(index % 64, index / 64));
+            Image::new(64, 64, pixels.map(|v| [v, v, v, 1.0]).collect())
+        };
+        let variance = image(&|_, _| 1e-4);
+        let stripes = |x: u32| if x.is_multiple_of(2) { 0.1 } else { 0.9 };
+        let hash = |x: u32, y: u32| (x.wrapping_mul(73) ^ y.wrapping_mul(191)) % 97;
+        let texture = |x: u32, y: u32| 0.1 + 0.8 * hash(x, y) as f32 / 97.0;
+        let turned = |x: u32, y: u32| texture(x ^ 15, y ^ 15);
+        for (golden, actual) in [
+            (image(&|x, _| stripes(x)), image(&|x, _| stripes(x + 1))),
+            (image(&texture), image(&turned)),
+        ] {
+            let found = measured(&(golden, variance.clone()), &(actual, variance.clone()));
+            assert!(found.value > 10.0, "{found:?}");
+            let note = found.note.expect("it says why");
+            assert_eq!(note, "single pixels are off by more than their noise");
+        }
+    }
+
     /// Neither the brightest floats nor a pixel that is alone are out of sight.
     #[test]
     fn every_pixel_has_a_weight() {
@@ -379,7 +458,9 @@ mod tests {
         broken.1.pixels_mut()[3][1] = f32::NAN;
         let found = measured(&golden, &broken);
         assert!(found.value.is_nan());
-        assert_eq!(found.note.as_deref(), Some("the variance of the frame is no number at (3, 0)"));
+        let note = found.note.expect("it says why");
+        assert!(note.starts_with("the variance of the frame is") && note.contains("NaN"), "{note}");
+        assert!(note.contains("at (3, 0)"), "{note}");
         broken.1 = Image::new(1, 1, vec![[0.0; 4]]);
         assert!(measured(&golden, &broken).value.is_nan());
         // Without any noise, a difference is a fault.

@@ -7,6 +7,9 @@ use super::pair::Pair;
 /// filters of FLIP reach, so that a small fault fills one.
 pub const TILE: u32 = 16;
 
+/// Pixels a side of the cells that tiles are made of, and from one tile to the next.
+const CELL: u32 = TILE / 2;
+
 /// An error for each pixel of a part of a frame; outside of the part it is 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ErrorMap {
@@ -89,26 +92,32 @@ impl ErrorMap {
         counted.map(|(_, _, value)| value).sum::<f64>() / pair.compared() as f64
     }
 
-    /// The largest mean of a [`TILE`] over those of its pixels that are compared, and the tile. A
-    /// tile at the edge of the frame has fewer. A mean that isn't a number is larger than all.
+    /// The largest mean of a [`TILE`] over those of its pixels that are compared, and the tile. Tiles
+    /// overlap by half, as one that is cut in four by their edges would count a quarter. A tile at
+    /// the edge of the frame has fewer pixels. A mean that isn't a number is larger than all.
     #[must_use]
     pub fn largest_tile(&self, pair: &Pair<'_>) -> (f64, Rect) {
         let (width, height) = (pair.golden().width(), pair.golden().height());
-        let (columns, rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
-        let mut sums = vec![0.0; columns as usize * rows as usize];
+        let (columns, rows) = (width.div_ceil(CELL), height.div_ceil(CELL));
+        let mut cells = vec![0.0; columns as usize * rows as usize];
         for (x, y, value) in self.pixels().filter(|(x, y, _)| pair.counts(*x, *y)) {
-            sums[(y / TILE * columns + x / TILE) as usize] += value;
+            cells[(y / CELL * columns + x / CELL) as usize] += value;
         }
-        let tile = |index: u32| {
-            let (left, top) = (index % columns * TILE, index / columns * TILE);
-            Rect::new(left, top, TILE.min(width - left), TILE.min(height - top))
+        let cell = |column: u32, row: u32| {
+            let inside = column < columns && row < rows;
+            if inside { cells[(row * columns + column) as usize] } else { 0.0 }
         };
-        let mut largest = (0.0, tile(0));
-        for (index, sum) in (0..).zip(&sums) {
-            if *sum == 0.0 {
+        // The last tile between two others would be a part of the one before.
+        let starts = |cells: u32| (0..cells).filter(move |at| at % 2 == 0 || at + 1 < cells);
+        let mut largest = (0.0, Rect::new(0, 0, TILE.min(width), TILE.min(height)));
+        for (column, row) in starts(rows).flat_map(|row| starts(columns).map(move |c| (c, row))) {
+            let sum = (cell(column, row) + cell(column + 1, row))
+                + (cell(column, row + 1) + cell(column + 1, row + 1));
+            if sum == 0.0 {
                 continue;
             }
-            let tile = tile(index);
+            let (left, top) = (column * CELL, row * CELL);
+            let tile = Rect::new(left, top, TILE.min(width - left), TILE.min(height - top));
             let mean = sum / pair.compared_in(tile) as f64;
             // NaN is the largest, and stays.
             if !(mean <= largest.0) && !largest.0.is_nan() {
@@ -122,6 +131,27 @@ impl ErrorMap {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Wherever a spot of 8 x 8 pixels lies, a tile holds at least nine sixteenths of it.
+    #[test]
+    fn a_spot_counts_wherever_it_lies() {
+        let image = crate::image::Image::new(50, 40, vec![[0.5; 4]; 2000]);
+        let pair = Pair::new(&image, &image).expect("finite");
+        let (whole, largest) = (64.0 / 256.0, |left: u32, top: u32| {
+            let inside = |index: u32| {
+                let (x, y) = (index % 50, index / 50);
+                (left..left + 8).contains(&x) && (top..top + 8).contains(&y)
+            };
+            let values = (0..2000).map(|index| if inside(index) { 1.0 } else { 0.0 });
+            ErrorMap::new(Rect::new(0, 0, 50, 40), values.collect()).largest_tile(&pair)
+        });
+        for (left, top) in (0..32).flat_map(|y| (0..40).map(move |x| (x, y))) {
+            let (mean, tile) = largest(left, top);
+            assert!(mean >= whole * 9.0 / 16.0, "({left}, {top}): {mean} in {tile}");
+        }
+        assert_eq!(largest(8, 8), (whole, Rect::new(0, 0, 16, 16)));
+        assert_eq!(largest(12, 12).1, Rect::new(8, 8, 16, 16), "in the middle of a tile between");
+    }
 
     #[test]
     fn the_scale_ends_at_the_next_step() {

@@ -1,0 +1,91 @@
+//! Where goldens are, and where their frames wait.
+
+use std::path::{Path, PathBuf};
+
+use super::Goldens;
+
+/// The folder of frames that were rendered under an overlay. No golden's name has an `@`.
+pub(super) const OVERLAID: &str = "@overlay";
+
+impl Goldens {
+    /// Where pending frames are written: beside their goldens or, in CI, in the folder of build
+    /// output, as nothing may change the sources there. There, too, under an overlay: its frames are
+    /// to be looked at and not to be accepted. Each folder of goldens has a place of its own.
+    pub(super) fn pending_folder(&self) -> PathBuf {
+        if self.beside {
+            self.folder()
+        } else if crate::package::overlay().is_some() {
+            // In what a CI run leaves, too, they aren't found among those that may be accepted.
+            build_output().join("karat").join(OVERLAID).join(self.key())
+        } else if in_ci() {
+            build_output().join("karat/pending").join(self.key())
+        } else {
+            self.folder()
+        }
+    }
+
+    /// The folder as seen from the project's root, with `/`: the same on all machines that have the
+    /// project. Empty where there is no project.
+    pub(crate) fn key(&self) -> String {
+        let Ok(folder) = self.folder().canonicalize() else { return String::new() };
+        let below = root(&folder).and_then(|root| folder.strip_prefix(root).ok());
+        let parts = below.into_iter().flat_map(Path::iter);
+        parts.map(|part| part.to_string_lossy()).collect::<Vec<_>>().join("/")
+    }
+
+    /// What commands need to find frames that don't wait beside their goldens.
+    pub(super) fn arguments(&self) -> String {
+        if self.beside || !in_ci() {
+            return String::new();
+        }
+        let output = build_output().join("karat");
+        let above = self.folder().canonicalize().ok();
+        let root = above.as_deref().and_then(root);
+        let output = root.and_then(|root| output.strip_prefix(root).ok()).unwrap_or(&output);
+        let output = output.display().to_string().replace('\\', "/");
+        match self.key() {
+            key if key.is_empty() => format!(" --from {output}"),
+            key => format!(" --from {output} --golden {key}"),
+        }
+    }
+}
+
+/// Whether this is a CI run, as its systems say: `CI` is set, and not to `false` or `0`.
+pub(crate) fn in_ci() -> bool {
+    let value = std::env::var_os("CI").unwrap_or_default();
+    !["", "0", "false"].iter().any(|no| value.eq_ignore_ascii_case(no))
+}
+
+/// The project's root: where its lock file is, or its repository.
+fn root(folder: &Path) -> Option<&Path> {
+    let with = |name: &str| folder.ancestors().find(|above| above.join(name).exists());
+    with("Cargo.lock").or_else(|| with(".git"))
+}
+
+/// Cargo's target folder, which it marks for backup programs; the folder above the profile's in
+/// one that Cargo didn't make, and so doesn't mark; the working directory if the test wasn't built by Cargo.
+pub(crate) fn build_output() -> PathBuf {
+    let exe = std::env::current_exe().unwrap_or_default();
+    let marked = exe.ancestors().find(|folder| folder.join("CACHEDIR.TAG").is_file());
+    let profile = || exe.ancestors().find(|folder| folder.join("deps").is_dir());
+    marked.or_else(|| profile()?.parent()).map_or_else(PathBuf::new, Path::to_path_buf)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folders_are_named_from_the_root() {
+        let project = tempfile::tempdir().expect("a temporary folder");
+        let golden = project.path().join("crates/a/golden");
+        std::fs::create_dir_all(&golden).expect("a folder");
+        let key = || Goldens::open(&golden).key();
+        assert_eq!(key(), "", "nobody says where the root is");
+        std::fs::create_dir(project.path().join("crates/a/.git")).expect("a folder");
+        assert_eq!(key(), "golden");
+        std::fs::write(project.path().join("Cargo.lock"), "").expect("written");
+        assert_eq!(key(), "crates/a/golden", "a lock file lies at the root of a workspace");
+        assert_eq!(Goldens::open(&project.path().join("nowhere")).key(), "");
+    }
+}
