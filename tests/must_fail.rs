@@ -609,6 +609,12 @@ fn ci_leaves_the_folder_of_goldens_alone() {
     assert!(!agrees && text.contains("has no golden"), "{text}");
     assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
     assert!(text.contains("gradient.new.exr"), "the pending file is named: {text}");
+    assert!(text.contains(" --from "), "the command finds it there: {text}");
+    let (_, text) = golden_fault(folder.path(), &[("CI", "false")]);
+    assert!(
+        !text.contains(" --from ") && folder.path().join("gradient.new.exr").is_file(),
+        "{text}"
+    );
 }
 
 /// A golden that wasn't rendered on lavapipe would fail on every other machine.

@@ -5,6 +5,7 @@ use std::fmt;
 use super::compare::Deviation;
 use super::tolerance::{Criterion, CriterionMargin};
 use crate::tolerance::significant;
+use crate::value::format_f32;
 
 impl Deviation {
     /// The first bound that fails, in short: what was measured, and how many times the bound it is.
@@ -54,8 +55,8 @@ impl fmt::Display for Deviation {
                 worst.x,
                 worst.y,
                 ["red", "green", "blue", "alpha"].get(worst.channel).unwrap_or(&"?"),
-                worst.actual,
-                worst.golden,
+                format_f32(worst.actual),
+                format_f32(worst.golden),
                 significant(f64::from(worst.ratio)),
             )?;
         }
