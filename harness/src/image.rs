@@ -10,7 +10,8 @@ use half::slice::HalfFloatSliceExt;
 
 pub use self::error::{ImageError, ImageFormat};
 pub use self::exr::{ExrFile, Part, Precision};
-pub(crate) use self::file::{Staged, write_whole};
+pub(crate) use self::file::Staged;
+pub use self::file::write_whole;
 
 /// Linear RGBA in 32-bit floats, rows from the top.
 #[derive(Clone, Debug, PartialEq)]

@@ -64,6 +64,8 @@ pub use golden::{
     FrameFinding, FrameMargin, FrameTolerance, GoldenError, Goldens, Pending, PendingFrames,
     Profile, Provenance, ProvenanceError, Unusable,
 };
+#[doc(hidden)] // how the binary writes its own pictures
+pub use image::write_whole;
 pub use image::{ExrFile, Image, ImageError, ImageFormat, NonFinite, Part, Precision};
 pub use metric::{
     DEFAULT_RELATIVE, ErrorMap, ExposureMap, ExposureRange, Flip, FlipFailure, Gate, Mask,

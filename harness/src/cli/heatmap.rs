@@ -6,7 +6,7 @@ mod legend;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use karat::{ErrorMap, Flip, FlipFailure, Image, Pair, Precision, Rect};
+use karat::{ErrorMap, Flip, FlipFailure, Image, Pair, Precision, Rect, write_whole};
 
 use self::canvas::Canvas;
 use self::legend::Legend;
@@ -38,7 +38,7 @@ impl Heatmap {
     }
 
     /// Writes the errors themselves as EXR, or their colours as PNG with a legend below; the error
-    /// that the last colour stands for.
+    /// that the last colour stands for. A file in its place is replaced as a whole or not at all.
     pub(super) fn write(&self, path: &Path) -> anyhow::Result<Option<f32>> {
         if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) {
             let pixels = self.errors.iter().map(|error| [*error, *error, *error, 1.0]).collect();
@@ -53,7 +53,7 @@ impl Heatmap {
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
         encoder.write_header()?.write_image_data(canvas.bytes())?;
-        std::fs::write(path, file).with_context(|| format!("can't write `{}`", path.display()))?;
+        write_whole(path, &file).with_context(|| format!("can't write `{}`", path.display()))?;
         Ok(Some(full))
     }
 

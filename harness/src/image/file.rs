@@ -122,7 +122,10 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
 /// Writes a file beside its place, then renames it there: the place has the old file or the new
 /// one, whole. Whoever writes the same file at the same time writes beside it under another name,
 /// and the last rename stays.
-pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+///
+/// # Errors
+/// If the folder or file can't be written.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     Staged::new(path, bytes)?.commit()
 }
 

@@ -197,6 +197,50 @@ fn a_heatmap_is_colours_or_the_errors_themselves() {
 }
 
 #[test]
+fn a_heatmap_replaces_no_input() {
+    let folder = images();
+    let path = |name: &str| folder.path().join(name);
+    png(&folder, "mask.png", 48, &[255; 48 * 32]);
+    std::fs::create_dir(path("sub")).expect("a folder");
+    std::fs::hard_link(path("a.exr"), path("hard.exr")).expect("a link");
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("a.exr", path("soft.exr")).expect("a link");
+    let names = ["a.exr", "hole.exr", "mask.png", "./sub/../a.exr", "hard.exr", "soft.exr"];
+    // Elsewhere links need privileges.
+    let outputs = names.into_iter().filter(|name| cfg!(unix) || *name != "soft.exr");
+    let inputs = ["a.exr", "hole.exr", "mask.png"];
+    let read = || inputs.map(|name| std::fs::read(path(name)).expect("there"));
+    let before = read();
+    for output in outputs {
+        let arguments = ["a.exr", "hole.exr", "--mask", "mask.png", "--heatmap", output];
+        let ran = diff(&folder, &arguments);
+        assert_eq!(ran.out, "", "{output}: nothing is computed");
+        let error = ran.error();
+        let message = format!("the heatmap `{output}` would overwrite `");
+        assert!(error.contains(&message) && error.contains("name another file"), "{error}");
+        assert!(read() == before, "{output}");
+    }
+}
+
+/// Written beside its place and renamed: whoever has the old file has all of it.
+#[test]
+fn a_heatmap_is_written_whole() {
+    let folder = images();
+    let path = |name: &str| folder.path().join(name);
+    for file in ["flip.png", "flip.exr"] {
+        write(folder.path(), file, "of the run before");
+        let old = format!("old-{file}");
+        std::fs::hard_link(path(file), path(&old)).expect("a link");
+        assert_eq!(diff(&folder, &["a.exr", "hole.exr", "--heatmap", file]).code, Some(1));
+        Image::read(&path(file)).expect("an image");
+        assert_eq!(std::fs::read(path(&old)).expect("there"), b"of the run before");
+    }
+    let files = std::fs::read_dir(folder.path()).expect("a folder").flatten();
+    let mut names = files.map(|file| file.file_name().to_string_lossy().into_owned());
+    assert!(names.all(|name| !name.ends_with(".tmp")), "nothing is left beside it");
+}
+
+#[test]
 fn images_that_differ_only_in_alpha_differ() {
     let folder = images();
     let mut clear = Image::read(&folder.path().join("a.exr")).expect("an image");
@@ -347,7 +391,8 @@ fn what_cannot_be_compared_is_an_error_and_what_is_missing_another() {
         (&["a.exr", "text.exr"], 2, "`text.exr` is neither an OpenEXR nor a PNG image"),
         (&["half.exr", "a.exr"], 2, "`half.exr` isn't a readable OpenEXR image"),
         (&["a.exr", "a.exr", "--mask", "small.exr"], 2, "the mask is 8 x 32, the frame 48 x 32"),
-        (&["a.exr", "a.exr", "--heatmap", "no/where.png"], 2, "can't write `no/where.png`"),
+        (&["a.exr", "a.exr", "--heatmap", "text.exr/a.png"], 2, "can't write `text.exr/a.png`"),
+        (&["a.exr", "a.exr", "--heatmap", "text.exr/a.exr"], 2, "can't write `text.exr/a.exr`"),
         (&["a.exr"], 2, "required arguments were not provided"),
     ] {
         let error = diff(&folder, arguments).failure(code);
