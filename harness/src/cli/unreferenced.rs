@@ -25,7 +25,7 @@ pub(super) struct Args {
     #[arg(long)]
     delete: bool,
     /// Print JSON: record, compared, unreferenced {case, profile, file}, unjudged (the same),
-    /// stray {file, reason}, deleted (files)
+    /// stray {file, reason}, deleted (files), left (unreferenced goldens that --delete left alone)
     #[arg(long)]
     json: bool,
     /// Folder of records [default: that of the last run]
@@ -45,6 +45,8 @@ struct Report {
     unjudged: Vec<Golden>,
     stray: Vec<Stray>,
     deleted: Vec<PathBuf>,
+    /// Unreferenced goldens that aren't Karat's to delete.
+    left: Vec<PathBuf>,
 }
 
 /// What the tests compared.
@@ -88,6 +90,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         unjudged: Vec::new(),
         stray,
         deleted: Vec::new(),
+        left: Vec::new(),
     };
     for golden in goldens {
         match evidence.has(&golden) {
@@ -111,15 +114,24 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
                 .with_context(|| format!("can't delete `{}`", file.display()))?;
             report.deleted.push(file);
         }
+        let remains = |golden: &&Golden| !report.deleted.contains(&golden.file);
+        report.left = report.unreferenced.iter().filter(remains).map(|g| g.file.clone()).collect();
     }
     if args.json {
         write_json(&report, out)?;
     } else if args.delete {
-        writeln!(out, "deleted {} files", report.deleted.len())?;
+        write_deleted(&report, out)?;
     }
-    let left = report.stray.iter().any(|stray| !report.deleted.contains(&stray.file));
-    let good = !left && (args.delete || report.unreferenced.is_empty());
-    Ok(if good { Verdict::Good } else { Verdict::Bad })
+    Ok(if report.is_good() { Verdict::Good } else { Verdict::Bad })
+}
+
+impl Report {
+    /// Whether nothing is there, or left, that no test compares or that is no golden's.
+    fn is_good(&self) -> bool {
+        let gone = |file: &PathBuf| self.deleted.contains(file);
+        self.unreferenced.iter().all(|golden| gone(&golden.file))
+            && self.stray.iter().all(|stray| gone(&stray.file))
+    }
 }
 
 /// The files of goldens that nobody compares, and what is left of goldens that are gone. Files that
@@ -138,7 +150,19 @@ fn deletable(report: &Report) -> Vec<PathBuf> {
 /// Whether an image says that it was accepted: another tool's may lie there for a reason.
 fn is_golden(file: &Path) -> bool {
     let metadata = Image::read_exr(file).ok().and_then(|(_, metadata)| metadata);
-    metadata.is_some_and(|text| serde_json::from_str::<Provenance>(&text).is_ok())
+    metadata.is_some_and(|text| Provenance::parse(&text).is_ok())
+}
+
+fn write_deleted(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
+    for file in &report.left {
+        let file = file.display();
+        writeln!(
+            out,
+            "{BAD}left alone, as it doesn't say that Karat accepted it: delete it yourself, or \
+             compare it in a test{BAD:#}  {file}"
+        )?;
+    }
+    writeln!(out, "deleted {} files", report.deleted.len())
 }
 
 fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {

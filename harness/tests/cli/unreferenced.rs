@@ -172,6 +172,33 @@ fn a_run_that_compared_frames_only_elsewhere_has_no_verdict() {
     assert_eq!(karat(folder, &["unreferenced"]).code, Some(1));
 }
 
+/// `--delete` is done when nothing is left that no test compares.
+#[test]
+fn what_delete_leaves_alone_still_fails() {
+    let project = goldens();
+    let golden = project.path().join("golden");
+    let all = ["scene", "room"].map(|case| frame(&golden, case, &["vulkan", "gl"], "pass"));
+    record(&project, &all, Some((&[], true)));
+    let sky = golden.join("sky.exr");
+    Image::new(1, 1, vec![[1.0; 4]]).write_exr(&sky, Precision::Half, None).expect("written");
+    let ran = karat(project.path(), &["unreferenced", "--delete"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    let end = format!("compare it in a test  {}\ndeleted 0 files\n", sky.display());
+    assert!(ran.out.contains("left alone, as it doesn't say that Karat accepted it"), "{ran:?}");
+    assert!(ran.out.ends_with(&end), "{ran:?}");
+    let ran = karat(project.path(), &["unreferenced", "--delete", "--json"]);
+    let report = json(&ran.out);
+    assert_eq!((ran.code, &report["deleted"]), (Some(1), &serde_json::json!([])));
+    assert_eq!(report["left"], serde_json::json!([sky]));
+    assert!(sky.is_file());
+    // What is Karat's goes, and the rest fails all the same.
+    record(&project, &all[..1], Some((&[], true)));
+    let ran = karat(project.path(), &["unreferenced", "--delete"]);
+    assert_eq!((ran.code, golden.join("room.exr").exists()), (Some(1), false), "{ran:?}");
+    std::fs::remove_file(&sky).expect("removed");
+    karat(project.path(), &["unreferenced", "--delete"]).good();
+}
+
 #[test]
 fn stray_files_are_reported_and_only_ours_are_deleted() {
     let project = goldens();
