@@ -1,8 +1,11 @@
 //! What other programs read of a run: JUnit XML, GitHub's annotations and summary.
 
-use karat::record::Run;
+use std::time::{Duration, SystemTime};
 
-use super::pending::pending_frame;
+use karat::record::Run;
+use karat::{Image, Precision};
+
+use super::pending::{pending_frame, provenance};
 use super::*;
 
 fn line(
@@ -48,6 +51,17 @@ pub(crate) fn function(name: &str, path: &str, verdict: &str, message: Option<&s
     line("tests::calc", subject, &[path], verdict, message)
 }
 
+/// A record's line with its time.
+fn at(line: String, started: &str, seconds: &str) -> String {
+    let time = format!("\"started\":\"{started}\",\"seconds\":{seconds},\"message\"");
+    line.replace("\"message\"", &time)
+}
+
+/// A record's line of a check that ran just now, for a minute at most.
+fn now(line: String) -> String {
+    at(line, &humantime::format_rfc3339_millis(SystemTime::now()).to_string(), "60")
+}
+
 const MESSAGE: &str = "error: `calc::double` fails, 50%: <b>\n  worst\u{1b}[0m\n  \
                        replay: KARAT_CASE=calc::double/agrees_with/3 cargo test calc";
 
@@ -65,7 +79,7 @@ fn run() -> (TempDir, String) {
     let lines = [
         function("calc::same", "gl", "pass", None),
         failing.replace(r#""package":"shaders""#, &format!("\"package\":{package:?}")),
-        frame(&golden, "furnace/scene", &["vulkan"], "fail"),
+        now(frame(&golden, "furnace/scene", &["vulkan"], "fail")),
         frame(&golden, "new", &[], "error"),
     ];
     (project, lines.concat())
@@ -125,10 +139,6 @@ fn junit_has_a_case_for_each_check_and_frame() {
 #[test]
 fn junit_says_when_and_how_long() {
     let project = project();
-    let at = |line: String, started: &str, seconds: &str| {
-        let time = format!("\"started\":\"{started}\",\"seconds\":{seconds},\"message\"");
-        line.replace("\"message\"", &time)
-    };
     let pass = |name: &str| function(name, "gl", "pass", None);
     let scene = frame(&project.path().join("golden"), "scene", &["gl"], "pass");
     let lines = [
@@ -212,11 +222,68 @@ fn github_gets_annotations_a_summary_and_pictures() {
     }
     for name in ["golden", "actual", "flip"] {
         let file = format!("target/karat/report/furnace/scene.{name}.png");
-        karat::Image::read(&project.path().join(file)).expect("a picture");
+        Image::read(&project.path().join(file)).expect("a picture");
     }
     // Elsewhere only if it is asked for.
     assert!(!karat(project.path(), &["report"]).out.contains("::error"));
     assert!(karat(project.path(), &["report", "--github"]).out.contains("::error"));
+}
+
+/// A frame that waits may be of another run.
+#[test]
+fn pictures_are_of_the_run_that_is_reported() {
+    let (project, _) = run();
+    let folder = project.path();
+    let (golden, pending) = (folder.join("golden"), folder.join("target/karat/pending"));
+    let (now, hour) = (SystemTime::now(), Duration::from_secs(3600));
+    let wait = |folder: &FilePath, width: u32, written: SystemTime| {
+        let image = Image::new(width, 1, vec![[0.5, 0.5, 0.5, 1.0]; width as usize]);
+        let facts = provenance("furnace/scene", &image.hash(), "llvmpipe", "");
+        let facts = serde_json::to_string(&facts).expect("plain data");
+        let path = folder.join("furnace/scene.new.exr");
+        image.write_exr(&path, Precision::Half, Some(&facts)).expect("written");
+        let file = std::fs::File::options().append(true).open(path).expect("there");
+        file.set_modified(written).expect("a time");
+    };
+    let failing = frame(&golden, "furnace/scene", &["vulkan"], "fail");
+    let started = humantime::format_rfc3339_millis(now).to_string();
+    record(&project, &at(failing.clone(), &started, "5"), false);
+    let picture = |name: &str| folder.join(format!("target/karat/report/furnace/scene.{name}.png"));
+    let actual = || {
+        for name in ["golden", "actual", "flip"] {
+            write(picture(name).parent().expect("a folder"), &format!("scene.{name}.png"), "old");
+        }
+        write(folder, "summary.md", "");
+        let mut command = command(folder, &["report", "--github"]);
+        let ran = output(command.env("GITHUB_STEP_SUMMARY", folder.join("summary.md")));
+        assert_eq!(ran.code, Some(1), "{ran:?}");
+        let summary = std::fs::read_to_string(folder.join("summary.md")).expect("written");
+        let told = summary.contains("In the artefact of this run");
+        assert_eq!(told, picture("actual").exists(), "{summary}");
+        let image = || Image::read(&picture("actual")).expect("a picture, and not the old text");
+        picture("actual").exists().then(|| image().width())
+    };
+    wait(&pending, 3, now - hour);
+    wait(&golden, 4, now - 2 * hour);
+    assert_eq!(actual(), None, "both are of runs before");
+    assert!(!picture("golden").exists() && !picture("flip").exists());
+    wait(&golden, 4, now);
+    assert_eq!(actual(), Some(4), "one is of this run");
+    wait(&pending, 3, now + Duration::from_secs(2));
+    assert_eq!(actual(), Some(3), "the newest of this run");
+    wait(&pending, 3, now + hour);
+    assert_eq!(actual(), Some(4), "one is of a run afterwards");
+    // Times of files may be coarse, and an older record has none.
+    wait(&pending, 3, now - Duration::from_millis(900));
+    wait(&golden, 4, now - hour);
+    assert_eq!(actual(), Some(3));
+    record(&project, &failing, false);
+    assert_eq!(actual(), None);
+    // A frame that passes needs none.
+    record(&project, &frame(&golden, "furnace/scene", &["vulkan"], "pass"), true);
+    write(picture("actual").parent().expect("a folder"), "scene.actual.png", "old");
+    karat(folder, &["report", "--github"]).good();
+    assert!(!picture("actual").exists());
 }
 
 /// The lines that GitHub's runner takes for errors. Nowhere else is a command: not within a line,

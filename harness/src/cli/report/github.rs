@@ -32,6 +32,8 @@ pub(super) fn write(
         writeln!(out, "{annotation}")?;
     }
     out.flush()?;
+    let pictures = project.output().join("report");
+    records.iter().try_for_each(|record| pictures::clear(record, &pictures))?;
     let Some(file) = std::env::var_os("GITHUB_STEP_SUMMARY").filter(|file| !file.is_empty()) else {
         return Ok(());
     };

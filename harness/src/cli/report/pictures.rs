@@ -3,11 +3,14 @@
 //! GitHub shows no image in a summary that isn't at a URL, and strips `data:`, so they travel in
 //! the artefact of the run, and the summary names them.
 
-use std::path::{Path, PathBuf};
+use std::io::ErrorKind;
+use std::path::{Component, Path, PathBuf};
+use std::time::{Duration, SystemTime};
 
-use karat::record::{Record, Subject};
+use anyhow::Context;
+use karat::record::{Record, Subject, Time};
 use karat::review::Case;
-use karat::{Goldens, Image, Pair};
+use karat::{Goldens, Image, Pair, Pending};
 
 use crate::cli::heatmap::Heatmap;
 use crate::cli::project::Project;
@@ -15,7 +18,63 @@ use crate::cli::project::Project;
 /// Pixels across, at most; a larger frame is shown by every other pixel, and so on.
 const WIDEST: u32 = 480;
 
-/// The pictures of a frame, by what they show; those that could be made.
+/// What the pictures of a frame show, as their files are named.
+const NAMES: [&str; 3] = ["golden", "actual", "flip"];
+/// Some file systems keep the times of files in whole seconds.
+const COARSE: Duration = Duration::from_secs(1);
+
+/// Removes a frame's pictures of a run before, which nobody may take for those of this one.
+pub(super) fn clear(record: &Record, folder: &Path) -> anyhow::Result<()> {
+    let Subject::Frame { golden: case, .. } = &record.subject else { return Ok(()) };
+    // A record may come from another machine.
+    if !Path::new(case).components().all(|part| matches!(part, Component::Normal(_))) {
+        return Ok(());
+    }
+    for name in NAMES {
+        let file = picture(folder, case, name);
+        match std::fs::remove_file(&file) {
+            Err(error)
+                if !matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) =>
+            {
+                return Err(error).with_context(|| format!("can't remove `{}`", file.display()));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+fn picture(folder: &Path, case: &str, name: &str) -> PathBuf {
+    folder.join(format!("{case}.{name}.png"))
+}
+
+/// The frame that a check left behind: the newest, if there are several.
+fn pending(record: &Record, case: &str, folders: &[Goldens]) -> Option<Pending> {
+    let time = record.time.as_ref()?;
+    let found = folders.iter().flat_map(|folder| folder.select(case)).flat_map(|of| of.frames);
+    let written = |pending: &Pending| pending.path.metadata().ok()?.modified().ok();
+    let mut own: Vec<_> = found
+        .filter_map(|pending| Some((written(&pending)?, pending)))
+        .filter(|(written, _)| is_during(*written, time))
+        .collect();
+    own.sort_by_key(|(written, _)| *written);
+    own.pop().map(|(_, pending)| pending)
+}
+
+/// Whether a file that was written then may be a check's. What was there before it is another run's,
+/// and so is what came after it.
+fn is_during(written: SystemTime, time: &Time) -> bool {
+    let bounds = || {
+        let started = humantime::parse_rfc3339(&time.started).ok()?;
+        let took = Duration::try_from_secs_f64(time.seconds).ok()?;
+        let ended = started.checked_add(took)?.checked_add(COARSE)?;
+        Some(started.checked_sub(COARSE)?..=ended)
+    };
+    bounds().is_some_and(|bounds| bounds.contains(&written))
+}
+
+/// The pictures of a frame, by what they show; those that could be made. A record without a time
+/// has none: nobody knows whether a frame that waits is of its run.
 pub(super) fn write(
     record: &Record,
     project: &Project,
@@ -30,7 +89,7 @@ pub(super) fn write(
     let goldens = Goldens::open(Path::new(goldens));
     // With `CI` set, nothing is written beside the goldens.
     let waiting = [Goldens::open(&project.output().join("pending")), goldens.clone()];
-    let pending = waiting.iter().find_map(|folder| folder.select(case).ok()?.frames.pop());
+    let pending = pending(record, case, &waiting);
     let Some(loaded) = pending.and_then(|pending| Case::load(&goldens, &pending).ok()) else {
         return Ok(Vec::new());
     };
@@ -38,7 +97,7 @@ pub(super) fn write(
 
     let mut written = Vec::new();
     let mut place = |name| {
-        let file = folder.join(format!("{case}.{name}.png"));
+        let file = picture(folder, case, name);
         written.push((name, file.clone()));
         file
     };
