@@ -10,7 +10,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use karat::record::{self, Record, Run, Subject};
+use karat::record::{self, PathRecord, Record, Run, Subject};
 
 use super::project::Project;
 use super::{NotThere, Outcome, Verdict};
@@ -99,6 +99,23 @@ fn subject(record: &Record) -> String {
         Subject::Function { function, check, .. } => format!("{function} {check}"),
         Subject::Frame { golden, .. } => format!("frame {golden}"),
     }
+}
+
+/// A message, beginning with the line that says what is wrong. That of a frame begins with what
+/// rendered it, which many failures share.
+fn message(record: &Record) -> Option<String> {
+    let message = record.message.as_deref()?;
+    let reordered = || {
+        let (adapter, rest) = message.split_once('\n')?;
+        let is_adapter = |path: &PathRecord| adapter == format!("on {}", path.adapter);
+        if !record.paths.iter().any(is_adapter) {
+            return None;
+        }
+        let (wrong, more) = rest.split_once('\n').map_or((rest, None), |(a, b)| (a, Some(b)));
+        let lines: Vec<&str> = [Some(wrong), Some(adapter), more].into_iter().flatten().collect();
+        Some(lines.join("\n"))
+    };
+    Some(reordered().unwrap_or_else(|| message.to_owned()))
 }
 
 /// The command that replays a failure, as the message has it.

@@ -136,6 +136,34 @@ fn junit_has_a_case_for_each_check_and_frame() {
     assert!(!find("calc::same agrees_with").children().any(|node| node.has_tag_name("failure")));
 }
 
+/// Failures of one adapter are told apart by the line that readers show.
+#[test]
+fn the_first_line_says_what_is_wrong_and_not_where() {
+    let project = project();
+    let golden = project.path().join("golden");
+    let failing = |name: &str| {
+        let adapter = "on vulkan: llvmpipe (LLVM 15.0.6, 256 bits)";
+        let message = format!("{adapter}\nframe `{name}` differs, 5%\n  worst: pixel (2, 1)");
+        let line = frame(&golden, name, &["gl", "vulkan"], "fail");
+        line.replace("\"frame differs\\n  by 100%\"", &serde_json::json!(message).to_string())
+    };
+    let lines = [failing("one"), failing("two")].concat();
+    assert_eq!(lines.matches("on vulkan").count(), 2, "{lines}");
+    record(&project, &lines, false);
+    let ran = karat(project.path(), &["report", "--junit", "junit.xml", "--github"]);
+    let text = std::fs::read_to_string(project.path().join("junit.xml")).expect("written");
+    let xml = roxmltree::Document::parse(&text).expect("well-formed");
+    let failures: Vec<_> = xml.descendants().filter(|node| node.has_tag_name("failure")).collect();
+    let messages: Vec<_> = failures.iter().map(|node| attribute(*node, "message")).collect();
+    assert_eq!(messages, ["frame `one` differs, 5%", "frame `two` differs, 5%"]);
+    let whole = "frame `one` differs, 5%\non vulkan: llvmpipe (LLVM 15.0.6, 256 bits)\n  \
+                 worst: pixel (2, 1)";
+    assert_eq!(failures[0].text(), Some(whole));
+    let annotation = "::error title=frame two::frame `two` differs, 5%25%0Aon vulkan: llvmpipe \
+                      (LLVM 15.0.6, 256 bits)%0A  worst: pixel (2, 1)";
+    assert_eq!(annotations(&ran)[1], annotation);
+}
+
 #[test]
 fn junit_says_when_and_how_long() {
     let project = project();

@@ -74,14 +74,14 @@ const OUTSIDE: &str = "A test failed outside of Karat's checks, or the run didn'
 
 /// What a failure says. Of a long message the replay command, which is its end, is kept.
 fn message(record: &Record) -> String {
-    let message = record.message.as_deref().unwrap_or("it fails, and says nothing");
+    let message = super::message(record).unwrap_or_else(|| "it fails, and says nothing".to_owned());
     if message.encode_utf16().count() <= LONGEST_ANNOTATION {
-        return message.to_owned();
+        return message;
     }
     let replay = replay(record).map(|command| format!("\n  replay: {command}"));
     let end = format!("\n  ... (the log has the rest){}", replay.unwrap_or_default());
     let room = LONGEST_ANNOTATION.saturating_sub(end.encode_utf16().count());
-    format!("{}{end}", cut(message, room))
+    format!("{}{end}", cut(&message, room))
 }
 
 /// As much of a text as takes no more units of UTF-16.

@@ -45,9 +45,9 @@ fn case(record: &Record) -> TestCase {
         Verdict::Fail => TestCaseStatus::non_success(NonSuccessKind::Failure),
         Verdict::Error => TestCaseStatus::non_success(NonSuccessKind::Error),
     };
-    if let Some(message) = &record.message {
+    if let Some(message) = super::message(record) {
         status.set_message(message.lines().next().unwrap_or_default());
-        status.set_description(message.as_str());
+        status.set_description(message);
     }
     let mut case = TestCase::new(super::subject(record), status);
     case.set_classname(record.test.as_str());
