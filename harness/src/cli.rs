@@ -145,8 +145,8 @@ enum Command {
                             karat unreferenced --delete\n\
                             A test that is ignored, or behind a feature that is off, compares \
                             nothing.\n\
-                            Exit codes: 0 each golden was compared; 1 one wasn't, or a file is no \
-                            golden's;\n2 a file can't be read; 3 there is no golden, or no record of a \
+                            Exit codes: 0 each golden was compared; 1 one wasn't, its facts \
+                            (`.toml`) aren't those of its image,\nor a file is no golden's; 2 a file can't be read; 3 there is no golden, or no record of a \
                             full run that passed\nand compared frames with this folder's, and so \
                             no verdict.")]
     Unreferenced(unreferenced::Args),

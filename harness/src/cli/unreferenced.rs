@@ -1,7 +1,8 @@
-//! `karat unreferenced`: goldens that no test compares.
+//! `karat unreferenced`: goldens that no test compares, and what is wrong beside the others.
 //!
 //! The evidence is the record of a run of all tests that passed; without it there is no verdict.
 
+mod facts;
 mod files;
 
 use std::collections::BTreeSet;
@@ -13,6 +14,7 @@ use karat::record::{self, Record, Run, Subject};
 use karat::{Image, Profile, Provenance};
 use serde::Serialize;
 
+use self::facts::Doubt;
 use self::files::{Files, Golden, Stray};
 use super::goldens::FolderArgs;
 use super::project::Project;
@@ -25,7 +27,9 @@ pub(super) struct Args {
     #[arg(long)]
     delete: bool,
     /// Print JSON: record, compared, unreferenced {case, profile, file}, unjudged (the same),
-    /// stray {file, reason}, deleted (files), left (unreferenced goldens that --delete left alone)
+    /// doubtful {case, profile, file, problem} (their facts are missing, or others than their
+    /// image's), stray {file, reason}, deleted (files), left (unreferenced goldens that --delete left
+    /// alone)
     #[arg(long)]
     json: bool,
     /// Folder of records [default: that of the last run]
@@ -43,6 +47,8 @@ struct Report {
     unreferenced: Vec<Golden>,
     /// Goldens of profiles that didn't run.
     unjudged: Vec<Golden>,
+    /// Goldens, compared or not judged, whose facts aren't their image's.
+    doubtful: Vec<Doubt>,
     stray: Vec<Stray>,
     deleted: Vec<PathBuf>,
     /// Unreferenced goldens that aren't Karat's to delete.
@@ -88,12 +94,18 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         compared: 0,
         unreferenced: Vec::new(),
         unjudged: Vec::new(),
+        doubtful: Vec::new(),
         stray,
         deleted: Vec::new(),
         left: Vec::new(),
     };
     for golden in goldens {
-        match evidence.has(&golden) {
+        let compared = evidence.has(&golden);
+        // What no test compares is to go, whatever is known of it.
+        if compared != Some(false) {
+            report.doubtful.extend(Doubt::of(&golden));
+        }
+        match compared {
             Some(true) => report.compared += 1,
             Some(false) => report.unreferenced.push(golden),
             None => report.unjudged.push(golden),
@@ -126,10 +138,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 }
 
 impl Report {
-    /// Whether nothing is there, or left, that no test compares or that is no golden's.
+    /// Whether nothing is there, or left, that no test compares or that is no golden's, and all
+    /// facts are those of their images.
     fn is_good(&self) -> bool {
         let gone = |file: &PathBuf| self.deleted.contains(file);
-        self.unreferenced.iter().all(|golden| gone(&golden.file))
+        self.doubtful.is_empty()
+            && self.unreferenced.iter().all(|golden| gone(&golden.file))
             && self.stray.iter().all(|stray| gone(&stray.file))
     }
 }
@@ -169,6 +183,9 @@ fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
     for golden in &report.unreferenced {
         writeln!(out, "{BAD}no test compares {golden}{BAD:#}  {}", golden.file.display())?;
     }
+    for Doubt { golden, problem } in &report.doubtful {
+        writeln!(out, "{BAD}{golden}: {problem}; {}{BAD:#}", facts::ADVICE)?;
+    }
     for Stray { file, reason, .. } in &report.stray {
         writeln!(out, "{BAD}{reason}{BAD:#}  {}", file.display())?;
     }
@@ -176,11 +193,16 @@ fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
         writeln!(out, "{DIM}not judged, as its profile didn't run: {golden}{DIM:#}")?;
     }
     let (unreferenced, stray) = (report.unreferenced.len(), report.stray.len());
-    let style = if unreferenced + stray == 0 { GOOD } else { BAD };
+    let doubtful = match report.doubtful.len() {
+        0 => String::new(),
+        count => format!(", {count} with other facts or none"),
+    };
+    let style = if unreferenced + stray + report.doubtful.len() == 0 { GOOD } else { BAD };
     let compared = report.compared;
     writeln!(
         out,
-        "{style}{compared} goldens compared, {unreferenced} unreferenced, {stray} stray files{style:#}"
+        "{style}{compared} goldens compared, {unreferenced} unreferenced, {stray} stray \
+         files{doubtful}{style:#}"
     )
 }
 

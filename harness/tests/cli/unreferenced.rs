@@ -172,6 +172,65 @@ fn a_run_that_compared_frames_only_elsewhere_has_no_verdict() {
     assert_eq!(karat(folder, &["unreferenced"]).code, Some(1));
 }
 
+/// An edit, a merge of two sides, or a file that was forgotten.
+#[test]
+fn facts_that_are_not_those_of_their_golden_fail() {
+    let project = goldens();
+    let (folder, golden) = (project.path(), project.path().join("golden"));
+    let all = ["scene", "room"].map(|case| frame(&golden, case, &["vulkan", "gl"], "pass"));
+    record(&project, &all, Some((&[], true)));
+    karat(folder, &["unreferenced"]).good();
+    let facts = std::fs::read_to_string(golden.join("scene.toml")).expect("facts");
+    let other = facts.replace("the first ones", "another side").replace("rel 1e-3", "rel 1");
+    let marked = format!("<<<<<<< ours\n{facts}=======\n{facts}>>>>>>> theirs\n");
+    let fails = |file: &str, case: &str, problem: &str| {
+        let ran = karat(folder, &["unreferenced"]);
+        assert_eq!(ran.code, Some(1), "{problem}: {ran:?}");
+        let start = format!("{case}: `{}` {problem}", golden.join(file).display());
+        let line = ran.out.lines().find(|line| line.starts_with(&start));
+        let line = line.unwrap_or_else(|| panic!("no `{start}` in:\n{}", ran.out));
+        assert!(line.ends_with("run the test and accept its frame again"), "{line}");
+        let end = "3 goldens compared, 0 unreferenced, 0 stray files, 1 with other facts or none\n";
+        assert!(ran.out.ends_with(end), "{ran:?}");
+        let ran = karat(folder, &["unreferenced", "--delete", "--json"]);
+        let report = json(&ran.out);
+        assert_eq!((ran.code, &report["deleted"]), (Some(1), &serde_json::json!([])));
+        let doubt = &report["doubtful"][0];
+        assert_eq!(doubt["file"], golden.join(file).with_extension("exr").display().to_string());
+        assert!(doubt["problem"].as_str().is_some_and(|text| text.contains(problem)), "{report}");
+    };
+    for (file, case) in [
+        ("scene.toml", "scene"),
+        ("@gl-llvmpipe/scene.toml", "scene of profile gl-llvmpipe"),
+        ("@metal-apple/scene.toml", "scene of profile metal-apple"),
+    ] {
+        write(&golden, file, &other);
+        fails(file, case, "has other facts than `");
+        let out = karat(folder, &["unreferenced"]).out;
+        assert!(out.contains("scene.exr`: `because`, `tolerance`; restore both"), "{out}");
+        write(&golden, file, &marked);
+        fails(file, case, "can't be read as facts: ");
+        write(&golden, file, "");
+        fails(file, case, "can't be read as facts: missing field");
+        std::fs::remove_file(golden.join(file)).expect("removed");
+        fails(file, case, "is missing, the facts of `");
+        // Git may have changed the ends of lines.
+        write(&golden, file, &facts.replace('\n', "\r\n"));
+        karat(folder, &["unreferenced"]).good();
+    }
+    // Another tool's golden has no facts, and none that aren't its own.
+    let room = golden.join("room.exr");
+    Image::new(1, 1, vec![[1.0; 4]]).write_exr(&room, Precision::Half, None).expect("written");
+    fails("room.toml", "room", "has facts, but `");
+    std::fs::remove_file(golden.join("room.toml")).expect("removed");
+    karat(folder, &["unreferenced"]).good();
+    // What can't be read has no facts at all.
+    write(&golden, "@metal-apple/scene.exr", "version https://git-lfs.github.com/spec/v1\n");
+    let ran = karat(folder, &["unreferenced"]);
+    let told = "scene of profile metal-apple: `golden/@metal-apple/scene.exr` is a Git LFS pointer";
+    assert!(ran.code == Some(1) && ran.out.contains(told), "{ran:?}");
+}
+
 /// `--delete` is done when nothing is left that no test compares.
 #[test]
 fn what_delete_leaves_alone_still_fails() {

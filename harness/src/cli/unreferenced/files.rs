@@ -80,7 +80,7 @@ impl Files {
 }
 
 /// Whether a file holds the facts of a golden.
-fn is_facts(file: &Path) -> bool {
+pub(super) fn is_facts(file: &Path) -> bool {
     let text = std::fs::read_to_string(file).unwrap_or_default();
     toml::from_str::<Provenance>(&text).is_ok()
 }
