@@ -157,7 +157,8 @@ pub(crate) fn nearest<'a>(
         .map(|(_, _, name)| name)
 }
 
-/// A path as it is best shown: absolute without `..`, or relative to the working directory.
+/// A path as it is best shown: absolute without `..`, or relative to the working directory, which
+/// itself is `.`.
 pub(crate) fn shown(path: &Path) -> String {
     let here = std::env::current_dir().unwrap_or_default();
     let mut clean = PathBuf::new();
@@ -170,7 +171,10 @@ pub(crate) fn shown(path: &Path) -> String {
             other => clean.push(other),
         }
     }
-    clean.strip_prefix(&here).map_or(clean.clone(), Path::to_path_buf).display().to_string()
+    match clean.strip_prefix(&here).unwrap_or(&clean) {
+        nothing if nothing.as_os_str().is_empty() => ".".to_owned(),
+        path => path.display().to_string(),
+    }
 }
 
 #[cfg(test)]
@@ -184,6 +188,22 @@ mod tests {
         assert_eq!(file.line_column(3), (1, 3));
         assert_eq!(file.line_column(7), (2, 1));
         assert_eq!(file.line_column(999), (3, 1));
+    }
+
+    #[test]
+    fn paths_are_relative_and_never_empty() {
+        let here = std::env::current_dir().expect("a working directory");
+        let above = here.parent().expect("a folder");
+        for (path, expected) in [
+            (Path::new("."), "."),
+            (Path::new(""), "."),
+            (&here, "."),
+            (&here.join("a/.."), "."),
+            (Path::new("a/../b"), "b"),
+            (above, &above.display().to_string()),
+        ] {
+            assert_eq!(shown(path), expected, "{}", path.display());
+        }
     }
 
     #[test]

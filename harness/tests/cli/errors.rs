@@ -22,10 +22,13 @@ fn a_cause_is_told_once() {
     write(folder, "text.zip", "no zip");
     write(folder, "run/run.json", r#"{"passed":true,"schema":2,"selected":[]}"#);
     std::fs::create_dir(folder.join("run/1.jsonl")).expect("a folder");
+    let image = karat::Image::new(1, 1, vec![[1.0; 4]]);
+    image.write_exr(&folder.join("a.exr"), karat::Precision::Float, None).expect("written");
     let same = "can't read `folder.exr`: it is a folder\n";
     for (arguments, message) in [
         (&["diff", "folder.exr", "folder.exr"][..], same),
         (&["preview", "folder.exr"], same),
+        (&["diff", "a.exr", "."], "can't read `.`: it is a folder\n"),
         // A file is no folder, which is how any file is unreadable, even for root.
         (&["diff", "text.zip/a.exr", "text.zip"], "can't read `text.zip/a.exr`: "),
         (&["pending", "--from", "text.zip"], "can't use `text.zip`: it isn't a readable zip: "),
@@ -37,8 +40,6 @@ fn a_cause_is_told_once() {
         let error = error(folder, arguments);
         assert!(error.contains(message), "{arguments:?}: {error}");
     }
-    let image = karat::Image::new(1, 1, vec![[1.0; 4]]);
-    image.write_exr(&folder.join("a.exr"), karat::Precision::Float, None).expect("written");
     let error = error(folder, &["preview", "a.exr", "--out", "text.zip/a.png"]);
     assert!(error.contains("can't write `text.zip/a.png`: "), "{error}");
 }
