@@ -11,6 +11,7 @@
 
 mod data;
 mod facts;
+mod http;
 mod load;
 mod maps;
 mod page;

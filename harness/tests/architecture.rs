@@ -37,7 +37,7 @@ const OWNERS: [(&str, &[&str]); 11] = [
     ("codespan_reporting", &["diagnostic"]),
     ("clap", &["gallery"]),
     ("statrs", &["stats"]),
-    ("tiny_http", &["review"]),
+    ("httparse", &["review"]),
 ];
 
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {

@@ -5,13 +5,12 @@
 //! `Origin` that is ours. Changes are POSTs of JSON. A frame is chosen by a name that is compared
 //! with those that are pending; nothing of a request becomes a path.
 
-use std::io::Read;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use serde::Deserialize;
 use serde_json::json;
-use tiny_http::{Header, Method, Request, Response};
 
+use super::http::{Answer, Http, Request, Stopper};
 use super::{Review, ReviewError, data, page};
 use crate::golden::{AcceptError, Acceptance, Pending, PendingFrames};
 
@@ -20,23 +19,30 @@ const LONGEST_BODY: u64 = 64 << 10;
 
 /// A review page that is being served.
 pub struct Server {
-    review: Review,
-    http: Arc<tiny_http::Server>,
-    port: u16,
-    token: String,
-    /// Names by the number of their data file, which stays what it is while the server runs.
-    numbered: Mutex<Vec<String>>,
+    http: Http,
+    desk: Arc<Desk>,
 }
 
 /// Stops a [`Server`], from any thread.
 #[derive(Clone)]
-pub struct Stop(Arc<tiny_http::Server>);
+pub struct Stop(Stopper);
 
 impl Stop {
     /// Ends [`Server::run`].
     pub fn stop(&self) {
-        self.0.unblock();
+        self.0.stop();
     }
+}
+
+/// What answers, from many threads.
+struct Desk {
+    review: Review,
+    port: u16,
+    token: String,
+    /// Names by the number of their data file, which stays what it is while the server runs.
+    numbered: Mutex<Vec<String>>,
+    /// Held while a decision is carried out; whether the review has ended, and there are no more.
+    ended: Mutex<bool>,
 }
 
 /// What the page sends to accept or to reject.
@@ -65,82 +71,65 @@ enum Refused {
     Unseen(String),
 }
 
-/// An answer: status, content type, body.
-struct Answer(u16, &'static str, String);
-
-impl Answer {
-    fn text(status: u16, text: &str) -> Self {
-        Self(status, "text/plain; charset=utf-8", format!("{text}\n"))
-    }
-}
-
 impl Server {
     pub(super) fn bind(review: Review, port: u16) -> Result<Self, ReviewError> {
         let failed = |reason: String| ReviewError::Serve { port, reason };
-        let http = tiny_http::Server::http(("127.0.0.1", port))
-            .map_err(|error| failed(error.to_string()))?;
-        let address = http.server_addr().to_ip();
-        let port = address.ok_or_else(|| failed("it has no address".to_owned()))?.port();
+        let http = Http::bind(port).map_err(|error| failed(error.to_string()))?;
         let mut random = [0; 16];
         getrandom::fill(&mut random).map_err(|error| failed(error.to_string()))?;
         let token = random.iter().map(|byte| format!("{byte:02x}")).collect();
-        let numbered = Mutex::default();
-        Ok(Self { review, http: Arc::new(http), port, token, numbered })
+        let (numbered, ended) = Default::default();
+        let desk = Desk { review, port: http.port(), token, numbered, ended };
+        Ok(Self { http, desk: Arc::new(desk) })
     }
 
     /// Where the page is. Whoever knows this can accept and reject.
     #[must_use]
     pub fn url(&self) -> String {
-        format!("http://127.0.0.1:{}/{}/", self.port, self.token)
+        format!("http://127.0.0.1:{}/{}/", self.desk.port, self.desk.token)
     }
 
     /// What stops it.
     #[must_use]
     pub fn stop(&self) -> Stop {
-        Stop(Arc::clone(&self.http))
+        Stop(self.http.stopper())
     }
 
     /// What is pending now.
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
-        self.review.pending()
+        self.desk.review.pending()
     }
 
-    /// Answers until it is stopped.
+    /// Answers until it is stopped. A decision that is being carried out then is completed, and
+    /// none is begun; clients aren't waited for.
     pub fn run(&self) {
-        while let Ok(mut request) = self.http.recv() {
-            let Answer(status, kind, body) = self.answer(&mut request);
-            let mut response = Response::from_string(body).with_status_code(status);
-            for (name, value) in [
-                ("Content-Type", kind),
-                ("Cache-Control", "no-store"),
-                ("X-Content-Type-Options", "nosniff"),
-                ("Cross-Origin-Resource-Policy", "same-origin"),
-                ("Cross-Origin-Opener-Policy", "same-origin"),
-                ("Referrer-Policy", "same-origin"),
-                ("Content-Security-Policy", "frame-ancestors 'none'"),
-            ] {
-                let header = Header::from_bytes(name, value).expect("ASCII");
-                response.add_header(header);
-            }
-            // A reader that has gone needs no answer.
-            drop(request.respond(response));
-        }
+        let desk = Arc::clone(&self.desk);
+        self.http.run(move |request| desk.answer(request));
+        *locked(&self.desk.ended) = true;
     }
+}
 
-    fn answer(&self, request: &mut Request) -> Answer {
-        if let Err(refusal) = self.admit(request) {
+/// A thread that panicked has left nothing half done in what is locked here.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Desk {
+    fn answer(&self, request: &mut Request<'_>) -> Answer {
+        if let Err(refusal) = self.check(request) {
             return refusal;
         }
-        let url = request.url().split('?').next().unwrap_or_default();
+        request.admit();
+        let url = request.url.split('?').next().unwrap_or_default();
         let place = url.get(self.token.len() + 2..).unwrap_or_default().to_owned();
         let number = place.strip_prefix("data/").and_then(|file| file.strip_suffix(".js"));
         let number = number.and_then(|number| number.parse().ok());
-        match (request.method(), place.as_str(), number) {
-            (Method::Get, "", _) => self.page(),
-            (Method::Get, _, Some(number)) => self.data(number),
-            (Method::Post, "accept", _) => self.decide(request, Self::accept),
-            (Method::Post, "reject", _) => self.decide(request, Self::reject),
+        match (request.method.as_str(), place.as_str(), number) {
+            ("GET", "", _) => self.page(),
+            ("GET", _, Some(number)) => self.data(number),
+            ("POST", "accept", _) => self.decide(request, Self::accept),
+            ("POST", "reject", _) => self.decide(request, Self::reject),
             (_, "" | "accept" | "reject", _) | (_, _, Some(_)) => {
                 Answer::text(405, "this takes another method")
             }
@@ -149,23 +138,24 @@ impl Server {
     }
 
     /// Whether a request comes from somebody who was given the URL, and from our own page.
-    fn admit(&self, request: &Request) -> Result<(), Answer> {
+    fn check(&self, request: &Request<'_>) -> Result<(), Answer> {
         let refused = |what| Err(Answer::text(403, what));
-        let value = |name: &'static str| {
-            let mut headers = request.headers().iter().filter(|header| header.field.equiv(name));
-            (headers.next().map(|header| header.value.as_str()), headers.next().is_none())
-        };
         let ours = ["127.0.0.1", "localhost"].map(|name| format!("{name}:{}", self.port));
-        let (Some(host), true) = value("Host") else { return refused("a request needs one Host") };
+        let Ok(Some(host)) = request.header("Host") else {
+            return refused("a request needs one Host");
+        };
         if !ours.iter().any(|name| name == host) {
             return refused("this Host isn't ours");
         }
-        let (origin, single) = value("Origin");
-        let foreign = origin.is_some_and(|origin| origin != format!("http://{host}"));
-        if foreign || !single || (origin.is_none() && *request.method() != Method::Get) {
+        let own = match request.header("Origin") {
+            Ok(Some(origin)) => origin == format!("http://{host}"),
+            Ok(None) => request.method == "GET",
+            Err(_) => false,
+        };
+        if !own {
             return refused("this Origin isn't ours");
         }
-        let token = request.url().split(['/', '?']).nth(1).unwrap_or_default();
+        let token = request.url.split(['/', '?']).nth(1).unwrap_or_default();
         // Hashes are compared in constant time.
         if blake3::hash(token.as_bytes()) != blake3::hash(self.token.as_bytes()) {
             return refused("open the URL that `karat review` printed");
@@ -175,7 +165,7 @@ impl Server {
 
     fn page(&self) -> Answer {
         let pending = self.review.pending();
-        let mut numbered = self.numbered.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut numbered = locked(&self.numbered);
         let mut numbers = Vec::new();
         for frame in &pending.frames {
             let known = numbered.iter().position(|name| *name == frame.case);
@@ -191,7 +181,7 @@ impl Server {
 
     fn data(&self, number: usize) -> Answer {
         let name = {
-            let numbered = self.numbered.lock().unwrap_or_else(PoisonError::into_inner);
+            let numbered = locked(&self.numbered);
             numbered.get(number).cloned()
         };
         let Some(name) = name else { return Answer::text(404, "there is no such case") };
@@ -213,30 +203,35 @@ impl Server {
 
     fn decide(
         &self,
-        request: &mut Request,
+        request: &mut Request<'_>,
         carry_out: impl Fn(&Self, &Pending, &Decision) -> Result<(), AcceptError>,
     ) -> Answer {
-        let kind = request.headers().iter().find(|header| header.field.equiv("Content-Type"));
-        if !kind.is_some_and(|kind| kind.value.as_str().starts_with("application/json")) {
+        let kind = request.header("Content-Type").ok().flatten();
+        if !kind.is_some_and(|kind| kind.starts_with("application/json")) {
             return Answer::text(415, "a decision is JSON");
         }
-        if request.body_length().is_none_or(|length| length as u64 > LONGEST_BODY) {
-            return Answer::text(413, "a decision is short, and says how long it is");
-        }
-        let mut body = String::new();
-        if request.as_reader().take(LONGEST_BODY).read_to_string(&mut body).is_err() {
-            return Answer::text(400, "a decision is UTF-8");
-        }
+        let body = match request.body(LONGEST_BODY) {
+            Some(Ok(body)) => body,
+            Some(Err(error)) => {
+                return Answer::text(400, &format!("the decision can't be read: {error}"));
+            }
+            None => return Answer::text(413, "a decision is short, and says how long it is"),
+        };
         let decision: Decision = match serde_json::from_str(&body) {
             Ok(decision) => decision,
             Err(error) => return Answer::text(400, &format!("this is no decision: {error}")),
         };
+        let ended = locked(&self.ended);
+        if *ended {
+            return Answer::text(503, "the review has ended");
+        }
         let outcome = self.find(&decision.case).and_then(|pending| {
             if pending.provenance.pixels != decision.pixels {
                 return Err(Refused::Unseen(decision.case.clone()));
             }
             Ok(carry_out(self, &pending, &decision)?)
         });
+        drop(ended);
         let frames = self.review.pending().frames;
         let names: Vec<String> = frames.into_iter().map(|frame| frame.case).collect();
         let (status, error) = match &outcome {

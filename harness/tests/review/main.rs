@@ -6,3 +6,4 @@ mod looking;
 mod project;
 mod refusing;
 mod shots;
+mod waiting;

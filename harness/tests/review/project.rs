@@ -4,11 +4,16 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
+use std::time::{Duration, Instant};
 
 use karat::FrameTolerance::{self, FlipMean, FlipTile};
 use karat::{FrameFinding, Image, Precision};
 use serde_json::{Value, json};
 use tempfile::TempDir;
+
+/// Longest wait for the server. It is less than what the server grants a silent client, so that
+/// whoever waits for one isn't taken to answer.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(8);
 
 /// A project whose goldens are in `golden/`.
 pub(crate) struct Project {
@@ -210,6 +215,17 @@ pub(crate) struct Answer {
     pub(crate) text: String,
 }
 
+impl Answer {
+    /// What a connection answers, to its end.
+    #[track_caller]
+    pub(crate) fn of(stream: &mut TcpStream) -> Self {
+        let mut text = String::new();
+        stream.read_to_string(&mut text).expect("an answer in time");
+        let status = text.split(' ').nth(1).and_then(|status| status.parse().ok());
+        Self { status: status.unwrap_or_else(|| panic!("no status in {text}")), text }
+    }
+}
+
 impl Server {
     /// `127.0.0.1:port`.
     pub(crate) fn host(&self) -> String {
@@ -223,15 +239,18 @@ impl Server {
 
     /// Sends a request as it is written here, without a browser's care.
     pub(crate) fn raw(&self, head: &str, body: &str) -> Answer {
-        let mut stream = TcpStream::connect(self.host()).expect("it listens");
         let length = body.len();
         let request =
             format!("{head}\r\nConnection: close\r\nContent-Length: {length}\r\n\r\n{body}");
-        stream.write_all(request.as_bytes()).expect("sent");
-        let mut text = String::new();
-        stream.read_to_string(&mut text).expect("an answer");
-        let status = text.split(' ').nth(1).and_then(|status| status.parse().ok());
-        Answer { status: status.unwrap_or_else(|| panic!("no status in {text}")), text }
+        Answer::of(&mut self.send(&request))
+    }
+
+    /// A connection on which these bytes were sent, and which stays open.
+    pub(crate) fn send(&self, text: &str) -> TcpStream {
+        let mut stream = TcpStream::connect(self.host()).expect("it listens");
+        stream.set_read_timeout(Some(PATIENCE)).expect("a time");
+        stream.write_all(text.as_bytes()).expect("sent");
+        stream
     }
 
     pub(crate) fn get(&self, place: &str) -> Answer {
@@ -252,9 +271,17 @@ impl Server {
     pub(crate) fn interrupt(mut self) -> (Option<i32>, String) {
         let pid = self.child.id().to_string();
         assert!(Command::new("kill").args(["-INT", &pid]).status().expect("kill").success());
+        let start = Instant::now();
+        let code = loop {
+            if let Some(status) = self.child.try_wait().expect("a child") {
+                break status.code();
+            }
+            assert!(start.elapsed() < PATIENCE, "it doesn't end");
+            std::thread::sleep(Duration::from_millis(5));
+        };
         let mut rest = String::new();
         self.out.read_to_string(&mut rest).expect("UTF-8");
-        (self.child.wait().expect("it ends").code(), rest)
+        (code, rest)
     }
 }
 
