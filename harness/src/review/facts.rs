@@ -6,6 +6,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::golden::Provenance;
+use crate::metric::ExposureRange;
 
 /// What is different between a golden and a frame, other than their pixels.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -97,7 +98,11 @@ pub(super) fn table(golden: Option<&Provenance>, actual: &Provenance) -> Vec<Fac
 
 /// The leaves of a provenance, named by their paths.
 fn lines(provenance: &Provenance) -> Vec<(String, String)> {
-    let value = serde_json::to_value(provenance).expect("provenance is plain data");
+    let mut value = serde_json::to_value(provenance).expect("provenance is plain data");
+    // Two numbers without a unit say little.
+    if let Some(ExposureRange { start, stop }) = provenance.exposures {
+        value["exposures"] = format!("{start} to {stop} stops").into();
+    }
     let mut lines = Vec::new();
     leaves("", &value, &mut lines);
     lines
@@ -188,5 +193,15 @@ mod tests {
         let because = facts.iter().find(|fact| fact.name == "because").expect("the golden's");
         assert!(!because.differs && because.golden == "why" && because.actual.is_empty());
         assert!(facts.iter().any(|fact| fact.name == "adapter.driver"));
+    }
+
+    #[test]
+    fn exposures_have_their_unit() {
+        let exposures = Some(ExposureRange { start: -1.41, stop: 3.0 });
+        let golden = Provenance { exposures, ..provenance() };
+        let facts = table(Some(&golden), &provenance());
+        let known = facts.iter().find(|fact| fact.name == "exposures").expect("the golden's");
+        assert_eq!((known.golden.as_str(), known.actual.as_str()), ("-1.41 to 3 stops", ""));
+        assert!(!facts.iter().any(|fact| fact.name.starts_with("exposures.")));
     }
 }

@@ -10,7 +10,7 @@ const HTML: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
 
 /// The scripts, each of which uses only those before it. They become one, in one scope.
-const SCRIPTS: [&str; 12] = [
+const SCRIPTS: [&str; 13] = [
     include_str!("page/numbers.js"),
     include_str!("page/tones.js"),
     include_str!("page/shader.js"),
@@ -22,6 +22,7 @@ const SCRIPTS: [&str; 12] = [
     include_str!("page/controls.js"),
     include_str!("page/cases.js"),
     include_str!("page/decide.js"),
+    include_str!("page/address.js"),
     include_str!("page/main.js"),
 ];
 

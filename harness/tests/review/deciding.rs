@@ -234,8 +234,8 @@ fn a_file_that_cannot_be_used_is_shown_with_its_reason() {
     let tab = browser.open(&server.url);
     browser.settle(&tab);
     assert_eq!(browser.text(&tab, "#count"), "1 pending");
-    let status = browser.text(&tab, "#cases .unusable .status");
-    assert_eq!(status, "can't be used");
+    assert_eq!(browser.text(&tab, "#cases .folder"), "can't be used");
+    assert!(browser.text(&tab, "#cases .unusable").contains("broken.new.exr"));
     browser.press(&tab, "j");
     browser.wait(&tab, "document.getElementById('message').innerText.includes('broken.new.exr')");
     assert_eq!(browser.value(&tab, "document.getElementById('accept').disabled"), true);

@@ -2,6 +2,7 @@
 
 mod browser;
 mod deciding;
+mod finding;
 mod looking;
 mod project;
 mod refusing;

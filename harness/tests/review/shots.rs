@@ -20,23 +20,25 @@ fn files_and_maps_are_drawn() {
     let mut browser = Browser::start();
     let tab = browser.open(&format!("file://{}/index.html", report.display()));
     shoot(&mut browser, &tab, "files-1280");
-    for key in ["j", "j", "j"] {
+    for key in ["j", "j"] {
         browser.press(&tab, key);
     }
     // A map as another metric would hand it over: here, half of the golden's red channel.
     browser.value(
         &tab,
         r#"(() => {
-            const { data } = karat.state.cases[3];
+            const { data } = karat.state.cases[2];
             const { width, height, values } = data.parts[0].golden;
             const grey = values.map((value, i) => (i % 4 === 3 ? 1 : values[i - (i % 4)] / 2));
-            data.maps.push({ name: "a map", about: "what its values are", full: 1, scalar: true,
+            data.maps.push({ name: "a map", about: "what its values are", range: [0, 1], scalar: true,
                 image: { width, height, values: grey } });
             karat.change();
         })()"#,
     );
-    browser.press(&tab, "6");
-    shoot(&mut browser, &tab, "map-1280");
+    for name in ["map-1280", "worst-exposure-1280", "other-map-1280"] {
+        browser.press(&tab, "6");
+        shoot(&mut browser, &tab, name);
+    }
 }
 
 #[test]
@@ -50,8 +52,8 @@ fn every_view_is_drawn() {
         let views: [(&str, &[&str]); 11] = [
             ("diffuse-side", &["4"]),
             ("furnace-actual", &["j", "2"]),
-            ("new", &["j", "4"]),
-            ("scene-side", &["j"]),
+            ("new", &["j", "j", "4"]),
+            ("scene-side", &["k"]),
             ("scene-swipe", &["5", "m"]),
             ("scene-difference", &["3", "m", "m", "m"]),
             ("scene-false-colour", &["4", "f"]),
@@ -66,8 +68,39 @@ fn every_view_is_drawn() {
             }
             shoot(&mut browser, &tab, &format!("{name}-{width}"));
         }
-        for key in ["Escape", "k", "k", "k"] {
+        for key in ["Escape", "k", "k"] {
             browser.press(&tab, key);
         }
     }
+}
+
+/// What is chosen when accepting, what can't be used, and many frames.
+#[test]
+fn choices_faults_and_many_frames_are_drawn() {
+    let project = Project::with_frames();
+    let scene = karat::Image::read_exr(&project.pending("scene")).expect("pending").0;
+    project.put_pending("scene", &scene, |facts| facts["adapter"]["path"] = "gl".into());
+    std::fs::write(project.pending("broken"), b"no image").expect("written");
+    for index in 1..=20 {
+        project.put_tiny(&format!("rooms/exhibition-hall-{index}"));
+        project.put_tiny(&format!("rooms/night/a-frame-whose-name-is-rather-long-{index}"));
+    }
+    let server = project.serve();
+    let mut browser = Browser::start();
+    let tab = browser.open(&format!("{}#scene", server.url));
+    browser.press(&tab, "a");
+    shoot(&mut browser, &tab, "accept-profile-1280");
+    browser.press(&tab, "Escape");
+    browser.value(&tab, "location.hash = '#rooms/night/a-frame-whose-name-is-rather-long-12'");
+    browser.wait(&tab, "document.getElementById('name').innerText.endsWith('12')");
+    shoot(&mut browser, &tab, "many-1280");
+    browser.press(&tab, "/");
+    browser.write(&tab, "hall -1");
+    shoot(&mut browser, &tab, "filter-1280");
+    browser.press(&tab, "Escape");
+    browser.value(&tab, "karat.change({ selected: karat.state.cases.length - 1 })");
+    shoot(&mut browser, &tab, "unusable-1280");
+    browser.value(&tab, "location.hash = '#not here'");
+    browser.wait(&tab, "karat.state.selected < 0");
+    shoot(&mut browser, &tab, "absent-1280");
 }

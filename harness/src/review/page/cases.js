@@ -56,18 +56,23 @@ function prepared(image) {
 
 (() => {
   const list = byId("cases");
-  const STATUS = {
-    accepted: "accepted", rejected: "rejected", gone: "no longer pending", unusable: "can't be used",
-  };
+  const filter = byId("filter");
+  const MANY = 12; // more aren't found at a glance
+  const UNUSABLE = "can't be used";
+  const STATUS = { accepted: "accepted", rejected: "rejected", gone: "no longer pending" };
 
   const size = (entry) => entry?.size?.join(" × ") ?? "";
+  const groupOf = (entry) => (entry.status === "unusable" ? UNUSABLE : folderOf(entry.name));
 
-  const row = (entry, position) => {
+  const row = (position) => {
+    const entry = state.cases[position];
+    const unusable = entry.status === "unusable";
     const status = STATUS[entry.status] ?? (entry.new ? "new" : "");
+    const name = unusable ? entry.name : entry.name.slice(groupOf(entry).length);
     const button = element("button", { type: "button", className: entry.status },
-      element("span", { className: "name" }, entry.name),
+      element("span", { className: "name" }, name),
       element("span", { className: "status" }, status));
-    button.title = [entry.name, size(entry), status].filter(Boolean).join(", ");
+    button.title = [entry.name, size(entry), unusable ? UNUSABLE : status].filter(Boolean).join(", ");
     button.setAttribute("aria-current", String(position === state.selected));
     button.addEventListener("click", (event) => {
       actions.select(position);
@@ -76,21 +81,53 @@ function prepared(image) {
     return element("li", {}, button);
   };
 
+  // Each folder is named once, above its frames.
+  const rows = (positions) => {
+    let group = "";
+    return positions.flatMap((position) => {
+      const own = groupOf(state.cases[position]);
+      const heading = own === group ? [] : [element("li", { className: "folder", title: own }, own)];
+      group = own;
+      return [...heading, row(position)];
+    });
+  };
+
   let shown = "";
   listeners.push(() => {
-    const now = JSON.stringify([state.selected, state.cases.map(({ status }) => status)]);
+    const now = JSON.stringify([state.selected, state.filter, state.cases.map(({ status }) => status)]);
     if (now === shown) return;
     shown = now;
     const focused = list.contains(document.activeElement);
-    list.replaceChildren(...state.cases.map(row));
+    const positions = listed();
+    list.replaceChildren(...rows(positions));
     const current = list.querySelector("[aria-current=true]");
     current?.scrollIntoView({ block: "nearest" });
     if (focused) current?.focus();
+    byId("find").hidden = state.cases.length <= MANY;
+    if (filter.value !== state.filter) filter.value = state.filter;
+    byId("found").textContent = state.filter ? `${positions.length} of ${state.cases.length}` : "";
+    byId("none-found").hidden = positions.length > 0 || !state.cases.length;
     const left = state.cases.filter(({ status }) => status === "pending").length;
     byId("count").textContent = left ? `${left} pending` : "nothing is left to review";
     const entry = selectedCase();
     byId("name").textContent = entry?.name ?? "";
     byId("size").textContent = size(entry);
     document.title = entry ? `${entry.name} – Karat review` : "Karat review";
+  });
+
+  filter.addEventListener("input", () => change({ filter: filter.value }));
+  filter.addEventListener("keydown", (event) => {
+    const keys = {
+      Escape: () => { change({ filter: "" }); filter.blur(); },
+      Enter: () => {
+        if (!listed().includes(state.selected)) actions.step(1, -1);
+        filter.blur();
+      },
+      ArrowDown: () => actions.step(1),
+      ArrowUp: () => actions.step(-1),
+    };
+    if (!keys[event.key] || event.isComposing) return;
+    event.preventDefault();
+    keys[event.key]();
   });
 })();

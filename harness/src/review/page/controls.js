@@ -38,13 +38,19 @@ const actions = (() => {
     change({ gain: most ? Math.floor(-Math.log2(most)) : 0 });
   };
 
-  const select = (position) => {
-    const { cases } = state;
-    if (!cases.length) return;
-    const selected = Math.min(cases.length - 1, Math.max(0, position));
+  const select = (selected) => {
     if (selected !== state.selected) stage.forget?.(imagesOf(selectedCase()));
-    change({ selected, part: 0, map: 0, fit: true, pinned: null, hover: null });
-    load(cases[selected]);
+    change({ selected, absent: null, part: 0, map: 0, fit: true, pinned: null, hover: null });
+    if (selectedCase()) load(selectedCase());
+  };
+
+  // The next case that is listed, forward or back from a position; at the end it stays.
+  const step = (by, from = state.selected) => {
+    const positions = listed();
+    const following = by > 0
+      ? positions.find((position) => position > from)
+      : positions.findLast((position) => position < from);
+    if (following !== undefined) select(following);
   };
 
   const imagesOf = (entry) => [
@@ -65,7 +71,7 @@ const actions = (() => {
     }
   };
 
-  return { stops, reset, pixels, autoExposure, autoGain, select, worst, show };
+  return { stops, reset, pixels, autoExposure, autoGain, select, step, worst, show };
 })();
 
 (() => {
@@ -122,7 +128,7 @@ const actions = (() => {
     byId("channel").value = String(state.channel);
     byId("gain-value").textContent = state.gain < 0 ? `1/${2 ** -state.gain}` : `× ${2 ** state.gain}`;
     byId("hz-value").textContent = `${state.hz} a second`;
-    byId("zoom").textContent = `${numbers.rounded(100 * state.scale)} %`;
+    byId("zoom").textContent = loaded() ? `${numbers.rounded(100 * state.scale)} %` : "";
     byId("for-difference").hidden = state.view !== "difference";
     byId("for-flip").hidden = state.view !== "flip";
     const maps = loaded()?.maps ?? [];
@@ -162,8 +168,9 @@ const actions = (() => {
     : actions.show("flip"));
 
   const KEYS = {
-    j: () => actions.select(state.selected + 1),
-    k: () => actions.select(state.selected - 1),
+    j: () => actions.step(1),
+    k: () => actions.step(-1),
+    "/": () => { byId("filter").focus(); byId("filter").select(); },
     1: () => actions.show("golden"),
     2: () => actions.show("actual"),
     3: () => actions.show("difference"),
@@ -192,7 +199,7 @@ const actions = (() => {
     a: () => decide.open("accept"),
     r: () => decide.open("reject"),
     "?": () => byId("help").showModal(),
-    Escape: () => change({ pinned: null }),
+    Escape: () => change(state.pinned ? { pinned: null } : { filter: "" }),
     ArrowLeft: () => move(-1, 0),
     ArrowRight: () => move(1, 0),
     ArrowUp: () => move(0, -1),
@@ -205,7 +212,7 @@ const actions = (() => {
     if (target.matches("button, [type=range]") && [" ", "Enter"].includes(event.key)) return;
     if (target.matches("[type=range]") && event.key.startsWith("Arrow")) return;
     const act = KEYS[event.key];
-    if (!act || (!stage.gl && !"jk?".includes(event.key))) return;
+    if (!act || (!stage.gl && !["j", "k", "/", "?", "Escape"].includes(event.key))) return;
     event.preventDefault();
     act();
   });

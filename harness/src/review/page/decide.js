@@ -63,9 +63,8 @@ const decide = (() => {
   };
 
   const next = () => {
-    const { cases, selected } = state;
-    const order = [...cases.keys()].map((i) => (selected + i) % cases.length);
-    const following = order.find((position) => cases[position].status === "pending");
+    const left = listed().filter((position) => state.cases[position].status === "pending");
+    const following = left.find((position) => position > state.selected) ?? left[0];
     if (following === undefined) change();
     else actions.select(following);
   };

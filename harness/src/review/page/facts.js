@@ -3,8 +3,7 @@
 (() => {
   const NAMES = {
     "adapter.path": "path", "adapter.name": "adapter", "adapter.driver": "driver",
-    "adapter.software": "software", "exposures.start": "FLIP from", "exposures.stop": "FLIP to",
-    color_space: "colour space", because: "accepted because",
+    "adapter.software": "software", exposures: "FLIP exposures", color_space: "colour space", because: "accepted because",
     accepted_by: "accepted by", accepted_at: "accepted at",
   };
   // What explains a difference comes first; what isn't named here follows as it is.
@@ -15,6 +14,10 @@
   const rank = ({ name, differs }) => (differs ? -100 : 0) + (ORDER.indexOf(name) + 1 || 50);
   // Hashes are recognised by their beginning; the whole is in the title.
   const short = (text) => (/^[0-9a-f]{40,}$/.test(text) ? text.slice(0, 12) : text);
+
+  // Text in which no number is broken after its sign: 1e-3.
+  const whole = (text) => text.split(/(\S*\de-\d\S*)/).map((piece, i) =>
+    (i % 2 ? element("span", { className: "number" }, piece) : piece));
 
   const gate = ({ name, ratio, value, bound, note, place, passes }) => {
     const number = typeof value === "number"; // else it is a word: NaN, inf
@@ -27,7 +30,8 @@
     if (note) row.append(element("span", { className: "note" }, note));
     if (place) {
       const [left, top, right, bottom] = place;
-      const text = left === right && top === bottom ? `(${left}, ${top})` : `(${left}, ${top}) to (${right}, ${bottom})`;
+      const [width, height] = [right - left + 1, bottom - top + 1];
+      const text = `(${left}, ${top})${width * height > 1 ? `, ${width} × ${height}` : ""}`;
       const button = element("button", { type: "button", className: "place", title: "look at it (w)" }, `${bound ? "worst" : "first"} at ${text}`);
       button.addEventListener("click", () => lookAt(place));
       row.append(button);
@@ -39,8 +43,8 @@
   const fact = ({ name, golden, actual, differs }, alone) => {
     const value = (text) => element("td", { title: text }, short(text) || "–");
     const wide = (text) => Object.assign(value(text), { colSpan: 2, className: "shared" });
-    // Only a golden has been accepted, so that needs one column, too.
-    const accepted = name.startsWith("accepted_") || name === "because";
+    // Only a golden has what comes with accepting, so that needs one column, too.
+    const accepted = name.startsWith("accepted_") || ["because", "exposures"].includes(name);
     const values = alone ? [wide(actual)]
       : golden === actual || accepted ? [wide(golden)] : [value(golden), value(actual)];
     return element("tr", { className: differs ? "differs" : "" },
@@ -52,10 +56,10 @@
     const data = loaded();
     if (data === shown) return;
     shown = data;
-    byId("verdict").textContent = data?.verdict ?? "";
+    byId("verdict").replaceChildren(...whole(data?.verdict ?? ""));
     byId("cause").textContent = data?.cause ?? "";
     byId("gates").replaceChildren(...(data?.gates ?? []).map(gate));
-    byId("no-gates").hidden = Boolean(data?.gates.length);
+    byId("no-gates").hidden = !data || data.gates.length > 0;
     const facts = (data?.facts ?? []).filter(({ name }) => !HIDDEN.includes(name));
     facts.sort((a, b) => rank(a) - rank(b));
     const alone = facts.every(({ golden }) => !golden);

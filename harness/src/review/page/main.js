@@ -1,5 +1,6 @@
 // The start. `karat` is what data files call, and what a console may ask.
 
 window.karat = { receive, state, numbers, tones, change, stage };
-if (state.cases.length) load(selectedCase());
+address.follow();
+if (selectedCase()) load(selectedCase());
 change();

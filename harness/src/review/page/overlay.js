@@ -81,6 +81,7 @@
       return "This browser has no WebGL 2, which the page needs to show float images. Turn on hardware acceleration, or open the page in a current Firefox, Chrome, Edge or Safari.";
     }
     if (stage.gl.isContextLost()) return "The browser has taken the graphics memory back. The page goes on when it gives it again; else reload it.";
+    if (!current && state.absent && state.cases.length) return `No frame \`${state.absent}\` is pending: it has been decided, or has another name. Choose one from the list.`;
     if (!current) return "No frame is pending.";
     if (current.error) return current.error;
     if (!current.data) return "Loading …";
@@ -109,7 +110,7 @@
     const text = message();
     byId("message").textContent = text;
     byId("message").hidden = !text;
-    canvas.dataset.ready = String(Boolean(loaded() || selectedCase()?.error));
+    canvas.dataset.ready = String(Boolean(loaded() || !selectedCase() || selectedCase().error));
   });
 
   const position = (event) => {

@@ -4,15 +4,24 @@
 const index = JSON.parse(document.getElementById("index").textContent);
 
 const CHANNELS = ["RGB", "R", "G", "B", "A", "luminance"];
+// Folders after what lies beside them, numbers by their value: f2 is before f10. Names that are
+// alike but for zeros still have an order.
+const collator = new Intl.Collator("en", { numeric: true });
+const compare = (a, b) => collator.compare(a, b) || Number(a > b) - Number(a < b);
+const folderOf = (name) => name.slice(0, name.lastIndexOf("/") + 1);
+const inOrder = ({ name: a }, { name: b }) => compare(folderOf(a), folderOf(b)) || compare(a, b);
+
 const VIEWS = ["side", "golden", "actual", "swipe", "flip", "difference", "map"];
 
 const state = {
   // Files that can't be used have nothing to load, and say why.
   cases: [
-    ...index.cases.map((entry) => ({ ...entry, status: "pending", data: null })),
-    ...index.unusable.map((entry) => ({ ...entry, index: null, status: "unusable", data: null })),
+    ...index.cases.map((entry) => ({ ...entry, status: "pending", data: null })).sort(inOrder),
+    ...index.unusable.map((entry) => ({ ...entry, index: null, status: "unusable", data: null })).sort(inOrder),
   ],
-  selected: 0,
+  selected: 0, // position; -1: none
+  absent: null, // the name that the address has, where no case has it
+  filter: "",
   view: "side",
   part: 0,
   map: 0,
@@ -49,6 +58,13 @@ function change(changes = {}) {
 }
 
 const selectedCase = () => state.cases[state.selected];
+// Positions of the cases whose names have each word of the filter.
+function listed() {
+  const words = state.filter.toLowerCase().split(/\s+/);
+  const has = ({ name }) => words.every((word) => name.toLowerCase().includes(word));
+  return [...state.cases.keys()].filter((position) => has(state.cases[position]));
+}
+
 const loaded = () => selectedCase()?.data ?? null;
 const part = () => loaded()?.parts[state.part] ?? null;
 const inspected = () => state.pinned ?? state.hover;

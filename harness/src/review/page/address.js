@@ -1,0 +1,44 @@
+// The frame in the address: `index.html#rooms/dark` shows that one, so that others can be sent there.
+
+const address = (() => {
+  const WAIT = 400; // ms; Safari refuses more than 100 changes in 30 s, and a key that is held repeats faster
+  const fragment = (name) => `#${encodeURIComponent(name).replaceAll("%2F", "/")}`;
+
+  const named = () => {
+    const text = location.hash.slice(1);
+    try {
+      return decodeURIComponent(text);
+    } catch {
+      return text; // typed by hand: its % escapes nothing
+    }
+  };
+
+  // Shows the frame that is named. Where there is none, no other takes its place.
+  const follow = () => {
+    const name = named();
+    if (!name) return;
+    const position = state.cases.findIndex((entry) => entry.name === name);
+    if (!listed().includes(position)) change({ filter: "" });
+    actions.select(position);
+    if (position < 0) change({ absent: name });
+  };
+  window.addEventListener("hashchange", follow);
+
+  let shown = state.selected;
+  let timer = null;
+  listeners.push(() => {
+    if (state.selected === shown) return;
+    shown = state.selected;
+    clearTimeout(timer);
+    timer = setTimeout(() => {
+      if (!selectedCase() || named() === selectedCase().name) return;
+      try {
+        history.replaceState(null, "", fragment(selectedCase().name));
+      } catch {
+        // Some viewers of artefacts forbid it. Only the link is lost.
+      }
+    }, WAIT);
+  });
+
+  return { follow };
+})();
