@@ -23,7 +23,9 @@ pub use facts::{Cause, Fact};
 pub use server::{Server, Stop};
 
 use crate::diagnostic::shown;
-use crate::golden::{AcceptError, CriterionMargin, Goldens, Pending, PendingFrames, Provenance};
+use crate::golden::{
+    AcceptError, CriterionMargin, Goldens, Pending, PendingFrames, Provenance, Unusable,
+};
 use crate::image::Image;
 
 /// What the page shows of one pending frame.
@@ -183,10 +185,17 @@ impl Review {
         Server::bind(self, port)
     }
 
-    /// What is pending now.
+    /// What is pending now. Frames of other goldens than these can't be used here.
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
-        self.waiting.pending()
+        let PendingFrames { frames, mut unusable } = self.waiting.pending();
+        let (frames, others): (Vec<_>, Vec<_>) =
+            frames.into_iter().partition(|pending| pending.is_of(&self.goldens));
+        unusable.extend(others.into_iter().map(|Pending { case, path, provenance }| {
+            let reason = AcceptError::Elsewhere { case, folder: provenance.folder };
+            Unusable { path, reason }
+        }));
+        PendingFrames { frames, unusable }
     }
 }
 

@@ -49,11 +49,17 @@ fn picture(folder: &Path, case: &str, name: &str) -> PathBuf {
 }
 
 /// The frame that a check left behind: the newest, if there are several.
-fn pending(record: &Record, case: &str, folders: &[Goldens]) -> Option<Pending> {
+fn pending(
+    record: &Record,
+    case: &str,
+    folders: &[&Goldens],
+    goldens: &Goldens,
+) -> Option<Pending> {
     let time = record.time.as_ref()?;
     let found = folders.iter().flat_map(|folder| folder.select(case)).flat_map(|of| of.frames);
     let written = |pending: &Pending| pending.path.metadata().ok()?.modified().ok();
     let mut own: Vec<_> = found
+        .filter(|pending| pending.is_of(goldens))
         .filter_map(|pending| Some((written(&pending)?, pending)))
         .filter(|(written, _)| is_during(*written, time))
         .collect();
@@ -88,8 +94,8 @@ pub(super) fn write(
     }
     let goldens = Goldens::open(Path::new(goldens));
     // With `CI` set, nothing is written beside the goldens.
-    let waiting = [Goldens::open(&project.output().join("pending")), goldens.clone()];
-    let pending = pending(record, case, &waiting);
+    let waiting = [&Goldens::open(&project.output().join("pending")), &goldens];
+    let pending = pending(record, case, &waiting, &goldens);
     let Some(loaded) = pending.and_then(|pending| Case::load(&goldens, &pending).ok()) else {
         return Ok(Vec::new());
     };
