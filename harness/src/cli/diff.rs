@@ -46,7 +46,7 @@ pub(super) struct Args {
     /// The image that is compared with it
     b: PathBuf,
     /// Largest relative difference of a channel [default: 1e-3]
-    #[arg(long, value_name = "R", value_parser = bound, allow_hyphen_values = true)]
+    #[arg(long, value_name = "R", value_parser = relative, allow_hyphen_values = true)]
     rel: Option<f64>,
     /// Largest mean HDR-FLIP of a tile, where --rel fails
     #[arg(long, value_name = "E", value_parser = bound, allow_hyphen_values = true)]
@@ -69,10 +69,22 @@ pub(super) struct Args {
 
 /// A number that begins with a hyphen is one that is refused here, and no option.
 fn bound(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(bound) if bound >= 0.0 && bound <= f64::from(f32::MAX) => Ok(bound),
+    match text.parse::<f64>() {
+        // A sum with 0 is no negative zero.
+        Ok(bound) if bound >= 0.0 && bound <= f64::from(f32::MAX) => Ok(bound + 0.0),
         _ => Err("a bound is a finite number of at least 0".to_owned()),
     }
+}
+
+/// Values are compared in floats, and so is what they may differ by.
+fn relative(text: &str) -> Result<f64, String> {
+    let bound = bound(text)?;
+    #[expect(clippy::cast_possible_truncation, reason = "a bound is no larger than a float can be")]
+    let float = bound as f32;
+    if float == 0.0 && bound != 0.0 {
+        return Err("it is smaller than the smallest float: say 0, or at least 1e-45".to_owned());
+    }
+    Ok(bound)
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {

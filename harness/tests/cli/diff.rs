@@ -145,12 +145,37 @@ fn a_bound_is_a_finite_number_of_at_least_0() {
                 assert!(error.contains("a bound is a finite number of at least 0"), "{error}");
             }
         }
-        for value in ["0", "-0", "1e-3", "3e38"] {
+        for value in ["0", "-0", "1e-3", "3e38", "1e-45"] {
             assert_eq!(
                 diff(&folder, &["a.exr", "same.exr", bound, value]).code,
                 Some(0),
                 "{value}"
             );
+        }
+    }
+    // What would be another bound isn't one.
+    for value in ["1e-50", "1e-46", "5e-324"] {
+        let error = diff(&folder, &["a.exr", "same.exr", "--rel", value]).error();
+        assert!(error.contains("smaller than the smallest float: say 0"), "{value}: {error}");
+    }
+    let out = diff(&folder, &["a.exr", "near.exr", "--rel", "1e-45"]).out;
+    assert!(out.ends_with("they differ by more than rel 1e-45\n"), "{out}");
+}
+
+#[test]
+fn no_zero_is_negative() {
+    let folder = images();
+    // The next float: FLIP sees nothing of it.
+    let mut next = Image::read(&folder.path().join("a.exr")).expect("an image");
+    next.pixels_mut()[7][0] = next.pixels()[7][0].next_up();
+    next.write_exr(&folder.path().join("next.exr"), Precision::Float, None).expect("written");
+    for b in ["next.exr", "near.exr"] {
+        for bounds in [&[][..], &["--rel", "-0", "--flip-tile", "-0", "--flip-mean", "-0"]] {
+            let arguments = [&["a.exr", b], bounds].concat();
+            let out = diff(&folder, &arguments).out;
+            assert!(out.contains("; mean 0") && !out.contains("-0"), "{out}");
+            let report = diff(&folder, &[&arguments[..], &["--json"]].concat()).out;
+            assert!(!report.contains("-0"), "{report}");
         }
     }
 }
