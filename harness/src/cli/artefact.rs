@@ -3,7 +3,7 @@
 //! A zip may be damaged or hostile. Of its entries only pending frames are unpacked, into a temporary folder, within limits that no honest run comes near.
 
 use std::fs::File;
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
@@ -31,17 +31,21 @@ pub(super) struct Artefact {
 }
 
 impl Artefact {
-    /// A folder, or a zip that is unpacked.
+    /// A folder, or a zip that is unpacked. It holds frames, or the record of a run that left none:
+    /// that nothing is pending in anything else says nothing.
     pub(super) fn open(path: &Path) -> anyhow::Result<Self> {
         let shown = path.display();
         if path.is_dir() {
+            Contents::of(path)?.expect_run(path)?;
             return Ok(Self { folder: path.to_owned(), unpacked: None });
         }
         if !path.exists() {
             return Err(NotThere(format!("there is no folder or zip `{shown}`")).into());
         }
         let unpacked = tempfile::tempdir().context("there is no room for temporary files")?;
-        unpack(path, unpacked.path()).with_context(|| format!("can't use `{shown}`"))?;
+        let contents =
+            unpack(path, unpacked.path()).with_context(|| format!("can't use `{shown}`"))?;
+        contents.expect_run(path)?;
         Ok(Self { folder: unpacked.path().to_owned(), unpacked: Some(unpacked) })
     }
 
@@ -61,11 +65,71 @@ impl Artefact {
     }
 }
 
-fn unpack(path: &Path, folder: &Path) -> anyhow::Result<()> {
+/// How frames end that a run leaves.
+const FRAME: &str = ".new.exr";
+
+/// What a folder or zip shows of where it comes from.
+#[derive(Debug, Default)]
+struct Contents {
+    /// Whether it has a frame, or a record.
+    of_run: bool,
+    /// A zip in it.
+    zip: Option<String>,
+}
+
+impl Contents {
+    fn of(folder: &Path) -> anyhow::Result<Self> {
+        let below = |pattern: &str| -> anyhow::Result<Option<PathBuf>> {
+            // The folder's name is no pattern, whatever it holds.
+            let folder = glob::Pattern::escape(&folder.to_string_lossy());
+            let pattern = Path::new(&folder).join("**").join(pattern);
+            let first = glob::glob(&pattern.to_string_lossy())?.next();
+            // A folder that can't be looked into is told by those who look for frames.
+            Ok(first.map(|found| found.unwrap_or_else(|error| error.path().to_owned())))
+        };
+        for pattern in [&format!("*{FRAME}"), "record/*.jsonl", "run.json"] {
+            if below(pattern)?.is_some() {
+                return Ok(Self { of_run: true, zip: None });
+            }
+        }
+        let zip = below("*.zip")?.map(|zip| zip.display().to_string());
+        Ok(Self { of_run: false, zip })
+    }
+
+    /// Takes an entry of a zip into account.
+    fn add(&mut self, relative: &Path, name: &str) {
+        let in_record = relative.parent().is_some_and(|folder| folder.ends_with("record"));
+        let ends_in = |end: &str| relative.extension().is_some_and(|extension| extension == end);
+        self.of_run |= name.ends_with(FRAME)
+            || (in_record && ends_in("jsonl"))
+            || relative.ends_with("run.json");
+        if self.zip.is_none() && ends_in("zip") {
+            self.zip = Some(name.to_owned());
+        }
+    }
+
+    fn expect_run(&self, path: &Path) -> Result<(), NotThere> {
+        if self.of_run {
+            return Ok(());
+        }
+        let inner = self.zip.as_ref().map(|zip| format!("; perhaps `{zip}` in it is one"));
+        Err(NotThere(format!(
+            "`{}` isn't what a run left: it has no frame (`*{FRAME}`) and no record \
+             (`record/*.jsonl`, `run.json`); name what CI uploaded of `target/karat`, a folder or \
+             a zip{}",
+            path.display(),
+            inner.unwrap_or_default()
+        )))
+    }
+}
+
+fn unpack(path: &Path, folder: &Path) -> anyhow::Result<Contents> {
     let mut archive = ZipArchive::new(File::open(path)?).context("it isn't a readable zip")?;
+    // Of such entries the crate has only the last, and others may have shown another.
+    ensure!(!archive.has_duplicate_names(), "two of its entries have the same name");
     let entries = archive.len();
     ensure!(entries <= MOST_ENTRIES, "it has {entries} entries, at most {MOST_ENTRIES} are read");
-    let (mut frames, mut bytes) = (0, 0);
+    let (mut contents, mut frames, mut bytes) = (Contents::default(), 0, 0);
     for index in 0..entries {
         let entry = archive.by_index(index).context("an entry can't be read")?;
         let name = entry.name().context("an entry has no name")?.escape_debug().to_string();
@@ -74,7 +138,11 @@ fn unpack(path: &Path, folder: &Path) -> anyhow::Result<()> {
         let Some(relative) = relative else {
             bail!("its entry `{name}` would lie outside of the folder it is unpacked into");
         };
-        if !name.ends_with(".new.exr") || !entry.is_file() {
+        if !entry.is_file() {
+            continue;
+        }
+        contents.add(&relative, &name);
+        if !name.ends_with(FRAME) {
             continue;
         }
         frames += 1;
@@ -89,12 +157,26 @@ fn unpack(path: &Path, folder: &Path) -> anyhow::Result<()> {
         ensure!(length <= LARGEST_FRAME, "its entry `{name}` has more than {LARGEST_FRAME} bytes");
         bytes += length;
         ensure!(bytes <= LARGEST, "its frames have more than {LARGEST} bytes");
-        let place = folder.join(relative);
-        std::fs::create_dir_all(place.parent().unwrap_or(folder))?;
-        // Two entries of one name aren't one frame.
-        let mut file = File::create_new(&place)
+        place(folder, &relative, &content)
             .with_context(|| format!("its entry `{name}` can't be unpacked"))?;
-        file.write_all(&content)?;
     }
-    Ok(())
+    Ok(contents)
+}
+
+/// Writes a frame where nothing else is.
+fn place(folder: &Path, relative: &Path, content: &[u8]) -> anyhow::Result<()> {
+    let place = folder.join(relative);
+    ensure!(!place.is_dir(), "other entries lie in a folder of that name");
+    if let Some(file) = relative.ancestors().skip(1).find(|above| folder.join(above).is_file()) {
+        bail!("`{}` is an entry, too, and no folder", file.display().to_string().escape_debug());
+    }
+    std::fs::create_dir_all(place.parent().unwrap_or(folder))?;
+    // Two names may be one file: `a/./b`, or where capitals don't count.
+    let mut file = match File::create_new(&place) {
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => {
+            bail!("another entry is the same file")
+        }
+        created => created?,
+    };
+    Ok(file.write_all(content)?)
 }

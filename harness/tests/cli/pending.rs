@@ -122,7 +122,7 @@ fn artefact(folder: &FilePath) {
     write(&folder.join("ci"), "record/1.jsonl", "{}");
 }
 
-fn zip(path: &FilePath, entries: &[(&str, &[u8])]) {
+pub(crate) fn zip(path: &FilePath, entries: &[(&str, &[u8])]) {
     let mut zip = ZipWriter::new(File::create(path).expect("created"));
     for (name, bytes) in entries {
         zip.start_file(*name, SimpleFileOptions::default()).expect("an entry");
@@ -266,7 +266,7 @@ fn a_hostile_or_damaged_artefact_changes_nothing() {
             2,
             "frame `scene` is pending twice, as `a/scene.new.exr` and as `b/scene.new.exr`",
         ),
-        ("empty.zip", 3, "no frame `*` is pending"),
+        ("empty.zip", 3, "`empty.zip` isn't what a run left"),
         ("nowhere", 3, "there is no folder or zip `nowhere`"),
     ] {
         let accept = ["accept", "*", "--from", from, "--because", "why"];
