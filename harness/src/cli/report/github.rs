@@ -7,7 +7,7 @@ use std::io::Write;
 use anyhow::Context;
 use karat::record::{Record, Subject, Verdict};
 
-use super::tables::is_failure;
+use super::tables::{is_failure, share};
 use super::{Place, pictures, place, replay, subject};
 use crate::cli::project::Project;
 
@@ -138,7 +138,8 @@ fn summary(
         }
         writeln!(
             text,
-            "| {head} | Path | Cases | Failed | Worst | Asserted |\n|---|---|--:|--:|---|---|"
+            "| {head} | Path | Cases | Failed | Worst | Of bound | Asserted |\n\
+             |---|---|--:|--:|---|--:|---|"
         )?;
         records.iter().try_for_each(|record| rows(record, &mut text))?;
         text.push('\n');
@@ -160,13 +161,16 @@ fn summary(
 fn rows(record: &Record, text: &mut String) -> std::fmt::Result {
     let name = cell(&subject(record));
     if record.paths.is_empty() {
-        writeln!(text, "| {name} | - | 0 | - | error | |")?;
+        writeln!(text, "| {name} | - | 0 | - | error | | |")?;
     }
     for path in &record.paths {
         let (worst, asserted) = (cell(&path.worst), cell(&path.asserted));
-        let (cases, failures) = (path.cases, path.failures);
+        let (cases, failures, share) = (path.cases, path.failures, cell(&share(path)));
         let path = cell(&path.adapter.path);
-        writeln!(text, "| {name} | {path} | {cases} | {failures} | {worst} | {asserted} |")?;
+        writeln!(
+            text,
+            "| {name} | {path} | {cases} | {failures} | {worst} | {share} | {asserted} |"
+        )?;
     }
     Ok(())
 }

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::Path;
 
 use anyhow::bail;
-use karat::record::{Record, Subject, Verdict as Recorded};
+use karat::record::{PathRecord, Record, Subject, Verdict as Recorded};
 
 use crate::cli::table::{BAD, DIM, GOOD, KNOWN, Table};
 
@@ -138,7 +138,7 @@ fn add_rows(table: &mut Table, names: &[&str], record: &Record, assertion: &str)
             (Some(_), true) => (BAD, "UNEXPECTED PASS "),
         };
         let worst = format!("{word}{}", path.worst);
-        let share = path.ratio.map_or_else(String::new, |ratio| format!("{:.0}%", 100.0 * ratio));
+        let share = share(path);
         let asserted = match &path.known_issue {
             Some(reason) => format!("{}; known issue: {reason}", path.asserted),
             None => path.asserted.clone(),
@@ -148,10 +148,24 @@ fn add_rows(table: &mut Table, names: &[&str], record: &Record, assertion: &str)
     }
 }
 
+/// The largest error over its bound, in per cent up to ten times the bound: `48%`, `27 x`. What is
+/// above the bound never reads as if it were the bound.
+pub(super) fn share(path: &PathRecord) -> String {
+    match path.ratio.filter(|ratio| ratio.is_finite()) {
+        Some(ratio) if ratio > 1.0 && ratio < 1.005 => ">100%".to_owned(),
+        Some(ratio) if ratio < 10.0 => format!("{:.0}%", 100.0 * ratio),
+        Some(ratio) if ratio < 1e6 => format!("{ratio:.0} x"),
+        Some(ratio) => format!("{ratio:.1e} x"),
+        // A record, which is JSON, has no number for it.
+        None if path.failures > 0 && !path.worst.is_empty() => "infinite".to_owned(),
+        None => String::new(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use karat::Adapter;
-    use karat::record::{self, PathRecord};
+    use karat::record;
 
     use super::*;
 
@@ -209,6 +223,36 @@ mod tests {
         assert_eq!(known_issues(&[record(Recorded::Pass, 0, None)]), "");
         let (failed, text) = table(record(Recorded::Fail, 3, None));
         assert!(failed == 1 && text.contains("FAIL 7 ulp"), "{text}");
+    }
+
+    #[test]
+    fn a_frame_that_fails_says_how_far_and_of_what() {
+        let failing = |ratio: Option<f64>| {
+            let mut frame = record(Recorded::Fail, 3, None);
+            let (golden, folder, location) = ("scene".to_owned(), String::new(), String::new());
+            frame.subject = Subject::Frame { golden, folder, location };
+            frame.paths[0] =
+                PathRecord { ratio, worst: "rel 0.5".to_owned(), ..frame.paths[0].clone() };
+            let mut out = Vec::new();
+            assert_eq!(write_frames(&[frame], &mut out).expect("written"), 1);
+            String::from_utf8(out).expect("UTF-8")
+        };
+        for (ratio, told) in [
+            (Some(1.0004), " >100%  "),
+            (Some(1.01), " 101%  "),
+            (Some(7.0), " 700%  "),
+            (Some(972.2), " 972 x  "),
+            (Some(2.5e9), " 2.5e9 x  "),
+            (Some(f64::INFINITY), " infinite  "),
+            (None, " infinite  "),
+        ] {
+            let text = failing(ratio);
+            assert!(text.contains("FAIL rel 0.5 ") && text.contains(told), "{ratio:?}: {text}");
+        }
+        let known = record(Recorded::Pass, 0, None).paths.remove(0);
+        let path = |ratio| PathRecord { ratio: Some(ratio), ..known.clone() };
+        assert_eq!(["48%", "100%", "0%"], [0.48, 1.0, 0.0].map(|ratio| share(&path(ratio))));
+        assert_eq!(share(&PathRecord { ratio: None, ..known }), "", "it passes, without a bound");
     }
 
     #[test]
