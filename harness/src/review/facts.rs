@@ -101,7 +101,12 @@ fn lines(provenance: &Provenance) -> Vec<(String, String)> {
     let mut value = serde_json::to_value(provenance).expect("provenance is plain data");
     // Two numbers without a unit say little.
     if let Some(ExposureRange { start, stop }) = provenance.exposures {
-        value["exposures"] = format!("{start} to {stop} stops").into();
+        value["exposures"] = if start == stop {
+            format!("{start} stops")
+        } else {
+            format!("{start} to {stop} stops")
+        }
+        .into();
     }
     let mut lines = Vec::new();
     leaves("", &value, &mut lines);
@@ -202,6 +207,9 @@ mod tests {
         let facts = table(Some(&golden), &provenance());
         let known = facts.iter().find(|fact| fact.name == "exposures").expect("the golden's");
         assert_eq!((known.golden.as_str(), known.actual.as_str()), ("-1.41 to 3 stops", ""));
+        let exposures = Some(ExposureRange { start: 1.5, stop: 1.5 });
+        let facts = table(None, &Provenance { exposures, ..provenance() });
+        assert!(facts.iter().any(|fact| fact.actual == "1.5 stops"));
         assert!(!facts.iter().any(|fact| fact.name.starts_with("exposures.")));
     }
 }

@@ -20,8 +20,8 @@ fn worst_exposures(pair: &Pair<'_>) -> Option<Map> {
     let exposures = Flip::LARGEST_TILE.exposures(pair).ok()?;
     let (start, stop) = exposures.range()?.into_inner();
     Some(Map {
-        name: "worst exposure".to_owned(),
-        about: "the exposure, in stops, at which HDR-FLIP sees most of it".to_owned(),
+        name: "worst exposure in stops".to_owned(),
+        about: "where HDR-FLIP sees most of the difference; black where it sees none".to_owned(),
         image: scalars(pair, |x, y| exposures.at(x, y)),
         // Of one exposure the whole is one colour.
         range: [start.floor(), stop.ceil().max(start.floor() + 1.0)],

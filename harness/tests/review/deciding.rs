@@ -239,6 +239,7 @@ fn a_file_that_cannot_be_used_is_shown_with_its_reason() {
     browser.press(&tab, "j");
     browser.wait(&tab, "document.getElementById('message').innerText.includes('broken.new.exr')");
     assert_eq!(browser.value(&tab, "document.getElementById('accept').disabled"), true);
+    assert_eq!(browser.value(&tab, "document.getElementById('judged').hidden"), true);
     browser.press(&tab, "a");
     assert_eq!(browser.value(&tab, "document.getElementById('accept-dialog').open"), false);
     browser.press(&tab, "k");

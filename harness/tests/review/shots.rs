@@ -98,7 +98,8 @@ fn choices_faults_and_many_frames_are_drawn() {
     browser.write(&tab, "hall -1");
     shoot(&mut browser, &tab, "filter-1280");
     browser.press(&tab, "Escape");
-    browser.value(&tab, "karat.change({ selected: karat.state.cases.length - 1 })");
+    browser.value(&tab, "location.hash = '#golden/broken.new.exr'");
+    browser.wait(&tab, "karat.state.selected === karat.state.cases.length - 1");
     shoot(&mut browser, &tab, "unusable-1280");
     browser.value(&tab, "location.hash = '#not here'");
     browser.wait(&tab, "karat.state.selected < 0");

@@ -82,14 +82,16 @@ function prepared(image) {
   };
 
   // Each folder is named once, above its frames.
-  const rows = (positions) => {
-    let group = "";
-    return positions.flatMap((position) => {
-      const own = groupOf(state.cases[position]);
-      const heading = own === group ? [] : [element("li", { className: "folder", title: own }, own)];
-      group = own;
-      return [...heading, row(position)];
-    });
+  const folders = (positions) => {
+    const members = new Map();
+    for (const position of positions) {
+      const name = groupOf(state.cases[position]);
+      if (!members.has(name)) members.set(name, []);
+      members.get(name).push(row(position));
+    }
+    return [...members].map(([name, rows]) => element("li", {},
+      ...(name ? [element("div", { className: "folder" }, name)] : []),
+      element("ol", {}, ...rows)));
   };
 
   let shown = "";
@@ -99,7 +101,7 @@ function prepared(image) {
     shown = now;
     const focused = list.contains(document.activeElement);
     const positions = listed();
-    list.replaceChildren(...rows(positions));
+    list.replaceChildren(...folders(positions));
     const current = list.querySelector("[aria-current=true]");
     current?.scrollIntoView({ block: "nearest" });
     if (focused) current?.focus();

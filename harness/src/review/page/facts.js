@@ -22,11 +22,13 @@
   const gate = ({ name, ratio, value, bound, note, place, passes }) => {
     const number = typeof value === "number"; // else it is a word: NaN, inf
     const times = number && bound ? `, ${numbers.rounded(value / bound)} × bound` : "";
-    const row = element("li", { className: passes ? "passes" : "fails" },
+    const measured = element("div", {},
       element("span", { className: "name" }, name),
       element("span", { className: "values" },
-        ratio ? "" : `${number ? numbers.rounded(value) : value} of ${numbers.rounded(bound)}`),
+        ratio ? "" : `${number ? numbers.rounded(value) : value} of ${numbers.rounded(bound)}`));
+    const judged = element("div", {},
       element("span", { className: "margin" }, passes ? `passes${times}` : `fails${times}`));
+    const row = element("li", { className: passes ? "passes" : "fails" }, measured, judged);
     if (note) row.append(element("span", { className: "note" }, note));
     if (place) {
       const [left, top, right, bottom] = place;
@@ -34,7 +36,7 @@
       const text = `(${left}, ${top})${width * height > 1 ? `, ${width} × ${height}` : ""}`;
       const button = element("button", { type: "button", className: "place", title: "look at it (w)" }, `${bound ? "worst" : "first"} at ${text}`);
       button.addEventListener("click", () => lookAt(place));
-      row.append(button);
+      judged.append(button);
     }
     return row;
   };
@@ -54,6 +56,9 @@
   let shown = null;
   listeners.push(() => {
     const data = loaded();
+    // While a case is loaded its place is kept.
+    const none = !selectedCase() || Boolean(selectedCase().error);
+    for (const id of ["judged", "facts"]) byId(id).hidden = none;
     if (data === shown) return;
     shown = data;
     byId("verdict").replaceChildren(...whole(data?.verdict ?? ""));

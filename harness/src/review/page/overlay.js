@@ -66,7 +66,10 @@
       strip((t) => tones.signed(2.02 * t - 1.01), [`−${ends}`, "equal", `+${ends}`], title);
     } else if (state.view === "map") {
       const map = loaded()?.maps[state.map];
-      if (map?.scalar) strip(tones.turbo, map.range.map((end) => numbers.rounded(end)), map.name);
+      if (map?.scalar) {
+        const [low, high] = map.range;
+        strip(tones.turbo, [low, (low + high) / 2, high].map((tick) => numbers.rounded(tick)), map.name);
+      }
     } else if (state.falseColor) {
       const { STOPS } = tones;
       const light = (t) => tones.falseColor(0.18 * 2 ** ((2 * t - 1) * STOPS));
@@ -103,7 +106,7 @@
       return [label(pane), ...pin];
     });
     layer.replaceChildren(...marks);
-    handle.hidden = state.view !== "swipe";
+    handle.hidden = state.view !== "swipe" || !loaded();
     handle.style.left = `${100 * state.swipe}%`;
     handle.setAttribute("aria-valuenow", String(Math.round(100 * state.swipe)));
     showLegend();

@@ -154,8 +154,8 @@ void main() {
       if (m.w > marked.w) marked = m;
       float d = layer == 2 ? difference(g, a) : 0.0;
       if (abs(d) > abs(most)) most = d;
-      vec3 nothing = vec3(0.117); // where a map has no value
-      vec3 level = c.a == 0.0 ? nothing : turbo((c.r - range.x) / (range.y - range.x));
+      // Black is no value, as it is no difference.
+      vec3 level = c.a == 0.0 ? vec3(0.0) : turbo((c.r - range.x) / (range.y - range.x));
       sum += layer == 3 && scalarMap ? level : seen(c);
     }
   }

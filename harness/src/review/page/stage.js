@@ -86,7 +86,7 @@ const stage = (() => {
     const [w, h] = [canvas.width, canvas.height];
     const whole = { x: 0, y: 0, w, h };
     const one = (layer) => [{ layer, ...whole, clip: whole }];
-    if (state.view === "side" && part() && !part().golden) return one("actual");
+    if (state.view === "side" && !part()?.golden) return one("actual");
     if (state.view === "side") {
       const [width, height] = extent();
       const half = { w: Math.floor((w - GAP) / 2), h: Math.floor((h - GAP) / 2) };
