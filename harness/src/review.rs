@@ -148,7 +148,8 @@ impl Review {
         self
     }
 
-    /// Writes the page into a folder: `index.html` and `data/<n>.js`. Frames that can't be read are
+    /// Writes the page into a folder: `index.html` and `data/<n>.js`. A link to
+    /// `index.html#rooms/dark` leads to that frame. Frames that can't be read are
     /// on the page, too, and say why. What an older page has left in `data` is removed.
     ///
     /// # Errors

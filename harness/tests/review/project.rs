@@ -267,10 +267,19 @@ impl Server {
         self.raw(&head, &decision.to_string())
     }
 
-    /// Stops it as Ctrl-C does. Its exit code, and what it said at the end.
-    pub(crate) fn interrupt(mut self) -> (Option<i32>, String) {
+    /// Presses Ctrl-C.
+    pub(crate) fn signal(&self) {
         let pid = self.child.id().to_string();
         assert!(Command::new("kill").args(["-INT", &pid]).status().expect("kill").success());
+    }
+
+    pub(crate) fn is_running(&mut self) -> bool {
+        self.child.try_wait().expect("a child").is_none()
+    }
+
+    /// Stops it as Ctrl-C does. Its exit code, and what it said at the end.
+    pub(crate) fn interrupt(mut self) -> (Option<i32>, String) {
+        self.signal();
         let start = Instant::now();
         let code = loop {
             if let Some(status) = self.child.try_wait().expect("a child") {

@@ -1,6 +1,7 @@
 //! Clients that keep silent, announce what never comes, or are many: nobody waits for them.
 
 use std::net::Shutdown;
+use std::time::Duration;
 
 use crate::project::{Answer, Project, Server, decision, tiny};
 
@@ -100,6 +101,8 @@ fn what_is_no_request_is_told_so() {
         let answer = Answer::of(&mut server.send(&request));
         assert_eq!(answer.status, status, "{}: {answer:?}", &request[..request.len().min(40)]);
     }
+    let head = Answer::of(&mut server.send("HEAD / HTTP/1.1\r\nHost: x\r\n\r\n"));
+    assert!(head.status == 403 && head.text.ends_with("\r\n\r\n"), "without a body: {head:?}");
     // A megabyte that nobody reads doesn't cost its sender the answer.
     assert_eq!(server.raw("POST / HTTP/1.1\r\nHost: x", &"x".repeat(1 << 20)).status, 403);
     assert_eq!(server.get("").status, 200);
@@ -133,4 +136,29 @@ fn decisions_at_once_are_one_after_the_other() {
         assert_eq!(golden, accepted, "{name}");
     }
     assert_eq!(server.interrupt().0, Some(0));
+}
+
+/// The end waits for a decision, though for no client: golden and facts are never half written.
+#[test]
+fn a_decision_is_completed_before_the_end() {
+    let project = Project::with_tiny();
+    // The lock under which one acceptance at a time is carried out in a folder.
+    let folder = project.folder().join("golden").canonicalize().expect("a folder");
+    let hash = blake3::hash(folder.as_os_str().as_encoded_bytes()).to_hex();
+    let lock = std::env::temp_dir().join(format!("karat-{}.lock", &hash[..16]));
+    let lock = std::fs::File::create(lock).expect("a file");
+    lock.lock().expect("nobody else has it");
+    let mut server = project.serve();
+    let body = decision("tiny", &pixels(&project)).to_string();
+    let _deciding = server.send(&format!("{}{body}", announced(&server, &body.len().to_string())));
+    // It is answered on a thread, which now waits for the lock.
+    std::thread::sleep(Duration::from_millis(500));
+    server.signal();
+    std::thread::sleep(Duration::from_millis(500));
+    assert!(server.is_running() && project.pending("tiny").is_file());
+    lock.unlock().expect("it was locked");
+    let (code, text) = server.interrupt();
+    assert_eq!((code, text.as_str()), (Some(0), "nothing is left pending\n"));
+    let facts = std::fs::read_to_string(project.golden("tiny").with_extension("toml"));
+    assert!(facts.expect("written").contains("because = \"why\""));
 }

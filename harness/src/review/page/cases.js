@@ -64,13 +64,16 @@ function prepared(image) {
   const size = (entry) => entry?.size?.join(" × ") ?? "";
   const groupOf = (entry) => (entry.status === "unusable" ? UNUSABLE : folderOf(entry.name));
 
+  // A long name is broken after its parts; after hyphens it is anyway.
+  const breakable = (name) => name.match(/[^/_.]+[/_.]*|[/_.]+/g).flatMap((piece) => [piece, element("wbr")]);
+
   const row = (position) => {
     const entry = state.cases[position];
     const unusable = entry.status === "unusable";
     const status = STATUS[entry.status] ?? (entry.new ? "new" : "");
     const name = unusable ? entry.name : entry.name.slice(groupOf(entry).length);
     const button = element("button", { type: "button", className: entry.status },
-      element("span", { className: "name" }, name),
+      element("span", { className: "name" }, ...breakable(name)),
       element("span", { className: "status" }, status));
     button.title = [entry.name, size(entry), unusable ? UNUSABLE : status].filter(Boolean).join(", ");
     button.setAttribute("aria-current", String(position === state.selected));
