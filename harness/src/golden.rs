@@ -332,9 +332,7 @@ impl Goldens {
         let (case, golden, difference) = (case.to_owned(), shown(golden), Box::new(difference));
         GoldenError::Differs { case, golden, difference, pending, advice }
     }
-}
 
-impl Goldens {
     /// What to do with a frame that differs.
     fn advice(&self, pending: &Pending, difference: &FrameDifference, golden: &Path) -> String {
         if matches!(difference, FrameDifference::NonFinite(_)) {
