@@ -137,9 +137,9 @@ enum Command {
                             karat review --from karat.zip (what a CI run left; accepted here)\n\
                             Only this machine can reach the page, and only with its URL, which \
                             is secret: whoever has it can accept.\nPress ? there for the keys: \
-                            j and k go from frame to frame, / filters them. A URL that ends in \
-                            #name shows that frame.\nExit codes: 0 nothing is left pending, or the page is written; 1 some \
-                            are; 2 an error.")]
+                            j and k go from frame to frame, / filters them.\nA URL that ends in \
+                            #name shows that frame.\nExit codes: 0 nothing is left pending, or \
+                            the page is written; 1 some are; 2 an error.")]
     Review(review::Args),
     /// List goldens that no test compared in the last full run
     #[command(after_help = "Examples:\n  karat test && karat unreferenced\n  \

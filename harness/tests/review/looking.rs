@@ -84,6 +84,8 @@ fn all_cases_are_listed_and_keys_move_between_them() {
     assert_eq!(now, serde_json::json!([true, true, 1]));
     browser.press(&tab, "?");
     assert_eq!(browser.value(&tab, "document.getElementById('help').open"), true);
+    let keys = browser.text(&tab, "#help");
+    assert!(keys.contains("filter the list") && keys.contains("next, previous frame"), "{keys}");
     browser.press(&tab, "j");
     assert_eq!(browser.text(&tab, "#name"), "scene", "keys wait for the dialog");
 }

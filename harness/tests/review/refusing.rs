@@ -150,6 +150,7 @@ fn the_exit_code_tells_whether_something_is_left() {
     let help = project.karat(&["review", "--help"]).output().expect("it was built");
     let help = String::from_utf8_lossy(&help.stdout).into_owned();
     assert!(help.contains("karat review --static report") && help.contains("Exit codes"), "{help}");
+    assert!(help.contains("/ filters them") && help.contains("#name shows that frame"), "{help}");
 }
 
 #[test]
