@@ -28,12 +28,15 @@ bounds are those of frames: each channel within 1e-3, or else no tile of 16 x 16
 under HDR-FLIP and a mean of at most 0.005. --rel alone leaves the gate alone. FLIP looks at the
 exposures that the first image's golden pins, or else at those that suit the first image. Of two
 PNGs LDR-FLIP is printed, too, the number that other FLIP tools have; no bound applies to it.
+Values are compared as the files have them, whatever primaries their chromaticities name; a note
+tells where these differ. Of an EXR the data window is compared, wherever it lies.
 Of a file of several parts the first with colours is compared. Without --mask, that of the second
 file is used, if it is a frame whose test declares one: its part `mask`. The noise that a golden's
 variance explains isn't taken into account, as a test does.
 Exit codes: 0 within the bounds; 1 differs, in size too; 2 an image can't be read or compared; 3 an
 image isn't there. NaN and infinities differ from everything.
-JSON: a, b {file, width, height, nan, infinite, first_non_finite, parts}, verdict (equal,
+JSON: a, b {file, width, height, nan, infinite, first_non_finite, parts, chromaticities (CIE x and y of red,
+green, blue and white)}, verdict (equal,
 within, differs), reason (size, non_finite, values, or null), tolerance, compared, own_mask, gate
 {relative, off, bounds, worst, sweep}, flip {largest_tile, tile, mean, tile_bound, mean_bound,
 exposures, note}, ldr_flip {largest_tile, tile, mean}, heatmap, heatmap_full (the error that its
@@ -94,7 +97,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let (a, b) = (File::read(&args.a)?, File::read(&args.b)?);
     let bounds = Bounds::new(args.rel, args.flip_tile, args.flip_mean);
     let sides = [(&args.a, &a), (&args.b, &b)]
-        .map(|(file, read)| Side::of(file, &read.image, read.parts.clone()));
+        .map(|(file, read)| Side::of(file, &read.image, read.parts.clone(), read.chromaticities));
     let mask = args.mask.as_deref().map(mask).transpose()?;
     // What a test left out is left out here, too.
     let own = mask.is_none() && b.mask.is_some();
@@ -174,6 +177,8 @@ struct File {
     parts: Vec<String>,
     /// Of a frame whose test declares one.
     mask: Option<Mask>,
+    /// The primaries that it names.
+    chromaticities: [f32; 8],
     /// Whether it is what a display shows.
     is_png: bool,
 }
@@ -190,13 +195,16 @@ impl File {
                     _ => None,
                 };
                 let exposures = known.and_then(|known| known.exposures);
-                Ok(Self { image, exposures, parts, mask, is_png: false })
+                let chromaticities = ExrFile::chromaticities(file)?;
+                Ok(Self { image, exposures, parts, mask, chromaticities, is_png: false })
             }
             // Its content tells what it is.
             Err(ImageError::Corrupt { format: ImageFormat::OpenExr, .. }) => {
                 let image = Image::read(file)?;
                 let (exposures, parts, mask) = (None, Vec::new(), None);
-                Ok(Self { image, exposures, parts, mask, is_png: true })
+                // sRGB's.
+                let chromaticities = ExrFile::BT709;
+                Ok(Self { image, exposures, parts, mask, chromaticities, is_png: true })
             }
             Err(error) => Err(error.into()),
         }

@@ -61,13 +61,17 @@ impl Part {
 }
 
 impl ExrFile {
+    /// The primaries of ITU-R BT.709, and D65: those of a file that names none, as `OpenEXR` has it.
+    pub const BT709: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
+
     /// Reads all parts that hold colours or greys. Others (depth, normals) are left out.
     ///
     /// Of a part, the channels R, G, B and A are read, or Y and A; those without a layer's name if
     /// there are such, else those of the first layer that has them (`beauty.R`). A is 1 where it is
     /// missing, Y is put into R, G and B. Samples of 16, 32 or unsigned 32 bits become `f32`. The
     /// image is the part's data window, wherever that lies in the display window; of an image with
-    /// levels the largest is read.
+    /// levels the largest is read. Values are those of the file, whatever its
+    /// [`chromaticities`](Self::chromaticities) say that they stand for.
     ///
     /// # Errors
     /// If the file is missing, unreadable or damaged; if it is longer than 512 MB, if a side is
@@ -119,6 +123,22 @@ impl ExrFile {
             Ok(all.map(|part| part.name.clone()).collect())
         };
         names(&file::bytes(path)?).map_err(ImageError::corrupt(path, ImageFormat::OpenExr))
+    }
+
+    /// What primaries a file says its colours have: CIE x and y of red, green, blue and white, of the
+    /// part that [`Image::read_exr`] reads. A file that says nothing has [`Self::BT709`].
+    ///
+    /// # Errors
+    /// As for [`read`](Self::read), but pixels may be damaged.
+    pub fn chromaticities(path: &Path) -> Result<[f32; 8], ImageError> {
+        let of = |bytes: &[u8]| {
+            let file = FileHeader::parse(bytes)?;
+            let (index, _) = first(&file).ok_or_else(|| colourless(&file))?;
+            // Writers put what parts share into the first one alone.
+            let parts = [&file.parts[index], &file.parts[0]];
+            Ok(parts.iter().find_map(|part| part.chromaticities).unwrap_or(Self::BT709))
+        };
+        of(&file::bytes(path)?).map_err(ImageError::corrupt(path, ImageFormat::OpenExr))
     }
 
     /// Writes the file, the metadata as its one attribute of ours. The same parts and metadata give

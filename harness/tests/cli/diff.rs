@@ -326,6 +326,50 @@ fn parts_that_are_not_compared_are_named() {
     assert_eq!(report["a"]["parts"], serde_json::json!([]));
 }
 
+/// Other tools say what their numbers stand for, and where they lie.
+#[test]
+fn primaries_that_differ_are_noted_and_nothing_is_converted() {
+    use exr::meta::attribute::Chromaticities;
+    use exr::prelude::{SpecificChannels, Vec2, WritableImage};
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let write = |name: &str, red: Option<Vec2<f32>>, position: Vec2<i32>| {
+        let grey = SpecificChannels::rgb(|_| (0.5_f32, 0.5_f32, 0.5_f32));
+        let mut image = exr::prelude::Image::from_channels((4, 2), grey);
+        image.attributes.chromaticities = red.map(|red| Chromaticities {
+            red,
+            green: Vec2(0.3, 0.6),
+            blue: Vec2(0.15, 0.06),
+            white: Vec2(0.312_71, 0.329_02),
+        });
+        image.layer_data.attributes.layer_position = position;
+        image.write().to_file(folder.path().join(name)).expect("written");
+    };
+    let origin = Vec2(0, 0);
+    write("none.exr", None, origin);
+    write("moved.exr", None, Vec2(-5, 7));
+    write("same.exr", Some(Vec2(0.64, 0.33)), origin);
+    write("wide.exr", Some(Vec2(0.708, 0.292)), origin);
+    png(&folder, "grey.png", 4, &[128; 8]);
+    let note = "note: the files name other primaries (chromaticities (0.64, 0.33), (0.3, 0.6), \
+                (0.15, 0.06), (0.3127, 0.329) and (0.708, 0.292), (0.3, 0.6), (0.15, 0.06), \
+                (0.31271, 0.32902)); values are compared as they are\n";
+    for (a, b, noted) in [
+        ("none.exr", "wide.exr", true),
+        ("none.exr", "same.exr", false),
+        ("none.exr", "moved.exr", false),
+        ("wide.exr", "wide.exr", false),
+    ] {
+        let out = diff(&folder, &[a, b]).good();
+        assert!(out.ends_with("equal, bit for bit\n"), "{out}");
+        assert_eq!((out.contains("note:"), out.contains(note)), (noted, noted), "{a}, {b}: {out}");
+    }
+    let ran = diff(&folder, &["grey.png", "wide.exr"]);
+    assert!(ran.code == Some(1) && ran.out.contains(note), "{ran:?}");
+    let report = json(&diff(&folder, &["none.exr", "wide.exr", "--json"]).good());
+    let red = |side: &str| report[side]["chromaticities"][0].clone();
+    assert_eq!((red("a"), red("b")), (0.64.into(), 0.708.into()));
+}
+
 /// A frame of Karat's is compared where its test compared it.
 #[test]
 fn the_mask_of_a_test_is_used() {

@@ -8,6 +8,9 @@ use karat::{
 };
 use serde::{Serialize, Serializer};
 
+/// Writers round differently: D65 is 0.3127 or 0.31271. No two sets of primaries are so near.
+const SAME_PRIMARY: f32 = 5e-4;
+
 /// What the images may differ by.
 #[derive(Clone, Debug)]
 pub(super) struct Bounds {
@@ -78,6 +81,8 @@ pub(super) struct Side {
     pub(super) first_non_finite: Option<(u32, u32)>,
     /// Names of the parts that could be compared, if there are several. The first one is.
     pub(super) parts: Vec<String>,
+    /// CIE x and y of red, green, blue and white, as the file names them.
+    pub(super) chromaticities: [f32; 8],
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -154,7 +159,12 @@ impl LdrResult {
 }
 
 impl Side {
-    pub(super) fn of(file: &Path, image: &Image, parts: Vec<String>) -> Self {
+    pub(super) fn of(
+        file: &Path,
+        image: &Image,
+        parts: Vec<String>,
+        chromaticities: [f32; 8],
+    ) -> Self {
         let census = image.non_finite();
         Self {
             file: file.display().to_string(),
@@ -164,6 +174,7 @@ impl Side {
             infinite: census.infinite,
             first_non_finite: census.first,
             parts: if parts.len() > 1 { parts } else { Vec::new() },
+            chromaticities,
         }
     }
 }
@@ -213,6 +224,12 @@ impl Comparison {
             heatmap: None,
             heatmap_full: None,
         }
+    }
+
+    /// Whether the files name other primaries, so that equal values are other colours.
+    pub(super) fn of_other_primaries(&self) -> bool {
+        let mut pairs = self.a.chromaticities.iter().zip(&self.b.chromaticities);
+        !pairs.all(|(a, b)| (a - b).abs() <= SAME_PRIMARY)
     }
 
     pub(super) fn passes(&self) -> bool {

@@ -14,6 +14,15 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
         write_parts(side, out)?;
         write_census(side, out)?;
     }
+    if comparison.of_other_primaries() {
+        writeln!(
+            out,
+            "note: the files name other primaries (chromaticities {} and {}); values are compared \
+             as they are",
+            primaries(a),
+            primaries(b)
+        )?;
+    }
     let equal = comparison.verdict == Verdict::Equal;
     if let (Some(gate), Some(flip), false) = (&comparison.gate, &comparison.flip, equal) {
         write_gate(gate, comparison.compared, out)?;
@@ -40,6 +49,16 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
         }
         _ => writeln!(out, "{BAD}they differ by more than {tolerance}{BAD:#}"),
     }
+}
+
+/// `(0.64, 0.33), (0.3, 0.6), (0.15, 0.06), (0.3127, 0.329)`
+fn primaries(side: &Side) -> String {
+    let points: Vec<_> = side
+        .chromaticities
+        .chunks(2)
+        .map(|point| format!("({}, {})", point[0], point[1]))
+        .collect();
+    points.join(", ")
 }
 
 /// What of the file isn't compared.

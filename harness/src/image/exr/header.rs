@@ -64,6 +64,8 @@ pub(super) struct PartHeader {
     /// Entries of its table, for chunks of all levels.
     pub(super) chunks: usize,
     pub(super) metadata: Option<String>,
+    /// CIE x and y of red, green, blue and white.
+    pub(super) chromaticities: Option<[f32; 8]>,
 }
 
 /// All parts of a file.
@@ -150,6 +152,7 @@ struct Attributes {
     kind: Option<String>,
     name: String,
     metadata: Option<String>,
+    chromaticities: Option<[f32; 8]>,
 }
 
 impl PartHeader {
@@ -172,6 +175,13 @@ impl PartHeader {
                 (b"tiles", b"tiledesc") => found.tiles = Some(Tiles::parse(&mut value)?),
                 (b"type", b"string") => found.kind = Some(text(value.rest)),
                 (b"name", b"string") => found.name = text(value.rest),
+                (b"chromaticities", b"chromaticities") => {
+                    let mut numbers = [0.0; 8];
+                    for number in &mut numbers {
+                        *number = f32::from_le_bytes(value.array()?);
+                    }
+                    found.chromaticities = Some(numbers);
+                }
                 (name, b"string") if name == ATTRIBUTE.as_bytes() => {
                     found.metadata = Some(text(value.rest));
                 }
@@ -215,8 +225,19 @@ impl Attributes {
             (Blocks::Rows(rows), u64::from(height.div_ceil(rows)))
         };
         let chunks = usize::try_from(chunks).unwrap_or(usize::MAX);
-        let Self { name, metadata, .. } = self;
-        Ok(PartHeader { name, width, height, top, channels, compression, blocks, chunks, metadata })
+        let Self { name, metadata, chromaticities, .. } = self;
+        Ok(PartHeader {
+            name,
+            width,
+            height,
+            top,
+            channels,
+            compression,
+            blocks,
+            chunks,
+            metadata,
+            chromaticities,
+        })
     }
 }
 
