@@ -35,12 +35,11 @@ file is used, if it is a frame whose test declares one: its part `mask`. The noi
 variance explains isn't taken into account, as a test does.
 Exit codes: 0 within the bounds; 1 differs, in size too; 2 an image can't be read or compared; 3 an
 image isn't there. NaN and infinities differ from everything.
-JSON: a, b {file, width, height, nan, infinite, first_non_finite, parts, chromaticities (CIE x and y of red,
-green, blue and white)}, verdict (equal,
-within, differs), reason (size, non_finite, values, or null), tolerance, compared, own_mask, gate
-{relative, off, bounds, worst, sweep}, flip {largest_tile, tile, mean, tile_bound, mean_bound,
-exposures, note}, ldr_flip {largest_tile, tile, mean}, heatmap, heatmap_full (the error that its
-last colour stands for).";
+JSON: a, b {file, width, height, nan, infinite, first_non_finite, parts, chromaticities (CIE x and y
+of red, green, blue and white)}, verdict (equal, within, differs), reason (size, non_finite, values,
+or null), tolerance, compared, own_mask, gate {relative, off, bounds, worst, sweep}, flip
+{largest_tile, tile, mean, tile_bound, mean_bound, exposures, note}, ldr_flip {largest_tile, tile,
+mean}, heatmap, heatmap_full (the error that its last colour stands for).";
 
 #[derive(clap::Args)]
 pub(super) struct Args {
