@@ -297,7 +297,7 @@ fn write_golden(
     provenance: &Provenance,
 ) -> Result<Accepted, AcceptError> {
     let sidecar = path.with_extension("toml");
-    if is_there(path, golden, provenance) && sidecar.is_file() {
+    if is_there(path, &sidecar, golden, provenance) {
         let warnings = vec![format!("`{}` has these pixels and facts already", shown(path))];
         return Ok(Accepted { golden: path.to_owned(), written: false, warnings });
     }
@@ -325,8 +325,8 @@ fn write_golden(
     Ok(Accepted { golden: path.to_owned(), written: true, warnings })
 }
 
-/// Whether the golden has these parts and facts.
-fn is_there(path: &Path, golden: &ExrFile, provenance: &Provenance) -> bool {
+/// Whether the golden has these parts and facts, in both files.
+fn is_there(path: &Path, sidecar: &Path, golden: &ExrFile, provenance: &Provenance) -> bool {
     let decision_aside = |known: &Provenance| {
         let (accepted_by, accepted_at, because) = Default::default();
         Provenance { accepted_by, accepted_at, because, ..known.clone() }
@@ -338,8 +338,11 @@ fn is_there(path: &Path, golden: &ExrFile, provenance: &Provenance) -> bool {
         // Bit by bit, as NaN under a mask equals nothing.
         a.name == b.name && a.precision == b.precision && a.image.hash() == b.image.hash()
     };
-    let known = Provenance::parse(&metadata);
-    known.is_ok_and(|known| decision_aside(&known) == decision_aside(provenance))
+    let beside = std::fs::read_to_string(sidecar).ok();
+    let beside: Option<Provenance> = beside.and_then(|text| toml::from_str(&text).ok());
+    let known = Provenance::parse(&metadata).ok();
+    beside == known
+        && known.is_some_and(|known| decision_aside(&known) == decision_aside(provenance))
         && parts.len() == golden.parts.len()
         && parts.iter().zip(&golden.parts).all(|(a, b)| same_pixels(a, b))
 }

@@ -370,6 +370,17 @@ fn a_golden_that_would_not_change_is_not_written() {
     let accepted = project.accept(&same, "again", None).expect("nothing speaks against it");
     assert!(!accepted.written && accepted.warnings[0].contains("has these pixels and facts"));
     assert_eq!(std::fs::read(&golden_file).expect("there"), before);
+    // Facts that somebody has edited are those of the image again.
+    let sidecar = golden_file.with_extension("toml");
+    let facts = std::fs::read_to_string(&sidecar).expect("there");
+    std::fs::write(&sidecar, facts.replace("first", "edited")).expect("written");
+    let image = &ramp();
+    let pending = project.goldens.write_pending("room/ramp", &rendered(image, adapter), &against);
+    let acceptance = Acceptance { because: "why".to_owned(), ..Acceptance::default() };
+    let accepted = project.goldens.accept(&pending.expect("written"), &acceptance);
+    assert!(accepted.expect("nothing speaks against it").written);
+    let facts = std::fs::read_to_string(&sidecar).expect("there");
+    assert!(facts.contains("because = \"why\""), "{facts}");
 
     let edge = with(&[(3, 30)], 1.05);
     let strict = FrameTolerance::gate(1e-3);

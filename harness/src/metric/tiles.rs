@@ -89,7 +89,8 @@ impl ErrorMap {
     #[must_use]
     pub fn mean(&self, pair: &Pair<'_>) -> f64 {
         let counted = self.pixels().filter(|(x, y, _)| pair.counts(*x, *y));
-        counted.map(|(_, _, value)| value).sum::<f64>() / pair.compared() as f64
+        // A sum of nothing is -0.
+        (0.0 + counted.map(|(_, _, value)| value).sum::<f64>()) / pair.compared() as f64
     }
 
     /// The largest mean of a [`TILE`] over those of its pixels that are compared, and the tile. Tiles
