@@ -151,8 +151,8 @@ fn a_decision_is_completed_before_the_end() {
     let mut server = project.serve();
     let body = decision("tiny", &pixels(&project)).to_string();
     let _deciding = server.send(&format!("{}{body}", announced(&server, &body.len().to_string())));
-    // It is answered on a thread, which now waits for the lock.
-    std::thread::sleep(Duration::from_millis(500));
+    // It is answered on a thread, which has come to the lock by then, however busy the machine.
+    std::thread::sleep(Duration::from_secs(2));
     server.signal();
     std::thread::sleep(Duration::from_millis(500));
     assert!(server.is_running() && project.pending("tiny").is_file());
