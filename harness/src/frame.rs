@@ -290,9 +290,9 @@ impl Frame<'_> {
 
     /// Declares that the frame is noisy, with the variance of each pixel's mean in linear RGB: of
     /// `n` samples a pixel, that of the samples over `n`. It is kept with the golden. A frame that
-    /// fails its tolerance still passes if no channel of a tile of 16 or 48 pixels a side differs by
-    /// more than the noise of both, of which one frame in a hundred is rejected by chance. HDR-FLIP takes no
-    /// part, unless it is asked for.
+    /// fails its tolerance still passes if the noise of both explains the difference, as
+    /// [`Noise`](crate::Noise) tells: by the means and the scatter of tiles, of each channel. One frame
+    /// in a hundred is rejected by chance. HDR-FLIP takes no part, unless it is asked for.
     pub fn noise(mut self, variance: Image) -> Self {
         self.variance = Some(variance);
         self

@@ -133,6 +133,11 @@ pub(crate) fn luminance([r, g, b, _]: &[f32; 4]) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
+/// Linear light, 0 to 1, as sRGB has it (IEC 61966-2-1), 0 to 1.
+pub(crate) fn encode_srgb(linear: f64) -> f64 {
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
 impl approx::AbsDiffEq for Image {
     type Epsilon = f32;
 

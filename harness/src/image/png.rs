@@ -6,7 +6,7 @@ use std::path::Path;
 
 pub(super) use self::read::decode;
 
-use super::{Image, ImageError};
+use super::{Image, ImageError, encode_srgb};
 use crate::diagnostic::shown;
 
 /// Where the key of an image is mapped to: middle grey.
@@ -68,12 +68,10 @@ impl Image {
     }
 }
 
-/// IEC 61966-2-1, from linear in 0..=1 to 8 bits.
+/// From linear in 0..=1 to 8 bits.
 fn to_srgb(linear: f32) -> u8 {
-    let encoded =
-        if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-    let byte = (encoded * 255.0).round().clamp(0.0, 255.0) as u8;
+    let byte = (encode_srgb(linear.into()) * 255.0).round().clamp(0.0, 255.0) as u8;
     byte
 }
 

@@ -159,7 +159,8 @@ impl Flip {
         let failed = |error: flip_rs::FlipError| FlipFailure::Parameters(error.to_string());
         let (width, height) = (pair.golden().width(), pair.golden().height());
         let read = rect.grown(self.reach(), width, height);
-        let [golden, actual] = [pair.golden(), pair.actual()].map(|image| crop(image, read));
+        let [golden, actual] =
+            [pair.golden(), pair.actual()].map(|image| crop(image, read, |light| light));
         let mut options = HdrOptions::default();
         options.ppd = self.pixels_per_degree;
         #[expect(clippy::cast_possible_truncation, reason = "stops, to the hundredth")]
@@ -247,11 +248,16 @@ impl Off {
     }
 }
 
-fn crop(image: &Image, rect: Rect) -> Result<RgbImage<f32>, flip_rs::FlipError> {
+/// The colours of a rectangle, each as `value` makes it of linear light.
+pub(super) fn crop(
+    image: &Image,
+    rect: Rect,
+    value: impl Fn(f32) -> f32,
+) -> Result<RgbImage<f32>, flip_rs::FlipError> {
     let (left, width) = (rect.left as usize, rect.width as usize);
     let rows = image.pixels().chunks(image.width().max(1) as usize).skip(rect.top as usize);
     let rows = rows.take(rect.height as usize).flat_map(|row| &row[left..left + width]);
-    let colours = rows.flat_map(|[r, g, b, _]| [*r, *g, *b]).collect();
+    let colours = rows.flat_map(|[r, g, b, _]| [*r, *g, *b].map(&value)).collect();
     RgbImage::new(width, rect.height as usize, colours)
 }
 

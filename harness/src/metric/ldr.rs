@@ -2,13 +2,13 @@
 //! the number that other tools have of PNGs. No tolerance asks for it: it is blind to whatever a
 //! display clips.
 
-use flip_rs::{FlipError, RgbImage, ldr_flip};
+use flip_rs::{FlipError, ldr_flip};
 
-use super::flip::{Flip, FlipFailure};
+use super::flip::{Flip, FlipFailure, crop};
 use super::mask::Rect;
 use super::pair::Pair;
 use super::tiles::ErrorMap;
-use crate::image::Image;
+use crate::image::encode_srgb;
 
 impl Flip {
     /// LDR-FLIP of the pixels that see a difference: colours are clipped to 0..1 and encoded as
@@ -25,8 +25,8 @@ impl Flip {
         // As in HDR-FLIP, what a pixel sees decides its error, bit for bit.
         let rect = bounds.grown(self.reach(), width, height);
         let read = rect.grown(self.reach(), width, height);
-        let golden = encoded(pair.golden(), read).map_err(failed)?;
-        let actual = encoded(pair.actual(), read).map_err(failed)?;
+        let golden = crop(pair.golden(), read, displayed).map_err(failed)?;
+        let actual = crop(pair.actual(), read, displayed).map_err(failed)?;
         let errors = ldr_flip(&golden, &actual, self.pixels_per_degree).map_err(failed)?;
         let (left, top) = ((rect.left - read.left) as usize, (rect.top - read.top) as usize);
         let rows = errors.pixels().chunks(read.width as usize).skip(top);
@@ -50,21 +50,9 @@ fn bounds(pair: &Pair<'_>) -> Option<Rect> {
     bounds.map(Rect::spanning)
 }
 
-/// A part of an image as a display is sent it.
-fn encoded(image: &Image, rect: Rect) -> Result<RgbImage<f32>, FlipError> {
-    let (left, width) = (rect.left as usize, rect.width as usize);
-    let rows = image.pixels().chunks(image.width().max(1) as usize).skip(rect.top as usize);
-    let rows = rows.take(rect.height as usize).flat_map(|row| &row[left..left + width]);
-    let colours = rows.flat_map(|[r, g, b, _]| [*r, *g, *b].map(to_srgb)).collect();
-    RgbImage::new(width, rect.height as usize, colours)
-}
-
-/// IEC 61966-2-1, from linear.
-fn to_srgb(linear: f32) -> f32 {
-    let linear = f64::from(linear).clamp(0.0, 1.0);
-    let encoded =
-        if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
+/// What a display is sent of linear light.
+fn displayed(linear: f32) -> f32 {
     #[expect(clippy::cast_possible_truncation, reason = "what FLIP computes with")]
-    let encoded = encoded as f32;
+    let encoded = encode_srgb(f64::from(linear).clamp(0.0, 1.0)) as f32;
     encoded
 }

@@ -154,7 +154,7 @@ impl LdrResult {
         let map = Flip::MEAN.displayed(pair)?;
         let (largest_tile, tile) = map.largest_tile(pair);
         let tile = (largest_tile > 0.0).then_some(tile);
-        Ok(Self { largest_tile: unsigned(largest_tile), tile, mean: unsigned(map.mean(pair)) })
+        Ok(Self { largest_tile, tile, mean: map.mean(pair) })
     }
 }
 
@@ -262,9 +262,9 @@ impl FlipResult {
     fn of(bounds: &Bounds, pair: &Pair<'_>) -> Self {
         let (tile, mean) = (Flip::LARGEST_TILE.measure(pair), Flip::MEAN.measure(pair));
         Self {
-            largest_tile: unsigned(tile.value),
+            largest_tile: tile.value,
             tile: tile.place,
-            mean: unsigned(mean.value),
+            mean: mean.value,
             tile_bound: bounds.flip_tile,
             mean_bound: bounds.flip_mean,
             exposures: pair.exposures(),
@@ -279,11 +279,6 @@ impl FlipResult {
             && within(self.largest_tile, self.tile_bound)
             && within(self.mean, self.mean_bound)
     }
-}
-
-/// An error without the sign of the negative zero that a sum of nothing is.
-fn unsigned(error: f64) -> f64 {
-    error + 0.0
 }
 
 #[expect(clippy::ref_option, reason = "what serde calls it with")]
