@@ -74,7 +74,9 @@ pub use metric::{
 pub use package::{FunctionItem, Package, PackageError};
 pub use path::{Adapter, Path, PathError, adapter};
 pub use probe::{Inputs, ProbeError, Probed, call};
-pub use reflect::{Binding, BindingKind, Function, LayoutError, Program, ReflectError, Stage};
+pub use reflect::{
+    Binding, BindingKind, Function, Invalid, LayoutError, Program, ReflectError, Stage, Validated,
+};
 pub use stats::Support;
 pub use tolerance::{Abs, Measure, Rel, Tolerance, Ulp, Unit, ulp_distance};
 pub use value::{Arguments, Mirror, Scalar, Shape, Shareable, format_f32, format_lane, hexfloat};

@@ -5,21 +5,29 @@
 //! WGSL text that holds the closure of what a test needs, with a source map exact to line and
 //! column.
 
+mod conditions;
 mod imports;
+mod lexer;
 mod library;
 mod link;
 mod overlay;
-mod source_map;
+mod scope;
+mod splice;
+mod syntax;
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
+#[cfg(test)]
+pub(crate) use link::KERNEL_WORDS;
 pub(crate) use link::Linked;
 pub(crate) use overlay::folder as overlay;
-use wgsl_parse::syntax::{GlobalDeclaration, PathOrigin};
 
-use crate::diagnostic::{Diagnostic, SourceFile, Span, shown};
+use library::{Library, ModulePath};
+use syntax::{DeclarationKind, Module};
+
+use crate::diagnostic::{Diagnostic, Span, nearest, shown};
 
 /// A set of WGSL modules.
 ///
@@ -36,9 +44,11 @@ pub struct Package {
     origin: Origin,
     dependencies: Vec<(Cow<'static, str>, Package)>,
     features: Vec<(Cow<'static, str>, bool)>,
+    /// Features of modules that are validated with them.
+    validated_with: Vec<(String, Vec<String>)>,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 enum Origin {
     Folder { base: Cow<'static, str>, path: Cow<'static, str> },
     File { path: PathBuf, name: String },
@@ -132,6 +142,19 @@ pub enum PackageError {
         /// How many functions it has.
         count: usize,
     },
+    /// A function is under a condition of WESL's that doesn't hold.
+    #[error(
+        "`{path}` of package `{package}` is declared under `{condition}`, which doesn't hold: set \
+         the feature with `.feature(..)`"
+    )]
+    Inactive {
+        /// What was asked for.
+        path: String,
+        /// Where.
+        package: String,
+        /// As the author wrote it.
+        condition: String,
+    },
     /// The folder that `KARAT_OVERLAY` names can't stand in for modules of the package.
     #[error("the overlay `{folder}` (KARAT_OVERLAY) {reason}")]
     Overlay {
@@ -154,7 +177,7 @@ impl Package {
     #[must_use]
     pub const fn relative(base: &'static str, folder: &'static str) -> Self {
         let origin = Origin::Folder { base: Cow::Borrowed(base), path: Cow::Borrowed(folder) };
-        Self { origin, dependencies: Vec::new(), features: Vec::new() }
+        Self { origin, dependencies: Vec::new(), features: Vec::new(), validated_with: Vec::new() }
     }
 
     /// A folder of modules, or one file as a package of one module.
@@ -170,7 +193,12 @@ impl Package {
             let path = Cow::Owned(path.to_string_lossy().into_owned());
             Origin::Folder { base: Cow::Borrowed(""), path }
         };
-        let package = Self { origin, dependencies: Vec::new(), features: Vec::new() };
+        let package = Self {
+            origin,
+            dependencies: Vec::new(),
+            features: Vec::new(),
+            validated_with: Vec::new(),
+        };
         package.check_exists()?;
         Ok(package)
     }
@@ -187,7 +215,7 @@ impl Package {
     ) -> Self {
         let modules = modules.into_iter().map(|(n, t)| (n.into(), t.into())).collect();
         let origin = Origin::Memory { name: name.to_owned(), modules };
-        Self { origin, dependencies: Vec::new(), features: Vec::new() }
+        Self { origin, dependencies: Vec::new(), features: Vec::new(), validated_with: Vec::new() }
     }
 
     /// Lets modules import from `package` under `name`: `import noise::value::perlin;`.
@@ -202,6 +230,37 @@ impl Package {
     pub fn feature(mut self, name: &'static str, enabled: bool) -> Self {
         self.features.push((Cow::Borrowed(name), enabled));
         self
+    }
+
+    /// Validates `module` with these features on: one that means nothing without them. It concerns
+    /// [`is_valid`](Self::is_valid) alone; what a test links has the features of the package.
+    #[must_use]
+    pub fn validated_with(mut self, module: &str, features: &[&str]) -> Self {
+        let features = features.iter().map(|feature| (*feature).to_owned()).collect();
+        self.validated_with.push((module.to_owned(), features));
+        self
+    }
+
+    /// Whether each module that is validated with features exists.
+    pub(crate) fn knows_its_validated(&self, modules: &[String]) -> Result<(), PackageError> {
+        let unknown = self.validated_with.iter().find(|(module, _)| !modules.contains(module));
+        let Some((module, _)) = unknown else { return Ok(()) };
+        let near = nearest(module, modules.iter().map(String::as_str));
+        Err(PackageError::UnknownModule {
+            module: module.clone(),
+            package: self.name(),
+            nearest: near.map(str::to_owned),
+        })
+    }
+
+    /// The package with the features with which a module is validated.
+    pub(crate) fn for_validating(&self, module: &str) -> Self {
+        let mut package = self.clone();
+        for (_, features) in self.validated_with.iter().filter(|(name, _)| name == module) {
+            let on = features.iter().map(|feature| (Cow::Owned(feature.clone()), true));
+            package.features.extend(on);
+        }
+        package
     }
 
     /// The name of the folder or file, or the one given to text in memory.
@@ -246,7 +305,7 @@ impl Package {
         let mut modules = match &self.origin {
             Origin::Folder { .. } => {
                 let mut found = Vec::new();
-                scan(&self.root(), "", &mut found)?;
+                scan(&self.root(), "", &mut BTreeSet::new(), &mut found)?;
                 if found.is_empty() {
                     return Err(PackageError::Empty(shown(&self.root())));
                 }
@@ -277,47 +336,37 @@ impl Package {
     /// # Errors
     /// If the module can't be read or parsed.
     pub fn functions_in(&self, module: &str) -> Result<Vec<FunctionItem>, PackageError> {
-        use wgsl_parse::syntax::Attribute;
-        let components = module.split("::").filter(|part| !part.is_empty()).map(str::to_owned);
-        let path = wesl::ModulePath::new(PathOrigin::Absolute, components.collect());
-        let file = library::Library::open(self)?.read(&path)?;
-        let unit =
-            wgsl_parse::parse_str(&file.text).map_err(|error| syntax_error(&error, &file))?;
-        let mut functions = Vec::new();
-        for declaration in &unit.global_declarations {
-            let GlobalDeclaration::Function(function) = declaration.node() else { continue };
-            let name = function.ident.name().clone();
-            let range = name_range(&file, declaration.span().range(), &name);
-            let entry_point = function.attributes.iter().any(|attribute| {
-                matches!(
-                    attribute.node(),
-                    Attribute::Compute | Attribute::Vertex | Attribute::Fragment
-                )
-            });
-            let path = if module.is_empty() { name } else { format!("{module}::{name}") };
-            let span = Span { file: Arc::clone(&file), range };
-            functions.push(FunctionItem { path, span, entry_point });
-        }
-        Ok(functions)
+        let module_of = Library::open(self)?.module(&ModulePath::root(module))?;
+        Ok(self.functions_of(module, &module_of))
+    }
+
+    fn functions_of(&self, name: &str, module: &Module) -> Vec<FunctionItem> {
+        let functions = module.declarations.iter().filter_map(|declaration| {
+            let item = declaration.name.as_ref()?;
+            let path = if name.is_empty() { item.clone() } else { format!("{name}::{item}") };
+            let (span, entry_point) =
+                (module.span(declaration.name_token), declaration.entry_point);
+            (declaration.kind == DeclarationKind::Function).then_some(FunctionItem {
+                path,
+                span,
+                entry_point,
+            })
+        });
+        functions.collect()
     }
 }
 
-/// Where `fn name` stands inside a declaration.
-fn name_range(
-    file: &SourceFile,
-    whole: std::ops::Range<usize>,
-    name: &str,
-) -> std::ops::Range<usize> {
-    let text = file.text.get(whole.clone()).unwrap_or_default();
-    let after = text.find("fn").map_or(0, |at| at + 2);
-    match text[after..].find(name) {
-        Some(at) => whole.start + after + at..whole.start + after + at + name.len(),
-        None => whole,
-    }
-}
-
-fn scan(folder: &Path, prefix: &str, found: &mut Vec<String>) -> Result<(), PackageError> {
+/// Finds modules below a folder. Each folder is entered once, however many links lead there.
+fn scan(
+    folder: &Path,
+    prefix: &str,
+    entered: &mut BTreeSet<PathBuf>,
+    found: &mut Vec<String>,
+) -> Result<(), PackageError> {
     let unreadable = |source| PackageError::Unreadable { file: shown(folder), source };
+    if !entered.insert(folder.canonicalize().map_err(unreadable)?) {
+        return Ok(());
+    }
     for entry in std::fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
         let Some(stem) = path.file_stem().and_then(|stem| stem.to_str()) else { continue };
@@ -325,7 +374,7 @@ fn scan(folder: &Path, prefix: &str, found: &mut Vec<String>) -> Result<(), Pack
         if path.is_dir() {
             // Build output and hidden folders hold no modules of the author.
             if !stem.starts_with('.') && stem != "target" {
-                scan(&path, &name, found)?;
+                scan(&path, &name, entered, found)?;
             }
         } else if library::EXTENSIONS
             .iter()
@@ -335,21 +384,4 @@ fn scan(folder: &Path, prefix: &str, found: &mut Vec<String>) -> Result<(), Pack
         }
     }
     Ok(())
-}
-
-/// Most alternatives that are worth reading in a syntax error.
-const ALTERNATIVES: usize = 5;
-
-/// A parse error at its place.
-fn syntax_error(error: &wgsl_parse::Error, file: &Arc<SourceFile>) -> PackageError {
-    let range = error.span.range();
-    let span = Span { file: Arc::clone(file), range };
-    let message = error.error.to_string();
-    // Where an expression may stand, the parser lists every token that begins one.
-    let message = match message.split_once(", expected") {
-        Some((found, expected)) if expected.matches(',').count() >= ALTERNATIVES => found,
-        _ => &message,
-    };
-    let message = format!("syntax error: {message}");
-    PackageError::Shader(Box::new(Diagnostic::new(message).at(span, "")))
 }

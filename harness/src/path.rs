@@ -18,7 +18,7 @@ use std::str::FromStr;
 use std::sync::OnceLock;
 
 pub(crate) use deadline::{Guard, guard};
-pub(crate) use device::{Device, Turn};
+pub(crate) use device::{Device, MOST_ROUNDS, Turn};
 
 use crate::diagnostic::nearest;
 

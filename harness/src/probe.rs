@@ -6,12 +6,14 @@
 
 mod inputs;
 mod kernel;
+mod rounds;
 mod runner;
 
 pub use inputs::Inputs;
 pub(crate) use kernel::{CONSTANTS, Kernel};
 pub(crate) use runner::{BATCH, Dispatch, Runner};
 
+use crate::diagnostic::Diagnostic;
 use crate::fixture::FixtureError;
 use crate::package::Package;
 use crate::path::{Path, PathError};
@@ -33,6 +35,9 @@ impl Probed {
     /// If there is no such function, the shader isn't valid, or a kernel can't call it.
     pub fn new(package: &Package, path: &str) -> Result<Self, ProbeError> {
         let program = Program::of_function(package, path)?;
+        // What the function doesn't reach must be valid, too.
+        let module = path.rsplit_once("::").map_or("", |(module, _)| module);
+        crate::reflect::validate(package, module)?;
         let function = program.function(path)?;
         let kernel = Kernel::new(&program, &function);
         Ok(Self { program, function, kernel })
@@ -119,6 +124,14 @@ pub enum ProbeError {
         count: usize,
         /// Of how many.
         cases: usize,
+    },
+    /// A case's loops go round more often than the driver lets them.
+    #[error("{diagnostic}")]
+    Rounds {
+        /// The case of its dispatch.
+        case: usize,
+        /// The loop.
+        diagnostic: Box<Diagnostic>,
     },
     /// The read-back has the wrong length.
     #[error("the device returned {found} words instead of {expected}")]

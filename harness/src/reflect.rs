@@ -4,17 +4,23 @@
 //! whatever transforms or interprets shaders starts from it.
 
 mod layout;
+mod rounds;
+mod validation;
 
 use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
 
+pub(crate) use naga::Module as Ir;
 use naga::front::wgsl;
 use naga::proc::Layouter;
 use naga::valid::{Capabilities, GlobalUse, ModuleInfo, ShaderStages, ValidationFlags, Validator};
 
 pub use layout::LayoutError;
 pub(crate) use layout::bytes_of;
+pub(crate) use rounds::{COUNTERS, CountedLoop, count_rounds};
+pub(crate) use validation::validate;
+pub use validation::{Invalid, Validated};
 
 use crate::diagnostic::{Diagnostic, Span};
 use crate::package::{Linked, Package, PackageError};
@@ -157,6 +163,15 @@ impl Program {
         Self::from_linked(package.link(path)?)
     }
 
+    /// Links and validates a whole module with all that it declares. A module that imports nothing
+    /// and has no conditions goes to naga as it is.
+    ///
+    /// # Errors
+    /// If it can't be linked, or isn't valid WGSL.
+    pub fn of_module(package: &Package, module: &str) -> Result<Self, ReflectError> {
+        Self::from_linked(package.link_module(module)?)
+    }
+
     /// Links and validates the closure of some declarations of one module.
     pub(crate) fn of_items(
         package: &Package,
@@ -168,23 +183,17 @@ impl Program {
 
     fn from_linked(linked: Linked) -> Result<Self, ReflectError> {
         let invalid = |diagnostic| ReflectError::Invalid(Box::new(diagnostic));
-        if let Some(name) = linked.names.keys().find(|name| is_reserved(name)) {
-            let text = linked.text.as_str();
-            let is_word = |at: &usize| {
-                let around =
-                    [text[..*at].chars().next_back(), text[at + name.len()..].chars().next()];
-                around.iter().flatten().all(|c| !c.is_alphanumeric() && *c != '_')
-            };
-            let place = text.match_indices(name.as_str()).map(|(at, _)| at).find(is_word);
-            let range = place.map(|at| at..at + name.len());
-            let message = format!("`{name}` can't be declared in a shader under test");
-            let note = "WGSL's own names must keep their meaning in imported modules and in the \
-                        generated kernel, and names that begin with `karat_` are the kernel's"
-                .to_owned();
-            let labels = [(range, "rename this".to_owned())].into_iter();
-            return Err(invalid(to_author(&linked, message, labels, vec![note])));
+        if let Some(span) = linked.too_deep() {
+            let message = "this expression is too long or too deep to be compiled".to_owned();
+            let note = "compilers recurse over it: split it into several statements";
+            return Err(invalid(Diagnostic::new(message).at(span, "").note(note)));
         }
-        let module = wgsl::parse_str(&linked.text).map_err(|error| {
+        on_deep_stack(|| Self::compiled(linked))
+    }
+
+    fn compiled(linked: Linked) -> Result<Self, ReflectError> {
+        let invalid = |diagnostic| ReflectError::Invalid(Box::new(diagnostic));
+        let module = wgsl::parse_str(linked.text()).map_err(|error| {
             let labels = error.labels().map(|(span, text)| (span.to_range(), text.to_owned()));
             let notes = error.notes().map(str::to_owned).collect();
             invalid(to_author(&linked, error.message().to_owned(), labels, notes))
@@ -212,7 +221,7 @@ impl Program {
     /// The linked WGSL.
     #[must_use]
     pub fn text(&self) -> &str {
-        &self.linked.text
+        self.linked.text()
     }
 
     /// naga's IR of [`text`](Self::text).
@@ -224,7 +233,7 @@ impl Program {
     /// The author's place for a range of [`text`](Self::text).
     #[must_use]
     pub fn resolve(&self, range: Range<usize>) -> Option<Span> {
-        self.linked.map.resolve(range)
+        self.linked.spliced.resolve(range)
     }
 
     pub(crate) fn layouter(&self) -> &Layouter {
@@ -237,7 +246,7 @@ impl Program {
     /// If a probe can't call it: pointers, runtime-sized arrays, no result, 64-bit types, or
     /// operations that only a fragment shader has.
     pub fn function(&self, path: &str) -> Result<Function, ReflectError> {
-        let name = path.rsplit("::").next().unwrap_or(path);
+        let name = self.linked.name_of(path).unwrap_or(path);
         let found = self
             .module
             .functions
@@ -299,6 +308,7 @@ impl Program {
 
     /// The resources of an entry point.
     pub(crate) fn entry_point_bindings(&self, stage: Stage, name: &str) -> Option<Vec<Binding>> {
+        let name = self.entry_point_name(name);
         let naga_stage = match stage {
             Stage::Vertex => naga::ShaderStage::Vertex,
             Stage::Fragment => naga::ShaderStage::Fragment,
@@ -307,6 +317,14 @@ impl Program {
         let index = entries.position(|entry| entry.name == name && entry.stage == naga_stage)?;
         let info = self.info.get_entry_point(index);
         Some(self.bindings(|global| info[global]))
+    }
+
+    /// The name in the text of an entry point of the linked module.
+    pub(crate) fn entry_point_name<'a>(&'a self, name: &'a str) -> &'a str {
+        let is_it = |path: &str| path.rsplit("::").next() == Some(name);
+        let mut names = self.linked.names.iter();
+        let known = |text: &str| self.module.entry_points.iter().any(|e| e.name == text);
+        names.find(|(text, path)| is_it(path) && known(text)).map_or(name, |(text, _)| text)
     }
 
     /// The first binding number of group 0 that the program leaves free.
@@ -445,22 +463,12 @@ impl Program {
     }
 }
 
-/// Whether a declaration of this name would change the meaning of the kernel or of imported
-/// modules: only imported names are mangled.
-fn is_reserved(name: &str) -> bool {
-    use wgsl_types::idents::{
-        BUILTIN_CONSTRUCTOR_NAMES, BUILTIN_FUNCTION_NAMES, BUILTIN_TYPE_GENERATOR_NAMES,
-        BUILTIN_TYPE_NAMES,
-    };
-    name.starts_with("karat_")
-        || [
-            BUILTIN_FUNCTION_NAMES,
-            BUILTIN_CONSTRUCTOR_NAMES,
-            BUILTIN_TYPE_NAMES,
-            BUILTIN_TYPE_GENERATOR_NAMES,
-        ]
-        .iter()
-        .any(|names| names.contains(&name))
+/// Runs what recurses as deep as a shader nests, on a stack that fits the deepest one that
+/// [`Linked::too_deep`] lets through.
+pub(crate) fn on_deep_stack<T>(work: impl FnOnce() -> T) -> T {
+    /// naga's lowering takes up to some 20 KB a term in builds without optimisation.
+    const STACK: usize = 256 << 20;
+    stacker::grow(STACK, work)
 }
 
 fn scalar_of(scalar: naga::Scalar) -> Result<Scalar, String> {
@@ -508,7 +516,7 @@ fn to_author(
 ) -> Diagnostic {
     let mut diagnostic = Diagnostic { message, labels: Vec::new(), notes };
     for (range, text) in labels {
-        if let Some(span) = range.and_then(|range| linked.map.resolve(range)) {
+        if let Some(span) = range.and_then(|range| linked.spliced.resolve(range)) {
             // naga speaks of mangled names; the author's are shown.
             diagnostic = diagnostic.at(span, demangle(linked, &text));
         }

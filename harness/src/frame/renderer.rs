@@ -36,6 +36,7 @@ pub(super) fn render(
         items.extend(draw.depth_fragment.as_deref());
     }
     let program = Program::of_items(frame.package(), frame.module(), &items)?;
+    crate::reflect::validate(frame.package(), frame.module())?;
     let shader = blake3::hash(program.text().as_bytes()).to_hex().to_string();
 
     let bindings_of = |stage: Stage, name: &str| {
@@ -71,16 +72,18 @@ pub(super) fn render(
     let _deadline =
         guard(move || format!("the {width} x {height} frame of module `{module}` on path {path}"));
     let format = color_format(device, frame.blending());
-    let painter = Painter { device, frame, format, resources: &resources };
-    let image = device.checked(|| {
-        let shader = device.shader_module(program.text());
-        let draws: Vec<Prepared> = frame
-            .draws()
-            .iter()
-            .zip(&stages)
-            .map(|(draw, bindings)| painter.prepare(&shader, draw, bindings))
-            .collect();
-        painter.paint(&draws)
+    let painter = Painter { device, frame, program: &program, format, resources: &resources };
+    let image = crate::reflect::on_deep_stack(|| {
+        device.checked(|| {
+            let shader = device.shader_module(program.text());
+            let draws: Vec<Prepared> = frame
+                .draws()
+                .iter()
+                .zip(&stages)
+                .map(|(draw, bindings)| painter.prepare(&shader, draw, bindings))
+                .collect();
+            painter.paint(&draws)
+        })
     })?;
     let row = Row::new(format, width);
     let pixels = device.read_back(&image, row.stride * u64::from(height), |bytes| {
@@ -142,6 +145,7 @@ impl Row {
 struct Painter<'a> {
     device: &'static Device,
     frame: &'a Frame<'a>,
+    program: &'a Program,
     format: wgpu::TextureFormat,
     resources: &'a BTreeMap<(u32, u32), Resource>,
 }
@@ -232,7 +236,7 @@ impl Painter<'_> {
             layout: None,
             vertex: wgpu::VertexState {
                 module: shader,
-                entry_point: Some(&draw.vertex),
+                entry_point: Some(self.program.entry_point_name(&draw.vertex)),
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
                 buffers: &layouts,
             },
@@ -250,7 +254,7 @@ impl Painter<'_> {
             multisample: wgpu::MultisampleState::default(),
             fragment: fragment.map(|name| wgpu::FragmentState {
                 module: shader,
-                entry_point: Some(name),
+                entry_point: Some(self.program.entry_point_name(name)),
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
                 targets: if color { &targets } else { &[] },
             }),

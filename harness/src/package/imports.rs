@@ -1,188 +1,327 @@
-//! Checks the imports of a module and of all that it reaches, before linking.
+//! What import statements and paths lead to.
 //!
-//! The linker reports a failed import without its place, and follows re-exports without looking
-//! for cycles. Here every import is followed to its declaration, and what is wrong is shown at
-//! the import statement.
+//! Every import of a module and of all that it reaches is followed to its declaration before
+//! anything is linked, so that what is wrong is shown at the import statement.
 
 use std::collections::BTreeSet;
-use std::sync::Arc;
+use std::ops::Range;
 
-use wesl::ModulePath;
-use wgsl_parse::SyntaxNode;
-use wgsl_parse::lexer::{Lexer, Token};
-use wgsl_parse::syntax::{ImportContent, PathOrigin, TranslationUnit};
+use super::PackageError;
+use super::library::{Library, ModulePath};
+use super::syntax::{Module, syntax_error};
+use crate::diagnostic::{Diagnostic, Span, nearest};
 
-use super::library::Library;
-use super::{PackageError, syntax_error};
-use crate::diagnostic::{Diagnostic, SourceFile, Span, nearest};
+/// Braces in braces of an import statement: far more than anybody writes, and no danger to the
+/// stack.
+const MOST_BRACES: usize = 32;
 
-/// An imported name: `item` of the module at `path`, known as `alias`.
-struct Import {
-    path: ModulePath,
-    item: String,
-    alias: String,
+/// An imported name.
+#[derive(Clone, Debug)]
+pub(super) struct Import {
+    /// As it is written: `package`, `math`, `PI`.
+    words: Vec<String>,
+    /// What it is known as in the module.
+    pub(super) alias: String,
+    /// The token of the imported name.
+    token: usize,
+}
+
+impl Import {
+    fn item(&self) -> &str {
+        self.words.last().expect("an import has a name")
+    }
+}
+
+/// What a name or a path leads to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Target {
+    /// A declaration of a module.
+    Item(ModulePath, String),
+    /// A module, or a folder of modules.
+    Module(ModulePath),
 }
 
 /// Follows each import of `root`, and of the modules that it reaches.
 pub(super) fn check(library: &Library<'_>, root: &ModulePath) -> Result<(), PackageError> {
-    let mut seen = BTreeSet::from([root.to_string()]);
+    let mut seen = BTreeSet::from([root.clone()]);
     let mut queue = vec![root.clone()];
     while let Some(path) = queue.pop() {
-        let (file, unit) = parse(library, &path)?;
-        for import in imports(&unit, &path) {
-            let mut chain = vec![(path.clone(), import.alias.clone())];
-            let module = follow(library, &import, &mut chain).map_err(|problem| {
-                let span = import_span(&file, &import.item);
-                problem.at(span, &path, &import, &chain)
-            })?;
-            if seen.insert(module.to_string()) {
-                queue.push(module);
+        let module = library.module(&path)?;
+        for import in imports(&module)? {
+            let (Target::Item(reached, _) | Target::Module(reached)) =
+                follow(library, &path, &module, &import)?;
+            if library.has(&reached) && seen.insert(reached.clone()) {
+                queue.push(reached);
             }
         }
     }
     Ok(())
 }
 
-enum Problem {
-    Module(PackageError),
-    Item { module: ModulePath, nearest: Option<String> },
-    Cycle,
+/// The imports of a module.
+pub(super) fn imports(module: &Module) -> Result<Vec<Import>, PackageError> {
+    let mut found = Vec::new();
+    for statement in &module.imports {
+        let mut at = statement.start;
+        while module.text(at) != "import" {
+            at += 1;
+        }
+        let inner = at + 1..statement.end - 1;
+        let end = list(module, inner.clone(), &[], 0, &mut found)?;
+        if end != inner.end {
+            return Err(malformed(module, end));
+        }
+    }
+    Ok(found)
 }
 
-impl Problem {
-    fn at(
-        self,
-        span: Span,
-        path: &ModulePath,
-        import: &Import,
-        chain: &[(ModulePath, String)],
-    ) -> PackageError {
-        let item = &import.item;
-        let diagnostic = match self {
-            Self::Module(error @ (PackageError::Shader(_) | PackageError::NotUtf8 { .. })) => {
-                return error;
+fn malformed(module: &Module, token: usize) -> PackageError {
+    let message = "imports are written `import package::module::{name, other as alias};`";
+    syntax_error(&module.file, module.span(token).range, message)
+}
+
+/// Reads one path with what it ends in: a name, or names in braces. Returns the token after it.
+fn list(
+    module: &Module,
+    tokens: Range<usize>,
+    prefix: &[String],
+    depth: usize,
+    found: &mut Vec<Import>,
+) -> Result<usize, PackageError> {
+    let mut words = prefix.to_vec();
+    let mut at = tokens.start;
+    loop {
+        if at >= tokens.end {
+            return Err(malformed(module, at));
+        }
+        if module.is(at, b'{') {
+            if depth == MOST_BRACES {
+                return Err(malformed(module, at));
             }
-            Self::Module(error) => {
-                Diagnostic::new(format!("unresolved import of `{}::{item}`", import.path))
-                    .at(span, "imported here")
-                    .note(error.to_string())
-            }
-            Self::Item { module, nearest } => {
-                let diagnostic = Diagnostic::new(format!(
-                    "unresolved import: module `{module}` declares no `{item}`"
-                ))
-                .at(span, "imported here");
-                match nearest {
-                    Some(name) => diagnostic.note(format!("did you mean `{name}`?")),
-                    None => diagnostic,
+            let close = module.brackets[at];
+            let mut item = at + 1;
+            while item < close {
+                item = list(module, item..close, &words, depth + 1, found)?;
+                if item < close {
+                    if !module.is(item, b',') {
+                        return Err(malformed(module, item));
+                    }
+                    item += 1;
                 }
             }
-            Self::Cycle => {
-                let route: Vec<_> =
-                    chain.iter().map(|(module, item)| format!("{module}::{item}")).collect();
-                Diagnostic::new(format!("import cycle: `{item}` is imported, but never declared"))
-                    .at(span, "imported here")
-                    .note(format!("{} -> {path}::{}", route.join(" -> "), import.alias))
+            return Ok(close + 1);
+        }
+        if !module.is_word(at) {
+            return Err(malformed(module, at));
+        }
+        words.push(module.text(at).to_owned());
+        if at + 2 < tokens.end && module.is(at + 1, b':') && module.is(at + 2, b':') {
+            at += 3;
+            continue;
+        }
+        let token = at;
+        let mut alias = module.text(at).to_owned();
+        at += 1;
+        if at < tokens.end && module.text(at) == "as" {
+            if at + 1 >= tokens.end || !module.is_word(at + 1) {
+                return Err(malformed(module, at));
             }
-        };
-        PackageError::Shader(Box::new(diagnostic))
+            alias = module.text(at + 1).to_owned();
+            at += 2;
+        }
+        if words.len() < 2 {
+            let message = "an import names a package and a module: `import package::module::name;`";
+            return Err(syntax_error(&module.file, module.span(token).range, message));
+        }
+        found.push(Import { words, alias, token });
+        return Ok(at);
     }
 }
 
-/// The module that declares what is imported; `chain` is the route of re-exports to it.
-fn follow(
+enum Problem {
+    Module(PackageError),
+    Item { module: ModulePath, nearest: Option<String>, condition: Option<String> },
+}
+
+/// What an import of a module leads to, through those that import it again.
+pub(super) fn follow(
     library: &Library<'_>,
+    path: &ModulePath,
+    module: &Module,
     import: &Import,
-    chain: &mut Vec<(ModulePath, String)>,
-) -> Result<ModulePath, Problem> {
-    // `import package::math;` names a module and is used as `math::PI`.
-    let inner = import.path.clone().join([import.item.clone()]);
-    if library.has(&inner) {
-        return Ok(inner);
-    }
-    let step = (import.path.clone(), import.item.clone());
-    if chain.contains(&step) {
-        return Err(Problem::Cycle);
-    }
-    let (_, unit) = parse(library, &import.path).map_err(Problem::Module)?;
-    let declared: Vec<String> = unit
-        .global_declarations
-        .iter()
-        .filter_map(|declaration| declaration.ident().map(|ident| ident.name().clone()))
-        .collect();
-    if declared.contains(&import.item) {
-        return Ok(import.path.clone());
-    }
-    let again = imports(&unit, &import.path).into_iter().find(|next| next.alias == import.item);
-    match again {
-        Some(next) => {
-            chain.push(step);
-            follow(library, &next, chain)
+) -> Result<Target, PackageError> {
+    let span = || module.span(import.token);
+    let target = locate(library, path, &import.words).map_err(Problem::Module);
+    // The modules that were asked, and the names that they were asked for.
+    let mut chain: Vec<(ModulePath, String)> = vec![(path.clone(), import.alias.clone())];
+    let mut target = target.map_err(|problem| failed(problem, span(), library, import))?;
+    loop {
+        let Target::Item(owner, name) = &target else { return Ok(target) };
+        let step = (owner.clone(), name.clone());
+        if chain.contains(&step) {
+            return Err(cycle(library, &chain, &step, span()));
         }
-        None => Err(Problem::Item {
-            nearest: nearest(&import.item, declared.iter().map(String::as_str)).map(str::to_owned),
-            module: import.path.clone(),
+        let next = declared_or_imported(library, owner, name)
+            .map_err(|problem| failed(problem, span(), library, import))?;
+        match next {
+            None => return Ok(target),
+            Some(again) => {
+                chain.push(step);
+                target = again;
+            }
+        }
+    }
+}
+
+/// `None` if a module declares a name itself, or else what its own import of that name leads to.
+fn declared_or_imported(
+    library: &Library<'_>,
+    path: &ModulePath,
+    name: &str,
+) -> Result<Option<Target>, Problem> {
+    let module = library.module(path).map_err(Problem::Module)?;
+    if module.declared(name).next().is_some() {
+        return Ok(None);
+    }
+    let own = imports(&module).map_err(Problem::Module)?;
+    if let Some(again) = own.iter().find(|import| import.alias == name) {
+        return locate(library, path, &again.words).map(Some).map_err(Problem::Module);
+    }
+    let inactive = module.inactive.iter().find(|inactive| inactive.name == name);
+    Err(Problem::Item {
+        nearest: nearest(name, module.names()).map(str::to_owned),
+        condition: inactive.map(|inactive| inactive.condition.clone()),
+        module: path.clone(),
+    })
+}
+
+/// The module or the item that the words of a path name, seen from a module.
+fn locate(
+    library: &Library<'_>,
+    from: &ModulePath,
+    words: &[String],
+) -> Result<Target, PackageError> {
+    let supers = words.iter().take_while(|word| *word == "super").count();
+    let (package, mut components, rest) = match words[0].as_str() {
+        "package" => (from.package, Vec::new(), &words[1..]),
+        "super" => {
+            let kept = from.components.len().saturating_sub(supers);
+            (from.package, from.components[..kept].to_vec(), &words[supers..])
+        }
+        name => (library.dependency(from.package, name)?, Vec::new(), &words[1..]),
+    };
+    components.extend(rest.iter().cloned());
+    let inner = ModulePath { package, components };
+    if library.has(&inner) {
+        return Ok(Target::Module(inner));
+    }
+    let mut owner = inner.clone();
+    let item = owner.components.pop();
+    match item {
+        Some(item) if library.has(&owner) => Ok(Target::Item(owner, item)),
+        _ if library.has_below(&inner) => Ok(Target::Module(inner)),
+        // Reading a module that isn't there says so.
+        _ => Err(match library.read(&owner) {
+            Err(error) => error,
+            Ok(_) => unreachable!("`has` and `read` look in the same places"),
         }),
     }
 }
 
-fn parse(
+/// What a path with colons in an expression leads to.
+pub(super) fn resolve_path(
     library: &Library<'_>,
     path: &ModulePath,
-) -> Result<(Arc<SourceFile>, TranslationUnit), PackageError> {
-    let file = library.read(path)?;
-    let unit = wgsl_parse::parse_str(&file.text).map_err(|error| syntax_error(&error, &file))?;
-    Ok((file, unit))
+    module: &Module,
+    imports: &[Import],
+    words: &[&str],
+    tokens: &Range<usize>,
+) -> Result<Target, PackageError> {
+    let last = tokens.end - 1;
+    let as_import = |words: Vec<String>| Import {
+        alias: words.last().cloned().unwrap_or_default(),
+        words,
+        token: last,
+    };
+    let mut full: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
+    // The first word may be an imported module.
+    if let Some(import) = imports.iter().find(|import| import.alias == words[0]) {
+        full.splice(0..1, import.words.iter().cloned());
+    }
+    let import = as_import(full);
+    let unresolved = |error: PackageError| {
+        let diagnostic = Diagnostic::new(format!("unresolved path `{}`", words.join("::")))
+            .at(module.span(last), "")
+            .note(error.to_string());
+        PackageError::Shader(Box::new(diagnostic))
+    };
+    match locate(library, path, &import.words) {
+        Err(error @ (PackageError::Shader(_) | PackageError::NotUtf8 { .. })) => Err(error),
+        Err(error) => Err(unresolved(error)),
+        Ok(Target::Module(found)) => {
+            let message = format!("`{}` is a module", library.shown(&found));
+            let diagnostic = Diagnostic::new(message).at(module.span(last), "");
+            Err(PackageError::Shader(Box::new(diagnostic)))
+        }
+        Ok(Target::Item(owner, name)) => match declared_or_imported(library, &owner, &name) {
+            Ok(None) => Ok(Target::Item(owner, name)),
+            Ok(Some(_)) => follow(library, path, module, &import),
+            Err(Problem::Module(error)) => Err(error),
+            Err(Problem::Item { module: owner, nearest, condition }) => {
+                let owner = library.shown(&owner);
+                let message = format!("module `{owner}` has no declaration `{name}`");
+                let diagnostic = Diagnostic::new(message).at(module.span(last), "");
+                Err(hinted(diagnostic, &name, nearest, condition))
+            }
+        },
+    }
 }
 
-fn imports(unit: &TranslationUnit, path: &ModulePath) -> Vec<Import> {
-    fn flatten(content: &ImportContent, path: &ModulePath, found: &mut Vec<Import>) {
-        match content {
-            ImportContent::Item(item) => {
-                let name = item.ident.name().clone();
-                let alias = item.rename.as_ref().map_or(name.clone(), |ident| ident.name().clone());
-                found.push(Import { path: path.clone(), item: name, alias });
-            }
-            ImportContent::Collection(imports) => {
-                for import in imports {
-                    let path = path.clone().join(import.path.iter().cloned());
-                    flatten(&import.content, &path, found);
-                }
-            }
+fn failed(problem: Problem, span: Span, library: &Library<'_>, import: &Import) -> PackageError {
+    let item = import.item();
+    match problem {
+        Problem::Module(error @ (PackageError::Shader(_) | PackageError::NotUtf8 { .. })) => error,
+        Problem::Module(error) => {
+            let message = format!("unresolved import of `{}`", import.words.join("::"));
+            let diagnostic =
+                Diagnostic::new(message).at(span, "imported here").note(error.to_string());
+            PackageError::Shader(Box::new(diagnostic))
+        }
+        Problem::Item { module, nearest, condition } => {
+            let module = library.shown(&module);
+            let message = format!("unresolved import: module `{module}` declares no `{item}`");
+            let diagnostic = Diagnostic::new(message).at(span, "imported here");
+            hinted(diagnostic, item, nearest, condition)
         }
     }
-
-    let mut found = Vec::new();
-    for statement in &unit.imports {
-        match (&statement.path, &statement.content) {
-            (Some(prefix), content) => flatten(content, &path.join_path(prefix), &mut found),
-            // `import {noise::value, ...};`: the first name is a package.
-            (None, ImportContent::Collection(imports)) => {
-                for import in imports {
-                    if let Some((package, rest)) = import.path.split_first() {
-                        let origin = PathOrigin::Package(package.clone());
-                        let prefix = path.join_path(&ModulePath::new(origin, rest.to_vec()));
-                        flatten(&import.content, &prefix, &mut found);
-                    }
-                }
-            }
-            (None, ImportContent::Item(_)) => {}
-        }
-    }
-    found
 }
 
-/// Where an import statement names `item`. The syntax tree keeps no place for imports.
-fn import_span(file: &Arc<SourceFile>, item: &str) -> Span {
-    let mut inside = false;
-    let place = Lexer::new(&file.text).map_while(Result::ok).find(|(start, token, end)| {
-        match token {
-            Token::KwImport => inside = true,
-            Token::SymSemicolon => inside = false,
-            _ => {}
-        }
-        inside && &file.text[*start..*end] == item
-    });
-    let range = place.map_or(0..0, |(start, _, end)| start..end);
-    Span { file: Arc::clone(file), range }
+/// Adds why a name isn't there: a condition that doesn't hold, or a slip.
+fn hinted(
+    diagnostic: Diagnostic,
+    name: &str,
+    nearest: Option<String>,
+    condition: Option<String>,
+) -> PackageError {
+    let diagnostic = match (condition, nearest) {
+        (Some(condition), _) => diagnostic
+            .note(format!("`{name}` is declared under `{condition}`, which doesn't hold here")),
+        (None, Some(name)) => diagnostic.note(format!("did you mean `{name}`?")),
+        (None, None) => diagnostic,
+    };
+    PackageError::Shader(Box::new(diagnostic))
+}
+
+fn cycle(
+    library: &Library<'_>,
+    chain: &[(ModulePath, String)],
+    last: &(ModulePath, String),
+    span: Span,
+) -> PackageError {
+    let shown =
+        |(module, item): &(ModulePath, String)| format!("{}::{item}", library.shown(module));
+    let route: Vec<_> = chain.iter().chain([last]).map(shown).collect();
+    let message = format!("import cycle: `{}` is imported, but never declared", chain[0].1);
+    let diagnostic = Diagnostic::new(message).at(span, "imported here").note(route.join(" -> "));
+    PackageError::Shader(Box::new(diagnostic))
 }

@@ -1,89 +1,148 @@
 //! The modules of a package and of what it depends on, read when first needed.
 
-use std::borrow::Cow;
 use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
-use wesl::{ModulePath, ResolveError, Resolver};
-use wgsl_parse::lexer::Lexer;
-use wgsl_parse::syntax::PathOrigin;
+use blake3::Hash;
 
+use super::conditions::Features;
 use super::overlay::Overlay;
+use super::syntax::Module;
 use super::{Origin, Package, PackageError};
-use crate::diagnostic::{SourceFile, Span, nearest, shown};
+use crate::diagnostic::{SourceFile, nearest, shown};
 
 /// File extensions of modules, in the order in which they are looked for.
 pub(super) const EXTENSIONS: [&str; 2] = ["wgsl", "wesl"];
 
-/// Reads and keeps the modules of a package tree for one link.
+/// Parsed modules that a process keeps: more than any package has, and a bound for long-lived ones.
+const MOST_KEPT: usize = 10_000;
+
+/// A module: the package that has it, by its index in the library, and its path in there.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct ModulePath {
+    pub(super) package: usize,
+    pub(super) components: Vec<String>,
+}
+
+impl ModulePath {
+    /// A module of the package that is linked, from its author's path; `""` is the only module.
+    pub(super) fn root(module: &str) -> Self {
+        let components = module.split("::").filter(|part| !part.is_empty());
+        Self { package: 0, components: components.map(str::to_owned).collect() }
+    }
+}
+
+/// The packages of one link and their modules, read when first needed. The package that is linked
+/// is the first; the others are reached from it.
 pub(super) struct Library<'a> {
-    package: &'a Package,
+    packages: RefCell<Vec<(&'a Package, String)>>,
     overlay: Overlay,
-    files: RefCell<BTreeMap<String, Arc<SourceFile>>>,
+    modules: RefCell<BTreeMap<ModulePath, Arc<Module>>>,
 }
 
 impl<'a> Library<'a> {
     pub(super) fn open(package: &'a Package) -> Result<Self, PackageError> {
         let overlay = Overlay::of(package)?;
-        Ok(Self { package, overlay, files: RefCell::default() })
+        let packages = RefCell::new(vec![(package, String::new())]);
+        Ok(Self { packages, overlay, modules: RefCell::default() })
     }
 
     /// The text of a module.
     pub(super) fn read(&self, path: &ModulePath) -> Result<Arc<SourceFile>, PackageError> {
-        let key = path.to_string();
-        if let Some(file) = self.files.borrow().get(&key) {
-            return Ok(Arc::clone(file));
+        let package = self.package(path.package);
+        package.load(&path.components, &self.overlay).map(Arc::new)
+    }
+
+    /// A module without what its conditions leave out.
+    pub(super) fn module(&self, path: &ModulePath) -> Result<Arc<Module>, PackageError> {
+        if let Some(module) = self.modules.borrow().get(path) {
+            return Ok(Arc::clone(module));
         }
-        let file = Arc::new(self.owner(path)?.load(&path.components, &self.overlay)?);
-        self.files.borrow_mut().insert(key, Arc::clone(&file));
-        Ok(file)
+        let module = parsed(&self.read(path)?, self.features(path.package))?;
+        self.modules.borrow_mut().insert(path.clone(), Arc::clone(&module));
+        Ok(module)
     }
 
     /// Whether a module exists, readable or not.
     pub(super) fn has(&self, path: &ModulePath) -> bool {
-        self.owner(path).is_ok_and(|package| package.find(&path.components).is_some())
+        self.package(path.package).find(&path.components).is_some()
     }
 
-    /// Where a name stands first in the modules read so far.
-    pub(super) fn find_name(&self, name: &str) -> Option<Span> {
-        self.files.borrow().values().find_map(|file| {
-            let mut tokens = Lexer::new(&file.text).map_while(Result::ok);
-            let (start, _, end) =
-                tokens.find(|(start, _, end)| &file.text[*start..*end] == name)?;
-            Some(Span { file: Arc::clone(file), range: start..end })
-        })
+    /// Whether a path is a folder of modules.
+    pub(super) fn has_below(&self, path: &ModulePath) -> bool {
+        let prefix = format!("{}::", path.components.join("::"));
+        let modules = self.package(path.package).modules().unwrap_or_default();
+        modules.iter().any(|module| module.starts_with(&prefix))
     }
 
-    /// The package that a path leads into.
-    fn owner(&self, path: &ModulePath) -> Result<&'a Package, PackageError> {
-        let PathOrigin::Package(names) = &path.origin else { return Ok(self.package) };
-        // The import resolution names a dependency's dependency `outer/inner`.
-        names.split('/').try_fold(self.package, |package, name| {
-            let dependencies = || package.dependencies.iter().map(|(name, _)| name.as_ref());
-            package.dependencies.iter().find(|(known, _)| known == name).map(|(_, p)| p).ok_or_else(
-                || PackageError::UnknownPackage {
-                    name: name.to_owned(),
-                    package: package.name().to_owned(),
-                    nearest: nearest(name, dependencies()).map(str::to_owned),
-                },
-            )
-        })
+    fn package(&self, index: usize) -> &'a Package {
+        self.packages.borrow()[index].0
+    }
+
+    /// The name of a package as the one that is linked reaches it: `noise`, `textures/noise`.
+    pub(super) fn route(&self, package: usize) -> String {
+        self.packages.borrow()[package].1.clone()
+    }
+
+    /// `package::math`, or `noise::value` of another package.
+    pub(super) fn shown(&self, path: &ModulePath) -> String {
+        let route = self.route(path.package);
+        let first = if route.is_empty() { "package".to_owned() } else { route };
+        let parts: Vec<_> = [first].into_iter().chain(path.components.iter().cloned()).collect();
+        parts.join("::")
+    }
+
+    /// The package that `package` knows as `name`.
+    pub(super) fn dependency(&self, package: usize, name: &str) -> Result<usize, PackageError> {
+        let of = self.package(package);
+        let Some((_, found)) = of.dependencies.iter().find(|(known, _)| known == name) else {
+            let known = of.dependencies.iter().map(|(name, _)| name.as_ref());
+            return Err(PackageError::UnknownPackage {
+                name: name.to_owned(),
+                package: of.name(),
+                nearest: nearest(name, known).map(str::to_owned),
+            });
+        };
+        let route = self.route(package);
+        let mut packages = self.packages.borrow_mut();
+        // One package that is reached in two ways is one: its types are the same types.
+        let same =
+            |known: &Package| known.origin == found.origin && known.features == found.features;
+        if let Some(index) = packages.iter().position(|(known, _)| same(known)) {
+            return Ok(index);
+        }
+        let name = if route.is_empty() { name.to_owned() } else { format!("{route}/{name}") };
+        packages.push((found, name));
+        Ok(packages.len() - 1)
+    }
+
+    /// The features that hold in a package: its own, then those of the one that is linked.
+    fn features(&self, package: usize) -> Features {
+        let all = self.package(package).features.iter().chain(&self.package(0).features);
+        all.map(|(name, enabled)| (name.to_string(), *enabled)).collect()
     }
 }
 
-impl Resolver for Library<'_> {
-    fn resolve_source<'b>(&'b self, path: &ModulePath) -> Result<Cow<'b, str>, ResolveError> {
-        match self.read(path) {
-            Ok(file) => Ok(file.text.clone().into()),
-            Err(error) => Err(ResolveError::ModuleNotFound(path.clone(), error.to_string())),
-        }
+/// A parsed module; once in a process for the same file and features.
+fn parsed(file: &Arc<SourceFile>, features: Features) -> Result<Arc<Module>, PackageError> {
+    type Known = HashMap<(Hash, Features), Arc<Module>>;
+    static KNOWN: LazyLock<Mutex<Known>> = LazyLock::new(Mutex::default);
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(file.name.as_bytes()).update(&[0]).update(file.text.as_bytes());
+    let key = (hasher.finalize(), features);
+    let lock = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(module) = lock().get(&key) {
+        return Ok(Arc::clone(module));
     }
-
-    fn display_name(&self, path: &ModulePath) -> Option<String> {
-        self.read(path).ok().map(|file| file.name.clone())
+    let module = Arc::new(Module::parse(file, &key.1)?);
+    let mut known = lock();
+    if known.len() >= MOST_KEPT {
+        known.clear();
     }
+    known.insert(key, Arc::clone(&module));
+    Ok(module)
 }
 
 /// Where the text of a module is.
@@ -113,7 +172,11 @@ impl Package {
         }
     }
 
-    fn load(&self, components: &[String], overlay: &Overlay) -> Result<SourceFile, PackageError> {
+    pub(super) fn load(
+        &self,
+        components: &[String],
+        overlay: &Overlay,
+    ) -> Result<SourceFile, PackageError> {
         match self.find(components) {
             Some(Place::Memory(name, text)) => {
                 let name = if name.is_empty() { self.name() } else { name.to_owned() };

@@ -124,9 +124,13 @@ fn list(folder: &Path, below: &Path, found: &mut Vec<PathBuf>) -> Result<(), Pac
     for entry in std::fs::read_dir(folder.join(below)).map_err(unreadable)? {
         let name = entry.map_err(unreadable)?.file_name();
         let path = below.join(&name);
+        let linked = folder.join(&path).is_symlink();
         if name.to_string_lossy().starts_with('.') {
             continue;
         } else if folder.join(&path).is_dir() {
+            if linked {
+                continue; // It may lead back here.
+            }
             list(folder, &path, found)?;
         } else {
             found.push(path);

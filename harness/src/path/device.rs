@@ -1,5 +1,6 @@
 //! An opened path: adapter, device, queue, and the pipelines made so far.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::sync::mpsc::RecvTimeoutError;
 use std::sync::{Arc, Mutex};
@@ -7,7 +8,13 @@ use std::time::Duration;
 
 use parking_lot::{ReentrantMutex, ReentrantMutexGuard};
 
+use crate::reflect::Ir;
+
 use super::{Adapter, Path, PathError, guard};
+
+/// Rounds of all loops of an invocation together after which Mesa's llvmpipe leaves them
+/// (`LP_MAX_TGSI_LOOP_ITERATIONS` in its sources), on Vulkan and on GL.
+pub(crate) const MOST_ROUNDS: u64 = 65_535;
 
 /// How long a poll's callback is waited for before polling again.
 const CALLBACK: Duration = Duration::from_millis(5);
@@ -107,6 +114,11 @@ impl Device {
         &self.adapter
     }
 
+    /// Whether the driver leaves loops after [`MOST_ROUNDS`] rounds, with whatever there is then.
+    pub(crate) fn leaves_loops(&self) -> bool {
+        self.adapter.name.to_lowercase().contains("llvmpipe")
+    }
+
     pub(crate) fn has_f16(&self) -> bool {
         self.device.features().contains(wgpu::Features::SHADER_F16)
     }
@@ -152,19 +164,43 @@ impl Device {
         if let Some(pipeline) = lock().get(&key) {
             return Ok(Arc::clone(pipeline));
         }
-        let pipeline = Arc::new(self.checked(|| {
-            let module = self.shader_module(wgsl);
-            self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(entry_point),
-                layout: None,
-                module: &module,
-                entry_point: Some(entry_point),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
-            })
-        })?);
+        let source = wgpu::ShaderSource::Wgsl(wgsl.into());
+        let pipeline = self.compile(source, entry_point)?;
         lock().insert(key, Arc::clone(&pipeline));
         Ok(pipeline)
+    }
+
+    /// A compute pipeline of naga's IR.
+    pub(crate) fn pipeline_of_ir(
+        &self,
+        module: Ir,
+        entry_point: &str,
+    ) -> Result<Arc<wgpu::ComputePipeline>, PathError> {
+        self.compile(wgpu::ShaderSource::Naga(Cow::Owned(module)), entry_point)
+    }
+
+    fn compile(
+        &self,
+        source: wgpu::ShaderSource<'_>,
+        entry_point: &str,
+    ) -> Result<Arc<wgpu::ComputePipeline>, PathError> {
+        // Translators and drivers recurse as deep as the shader nests.
+        crate::reflect::on_deep_stack(|| {
+            self.checked(|| {
+                let module = self
+                    .device
+                    .create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
+                self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                    label: Some(entry_point),
+                    layout: None,
+                    module: &module,
+                    entry_point: Some(entry_point),
+                    compilation_options: wgpu::PipelineCompilationOptions::default(),
+                    cache: None,
+                })
+            })
+        })
+        .map(Arc::new)
     }
 
     pub(crate) fn shader_module(&self, wgsl: &str) -> wgpu::ShaderModule {

@@ -1,0 +1,315 @@
+//! WESL's conditional translation: `@if(feature)`, `@elif(..)`, `@else`.
+//!
+//! A condition stands before an import, a directive, a declaration, a group of declarations in
+//! braces, a member, a parameter, a statement or a case. Where it doesn't hold, all of that is
+//! removed from the text; where it holds, only the condition is.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::PackageError;
+use super::lexer::{Kind, Token};
+use super::syntax::{after_attribute, end_of, syntax_error};
+use crate::diagnostic::SourceFile;
+
+/// Which features are set; those that aren't named are off.
+pub(super) type Features = BTreeMap<String, bool>;
+
+/// Brackets in brackets of a condition: far more than anybody writes, and no danger to the stack.
+const MOST_BRACKETS: usize = 64;
+
+/// A declaration under a condition that doesn't hold.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Inactive {
+    pub(super) name: String,
+    /// As the author wrote it: `@if(fast)`.
+    pub(super) condition: String,
+    /// Where the condition stands.
+    pub(super) range: Range<usize>,
+}
+
+/// What conditions leave of a module.
+pub(super) struct Conditions {
+    pub(super) live: Vec<Token>,
+    pub(super) removed: Vec<Range<usize>>,
+    pub(super) inactive: Vec<Inactive>,
+    /// How many brackets that stay are open.
+    depth: usize,
+}
+
+impl Conditions {
+    pub(super) fn apply(
+        file: &Arc<SourceFile>,
+        tokens: &[Token],
+        brackets: &[usize],
+        features: &Features,
+    ) -> Result<Self, PackageError> {
+        let reader = Reader { file, tokens, brackets, features };
+        let mut found =
+            Self { live: Vec::new(), removed: Vec::new(), inactive: Vec::new(), depth: 0 };
+        // Where a chain of `@if`, `@elif` may go on, and whether one of its conditions held.
+        let mut chains: BTreeMap<usize, bool> = BTreeMap::new();
+        // Closing braces of groups, which go with their opening ones.
+        let mut closing: Vec<usize> = Vec::new();
+        let mut at = 0;
+        while at < tokens.len() {
+            if closing.last() == Some(&at) {
+                closing.pop();
+                found.removed.push(tokens[at].range());
+                at += 1;
+            } else if tokens[at].is(b'@') {
+                at = reader.attributes(at, &mut chains, &mut closing, &mut found)?;
+            } else {
+                match tokens[at].kind {
+                    Kind::Symbol(b'(' | b'[' | b'{') => found.depth += 1,
+                    Kind::Symbol(b')' | b']' | b'}') => found.depth -= 1,
+                    _ => {}
+                }
+                found.live.push(tokens[at]);
+                at += 1;
+            }
+        }
+        Ok(found)
+    }
+}
+
+struct Reader<'a> {
+    file: &'a Arc<SourceFile>,
+    tokens: &'a [Token],
+    brackets: &'a [usize],
+    features: &'a Features,
+}
+
+impl Reader<'_> {
+    fn text(&self, token: usize) -> &str {
+        self.tokens.get(token).map_or("", |token| &self.file.text[token.range()])
+    }
+
+    fn is(&self, token: usize, symbol: u8) -> bool {
+        self.tokens.get(token).is_some_and(|token| token.is(symbol))
+    }
+
+    fn bytes(&self, tokens: &Range<usize>) -> Range<usize> {
+        self.tokens[tokens.start].range().start..self.tokens[tokens.end - 1].range().end
+    }
+
+    fn error(&self, tokens: &Range<usize>, message: &str) -> PackageError {
+        syntax_error(self.file, self.bytes(tokens), message)
+    }
+
+    /// Reads the attributes at `start`, keeps or removes what they stand before, and returns where
+    /// to go on.
+    fn attributes(
+        &self,
+        start: usize,
+        chains: &mut BTreeMap<usize, bool>,
+        closing: &mut Vec<usize>,
+        found: &mut Conditions,
+    ) -> Result<usize, PackageError> {
+        let mut run = Vec::new();
+        let mut at = start;
+        while self.is(at, b'@') {
+            let end = after_attribute(&self.file.text, self.tokens, self.brackets, at);
+            run.push(at..end);
+            at = end;
+        }
+        let is_condition = |attribute: &&Range<usize>| {
+            matches!(self.text(attribute.start + 1), "if" | "elif" | "else")
+        };
+        let mut conditions = run.iter().filter(is_condition);
+        let Some(condition) = conditions.next().cloned() else {
+            found.live.extend_from_slice(&self.tokens[start..at]);
+            return Ok(at);
+        };
+        if let Some(second) = conditions.next() {
+            return Err(self.error(second, "a second condition; join both with `&&`"));
+        }
+        if at >= self.tokens.len() {
+            return Err(self.error(&condition, "nothing follows this condition"));
+        }
+        let end = self.end(at).ok_or_else(|| {
+            self.error(&condition, "what this condition stands before doesn't end")
+        })?;
+        let holds = match (self.text(condition.start + 1), chains.get(&start)) {
+            ("if", _) => {
+                let holds = self.evaluate(&condition)?;
+                chains.insert(end, holds);
+                holds
+            }
+            (word, None) => {
+                let message = format!("this `@{word}` follows no `@if`");
+                return Err(self.error(&condition, &message));
+            }
+            ("elif", Some(taken)) => {
+                let taken = *taken;
+                let holds = self.evaluate(&condition)? && !taken;
+                chains.insert(end, taken || holds);
+                holds
+            }
+            (_, Some(taken)) => !*taken,
+        };
+        if !holds {
+            let whole = start..end;
+            found.removed.push(self.bytes(&whole));
+            let text = self.file.text[self.bytes(&condition)].to_owned();
+            for token in at..end {
+                let is_name =
+                    matches!(self.text(token), "fn" | "struct" | "alias" | "const" | "override")
+                        && self.tokens.get(token + 1).is_some_and(|next| next.kind == Kind::Word);
+                if is_name {
+                    found.inactive.push(Inactive {
+                        name: self.text(token + 1).to_owned(),
+                        condition: text.clone(),
+                        range: self.bytes(&condition),
+                    });
+                }
+            }
+            return Ok(end);
+        }
+        for attribute in &run {
+            if *attribute == condition {
+                found.removed.push(self.bytes(attribute));
+            } else {
+                found.live.extend_from_slice(&self.tokens[attribute.clone()]);
+            }
+        }
+        // Braces that nothing encloses hold declarations; inside of a function, statements.
+        if self.is(at, b'{') && found.depth == 0 {
+            found.removed.push(self.tokens[at].range());
+            closing.push(self.brackets[at]);
+            return Ok(at + 1);
+        }
+        Ok(at)
+    }
+
+    /// The token after what begins at `at`.
+    fn end(&self, at: usize) -> Option<usize> {
+        let body = |from: usize| self.body(from);
+        match self.text(at) {
+            "{" => Some(self.brackets[at] + 1),
+            "if" => {
+                let mut end = body(at)?;
+                while self.text(end) == "else" {
+                    end = body(end)?;
+                }
+                Some(end)
+            }
+            "fn" | "struct" | "loop" | "continuing" | "for" | "while" | "switch" | "case" => {
+                body(at)
+            }
+            "default" if !self.is(at + 1, b',') => body(at),
+            _ if self.is(at + 1, b':') && !self.is(at + 2, b':') => self.member(at),
+            _ => end_of(self.tokens, self.brackets, at, false),
+        }
+    }
+
+    /// The token after the next body in braces.
+    fn body(&self, from: usize) -> Option<usize> {
+        let mut at = from;
+        while at < self.tokens.len() {
+            match self.tokens[at].kind {
+                Kind::Symbol(b'{') => return Some(self.brackets[at] + 1),
+                Kind::Symbol(b'(' | b'[') => at = self.brackets[at] + 1,
+                Kind::Symbol(b')' | b']' | b'}') => return None,
+                _ => at += 1,
+            }
+        }
+        None
+    }
+
+    /// The token after a member or parameter: after its comma, or where the list closes. A comma
+    /// between `<` and `>` separates a type's arguments.
+    fn member(&self, from: usize) -> Option<usize> {
+        let mut depth = 0_usize;
+        let mut at = from;
+        while at < self.tokens.len() {
+            match self.tokens[at].kind {
+                Kind::Symbol(b',') if depth == 0 => return Some(at + 1),
+                Kind::Symbol(b')' | b']' | b'}') => return Some(at),
+                Kind::Symbol(b'(' | b'[' | b'{') => at = self.brackets[at],
+                Kind::Symbol(b'<') => depth += 1,
+                Kind::Symbol(b'>') => depth = depth.saturating_sub(1),
+                _ => {}
+            }
+            at += 1;
+        }
+        None
+    }
+
+    /// Whether the condition of an attribute holds.
+    fn evaluate(&self, attribute: &Range<usize>) -> Result<bool, PackageError> {
+        let inner = attribute.start + 3..attribute.end.saturating_sub(1);
+        if inner.start > inner.end || !self.is(attribute.start + 2, b'(') {
+            return Err(self.error(attribute, "a condition is missing: `@if(feature)`"));
+        }
+        let mut depth = 0_usize;
+        for token in inner.clone() {
+            depth = match self.tokens[token].kind {
+                Kind::Symbol(b'(') => depth + 1,
+                Kind::Symbol(b')') => depth.saturating_sub(1),
+                _ => depth,
+            };
+            if depth > MOST_BRACKETS {
+                return Err(self.error(&(token..token + 1), "too many brackets in a condition"));
+            }
+        }
+        let mut at = inner.start;
+        let value = self.any(&mut at, inner.end, attribute)?;
+        if at < inner.end {
+            let message = "conditions are features joined by `&&`, `||`, `!` and brackets";
+            return Err(self.error(&(at..at + 1), message));
+        }
+        Ok(value)
+    }
+
+    fn any(&self, at: &mut usize, end: usize, whole: &Range<usize>) -> Result<bool, PackageError> {
+        let mut value = self.all(at, end, whole)?;
+        while *at + 1 < end && self.is(*at, b'|') && self.is(*at + 1, b'|') {
+            *at += 2;
+            value |= self.all(at, end, whole)?;
+        }
+        Ok(value)
+    }
+
+    fn all(&self, at: &mut usize, end: usize, whole: &Range<usize>) -> Result<bool, PackageError> {
+        let mut value = self.one(at, end, whole)?;
+        while *at + 1 < end && self.is(*at, b'&') && self.is(*at + 1, b'&') {
+            *at += 2;
+            value &= self.one(at, end, whole)?;
+        }
+        Ok(value)
+    }
+
+    fn one(&self, at: &mut usize, end: usize, whole: &Range<usize>) -> Result<bool, PackageError> {
+        let mut negated = false;
+        while *at < end && self.is(*at, b'!') {
+            negated = !negated;
+            *at += 1;
+        }
+        let value = if *at >= end {
+            return Err(self.error(whole, "this condition isn't complete"));
+        } else if self.is(*at, b'(') {
+            let close = self.brackets[*at];
+            *at += 1;
+            let value = self.any(at, close, whole)?;
+            if *at != close {
+                return Err(self.error(&(*at..*at + 1), "expected `&&`, `||` or `)`"));
+            }
+            *at += 1;
+            value
+        } else if self.tokens[*at].kind == Kind::Word {
+            let name = self.text(*at);
+            *at += 1;
+            match name {
+                "true" => true,
+                "false" => false,
+                _ => self.features.get(name).copied().unwrap_or(false),
+            }
+        } else {
+            let message = format!("`{}` isn't a feature", self.text(*at));
+            return Err(self.error(&(*at..*at + 1), &message));
+        };
+        Ok(value != negated)
+    }
+}

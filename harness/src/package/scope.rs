@@ -1,0 +1,289 @@
+//! Which names in a declaration mean something outside of it.
+//!
+//! Names that a function declares for itself, members and the words of attributes and address
+//! spaces mean nothing to the linker. All others do: declarations of this or another module, or
+//! WGSL's own names.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use super::lexer::Kind;
+use super::syntax::{Declaration, DeclarationKind, Module, after_attribute};
+
+/// A name that isn't declared where it is used, `PI`, or a path to one, `package::math::PI`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Reference {
+    /// Its tokens: words, and two colons between them.
+    pub(super) tokens: Range<usize>,
+}
+
+impl Reference {
+    /// The words of the path.
+    pub(super) fn words<'a>(&self, module: &'a Module) -> Vec<&'a str> {
+        self.tokens.clone().step_by(3).map(|token| module.text(token)).collect()
+    }
+}
+
+/// The names in a declaration that it doesn't declare itself.
+pub(super) fn references(module: &Module, declaration: &Declaration) -> Vec<Reference> {
+    let mut walk = Walk {
+        module,
+        brackets: &module.brackets,
+        scopes: Vec::new(),
+        visible: HashMap::new(),
+        pending: Vec::new(),
+        found: Vec::new(),
+    };
+    let Range { start, end } = declaration.tokens;
+    match declaration.kind {
+        DeclarationKind::Function => walk.function(start, declaration.name_token, end),
+        DeclarationKind::Struct => walk.structure(start, declaration.name_token, end),
+        DeclarationKind::Value => {
+            let at = walk.attributes(start);
+            // Between the keyword and the name is an address space at most.
+            debug_assert!(at < declaration.name_token);
+            walk.expressions(declaration.name_token + 1, end);
+        }
+        DeclarationKind::Assertion => {
+            let at = walk.attributes(start);
+            walk.expressions(at + 1, end);
+        }
+    }
+    walk.found
+}
+
+struct Walk<'a> {
+    module: &'a Module,
+    brackets: &'a [usize],
+    /// Names declared in the blocks around the current token.
+    scopes: Vec<Scope<'a>>,
+    /// How many of those blocks declare a name.
+    visible: HashMap<&'a str, usize>,
+    /// Names that are declared when their statement ends.
+    pending: Vec<&'a str>,
+    found: Vec<Reference>,
+}
+
+struct Scope<'a> {
+    names: Vec<&'a str>,
+    /// The token that ends it.
+    end: usize,
+}
+
+impl<'a> Walk<'a> {
+    fn function(&mut self, start: usize, name: usize, end: usize) {
+        self.attributes(start);
+        let open = name + 1;
+        if !self.module.is(open, b'(') {
+            return self.expressions(open, end);
+        }
+        let close = self.brackets[open];
+        let mut parameters = Vec::new();
+        let mut at = open + 1;
+        while at < close {
+            at = self.attributes(at);
+            if self.module.is_word(at) && self.module.is(at + 1, b':') {
+                parameters.push(self.module.text(at));
+                at += 2;
+            }
+            let next = self.list_item(at, close);
+            self.expressions(at, next);
+            at = next + 1;
+        }
+        // The result's type doesn't see the parameters; the body does.
+        let mut body = close + 1;
+        while body < end && !self.module.is(body, b'{') {
+            body += 1;
+        }
+        self.expressions(close + 1, body);
+        self.scopes.push(Scope { names: Vec::new(), end });
+        self.declare(parameters);
+        self.statements(body, end);
+    }
+
+    /// Declares names in the innermost block.
+    fn declare(&mut self, names: Vec<&'a str>) {
+        let Some(scope) = self.scopes.last_mut() else { return };
+        for name in &names {
+            *self.visible.entry(name).or_default() += 1;
+        }
+        scope.names.extend(names);
+    }
+
+    fn structure(&mut self, start: usize, name: usize, end: usize) {
+        self.attributes(start);
+        let open = name + 1;
+        if !self.module.is(open, b'{') {
+            return self.expressions(open, end);
+        }
+        let close = self.brackets[open];
+        let mut at = open + 1;
+        while at < close {
+            at = self.attributes(at);
+            if self.module.is_word(at) && self.module.is(at + 1, b':') {
+                at += 2;
+            }
+            let next = self.list_item(at, close);
+            self.expressions(at, next);
+            at = next + 1;
+        }
+    }
+
+    /// The comma that ends a member or parameter whose type begins at `from`, or `close`.
+    fn list_item(&self, from: usize, close: usize) -> usize {
+        let (mut at, mut depth) = (from, 0_usize);
+        while at < close {
+            match self.module.tokens[at].kind {
+                Kind::Symbol(b',') if depth == 0 => return at,
+                Kind::Symbol(b'(' | b'[' | b'{') => at = self.brackets[at],
+                Kind::Symbol(b'<') => depth += 1,
+                Kind::Symbol(b'>') => depth = depth.saturating_sub(1),
+                _ => {}
+            }
+            at += 1;
+        }
+        close
+    }
+
+    /// Skips attributes; the names in their arguments count where they are expressions.
+    fn attributes(&mut self, from: usize) -> usize {
+        let mut at = from;
+        while self.module.is(at, b'@') && self.module.is_word(at + 1) {
+            let next =
+                after_attribute(&self.module.file.text, &self.module.tokens, self.brackets, at);
+            // The arguments of these are words of their own, whatever is declared.
+            let words = matches!(
+                self.module.text(at + 1),
+                "builtin" | "interpolate" | "diagnostic" | "early_depth_test"
+            );
+            if !words && next > at + 3 {
+                self.expressions(at + 3, next - 1);
+            }
+            at = next;
+        }
+        at
+    }
+
+    /// Statements with their declarations and blocks.
+    fn statements(&mut self, from: usize, end: usize) {
+        let mut at = from;
+        while at < end {
+            while self.scopes.last().is_some_and(|scope| scope.end <= at) {
+                let scope = self.scopes.pop().expect("there is a last one");
+                for name in scope.names {
+                    *self.visible.get_mut(name).expect("it was declared") -= 1;
+                }
+            }
+            let token = &self.module.tokens[at];
+            match token.kind {
+                Kind::Symbol(b'{') => {
+                    self.scopes.push(Scope { names: Vec::new(), end: self.brackets[at] + 1 });
+                    at += 1;
+                }
+                Kind::Symbol(b';') => {
+                    let names = std::mem::take(&mut self.pending);
+                    self.declare(names);
+                    at += 1;
+                }
+                Kind::Symbol(b'@') => at = self.attributes(at).max(at + 1),
+                Kind::Word => match self.module.text(at) {
+                    "let" | "const" | "var" => {
+                        let mut name = at + 1;
+                        if self.module.is(name, b'<') {
+                            while name < end && !self.module.is(name, b'>') {
+                                name += 1;
+                            }
+                            name += 1;
+                        }
+                        if self.module.is_word(name) {
+                            self.pending.push(self.module.text(name));
+                        }
+                        at = name + 1;
+                    }
+                    // What the header declares lives until the end of the body.
+                    "for" if self.module.is(at + 1, b'(') => {
+                        let body = self.brackets[at + 1] + 1;
+                        let mut open = body;
+                        while open < end && !self.module.is(open, b'{') {
+                            open += 1;
+                        }
+                        let last = if open < end { self.brackets[open] + 1 } else { end };
+                        self.scopes.push(Scope { names: Vec::new(), end: last });
+                        at += 1;
+                    }
+                    _ => at = self.name(at, end),
+                },
+                _ => at += 1,
+            }
+        }
+    }
+
+    /// Types and expressions: nothing in them declares a name.
+    fn expressions(&mut self, from: usize, end: usize) {
+        let mut at = from;
+        while at < end {
+            at = match self.module.tokens[at].kind {
+                Kind::Word => self.name(at, end),
+                Kind::Symbol(b'@') => self.attributes(at).max(at + 1),
+                _ => at + 1,
+            };
+        }
+    }
+
+    /// A name or path at `at`; returns the token after it.
+    fn name(&mut self, at: usize, end: usize) -> usize {
+        let module = self.module;
+        if at > 0 && module.is(at - 1, b'.') {
+            return at + 1;
+        }
+        let mut last = at;
+        while last + 3 < end
+            && module.is(last + 1, b':')
+            && module.is(last + 2, b':')
+            && module.is_word(last + 3)
+        {
+            last += 3;
+        }
+        let name = module.text(at);
+        if last > at {
+            self.found.push(Reference { tokens: at..last + 1 });
+            return last + 1;
+        }
+        if self.visible.get(name).is_none_or(|count| *count == 0) {
+            self.found.push(Reference { tokens: at..at + 1 });
+            if module.is(at + 1, b'<') {
+                return self.after_spaces(at, end);
+            }
+        }
+        at + 1
+    }
+
+    /// The token to go on at after a type with address spaces, texel formats or access modes among
+    /// its arguments: those are words of their own, whatever is declared.
+    fn after_spaces(&mut self, at: usize, end: usize) -> usize {
+        let name = self.module.text(at);
+        let all = name.starts_with("texture_storage_")
+            || matches!(name, "ray_query" | "acceleration_structure");
+        if !all && name != "ptr" {
+            return at + 1;
+        }
+        let (mut depth, mut argument, mut token) = (1_usize, 0, at + 2);
+        while token < end && depth > 0 {
+            match self.module.tokens[token].kind {
+                Kind::Symbol(b'<') => depth += 1,
+                Kind::Symbol(b'>') => depth -= 1,
+                Kind::Symbol(b',') if depth == 1 => argument += 1,
+                // `ptr<function, T, read_write>`: only the type in the middle has names.
+                Kind::Word if !all && argument == 1 => {
+                    let next = self.name(token, end);
+                    // Brackets inside of what was read belong to it.
+                    token = next;
+                    continue;
+                }
+                _ => {}
+            }
+            token += 1;
+        }
+        token
+    }
+}

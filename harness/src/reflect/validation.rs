@@ -1,0 +1,125 @@
+//! Whether everything in a package is valid, and not only what a test reaches.
+
+use std::collections::HashSet;
+use std::fmt;
+use std::sync::{LazyLock, Mutex, PoisonError};
+
+use blake3::Hash;
+
+use super::{Program, ReflectError};
+use crate::package::{Package, PackageError};
+
+/// What was found valid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Validated {
+    /// Modules.
+    pub modules: usize,
+    /// Functions that aren't entry points.
+    pub functions: usize,
+    /// Entry points.
+    pub entry_points: usize,
+}
+
+impl fmt::Display for Validated {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { modules, functions, entry_points } = self;
+        write!(f, "{modules} modules, {functions} functions, {entry_points} entry points")
+    }
+}
+
+/// Why a package isn't valid.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Invalid {
+    /// The package can't be read, or has no module.
+    #[error(transparent)]
+    Package(#[from] PackageError),
+    /// Modules that can't be linked, or that naga rejects. Others hide none.
+    #[error("{} of {modules} modules of package `{package}` aren't valid:\n\n{}",
+        errors.len(), list(errors))]
+    Modules {
+        /// The package.
+        package: String,
+        /// How many modules it has.
+        modules: usize,
+        /// Each module that isn't valid, with the reason.
+        errors: Vec<(String, ReflectError)>,
+    },
+    /// There is nothing that could be run.
+    #[error("package `{package}` declares no function and no entry point")]
+    Nothing {
+        /// The package.
+        package: String,
+    },
+}
+
+fn list(errors: &[(String, ReflectError)]) -> String {
+    let texts: Vec<String> = errors.iter().map(|(_, error)| error.to_string()).collect();
+    texts.join("\n\n")
+}
+
+impl Package {
+    /// Validates every module with all of its functions and entry points: what no test calls, too.
+    /// A module that is valid only with features gets them from
+    /// [`validated_with`](Self::validated_with).
+    ///
+    /// # Panics
+    /// If a module isn't valid. [`try_is_valid`](Self::try_is_valid) returns the reason.
+    #[track_caller]
+    pub fn is_valid(&self) -> Validated {
+        self.try_is_valid().unwrap_or_else(|invalid| panic!("{invalid}"))
+    }
+
+    /// Validates every module with all of its functions and entry points.
+    ///
+    /// # Errors
+    /// Each module that isn't valid, with its reason.
+    pub fn try_is_valid(&self) -> Result<Validated, Invalid> {
+        let modules = self.modules()?;
+        self.knows_its_validated(&modules)?;
+        let mut found = Validated { modules: modules.len(), functions: 0, entry_points: 0 };
+        let mut errors = Vec::new();
+        for module in &modules {
+            match Program::of_module(&self.for_validating(module), module) {
+                Ok(program) => {
+                    let linked = program.module();
+                    let own = |name: &str| program.declares(module, name);
+                    let functions = linked.functions.iter().filter_map(|(_, f)| f.name.as_deref());
+                    found.functions += functions.filter(|name| own(name)).count();
+                    found.entry_points += linked.entry_points.len();
+                }
+                Err(error) => errors.push((module.clone(), error)),
+            }
+        }
+        if !errors.is_empty() {
+            let package = self.name();
+            return Err(Invalid::Modules { package, modules: modules.len(), errors });
+        }
+        if found.functions + found.entry_points == 0 {
+            return Err(Invalid::Nothing { package: self.name() });
+        }
+        Ok(found)
+    }
+}
+
+impl Program {
+    /// Whether a name in the text is declared by this module of the package.
+    fn declares(&self, module: &str, name: &str) -> bool {
+        let path = self.linked.names.get(name).map_or(name, String::as_str);
+        path.rsplit_once("::").map_or("", |(module, _)| module) == module
+    }
+}
+
+/// Validates a whole module; once in a process for the same text.
+pub(crate) fn validate(package: &Package, module: &str) -> Result<(), ReflectError> {
+    static VALID: LazyLock<Mutex<HashSet<Hash>>> = LazyLock::new(Mutex::default);
+    let valid = || VALID.lock().unwrap_or_else(PoisonError::into_inner);
+    let linked = package.link_module(module)?;
+    let hash = blake3::hash(linked.text().as_bytes());
+    if valid().contains(&hash) {
+        return Ok(());
+    }
+    Program::from_linked(linked)?;
+    valid().insert(hash);
+    Ok(())
+}
