@@ -7,6 +7,7 @@
 
 mod artefact;
 mod call;
+mod check;
 mod diff;
 mod doctor;
 mod goldens;
@@ -95,6 +96,14 @@ enum Command {
                             Exit codes: 0 every check passed; 1 one failed; 2 the record can't be \
                             read; 3 there is none.")]
     Report(report::Args),
+    /// Validate the shader packages whole, with all entry points, and run nothing
+    #[command(after_help = "Examples:\n  karat check\n  karat check --package shaders\n\
+                            `karat test` does it, too. A module that is valid only with features is \
+                            declared in Cargo.toml:\n  [package.metadata.karat.features]\n  \
+                            \"debug::overlay\" = [\"DEBUG\"]\n\
+                            Exit codes: 0 all modules are valid; 1 one isn't; 2 a package can't be \
+                            read.")]
+    Check(check::Args),
     /// List the functions of the shader packages, with signatures and whether they are tested
     List(list::Args),
     /// Print the linked shader of a function with its generated kernel
@@ -187,6 +196,7 @@ pub(crate) fn run() -> ExitCode {
     let result = match cli.command {
         Command::Test(args) => test::run(&args, &mut out),
         Command::Report(args) => report::run(&args, &mut out),
+        Command::Check(args) => check::run(&args, &mut out),
         Command::List(args) => list::run(&args, &mut out),
         Command::Show(args) => show::run(&args, &mut out),
         Command::Call(args) => call::run(&args, &mut out),

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::io::Write;
 
 use karat::record::{self, Subject};
-use karat::{FunctionItem, Package, PackageError, Probed};
+use karat::{FunctionItem, Package, Program, ReflectError};
 use serde::Serialize;
 
 use super::project::Project;
@@ -37,23 +37,29 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
     let tested = tested_functions(&project)?;
     let mut entries = Vec::new();
+    let mut valid = true;
     for package in project.packages(&args.package)? {
         for module in package.modules()? {
-            // A module that doesn't parse hides no other.
-            match package.functions_in(&module) {
-                Ok(items) => {
+            // A module that isn't valid hides no other.
+            match Program::of_module(&package, &module) {
+                Ok(program) => {
+                    let items = package.functions_in(&module)?;
                     let items = items.into_iter().filter(|item| !item.entry_point);
-                    entries.extend(items.map(|item| entry(&package, item, &tested)));
+                    entries.extend(items.map(|item| entry(&package, &program, item, &tested)));
                 }
-                Err(error) => entries.push(broken(&package, module, &error)),
+                Err(error) => {
+                    valid = false;
+                    entries.push(broken(&package, module, &error));
+                }
             }
         }
     }
     anyhow::ensure!(!entries.is_empty(), "the packages hold no function");
+    let verdict = if valid { Verdict::Good } else { Verdict::Bad };
     if args.json {
         serde_json::to_writer_pretty(&mut *out, &entries)?;
         writeln!(out)?;
-        return Ok(Verdict::Good);
+        return Ok(verdict);
     }
     let mut table = Table::new(&["function", "tested", "at"], &[]);
     for entry in &entries {
@@ -69,7 +75,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     for error in entries.iter().filter_map(|entry| entry.error.as_ref()) {
         writeln!(out, "\n{error}")?;
     }
-    Ok(Verdict::Good)
+    Ok(verdict)
 }
 
 /// The functions that a probe could call: all but entry points.
@@ -78,13 +84,14 @@ pub(super) fn callable(package: &Package) -> anyhow::Result<Vec<FunctionItem>> {
     Ok(functions.into_iter().filter(|item| !item.entry_point).collect())
 }
 
-fn entry(package: &Package, item: FunctionItem, tested: &BTreeSet<String>) -> Entry {
-    let probed = Probed::new(package, &item.path);
-    let (signature, doc, error) = match &probed {
-        Ok(probed) => {
-            let function = probed.function();
-            (Some(function.to_string()), function.doc.clone(), None)
-        }
+fn entry(
+    package: &Package,
+    program: &Program,
+    item: FunctionItem,
+    tested: &BTreeSet<String>,
+) -> Entry {
+    let (signature, doc, error) = match program.function(&item.path) {
+        Ok(function) => (Some(function.to_string()), function.doc, None),
         Err(error) => (None, String::new(), Some(error.to_string())),
     };
     Entry {
@@ -98,8 +105,8 @@ fn entry(package: &Package, item: FunctionItem, tested: &BTreeSet<String>) -> En
     }
 }
 
-/// A module that can't be read or parsed.
-fn broken(package: &Package, module: String, error: &PackageError) -> Entry {
+/// A module that can't be read, linked or validated.
+fn broken(package: &Package, module: String, error: &ReflectError) -> Entry {
     Entry {
         package: package.name(),
         function: module,

@@ -1,5 +1,6 @@
 //! Where a project keeps its shaders, goldens and records.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -14,6 +15,9 @@ use super::PackageArgs;
 struct Settings {
     /// Shader folders, relative to the manifest.
     packages: Option<Vec<PathBuf>>,
+    /// Features with which modules are validated, by the modules' names.
+    #[serde(default)]
+    features: BTreeMap<String, Vec<String>>,
     /// Folder of goldens, relative to the manifest.
     golden: Option<PathBuf>,
     /// Name of the cargo binary that is the project's gallery.
@@ -73,12 +77,22 @@ impl Project {
             (None, Some(folders)) => folders.iter().map(|folder| self.root.join(folder)).collect(),
             (None, None) => vec![self.root.join("shaders")],
         };
-        folders
-            .iter()
-            .map(|folder| {
-                Package::open(folder).context("name the shader folder with --package DIR")
-            })
-            .collect()
+        let open = |folder: &PathBuf| {
+            Package::open(folder).context("name the shader folder with --package DIR")
+        };
+        let packages: Vec<Package> = folders.iter().map(open).collect::<Result<_, _>>()?;
+        let mut packages = packages;
+        for (module, features) in &self.settings.features {
+            let features: Vec<&str> = features.iter().map(String::as_str).collect();
+            let has =
+                |package: &Package| package.modules().is_ok_and(|modules| modules.contains(module));
+            // What no package has is reported when the first one is validated.
+            let index = packages.iter().position(has).unwrap_or(0);
+            if let Some(package) = packages.get_mut(index) {
+                *package = package.clone().validated_with(module, &features);
+            }
+        }
+        Ok(packages)
     }
 
     /// The package that holds a function; the first one if none does, for its error message.
