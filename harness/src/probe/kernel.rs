@@ -3,7 +3,8 @@
 use std::fmt::Write;
 
 use super::Inputs;
-use crate::reflect::{Function, Program};
+use crate::path::MOST_ROUNDS;
+use crate::reflect::{COUNTERS, Function, Program};
 use crate::value::{Scalar, Shape, format_f32, hexfloat};
 
 /// Invocations of a workgroup: what every device supports, and a multiple of every vector width.
@@ -36,6 +37,10 @@ pub(crate) struct Kernel {
     /// Where the arguments come from. The text with constants holds none until
     /// [`of_constants`](Self::of_constants) writes those of a batch.
     pub(super) inputs: Inputs,
+    /// Whether cases can be kept apart, each in a vector of its own: the batch says so.
+    pub(super) apart: bool,
+    /// How many loops have their rounds counted, which are the results then.
+    counted: Option<usize>,
     /// The linked text, and the function that is called.
     linked: String,
     function: Function,
@@ -57,8 +62,23 @@ impl Kernel {
             words_out: lanes(&function.result),
             first_binding: program.free_binding(),
             inputs,
+            apart: program.most_rounds().is_none_or(|rounds| rounds >= MOST_ROUNDS),
+            counted: None,
             linked: program.text().to_owned(),
             function: function.clone(),
+        };
+        kernel.text = kernel.write(&[]).expect("writing to a String never fails");
+        kernel
+    }
+
+    /// The same call with the rounds of its `loops` as results; the loops are instrumented in naga's
+    /// IR of this text.
+    pub(super) fn counting(&self, loops: usize) -> Self {
+        let mut kernel = Self {
+            words_out: loops,
+            inputs: Inputs::Storage,
+            counted: Some(loops),
+            ..self.clone()
         };
         kernel.text = kernel.write(&[]).expect("writing to a String never fails");
         kernel
@@ -107,16 +127,29 @@ impl Kernel {
             _ => {}
         }
         let (results, batch) = (binding + 1, binding + 2);
+        let counters = self.counted.map_or_else(String::new, |loops| {
+            format!("var<private> {COUNTERS}: array<u32, {loops}>;\n\n")
+        });
         writeln!(
             text,
             "@group(0) @binding({results}) var<storage, read_write> karat_out: array<u32>;\n\
-             // Number of cases, canary, invocations in a row of workgroups.\n\
+             // Number of cases, canary, invocations in a row of workgroups, invocations a case.\n\
              @group(0) @binding({batch}) var<uniform> karat_batch: vec4<u32>;\n\n\
-             @compute @workgroup_size({WORKGROUP})\n\
-             fn {ENTRY_POINT}(@builtin(global_invocation_id) karat_id: vec3<u32>) {{\n    \
-                 let karat_case = karat_id.x + karat_id.y * karat_batch.z;\n    \
-                 if karat_case >= karat_batch.x {{ return; }}"
+             {counters}@compute @workgroup_size({WORKGROUP})\n\
+             fn {ENTRY_POINT}(@builtin(global_invocation_id) karat_id: vec3<u32>) {{"
         )?;
+        if self.apart {
+            writeln!(
+                text,
+                "    // Invocations a case: more than one keep cases apart.\n    \
+                 let karat_index = karat_id.x + karat_id.y * karat_batch.z;\n    \
+                 if karat_index % karat_batch.w != 0u {{ return; }}\n    \
+                 let karat_case = karat_index / karat_batch.w;"
+            )?;
+        } else {
+            writeln!(text, "    let karat_case = karat_id.x + karat_id.y * karat_batch.z;")?;
+        }
+        writeln!(text, "    if karat_case >= karat_batch.x {{ return; }}")?;
         if *words_in > 0 && *inputs != Inputs::Constant {
             writeln!(text, "    let karat_from = karat_case * {words_in}u;")?;
         }
@@ -163,6 +196,12 @@ impl Kernel {
             (0..function.parameters.len()).map(|index| format!("karat_a{index}")).collect();
         // A variable: a value of array type can't be indexed otherwise on all translations.
         writeln!(text, "    var karat_r = {}({});", function.name, arguments.join(", "))?;
+        if let Some(loops) = self.counted {
+            for index in 0..loops {
+                writeln!(text, "    karat_out[karat_to + {index}u] = {COUNTERS}[{index}];")?;
+            }
+            return Ok(());
+        }
         let lanes = function.result.lanes().into_iter().zip(function.result.lane_names());
         for (index, (scalar, name)) in lanes.enumerate() {
             let value = match scalar {

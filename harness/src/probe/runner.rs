@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::kernel::{ENTRY_POINT, Kernel, UNIFORM_WORDS, WORKGROUP};
+use super::rounds::{Rounds, VECTOR};
 use super::{Inputs, ProbeError, Probed};
 use crate::fixture::{self, Fixtures, Resource};
 use crate::path::{Device, Turn, guard};
@@ -31,6 +32,8 @@ pub(crate) struct Runner {
     words_in: usize,
     stride_out: usize,
     function: String,
+    /// Counts the rounds of loops, where a driver leaves them after too many.
+    rounds: Option<Rounds>,
     /// The turn in which the fields above are released.
     last: Turn,
 }
@@ -67,7 +70,7 @@ impl Runner {
         fixtures: &Fixtures,
         cases: usize,
     ) -> Result<Self, ProbeError> {
-        let Probed { program, function, kernel } = probed;
+        let Probed { function, kernel, .. } = probed;
         let needs_f16 = function.result.needs_f16()
             || function.parameters.iter().any(|(_, shape)| shape.needs_f16());
         if needs_f16 && !device.has_f16() {
@@ -78,9 +81,26 @@ impl Runner {
         let name = function.path.clone();
         let _turn = device.turn();
         let _deadline = guard(move || format!("compiling the probe of `{name}` on path {path}"));
+        let rounds = (kernel.apart && device.leaves_loops())
+            .then(|| Rounds::new(device, probed, fixtures, cases))
+            .transpose()?;
         let pipeline = (kernel.inputs != Inputs::Constant)
             .then(|| compile(device, &function.path, &kernel.text))
             .transpose()?;
+        Self::with_pipeline(device, probed, kernel, fixtures, cases, pipeline, rounds)
+    }
+
+    /// The rest of [`new`](Self::new) for a kernel with its pipeline.
+    pub(super) fn with_pipeline(
+        device: &'static Device,
+        probed: &Probed,
+        kernel: &Kernel,
+        fixtures: &Fixtures,
+        cases: usize,
+        pipeline: Option<Arc<wgpu::ComputePipeline>>,
+        rounds: Option<Rounds>,
+    ) -> Result<Self, ProbeError> {
+        let Probed { program, function, .. } = probed;
 
         let stride_out = kernel.words_out + 1;
         let capacity = cases.min(Self::largest_batch(device, kernel)).max(1);
@@ -136,6 +156,7 @@ impl Runner {
             words_in: kernel.words_in,
             stride_out,
             function: function.path.clone(),
+            rounds,
             last: None,
         })
     }
@@ -181,6 +202,21 @@ impl Runner {
         arguments: &[u32],
         canary: u32,
     ) -> Result<Dispatch, ProbeError> {
+        let apart = match &self.rounds {
+            Some(rounds) => rounds.apart(cases, arguments, canary)?,
+            None => false,
+        };
+        self.start(cases, arguments, canary, if apart { VECTOR } else { 1 })
+    }
+
+    /// Starts a dispatch with so many invocations a case, of which the first one calls the function.
+    pub(super) fn start(
+        &self,
+        cases: usize,
+        arguments: &[u32],
+        canary: u32,
+        invocations: u32,
+    ) -> Result<Dispatch, ProbeError> {
         assert!(cases <= self.capacity, "a batch is no larger than the runner's capacity");
         assert_eq!(arguments.len(), cases * self.words_in, "each case has all its arguments");
         let (path, function) = (self.device.path(), self.function.clone());
@@ -196,11 +232,11 @@ impl Runner {
                 &constants
             }
         };
-        let invocations = u32::try_from(cases).expect("a batch fits in 32 bits");
+        let count = u32::try_from(cases).expect("a batch fits in 32 bits");
         let limit = self.device.device.limits().max_compute_workgroups_per_dimension;
-        let groups = invocations.div_ceil(WORKGROUP);
+        let groups = (count * invocations).div_ceil(WORKGROUP);
         let (columns, rows) = (groups.min(limit), groups.div_ceil(limit));
-        let batch = [invocations, canary, columns * WORKGROUP, 0];
+        let batch = [count, canary, columns * WORKGROUP, invocations];
         self.device.checked(|| {
             if let Some(buffer) = &self.arguments {
                 self.device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(arguments));

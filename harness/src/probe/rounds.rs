@@ -1,0 +1,124 @@
+//! Loops that a driver leaves before they end.
+//!
+//! Mesa's llvmpipe counts the rounds of all loops of an invocation, and of its neighbours in the
+//! same vector of lanes: what one lane goes round, all do. After [`MOST_ROUNDS`] it leaves every
+//! loop, and results are wrong without a word. So where naga's IR shows no bound, a copy of the
+//! kernel counts. What no case exceeds by itself, but several in a vector might, runs again with
+//! cases kept apart.
+
+use super::{ProbeError, Probed, Runner};
+use crate::diagnostic::Diagnostic;
+use crate::fixture::Fixtures;
+use crate::path::{Device, MOST_ROUNDS};
+use crate::reflect::{CountedLoop, count_rounds};
+
+/// Invocations that may share a vector: llvmpipe's widest has 512 bits.
+pub(super) const VECTOR: u32 = 16;
+
+/// A kernel that counts the rounds of each loop of each case.
+pub(super) struct Rounds {
+    runner: Box<Runner>,
+    loops: Vec<CountedLoop>,
+    function: String,
+}
+
+impl Rounds {
+    pub(super) fn new(
+        device: &'static Device,
+        probed: &Probed,
+        fixtures: &Fixtures,
+        cases: usize,
+    ) -> Result<Self, ProbeError> {
+        let kernel = probed.kernel.counting(probed.program.loops());
+        let counting = count_rounds(&probed.program, &kernel.text);
+        let function = probed.function.path.clone();
+        let pipeline = device
+            .pipeline_of_ir(counting.module, super::kernel::ENTRY_POINT)
+            .map_err(|error| ProbeError::Compile { function: function.clone(), error })?;
+        let runner =
+            Runner::with_pipeline(device, probed, &kernel, fixtures, cases, Some(pipeline), None)?;
+        Ok(Self { runner: Box::new(runner), loops: counting.loops, function })
+    }
+
+    /// Whether cases must be kept apart for the driver not to leave a loop.
+    pub(super) fn apart(
+        &self,
+        cases: usize,
+        arguments: &[u32],
+        canary: u32,
+    ) -> Result<bool, ProbeError> {
+        let rounds = self.count(cases, arguments, canary, 1)?;
+        let stride = self.loops.len();
+        // Each round of a vector is one of some lane: less in all lanes together than the driver
+        // allows is never cut short.
+        let together = |rounds: &[u32]| rounds.iter().map(|count| u64::from(*count)).sum::<u64>();
+        let vector = stride * VECTOR as usize;
+        if rounds.chunks(vector).all(|lanes| together(lanes) < MOST_ROUNDS) {
+            return Ok(false);
+        }
+        let rounds = self.count(cases, arguments, canary, VECTOR)?;
+        for (case, counts) in rounds.chunks_exact(stride).enumerate() {
+            if together(counts) >= MOST_ROUNDS {
+                return Err(self.too_many(case, counts));
+            }
+        }
+        // Lanes go round one loop together as often as the one that does so most; loops in loops
+        // may take turns.
+        let at_most = |lanes: &[u32]| -> u64 {
+            let of_loop = |(index, counted): (usize, &CountedLoop)| {
+                let counts = lanes.iter().skip(index).step_by(stride).map(|c| u64::from(*c));
+                if counted.nested { counts.sum() } else { counts.max().unwrap_or(0) }
+            };
+            self.loops.iter().enumerate().map(of_loop).sum()
+        };
+        Ok(rounds.chunks(vector).any(|lanes| at_most(lanes) >= MOST_ROUNDS))
+    }
+
+    /// The rounds of each loop of each case.
+    fn count(
+        &self,
+        cases: usize,
+        arguments: &[u32],
+        canary: u32,
+        invocations: u32,
+    ) -> Result<Vec<u32>, ProbeError> {
+        let dispatch = self.runner.start(cases, arguments, canary, invocations)?;
+        let stride = self.runner.stride_out();
+        self.runner.read(dispatch, |words| {
+            words.chunks_exact(stride).flat_map(|case| &case[..stride - 1]).copied().collect()
+        })
+    }
+
+    fn too_many(&self, case: usize, counts: &[u32]) -> ProbeError {
+        let most = self.loops.iter().zip(counts).max_by_key(|(_, count)| **count);
+        let (counted, count) = most.expect("a kernel that counts has a loop");
+        let message = format!(
+            "on path `{}` the driver doesn't run `{}` to its end: this loop goes round {count} times \
+             or more",
+            self.runner.device().path(),
+            self.function,
+        );
+        let diagnostic = Diagnostic::new(message);
+        let diagnostic = match &counted.span {
+            Some(span) => diagnostic.at(first_line(span), ""),
+            None => diagnostic,
+        };
+        let diagnostic = diagnostic
+            .note(format!(
+                "{} leaves all loops of an invocation after {MOST_ROUNDS} rounds together, with \
+                 whatever values there are then",
+                self.runner.device().adapter().name
+            ))
+            .note("restrict the domain, or run on a driver without such a limit");
+        ProbeError::Rounds { case, diagnostic: Box::new(diagnostic) }
+    }
+}
+
+/// The head of a loop: its body would fill a screen.
+fn first_line(span: &crate::diagnostic::Span) -> crate::diagnostic::Span {
+    let mut span = span.clone();
+    let text = span.file.text.get(span.range.clone()).unwrap_or_default();
+    let length = text.find(['\n', '\r']).unwrap_or(text.len());
+    span.range.end = span.range.start + text[..length].trim_end().len();
+    span
+}

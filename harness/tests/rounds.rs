@@ -1,0 +1,103 @@
+//! Loops that a driver leaves before they end are errors and no results.
+
+use karat::{Package, Path, ProbeError, Probed, adapter, call};
+
+const SPIN: &str = "\
+    fn spin(n: u32) -> u32 {\n    var s = 0u;\n    for (var i = 0u; i < n; i++) {\n        \
+    s += i % 3u;\n    }\n    return s;\n}\n";
+
+fn spun(n: u32) -> u32 {
+    (0..n).map(|i| i % 3).sum()
+}
+
+fn paths() -> Vec<Path> {
+    let paths: Vec<Path> = Path::ALL.into_iter().filter(|path| adapter(*path).is_ok()).collect();
+    assert!(!paths.is_empty(), "no path opens");
+    paths
+}
+
+/// Whether this path's driver is the one that leaves loops.
+fn leaves(path: Path) -> bool {
+    adapter(path).expect("it opens").name.contains("llvmpipe")
+}
+
+fn probed(source: &str, function: &str) -> Probed {
+    let package = Package::from_source("spin", source);
+    Probed::new(&package, function).unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn a_loop_that_the_driver_leaves_is_an_error_with_its_line() {
+    let probed = probed(SPIN, "spin");
+    for path in paths() {
+        let results = call(&probed, path, &[vec![100], vec![65_000], vec![3]]);
+        assert_eq!(results.expect("it ends"), [[spun(100)], [spun(65_000)], [spun(3)]]);
+        match call(&probed, path, &[vec![100], vec![131_072]]) {
+            Ok(results) => {
+                assert!(!leaves(path), "{path} gave {results:?}");
+                assert_eq!(results[1], [spun(131_072)]);
+            }
+            Err(error @ ProbeError::Rounds { case: 1, .. }) => {
+                let text = error.to_string();
+                for part in ["<spin>:3:5", "for (var i = 0u; i < n; i++)", "65535 rounds"] {
+                    assert!(text.contains(part), "{text}");
+                }
+            }
+            Err(error) => panic!("{error}"),
+        }
+    }
+}
+
+/// Rounds of all loops of an invocation count together, also in functions that it calls.
+#[test]
+fn loops_count_together() {
+    let source = format!(
+        "{SPIN}fn twice(n: u32) -> u32 {{ return spin(n) + spin(n); }}\n\
+         fn grid(n: u32) -> u32 {{ var s = 0u; for (var i = 0u; i < n; i++) {{ s += spin(n); }} return s; }}"
+    );
+    for path in paths().into_iter().filter(|path| leaves(*path)) {
+        for (function, fits, too_many) in [("twice", 32_000, 33_000), ("grid", 250, 300)] {
+            let probed = probed(&source, function);
+            let factor = if function == "grid" { fits } else { 2 };
+            let results = call(&probed, path, &[vec![fits]]).expect("it ends");
+            assert_eq!(results[0], [factor * spun(fits)], "{function} on {path}");
+            let result = call(&probed, path, &[vec![too_many]]);
+            assert!(matches!(result, Err(ProbeError::Rounds { .. })), "{function} on {path}");
+        }
+    }
+}
+
+/// Lanes of a vector go round each other's loops: none of these cases is too long by itself.
+#[test]
+fn neighbours_do_not_cut_each_other_short() {
+    let source = format!(
+        "{SPIN}fn either(n: u32, first: u32) -> u32 {{\n\
+         if first == 1u {{ return spin(n); }}\nvar s = 0u;\n\
+         for (var i = 0u; i < n; i++) {{ s += i % 3u; }}\nreturn s + 1u;\n}}\n\
+         fn turns(n: u32, mine: u32) -> u32 {{\n    var s = 0u;\n    \
+         for (var i = 0u; i < 16u; i++) {{\n        if i == mine {{ s += spin(n); }}\n    }}\n    \
+         return s;\n}}"
+    );
+    for path in paths() {
+        let cases: Vec<Vec<u32>> = (0..64).map(|i| vec![40_000 + i, i % 2]).collect();
+        let expected: Vec<Vec<u32>> =
+            (0..64).map(|i| vec![spun(40_000 + i) + u32::from(i % 2 == 0)]).collect();
+        let results = call(&probed(&source, "either"), path, &cases).expect("each ends");
+        assert_eq!(results, expected, "on {path}");
+
+        // Each lane has a turn in a loop of its own: together they go round 16 times as often.
+        let cases: Vec<Vec<u32>> = (0..64).map(|i| vec![9_000 + i, i % 16]).collect();
+        let expected: Vec<Vec<u32>> = (0..64).map(|i| vec![spun(9_000 + i)]).collect();
+        let results = call(&probed(&source, "turns"), path, &cases).expect("each ends");
+        assert_eq!(results, expected, "on {path}");
+    }
+}
+
+/// What the IR shows to be bounded isn't counted, and its kernel has nothing for it.
+#[test]
+fn bounded_loops_have_the_plain_kernel() {
+    let source =
+        "fn f(x: f32) -> f32 { var s = 0.0; for (var i = 0; i < 64; i++) { s += x; } return s; }";
+    assert!(!probed(source, "f").kernel().contains("karat_index"));
+    assert!(probed(SPIN, "spin").kernel().contains("karat_index"));
+}
