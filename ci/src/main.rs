@@ -10,6 +10,7 @@ use clap::{Parser, Subcommand};
 
 mod bench;
 mod command;
+mod corpus;
 mod demo;
 mod licence;
 mod lint;
@@ -55,6 +56,13 @@ enum Task {
     Test,
     /// Formatting, Clippy, documentation and licences: CI without the tests.
     Lint,
+    /// Read the shaders of published crates, with naga's verdict beside Karat's.
+    ///
+    /// The crates are fetched by cargo and not compiled, and nothing of them is kept.
+    Corpus {
+        /// Crates with their versions: `glyphon@0.12.0`.
+        crates: Vec<String>,
+    },
     /// Run the benchmarks; arguments after `--` go to them.
     Bench {
         /// Arguments for the benchmarks.
@@ -70,6 +78,7 @@ fn main() -> ExitCode {
         Task::Demo => demo::run(),
         Task::Test => suite::run(),
         Task::Lint => lint::run(),
+        Task::Corpus { crates } => step::verdict(corpus::run(&crates)),
         Task::Bench { arguments } => step::verdict(bench::run(&arguments)),
     }
 }

@@ -52,6 +52,16 @@ pub struct Span {
     pub range: Range<usize>,
 }
 
+impl Span {
+    /// The part on its first line: the head of what would fill a screen.
+    pub(crate) fn first_line(&self) -> Self {
+        let text = self.file.text.get(self.range.clone()).unwrap_or_default();
+        let line = text.lines().next().unwrap_or_default().trim_end();
+        let range = self.range.start..self.range.start + line.len();
+        Self { file: Arc::clone(&self.file), range }
+    }
+}
+
 impl fmt::Display for Span {
     /// `file:line:column`, which terminals and editors open.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -15,6 +15,7 @@ pub use expectation::FrameMean;
 pub use mesh::{Attribute, Mesh};
 
 use crate::check::{KnownIssue, KnownIssues};
+use crate::diagnostic::Diagnostic;
 use crate::fixture::{Fixture, FixtureError, Fixtures};
 use crate::golden::{FrameMargin, FrameTolerance, GoldenError};
 use crate::image::Image;
@@ -91,6 +92,9 @@ pub enum FrameError {
     /// A path can't be used.
     #[error(transparent)]
     Path(#[from] PathError),
+    /// Loops go round more often than the driver lets them.
+    #[error("{0}")]
+    Rounds(Box<Diagnostic>),
     /// No such entry point.
     #[error("module `{module}` has no {stage} entry point `{name}`")]
     EntryPoint {

@@ -1,6 +1,6 @@
 //! Loops that a driver leaves before they end are errors and no results.
 
-use karat::{Package, Path, ProbeError, Probed, adapter, call};
+use karat::{FrameError, Package, Path, ProbeError, Probed, Uniform, adapter, call};
 
 const SPIN: &str = "\
     fn spin(n: u32) -> u32 {\n    var s = 0u;\n    for (var i = 0u; i < n; i++) {\n        \
@@ -100,4 +100,41 @@ fn bounded_loops_have_the_plain_kernel() {
         "fn f(x: f32) -> f32 { var s = 0.0; for (var i = 0; i < 64; i++) { s += x; } return s; }";
     assert!(!probed(source, "f").kernel().contains("karat_index"));
     assert!(probed(SPIN, "spin").kernel().contains("karat_index"));
+}
+
+/// The same of frames: in fragment shaders, in vertex shaders, and in what they call.
+#[test]
+fn loops_of_frames_are_watched() {
+    let shader = |vertex: &str, fragment: &str| {
+        format!(
+            "@group(0) @binding(1) var<uniform> n: u32;\n{SPIN}\
+             @vertex fn vertex(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {{\n\
+             let at = vec2f(f32(i & 1u), f32(i >> 1u)) * 4.0 - 1.0;\n\
+             return vec4f(at, 0.5 + 1e-9 * f32({vertex}), 1.0);\n}}\n\
+             @fragment fn fragment() -> @location(0) vec4f {{ return vec4f(f32({fragment})); }}"
+        )
+    };
+    for (vertex, fragment) in [("0", "spin(n)"), ("spin(n)", "0")] {
+        let package = Package::from_source("frame", shader(vertex, fragment));
+        let render = |path, n: u32| {
+            package
+                .frame("", 8, 8)
+                .fullscreen("vertex", "fragment")
+                .with("n", Uniform::new(n))
+                .render(path)
+        };
+        for path in paths() {
+            let image = render(path, 60_000).expect("it ends");
+            let expected = if vertex == "0" { spun(60_000) as f32 } else { 0.0 };
+            assert_eq!(image.pixels()[36][0], expected, "on {path}");
+            match render(path, 70_000) {
+                Ok(_) => assert!(!leaves(path), "on {path}"),
+                Err(FrameError::Rounds(diagnostic)) => {
+                    let text = diagnostic.to_string();
+                    assert!(text.contains("<frame>:4:5") && text.contains("65535"), "{text}");
+                }
+                Err(error) => panic!("{error}"),
+            }
+        }
+    }
 }

@@ -134,22 +134,26 @@ fn linked_functions_are_the_authors_bytes_but_for_names() {
                         (a, b) = (a + 1, b + 1);
                         continue;
                     }
-                    // Back to the start of the word, then over it on both sides.
+                    // Back to the start of the word, then over it on both sides. The author's may
+                    // be a path, of which all but the first word is blanked.
                     let started = (0..a).rev().take_while(|i| is_word(&linked[*i])).count();
                     assert!(started <= b, "{}", item.path);
-                    let word = |text: &[char], from: usize| {
-                        text[from..].iter().take_while(|c| is_word(c)).count()
-                    };
                     let (from_a, from_b) = (a - started, b - started);
-                    let (long_a, long_b) = (word(&linked, from_a), word(&author, from_b));
+                    let word = |text: &[char]| text.iter().take_while(|c| is_word(c)).count();
+                    let (name, first) = (word(&linked[from_a..]), word(&author[from_b..]));
+                    let in_path = |c: &&char| is_word(c) || **c == ':';
+                    let path = author[from_b..].iter().take_while(in_path).count();
+                    let colons = author[from_b + first..].starts_with(&[':', ':']);
+                    let rest = if colons { path - first } else { 0 };
+                    let blank = linked[from_a + name..].iter().take(rest).all(|c| *c == ' ');
                     assert!(
-                        long_a > 0 && long_b > 0,
+                        name > 0 && first > 0 && blank,
                         "{}: {} is not {}",
                         item.path,
                         linked.iter().collect::<String>(),
                         author.iter().collect::<String>()
                     );
-                    (a, b) = (from_a + long_a, from_b + long_b);
+                    (a, b) = (from_a + name + rest, from_b + first + rest);
                 }
                 functions += 1;
             }
@@ -358,7 +362,8 @@ fn five_thousand_functions_are_listed() {
             format!("/// Number {i}.\nfn f{i}(x: f32) -> f32 {{ return f{}(x) + x; }}\n", i + 1)
         })
         .collect();
-    let package = Package::from_source("many", functions + "fn f5000(x: f32) -> f32 { return x; }");
+    let package =
+        Package::from_source("many", functions + "fn at5000(x: f32) -> f32 { return x; }");
     let program = Program::of_module(&package, "").unwrap_or_else(|error| panic!("{error}"));
     for item in package.functions().expect("valid") {
         let function = program.function(&item.path).unwrap_or_else(|error| panic!("{error}"));
@@ -431,7 +436,7 @@ fn only_names_that_mean_the_import_are_replaced() {
 
 #[test]
 fn conditions_choose_wherever_they_may_stand() {
-    let source = "@if(a) enable f16; @else diagnostic(off, derivative_uniformity);\n\
+    let source = "@if(a) diagnostic(off, derivative_uniformity); @else diagnostic(info, derivative_uniformity);\n\
         @if(a) import package::lib::{ONE as N}; @else import package::lib::{TWO as N};\n\
         @if(a && !b) { const X = 1.0; fn x() -> f32 { return X; } }\n\
         @elif(b) { const X = 2.0; fn x() -> f32 { return X; } }\n\

@@ -1,5 +1,6 @@
 //! Draws a frame on a device and reads it back.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use half::f16;
@@ -7,8 +8,8 @@ use half::f16;
 use super::{Blend, Draw, Frame, FrameError, Mesh};
 use crate::fixture::{self, Resource};
 use crate::image::Image;
-use crate::path::{Device, guard};
-use crate::reflect::{Binding, Program, Stage};
+use crate::path::{Device, MOST_ROUNDS, guard};
+use crate::reflect::{Binding, Program, Stage, Watched};
 
 const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 /// Channels of a pixel: RGBA.
@@ -39,6 +40,40 @@ pub(super) fn render(
     crate::reflect::validate(frame.package(), frame.module())?;
     let shader = blake3::hash(program.text().as_bytes()).to_hex().to_string();
 
+    let stages = stages(&program, frame)?;
+    let all = stages.iter().flat_map(|stage| stage.depth.iter().chain(&stage.color));
+    let all: Vec<Binding> = all.cloned().collect();
+    fixture::check_used(&all, frame.fixtures())?;
+    let _turn = device.turn();
+    let mut resources: BTreeMap<(u32, u32), Resource> = BTreeMap::new();
+    for (binding, fixture) in fixture::resolve(&all, frame.fixtures())? {
+        let key = (binding.group, binding.binding);
+        if let std::collections::btree_map::Entry::Vacant(entry) = resources.entry(key) {
+            entry.insert(fixture::upload(device, &program, binding, fixture)?);
+        }
+    }
+
+    let (module, path) = (frame.module().to_owned(), device.path());
+    let _deadline =
+        guard(move || format!("the {width} x {height} frame of module `{module}` on path {path}"));
+    let unbounded = program.most_rounds().is_none_or(|rounds| rounds >= MOST_ROUNDS);
+    if unbounded && device.leaves_loops() {
+        watch_rounds(device, frame, &program, &mut resources)?;
+    }
+    let format = color_format(device, frame.blending());
+    let painter = Painter { device, frame, program: &program, format, resources: &resources };
+    let source = wgpu::ShaderSource::Wgsl(program.text().into());
+    let image = painter.draw(source, &stages)?;
+    let row = Row::new(format, width);
+    let pixels = device.read_back(&image, row.stride * u64::from(height), |bytes| {
+        let rows = bytes.chunks_exact(row.stride as usize);
+        rows.flat_map(|bytes| row.pixels(bytes)).collect()
+    })?;
+    Ok((Image::new(width, height, pixels), shader))
+}
+
+/// What each draw of a frame reads.
+fn stages(program: &Program, frame: &Frame<'_>) -> Result<Vec<Bindings>, FrameError> {
     let bindings_of = |stage: Stage, name: &str| {
         program.entry_point_bindings(stage, name).ok_or_else(|| FrameError::EntryPoint {
             module: frame.module().to_owned(),
@@ -56,41 +91,53 @@ pub(super) fn render(
         };
         stages.push(Bindings { depth: union(&vertex, depth), color: union(&vertex, fragment) });
     }
-    let all = stages.iter().flat_map(|stage| stage.depth.iter().chain(&stage.color));
-    let all: Vec<Binding> = all.cloned().collect();
-    fixture::check_used(&all, frame.fixtures())?;
-    let _turn = device.turn();
-    let mut resources: BTreeMap<(u32, u32), Resource> = BTreeMap::new();
-    for (binding, fixture) in fixture::resolve(&all, frame.fixtures())? {
-        let key = (binding.group, binding.binding);
-        if let std::collections::btree_map::Entry::Vacant(entry) = resources.entry(key) {
-            entry.insert(fixture::upload(device, &program, binding, fixture)?);
+    Ok(stages)
+}
+
+/// Draws the frame with loops that count, where the driver would leave them without a word.
+fn watch_rounds(
+    device: &'static Device,
+    frame: &Frame<'_>,
+    program: &Program,
+    resources: &mut BTreeMap<(u32, u32), Resource>,
+) -> Result<(), FrameError> {
+    let binding = program.free_binding();
+    let limit = u32::try_from(MOST_ROUNDS).expect("it fits");
+    let Watched { program, loops } = program.watching_rounds(binding, limit);
+    let size = 4 * loops.len() as u64;
+    let buffer = |usage| {
+        device.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("rounds"),
+            size,
+            usage,
+            mapped_at_creation: false,
+        })
+    };
+    use wgpu::BufferUsages as Usage;
+    let counts = device.checked(|| buffer(Usage::STORAGE | Usage::COPY_SRC))?;
+    resources.insert((0, binding), Resource::Buffer(counts.clone()));
+    let format = color_format(device, frame.blending());
+    let painter = Painter { device, frame, program: &program, format, resources };
+    let source = wgpu::ShaderSource::Naga(Cow::Owned(program.module().clone()));
+    drop(painter.draw(source, &stages(&program, frame)?)?);
+    let staging = device.checked(|| {
+        let staging = buffer(Usage::MAP_READ | Usage::COPY_DST);
+        let mut encoder = device.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(&counts, 0, &staging, 0, size);
+        device.queue.submit([encoder.finish()]);
+        staging
+    })?;
+    resources.remove(&(0, binding));
+    let counts: Vec<u32> =
+        device.read_back(&staging, size, |bytes| bytemuck::pod_collect_to_vec(bytes))?;
+    let most = loops.iter().zip(counts).max_by_key(|(_, count)| *count);
+    match most.filter(|(_, count)| *count > 0) {
+        None => Ok(()),
+        Some((place, count)) => {
+            let of = format!("the frame of module `{}`", frame.module());
+            Err(FrameError::Rounds(Box::new(device.left_loop(&of, count, place.as_ref()))))
         }
     }
-
-    let (module, path) = (frame.module().to_owned(), device.path());
-    let _deadline =
-        guard(move || format!("the {width} x {height} frame of module `{module}` on path {path}"));
-    let format = color_format(device, frame.blending());
-    let painter = Painter { device, frame, program: &program, format, resources: &resources };
-    let image = crate::reflect::on_deep_stack(|| {
-        device.checked(|| {
-            let shader = device.shader_module(program.text());
-            let draws: Vec<Prepared> = frame
-                .draws()
-                .iter()
-                .zip(&stages)
-                .map(|(draw, bindings)| painter.prepare(&shader, draw, bindings))
-                .collect();
-            painter.paint(&draws)
-        })
-    })?;
-    let row = Row::new(format, width);
-    let pixels = device.read_back(&image, row.stride * u64::from(height), |bytes| {
-        let rows = bytes.chunks_exact(row.stride as usize);
-        rows.flat_map(|bytes| row.pixels(bytes)).collect()
-    })?;
-    Ok((Image::new(width, height, pixels), shader))
 }
 
 /// What a draw's two pipelines read.
@@ -151,6 +198,25 @@ struct Painter<'a> {
 }
 
 impl Painter<'_> {
+    /// Draws everything; the image as a buffer.
+    fn draw(
+        &self,
+        source: wgpu::ShaderSource<'_>,
+        stages: &[Bindings],
+    ) -> Result<wgpu::Buffer, FrameError> {
+        let image = crate::reflect::on_deep_stack(|| {
+            self.device.checked(|| {
+                let descriptor = wgpu::ShaderModuleDescriptor { label: None, source };
+                let shader = self.device.device.create_shader_module(descriptor);
+                let draws = self.frame.draws().iter().zip(stages);
+                let draws: Vec<Prepared> =
+                    draws.map(|(draw, bindings)| self.prepare(&shader, draw, bindings)).collect();
+                self.paint(&draws)
+            })
+        });
+        Ok(image?)
+    }
+
     fn prepare(&self, shader: &wgpu::ShaderModule, draw: &Draw, bindings: &Bindings) -> Prepared {
         let (buffers, vertices, instances) = match &draw.mesh {
             Some((mesh, instances)) => {

@@ -58,7 +58,7 @@ impl Conditions {
                 closing.pop();
                 found.removed.push(tokens[at].range());
                 at += 1;
-            } else if tokens[at].is(b'@') {
+            } else if reader.is_attribute(at) {
                 at = reader.attributes(at, &mut chains, &mut closing, &mut found)?;
             } else {
                 match tokens[at].kind {
@@ -90,6 +90,11 @@ impl Reader<'_> {
         self.tokens.get(token).is_some_and(|token| token.is(symbol))
     }
 
+    fn is_attribute(&self, token: usize) -> bool {
+        let named = self.tokens.get(token + 1).is_some_and(|next| next.kind == Kind::Word);
+        self.is(token, b'@') && named
+    }
+
     fn bytes(&self, tokens: &Range<usize>) -> Range<usize> {
         self.tokens[tokens.start].range().start..self.tokens[tokens.end - 1].range().end
     }
@@ -109,7 +114,7 @@ impl Reader<'_> {
     ) -> Result<usize, PackageError> {
         let mut run = Vec::new();
         let mut at = start;
-        while self.is(at, b'@') {
+        while self.is_attribute(at) {
             let end = after_attribute(&self.file.text, self.tokens, self.brackets, at);
             run.push(at..end);
             at = end;

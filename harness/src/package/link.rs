@@ -10,7 +10,7 @@ use std::sync::Arc;
 use super::imports::{self, Import, Target};
 use super::library::{Library, ModulePath};
 use super::splice::{Edit, Spliced};
-use super::syntax::{Module, asks_for_nothing, deepest};
+use super::syntax::{DeclarationKind, Module, asks_for_nothing, deepest};
 use super::{Package, PackageError};
 use crate::diagnostic::{SourceFile, Span, nearest};
 
@@ -130,6 +130,19 @@ impl Package {
         Linker::new(&library, &root)?.link(all, true)
     }
 
+    /// [`link_module`](Self::link_module) with another name for everything that the module declares:
+    /// the hardest test of which names mean what.
+    #[cfg(test)]
+    pub(crate) fn link_renamed(&self, module: &str) -> Result<Linked, PackageError> {
+        let root = ModulePath::root(module);
+        let library = Library::open(self)?;
+        let parsed = library.module(&root)?;
+        let all = (0..parsed.declarations.len()).map(|index| (root.clone(), index)).collect();
+        let mut linker = Linker::new(&library, &root)?;
+        linker.free.extend(parsed.names().map(str::to_owned));
+        linker.link(all, true)
+    }
+
     /// Says that there is no such function, and what may be meant. Modules that can't be read hide
     /// no others.
     fn unknown_function(&self, module: &str, item: &str) -> PackageError {
@@ -222,8 +235,16 @@ impl<'a> Linker<'a> {
     fn link(mut self, wanted: Vec<Item>, whole: bool) -> Result<Linked, PackageError> {
         let mut items: BTreeSet<Item> = wanted.iter().cloned().collect();
         let mut queue: VecDeque<Item> = wanted.into();
+        // Modules of which something is linked: what they assert must hold.
+        let mut used = BTreeSet::new();
         while let Some((path, index)) = queue.pop_front() {
-            for found in self.resolve(&path, index)? {
+            let mut reached = self.resolve(&path, index)?;
+            if used.insert(path.clone()) {
+                let declarations = self.parts[&path].module.declarations.iter().enumerate();
+                let assertions = declarations.filter(|(_, d)| d.kind == DeclarationKind::Assertion);
+                reached.extend(assertions.map(|(index, _)| (path.clone(), index)));
+            }
+            for found in reached {
                 if items.insert(found.clone()) {
                     queue.push_back(found);
                 }

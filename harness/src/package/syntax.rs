@@ -241,6 +241,8 @@ pub(super) fn deepest(text: &str) -> Option<Range<usize>> {
             }
             Kind::Symbol(b')' | b']' | b'}') => {
                 sum -= *length;
+                *length = 0;
+                // One that closes nothing is for naga to refuse.
                 if levels.len() > 1 {
                     levels.pop();
                 }

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use parking_lot::{ReentrantMutex, ReentrantMutexGuard};
 
+use crate::diagnostic::{Diagnostic, Span};
 use crate::reflect::Ir;
 
 use super::{Adapter, Path, PathError, guard};
@@ -70,7 +71,9 @@ impl Device {
         }
         let optional = wgpu::Features::SHADER_F16
             | wgpu::Features::FLOAT32_FILTERABLE
-            | wgpu::Features::FLOAT32_BLENDABLE;
+            | wgpu::Features::FLOAT32_BLENDABLE
+            // Where loops of vertex shaders are counted.
+            | wgpu::Features::VERTEX_WRITABLE_STORAGE;
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("karat"),
             required_features: adapter.features() & optional,
@@ -117,6 +120,26 @@ impl Device {
     /// Whether the driver leaves loops after [`MOST_ROUNDS`] rounds, with whatever there is then.
     pub(crate) fn leaves_loops(&self) -> bool {
         self.adapter.name.to_lowercase().contains("llvmpipe")
+    }
+
+    /// Says which loop the driver leaves before it ends.
+    pub(crate) fn left_loop(&self, of: &str, rounds: u32, place: Option<&Span>) -> Diagnostic {
+        let path = self.path;
+        let diagnostic = Diagnostic::new(format!(
+            "on path `{path}` the driver doesn't run {of} to the end: this loop goes round {rounds} \
+             times or more"
+        ));
+        let diagnostic = match place {
+            Some(span) => diagnostic.at(span.first_line(), ""),
+            None => diagnostic,
+        };
+        let driver = &self.adapter.name;
+        diagnostic
+            .note(format!(
+                "{driver} leaves all loops of an invocation after {MOST_ROUNDS} rounds together, with \
+                 whatever values there are then"
+            ))
+            .note("ask for fewer rounds, or run on a driver without such a limit")
     }
 
     pub(crate) fn has_f16(&self) -> bool {
@@ -201,13 +224,6 @@ impl Device {
             })
         })
         .map(Arc::new)
-    }
-
-    pub(crate) fn shader_module(&self, wgsl: &str) -> wgpu::ShaderModule {
-        self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: None,
-            source: wgpu::ShaderSource::Wgsl(wgsl.into()),
-        })
     }
 
     /// Waits for all submitted work. The caller holds a deadline's guard.

@@ -7,7 +7,6 @@
 //! cases kept apart.
 
 use super::{ProbeError, Probed, Runner};
-use crate::diagnostic::Diagnostic;
 use crate::fixture::Fixtures;
 use crate::path::{Device, MOST_ROUNDS};
 use crate::reflect::{CountedLoop, count_rounds};
@@ -92,33 +91,8 @@ impl Rounds {
     fn too_many(&self, case: usize, counts: &[u32]) -> ProbeError {
         let most = self.loops.iter().zip(counts).max_by_key(|(_, count)| **count);
         let (counted, count) = most.expect("a kernel that counts has a loop");
-        let message = format!(
-            "on path `{}` the driver doesn't run `{}` to its end: this loop goes round {count} times \
-             or more",
-            self.runner.device().path(),
-            self.function,
-        );
-        let diagnostic = Diagnostic::new(message);
-        let diagnostic = match &counted.span {
-            Some(span) => diagnostic.at(first_line(span), ""),
-            None => diagnostic,
-        };
-        let diagnostic = diagnostic
-            .note(format!(
-                "{} leaves all loops of an invocation after {MOST_ROUNDS} rounds together, with \
-                 whatever values there are then",
-                self.runner.device().adapter().name
-            ))
-            .note("restrict the domain, or run on a driver without such a limit");
+        let of = format!("`{}`", self.function);
+        let diagnostic = self.runner.device().left_loop(&of, *count, counted.span.as_ref());
         ProbeError::Rounds { case, diagnostic: Box::new(diagnostic) }
     }
-}
-
-/// The head of a loop: its body would fill a screen.
-fn first_line(span: &crate::diagnostic::Span) -> crate::diagnostic::Span {
-    let mut span = span.clone();
-    let text = span.file.text.get(span.range.clone()).unwrap_or_default();
-    let length = text.find(['\n', '\r']).unwrap_or(text.len());
-    span.range.end = span.range.start + text[..length].trim_end().len();
-    span
 }

@@ -6,7 +6,8 @@
 //! stays the author's text.
 
 use naga::{
-    BinaryOperator, Block, Expression, Function, Handle, Literal, LocalVariable, Module, Statement,
+    AtomicFunction, BinaryOperator, Block, Expression, Function, GlobalVariable, Handle, Literal,
+    LocalVariable, Module, Scalar, Statement, Type, TypeInner,
 };
 
 use super::Program;
@@ -62,12 +63,7 @@ pub(crate) struct CountedLoop {
 pub(crate) fn count_rounds(program: &Program, text: &str) -> Counting {
     let mut module = super::on_deep_stack(|| naga::front::wgsl::parse_str(text))
         .expect("it is the verdict's kernel but for the counters");
-    let counters = module
-        .global_variables
-        .iter()
-        .find(|(_, global)| global.name.as_deref() == Some(COUNTERS))
-        .map(|(handle, _)| handle)
-        .expect("the kernel declares the counters");
+    let counters = global(&module, COUNTERS);
     let mut loops = Vec::new();
     for (_, function) in module.functions.iter() {
         for (span, nested) in loops_of(&function.body) {
@@ -82,7 +78,7 @@ pub(crate) fn count_rounds(program: &Program, text: &str) -> Counting {
         let function = module.functions.get_mut(handle);
         let mut body = std::mem::take(&mut function.body);
         let first = index;
-        instrument(&mut body, function, counters, &mut index);
+        instrument(&mut body, &mut index, &mut |own| count(function, counters, own));
         function.body = body;
         if called_in_loops.contains(&handle) {
             loops[first as usize..index as usize]
@@ -147,46 +143,150 @@ fn blocks(statement: &Statement) -> Vec<(&Block, bool)> {
     }
 }
 
-/// Adds a count to each loop, in the order of [`loops_of`].
-fn instrument(
-    block: &mut Block,
-    function: &mut Function,
-    counters: Handle<naga::GlobalVariable>,
-    index: &mut u32,
-) {
+/// Puts what `counted` makes for a loop at the beginning of its rounds; loops are numbered in the
+/// order of [`loops_of`].
+fn instrument(block: &mut Block, index: &mut u32, counted: &mut dyn FnMut(u32) -> Block) {
     for statement in block.iter_mut() {
         match statement {
-            Statement::Block(inner) => instrument(inner, function, counters, index),
+            Statement::Block(inner) => instrument(inner, index, counted),
             Statement::If { accept, reject, .. } => {
-                instrument(accept, function, counters, index);
-                instrument(reject, function, counters, index);
+                instrument(accept, index, counted);
+                instrument(reject, index, counted);
             }
             Statement::Switch { cases, .. } => {
                 for case in cases {
-                    instrument(&mut case.body, function, counters, index);
+                    instrument(&mut case.body, index, counted);
                 }
             }
             Statement::Loop { body, continuing, .. } => {
                 let own = *index;
                 *index += 1;
-                instrument(body, function, counters, index);
-                instrument(continuing, function, counters, index);
-                let none = naga::Span::UNDEFINED;
-                let mut add = |expression| function.expressions.append(expression, none);
-                let base = add(Expression::GlobalVariable(counters));
-                let one = add(Expression::Literal(Literal::U32(1)));
-                let pointer = add(Expression::AccessIndex { base, index: own });
-                let left = add(Expression::Load { pointer });
-                let value = add(Expression::Binary { op: BinaryOperator::Add, left, right: one });
-                let emitted = naga::Range::new_from_bounds(pointer, value);
-                let mut counted = Block::new();
-                counted.push(Statement::Emit(emitted), none);
-                counted.push(Statement::Store { pointer, value }, none);
-                counted.append(body);
-                *body = counted;
+                instrument(body, index, counted);
+                instrument(continuing, index, counted);
+                let mut round = counted(own);
+                round.append(body);
+                *body = round;
             }
             _ => {}
         }
+    }
+}
+
+fn global(module: &Module, name: &str) -> Handle<GlobalVariable> {
+    let mut globals = module.global_variables.iter();
+    let found = globals.find(|(_, global)| global.name.as_deref() == Some(name));
+    found.map(|(handle, _)| handle).expect("the text declares it")
+}
+
+const NOWHERE: naga::Span = naga::Span::UNDEFINED;
+
+/// Adds 1 to an element of an array.
+fn count(function: &mut Function, counters: Handle<GlobalVariable>, index: u32) -> Block {
+    let mut add = |expression| function.expressions.append(expression, NOWHERE);
+    let base = add(Expression::GlobalVariable(counters));
+    let one = add(Expression::Literal(Literal::U32(1)));
+    let pointer = add(Expression::AccessIndex { base, index });
+    let left = add(Expression::Load { pointer });
+    let value = add(Expression::Binary { op: BinaryOperator::Add, left, right: one });
+    let mut block = Block::new();
+    block.push(Statement::Emit(naga::Range::new_from_bounds(pointer, value)), NOWHERE);
+    block.push(Statement::Store { pointer, value }, NOWHERE);
+    block
+}
+
+/// The variable that holds the rounds of an invocation of a frame's shader.
+const OWN: &str = "karat_rounds";
+
+/// The buffer where a frame's invocations leave how often they went round, an element a loop.
+const MOST: &str = "karat_most";
+
+/// A frame's program whose invocations tell which loop made their rounds too many.
+pub(crate) struct Watched {
+    pub(crate) program: Program,
+    /// The author's place of each loop.
+    pub(crate) loops: Vec<Option<Span>>,
+}
+
+impl Program {
+    /// A copy in which an invocation that has made `limit` rounds in all its loops writes their
+    /// number to the storage buffer at this binding of group 0, at the index of the loop.
+    pub(crate) fn watching_rounds(&self, binding: u32, limit: u32) -> Watched {
+        let loops: Vec<_> = self
+            .bodies()
+            .flat_map(loops_of)
+            .map(|(span, _)| span.to_range().and_then(|range| self.resolve(range)))
+            .collect();
+        let mut module = self.module.clone();
+        let scalar = |inner| Type { name: None, inner };
+        let u32_type = module.types.insert(scalar(TypeInner::Scalar(Scalar::U32)), NOWHERE);
+        let atomic = module.types.insert(scalar(TypeInner::Atomic(Scalar::U32)), NOWHERE);
+        let length = u32::try_from(loops.len()).ok().and_then(std::num::NonZeroU32::new);
+        let size = naga::ArraySize::Constant(length.expect("there are loops to watch"));
+        let array = TypeInner::Array { base: atomic, size, stride: 4 };
+        let array = module.types.insert(scalar(array), NOWHERE);
+        let variable = |name: &str, space, binding, ty| GlobalVariable {
+            name: Some(name.to_owned()),
+            space,
+            binding,
+            ty,
+            init: None,
+            memory_decorations: naga::MemoryDecorations::empty(),
+        };
+        let own = variable(OWN, naga::AddressSpace::Private, None, u32_type);
+        let own = module.global_variables.append(own, NOWHERE);
+        let access = naga::StorageAccess::LOAD | naga::StorageAccess::STORE;
+        let place = Some(naga::ResourceBinding { group: 0, binding });
+        let most = variable(MOST, naga::AddressSpace::Storage { access }, place, array);
+        let most = module.global_variables.append(most, NOWHERE);
+
+        let mut index = 0;
+        let mut watch = |function: &mut Function| {
+            let mut body = std::mem::take(&mut function.body);
+            instrument(&mut body, &mut index, &mut |loop_index| {
+                let mut block = Block::new();
+                let mut add = |expression| function.expressions.append(expression, NOWHERE);
+                let pointer = add(Expression::GlobalVariable(own));
+                let one = add(Expression::Literal(Literal::U32(1)));
+                let right = add(Expression::Literal(Literal::U32(limit)));
+                let left = add(Expression::Load { pointer });
+                let value = add(Expression::Binary { op: BinaryOperator::Add, left, right: one });
+                let op = BinaryOperator::GreaterEqual;
+                let condition = add(Expression::Binary { op, left: value, right });
+                let emitted = naga::Range::new_from_bounds(left, condition);
+                block.push(Statement::Emit(emitted), NOWHERE);
+                block.push(Statement::Store { pointer, value }, NOWHERE);
+
+                let base = add(Expression::GlobalVariable(most));
+                let result = add(Expression::AtomicResult { ty: u32_type, comparison: false });
+                let pointer = add(Expression::AccessIndex { base, index: loop_index });
+                let mut accept = Block::new();
+                let emitted = naga::Range::new_from_bounds(pointer, pointer);
+                accept.push(Statement::Emit(emitted), NOWHERE);
+                let fun = AtomicFunction::Max;
+                let atomic = Statement::Atomic { pointer, fun, value, result: Some(result) };
+                accept.push(atomic, NOWHERE);
+                let reject = Block::new();
+                block.push(Statement::If { condition, accept, reject }, NOWHERE);
+                block
+            });
+            function.body = body;
+        };
+        let handles: Vec<_> = module.functions.iter().map(|(handle, _)| handle).collect();
+        for handle in handles {
+            watch(module.functions.get_mut(handle));
+        }
+        for entry in &mut module.entry_points {
+            watch(&mut entry.function);
+        }
+        let program = Self::from_ir(self.linked.clone(), module);
+        let program = program.expect("it was valid before its loops were watched");
+        Watched { program, loops }
+    }
+
+    /// The bodies of functions, then of entry points.
+    fn bodies(&self) -> impl Iterator<Item = &Block> {
+        let functions = self.module.functions.iter().map(|(_, function)| &function.body);
+        functions.chain(self.module.entry_points.iter().map(|entry| &entry.function.body))
     }
 }
 
@@ -280,7 +380,7 @@ impl Rounds<'_> {
 
     fn is_unsigned(&self, variable: Handle<LocalVariable>) -> bool {
         let ty = self.function.local_variables[variable].ty;
-        let unsigned = naga::TypeInner::Scalar(naga::Scalar::U32);
+        let unsigned = TypeInner::Scalar(Scalar::U32);
         self.module.types[ty].inner == unsigned
     }
 
