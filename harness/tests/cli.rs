@@ -4,10 +4,20 @@
 mod diff;
 #[path = "cli/errors.rs"]
 mod errors;
+#[path = "cli/escapes.rs"]
+mod escapes;
+#[path = "cli/interrupted.rs"]
+mod interrupted;
+#[path = "cli/outputs.rs"]
+mod outputs;
 #[path = "cli/pending.rs"]
 mod pending;
+#[path = "cli/pipes.rs"]
+mod pipes;
 #[path = "cli/report.rs"]
 mod report;
+#[path = "cli/runs.rs"]
+mod runs;
 #[path = "cli/unreferenced.rs"]
 mod unreferenced;
 

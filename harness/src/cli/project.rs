@@ -103,6 +103,11 @@ impl Project {
         self.settings.gallery.as_deref()
     }
 
+    /// The folder of records, which has one of each run.
+    pub(super) fn record(&self) -> PathBuf {
+        self.output().join("record")
+    }
+
     /// The folder of what runs leave behind.
     pub(super) fn output(&self) -> PathBuf {
         let target = std::env::var_os("CARGO_TARGET_DIR").map(PathBuf::from);

@@ -9,14 +9,20 @@ use zip::write::{SimpleFileOptions, ZipWriter};
 
 use super::*;
 
-const LAVAPIPE: &str = "llvmpipe (LLVM 15.0.6, 256 bits)";
+pub(crate) const LAVAPIPE: &str = "llvmpipe (LLVM 15.0.6, 256 bits)";
 
 pub(crate) fn pending_frame(golden: &FilePath, case: &str, adapter: &str) {
     write_frame(golden, case, case, adapter, "");
 }
 
 /// A pending frame whose provenance says what it likes.
-fn write_frame(golden: &FilePath, file: &str, case: &str, adapter: &str, compared_with: &str) {
+pub(crate) fn write_frame(
+    golden: &FilePath,
+    file: &str,
+    case: &str,
+    adapter: &str,
+    compared_with: &str,
+) {
     let image = Image::new(2, 1, vec![[0.25, 0.5, 4.0, 1.0], [1.0; 4]]);
     let provenance = provenance(case, &image.hash(), adapter, compared_with);
     let metadata = serde_json::to_string(&provenance).expect("plain data");
