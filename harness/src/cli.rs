@@ -255,7 +255,11 @@ fn spare<'a>(
     output: &Path,
     inputs: impl IntoIterator<Item = &'a Path>,
 ) -> anyhow::Result<()> {
-    for input in inputs {
+    // A device or a pipe isn't replaced, and asking what it is would open it.
+    if !output.is_file() {
+        return Ok(());
+    }
+    for input in inputs.into_iter().filter(|input| input.is_file()) {
         // What isn't there isn't the other; that an input isn't is told when it is read.
         if same_file::is_same_file(output, input).unwrap_or(false) {
             bail!(

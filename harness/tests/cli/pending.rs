@@ -112,6 +112,12 @@ fn pending_frames_are_listed_accepted_and_rejected() {
     assert!(error.contains("there is no folder `nowhere`"), "{error}");
 }
 
+/// Makes another image the golden of `scene`.
+fn write_other(golden: &FilePath) {
+    let image = Image::new(2, 1, vec![[0.5; 4]; 2]);
+    image.write_exr(&golden.join("scene.exr"), Precision::Half, None).expect("written");
+}
+
 /// A project with an empty folder of goldens.
 fn with_goldens() -> TempDir {
     let project = project();
@@ -219,7 +225,11 @@ fn frames_of_a_ci_run_are_accepted_from_a_folder_or_a_zip() {
         folder.join("golden/scene.exr").is_file() && folder.join("golden/scene.toml").is_file()
     );
     assert!(folder.join("ci.zip").is_file(), "the zip stays as it is");
+    // It is accepted already, which may be done again.
+    let out = karat(folder, &accept).good();
+    assert!(out.contains("`golden/scene.exr` has these pixels and facts already"), "{out}");
     // There is a golden now that the frame wasn't compared with.
+    write_other(&folder.join("golden"));
     let error = karat(folder, &accept).failure(1);
     assert!(error.contains("the golden of `scene` has changed since"), "{error}");
     let error = karat(folder, &["accept", "scne", "--from", "ci.zip", "--because", "x"]).failure(3);
