@@ -6,6 +6,18 @@ use std::process::{Command, ExitStatus, Stdio};
 use anyhow::Context;
 use karat::{Output, with_colours};
 
+/// Runs a program whose output is ours. Terminals show it as it comes, with its colours.
+pub(super) fn pass_on(command: &mut Command, out: &mut dyn Write) -> anyhow::Result<ExitStatus> {
+    if std::io::stdout().is_terminal() && std::io::stderr().is_terminal() {
+        let name = command.get_program().display().to_string();
+        return command.status().with_context(|| format!("can't run `{name}`"));
+    }
+    run(command, |line| {
+        writeln!(out, "{line}")?;
+        Ok(out.flush()?)
+    })
+}
+
 /// Runs a program, with each line of its standard output given to `line`.
 ///
 /// What it writes to standard error passes through here, too, unless a terminal shows it: a pipe

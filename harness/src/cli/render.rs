@@ -46,17 +46,14 @@ pub(super) fn run(arguments: RenderArguments, out: &mut dyn Write) -> Outcome {
     if !std::io::stderr().is_terminal() {
         build.arg("--quiet");
     }
-    let built = child::run(&mut build, |line| Ok(writeln!(out, "{line}")?))?;
+    let built = child::pass_on(&mut build, out)?;
     if !built.success() {
         bail!("the gallery `{gallery}` can't be built, see above");
     }
 
     let mut run = cargo(&project, "run", gallery);
     run.arg("--quiet").arg("--").args(arguments.words());
-    let status = child::run(&mut run, |line| {
-        writeln!(out, "{line}")?;
-        Ok(out.flush()?)
-    })?;
+    let status = child::pass_on(&mut run, out)?;
     match status.code() {
         Some(0) => Ok(Verdict::Good),
         Some(1) => Ok(Verdict::Bad),

@@ -121,16 +121,17 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
 
 /// Writes a file beside its place, then renames it there: the place has the old file or the new
 /// one, whole. Whoever writes the same file at the same time writes beside it under another name,
-/// and the last rename stays. A link stays one, and its file is replaced; a device or a pipe is
-/// written to.
+/// and the last rename stays. A link stays one, and its file is replaced; a device, a pipe or
+/// an open file of this process (`/dev/stdout`) is written to.
 ///
 /// # Errors
 /// If the folder or file can't be written.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    // Who has it open writes on into what would no longer be there.
+    let is_open = ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"];
+    let is_open = cfg!(unix) && is_open.iter().any(|above| path.starts_with(above));
     match path.metadata() {
-        Ok(found) if !found.is_file() && !found.is_dir() => {
-            OpenOptions::new().write(true).open(path)?.write_all(bytes)
-        }
+        Ok(found) if is_open || !(found.is_file() || found.is_dir()) => std::fs::write(path, bytes),
         // What a link leads to may be in another folder.
         Ok(_) => Staged::new(&path.canonicalize()?, bytes)?.commit(),
         Err(_) => Staged::new(path, bytes)?.commit(),

@@ -117,7 +117,7 @@ fn a_full_disk_leaves_the_table_of_before() {
 #[cfg(unix)]
 #[test]
 fn devices_and_links_stay_what_they_are() {
-    use std::os::unix::fs::FileTypeExt;
+    use std::os::unix::fs::{FileTypeExt, MetadataExt};
     let project = project();
     let folder = project.path();
     write(folder, "in.csv", "1\n");
@@ -138,6 +138,13 @@ fn devices_and_links_stay_what_they_are() {
         panic!("the pipe was replaced");
     }
     assert!(reader.join().expect("no panic").starts_with("x,"));
+    // Whoever reads the file that standard output goes to has it open.
+    let file = std::fs::File::create(folder.join("stdout.csv")).expect("created");
+    let mut command =
+        command(folder, &["call", "calc::double", "--cases", "in.csv", "--out", "/dev/stdout"]);
+    assert!(command.stdout(file.try_clone().expect("a copy")).status().expect("it runs").success());
+    assert!(file.metadata().expect("there").nlink() == 1, "the file was replaced");
+    assert!(std::fs::read_to_string(folder.join("stdout.csv")).expect("there").starts_with("x,"));
     std::os::unix::fs::symlink("real.csv", folder.join("link.csv")).expect("a link");
     write(folder, "real.csv", "old");
     table("link.csv");
