@@ -14,6 +14,9 @@ mod corpus;
 mod demo;
 mod licence;
 mod lint;
+#[path = "../../harness/src/record/folder.rs"]
+#[expect(unreachable_pub, reason = "it is public in the harness, which is compiled later")]
+mod record;
 mod setup;
 mod step;
 mod suite;

@@ -1,10 +1,11 @@
 //! `cargo ci test`: all of CI.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
 
+use crate::record::Running;
 use crate::setup::{self, PATHS};
 use crate::step::Steps;
 use crate::{command, lint};
@@ -41,14 +42,17 @@ pub(crate) fn open_paths() -> Result<()> {
 
 /// Every test, with its verdicts recorded where `karat` looks for the record of the last run.
 fn test() -> Result<()> {
-    let record = record();
-    clear(&record)?;
+    let records = output().join("record");
+    let running = Running::begin(&records)
+        .with_context(|| format!("can't keep a record in `{}`", records.display()))?;
+    let record = running.folder();
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
     // A path that doesn't open must fail the run: a test skipped there would prove nothing.
-    test.env("KARAT_PATHS", "all").env("KARAT_REQUIRE", PATHS).env("KARAT_RECORD", &record);
+    test.env("KARAT_PATHS", "all").env("KARAT_REQUIRE", PATHS).env("KARAT_RECORD", record);
     let outcome = command::run(&mut test);
     std::fs::write(record.join("run.json"), ending(outcome.is_ok()))
-        .with_context(|| format!("the tests recorded nothing in `{}`", record.display()))
+        .and_then(|()| running.end())
+        .with_context(|| format!("can't keep the record in `{}`", records.display()))
         .and(outcome)
 }
 
@@ -76,22 +80,9 @@ fn output() -> PathBuf {
     command::root().join(target).join("karat")
 }
 
-fn record() -> PathBuf {
-    output().join("record")
-}
-
 /// What `karat` reads of how a run was made (`karat::record::Run`): no test was left out.
 fn ending(passed: bool) -> String {
     serde_json::json!({ "schema": 2, "selected": [], "passed": passed }).to_string()
-}
-
-fn clear(folder: &Path) -> Result<()> {
-    match std::fs::remove_dir_all(folder) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-            Err(error).with_context(|| format!("can't clear `{}`", folder.display()))
-        }
-        _ => Ok(()),
-    }
 }
 
 #[cfg(test)]

@@ -52,6 +52,7 @@ pub use verdict::{Agreement, Failure};
 
 use crate::domain::Domain;
 use crate::fixture::{Fixture, Fixtures};
+use crate::output::visible;
 use crate::package::Package;
 use crate::path::Path;
 use crate::probe::Inputs;
@@ -527,7 +528,7 @@ enum Recording {
 fn or_panic(result: Result<Agreement, Failure>) -> Agreement {
     match result {
         Ok(agreement) => agreement,
-        Err(failure) => panic!("{failure}"),
+        Err(failure) => panic!("{}", visible(&failure.to_string())),
     }
 }
 

@@ -3,11 +3,12 @@
 //! Exit codes: 0 when all is well; 1 when a check fails, a frame differs, a golden is unreferenced,
 //! an acceptance is refused or a path is missing; 2 when the command couldn't do its work; 3 when
 //! what it was to look at isn't there: an image, a golden, a pending frame, the record of a full
-//! run.
+//! run. They don't depend on whether anybody reads the output; one that can't be written is a 2.
 
 mod artefact;
 mod call;
 mod check;
+mod child;
 mod diff;
 mod doctor;
 mod goldens;
@@ -25,11 +26,12 @@ mod test;
 mod unreferenced;
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use anyhow::{Context, bail};
 use clap::{CommandFactory, Parser, Subcommand};
-use karat::{AcceptError, ImageError};
+use karat::{AcceptError, ImageError, Output, tell, trusted, visible, visible_json};
 
 /// The exit code of a command that did its work: whether all was well.
 type Outcome = anyhow::Result<Verdict>;
@@ -74,7 +76,8 @@ struct NotThere(String);
                   KARAT_CASE (replay),\nKARAT_OVERLAY (a folder of files that stand in for \
                   modules), NO_COLOR.\n\
                   Exit codes: 0 good; 1 a check failed, a frame differs, an acceptance is refused; \
-                  2 the command couldn't do its work;\n3 what it was to look at isn't there."
+                  2 the command couldn't do its work;\n3 what it was to look at isn't there. \
+                  They are the same whether or not anybody reads the output."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -191,49 +194,92 @@ struct PackageArgs {
 
 /// Runs the command of the process's arguments.
 pub(crate) fn run() -> ExitCode {
-    let cli = Cli::parse();
-    let mut out = anstream::stdout().lock();
-    let result = match cli.command {
-        Command::Test(args) => test::run(&args, &mut out),
-        Command::Report(args) => report::run(&args, &mut out),
-        Command::Check(args) => check::run(&args, &mut out),
-        Command::List(args) => list::run(&args, &mut out),
-        Command::Show(args) => show::run(&args, &mut out),
-        Command::Call(args) => call::run(&args, &mut out),
-        Command::Doctor(args) => doctor::run(&args, &mut out),
-        Command::Pending(args) => goldens::pending(&args, &mut out),
-        Command::Accept(args) => goldens::accept(&args, &mut out),
-        Command::Reject(args) => goldens::reject(&args, &mut out),
-        Command::Unreferenced(args) => unreferenced::run(&args, &mut out),
-        Command::Diff(args) => diff::run(&args, &mut out),
-        Command::Review(args) => review::run(&args, &mut out),
-        Command::Render(args) => render::run(args),
-        Command::Preview(args) => preview::run(&args, &mut out),
+    let mut out = Output::stdout();
+    let result = match Cli::try_parse() {
+        Ok(cli) => command(cli.command, &mut out).map(ExitCode::from),
+        Err(error) => explain(error, &mut out),
+    };
+    // What was written is part of the work.
+    let result = match (result, out.finish()) {
+        (Err(error), _) => Err(error),
+        (Ok(_), Err(error)) => Err(anyhow::Error::from(error).context("can't write the output")),
+        (Ok(code), Ok(())) => Ok(code),
+    };
+    result.unwrap_or_else(|error| {
+        if !error.is::<Reported>() {
+            complain(&whole(&error));
+        }
+        ExitCode::from(if is_missing(&error) { 3 } else { 2 })
+    })
+}
+
+fn command(command: Command, out: &mut dyn Write) -> Outcome {
+    match command {
+        Command::Test(args) => test::run(&args, out),
+        Command::Report(args) => report::run(&args, out),
+        Command::Check(args) => check::run(&args, out),
+        Command::List(args) => list::run(&args, out),
+        Command::Show(args) => show::run(&args, out),
+        Command::Call(args) => call::run(&args, out),
+        Command::Doctor(args) => doctor::run(&args, out),
+        Command::Pending(args) => goldens::pending(&args, out),
+        Command::Accept(args) => goldens::accept(&args, out),
+        Command::Reject(args) => goldens::reject(&args, out),
+        Command::Unreferenced(args) => unreferenced::run(&args, out),
+        Command::Diff(args) => diff::run(&args, out),
+        Command::Review(args) => review::run(&args, out),
+        Command::Render(args) => render::run(args, out),
+        Command::Preview(args) => preview::run(&args, out),
         Command::Completions { shell } => {
             // The generator panics where it can't write, so it writes to memory.
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "karat", &mut script);
             out.write_all(&script).map(|()| Verdict::Good).map_err(Into::into)
         }
-    };
-    let result = result.and_then(|verdict| Ok(out.flush().map(|()| verdict)?));
-    match result {
-        Ok(verdict) => verdict.into(),
-        // Whoever reads the output has seen enough: `karat list | head`.
-        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
-        Err(error) if error.is::<Reported>() => ExitCode::from(2),
-        Err(error) => {
-            complain(&whole(&error));
-            ExitCode::from(if is_missing(&error) { 3 } else { 2 })
-        }
     }
+}
+
+/// Arguments that are wrong, or that ask for help.
+fn explain(error: clap::Error, out: &mut dyn Write) -> anyhow::Result<ExitCode> {
+    // The message quotes arguments, which may be names of files, among styles of its own.
+    let words = std::env::args_os().map(|word| visible(&word.to_string_lossy()).into_owned());
+    let error = Cli::try_parse_from(words).err().unwrap_or(error);
+    let text = trusted(&error.render().ansi().to_string());
+    if error.use_stderr() {
+        tell(text.trim_end());
+    } else {
+        write!(out, "{text}")?;
+    }
+    Ok(u8::try_from(error.exit_code()).map_or(ExitCode::FAILURE, ExitCode::from))
 }
 
 /// An error for people.
 fn complain(text: &str) {
     let prefix = if text.starts_with("error") { "" } else { "error: " };
-    // There is nowhere left to report that stderr is closed.
-    drop(writeln!(anstream::stderr(), "{prefix}{text}"));
+    tell(&format!("{prefix}{text}"));
+}
+
+/// Refuses an output that is an input, under whatever name: it may be all that there is of it.
+fn spare<'a>(
+    what: &str,
+    output: &Path,
+    inputs: impl IntoIterator<Item = &'a Path>,
+) -> anyhow::Result<()> {
+    // A device or a pipe isn't replaced, and asking what it is would open it.
+    if !output.is_file() {
+        return Ok(());
+    }
+    for input in inputs.into_iter().filter(|input| input.is_file()) {
+        // What isn't there isn't the other; that an input isn't is told when it is read.
+        if same_file::is_same_file(output, input).unwrap_or(false) {
+            bail!(
+                "the {what} `{}` would overwrite `{}`, which is read: name another file",
+                output.display(),
+                input.display()
+            );
+        }
+    }
+    Ok(())
 }
 
 /// What went wrong and why, each cause once: many an error's text has its cause's in it already, so
@@ -261,19 +307,11 @@ fn is_missing(error: &anyhow::Error) -> bool {
         })
 }
 
-/// Writes JSON, indented, with an end of line.
+/// Writes JSON, indented, with an end of line. It is JSON for terminals, too.
 fn write_json(value: &impl serde::Serialize, out: &mut dyn Write) -> anyhow::Result<()> {
-    serde_json::to_writer_pretty(&mut *out, value)?;
-    writeln!(out)?;
+    let json = serde_json::to_string_pretty(value).context("the result isn't JSON")?;
+    writeln!(out, "{}", visible_json(&json))?;
     Ok(())
-}
-
-fn is_broken_pipe(error: &anyhow::Error) -> bool {
-    let kind = match error.downcast_ref::<serde_json::Error>() {
-        Some(error) => error.io_error_kind(),
-        None => error.downcast_ref().map(std::io::Error::kind),
-    };
-    kind == Some(std::io::ErrorKind::BrokenPipe)
 }
 
 #[cfg(test)]

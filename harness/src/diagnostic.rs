@@ -3,14 +3,18 @@
 //! A [`Diagnostic`] carries its sources, so it can be shown anywhere: as text with an excerpt
 //! (`Display`), or as data ([`Diagnostic::location`]).
 
+mod excerpt;
+
 use std::fmt;
 use std::ops::Range;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
 use codespan_reporting::diagnostic as codespan;
-use codespan_reporting::files::{Files, SimpleFiles};
 use codespan_reporting::term;
+
+use self::excerpt::{Excerpt, Excerpts};
+use crate::output::visible;
 
 /// A file of the author, as read.
 #[derive(PartialEq, Eq)]
@@ -32,10 +36,7 @@ impl SourceFile {
     /// Line and column of a byte offset, both counted from 1; columns count characters.
     #[must_use]
     pub fn line_column(&self, offset: usize) -> (usize, usize) {
-        let mut offset = offset.min(self.text.len());
-        while !self.text.is_char_boundary(offset) {
-            offset -= 1;
-        }
+        let offset = self.text.floor_char_boundary(offset);
         let before = &self.text[..offset];
         let start = before.rfind('\n').map_or(0, |newline| newline + 1);
         let line = before.bytes().filter(|byte| *byte == b'\n').count() + 1;
@@ -108,21 +109,32 @@ impl Diagnostic {
     }
 
     fn render(&self) -> Result<String, codespan_reporting::files::Error> {
-        let mut files = SimpleFiles::new();
+        let mut files = Excerpts::default();
         let mut known: Vec<(&Arc<SourceFile>, usize)> = Vec::new();
         let mut labels = Vec::new();
+        // A range past the end would not be shown, nor one that begins within a character.
+        let within = |span: &Span| {
+            let text = &span.file.text;
+            text.floor_char_boundary(span.range.start)..text.floor_char_boundary(span.range.end)
+        };
         for (index, (span, remark)) in self.labels.iter().enumerate() {
+            let same = |(other, _): &&(Span, String)| Arc::ptr_eq(&other.file, &span.file);
             let id = match known.iter().find(|(file, _)| Arc::ptr_eq(file, &span.file)) {
                 Some((_, id)) => *id,
                 None => {
-                    let id = files.add(span.file.name.as_str(), span.file.text.as_str());
+                    let places = self.labels.iter().filter(same).map(|(span, _)| within(span));
+                    let id = files.add(Excerpt::new(&span.file, &places.collect::<Vec<_>>()));
                     known.push((&span.file, id));
                     id
                 }
             };
-            // An empty range is shown as one caret; a range past the end would not be shown.
-            let end = files.source(id)?.len();
-            let range = span.range.start.min(end)..span.range.end.min(end);
+            let (range, excerpt) = (within(span), files.get(id)?);
+            let start = excerpt.shown(range.start);
+            // An empty range is shown as one caret.
+            let range = match range.is_empty() {
+                true => start..start,
+                false => start..excerpt.shown_end(range.end),
+            };
             let label = match index {
                 0 => codespan::Label::primary(id, range),
                 _ => codespan::Label::secondary(id, range),
@@ -141,7 +153,8 @@ impl Diagnostic {
 impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let text = self.render().unwrap_or_else(|_| self.message.clone());
-        f.write_str(text.trim_end())
+        // Messages quote names of others.
+        f.write_str(visible(&text).trim_end())
     }
 }
 
@@ -214,6 +227,38 @@ mod tests {
         ] {
             assert_eq!(shown(path), expected, "{}", path.display());
         }
+    }
+
+    fn at(text: &str, range: Range<usize>) -> Diagnostic {
+        let file = Arc::new(SourceFile { name: "a.wgsl".into(), text: text.into() });
+        Diagnostic::new("it is wrong").at(Span { file, range }, "here")
+    }
+
+    #[test]
+    fn a_long_line_is_cut_and_its_place_is_the_author_s() {
+        let text = format!("first\n{}bad{}\nlast\n", "(".repeat(1 << 20), ")".repeat(1 << 20));
+        let start = 6 + (1 << 20);
+        let text = at(&text, start..start + 3).to_string();
+        let expected = format!(
+            "error: it is wrong\n  --> a.wgsl:2:1048577\n  |\n2 | …{}bad{}…\n  | {}^^^ here",
+            "(".repeat(40),
+            ")".repeat(57),
+            " ".repeat(41),
+        );
+        assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn nothing_in_a_message_commands_a_terminal() {
+        let hostile = "\u{1b}[2J\u{9b}\u{202e}";
+        let mut diagnostic = at(&format!("// {hostile} bad\n"), 12..15).note(hostile);
+        diagnostic.message.push_str(hostile);
+        let file = SourceFile { name: format!("a\n{hostile}"), text: String::new() };
+        let span = Span { file: Arc::new(file), range: 0..0 };
+        let text = diagnostic.at(span, hostile).to_string();
+        assert!(!text.contains(['\u{1b}', '\u{9b}', '\u{202e}']), "{text:?}");
+        assert_eq!(text.matches(r"\u{1b}[2J\u{9b}\u{202e}").count(), 5, "{text}");
+        assert!(text.contains(r"a\n\u{1b}"), "{text}");
     }
 
     #[test]

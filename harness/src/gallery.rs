@@ -13,7 +13,6 @@ use std::path::{Path as FilePath, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use anstyle::{AnsiColor, Style};
 use clap::Parser;
 
 pub use arguments::{ExposureArguments, RenderArguments};
@@ -22,10 +21,11 @@ use crate::diagnostic::{nearest, shown};
 use crate::frame::Frame;
 use crate::golden::build_output;
 use crate::image::{Image, ImageError, NonFinite, Precision};
+use crate::output::{Output, Style};
 use crate::path::{self, Path, PathError};
 
-const BAD: Style = AnsiColor::Red.on_default().bold();
-const HEAD: Style = Style::new().bold();
+const BAD: Style = Style::BAD;
+const HEAD: Style = Style::HEAD;
 
 /// What a frame is asked for. Each frame interprets it as far as it has a use for it.
 #[derive(Clone, Debug, PartialEq)]
@@ -163,8 +163,10 @@ impl Gallery {
     #[must_use = "return it from `main`"]
     pub fn main(self) -> ExitCode {
         let Standalone { arguments } = Standalone::parse();
-        let (mut out, mut err) = (anstream::stdout(), anstream::stderr());
-        match self.run(&arguments, &mut out, &mut err) {
+        let (mut out, mut err) = (Output::stdout(), Output::stderr());
+        // What was written is part of the work; that nobody reads it changes nothing.
+        let result = self.run(&arguments, &mut out, &mut err);
+        match result.and_then(|failed| Ok(out.finish().map(|()| failed)?)) {
             Ok(failed) if failed.is_empty() => ExitCode::SUCCESS,
             Ok(_) => ExitCode::from(1),
             Err(error) => {
@@ -184,7 +186,7 @@ impl Gallery {
     ) -> Result<Vec<&str>, GalleryError> {
         self.check_names()?;
         if arguments.list {
-            print(out, &self.list(HEAD))?;
+            write!(out, "{}", self.list(HEAD))?;
             return Ok(Vec::new());
         }
         let selected = self.select(arguments)?;
@@ -210,14 +212,15 @@ impl Gallery {
             image.write_exr(&exr, Precision::Float, None)?;
             image.write_png_exposed(&png, arguments.exposure.stops)?;
             let (size, path) = ((image.width(), image.height()), options.path);
-            let line = format!(
-                "{HEAD}{name:<width$}{HEAD:#}  {} x {}  {path}  {seconds:.2} s  {}  {}\n",
+            writeln!(
+                out,
+                "{HEAD}{name:<width$}{HEAD:#}  {} x {}  {path}  {seconds:.2} s  {}  {}",
                 size.0,
                 size.1,
                 shown(&exr),
                 shown(&png)
-            );
-            print(out, &line)?;
+            )?;
+            out.flush()?;
             if options.size.is_some_and(|asked| asked != size) {
                 writeln!(err, "note: frame `{name}` has a size of its own, whatever --size says")?;
             }
@@ -269,7 +272,7 @@ impl Gallery {
             return Ok(self.entries.iter().take(1).collect());
         }
         if arguments.frames.is_empty() {
-            return Err(GalleryError::NoneNamed(self.list(Style::new()).trim_end().to_owned()));
+            return Err(GalleryError::NoneNamed(self.list(Style::PLAIN).trim_end().to_owned()));
         }
         let mut wanted = vec![false; self.entries.len()];
         for pattern in &arguments.frames {
@@ -325,14 +328,6 @@ fn prepare(folder: &FilePath) -> io::Result<()> {
     let probe = folder.join(format!(".karat{}", std::process::id()));
     std::fs::write(&probe, "")?;
     std::fs::remove_file(&probe)
-}
-
-/// Prints and flushes. That nobody reads any more is no reason to leave frames unrendered.
-fn print(out: &mut dyn Write, text: &str) -> io::Result<()> {
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        result => result,
-    }
 }
 
 /// Prints an error with those of its causes that its own text doesn't tell already.
@@ -397,7 +392,9 @@ mod tests {
             String::from_utf8(plain).expect("UTF-8")
         };
         let (mut out, mut err) = (Vec::new(), Vec::new());
-        let result = gallery.run(&arguments(words), &mut out, &mut err);
+        let arguments = arguments(words);
+        let result =
+            gallery.run(&arguments, &mut Output::new(&mut out), &mut Output::new(&mut err));
         let names = result.map(|names| names.into_iter().map(str::to_owned).collect());
         (names.map_err(|error| error.to_string()), text(out), text(err))
     }
@@ -493,7 +490,9 @@ mod tests {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let out = folder.path().to_string_lossy();
         let arguments = arguments(&["grey", "--out", &out]);
-        let failed = gallery.run(&arguments, &mut Closed, &mut Vec::new()).expect("it works");
+        let mut out = Output::new(Closed);
+        let failed = gallery.run(&arguments, &mut out, &mut Vec::new()).expect("it works");
+        out.finish().expect("nobody reads, which is no error");
         assert!(failed.is_empty() && folder.path().join("grey.exr").is_file());
     }
 }

@@ -10,8 +10,8 @@ use half::slice::HalfFloatSliceExt;
 
 pub use self::error::{ImageError, ImageFormat};
 pub use self::exr::{ExrFile, Part, Precision};
-pub(crate) use self::file::Staged;
-pub use self::file::write_whole;
+pub(crate) use self::file::{Staged, remove_leftover};
+pub use self::file::{is_beside, is_leftover, write_whole};
 
 /// Linear RGBA in 32-bit floats, rows from the top.
 #[derive(Clone, Debug, PartialEq)]

@@ -32,6 +32,7 @@ mod gallery;
 mod golden;
 mod image;
 mod metric;
+mod output;
 mod package;
 mod path;
 mod probe;
@@ -59,18 +60,22 @@ pub use frame::{Attribute, Blend, Frame, FrameAgreement, FrameError, FrameMean, 
 #[doc(hidden)] // how the binary and galleries read the same arguments
 pub use gallery::{ExposureArguments, RenderArguments};
 pub use gallery::{Gallery, RenderOptions};
+#[doc(hidden)] // how the binary knows it
+pub use golden::in_ci;
 pub use golden::{
     AcceptError, Acceptance, Accepted, Criterion, CriterionMargin, Deviation, FrameDifference,
     FrameFinding, FrameMargin, FrameTolerance, GoldenError, Goldens, Pending, PendingFrames,
     Profile, Provenance, ProvenanceError, Unusable,
 };
-#[doc(hidden)] // how the binary writes its own pictures
-pub use image::write_whole;
 pub use image::{ExrFile, Image, ImageError, ImageFormat, NonFinite, Part, Precision};
+#[doc(hidden)] // how the binary writes files of its own
+pub use image::{is_beside, is_leftover, write_whole};
 pub use metric::{
     DEFAULT_RELATIVE, ErrorMap, ExposureMap, ExposureRange, Flip, FlipFailure, Gate, Mask,
     MaskError, Measured, Metric, Noise, Outlier, Outliers, Pair, PairError, Pool, Rect, TILE,
 };
+#[doc(hidden)] // how the binary writes for people
+pub use output::{Output, Style, tell, trusted, visible, visible_json, with_colours};
 pub use package::{FunctionItem, Package, PackageError};
 pub use path::{Adapter, Path, PathError, adapter};
 pub use probe::{Inputs, ProbeError, Probed, call};

@@ -2,16 +2,21 @@
 //!
 //! Every process of a run appends to a file of its own in the folder that `KARAT_RECORD` names;
 //! the command line reads them all. Nothing is written when the variable isn't set. Whoever starts a
-//! run says in `run.json` how it was made ([`Run`]), when it has ended.
+//! run gives it a folder of its own ([`Running`]), and says in `run.json` how it was made ([`Run`]),
+//! when it has ended.
+
+mod folder;
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock};
 use std::time::{Instant, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
+pub use self::folder::Running;
+use self::folder::Turn;
 use crate::path::Adapter;
 
 /// Version of the format. Lines with another version are refused.
@@ -161,14 +166,19 @@ impl Run {
     /// If the file can't be written.
     pub fn write(&self, folder: &Path) -> std::io::Result<()> {
         let text = serde_json::to_string(self).expect("a run is plain data");
-        std::fs::write(folder.join(Self::FILE), text)
+        crate::image::write_whole(&folder.join(Self::FILE), text.as_bytes())
     }
 
-    /// How the run of a folder's records was made; `None` if nobody says.
+    /// How the run of a folder's records was made; `None` if nobody says. Of a folder of runs, the
+    /// one that ended last.
     ///
     /// # Errors
     /// If the file can't be read or isn't of this version.
     pub fn read(folder: &Path) -> Result<Option<Self>, RecordError> {
+        Ok(Recorded::read(folder)?.and_then(|recorded| recorded.run))
+    }
+
+    fn of(folder: &Path) -> Result<Option<Self>, RecordError> {
         let file = folder.join(Self::FILE);
         let path = file.display().to_string();
         let text = match std::fs::read_to_string(&file) {
@@ -240,11 +250,54 @@ pub enum RecordError {
     },
 }
 
-/// Reads the records of all processes of a run, in an order that doesn't depend on their timing.
+/// The record of a run.
+#[derive(Clone, Debug)]
+pub struct Recorded {
+    /// Where it is.
+    pub folder: PathBuf,
+    /// The verdicts of all processes, in an order that doesn't depend on their timing.
+    pub records: Vec<Record>,
+    /// How the run was made; `None` if nobody says.
+    pub run: Option<Run>,
+}
+
+impl Recorded {
+    /// Reads the record of a folder: of the run that ended last, where it is a folder of runs, or
+    /// else what lies in the folder itself. `None` if there is neither.
+    ///
+    /// # Errors
+    /// If a file can't be read or a line isn't a record.
+    pub fn read(folder: &Path) -> Result<Option<Self>, RecordError> {
+        if !folder.is_dir() {
+            return Ok(None);
+        }
+        // A run that ends meanwhile removes no record that is being read.
+        let last = || folder::last(folder).filter(|last| last.is_dir());
+        let _turn = match last() {
+            Some(_) => Some(Turn::wait(folder, File::try_lock_shared).map_err(|source| {
+                RecordError::Read { path: folder.display().to_string(), source }
+            })?),
+            None => None,
+        };
+        let folder = last().unwrap_or_else(|| folder.to_owned());
+        let (run, records) = (Run::of(&folder)?, records(&folder)?);
+        let is_there = !records.is_empty() || run.is_some();
+        Ok(is_there.then_some(Self { folder, records, run }))
+    }
+}
+
+/// Reads the verdicts of a folder as [`Recorded::read`] does.
 ///
 /// # Errors
-/// If a file can't be read or a line isn't a record.
+/// If the folder or a file can't be read or a line isn't a record.
 pub fn read(folder: &Path) -> Result<Vec<Record>, RecordError> {
+    if !folder.is_dir() {
+        return records(folder);
+    }
+    Ok(Recorded::read(folder)?.map(|recorded| recorded.records).unwrap_or_default())
+}
+
+fn records(folder: &Path) -> Result<Vec<Record>, RecordError> {
     let failed = |path: &Path| {
         let path = path.display().to_string();
         move |source| RecordError::Read { path, source }
@@ -311,6 +364,78 @@ mod tests {
             let read: Record = serde_json::from_str(&line).expect("a record");
             assert_eq!(read, record(time));
         }
+    }
+
+    /// A record of one verdict, of a run that has this name.
+    fn written(running: &Running, test: &str) -> PathBuf {
+        let line = serde_json::to_string(&Record { test: test.into(), ..record(None) });
+        std::fs::write(running.folder().join("1.jsonl"), line.expect("plain data"))
+            .expect("written");
+        let run = Run { schema: SCHEMA, selected: vec![test.into()], passed: true };
+        run.write(running.folder()).expect("written");
+        running.folder().to_owned()
+    }
+
+    fn last(folder: &Path) -> Option<String> {
+        let Recorded { records, run, .. } = Recorded::read(folder).expect("readable")?;
+        let run = run.expect("it says how it was made");
+        assert_eq!((records.len(), &run.selected), (1, &vec![records[0].test.clone()]));
+        Some(records[0].test.clone())
+    }
+
+    #[test]
+    fn the_last_run_that_ended_is_read() {
+        let temporary = tempfile::tempdir().expect("a temporary folder");
+        let folder = &temporary.path().join("record");
+        assert_eq!(last(folder), None);
+        let [a, b, c] = [(); 3].map(|()| Running::begin(folder).expect("a folder"));
+        let folders = [written(&a, "a"), written(&b, "b"), written(&c, "c")];
+        assert_eq!(last(folder), None, "none has ended");
+        assert!(read(folder).expect("readable").is_empty());
+        b.end().expect("ended");
+        assert_eq!(last(folder).as_deref(), Some("b"));
+        drop(a);
+        assert_eq!(folders.each_ref().map(|folder| folder.exists()), [false, true, true]);
+        c.end().expect("ended");
+        assert_eq!(last(folder).as_deref(), Some("c"));
+        assert_eq!(folders.each_ref().map(|folder| folder.exists()), [false, false, true]);
+    }
+
+    #[test]
+    fn what_a_killed_run_left_is_cleared_away_and_a_live_one_is_not() {
+        let temporary = tempfile::tempdir().expect("a temporary folder");
+        let folder = temporary.path();
+        let live = Running::begin(folder).expect("a folder");
+        written(&live, "live");
+        // Nobody holds the first. The second was made again by tests that outlived their run.
+        let [held, bare, foreign] = ["run-1-0", "run-1-1", "mine"].map(|name| folder.join(name));
+        for folder in [&held, &bare, &foreign] {
+            std::fs::create_dir(folder).expect("a folder");
+        }
+        std::fs::write(held.join("running"), "").expect("written");
+        let next = Running::begin(folder).expect("a folder");
+        assert!(!held.exists() && !bare.exists() && foreign.exists());
+        assert!(live.folder().join("1.jsonl").exists());
+        written(&next, "next");
+        next.end().expect("ended");
+        live.end().expect("its folder is there");
+        assert_eq!(last(folder).as_deref(), Some("live"));
+    }
+
+    /// `cargo test` with KARAT_RECORD, and what an older Karat left.
+    #[test]
+    fn a_folder_without_runs_is_a_record_itself() {
+        let temporary = tempfile::tempdir().expect("a temporary folder");
+        let line = serde_json::to_string(&record(None)).expect("plain data");
+        std::fs::write(temporary.path().join("1.jsonl"), line).expect("written");
+        assert_eq!(read(temporary.path()).expect("readable").len(), 1);
+        // A name that leads elsewhere is none.
+        for name in ["../elsewhere", "run-1/../..", "run-", ""] {
+            std::fs::write(temporary.path().join("last"), name).expect("written");
+            assert_eq!(read(temporary.path()).expect("readable").len(), 1, "{name}");
+        }
+        let missing = read(&temporary.path().join("nowhere")).expect_err("no folder");
+        assert!(missing.to_string().starts_with("can't read the record `"), "{missing}");
     }
 
     #[test]

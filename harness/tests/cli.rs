@@ -4,10 +4,20 @@
 mod diff;
 #[path = "cli/errors.rs"]
 mod errors;
+#[path = "cli/escapes.rs"]
+mod escapes;
+#[path = "cli/interrupted.rs"]
+mod interrupted;
+#[path = "cli/outputs.rs"]
+mod outputs;
 #[path = "cli/pending.rs"]
 mod pending;
+#[path = "cli/pipes.rs"]
+mod pipes;
 #[path = "cli/report.rs"]
 mod report;
+#[path = "cli/runs.rs"]
+mod runs;
 #[path = "cli/unreferenced.rs"]
 mod unreferenced;
 
@@ -327,8 +337,8 @@ fn a_faulty_table_is_an_error_that_names_the_line() {
     write(project.path(), "in.csv", "1\n");
     for (arguments, message) in [
         (
-            &["calc::double", "--cases", "in.csv", "--out", "no/where.csv"][..],
-            "can't write `no/where.csv`",
+            &["calc::double", "--cases", "in.csv", "--out", "in.csv/out.csv"][..],
+            "can't write `in.csv/out.csv`",
         ),
         (&["calc::double", "--cases", "missing.csv"], "can't read `missing.csv`"),
         (&["calc::third", "--cases", "in.csv"], "`calc::third` takes no arguments"),
@@ -542,7 +552,7 @@ fn colour_is_left_out_where_it_is_not_wanted() {
     }
 }
 
-/// `karat list | head -1`: a reader that has seen enough is no failure.
+/// `karat list | head -1`: a reader that has seen enough is no failure. `cli/pipes.rs` has the rest.
 #[test]
 fn a_reader_may_close_the_pipe_early() {
     let project = project();

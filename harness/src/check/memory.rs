@@ -182,7 +182,8 @@ fn file_name(test: &str) -> String {
 
 /// A line on standard error, which the test runner shows where the test fails.
 fn note(file: &Path, text: &str) {
-    eprintln!("note: `{}`: {text}", file.display());
+    let line = format!("note: `{}`: {text}", file.display());
+    eprintln!("{}", crate::output::visible(&line));
 }
 
 #[cfg(test)]

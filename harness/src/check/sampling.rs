@@ -24,6 +24,7 @@ use super::identity::Replayed;
 use super::session::{Demand, Session};
 use super::{Failure, Identity, Plan, Probe, Recording};
 use crate::domain::{Domain, Source};
+use crate::output::visible;
 use crate::path::Adapter;
 use crate::probe::{BATCH, Inputs};
 use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
@@ -197,7 +198,7 @@ impl std::fmt::Display for Fit {
 fn fit_or_panic(result: Result<Fit, Failure>) -> Fit {
     match result {
         Ok(fit) => fit,
-        Err(failure) => panic!("{failure}"),
+        Err(failure) => panic!("{}", visible(&failure.to_string())),
     }
 }
 

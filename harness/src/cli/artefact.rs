@@ -87,7 +87,8 @@ impl Contents {
             // A folder that can't be looked into is told by those who look for frames.
             Ok(first.map(|found| found.unwrap_or_else(|error| error.path().to_owned())))
         };
-        for pattern in [&format!("*{FRAME}"), "record/*.jsonl", "run.json"] {
+        let frame = format!("*{FRAME}");
+        for pattern in [&*frame, "record/*.jsonl", "record/run-*/*.jsonl", "run.json"] {
             if below(pattern)?.is_some() {
                 return Ok(Self { of_run: true, zip: None });
             }
@@ -98,7 +99,8 @@ impl Contents {
 
     /// Takes an entry of a zip into account.
     fn add(&mut self, relative: &Path, name: &str) {
-        let in_record = relative.parent().is_some_and(|folder| folder.ends_with("record"));
+        let mut above = relative.ancestors().skip(1).take(2);
+        let in_record = above.any(|folder| folder.ends_with("record"));
         let ends_in = |end: &str| relative.extension().is_some_and(|extension| extension == end);
         self.of_run |= name.ends_with(FRAME)
             || (in_record && ends_in("jsonl"))

@@ -1,15 +1,18 @@
 //! `karat call`: a shader as a calculator.
 
-use std::io::Write;
+use std::fs::File;
+use std::io::{Read, Write};
 use std::path::{Path as FilePath, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
-use karat::{Function, Path, ProbeError, Probed, Scalar, Shape, format_lane, hexfloat};
+use karat::{
+    Function, Path, ProbeError, Probed, Scalar, Shape, format_lane, hexfloat, write_whole,
+};
 
 use super::project::Project;
 use super::table::{DIM, HEAD};
-use super::{Outcome, PackageArgs, Verdict};
+use super::{Outcome, PackageArgs, Verdict, spare};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -21,7 +24,7 @@ pub(super) struct Args {
     /// Path to run on; may be repeated [default: every path that opens]
     #[arg(long = "path", value_name = "PATH", value_delimiter = ',', env = "KARAT_PATHS")]
     paths: Vec<String>,
-    /// Evaluate a table (CSV) instead
+    /// Evaluate a table (CSV) instead, of at most 256 MB and 4194304 cases
     #[arg(long, value_name = "IN.CSV", conflicts_with = "arguments")]
     cases: Option<PathBuf>,
     /// Where the table goes [default: standard output]
@@ -33,12 +36,21 @@ pub(super) struct Args {
 
 /// Rows of a table that are evaluated before the progress bar moves.
 const STEP: usize = 65_536;
+/// Bytes and rows of a table: what is read is kept, with all results, until the table is written.
+const LONGEST: u64 = 256 << 20;
+const MOST_CASES: usize = 1 << 22;
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     // Clap drops what `--out` requires as soon as arguments, which `--cases` excludes, are there.
     ensure!(args.out.is_none() || args.cases.is_some(), "--out needs a table: --cases IN.CSV");
     let package = Project::find()?.package_of(&args.package, &args.function)?;
     let probed = Probed::new(&package, &args.function)?;
+    if let (Some(cases), Some(output)) = (&args.cases, &args.out) {
+        // A package of one file is its module.
+        let package = args.package.package.as_deref().filter(|path| path.is_file());
+        let shader = FilePath::new(&probed.function().span.file.name);
+        spare("table", output, [cases.as_path(), shader].into_iter().chain(package))?;
+    }
     let paths = paths(&probed, &args.paths)?;
     match &args.cases {
         Some(cases) => table(&probed, &paths, cases, args.out.as_deref(), out),
@@ -154,7 +166,7 @@ fn table(
     }
     let bytes = writer.into_inner().context("a table in memory")?;
     match output {
-        Some(path) => std::fs::write(path, bytes)
+        Some(path) => write_whole(path, &bytes)
             .with_context(|| format!("can't write `{}`", path.display()))?,
         None => out.write_all(&bytes)?,
     }
@@ -172,7 +184,7 @@ fn columns(function: &Function) -> Vec<(String, Scalar)> {
 
 fn read(input: &FilePath, columns: &[(String, Scalar)]) -> anyhow::Result<Vec<Vec<u32>>> {
     let shown = input.display();
-    let text = std::fs::read_to_string(input).with_context(|| format!("can't read `{shown}`"))?;
+    let text = text(input)?;
     let mut reader = csv::ReaderBuilder::new()
         .has_headers(false)
         .flexible(true) // each row is compared with the signature, not with the row above it
@@ -206,6 +218,10 @@ fn read(input: &FilePath, columns: &[(String, Scalar)]) -> anyhow::Result<Vec<Ve
             }
             continue;
         }
+        ensure!(
+            rows.len() < MOST_CASES,
+            "`{shown}` has more than {MOST_CASES} cases: evaluate it in parts"
+        );
         let lanes = columns.iter().zip(&order).map(|((name, scalar), place)| {
             parse(&record[*place], *scalar)
                 .with_context(|| format!("`{shown}` line {}, column `{name}`", line()))
@@ -213,6 +229,26 @@ fn read(input: &FilePath, columns: &[(String, Scalar)]) -> anyhow::Result<Vec<Ve
         rows.push(lanes.collect::<anyhow::Result<_>>()?);
     }
     Ok(rows)
+}
+
+/// A table as text, if it has an end.
+fn text(input: &FilePath) -> anyhow::Result<String> {
+    let shown = input.display();
+    let failed = || format!("can't read `{shown}`");
+    let file = File::open(input).with_context(failed)?;
+    let announced = file.metadata().with_context(failed)?.len();
+    let mut text = String::new();
+    let mut length = announced;
+    if announced <= LONGEST {
+        // A device or a pipe announces nothing, and may never end.
+        length = file.take(LONGEST + 1).read_to_string(&mut text).with_context(failed)? as u64;
+    }
+    ensure!(
+        length <= LONGEST,
+        "`{shown}` is longer than {} MB: evaluate it in parts",
+        LONGEST >> 20
+    );
+    Ok(text)
 }
 
 /// Whether a word of a table's first row is a name: it reads as no value of any type.

@@ -14,7 +14,7 @@ use karat::{
 use self::comparison::{Bounds, Comparison, LdrResult, Reason, Side};
 use super::heatmap::{self, Heatmap};
 use super::patience::patiently;
-use super::{Outcome, Verdict, write_json};
+use super::{Outcome, Verdict, spare, write_json};
 
 pub(super) const EXAMPLES: &str = "\
 Examples:
@@ -91,7 +91,8 @@ fn relative(text: &str) -> Result<f64, String> {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if let Some(heatmap) = &args.heatmap {
-        spare_inputs(heatmap, args)?;
+        let inputs = [Some(&args.a), Some(&args.b), args.mask.as_ref()];
+        spare("heatmap", heatmap, inputs.into_iter().flatten().map(PathBuf::as_path))?;
     }
     let (a, b) = (File::read(&args.a)?, File::read(&args.b)?);
     let bounds = Bounds::new(args.rel, args.flip_tile, args.flip_mean);
@@ -140,22 +141,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         super::complain("there is no heatmap of images that can't be compared pixel by pixel");
     }
     Ok(if comparison.passes() { Verdict::Good } else { Verdict::Bad })
-}
-
-/// Refuses an output that is an input, under whatever name: it may be a golden.
-fn spare_inputs(output: &Path, args: &Args) -> anyhow::Result<()> {
-    let inputs = [Some(&args.a), Some(&args.b), args.mask.as_ref()];
-    for input in inputs.into_iter().flatten() {
-        // What isn't there isn't the other; that an input isn't is told when it is read.
-        if same_file::is_same_file(output, input).unwrap_or(false) {
-            bail!(
-                "the heatmap `{}` would overwrite `{}`, which is read: name another file",
-                output.display(),
-                input.display()
-            );
-        }
-    }
-    Ok(())
 }
 
 /// The mask of a file: its part of that name, as goldens have it, or else what it shows.

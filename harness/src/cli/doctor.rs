@@ -6,7 +6,7 @@ use karat::{Adapter, Path, Profile};
 use serde::Serialize;
 
 use super::table::{BAD, DIM, GOOD, HEAD};
-use super::{Outcome, Verdict};
+use super::{Outcome, Verdict, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -79,8 +79,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         paths,
     };
     if args.json {
-        serde_json::to_writer_pretty(&mut *out, &report)?;
-        writeln!(out)?;
+        write_json(&report, out)?;
     } else {
         write_text(&report, out)?;
     }

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{bail, ensure};
-use karat::{AcceptError, Acceptance, Goldens, Pending, PendingFrames, Provenance, Unusable};
+use karat::{AcceptError, Acceptance, Goldens, Pending, PendingFrames, Provenance, Unusable, tell};
 use serde::Serialize;
 
 use super::artefact::Artefact;
@@ -171,7 +171,14 @@ pub(super) fn pending(args: &PendingArgs, out: &mut dyn Write) -> Outcome {
     let artefact = args.from.open()?;
     let PendingFrames { frames, unusable } = match &artefact {
         Some(artefact) => artefact.frames().pending(),
-        None => args.folder.open()?.pending(),
+        None => {
+            let goldens = args.folder.open()?;
+            // There, nothing may change the sources unasked.
+            if !karat::in_ci() {
+                goldens.tidy();
+            }
+            goldens.pending()
+        }
     };
     if args.json {
         let entries = frames.iter().map(PendingEntry::from);
@@ -254,7 +261,7 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
         let folders: BTreeSet<&str> =
             others.iter().map(|pending| pending.provenance.folder.as_str()).collect();
         let folders = folders.into_iter().collect::<Vec<_>>().join("`, `");
-        writeln!(anstream::stderr(), "note: frames of `{folders}` aren't looked at")?;
+        tell(&format!("note: frames of `{folders}` aren't looked at"));
     }
     let frames = if own.is_empty() { others } else { own };
     let acceptance = Acceptance {

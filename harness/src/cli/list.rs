@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD, Table};
-use super::{Outcome, PackageArgs, Verdict};
+use super::{Outcome, PackageArgs, Verdict, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -57,8 +57,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     anyhow::ensure!(!entries.is_empty(), "the packages hold no function");
     let verdict = if valid { Verdict::Good } else { Verdict::Bad };
     if args.json {
-        serde_json::to_writer_pretty(&mut *out, &entries)?;
-        writeln!(out)?;
+        write_json(&entries, out)?;
         return Ok(verdict);
     }
     let mut table = Table::new(&["function", "tested", "at"], &[]);

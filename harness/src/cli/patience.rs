@@ -1,6 +1,6 @@
 //! Work that may take long.
 
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
@@ -12,8 +12,7 @@ pub(super) fn patiently<T>(doing: &str, work: impl FnOnce() -> T) -> T {
     if !std::io::stderr().is_terminal() {
         return work();
     }
-    // There is nowhere left to report that stderr is closed.
-    after(PATIENCE, || drop(writeln!(anstream::stderr(), "{doing}")), work)
+    after(PATIENCE, || karat::tell(doing), work)
 }
 
 /// Does work, and `say`s something if it isn't done after a while.

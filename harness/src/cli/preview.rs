@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use karat::{ExposureArguments, Image};
 
-use super::{Outcome, Verdict};
+use super::{Outcome, Verdict, spare};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -20,6 +20,7 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let path = args.out.clone().unwrap_or_else(|| args.image.with_extension("png"));
+    spare("preview", &path, [args.image.as_path()])?;
     let (image, _) = Image::read_exr(&args.image)?;
     image.write_png_exposed(&path, args.exposure.stops)?;
     writeln!(out, "{}", path.display())?;

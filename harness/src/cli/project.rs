@@ -95,6 +95,17 @@ impl Project {
         Ok(packages)
     }
 
+    /// [`packages`](Self::packages); none where nothing is declared and there is no `shaders`, as in
+    /// a project whose tests hold their shaders.
+    pub(super) fn packages_if_any(&self, args: &PackageArgs) -> anyhow::Result<Vec<Package>> {
+        let declared = args.package.is_some() || self.settings.packages.is_some();
+        if declared || self.root.join("shaders").exists() {
+            self.packages(args)
+        } else {
+            Ok(Vec::new())
+        }
+    }
+
     /// The package that holds a function; the first one if none does, for its error message.
     pub(super) fn package_of(&self, args: &PackageArgs, path: &str) -> anyhow::Result<Package> {
         let mut packages = self.packages(args)?;
@@ -115,6 +126,11 @@ impl Project {
     /// The cargo binary that is the project's gallery, if one is declared.
     pub(super) fn gallery(&self) -> Option<&str> {
         self.settings.gallery.as_deref()
+    }
+
+    /// The folder of records, which has one of each run.
+    pub(super) fn record(&self) -> PathBuf {
+        self.output().join("record")
     }
 
     /// The folder of what runs leave behind.

@@ -1,13 +1,13 @@
 //! `karat render`: builds the project's gallery and runs it.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::process::Command;
 
 use anyhow::{Context, bail};
 use karat::RenderArguments;
 
 use super::project::Project;
-use super::{Outcome, Reported, Verdict};
+use super::{Outcome, Reported, Verdict, child};
 
 const HOW_TO_DECLARE: &str = "\
 this project declares no gallery, which is a cargo binary that lists its frames
@@ -36,7 +36,7 @@ this project declares no gallery, which is a cargo binary that lists its frames
             .main()
     }";
 
-pub(super) fn run(arguments: RenderArguments) -> Outcome {
+pub(super) fn run(arguments: RenderArguments, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
     let gallery = project.gallery().context(HOW_TO_DECLARE)?;
     let arguments = arguments.out_or(project.output().join("frames"));
@@ -46,14 +46,14 @@ pub(super) fn run(arguments: RenderArguments) -> Outcome {
     if !std::io::stderr().is_terminal() {
         build.arg("--quiet");
     }
-    let built = build.status().context("can't run `cargo build`")?.success();
-    if !built {
+    let built = child::pass_on(&mut build, out)?;
+    if !built.success() {
         bail!("the gallery `{gallery}` can't be built, see above");
     }
 
     let mut run = cargo(&project, "run", gallery);
     run.arg("--quiet").arg("--").args(arguments.words());
-    let status = run.status().context("can't run `cargo run`")?;
+    let status = child::pass_on(&mut run, out)?;
     match status.code() {
         Some(0) => Ok(Verdict::Good),
         Some(1) => Ok(Verdict::Bad),

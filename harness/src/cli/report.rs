@@ -10,10 +10,11 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use karat::record::{self, PathRecord, Record, Run, Subject};
+use karat::record::{PathRecord, Record, Recorded, Run, Subject};
+use karat::{visible, write_whole};
 
 use super::project::Project;
-use super::{NotThere, Outcome, Verdict};
+use super::{NotThere, Outcome, Verdict, spare};
 
 /// What is written besides the tables.
 #[derive(clap::Args)]
@@ -38,13 +39,13 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
-    let folder = args.record.clone().unwrap_or_else(|| project.output().join("record"));
-    if !folder.is_dir() {
+    let folder = args.record.clone().unwrap_or_else(|| project.record());
+    let Some(Recorded { folder, records, run }) = Recorded::read(&folder)? else {
         let why = format!("there is no record of a run (`{}`)", folder.display());
         return Err(NotThere(why).into());
-    }
+    };
+    args.output.spare(&folder)?;
     args.output.clear()?;
-    let (records, run) = (record::read(&folder)?, Run::read(&folder)?);
     tables::expect_some(&records, None)?;
     let failed = tables::write(&records, out)?;
     // Of a run that didn't end nobody knows.
@@ -58,6 +59,21 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 }
 
 impl OutputArgs {
+    /// Refuses a report that is a file of the record.
+    fn spare(&self, record: &Path) -> anyhow::Result<()> {
+        let Some(file) = &self.junit else { return Ok(()) };
+        let entries = std::fs::read_dir(record).into_iter().flatten().flatten();
+        let record: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+        spare(
+            "report",
+            file,
+            record.iter().map(PathBuf::as_path).filter(|path| {
+                let is_junit = path.extension().is_some_and(|extension| extension == "xml");
+                !is_junit
+            }),
+        )
+    }
+
     /// Removes a report of a run before, which this one may not live to replace.
     pub(super) fn clear(&self) -> anyhow::Result<()> {
         let Some(file) = &self.junit else { return Ok(()) };
@@ -78,11 +94,8 @@ impl OutputArgs {
     ) -> anyhow::Result<()> {
         let passed = run.is_some_and(|run| run.passed);
         if let Some(file) = &self.junit {
-            if let Some(folder) = file.parent() {
-                std::fs::create_dir_all(folder)
-                    .with_context(|| format!("can't make `{}`", folder.display()))?;
-            }
-            std::fs::write(file, junit::text(records, passed)?)
+            let text = junit::text(records, passed)?;
+            write_whole(file, visible(&text).as_bytes())
                 .with_context(|| format!("can't write `{}`", file.display()))?;
         }
         let on_github = std::env::var_os("GITHUB_ACTIONS").is_some_and(|value| value == "true");

@@ -55,7 +55,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if args.open
         && let Err(error) = open::that_detached(server.url())
     {
-        writeln!(anstream::stderr(), "no browser opens ({error}); open the URL yourself")?;
+        karat::tell(&format!("no browser opens ({error}); open the URL yourself"));
     }
     // The page shows what can't be used; whoever looks here is told, too.
     let told = report(&pending.unusable);

@@ -2,13 +2,13 @@
 
 use std::io::{self, Write};
 
-use anstyle::{AnsiColor, Style};
+use karat::{Style, visible};
 
-pub(super) const GOOD: Style = AnsiColor::Green.on_default();
-pub(super) const KNOWN: Style = AnsiColor::Yellow.on_default();
-pub(super) const BAD: Style = AnsiColor::Red.on_default().bold();
-pub(super) const HEAD: Style = Style::new().bold();
-pub(super) const DIM: Style = Style::new().dimmed();
+pub(super) const GOOD: Style = Style::GOOD;
+pub(super) const KNOWN: Style = Style::KNOWN;
+pub(super) const BAD: Style = Style::BAD;
+pub(super) const HEAD: Style = Style::HEAD;
+pub(super) const DIM: Style = Style::DIM;
 
 /// Rows whose columns are aligned when printed.
 #[derive(Debug, Default)]
@@ -25,6 +25,8 @@ impl Table {
     }
 
     pub(super) fn row(&mut self, style: Style, cells: Vec<String>) {
+        // As wide as they are shown.
+        let cells = cells.iter().map(|cell| visible(cell).into_owned()).collect();
         self.rows.push((style, cells));
     }
 

@@ -1,19 +1,20 @@
 //! `karat test`: runs the tests and prints what their records hold.
 
 use std::collections::BTreeSet;
-use std::io::{BufRead, BufReader, IsTerminal, Write};
+use std::io::{IsTerminal, Write};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
-use karat::record::{self, Record, Run, Subject};
+use karat::Package;
+use karat::record::{self, Record, Run, Running, Subject};
 
 use super::list::callable;
 use super::project::Project;
 use super::report::{OutputArgs, tables};
 use super::table::{DIM, HEAD};
-use super::{Outcome, PackageArgs, Verdict};
+use super::{Outcome, PackageArgs, Verdict, check, child};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -41,25 +42,26 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
     args.output.clear()?;
     // The record of the last run stays until there is another one.
-    let folder = project.output().join("record");
-    let running = project.output().join("record.running");
-    clear(&running)?;
-    let passed = run_cargo(args, &project, &running, out)?;
-    let records = if running.is_dir() { record::read(&running)? } else { Vec::new() };
+    let running = Running::begin(&project.record()).context("can't keep a record")?;
+    let passed = run_cargo(args, &project, running.folder(), out)?;
+    let records = record::read(running.folder())?;
     tables::expect_some(&records, args.filter.as_deref())?;
-    let run = Run { schema: record::SCHEMA, selected: args.selected(), passed };
-    run.write(&running).context("can't say how the run was made")?;
-    clear(&folder)?;
-    std::fs::rename(&running, &folder)
-        .with_context(|| format!("can't keep the record as `{}`", folder.display()))?;
+    // Tests call single functions: whatever else their packages hold must be valid, too.
+    let packages = project.packages_if_any(&args.package)?;
+    let mut invalid = Vec::new();
+    let valid = check::validate(&packages, false, &mut invalid)?;
+    let run = Run { schema: record::SCHEMA, selected: args.selected(), passed: passed && valid };
+    run.write(running.folder()).context("can't say how the run was made")?;
+    let folder = running.end().context("can't keep the record")?;
     let failed = tables::write(&records, out)?;
     // With a filter most functions aren't tested on purpose.
     if args.filter.is_none() {
-        write_untested(&records, &project, args, out)?;
+        write_untested(&records, &packages, out)?;
     }
+    out.write_all(&invalid)?;
     tables::write_sum(&records, failed, passed, &folder, out)?;
     args.output.write(&records, Some(&run), &project, out)?;
-    Ok(if passed && failed == 0 { Verdict::Good } else { Verdict::Bad })
+    Ok(if passed && valid && failed == 0 { Verdict::Good } else { Verdict::Bad })
 }
 
 impl Args {
@@ -68,16 +70,6 @@ impl Args {
         let packages = self.cargo_packages.iter().map(|name| format!("-p {name}"));
         let targets = self.targets.iter().map(|name| format!("--test {name}"));
         self.filter.iter().cloned().chain(packages).chain(targets).collect()
-    }
-}
-
-/// Removes the record of the last run.
-fn clear(folder: &Path) -> anyhow::Result<()> {
-    match std::fs::remove_dir_all(folder) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-            Err(error).with_context(|| format!("can't clear `{}`", folder.display()))
-        }
-        _ => Ok(()),
     }
 }
 
@@ -116,10 +108,6 @@ fn run_cargo(
     command.env("KARAT_RECORD", folder);
     command.envs(args.paths.as_ref().map(|paths| ("KARAT_PATHS", paths)));
     command.envs(args.require.as_ref().map(|paths| ("KARAT_REQUIRE", paths)));
-    command.stdout(Stdio::piped());
-    let mut child = command.spawn().context("can't run `cargo test`")?;
-    let lines = BufReader::new(child.stdout.take().context("cargo's output is piped")?).lines();
-
     let bar = if std::io::stderr().is_terminal() {
         ProgressBar::new(0).with_style(
             ProgressStyle::with_template("{bar:40} {pos} of {len} tests  {wide_msg}")
@@ -128,8 +116,7 @@ fn run_cargo(
     } else {
         ProgressBar::hidden()
     };
-    for line in lines {
-        let line = line.context("cargo's output ended early")?;
+    let status = child::run(&mut command, |line| {
         let running = line.strip_prefix("running ").and_then(|rest| rest.split(' ').next());
         if let Some(count) = running.and_then(|count| count.parse::<u64>().ok()) {
             bar.inc_length(count);
@@ -138,12 +125,13 @@ fn run_cargo(
         {
             bar.inc(1);
             bar.set_message(name.to_owned());
-        } else if !is_noise(&line) {
+        } else if !is_noise(line) {
             bar.suspend(|| writeln!(out, "{line}"))?;
         }
-    }
+        Ok(())
+    })?;
     bar.finish_and_clear();
-    Ok(child.wait().context("`cargo test` vanished")?.success())
+    Ok(status.success())
 }
 
 /// Lines that say nothing beyond the table.
@@ -153,8 +141,7 @@ fn is_noise(line: &str) -> bool {
 
 fn write_untested(
     records: &[Record],
-    project: &Project,
-    args: &Args,
+    packages: &[Package],
     out: &mut dyn Write,
 ) -> anyhow::Result<()> {
     let tested: BTreeSet<&str> = records
@@ -165,8 +152,8 @@ fn write_untested(
         })
         .collect();
     let mut untested = Vec::new();
-    for package in project.packages(&args.package)? {
-        let items = callable(&package)?;
+    for package in packages {
+        let items = callable(package)?;
         untested.extend(items.into_iter().filter(|item| !tested.contains(item.path.as_str())));
     }
     if untested.is_empty() {

@@ -10,7 +10,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
-use karat::record::{self, Record, Run, Subject};
+use karat::record::{Record, Recorded, Subject};
 use karat::{Image, Profile, Provenance};
 use serde::Serialize;
 
@@ -71,9 +71,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let folder = args.folder.path()?;
     let record = match &args.record {
         Some(folder) => folder.clone(),
-        None => Project::find()?.output().join("record"),
+        None => Project::find()?.record(),
     };
-    let evidence = Evidence::of(&record, &folder)?;
+    let (record, evidence) = Evidence::of(&record, &folder)?;
     let Files { goldens, stray } = Files::of(&folder)?;
     let shown = folder.display();
     if goldens.is_empty() && stray.is_empty() {
@@ -207,22 +207,20 @@ fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
 }
 
 impl Evidence {
-    /// What the last run compared with goldens of a folder.
-    fn of(record: &Path, golden: &Path) -> anyhow::Result<Self> {
-        let shown = record.display();
+    /// The record of the last run, and what it compared with goldens of a folder.
+    fn of(record: &Path, golden: &Path) -> anyhow::Result<(PathBuf, Self)> {
         let none =
             |why: String| NotThere(format!("{why}; run `karat test` without a filter first"));
-        if !record.is_dir() {
-            return Err(none(format!("there is no record of a run (`{shown}`)")).into());
-        }
-        let run = Run::read(record)?;
+        let recorded = Recorded::read(record)?;
+        let absent = || none(format!("there is no record of a run (`{}`)", record.display()));
+        let Recorded { folder, records, run } = recorded.ok_or_else(absent)?;
+        let shown = folder.display();
         let run = run
             .ok_or_else(|| none(format!("the record `{shown}` doesn't say that its run ended")))?;
         if !run.selected.is_empty() {
             let selected = run.selected.join(" ");
             return Err(none(format!("the last run left tests out (`{selected}`)")).into());
         }
-        let records = record::read(record)?;
         if let Some(overlay) = records.iter().find_map(|record| record.overlay.as_ref()) {
             return Err(none(format!("the last run had KARAT_OVERLAY={overlay}")).into());
         }
@@ -231,7 +229,7 @@ impl Evidence {
                        unknown; mend it, or accept its frames";
             return Err(none(why.to_owned()).into());
         }
-        Ok(Self::gather(&records, golden))
+        Ok((folder, Self::gather(&records, golden)))
     }
 
     fn gather(records: &[Record], golden: &Path) -> Self {

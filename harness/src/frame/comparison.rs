@@ -7,6 +7,7 @@ use crate::golden::{
 };
 use crate::image::Part;
 use crate::metric::Gate;
+use crate::output::visible;
 use crate::path::{self, Adapter, Path};
 use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
 
@@ -48,7 +49,7 @@ impl Frame<'_> {
         });
         match result {
             Ok(agreement) => agreement,
-            Err(error) => panic!("{error}"),
+            Err(error) => panic!("{}", visible(&error.to_string())),
         }
     }
 
@@ -201,7 +202,7 @@ impl Frame<'_> {
                 Some(Part::new(name, Gate::default().precision_for(&image, None), image))
             }
             Err(error) => {
-                eprintln!("note: the AOV `{name}` isn't kept: {error}");
+                eprintln!("note: the AOV `{name}` isn't kept: {}", visible(&error.to_string()));
                 None
             }
         });

@@ -4,6 +4,7 @@ use super::{Frame, FrameError};
 use crate::check::Identity;
 use crate::image::Image;
 use crate::metric::{MaskError, Rect};
+use crate::output::visible;
 use crate::path::{self, Adapter};
 use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
 use crate::tolerance::{Measure, Tolerance};
@@ -53,7 +54,7 @@ impl Frame<'_> {
         });
         match result {
             Ok(mean) => mean,
-            Err(error) => panic!("{error}"),
+            Err(error) => panic!("{}", visible(&error.to_string())),
         }
     }
 

@@ -201,6 +201,7 @@ impl Goldens {
         }
         // Between looking at the golden and replacing it nobody else does so.
         let _lock = lock(&self.folder())?;
+        self.tidy();
         let ExrFile { parts, .. } = match ExrFile::read(&pending.path) {
             // Somebody has decided while this waited.
             Err(ImageError::Missing { .. }) => {
@@ -229,7 +230,6 @@ impl Goldens {
         if parts::non_finite(&parts) {
             return Err(AcceptError::NonFinite(case));
         }
-        self.unchanged(pending)?;
         let provenance = Provenance {
             folder: String::new(),
             compared_with: String::new(),
@@ -242,15 +242,27 @@ impl Goldens {
             ..pending.provenance.clone()
         };
         let golden = ExrFile { metadata: Some(provenance.metadata()), parts };
-        let accepted = write_golden(&path, &golden, &provenance)?;
-        self.reject(pending)?;
+        let accepted = if is_there(&path, &path.with_extension("toml"), &golden, &provenance) {
+            // It may have been accepted by somebody who was interrupted before the frame was
+            // removed: that the golden isn't what the frame was compared with is no matter then.
+            let warnings = vec![format!("`{}` has these pixels and facts already", shown(&path))];
+            Accepted { golden: path, written: false, warnings }
+        } else {
+            self.unchanged(pending, &path)?;
+            write_golden(&path, &golden, &provenance)?
+        };
+        self.remove(pending)?;
         Ok(accepted)
     }
 
     /// The golden that a frame was compared with, which needn't be the one that is written, is what
-    /// it was then.
-    fn unchanged(&self, pending: &Pending) -> Result<(), AcceptError> {
+    /// it was then. A profile that had none of its own still has none.
+    fn unchanged(&self, pending: &Pending, written: &Path) -> Result<(), AcceptError> {
         let known = &pending.provenance;
+        let own = self.golden_of(&pending.case, &pending.profile());
+        if written == own && known.compared_profile.is_empty() && own.exists() {
+            return Err(AcceptError::Stale(pending.case.clone()));
+        }
         let current = match Image::read_exr(&self.compared(pending)) {
             Ok((golden, _)) => golden.hash(),
             Err(ImageError::Missing { .. }) => String::new(),
@@ -282,25 +294,17 @@ impl Goldens {
         if known.finding.as_ref().is_some_and(|finding| finding.base_passes) {
             return needless(false);
         }
-        let own = self.golden_of(&pending.case, &pending.profile());
-        if known.compared_profile.is_empty() && own.exists() {
-            return Err(AcceptError::Stale(pending.case.clone()));
-        }
-        Ok(own)
+        Ok(self.golden_of(&pending.case, &pending.profile()))
     }
 }
 
-/// Writes a golden and its facts, both or neither, unless both are there already.
+/// Writes a golden and its facts, both or neither.
 fn write_golden(
     path: &Path,
     golden: &ExrFile,
     provenance: &Provenance,
 ) -> Result<Accepted, AcceptError> {
     let sidecar = path.with_extension("toml");
-    if is_there(path, &sidecar, golden, provenance) {
-        let warnings = vec![format!("`{}` has these pixels and facts already", shown(path))];
-        return Ok(Accepted { golden: path.to_owned(), written: false, warnings });
-    }
     let image = golden.bytes(path)?;
     let bytes = image.len() as u64;
     if bytes > TOO_LARGE {

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use crate::diagnostic::shown;
 use crate::image::ImageError;
+use crate::output::tell;
 
 /// How long an acceptance is waited for; it takes a second for a large frame.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -39,7 +40,7 @@ pub(super) fn lock(folder: &Path) -> Result<File, ImageError> {
             }
             Err(TryLockError::WouldBlock) => {
                 if !told && begun.elapsed() > SILENT {
-                    eprintln!("note: waiting for another acceptance (`{}`)", shown(&file));
+                    tell(&format!("note: waiting for another acceptance (`{}`)", shown(&file)));
                     told = true;
                 }
                 std::thread::sleep(PAUSE);

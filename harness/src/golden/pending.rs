@@ -217,6 +217,11 @@ impl Goldens {
     /// # Errors
     /// If the file can't be deleted.
     pub fn reject(&self, pending: &Pending) -> Result<(), AcceptError> {
+        self.tidy();
+        self.remove(pending)
+    }
+
+    pub(super) fn remove(&self, pending: &Pending) -> Result<(), AcceptError> {
         std::fs::remove_file(&pending.path).map_err(|source| {
             AcceptError::Image(ImageError::Write { path: shown(&pending.path), source })
         })

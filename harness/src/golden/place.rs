@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::Goldens;
+use crate::image::remove_leftover;
 
 /// The folder of frames that were rendered under an overlay. No golden's name has an `@`.
 pub(super) const OVERLAID: &str = "@overlay";
@@ -33,6 +34,13 @@ impl Goldens {
         parts.map(|part| part.to_string_lossy()).collect::<Vec<_>>().join("/")
     }
 
+    /// Removes what acceptances and tests that were killed left in the folder and below it: files
+    /// that nobody else names so, and that nobody is writing. What can't be removed stays for those
+    /// who look for stray files.
+    pub fn tidy(&self) {
+        tidy(&self.folder());
+    }
+
     /// What commands need to find frames that don't wait beside their goldens.
     pub(super) fn arguments(&self) -> String {
         if self.beside || !in_ci() {
@@ -50,8 +58,20 @@ impl Goldens {
     }
 }
 
+fn tidy(folder: &Path) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        // A link to a folder may lead anywhere.
+        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+            tidy(&entry.path());
+        } else {
+            remove_leftover(&entry.path());
+        }
+    }
+}
+
 /// Whether this is a CI run, as its systems say: `CI` is set, and not to `false` or `0`.
-pub(crate) fn in_ci() -> bool {
+#[must_use]
+pub fn in_ci() -> bool {
     let value = std::env::var_os("CI").unwrap_or_default();
     !["", "0", "false"].iter().any(|no| value.eq_ignore_ascii_case(no))
 }

@@ -580,6 +580,95 @@ fn one_of_two_acceptances_is_carried_out() {
     }
 }
 
+/// What a frame was compared with decides whether it may be accepted, and nothing else does.
+#[test]
+fn a_stale_acceptance_is_refused() {
+    let golden = |project: &Project| project.folder.path().join("room/ramp.exr");
+    let replace = |path: &Path, image: &Image| {
+        image.write_exr(path, Precision::Half, None).expect("written");
+    };
+    let waiting = |project: &Project, path: &str| {
+        project.check(path, &spot(2.0), None, None).expect_err("it differs")
+    };
+    // Another golden, none any more, and one where there was none.
+    let project = Project::with_golden();
+    let failed = waiting(&project, "vulkan");
+    replace(&golden(&project), &spot(3.0));
+    let stale = |result: Result<Accepted, AcceptError>| {
+        assert!(matches!(result, Err(AcceptError::Stale(case)) if case == "room/ramp"));
+    };
+    stale(project.accept(&failed, "why", None));
+    let (image, _) = Image::read_exr(&golden(&project)).expect("there");
+    assert_eq!(image.hash(), spot(3.0).rounded_to(Precision::Half).hash(), "as it was");
+    assert!(project.folder.path().join("room/ramp.new.exr").is_file(), "it still waits");
+    std::fs::remove_file(golden(&project)).expect("removed");
+    stale(project.accept(&failed, "why", None));
+    let new = Project::new();
+    let failed = waiting(&new, "vulkan");
+    replace(&golden(&new), &spot(3.0));
+    stale(new.accept(&failed, "why", None));
+    // A profile that has got a golden of its own, and one whose own golden is another.
+    let project = Project::with_golden();
+    let failed = waiting(&project, "gl");
+    let own = project.folder.path().join("@gl-llvmpipe/room/ramp.exr");
+    std::fs::create_dir_all(own.parent().expect("a folder")).expect("made");
+    replace(&own, &spot(3.0));
+    stale(project.accept(&failed, "why", Some("gl-llvmpipe")));
+    let failed = waiting(&project, "gl");
+    replace(&own, &spot(4.0));
+    stale(project.accept(&failed, "why", Some("gl-llvmpipe")));
+}
+
+/// An acceptance that was killed before it removed the frame: what it wrote stays, and the frame goes.
+#[test]
+fn an_acceptance_may_be_repeated() {
+    let project = Project::with_golden();
+    for (path, profile) in [("vulkan", None), ("gl", Some("gl-llvmpipe"))] {
+        let failed = project.check(path, &spot(2.0 + path.len() as f32), None, None);
+        let failed = failed.expect_err("it differs");
+        let waiting = project.folder.path().join("room/ramp.new.exr");
+        let frame = std::fs::read(&waiting).expect("it waits");
+        let first = project.accept(&failed, "first", profile).expect("accepted");
+        assert!(first.written && !waiting.exists(), "{path}");
+        let files = [first.golden.clone(), first.golden.with_extension("toml")];
+        let read = || files.each_ref().map(|file| std::fs::read(file).expect("there"));
+        let before = read();
+        std::fs::write(&waiting, &frame).expect("written");
+        let again = project.accept(&failed, "again", profile).expect("accepted");
+        assert!(!again.written && !waiting.exists(), "{path}: {again:?}");
+        assert!(read() == before, "{path}: as it was accepted first");
+        // Facts that were edited aren't what it wrote.
+        std::fs::write(&waiting, &frame).expect("written");
+        std::fs::write(&files[1], "edited").expect("written");
+        let stale = project.accept(&failed, "again", profile);
+        assert!(matches!(stale, Err(AcceptError::Stale(_))), "{path}: {stale:?}");
+    }
+}
+
+#[test]
+fn what_was_interrupted_is_tidied_up_by_the_next_decision() {
+    let project = Project::with_golden();
+    let left = ["room/ramp.exr.4194999-0.tmp", "@gl-llvmpipe/room/ramp.toml.4194999-1.tmp"];
+    let left = left.map(|file| project.folder.path().join(file));
+    let leave = || {
+        for file in &left {
+            std::fs::create_dir_all(file.parent().expect("a folder")).expect("made");
+            std::fs::write(file, "half of i").expect("written");
+        }
+    };
+    let gone = || left.iter().all(|file| !file.exists());
+    leave();
+    let failed = project.check("vulkan", &spot(2.0), None, None).expect_err("it differs");
+    assert!(!gone(), "a test decides nothing");
+    project.accept(&failed, "why", None).expect("accepted");
+    assert!(gone());
+    leave();
+    project.check("vulkan", &ramp(), None, None).expect_err("it differs");
+    let waiting = pending_at(&project.folder.path().join("room/ramp.new.exr"));
+    project.goldens.reject(&waiting).expect("deleted");
+    assert!(gone());
+}
+
 /// Both files of a golden are written, or neither.
 #[test]
 fn a_golden_without_its_facts_is_not_written() {

@@ -1,7 +1,7 @@
 //! Files of images, whatever their format: read within a limit, and written as a whole or not at
 //! all.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Error, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -121,20 +121,32 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
 
 /// Writes a file beside its place, then renames it there: the place has the old file or the new
 /// one, whole. Whoever writes the same file at the same time writes beside it under another name,
-/// and the last rename stays.
+/// and the last rename stays. A link stays one, and its file is replaced; a device, a pipe or
+/// an open file of this process (`/dev/stdout`) is written to.
 ///
 /// # Errors
 /// If the folder or file can't be written.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    Staged::new(path, bytes)?.commit()
+    // Who has it open writes on into what would no longer be there.
+    let is_open = ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"];
+    let is_open = cfg!(unix) && is_open.iter().any(|above| path.starts_with(above));
+    match path.metadata() {
+        Ok(found) if is_open || !(found.is_file() || found.is_dir()) => std::fs::write(path, bytes),
+        // What a link leads to may be in another folder.
+        Ok(_) => Staged::new(&path.canonicalize()?, bytes)?.commit(),
+        Err(_) => Staged::new(path, bytes)?.commit(),
+    }
 }
 
 /// A file that is written beside its place and not yet renamed to it. It is removed if it is
 /// dropped before.
+///
+/// It is locked as long as its writer lives: [`is_leftover`].
 #[derive(Debug)]
 pub(crate) struct Staged<'a> {
     beside: PathBuf,
     place: &'a Path,
+    _held: File,
 }
 
 impl<'a> Staged<'a> {
@@ -143,11 +155,10 @@ impl<'a> Staged<'a> {
             std::fs::create_dir_all(folder)?;
         }
         let (beside, mut file) = create_beside(place)?;
-        let staged = Self { beside, place };
-        // A full disk may be noticed only when the system writes what it has put off. The file is
-        // closed here, as Windows renames no open one.
-        file.write_all(bytes).and_then(|()| file.sync_all())?;
-        Ok(staged)
+        // A full disk may be noticed only when the system writes what it has put off.
+        let written = file.write_all(bytes).and_then(|()| file.sync_all());
+        let staged = Self { beside, place, _held: file };
+        written.map(|()| staged)
     }
 
     pub(crate) fn commit(self) -> std::io::Result<()> {
@@ -162,7 +173,7 @@ impl Drop for Staged<'_> {
     }
 }
 
-/// A new file in the same folder, named as no other thread or process names its own.
+/// A new file in the same folder, named as no other thread or process names its own, and locked.
 fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let name = path
@@ -176,7 +187,77 @@ fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
         match OpenOptions::new().write(true).create_new(true).open(&beside) {
             // Left by a process of this id that was killed, or one on another machine.
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
-            opened => return Ok((beside, opened?)),
+            opened => {
+                let file = opened?;
+                // Whoever tidies up may have taken it for a leftover before it was locked.
+                match file.try_lock() {
+                    Err(TryLockError::WouldBlock) => {}
+                    Ok(()) if !beside.exists() => {}
+                    // Some file systems know no locks: nobody tidies up there.
+                    Ok(()) | Err(TryLockError::Error(_)) => return Ok((beside, file)),
+                }
+            }
         }
+    }
+}
+
+/// Whether a file is one that was written beside a golden, a frame or their facts, by a process
+/// that has ended before it could rename it. What such files are named is nobody else's.
+#[must_use]
+pub fn is_leftover(path: &Path) -> bool {
+    is_beside(path) && unheld(path).is_some()
+}
+
+/// Removes a file if it [is a leftover](is_leftover); whether it was.
+pub(crate) fn remove_leftover(path: &Path) -> bool {
+    // It is held meanwhile: its writer may be about to lock it.
+    let held = if is_beside(path) { unheld(path) } else { None };
+    held.is_some() && std::fs::remove_file(path).is_ok()
+}
+
+/// Whether a file is named as [`create_beside`] names what it makes for an image or facts:
+/// `scene.exr.1234-0.tmp`.
+pub fn is_beside(path: &Path) -> bool {
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    let is_ours = |name: &str| {
+        let (place, numbers) = name.strip_suffix(".tmp")?.rsplit_once('.')?;
+        let (process, count) = numbers.split_once('-')?;
+        let case = place.strip_suffix(".exr").or_else(|| place.strip_suffix(".toml"))?;
+        let case = case.strip_suffix(".new").unwrap_or(case);
+        let sound = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
+        let sound = !case.is_empty() && case.chars().all(sound);
+        Some(sound && is_number(process) && is_number(count))
+    };
+    path.file_name().and_then(|name| name.to_str()).and_then(is_ours).unwrap_or(false)
+}
+
+/// The file, locked, if nobody else holds it.
+fn unheld(path: &Path) -> Option<File> {
+    // A link isn't ours, and a pipe would be waited for.
+    if !path.symlink_metadata().ok()?.is_file() {
+        return None;
+    }
+    let file = File::open(path).ok()?;
+    file.try_lock().ok().map(|()| file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_a_leftover_when_its_writer_is_gone() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let place = folder.path().join("scene.exr");
+        let staged = Staged::new(&place, b"golden").expect("written");
+        let beside = staged.beside.clone();
+        assert!(is_beside(&beside) && !is_leftover(&beside), "its writer lives");
+        assert!(!remove_leftover(&beside) && beside.exists());
+        staged.commit().expect("renamed");
+        assert_eq!(std::fs::read(&place).expect("there"), b"golden");
+        assert!(!is_leftover(&place) && !remove_leftover(&place) && place.exists());
+        std::fs::write(&beside, "half of i").expect("written");
+        assert!(is_leftover(&beside) && remove_leftover(&beside) && !beside.exists());
+        assert!(!remove_leftover(&beside), "it was removed");
     }
 }

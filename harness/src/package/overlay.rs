@@ -12,6 +12,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::{Origin, Package, PackageError, library};
 use crate::diagnostic::{nearest, shown};
+use crate::output::visible;
 
 const VARIABLE: &str = "KARAT_OVERLAY";
 
@@ -92,7 +93,7 @@ impl Overlay {
         let mut said = SAID.lock().unwrap_or_else(PoisonError::into_inner);
         if said.insert(line.clone()) {
             // If nobody hears it, the record still says it.
-            drop(std::io::stderr().write_all(line.as_bytes()));
+            drop(std::io::stderr().write_all(visible(&line).as_bytes()));
         }
     }
 }

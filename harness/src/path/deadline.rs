@@ -8,6 +8,8 @@ use std::io::Write;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
+use crate::output::visible;
+
 /// While it lives, the deadline runs.
 #[must_use]
 pub(crate) struct Guard {
@@ -48,7 +50,8 @@ pub(crate) fn guard(what: impl FnOnce() -> String + Send + 'static) -> Guard {
                 limit.as_secs_f64()
             );
             let mut stderr = std::io::stderr();
-            let written = stderr.write_all(message.as_bytes()).and_then(|()| stderr.flush());
+            let written =
+                stderr.write_all(visible(&message).as_bytes()).and_then(|()| stderr.flush());
             // `exit` would run the driver's own clean-up, which waits for the hung queue.
             drop(written);
             std::process::abort();

@@ -253,7 +253,7 @@ impl Desk {
         };
         let accepted = self.review.goldens.accept(pending, &acceptance)?;
         for warning in accepted.warnings {
-            eprintln!("note: {}: {warning}", pending.case);
+            crate::output::tell(&format!("note: {}: {warning}", pending.case));
         }
         Ok(())
     }

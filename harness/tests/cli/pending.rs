@@ -9,14 +9,20 @@ use zip::write::{SimpleFileOptions, ZipWriter};
 
 use super::*;
 
-const LAVAPIPE: &str = "llvmpipe (LLVM 15.0.6, 256 bits)";
+pub(crate) const LAVAPIPE: &str = "llvmpipe (LLVM 15.0.6, 256 bits)";
 
 pub(crate) fn pending_frame(golden: &FilePath, case: &str, adapter: &str) {
     write_frame(golden, case, case, adapter, "");
 }
 
 /// A pending frame whose provenance says what it likes.
-fn write_frame(golden: &FilePath, file: &str, case: &str, adapter: &str, compared_with: &str) {
+pub(crate) fn write_frame(
+    golden: &FilePath,
+    file: &str,
+    case: &str,
+    adapter: &str,
+    compared_with: &str,
+) {
     let image = Image::new(2, 1, vec![[0.25, 0.5, 4.0, 1.0], [1.0; 4]]);
     let provenance = provenance(case, &image.hash(), adapter, compared_with);
     let metadata = serde_json::to_string(&provenance).expect("plain data");
@@ -104,6 +110,12 @@ fn pending_frames_are_listed_accepted_and_rejected() {
     assert_eq!(karat(folder, &["pending"]).good(), "no frame is pending\n");
     let error = karat(folder, &["pending", "--golden", "nowhere"]).error();
     assert!(error.contains("there is no folder `nowhere`"), "{error}");
+}
+
+/// Makes another image the golden of `scene`.
+fn write_other(golden: &FilePath) {
+    let image = Image::new(2, 1, vec![[0.5; 4]; 2]);
+    image.write_exr(&golden.join("scene.exr"), Precision::Half, None).expect("written");
 }
 
 /// A project with an empty folder of goldens.
@@ -213,7 +225,11 @@ fn frames_of_a_ci_run_are_accepted_from_a_folder_or_a_zip() {
         folder.join("golden/scene.exr").is_file() && folder.join("golden/scene.toml").is_file()
     );
     assert!(folder.join("ci.zip").is_file(), "the zip stays as it is");
+    // It is accepted already, which may be done again.
+    let out = karat(folder, &accept).good();
+    assert!(out.contains("`golden/scene.exr` has these pixels and facts already"), "{out}");
     // There is a golden now that the frame wasn't compared with.
+    write_other(&folder.join("golden"));
     let error = karat(folder, &accept).failure(1);
     assert!(error.contains("the golden of `scene` has changed since"), "{error}");
     let error = karat(folder, &["accept", "scne", "--from", "ci.zip", "--because", "x"]).failure(3);

@@ -6,6 +6,7 @@ use std::io::Write;
 
 use anyhow::Context;
 use karat::record::{Record, Subject, Verdict};
+use karat::visible;
 
 use super::tables::{is_failure, share};
 use super::{Place, pictures, place, replay, subject};
@@ -44,7 +45,8 @@ pub(super) fn write(
         .append(true)
         .open(&file)
         .with_context(|| format!("can't append to the summary `{shown}`"))?;
-    Ok(file.write_all(text.as_bytes())?)
+    file.write_all(visible(&text).as_bytes())
+        .with_context(|| format!("can't append to the summary `{shown}`"))
 }
 
 /// A line for each failure; of too many the last one stands for all that are left.

@@ -5,7 +5,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use karat::Provenance;
+use karat::{Provenance, is_beside, is_leftover};
 use serde::Serialize;
 
 /// A golden.
@@ -45,6 +45,9 @@ pub(super) struct Files {
 /// What may be beside a golden: its facts; a frame that waits; and previews of either.
 const COMPANIONS: [&str; 4] = [".new.exr", ".new.png", ".toml", ".png"];
 
+/// What was killed before it renamed a file to its place.
+const LEFTOVER: &str = "left by an interrupted acceptance or test";
+
 impl Files {
     pub(super) fn of(folder: &Path) -> anyhow::Result<Self> {
         let mut all = BTreeSet::new();
@@ -53,6 +56,13 @@ impl Files {
         for file in &all {
             let name = file.file_name().unwrap_or_default().to_string_lossy();
             let hidden = name.starts_with('.');
+            if is_beside(file) {
+                // One that is being written is neither.
+                if is_leftover(file) {
+                    files.push(file, LEFTOVER, true);
+                }
+                continue;
+            }
             let Some((stem, ending)) = split(&name) else {
                 // What is written for people, or for Git.
                 if !hidden && !name.ends_with(".md") {

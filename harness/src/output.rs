@@ -1,0 +1,323 @@
+//! Text on its way to people: nothing in it commands a terminal, and whether anybody reads changes
+//! nothing.
+//!
+//! File names, drivers and shaders come from anywhere. What is neither a printable character nor
+//! the end of a line nor a tab is shown as `\u{1b}`. Karat's own colours pass, because a [`Style`]
+//! is marked with a number that only this process knows.
+
+use std::borrow::Cow;
+use std::fmt;
+use std::hash::{BuildHasher, Hasher, RandomState};
+use std::io::{self, ErrorKind, Write};
+use std::sync::LazyLock;
+
+use anstyle::AnsiColor;
+
+/// How a stretch of text looks: `{BAD}` begins it and `{BAD:#}` ends it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Style(anstyle::Style);
+
+impl Style {
+    /// What is as it should be.
+    pub const GOOD: Self = Self(AnsiColor::Green.on_default());
+    /// What is known not to be.
+    pub const KNOWN: Self = Self(AnsiColor::Yellow.on_default());
+    /// What isn't.
+    pub const BAD: Self = Self(AnsiColor::Red.on_default().bold());
+    /// What is looked for first.
+    pub const HEAD: Self = Self(anstyle::Style::new().bold());
+    /// What is looked for last.
+    pub const DIM: Self = Self(anstyle::Style::new().dimmed());
+    /// As text is without a style.
+    pub const PLAIN: Self = Self(anstyle::Style::new());
+}
+
+/// Stands for the escape that begins a style of ours until the text is written. It is longer than
+/// what foreign text could guess.
+static MARK: LazyLock<String> = LazyLock::new(|| {
+    let number = || RandomState::new().build_hasher().finish();
+    format!("\u{1b}{:016x}{:016x}", number(), number())
+});
+
+impl fmt::Display for Style {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ansi = if f.alternate() { format!("{:#}", self.0) } else { self.0.to_string() };
+        f.write_str(&trusted(&ansi))
+    }
+}
+
+/// A text whose commands to terminals are our own: an [`Output`] lets them pass.
+#[must_use]
+pub fn trusted(text: &str) -> String {
+    text.replace('\u{1b}', &MARK)
+}
+
+/// A text of another program, whose colours an [`Output`] lets pass, and nothing else that
+/// commands a terminal.
+#[must_use]
+pub fn with_colours(text: &str) -> String {
+    let mut parts = text.split('\u{1b}');
+    let mut marked = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let is_parameter = |c: char| c.is_ascii_digit() || c == ';';
+        let after = part.strip_prefix('[').map(|rest| rest.trim_start_matches(is_parameter));
+        let is_colour = after.is_some_and(|after| after.starts_with('m'));
+        marked.push_str(if is_colour { &MARK } else { "\u{1b}" });
+        marked.push_str(part);
+    }
+    marked
+}
+
+/// Whether a terminal would take a character for a command, or show what follows it in another
+/// order. The end of a line and the tab are text.
+fn commands(character: char) -> bool {
+    match character {
+        '\n' | '\t' => false,
+        '\u{61c}' | '\u{200e}' | '\u{200f}' => true, // marks of direction
+        '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => true, // overrides and isolates
+        '\u{2028}' | '\u{2029}' => true,             // ends of lines and paragraphs
+        _ => character.is_control(),
+    }
+}
+
+/// A text in which what would command a terminal is shown as `\u{1b}`. The end of a line may be
+/// that of Windows.
+#[must_use]
+pub fn visible(text: &str) -> Cow<'_, str> {
+    escaped(text, |character| format!("\\u{{{:x}}}", u32::from(character)))
+}
+
+/// [`visible`] for JSON, where such characters stand within strings: `\u001b`.
+#[must_use]
+pub fn visible_json(json: &str) -> Cow<'_, str> {
+    escaped(json, |character| format!("\\u{:04x}", u32::from(character)))
+}
+
+fn escaped(text: &str, escape: impl Fn(char) -> String) -> Cow<'_, str> {
+    if !text.contains(commands) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::with_capacity(text.len());
+    let mut characters = text.chars().peekable();
+    while let Some(character) = characters.next() {
+        if commands(character) && !(character == '\r' && characters.peek() == Some(&'\n')) {
+            shown.push_str(&escape(character));
+        } else {
+            shown.push(character);
+        }
+    }
+    Cow::Owned(shown)
+}
+
+/// A text with our styles as the terminal has them, and all else [`visible`].
+fn styled(text: &str) -> String {
+    let parts: Vec<_> = text.split(MARK.as_str()).map(visible).collect();
+    parts.join("\u{1b}")
+}
+
+/// Where text for people goes, line by line.
+///
+/// It never fails while it is written to. When nobody reads any more, the rest goes nowhere: what
+/// a command does, and its exit code, are the same whoever reads. Any other error is kept for
+/// [`finish`](Self::finish).
+#[derive(Debug)]
+pub struct Output<W: Write> {
+    inner: W,
+    /// What has no end of line yet.
+    line: Vec<u8>,
+    state: State,
+}
+
+#[derive(Debug)]
+enum State {
+    Open,
+    /// The reader has gone.
+    Unread,
+    Failed(io::Error),
+}
+
+impl Output<anstream::AutoStream<io::StdoutLock<'static>>> {
+    /// Standard output, with colours where it is a terminal that has them.
+    #[must_use]
+    pub fn stdout() -> Self {
+        Self::new(anstream::stdout().lock())
+    }
+}
+
+impl Output<anstream::AutoStream<io::Stderr>> {
+    /// Standard error, which others write to meanwhile.
+    #[must_use]
+    pub fn stderr() -> Self {
+        Self::new(anstream::stderr())
+    }
+}
+
+impl<W: Write> Output<W> {
+    /// Text for people goes to `inner`.
+    pub fn new(inner: W) -> Self {
+        Self { inner, line: Vec::new(), state: State::Open }
+    }
+
+    /// Writes what is left.
+    ///
+    /// # Errors
+    /// If something couldn't be written, and not because nobody reads.
+    pub fn finish(mut self) -> io::Result<()> {
+        self.pass_on(self.line.len());
+        self.attempt(Write::flush);
+        match std::mem::replace(&mut self.state, State::Unread) {
+            State::Failed(error) => Err(error),
+            State::Open | State::Unread => Ok(()),
+        }
+    }
+
+    /// Hands over so many bytes of what waits.
+    fn pass_on(&mut self, bytes: usize) {
+        let rest = self.line.split_off(bytes);
+        let text = std::mem::replace(&mut self.line, rest);
+        if !text.is_empty() {
+            let text = styled(&String::from_utf8_lossy(&text));
+            self.attempt(|inner| inner.write_all(text.as_bytes()));
+        }
+    }
+
+    fn attempt(&mut self, write: impl FnOnce(&mut W) -> io::Result<()>) {
+        if !matches!(self.state, State::Open) {
+            return;
+        }
+        match write(&mut self.inner) {
+            Ok(()) => {}
+            Err(error) if error.kind() == ErrorKind::BrokenPipe => self.state = State::Unread,
+            Err(error) => self.state = State::Failed(error),
+        }
+    }
+}
+
+impl<W: Write> Write for Output<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.line.extend_from_slice(bytes);
+        if let Some(end) = self.line.iter().rposition(|byte| *byte == b'\n') {
+            self.pass_on(end + 1);
+        }
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.pass_on(self.line.len());
+        self.attempt(Write::flush);
+        Ok(())
+    }
+}
+
+impl<W: Write> Drop for Output<W> {
+    fn drop(&mut self) {
+        self.pass_on(self.line.len());
+        self.attempt(Write::flush);
+    }
+}
+
+/// Tells people something that isn't a result. There is nowhere left to report that standard error
+/// is closed.
+pub fn tell(text: &str) {
+    let mut err = Output::stderr();
+    // An output of our own doesn't fail.
+    drop(writeln!(err, "{text}"));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The text as a terminal would get it.
+    fn written(parts: &[&[u8]]) -> String {
+        let mut bytes = Vec::new();
+        let mut output = Output::new(&mut bytes);
+        for part in parts {
+            output.write_all(part).expect("it never fails");
+        }
+        output.finish().expect("memory");
+        String::from_utf8(bytes).expect("UTF-8")
+    }
+
+    #[test]
+    fn what_commands_a_terminal_is_shown() {
+        for (text, shown) in [
+            ("a\u{1b}[31mb", r"a\u{1b}[31mb"),
+            ("\u{9b}2J\u{7f}\u{0}\u{8}", r"\u{9b}2J\u{7f}\u{0}\u{8}"),
+            ("a\rb\r\nc\td\n", "a\\u{d}b\r\nc\td\n"),
+            ("\u{202e}x\u{2066}\u{200f}\u{61c}", r"\u{202e}x\u{2066}\u{200f}\u{61c}"),
+            ("a\u{2028}b", r"a\u{2028}b"),
+            ("é 漢 👩\u{200d}👩 … \\u{1b}", "é 漢 👩\u{200d}👩 … \\u{1b}"),
+        ] {
+            assert_eq!(visible(text), shown);
+            assert_eq!(written(&[text.as_bytes()]), shown);
+            assert_eq!(visible(&visible(text)), shown, "once is enough");
+        }
+        let json = "[\"\u{9b}2J\u{202e}\"]\n";
+        assert_eq!(visible_json(json), "[\"\\u009b2J\\u202e\"]\n");
+    }
+
+    #[test]
+    fn pieces_of_a_line_are_put_together() {
+        let text = "é\u{9b}\r\nx";
+        for cut in 0..text.len() {
+            let (one, other) = text.as_bytes().split_at(cut);
+            assert_eq!(written(&[one, other]), "é\\u{9b}\r\nx", "{cut}");
+        }
+        assert_eq!(written(&[b"a\xffb\x9bc"]), "a\u{fffd}b\u{fffd}c");
+    }
+
+    #[test]
+    fn only_styles_of_our_own_are_colours() {
+        let (bad, foreign) = (Style::BAD, "\u{1b}[32m\u{1b}0123456789abcdef0123456789abcdefa");
+        let text = format!("{bad}{foreign}{bad:#} {}plain{:#}", Style::PLAIN, Style::PLAIN);
+        let expected = "\u{1b}[1m\u{1b}[31m\\u{1b}[32m\\u{1b}0123456789abcdef0123456789abcdefa\
+                        \u{1b}[0m plain";
+        assert_eq!(written(&[text.as_bytes()]), expected);
+        for style in [Style::GOOD, Style::KNOWN, Style::BAD, Style::HEAD, Style::DIM] {
+            let text = written(&[format!("{style}x{style:#}").as_bytes()]);
+            assert_eq!(text, format!("{}x{:#}", style.0, style.0));
+        }
+        let other = with_colours("\u{1b}[1;31mred\u{1b}[m \u{1b}[2J \u{1b}]0;x\u{7}\u{1b}[31");
+        let expected = "\u{1b}[1;31mred\u{1b}[m \\u{1b}[2J \\u{1b}]0;x\\u{7}\\u{1b}[31";
+        assert_eq!(written(&[other.as_bytes()]), expected);
+    }
+
+    /// Fails with an error after some bytes.
+    struct Failing(usize, ErrorKind, Vec<u8>);
+
+    impl Write for Failing {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            if self.2.len() >= self.0 {
+                return Err(self.1.into());
+            }
+            self.2.extend_from_slice(bytes);
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            if self.2.len() >= self.0 { Err(self.1.into()) } else { Ok(()) }
+        }
+    }
+
+    #[test]
+    fn a_reader_that_has_gone_is_no_error_and_a_full_disk_is_one_at_the_end() {
+        for (room, kind, good) in [
+            (0, ErrorKind::BrokenPipe, true),
+            (3, ErrorKind::BrokenPipe, true),
+            (0, ErrorKind::StorageFull, false),
+            (3, ErrorKind::StorageFull, false),
+        ] {
+            let mut failing = Failing(room, kind, Vec::new());
+            let mut output = Output::new(&mut failing);
+            for _ in 0..3 {
+                writeln!(output, "line").expect("the command goes on");
+                output.flush().expect("the command goes on");
+            }
+            let finished = output.finish();
+            assert_eq!(finished.is_ok(), good, "{room} {kind:?}");
+            assert_eq!(finished.err().map(|error| error.kind()), (!good).then_some(kind));
+            assert_eq!(failing.2.len(), if room == 0 { 0 } else { 5 });
+        }
+    }
+}
