@@ -199,6 +199,18 @@ fn tri_ace_eval() {
         .agrees_with(brdf::tri_ace_eval, EXPONENTIAL.or(VANISHED));
 }
 
+/// Below 1/2 a quotient (2.5 ulp) of 1 and what is at most 1/12 of it, so that its errors hardly
+/// count. From there on, exp(-2 x) is at most 0.37 and wrong by 3 + 4 x of its ulps: 1.5e-7 at 1/2,
+/// and it shrinks faster than its error grows. It counts 1 / 0.63 times in the difference and
+/// 1 / 1.37 times in the sum, 3.5e-7; the roundings of both and the division add 4.2e-7.
+#[test]
+fn tanh_of() {
+    let function = || PBR.function("brdf::tanh_of");
+    function().over(1e-30..=0.5_f32.next_down()).agrees_with(|x: f64| x.tanh(), Ulp(4.0));
+    function().over(0.5..=40.0).agrees_with(|x: f64| x.tanh(), Rel(8e-7));
+    function().over(Just(0.0)).agrees_with(|x: f64| x, Ulp(0.0));
+}
+
 /// As for the others; log near 1 is a series, and what WGSL allows it elsewhere, 2^-21, is less.
 #[test]
 fn tri_ace_sample() {
@@ -254,6 +266,41 @@ fn reflectances_are_finite_and_not_negative() {
     PBR.function("brdf::tri_ace_eval")
         .over(domain)
         .satisfies("is not negative", |_, f: Vec3| f.min_element() >= 0.0);
+}
+
+/// Cosines from 1e-18 for the one direction and from the least normal f32 for the other, where their
+/// product is far below any f32. The lobe is 1 wide or narrower, and cut where V + L leaves it.
+#[test]
+fn cook_torrance_eval_at_the_horizon() {
+    let grazing = (ALPHA, -18.0..=0.0_f32, -37.9..=0.0_f32, 0.0..=1.0_f32, 0.0..=1.0_f32)
+        .map(|(alpha, above, low, turn, opposite)| {
+            let at = |z: f32, angle: f32| {
+                let z = z.min(1.0);
+                let from_axis = ((1.0 - z) * (1.0 + z)).sqrt();
+                Vec3::new(from_axis * angle.cos(), from_axis * angle.sin(), z)
+            };
+            let v = at(10.0_f32.powf(above), 0.0);
+            let l = at(10.0_f32.powf(low), std::f32::consts::PI * turn);
+            // As well exactly opposite, where the half vector is the normal.
+            let l = if opposite < 0.3 { Vec3::new(-v.x, -v.y, l.z.min(v.z)) } else { l };
+            (Vec3::ONE, alpha, v, l)
+        })
+        // Beyond an f32, and the band above what may be flushed where a lobe's end meets factors.
+        .filter(|(f0, alpha, v, l)| {
+            let f = |alpha: f32| {
+                brdf::cook_torrance_eval(f0.as_dvec3(), alpha.into(), v.as_dvec3(), l.as_dvec3()).x
+            };
+            f(*alpha) < 1e37
+        });
+    PBR.function("brdf::cook_torrance_eval")
+        .over(grazing)
+        .satisfies("is its twin, or was flushed before it met the cosines", |(f0, alpha, v, l), f: Vec3| {
+            let (v, l) = (v.as_dvec3(), l.as_dvec3());
+            let expected = brdf::cook_torrance_eval(f0.as_dvec3(), alpha.into(), v, l).x;
+            let visibility = 0.25 / (v.z * l.z).max(v.z.max(l.z).powi(2) / 3.0);
+            let error = (f64::from(f.x) - expected).abs();
+            error <= 2e-4 * expected + 1.2e-38 * visibility && f.x == f.y && f.y == f.z
+        });
 }
 
 /// Light from below reaches nothing, and nothing is seen from below.

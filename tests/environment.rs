@@ -374,6 +374,21 @@ fn parallax_sphere_ends_on_the_sphere() {
         });
 }
 
+/// A point on the sphere, seen along it: both terms of the root vanish, and so does the way. Axes and
+/// powers of two, so that nothing rounds.
+#[test]
+fn parallax_sphere_touches_the_sphere() {
+    let axes = || OneOf(vec![0, 1, 2_usize]).map(|axis| Vec3::AXES[axis]);
+    let tangents = (axes(), axes(), OneOf(vec![0.25_f32, 1.0, 4.0]), UnitVector)
+        .filter(|(to_position, direction, ..): &(Vec3, Vec3, f32, Vec3)| to_position != direction)
+        .map(|(to_position, direction, radius, _)| {
+            (radius * to_position, direction, Vec3::ZERO, radius)
+        });
+    PBR.function("environment::parallax_sphere")
+        .over(tangents)
+        .agrees_with(|position: DVec3, _: DVec3, _: DVec3, _: f64| position, Ulp(0.0));
+}
+
 /// Solid angles of samples from 1e-12 sr to the sphere, over the range of sizes and counts. Half
 /// of log2's 3 ulp; near 1 its error is absolute, 2^-21, as is what the rounding of its argument
 /// leaves.

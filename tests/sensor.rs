@@ -73,6 +73,34 @@ fn tone_map() {
         .agrees_with(sensor::tone_map, Ulp(14.0).or(UNDERFLOW));
 }
 
+/// The square of such a white is below any f32, and all but black is beyond white. A channel that is
+/// 0 stays 0. With colours so dark that what they become is an f32.
+#[test]
+fn a_white_next_to_black() {
+    let dark = (-30.0..=-15.0_f32, colors(1.0)).filter(|(_, color): &(f32, Vec3)| {
+        color.to_array().iter().all(|c| *c == 0.0 || *c >= 1e-6)
+    });
+    let domain = dark.map(|(log, color)| {
+        let white = 10.0_f32.powf(log);
+        (color * white, white)
+    });
+    PBR.function("sensor::tone_map")
+        .over(&domain)
+        .agrees_with(sensor::tone_map, Ulp(14.0).or(UNDERFLOW));
+    PBR.function("sensor::reinhard")
+        .over(domain.map(|(color, white)| (color.x, white)))
+        .agrees_with(sensor::reinhard, Ulp(9.0).or(UNDERFLOW));
+    // Brighter: beyond an f32, but no NaN.
+    let bright = (-30.0..=-15.0_f32, colors(1e4)).map(|(log, color)| (color, 10.0_f32.powf(log)));
+    PBR.function("sensor::tone_map").over(bright).satisfies(
+        "is 0 where the colour is, and above it elsewhere",
+        |(color, _), mapped: Vec3| {
+            let channels = color.to_array().into_iter().zip(mapped.to_array());
+            channels.into_iter().all(|(c, mapped)| (mapped == 0.0) == (c == 0.0) && mapped >= 0.0)
+        },
+    );
+}
+
 /// What eq. 4 is for: white is 1, and nothing darker than white is brighter.
 #[test]
 fn reinhard_ends_at_white() {
