@@ -20,10 +20,13 @@ pub fn from_edge(normal: DVec3) -> f64 {
     above.min(BAND - above).min((above - HOLE).abs())
 }
 
-/// The depth below `depth` that is a multiple of 1/64.
+/// How deep a step is, of the range 0..=1.
+pub const STEP: f64 = 1.0 / 16.0;
+
+/// The depth below `depth` that is a whole number of steps.
 #[must_use]
 pub fn stepped_depth(depth: f64) -> f64 {
-    depth - depth.rem_euclid(1.0 / 64.0)
+    depth - depth.rem_euclid(STEP)
 }
 
 /// The number of a sphere, and where X and Y of a normal lie between -1 and 1.

@@ -47,10 +47,10 @@ struct ColorAndDepth {
     @builtin(frag_depth) depth: f32,
 }
 
-/// Depth rounded down to 64 steps, coarse enough to be seen: of fragments that share one, the sphere
-/// that is drawn first is kept.
+/// Depth rounded down to 16 steps, each as deep as a sphere or more: of fragments that share one, the
+/// sphere that is drawn last is kept.
 fn stepped_depth(depth: f32) -> f32 {
-    return floor(depth * 64.0) / 64.0;
+    return floor(depth * 16.0) / 16.0;
 }
 
 @fragment

@@ -130,9 +130,7 @@ fn lobes_end_at_the_horizon() {
         PBR.function(function).over(&perpendicular).satisfies("is 0", |_, d: f32| d == 0.0);
     }
     for function in ["distribution::ggx", "distribution::beckmann"] {
-        PBR.function(function)
-            .over((ALPHA, Just(0.0)))
-            .satisfies("is 0", |_, d: f32| d == 0.0);
+        PBR.function(function).over((ALPHA, Just(0.0))).satisfies("is 0", |_, d: f32| d == 0.0);
     }
     PBR.function("distribution::blinn_phong")
         .over((0.0..=1e4, Just(0.0)))

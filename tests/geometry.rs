@@ -106,9 +106,7 @@ fn smith_g1_beckmann() {
 #[test]
 fn nothing_is_visible_at_the_horizon() {
     for function in ["geometry::smith_g1", "geometry::smith_g1_beckmann"] {
-        PBR.function(function)
-            .over((0.0..=1.0, Just(0.0)))
-            .satisfies("is 0", |_, g: f32| g == 0.0);
+        PBR.function(function).over((0.0..=1.0, Just(0.0))).satisfies("is 0", |_, g: f32| g == 0.0);
     }
     for function in [
         "geometry::smith_separable",

@@ -13,6 +13,7 @@ mod command;
 mod demo;
 mod licence;
 mod lint;
+mod mutants;
 mod setup;
 mod step;
 mod suite;
@@ -32,6 +33,7 @@ Examples:
   cargo ci lint             the quick half of CI, before a commit
   cargo ci test             all of CI, before a push
   cargo ci bench -- frames  the benchmarks whose name contains `frames`
+  cargo ci mutants camera   each mutant of a shader module against the module's tests
 
 No GPU is needed: Mesa's lavapipe (Vulkan) and llvmpipe (GL) run on the processor.";
 
@@ -61,6 +63,14 @@ enum Task {
         #[arg(last = true)]
         arguments: Vec<String>,
     },
+    /// Make every mutant of the shader library, and see whether its tests kill it; this takes hours.
+    ///
+    /// The tests try a few of them in each run. What became of which is written to
+    /// `target/karat/mutants-made.md`, module by module.
+    Mutants {
+        /// Only these: a module, a line or a place, such as `brdf`, `brdf:31` or `brdf:31:12`.
+        names: Vec<String>,
+    },
 }
 
 fn main() -> ExitCode {
@@ -71,6 +81,7 @@ fn main() -> ExitCode {
         Task::Test => suite::run(),
         Task::Lint => lint::run(),
         Task::Bench { arguments } => step::verdict(bench::run(&arguments)),
+        Task::Mutants { names } => step::verdict(mutants::run(&names)),
     }
 }
 
