@@ -50,7 +50,7 @@ impl Hunt {
             &library::text(module),
         ) {
             Seen::Survived => None,
-            Seen::Killed(why) | Seen::NoVerdict(why) => {
+            Seen::Killed(why) | Seen::Asserted(why) | Seen::NoVerdict(why) => {
                 Some(format!("{module} as it is: {why} fails"))
             }
         }));
@@ -155,25 +155,36 @@ impl Hunt {
     }
 }
 
+/// Runs the tests of a mutant's module until one of them kills it. Linking takes longer than most
+/// tests do: naga is asked only about those that no check has proved to be valid by failing.
 fn fate(library: &Library, candidate: &Candidate, listed: &[Listed]) -> Fate {
+    let text = candidate.text();
+    let reason = listed.iter().find(|listed| listed.is(candidate)).map(|listed| &listed.reason);
+    let killed = |test| match reason {
+        None => Fate::Killed(test),
+        Some(_) => Fate::Unexcused(test),
+    };
+    let mut undecided = None;
+    let mut asserted = None;
+    for target in candidate.judges {
+        match library.hunt(target, candidate.module, &text) {
+            Seen::Killed(test) => return killed(test),
+            Seen::Asserted(test) => {
+                asserted = Some(test);
+                break;
+            }
+            Seen::NoVerdict(why) => undecided = Some(why),
+            Seen::Survived => {}
+        }
+    }
     if candidate.invalid().is_some() {
         return Fate::Invalid;
     }
-    let text = candidate.text();
-    let reason = listed.iter().find(|listed| listed.is(candidate)).map(|listed| &listed.reason);
-    let mut undecided = None;
-    for target in candidate.judges {
-        match (library.hunt(target, candidate.module, &text), reason) {
-            (Seen::Killed(test), None) => return Fate::Killed(test),
-            (Seen::Killed(test), Some(_)) => return Fate::Unexcused(test),
-            (Seen::NoVerdict(why), _) => undecided = Some(why),
-            (Seen::Survived, _) => {}
-        }
-    }
-    match (undecided, reason) {
-        (Some(why), _) => Fate::NoVerdict(why),
-        (None, Some(reason)) => Fate::Excused(reason.clone()),
-        (None, None) => Fate::Survived,
+    match (asserted, undecided, reason) {
+        (Some(test), ..) => killed(test),
+        (None, Some(why), _) => Fate::NoVerdict(why),
+        (None, None, Some(reason)) => Fate::Excused(reason.clone()),
+        (None, None, None) => Fate::Survived,
     }
 }
 

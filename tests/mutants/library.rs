@@ -44,8 +44,10 @@ pub(crate) struct Caught {
 
 /// What a file of tests made of a mutant.
 pub(crate) enum Seen {
-    /// This test failed, at a check or an assertion.
+    /// A check of this test failed: the shader is valid, then.
     Killed(String),
+    /// This test failed without a check, at an assertion of its own.
+    Asserted(String),
     /// A test ended without a verdict: its check couldn't be made, or took too long.
     NoVerdict(String),
     /// The tests passed.
@@ -166,17 +168,17 @@ impl Library {
             None if status.success() => Seen::Survived,
             None => Seen::NoVerdict(format!("{target} ended with {status} and no failing test")),
             Some(test) => {
-                // A check that came to no verdict is no proof. A test without a check of the
-                // harness has failed at an assertion of its own.
+                // A check that came to no verdict is no proof.
                 let records = record::read(&folder.path().join("record")).unwrap_or_default();
                 let of = |verdict| records.iter().find(|record| record.verdict == verdict);
                 match (of(Verdict::Fail), of(Verdict::Error)) {
+                    (Some(_), _) => Seen::Killed(format!("{target}::{test}")),
+                    (None, None) => Seen::Asserted(format!("{target}::{test}")),
                     (None, Some(error)) => {
                         let message = error.message.as_deref().unwrap_or_default();
                         let line = message.lines().next().unwrap_or_default();
                         Seen::NoVerdict(format!("{target}::{test}: {line}"))
                     }
-                    _ => Seen::Killed(format!("{target}::{test}")),
                 }
             }
         }

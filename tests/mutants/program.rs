@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 use std::fmt;
 
 use karat::{Package, Program};
-use shaders::PBR;
 
 use crate::library;
 use crate::maker::{self, Mutant};
