@@ -120,7 +120,7 @@ fn blinn_phong_mirrors_cosines_above_one() {
         );
 }
 
-/// At the horizon D is 0, though a GGX lobe reaches it.
+/// At the horizon D is 0, though a GGX lobe reaches it; and below.
 #[test]
 fn lobes_end_at_the_horizon() {
     let perpendicular = (ALPHA, UnitVector)
@@ -128,6 +128,10 @@ fn lobes_end_at_the_horizon() {
         .map(|(alpha, d)| (alpha, Vec3::Z, Vec3::new(d.x, d.y, 0.0).normalize()));
     for function in ["distribution::ggx_from_vectors", "distribution::beckmann_from_vectors"] {
         PBR.function(function).over(&perpendicular).satisfies("is 0", |_, d: f32| d == 0.0);
+        // At 1e-6 and more the dot product of three terms has its sign.
+        let below = (ALPHA, UnitVector, UnitVector)
+            .filter(|(_, n, h): &(f32, Vec3, Vec3)| n.as_dvec3().dot(h.as_dvec3()) < -1e-6);
+        PBR.function(function).over(below).satisfies("is 0 below", |_, d: f32| d == 0.0);
     }
     for function in ["distribution::ggx", "distribution::beckmann"] {
         PBR.function(function).over((ALPHA, Just(0.0))).satisfies("is 0", |_, d: f32| d == 0.0);

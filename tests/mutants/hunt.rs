@@ -75,6 +75,9 @@ impl Hunt {
                 .into_par_iter()
                 .map(|candidate| {
                     let fate = fate(library, &candidate, listed);
+                    if matches!(fate, Fate::Survived) {
+                        eprintln!("{candidate} survives"); // a long run's first results
+                    }
                     (candidate, fate)
                 })
                 .collect();

@@ -142,7 +142,11 @@ impl Selection {
             Self::Sample(seed) => {
                 // Each module has its share, whatever its length: the least hash of each, then the
                 // second of each, and so on.
-                all.sort_by_key(|candidate| hash(&format!("{seed} {candidate}")));
+                // By what changes and not by where: a line more above is no other sample.
+                all.sort_by_cached_key(|Candidate { module, mutant, lines, .. }| {
+                    let [before, after] = lines;
+                    hash(&format!("{seed} {module} {} {before} {after}", mutant.item))
+                });
                 let mut rounds: Vec<(usize, Candidate)> = Vec::new();
                 for candidate in all {
                     let earlier =
