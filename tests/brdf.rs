@@ -219,8 +219,8 @@ fn tri_ace_sample() {
         .agrees_with(brdf::tri_ace_sample, Abs(2.5e-3));
 }
 
-/// Narrow lobes are seen by their own measure: how far a sample is from the mirror direction, to 1 %
-/// of that, or of the lobe's width, and the rounding of directions.
+/// Narrow lobes are seen by their own measure: how far a sample is from the mirror direction, to 1
+/// % of that, or of the lobe's width, and the rounding of directions.
 #[test]
 fn narrow_lobes_keep_their_width() {
     let near = |alpha: f32, v: Vec3, l: Vec3, expected: DVec3| {
@@ -268,9 +268,10 @@ fn reflectances_are_finite_and_not_negative() {
         .satisfies("is not negative", |_, f: Vec3| f.min_element() >= 0.0);
 }
 
-/// Cosines from 1e-18 for the one direction and from the least normal f32 for the other, where their
-/// product is far below any f32. What of D may be flushed, exp(-87) in its numerator, counts as often
-/// as 1 / (4 N.V N.L) has it, at most 1 / the larger cosine squared. Left out is what an f32 can't hold.
+/// Cosines from 1e-18 for the one direction and from the least normal f32 for the other, where
+/// their product is far below any f32. What of D may be flushed, exp(-87) in its numerator, counts
+/// as often as 1 / (4 N.V N.L) has it, at most 1 / the larger cosine squared. Left out is what an
+/// f32 can't hold.
 #[test]
 fn cook_torrance_eval_at_the_horizon() {
     let eval = |alpha: f32, v: Vec3, l: Vec3| {
@@ -545,8 +546,9 @@ fn estimators() -> Package {
 }
 
 /// No sample stands for more than twice its light: G2 / G1 is at most 1, and G of the V-cavity at
-/// most 2 N.H N.V / V.H, by which the weight F G V.H / (N.H N.V) is at most 2 F. In the exponentials
-/// of eval and pdf the same errors cancel; where pdf is denormal, so may be its digits.
+/// most 2 N.H N.V / V.H, by which the weight F G V.H / (N.H N.V) is at most 2 F. In the
+/// exponentials of eval and pdf the same errors cancel; where pdf is denormal, so may be its
+/// digits.
 #[test]
 fn samples_have_bounded_weights() {
     let package = estimators();

@@ -107,8 +107,9 @@ fn cosines_that_round_above_one() {
     );
 }
 
-/// For each exponent, such a cosine counts as one that is as far below 1. Then tan^2 of the half angle
-/// is off by the distance, 1e-6 at most, which 87 times over is 9e-5 beside the exponential's own.
+/// For each exponent, such a cosine counts as one that is as far below 1. Then tan^2 of the half
+/// angle is off by the distance, 1e-6 at most, which 87 times over is 9e-5 beside the exponential's
+/// own.
 #[test]
 fn blinn_phong_mirrors_cosines_above_one() {
     let above_one = OneOf((1..=8_u32).map(|i| f32::from_bits(1.0_f32.to_bits() + i)).collect());
@@ -167,9 +168,10 @@ fn lobes_are_symmetric_in_their_vectors() {
         .invariant_under(swapped, Rel(4e-4).or(VANISHED));
 }
 
-/// No lobe has more than one peak: it rises with N.H to the pole, Beckmann's as long as 2 alpha^2 is
-/// at most 1. A wider one has its peak on a ring, where cos^2 = 1 / (2 alpha^2): the cosine to the
-/// fourth outweighs the exponential. The tolerance is twice the error of the function's own check.
+/// No lobe has more than one peak: it rises with N.H to the pole, Beckmann's as long as 2 alpha^2
+/// is at most 1. A wider one has its peak on a ring, where cos^2 = 1 / (2 alpha^2): the cosine to
+/// the fourth outweighs the exponential. The tolerance is twice the error of the function's own
+/// check.
 #[test]
 fn lobes_rise_to_their_pole() {
     let up = Direction::Increasing;

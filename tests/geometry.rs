@@ -93,8 +93,8 @@ fn smith_schlick_ggx() {
 }
 
 /// The fit of erf is good to 1.5e-7. It enters G1 weighed by a, and beside the 2 a of the
-/// denominator: half of it arrives. The rest, 14 ulp, are the exponential (5 ulp at a = 1), a square
-/// root and divisions.
+/// denominator: half of it arrives. The rest, 14 ulp, are the exponential (5 ulp at a = 1), a
+/// square root and divisions.
 #[test]
 fn smith_g1_beckmann() {
     PBR.function("geometry::smith_g1_beckmann")
@@ -121,8 +121,8 @@ fn nothing_is_visible_at_the_horizon() {
     }
 }
 
-/// N.V of two unit vectors that are equal often rounds to just above 1, where 1 - cos^2 is negative.
-/// The tangent is below 1.5e-3 there: nothing is hidden.
+/// N.V of two unit vectors that are equal often rounds to just above 1, where 1 - cos^2 is
+/// negative. The tangent is below 1.5e-3 there: nothing is hidden.
 #[test]
 fn cosines_that_round_above_one() {
     let above_one = OneOf((1..=8_u32).map(|i| f32::from_bits(1.0_f32.to_bits() + i)).collect());
@@ -161,8 +161,8 @@ fn masking_is_a_probability() {
         .satisfies("lies in 0..=1", |_, g: f32| (0.0..=1.0 + f32::EPSILON).contains(&g));
 }
 
-/// The flatter the view, the more is hidden, and the rougher the surface. The tolerance is the error
-/// of the function's own check, once to each side.
+/// The flatter the view, the more is hidden, and the rougher the surface. The tolerance is the
+/// error of the function's own check, once to each side.
 #[test]
 fn masking_grows_toward_grazing_and_with_the_width() {
     for (function, ulp) in [("geometry::smith_g1", 20.0), ("geometry::smith_g1_beckmann", 40.0)] {

@@ -159,8 +159,8 @@ fn they_agree_with_their_twins() {
         );
 }
 
-/// Few steps, where each counts: between texels the last bit of two weights of 8, of a difference of
-/// 1/32 each. On GL a step within half a texel of a face's edge is off by half a texel, 1/64.
+/// Few steps, where each counts: between texels the last bit of two weights of 8, of a difference
+/// of 1/32 each. On GL a step within half a texel of a face's edge is off by half a texel, 1/64.
 #[test]
 fn few_steps_agree_with_their_twin() {
     let map = cube_map(sky);

@@ -41,7 +41,8 @@ fn faces_become_the_cube_map_that_they_show() {
 
 /// Each entry of the table: scale and bias for the middle of its texel, in the channels that are
 /// read, and again in those that aren't. As in `specular.rs`, V.H is rounded to 1e-7 and divided by
-/// N.V, which is 1/32 at least. On GL a frame has half floats, which may be cut off: 2^-11 in 1/2..1.
+/// N.V, which is 1/32 at least. On GL a frame has half floats, which may be cut off: 2^-11 in
+/// 1/2..1.
 #[test]
 fn split_sum_fragment() {
     const SIDE: u32 = 16;

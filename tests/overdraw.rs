@@ -104,12 +104,12 @@ struct Hit {
     depth: f64,
 }
 
-/// The middle of a facet, 5.6 degrees wide both ways, is this far from the sphere, and a normal that
-/// the mesh has there from the sphere's.
+/// The middle of a facet, 5.6 degrees wide both ways, is this far from the sphere, and a normal
+/// that the mesh has there from the sphere's.
 const FACET: f64 = 2.5e-3;
 
-/// What the ray through a pixel's middle meets, or `None` if it passes the rim of a sphere, where the
-/// mesh's outline decides.
+/// What the ray through a pixel's middle meets, or `None` if it passes the rim of a sphere, where
+/// the mesh's outline decides.
 fn hits(camera: &Camera, ndc: DVec2) -> Option<Vec<Hit>> {
     let (eye, matrix) = (camera.position.as_dvec3(), camera.view_projection.as_dmat4());
     let direction = camera::view_direction(matrix, ndc).normalize();
@@ -190,9 +190,9 @@ fn holes_show_the_next_sphere() {
     });
 }
 
-/// The nearest step, and of the spheres on it the last. Seen from the other side, from where the last
-/// are the farthest. Not judged: where a facet's distance, which is 1e-3 of the depth range at most,
-/// decides between two steps.
+/// The nearest step, and of the spheres on it the last. Seen from the other side, from where the
+/// last are the farthest. Not judged: where a facet's distance, which is 1e-3 of the depth range at
+/// most, decides between two steps.
 #[test]
 fn steps_show_the_last_sphere() {
     let camera = || {

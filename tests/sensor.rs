@@ -73,8 +73,8 @@ fn tone_map() {
         .agrees_with(sensor::tone_map, Ulp(14.0).or(UNDERFLOW));
 }
 
-/// The square of such a white is below any f32, and all but black is beyond white. A channel that is
-/// 0 stays 0. With colours so dark that what they become is an f32.
+/// The square of such a white is below any f32, and all but black is beyond white. A channel that
+/// is 0 stays 0. With colours so dark that what they become is an f32.
 #[test]
 fn a_white_next_to_black() {
     // Channels that are 0, or large enough to stay normal.

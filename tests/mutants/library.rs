@@ -147,40 +147,30 @@ impl Library {
             let _ = output.lines().map_while(Result::ok).try_for_each(|line| sender.send(line));
         });
         let deadline = Instant::now() + PATIENCE;
-        let mut failed = None;
+        let mut seen = None;
         let mut late = false;
-        while failed.is_none() && !late {
+        // A check that came to no verdict is no proof: then another test may have one.
+        while !late && !matches!(seen, Some(Seen::Killed(_) | Seen::Asserted(_))) {
             let left = deadline.saturating_duration_since(Instant::now());
             match lines.recv_timeout(left) {
-                Ok(line) => failed = failed_test(&line),
+                Ok(line) => {
+                    seen = failed_test(&line).map(|test| failure(target, &test, &folder)).or(seen)
+                }
                 Err(mpsc::RecvTimeoutError::Disconnected) => break,
                 Err(mpsc::RecvTimeoutError::Timeout) => late = true,
             }
         }
-        if failed.is_some() || late {
+        if late || matches!(seen, Some(Seen::Killed(_) | Seen::Asserted(_))) {
             let _ = child.kill(); // it may have ended by itself
         }
         drop(lines);
         let status = child.wait().expect("the tests end");
         let _ = reader.join();
-        match failed {
+        match seen {
+            Some(seen) => seen,
             None if late => Seen::NoVerdict(format!("{target}: more than {PATIENCE:?}")),
             None if status.success() => Seen::Survived,
             None => Seen::NoVerdict(format!("{target} ended with {status} and no failing test")),
-            Some(test) => {
-                // A check that came to no verdict is no proof.
-                let records = record::read(&folder.path().join("record")).unwrap_or_default();
-                let of = |verdict| records.iter().find(|record| record.verdict == verdict);
-                match (of(Verdict::Fail), of(Verdict::Error)) {
-                    (Some(_), _) => Seen::Killed(format!("{target}::{test}")),
-                    (None, None) => Seen::Asserted(format!("{target}::{test}")),
-                    (None, Some(error)) => {
-                        let message = error.message.as_deref().unwrap_or_default();
-                        let line = message.lines().next().unwrap_or_default();
-                        Seen::NoVerdict(format!("{target}::{test}: {line}"))
-                    }
-                }
-            }
         }
     }
 
@@ -232,6 +222,21 @@ fn overlaid(modules: &[(&str, String)]) -> TempDir {
         std::fs::write(files.join(format!("{module}.wgsl")), text).expect("written");
     }
     folder
+}
+
+/// Why a test failed, by the records of its process.
+fn failure(target: &str, test: &str, folder: &TempDir) -> Seen {
+    let records = record::read(&folder.path().join("record")).unwrap_or_default();
+    let of = |verdict| records.iter().find(|record| record.verdict == verdict);
+    match (of(Verdict::Fail), of(Verdict::Error)) {
+        (Some(_), _) => Seen::Killed(format!("{target}::{test}")),
+        (None, None) => Seen::Asserted(format!("{target}::{test}")),
+        (None, Some(error)) => {
+            let message = error.message.as_deref().unwrap_or_default();
+            let line = message.lines().next().unwrap_or_default();
+            Seen::NoVerdict(format!("{target}::{test}: {line}"))
+        }
+    }
 }
 
 /// The test of which a line of the test runner says that it failed.

@@ -4,8 +4,8 @@
 //! library's tests as an overlay (`KARAT_OVERLAY`), and an ordinary check has to fail: the record
 //! says which. The table is written to `target/karat/mutants.md`.
 //!
-//! Some faults are picked by hand (`faults.rs`). The others are made by a program (`maker.rs`), a few
-//! of them here and all by `cargo ci mutants`; what became of them is written to
+//! Some faults are picked by hand (`faults.rs`). The others are made by a program (`maker.rs`), a
+//! few of them here and all by `cargo ci mutants`; what became of them is written to
 //! `target/karat/mutants-made.md`.
 
 mod faults;

@@ -108,8 +108,8 @@ pub(crate) enum Selection {
 }
 
 impl Selection {
-    /// From `MUTANTS`, which is `all` or a list such as `brdf,geometry:26`, and `MUTANTS_SEED`. (Names that
-    /// begin with `KARAT_` are the harness's.)
+    /// From `MUTANTS`, which is `all` or a list such as `brdf,geometry:26`, and `MUTANTS_SEED`.
+    /// Names that begin with `KARAT_` are the harness's.
     pub(crate) fn from_environment(test: &str) -> Self {
         match std::env::var("MUTANTS") {
             Ok(all) if all == "all" => Self::All,
