@@ -10,7 +10,7 @@
 
 import package::distribution::{beckmann_lobe, ggx_lobe, power_of_cosine};
 import package::fresnel::schlick;
-import package::geometry::{projected_width, smith_correlated_visibility, v_cavity};
+import package::geometry::{projected_width, smith_correlated_visibility, v_cavity_visibility};
 import package::math::{INV_TAU, PI};
 import package::sampling::{
     beckmann_normal, cosine_hemisphere, cosine_hemisphere_pdf, ggx_visible_normal,
@@ -95,14 +95,15 @@ fn microfacet_weight(f0: vec3f, alpha: f32, v: vec3f, l: vec3f) -> vec3f {
 }
 
 /// Cook and Torrance 1982 with today's normalisation: Beckmann's D, V-shaped grooves, and 1/4 in
-/// place of 1/pi. Walter et al. 2007, eq. 20.
+/// place of 1/pi. Walter et al. 2007, eq. 20. Infinite only where the value is beyond an f32: where
+/// both cosines are so small that D / (4 N.L N.V) exceeds 3.4e38.
 fn cook_torrance_eval(f0: vec3f, alpha: f32, v: vec3f, l: vec3f) -> vec3f {
     if (!above_horizon(v, l)) {
         return vec3f();
     }
     let h = half_vector(v, l);
-    let g = v_cavity(h.n_dot_h, v.z, l.z, h.v_dot_h);
-    return schlick(f0, h.v_dot_h) * (beckmann_lobe(alpha, h.sin2, h.cos2) * g / (4.0 * v.z * l.z));
+    let visibility = v_cavity_visibility(h.n_dot_h, v.z, l.z, h.v_dot_h);
+    return schlick(f0, h.v_dot_h) * (beckmann_lobe(alpha, h.sin2, h.cos2) * visibility);
 }
 
 /// `v` mirrored at a normal of Beckmann's distribution. The weight of a sample is at most 2 F: it

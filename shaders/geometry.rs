@@ -17,6 +17,12 @@ pub fn v_cavity(n_dot_h: f64, n_dot_v: f64, n_dot_l: f64, v_dot_h: f64) -> f64 {
     1.0_f64.min(masking).min(shadowing)
 }
 
+/// [`v_cavity`] over 4 N.V N.L (Walter et al. 2007, eq. 20).
+#[must_use]
+pub fn v_cavity_visibility(n_dot_h: f64, n_dot_v: f64, n_dot_l: f64, v_dot_h: f64) -> f64 {
+    v_cavity(n_dot_h, n_dot_v, n_dot_l, v_dot_h) / (4.0 * n_dot_v * n_dot_l)
+}
+
 /// Walter et al. 2007, eq. 34: 2 / (1 + sqrt(1 + alpha^2 tan^2)), and 0 at and below the horizon.
 #[must_use]
 pub fn smith_g1(alpha: f64, n_dot_x: f64) -> f64 {

@@ -17,6 +17,21 @@ fn v_cavity(n_dot_h: f32, n_dot_v: f32, n_dot_l: f32, v_dot_h: f32) -> f32 {
     return visible / v_dot_h;
 }
 
+/// `v_cavity` / (4 N.V N.L): all of a microfacet BRDF but D and F. Both cosines are above 0, the
+/// larger one is 1e-18 or more, and V.H at least half of it, as for any half vector.
+///
+/// Divided through by hand, because 4 N.V N.L may underflow. Where a facet is masked, the smaller
+/// cosine cancels. Where none is, it is more than a third of the larger one, and the result at most
+/// 1e36.
+fn v_cavity_visibility(n_dot_h: f32, n_dot_v: f32, n_dot_l: f32, v_dot_h: f32) -> f32 {
+    let smaller = min(n_dot_v, n_dot_l);
+    let larger = max(n_dot_v, n_dot_l);
+    if (2.0 * n_dot_h * smaller >= v_dot_h) {
+        return 0.25 / larger / smaller;
+    }
+    return 0.5 * n_dot_h / (larger * v_dot_h);
+}
+
 /// Smith masking of GGX for one direction. Walter et al. 2007, eq. 34.
 ///
 /// The tangent is multiplied out: cos^2 + alpha^2 sin^2 has no pole at grazing and, written as

@@ -4,6 +4,10 @@
 // All functions return irradiance over pi, E / pi, which is what an irradiance map stores: colour
 // times it is the radiance of a Lambertian, and a white furnace of radiance 1 returns 1. Several
 // ways to the same number: samples, sharp or filtered; rings; texels; spherical harmonics.
+//
+// Mesa's software drivers leave a loop once all loops of an invocation have gone round 65,535 times
+// together, and the sum is then too small. Counts of samples, steps and texels are limited to
+// what fits; an invocation that calls several of these functions has to share it.
 
 import package::environment::{face_direction, mip_level, radiance, radiance_level};
 import package::math::{INV_TAU, PI};
@@ -16,7 +20,7 @@ import package::sampling::{
     uniform_hemisphere,
 };
 
-/// Estimated by `samples` (at least 1) directions uniform on the hemisphere about the unit normal
+/// Estimated by `samples` (1..=65,535) directions uniform on the hemisphere about the unit normal
 /// `n`.
 ///
 /// Each sample is f L cos / pdf = (colour / pi) L (N.L) (2 pi) = 2 colour (N.L) L. The lecture
@@ -33,8 +37,9 @@ fn estimate(n: vec3f, samples: u32) -> vec3f {
     return 2.0 * sum / f32(samples);
 }
 
-/// Estimated by few directions, each of which looks up the mean of what it stands for: a mip level
-/// of the environment, whose faces are `size` texels wide. Krivanek and Colbert 2008.
+/// Estimated by few directions (`samples`, 1..=65,535), each of which looks up the mean of what it
+/// stands for: a mip level of the environment, whose faces are `size` texels wide. Krivanek and
+/// Colbert 2008.
 ///
 /// Directions come with density cos / pi, so that each weighs f cos / pdf = 1 and a furnace is
 /// exact for any number of samples. Texels near the horizon reach below it, which tints the
@@ -77,7 +82,8 @@ fn loop_corrected(n: vec3f) -> vec3f {
 }
 
 /// Midpoint rule over rings and sectors, at least 1 of each, divided by the sum of its weights
-/// cos sin: exact for constants whatever the steps.
+/// cos sin: exact for constants whatever the steps. (`phi_steps` + 1) `theta_steps` is at most
+/// 65,535.
 fn midpoint(n: vec3f, phi_steps: u32, theta_steps: u32) -> vec3f {
     let frame = orthonormal_basis(n);
     var sum = vec3f();
@@ -98,8 +104,7 @@ fn midpoint(n: vec3f, phi_steps: u32, theta_steps: u32) -> vec3f {
 
 /// A look-up of each texel of a cube map with faces `size` (1..=104) texels wide. One sum over
 /// what there is, no direction twice: the reference for small maps. Divided by the sum of its
-/// weights: exact for constants. (llvmpipe leaves a loop after 65,535 rounds; 105^2 texels are
-/// more.)
+/// weights: exact for constants. 6 times 105^2 texels would be more than 65,535.
 fn texel_sum(n: vec3f, size: u32) -> vec3f {
     var sum = vec3f();
     var weights = 0.0;
@@ -158,10 +163,17 @@ fn sh_project(size: u32) -> array<vec3f, 9> {
         let d = texel_direction(size, i);
         let weight = texel_density(d);
         let light = weight * radiance(d);
-        var basis = sh_basis(normalize(d));
-        for (var k = 0u; k < 9u; k++) {
-            coefficients[k] += basis[k] * light;
-        }
+        let basis = sh_basis(normalize(d));
+        // Written out: a loop here would take nine more rounds for each texel.
+        coefficients[0] += basis[0] * light;
+        coefficients[1] += basis[1] * light;
+        coefficients[2] += basis[2] * light;
+        coefficients[3] += basis[3] * light;
+        coefficients[4] += basis[4] * light;
+        coefficients[5] += basis[5] * light;
+        coefficients[6] += basis[6] * light;
+        coefficients[7] += basis[7] * light;
+        coefficients[8] += basis[8] * light;
         weights += weight;
     }
     for (var k = 0u; k < 9u; k++) {

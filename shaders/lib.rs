@@ -23,6 +23,7 @@ pub mod layering;
 pub mod maps;
 pub mod materials;
 pub mod math;
+pub mod overdraw;
 pub mod probe_room;
 pub mod radiometry;
 pub mod sampling;

@@ -9,7 +9,7 @@ import package::specular;
 /// What a map is computed for.
 struct MapSettings {
     side: u32, // texels along a side of a face, or of the table
-    samples: u32,
+    samples: u32, // at most 65,535, see `irradiance`
     alpha: f32, // of a prefiltered level
 }
 
@@ -55,11 +55,10 @@ fn prefiltered_fragment(@builtin(position) position: vec4f) -> @location(0) vec4
     return vec4f(specular::prefiltered(settings.alpha, r, settings.samples), 1.0);
 }
 
-/// Scale and bias of f0 in R and G; N.V grows to the right, alpha downward, each from the middle of
-/// its first texel.
+/// Scale and bias of f0 in R and G, and again in B and A, because a target has four channels. N.V
+/// grows to the right, alpha downward, each from the middle of its first texel.
 @fragment
 fn split_sum_fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
     let entry = position.xy / f32(settings.side); // pixels have their centres at 0.5
-    let scale_bias = specular::split_sum_table(entry.y, entry.x, settings.samples);
-    return vec4f(scale_bias, 0.0, 1.0);
+    return specular::split_sum_table(entry.y, entry.x, settings.samples).rgrg;
 }

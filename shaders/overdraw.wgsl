@@ -9,13 +9,14 @@ fn vertex(@location(0) position: vec3f, @builtin(instance_index) instance: u32) 
     return projected(position, instance);
 }
 
-/// Adds up to the number of fragments that were kept, with blending that adds.
+/// Adds up to the number of fragments that were kept, in each channel, with blending that adds.
 @fragment
 fn counting_fragment(in: Varyings) -> @location(0) vec4f {
     return vec4f(1.0);
 }
 
-/// Whether the stripe pattern, in the object's space, has a hole here.
+/// Whether the stripe pattern, in the object's space, has a hole here: of each quarter of a radius
+/// upward, the lower two fifths are open.
 fn is_hole(normal: vec3f) -> bool {
     return fract(4.0 * normal.y) < 0.4;
 }
@@ -28,13 +29,13 @@ fn cutout_depth_fragment(in: Varyings) {
     }
 }
 
-/// A sphere with holes, through which those behind it are seen, each in a colour of its own.
+/// A sphere with holes, through which the fronts of those behind it are seen, each labelled.
 @fragment
 fn cutout_fragment(in: Varyings) -> @location(0) vec4f {
     if (is_hole(in.normal)) {
         discard;
     }
-    return vec4f(label(in), 1.0);
+    return vec4f(label(in.instance, in.normal), 1.0);
 }
 
 struct Depth {
@@ -46,22 +47,24 @@ struct ColorAndDepth {
     @builtin(frag_depth) depth: f32,
 }
 
-/// Depth in steps, coarse enough to be seen: spheres that are close together share one.
-fn stepped_depth(clip: vec4f) -> f32 {
-    return floor(clip.z * 64.0) / 64.0;
+/// Depth rounded down to 16 steps, each as deep as a sphere or more: of fragments that share one, the
+/// sphere that is drawn last is kept.
+fn stepped_depth(depth: f32) -> f32 {
+    return floor(depth * 16.0) / 16.0;
 }
 
 @fragment
 fn stepped_depth_fragment(in: Varyings) -> Depth {
-    return Depth(stepped_depth(in.clip));
+    return Depth(stepped_depth(in.clip.z));
 }
 
 @fragment
 fn stepped_fragment(in: Varyings) -> ColorAndDepth {
-    return ColorAndDepth(vec4f(label(in), 1.0), stepped_depth(in.clip));
+    return ColorAndDepth(vec4f(label(in.instance, in.normal), 1.0), stepped_depth(in.clip.z));
 }
 
-/// A colour that tells sphere and place apart.
-fn label(in: Varyings) -> vec3f {
-    return vec3f(f32(in.instance), 0.5 * in.normal.xy + 0.5);
+/// A colour that tells sphere and place apart: the number of the sphere, and X and Y of its normal,
+/// from -1..=1 to 0..=1.
+fn label(instance: u32, normal: vec3f) -> vec3f {
+    return vec3f(f32(instance), 0.5 * normal.xy + 0.5);
 }

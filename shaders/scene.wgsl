@@ -13,7 +13,8 @@ import package::layering::{masked_base, plastic, thin_coat};
 import package::materials::{alpha_from_roughness, masked_roughness, material_from_texels};
 import package::specular;
 
-/// How many directions light is gathered from. Powers of two make the diffuse furnace exact.
+/// How many directions light is gathered from, together at most 65,535: see `irradiance`. Powers of
+/// two make the diffuse furnace exact.
 struct Samples {
     diffuse: u32,
     specular: u32,

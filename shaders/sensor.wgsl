@@ -30,21 +30,25 @@ fn luminance(color: vec3f) -> f32 {
 }
 
 /// Compresses luminance so that `white`, the least that shows as white, becomes 1.
-/// Reinhard et al. 2002, eq. 4: L (1 + L / white^2) / (1 + L).
+/// Reinhard et al. 2002, eq. 4: L (1 + L / white^2) / (1 + L). `white` is above 1e-30.
 fn reinhard(color_luminance: f32, white: f32) -> f32 {
-    return color_luminance * reinhard_scale(color_luminance, white);
+    return compressed(vec3f(color_luminance), color_luminance, white).x;
 }
 
 /// `reinhard` of a colour's luminance; hue and saturation stay. Channels brighter than the
-/// luminance may exceed 1.
-///
-/// By eq. 4 over L: black needs no division by its luminance.
+/// luminance may exceed 1. `white` is above 1e-30. Where it is below 1e-15, channels of up to 1e4
+/// may become infinite, which is what an f32 makes of numbers that large.
 fn tone_map(color: vec3f, white: f32) -> vec3f {
-    return color * reinhard_scale(luminance(color), white);
+    return compressed(color, luminance(color), white);
 }
 
-fn reinhard_scale(color_luminance: f32, white: f32) -> f32 {
-    return (1.0 + color_luminance / (white * white)) / (1.0 + color_luminance);
+/// `color` times eq. 4 over L, so that black needs no division by its luminance.
+///
+/// Divided by `white` twice, and each time something that is small where the other is: the square
+/// of `white` may underflow, and a channel that is 0 must not meet an infinity.
+fn compressed(color: vec3f, color_luminance: f32, white: f32) -> vec3f {
+    let darker = color / (1.0 + color_luminance);
+    return darker + darker / white * (color_luminance / white);
 }
 
 /// Non-linear sRGB of a linear colour. IEC 61966-2-1.

@@ -4,6 +4,10 @@
 // `n`, `v` and `r` are unit vectors with N.V > 0; `alpha` is 0, a mirror, or lies in 1e-4..=1.
 // G is the V-cavity, as in the lecture. It has a property that the Smith forms lack: the weight of
 // a sample never exceeds 2 F, however grazing the view.
+//
+// Mesa's software drivers leave a loop once all loops of an invocation have gone round 65,535 times
+// together, and the sum is then too small: that is the most that `samples` may be, less what other
+// loops of the invocation need.
 
 import package::environment::{mip_level, radiance, radiance_level};
 import package::fresnel::schlick;
@@ -12,7 +16,7 @@ import package::math::pow5;
 import package::sampling::{ggx_normal, ggx_normal_pdf, hammersley_centred, orthonormal_basis};
 
 /// Radiance that a metal or a coat of reflectance `f0` and width `alpha` sends towards `v`,
-/// estimated by `samples` (at least 1) microfacet normals.
+/// estimated by `samples` (1..=65,535) microfacet normals.
 ///
 /// Light from below the surface doesn't arrive. Rejecting it, also where V.H < 0 (which implies
 /// it), keeps a furnace at or below 1 (64 normals: 1.005, the error of the quadrature). Clamping
@@ -41,7 +45,7 @@ fn estimate(f0: vec3f, alpha: f32, n: vec3f, v: vec3f, samples: u32) -> vec3f {
 
 /// `estimate`, with each sample taken from the mip level whose texels are as large as the solid
 /// angle that it stands for. Krivanek and Colbert 2008. `size` is the side of the environment's
-/// faces in texels.
+/// faces in texels, `samples` lies in 1..=65,535.
 ///
 /// The density needs N.H and the sine in the frame in which the normal was drawn. From the
 /// components of `h` in world space it would be right for upward normals alone.
@@ -76,8 +80,8 @@ fn filtered_estimate(
 }
 
 /// The first half of the split sum: the light about `r`, weighted by N.L, for a surface that is
-/// seen along its normal (N = V = R). At least 2 `samples`: the only one of 1 is on the horizon
-/// for alpha = 1. Karis 2013, "Pre-filtered environment map".
+/// seen along its normal (N = V = R). `samples` lies in 2..=65,535: the only one of 1 is on the
+/// horizon for alpha = 1. Karis 2013, "Pre-filtered environment map".
 fn prefiltered(alpha: f32, r: vec3f, samples: u32) -> vec3f {
     if (alpha == 0.0) {
         return radiance(r);
@@ -97,7 +101,8 @@ fn prefiltered(alpha: f32, r: vec3f, samples: u32) -> vec3f {
 }
 
 /// The second half: scale and offset of f0, which are what a white furnace returns of the two
-/// terms of Schlick's F = f0 (1 - (1 - V.H)^5) + (1 - V.H)^5. `n_dot_v` lies in 1e-3..=1.
+/// terms of Schlick's F = f0 (1 - (1 - V.H)^5) + (1 - V.H)^5. `n_dot_v` lies in 1e-3..=1,
+/// `samples` in 1..=65,535.
 /// Karis 2013, "Environment BRDF".
 ///
 /// With the V-cavity in place of Karis' Smith, so that it is the furnace of `estimate`.

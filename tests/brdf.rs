@@ -199,6 +199,18 @@ fn tri_ace_eval() {
         .agrees_with(brdf::tri_ace_eval, EXPONENTIAL.or(VANISHED));
 }
 
+/// Below 1/2 a quotient (2.5 ulp) of 1 and what is at most 1/12 of it, so that its errors hardly
+/// count. From there on, exp(-2 x) is at most 0.37 and wrong by 3 + 4 x of its ulps: 1.5e-7 at 1/2,
+/// and it shrinks faster than its error grows. It counts 1 / 0.63 times in the difference and
+/// 1 / 1.37 times in the sum, 3.5e-7; the roundings of both and the division add 4.2e-7.
+#[test]
+fn tanh_of() {
+    let function = || PBR.function("brdf::tanh_of");
+    function().over(1e-30..=0.5_f32.next_down()).agrees_with(|x: f64| x.tanh(), Ulp(4.0));
+    function().over(0.5..=40.0).agrees_with(|x: f64| x.tanh(), Rel(8e-7));
+    function().over(Just(0.0)).agrees_with(|x: f64| x, Ulp(0.0));
+}
+
 /// As for the others; log near 1 is a series, and what WGSL allows it elsewhere, 2^-21, is less.
 #[test]
 fn tri_ace_sample() {
@@ -207,8 +219,8 @@ fn tri_ace_sample() {
         .agrees_with(brdf::tri_ace_sample, Abs(2.5e-3));
 }
 
-/// Narrow lobes are seen by their own measure: how far a sample is from the mirror direction, to 1 %
-/// of that, or of the lobe's width, and the rounding of directions.
+/// Narrow lobes are seen by their own measure: how far a sample is from the mirror direction, to 1
+/// % of that, or of the lobe's width, and the rounding of directions.
 #[test]
 fn narrow_lobes_keep_their_width() {
     let near = |alpha: f32, v: Vec3, l: Vec3, expected: DVec3| {
@@ -254,6 +266,46 @@ fn reflectances_are_finite_and_not_negative() {
     PBR.function("brdf::tri_ace_eval")
         .over(domain)
         .satisfies("is not negative", |_, f: Vec3| f.min_element() >= 0.0);
+}
+
+/// Cosines from 1e-18 for the one direction and from the least normal f32 for the other, where
+/// their product is far below any f32. What of D may be flushed, exp(-87) in its numerator, counts
+/// as often as 1 / (4 N.V N.L) has it, at most 1 / the larger cosine squared. Left out is what an
+/// f32 can't hold.
+#[test]
+fn cook_torrance_eval_at_the_horizon() {
+    let eval = |alpha: f32, v: Vec3, l: Vec3| {
+        brdf::cook_torrance_eval(DVec3::ONE, alpha.into(), v.as_dvec3(), l.as_dvec3()).x
+    };
+    let grazing = (ALPHA, -18.0..=0.0_f32, -37.9..=0.0_f32, 0.0..=1.0_f32, 0.0..=1.0_f32)
+        .map(|(alpha, above, low, turn, opposite)| {
+            let at = |z: f32, angle: f32| {
+                let z = z.min(1.0);
+                let from_axis = ((1.0 - z) * (1.0 + z)).sqrt();
+                Vec3::new(from_axis * angle.cos(), from_axis * angle.sin(), z)
+            };
+            let v = at(10.0_f32.powf(above), 0.0);
+            let l = at(10.0_f32.powf(low), std::f32::consts::PI * turn);
+            // Exactly opposite as well, where the half vector is the normal.
+            let l = if opposite < 0.3 { Vec3::new(-v.x, -v.y, l.z.min(v.z)) } else { l };
+            (Vec3::ONE, alpha, v, l)
+        })
+        .filter(move |(_, alpha, v, l)| eval(*alpha, *v, *l) < 1e37);
+    PBR.function("brdf::cook_torrance_eval").over(grazing).satisfies(
+        "is its twin, but for what is flushed",
+        move |(_, alpha, v, l), f: Vec3| {
+            let h = (v.as_dvec3() + l.as_dvec3()).normalize();
+            let width2 = (f64::from(alpha) * h.z).powi(2);
+            if h.truncate().length_squared() > 88.0 * width2 {
+                return f == Vec3::ZERO;
+            }
+            let expected = eval(alpha, v, l);
+            let peak = (std::f64::consts::PI * width2 * h.z.powi(2)).recip();
+            let flushed = (-86.0_f64).exp() * peak / f64::from(v.z.max(l.z)).powi(2);
+            let off = (f.as_dvec3() - DVec3::splat(expected)).abs().max_element();
+            off <= 2e-4 * expected + flushed
+        },
+    );
 }
 
 /// Light from below reaches nothing, and nothing is seen from below.
@@ -494,8 +546,9 @@ fn estimators() -> Package {
 }
 
 /// No sample stands for more than twice its light: G2 / G1 is at most 1, and G of the V-cavity at
-/// most 2 N.H N.V / V.H, by which the weight F G V.H / (N.H N.V) is at most 2 F. In the exponentials
-/// of eval and pdf the same errors cancel; where pdf is denormal, so may be its digits.
+/// most 2 N.H N.V / V.H, by which the weight F G V.H / (N.H N.V) is at most 2 F. In the
+/// exponentials of eval and pdf the same errors cancel; where pdf is denormal, so may be its
+/// digits.
 #[test]
 fn samples_have_bounded_weights() {
     let package = estimators();

@@ -6,7 +6,8 @@ use glam::{DVec2, DVec3, Vec2, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, environment};
 
-/// A texel's colour is rounded to f32 once; to 11 bits where a path filters half floats only, as GL.
+/// A texel's colour is rounded to f32 once; to 11 bits where a path filters half floats only, as
+/// GL.
 const HALF: Rel = Rel(4.9e-4);
 
 #[test]
@@ -49,10 +50,10 @@ fn directions_find_the_face_that_webgpu_says() {
 /// A direction's own components as colour: the cube map of `karat` and that of the library agree
 /// with the hardware's addressing. Between texel centres the map is bilinear: off by 1/8 of
 /// (1/32)^2 times a curvature of at most 1, 1.2e-4, and by weights of 8 bits, 1/512 of 1/64 in each
-/// of two directions, 6e-5. At a corner three texels meet, and their mean stands for the fourth: its
-/// weight is at most 1/4, it is up to a texel off, 1/32, and there the colour's slope is at most 1/2
-/// of 0.58, which is 2.3e-3. At the edges of faces wgpu's desktop GL doesn't filter across, but
-/// clamps to the nearest texel: half of one, 1/64, times the slope of 1/2.
+/// of two directions, 6e-5. At a corner three texels meet, and their mean stands for the fourth:
+/// its weight is at most 1/4, it is up to a texel off, 1/32, and there the colour's slope is at
+/// most 1/2 of 0.58, which is 2.3e-3. At the edges of faces wgpu's desktop GL doesn't filter
+/// across, but clamps to the nearest texel: half of one, 1/64, times the slope of 1/2.
 #[test]
 fn directions_find_their_texel() {
     let size = 64;
@@ -306,9 +307,9 @@ fn parallax_box() {
         .agrees_with(environment::parallax_box, Abs(2e-5));
 }
 
-/// Continuity where two walls meet: a ray at the edge, which rounding leaves on either side, and one
-/// that is turned a little see nearly the same point. It moves by turn way^2 / distance: the way is
-/// at most 35, and the distance to a wall at least 1/10 of a side of 1.1.
+/// Continuity where two walls meet: a ray at the edge, which rounding leaves on either side, and
+/// one that is turned a little see nearly the same point. It moves by turn way^2 / distance: the
+/// way is at most 35, and the distance to a wall at least 1/10 of a side of 1.1.
 #[test]
 fn parallax_box_is_continuous() {
     let turn = 1e-5_f32;
@@ -372,6 +373,21 @@ fn parallax_sphere_ends_on_the_sphere() {
         .satisfies("is a radius away", |(.., radius), seen: Vec3| {
             (seen.length() / radius - 1.0).abs() < 1e-5
         });
+}
+
+/// A point on the sphere, seen along it: both terms of the root vanish, and so does the way. Axes
+/// and powers of two, so that nothing rounds.
+#[test]
+fn parallax_sphere_touches_the_sphere() {
+    let axes = || OneOf(vec![0, 1, 2_usize]).map(|axis| Vec3::AXES[axis]);
+    let tangents = (axes(), axes(), OneOf(vec![0.25_f32, 1.0, 4.0]))
+        .filter(|(to_position, direction, _): &(Vec3, Vec3, f32)| to_position != direction)
+        .map(|(to_position, direction, radius)| {
+            (radius * to_position, direction, Vec3::ZERO, radius)
+        });
+    PBR.function("environment::parallax_sphere")
+        .over(tangents)
+        .agrees_with(|position: DVec3, _: DVec3, _: DVec3, _: f64| position, Ulp(0.0));
 }
 
 /// Solid angles of samples from 1e-12 sr to the sphere, over the range of sizes and counts. Half

@@ -31,6 +31,25 @@ fn nothing_is_hidden_where_v_dot_h_vanishes() {
         .satisfies("is 1", |_, g: f32| g == 1.0);
 }
 
+/// Two quotients (2.5 ulp each) of products. The larger cosine is 1e-18 or more; the smaller one
+/// goes down to the least normal f32, where 4 N.V N.L is 0. V.H is at least half the sum of the
+/// cosines, and N.H at least their sum, as for any half vector.
+#[test]
+fn v_cavity_visibility() {
+    let cosines = (-18.0..=0.0_f32, -37.9..=0.0_f32, 0.0..=1.0_f32, 0.0..=1.0_f32, 0.0..=1.0_f32)
+        .map(|(larger, smaller, n_dot_h, v_dot_h, swapped)| {
+            let (larger, smaller) = (10.0_f32.powf(larger), 10.0_f32.powf(smaller));
+            let (larger, smaller) = (larger.max(smaller), smaller.min(larger));
+            let least = 0.5 * (larger + smaller);
+            let between = |share: f32| least + share * (1.0 - least);
+            let (v, l) = if swapped < 0.5 { (larger, smaller) } else { (smaller, larger) };
+            (between(n_dot_h), v, l, between(v_dot_h))
+        });
+    PBR.function("geometry::v_cavity_visibility")
+        .over(cosines)
+        .agrees_with(geometry::v_cavity_visibility, Ulp(8.0));
+}
+
 /// WGSL inherits sqrt from 1 / inverseSqrt: 4.5 ulp; the sum under it and the division add to 10.
 #[test]
 fn smith_g1() {
@@ -74,13 +93,42 @@ fn smith_schlick_ggx() {
 }
 
 /// The fit of erf is good to 1.5e-7. It enters G1 weighed by a, and beside the 2 a of the
-/// denominator: half of it arrives. The rest, 14 ulp, are the exponential (5 ulp at a = 1), a square
-/// root and divisions.
+/// denominator: half of it arrives. The rest, 14 ulp, are the exponential (5 ulp at a = 1), a
+/// square root and divisions.
 #[test]
 fn smith_g1_beckmann() {
     PBR.function("geometry::smith_g1_beckmann")
         .over((ALPHA, 0.0..=1.0))
         .agrees_with(geometry::smith_g1_beckmann, Rel(2e-6).or(UNDERFLOW));
+}
+
+/// At the horizon a mirror's formulas are 0 / 0, and nothing is visible there.
+#[test]
+fn nothing_is_visible_at_the_horizon() {
+    for function in ["geometry::smith_g1", "geometry::smith_g1_beckmann"] {
+        PBR.function(function).over((0.0..=1.0, Just(0.0))).satisfies("is 0", |_, g: f32| g == 0.0);
+    }
+    for function in [
+        "geometry::smith_separable",
+        "geometry::smith_correlated",
+        "geometry::smith_correlated_visibility",
+        "geometry::smith_schlick_ggx",
+    ] {
+        let v = (0.0..=1.0, Just(0.0), 0.0..=1.0);
+        PBR.function(function).over(v).satisfies("is 0 for v", |_, g: f32| g == 0.0);
+        let l = (0.0..=1.0, 0.0..=1.0, Just(0.0));
+        PBR.function(function).over(l).satisfies("is 0 for l", |_, g: f32| g == 0.0);
+    }
+}
+
+/// N.V of two unit vectors that are equal often rounds to just above 1, where 1 - cos^2 is
+/// negative. The tangent is below 1.5e-3 there: nothing is hidden.
+#[test]
+fn cosines_that_round_above_one() {
+    let above_one = OneOf((1..=8_u32).map(|i| f32::from_bits(1.0_f32.to_bits() + i)).collect());
+    PBR.function("geometry::smith_g1_beckmann")
+        .over((ALPHA, above_one))
+        .agrees_with(|_: f64, _: f64| 1.0, Ulp(0.0));
 }
 
 /// A surface that hides from v what it hides from l.
@@ -113,8 +161,8 @@ fn masking_is_a_probability() {
         .satisfies("lies in 0..=1", |_, g: f32| (0.0..=1.0 + f32::EPSILON).contains(&g));
 }
 
-/// The flatter the view, the more is hidden, and the rougher the surface. The tolerance is the error
-/// of the function's own check, once to each side.
+/// The flatter the view, the more is hidden, and the rougher the surface. The tolerance is the
+/// error of the function's own check, once to each side.
 #[test]
 fn masking_grows_toward_grazing_and_with_the_width() {
     for (function, ulp) in [("geometry::smith_g1", 20.0), ("geometry::smith_g1_beckmann", 40.0)] {

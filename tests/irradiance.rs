@@ -159,6 +159,42 @@ fn they_agree_with_their_twins() {
         );
 }
 
+/// Few steps, where each counts: between texels the last bit of two weights of 8, of a difference
+/// of 1/32 each. On GL a step within half a texel of a face's edge is off by half a texel, 1/64.
+#[test]
+fn few_steps_agree_with_their_twin() {
+    let map = cube_map(sky);
+    let light = seen(&map);
+    in_environment("irradiance::midpoint", map.clone())
+        .over((UnitVector, Integers(1..=4_u32), Integers(1..=4_u32)))
+        .cases(4096)
+        .tolerance_on(Path::Gl, Abs(1.6e-2))
+        .agrees_with(
+            |n: DVec3, phi_steps: u32, theta_steps: u32| {
+                irradiance::midpoint(n, phi_steps, theta_steps, &light)
+            },
+            Abs(1.3e-4),
+        );
+}
+
+/// Few texels, where each counts: 6 to 96 of them. GL has half floats, up to 4.9e-4 off in 1..2.
+#[test]
+fn few_texels_agree_with_their_twin() {
+    for size in [1, 2, 4_u32] {
+        let map = CubeMap::from_fn(size, |d| sky(d.as_dvec3()).as_vec3());
+        in_environment("irradiance::texel_sum", map.clone())
+            .over((UnitVector, Just(size)))
+            .cases(4096)
+            .tolerance_on(Path::Gl, Abs(5e-4))
+            .agrees_with(|n: DVec3, size: u32| irradiance::texel_sum(n, size, sky), Abs(2e-6));
+        in_environment("irradiance::sh_project", map)
+            .over(Just(size))
+            .cases(1)
+            .tolerance_on(Path::Gl, Abs(6e-3))
+            .agrees_with(|size: u32| irradiance::sh_project(size, sky), Abs(2e-5));
+    }
+}
+
 /// Texel centres are sampled exactly; sums of 12,288 terms are rounded as often, to either side.
 #[test]
 fn texel_sums_agree_with_their_twins() {

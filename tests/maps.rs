@@ -1,8 +1,10 @@
 //! Maps that are computed once and then looked up.
 
+use frames::open_paths;
 use glam::{UVec2, Vec3};
 use karat::prelude::*;
-use shaders::{PBR, maps};
+use shaders::maps::MapSettings;
+use shaders::{PBR, maps, specular};
 
 /// Each pixel of a frame of six faces: a division, and what `face_direction` does with it.
 #[test]
@@ -34,5 +36,36 @@ fn faces_become_the_cube_map_that_they_show() {
     for (found, expected) in texels(&cube).into_iter().zip(texels(&own)) {
         // Directions are rounded before they are normalised on the one side, after it on the other.
         assert!((found - expected).abs() <= 1e-6, "{found} for {expected}");
+    }
+}
+
+/// Each entry of the table: scale and bias for the middle of its texel, in the channels that are
+/// read, and again in those that aren't. As in `specular.rs`, V.H is rounded to 1e-7 and divided by
+/// N.V, which is 1/32 at least. On GL a frame has half floats, which may be cut off: 2^-11 in
+/// 1/2..1.
+#[test]
+fn split_sum_fragment() {
+    const SIDE: u32 = 16;
+    const SAMPLES: u32 = 64;
+    for path in open_paths() {
+        let settings = MapSettings { side: SIDE, samples: SAMPLES, alpha: 0.0 };
+        let table = PBR
+            .frame("maps", SIDE, SIDE)
+            .with("settings", Uniform::new(settings))
+            .fullscreen("vertex", "split_sum_fragment")
+            .render(path)
+            .expect("the table is drawn");
+        let tolerance = if path == Path::Gl { 2e-5 + 0.5_f64.powi(11) } else { 2e-5 };
+        let centre = |texel: usize| (texel as f64 + 0.5) / f64::from(SIDE);
+        for (index, [r, g, b, a]) in table.pixels().iter().copied().enumerate() {
+            let (column, row) = (index % SIDE as usize, index / SIDE as usize);
+            let expected = specular::split_sum_table(centre(row), centre(column), SAMPLES);
+            let off = (f64::from(r) - expected.x).abs().max((f64::from(g) - expected.y).abs());
+            assert!(
+                off <= tolerance,
+                "on {path}, row {row}, column {column}: {r}, {g} for {expected}"
+            );
+            assert!(r == b && g == a, "on {path}, row {row}, column {column}: {b}, {a}");
+        }
     }
 }

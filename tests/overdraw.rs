@@ -1,9 +1,13 @@
 //! What a depth pre-pass does: each pixel is shaded once, and nothing else changes.
 
+use std::cmp::Reverse;
+
 use frames::{grid, open_paths};
+use glam::{DVec2, DVec3, Vec3};
 use karat::prelude::*;
 use karat::{Blend, Frame, Image};
-use shaders::scene;
+use shaders::camera::Camera;
+use shaders::{PBR, camera, overdraw, scene};
 
 const SIZE: (u32, u32) = (240, 180);
 
@@ -20,7 +24,11 @@ fn render(frame: &Frame<'_>, path: Path) -> Image {
 /// How many fragments each pixel keeps.
 fn counts(frame: Frame<'_>, path: Path) -> Vec<u32> {
     let image = render(&frame.blend(Blend::Add), path);
-    image.pixels().iter().map(|pixel| pixel[0] as u32).collect()
+    let count = |[r, g, b, a]: &[f32; 4]| {
+        assert!(r == g && g == b && b == a, "{path} counts differently by channel");
+        *r as u32
+    };
+    image.pixels().iter().map(count).collect()
 }
 
 #[test]
@@ -62,4 +70,149 @@ fn a_pre_pass_without_the_holes_changes_the_image() {
         let differing = plain.pixels().iter().zip(filled.pixels()).filter(|(a, b)| a != b).count();
         assert!(differing > 500, "on {path} {differing} pixels show the fault");
     }
+}
+
+/// At an edge, four times the normal's Y may round to either side.
+#[test]
+fn is_hole() {
+    let away = UnitVector.filter(|n: &Vec3| overdraw::from_edge(n.as_dvec3()) > 1e-6);
+    PBR.function("overdraw::is_hole")
+        .over(away)
+        .agrees_with(|normal: DVec3| overdraw::is_hole(normal), Ulp(0.0));
+}
+
+/// Powers of two: exact.
+#[test]
+fn stepped_depth() {
+    PBR.function("overdraw::stepped_depth")
+        .over(0.0..=1.0)
+        .agrees_with(overdraw::stepped_depth, Ulp(0.0));
+}
+
+/// A number below 64 is exact; a product by 1/2 is, too, and a sum rounds once.
+#[test]
+fn label() {
+    PBR.function("overdraw::label")
+        .over((Integers(0..=63_u32), UnitVector))
+        .agrees_with(overdraw::label, Abs(6e-8));
+}
+
+/// A front of a sphere that a pixel's ray meets.
+struct Hit {
+    instance: u32,
+    normal: DVec3,
+    depth: f64,
+}
+
+/// The middle of a facet, 5.6 degrees wide both ways, is this far from the sphere, and a normal
+/// that the mesh has there from the sphere's.
+const FACET: f64 = 2.5e-3;
+
+/// What the ray through a pixel's middle meets, or `None` if it passes the rim of a sphere, where
+/// the mesh's outline decides.
+fn hits(camera: &Camera, ndc: DVec2) -> Option<Vec<Hit>> {
+    let (eye, matrix) = (camera.position.as_dvec3(), camera.view_projection.as_dmat4());
+    let direction = camera::view_direction(matrix, ndc).normalize();
+    let mut found = Vec::new();
+    for instance in 0..scene::SIDE * scene::SIDE {
+        let to_centre = scene::sphere_centre(instance) - eye;
+        let along = to_centre.dot(direction);
+        let miss = (to_centre - along * direction).length();
+        if (miss - 1.0).abs() < 0.02 {
+            return None;
+        }
+        if miss < 1.0 {
+            let normal = (along - (1.0 - miss * miss).sqrt()) * direction - to_centre;
+            let depth = matrix.project_point3(normal + scene::sphere_centre(instance)).z;
+            found.push(Hit { instance, normal, depth });
+        }
+    }
+    Some(found)
+}
+
+/// The hits of each pixel whose ray passes no rim, in rows from the top left.
+fn rays(camera: &Camera) -> Vec<Option<Vec<Hit>>> {
+    let centre = |pixel: u32, size: u32| 2.0 * (f64::from(pixel) + 0.5) / f64::from(size) - 1.0;
+    let pixels = (0..SIZE.1).flat_map(|y| (0..SIZE.0).map(move |x| (x, y)));
+    pixels.map(|(x, y)| hits(camera, DVec2::new(centre(x, SIZE.0), -centre(y, SIZE.1)))).collect()
+}
+
+/// Whether a pixel shows a hit: the sphere, and the point of it. A facet's distance moves the point
+/// along the ray, which is at most 8 times as far across: the rim is 0.02 wide.
+fn shows(pixel: &[f32; 4], hit: Option<&Hit>) -> bool {
+    let Some(hit) = hit else { return pixel[..3] == [0.0; 3] };
+    let expected = overdraw::label(hit.instance, hit.normal).to_array();
+    let off = |channel: usize| (f64::from(pixel[channel]) - expected[channel]).abs();
+    off(0) == 0.0 && off(1).max(off(2)) < 8.0 * FACET && pixel[3] == 1.0
+}
+
+/// Judges each pixel for which `expected` knows a hit, or that there is none. On some, it isn't the
+/// nearest.
+fn judge(
+    fragment: &str,
+    camera: &dyn Fn() -> Camera,
+    expected: impl Fn(&[Hit]) -> Option<Option<&Hit>>,
+) {
+    let rays = rays(&camera());
+    for path in open_paths() {
+        let image = render(&grid("overdraw", fragment, camera(), SIZE), path);
+        let (mut judged, mut hidden) = (0, 0);
+        for (index, (pixel, hits)) in image.pixels().iter().zip(&rays).enumerate() {
+            let Some(hits) = hits else { continue };
+            let Some(hit) = expected(hits) else { continue };
+            let at = (index as u32 % SIZE.0, index as u32 / SIZE.0);
+            assert!(shows(pixel, hit), "{fragment} on {path} at {at:?}: {pixel:?}");
+            judged += 1;
+            let nearest = hits.iter().min_by(|a, b| a.depth.total_cmp(&b.depth));
+            let is_nearest = nearest.map(|near| near.instance) == hit.map(|hit| hit.instance);
+            hidden += u32::from(!is_nearest);
+        }
+        assert!(judged > 15_000 && hidden > 200, "on {path} {judged} judged, {hidden} by the rule");
+    }
+}
+
+/// The nearest sphere that has no hole there. Not judged: where a facet's distance decides.
+#[test]
+fn holes_show_the_next_sphere() {
+    let camera = || scene::oblique_camera(f64::from(SIZE.0) / f64::from(SIZE.1));
+    judge("cutout_fragment", &camera, |hits| {
+        let mut near: Vec<&Hit> = hits.iter().collect();
+        near.sort_by(|a, b| a.depth.total_cmp(&b.depth));
+        for hit in near {
+            if overdraw::from_edge(hit.normal) < 8.0 * FACET {
+                return None;
+            }
+            if !overdraw::is_hole(hit.normal) {
+                return Some(Some(hit));
+            }
+        }
+        Some(None)
+    });
+}
+
+/// The nearest step, and of the spheres on it the last. Seen from the other side, from where the
+/// last are the farthest. Not judged: where a facet's distance, which is 1e-3 of the depth range at
+/// most, decides between two steps.
+#[test]
+fn steps_show_the_last_sphere() {
+    let camera = || {
+        let setup = camera::Setup {
+            position: DVec3::new(-45.0, 3.0, 8.0),
+            target: DVec3::ZERO,
+            field_of_view: 25_f64.to_radians(),
+            depth: [25.0, 65.0],
+        };
+        setup.camera(f64::from(SIZE.0) / f64::from(SIZE.1))
+    };
+    judge("stepped_fragment", &camera, |hits| {
+        let clear = |hit: &Hit| {
+            let above = hit.depth - overdraw::stepped_depth(hit.depth);
+            above.min(overdraw::STEP - above) > 1e-3
+        };
+        if !hits.iter().all(clear) {
+            return None;
+        }
+        let step = |hit: &&Hit| (overdraw::stepped_depth(hit.depth) / overdraw::STEP) as u32;
+        Some(hits.iter().min_by_key(|hit| (step(hit), Reverse(hit.instance))))
+    });
 }

@@ -1,6 +1,6 @@
 //! Exposure, tone and the transfer function of sRGB against their standards.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, UVec3, Vec3};
 use karat::prelude::*;
 use karat::{Agreement, Failure};
 use shaders::{PBR, sensor};
@@ -71,6 +71,55 @@ fn tone_map() {
     PBR.function("sensor::tone_map")
         .over((colors(1e4), 0.1..=1e4))
         .agrees_with(sensor::tone_map, Ulp(14.0).or(UNDERFLOW));
+}
+
+/// The square of such a white is below any f32, and all but black is beyond white. A channel that
+/// is 0 stays 0. With colours so dark that what they become is an f32.
+#[test]
+fn a_white_next_to_black() {
+    // Channels that are 0, or large enough to stay normal.
+    let channels = |most| {
+        colors(most).filter(|color: &Vec3| color.to_array().iter().all(|c| *c == 0.0 || *c >= 1e-6))
+    };
+    let domain = (-30.0..=-15.0_f32, channels(1.0)).map(|(log, color)| {
+        let white = 10.0_f32.powf(log);
+        (color * white, white)
+    });
+    PBR.function("sensor::tone_map")
+        .over(&domain)
+        .agrees_with(sensor::tone_map, Ulp(14.0).or(UNDERFLOW));
+    PBR.function("sensor::reinhard")
+        .over(domain.map(|(color, white)| (color.x, white)))
+        .agrees_with(sensor::reinhard, Ulp(9.0).or(UNDERFLOW));
+    let bright = (-15.0..=-1.0_f32, channels(1e4)).map(|(log, color)| (color, 10.0_f32.powf(log)));
+    PBR.function("sensor::tone_map")
+        .over(bright)
+        .agrees_with(sensor::tone_map, Ulp(14.0).or(UNDERFLOW));
+}
+
+/// Below, a bright colour becomes more than an f32 holds: infinite, but not NaN. No check takes an
+/// infinity for a result, so this one looks at the bits.
+#[test]
+fn no_white_makes_a_nan() {
+    let package = calling(
+        "tone_map",
+        "fn bits(color: vec3f, white: f32) -> vec3u {
+            return bitcast<vec3u>(tone_map(color, white));
+        }",
+    );
+    let bright = (colors(1e4), -30.0..=-15.0_f32).map(|(color, log)| (color, 10.0_f32.powf(log)));
+    let bits = package.function("bits").over(bright).try_satisfies(
+        "is 0 where the colour is, and a number or infinity elsewhere",
+        |(color, _), bits: UVec3| {
+            let mapped = bits.to_array().map(f32::from_bits);
+            color
+                .to_array()
+                .iter()
+                .zip(mapped)
+                .all(|(c, mapped)| if *c == 0.0 { mapped == 0.0 } else { mapped >= 0.0 })
+        },
+    );
+    holds(bits);
 }
 
 /// What eq. 4 is for: white is 1, and nothing darker than white is brighter.

@@ -17,6 +17,7 @@ mod lint;
 #[path = "../../harness/src/record/folder.rs"]
 #[expect(unreachable_pub, reason = "it is public in the harness, which is compiled later")]
 mod record;
+mod mutants;
 mod setup;
 mod step;
 mod suite;
@@ -36,6 +37,7 @@ Examples:
   cargo ci lint             the quick half of CI, before a commit
   cargo ci test             all of CI, before a push
   cargo ci bench -- frames  the benchmarks whose name contains `frames`
+  cargo ci mutants camera   each mutant of a shader module against the module's tests
 
 No GPU is needed: Mesa's lavapipe (Vulkan) and llvmpipe (GL) run on the processor.";
 
@@ -72,6 +74,14 @@ enum Task {
         #[arg(last = true)]
         arguments: Vec<String>,
     },
+    /// Make every mutant of the shader library, and see whether its tests kill it; this takes hours.
+    ///
+    /// The tests try a few of them in each run. What became of which is written to
+    /// `target/karat/mutants-made.md`, module by module.
+    Mutants {
+        /// Only these: a module, a line or a place, such as `brdf`, `brdf:31` or `brdf:31:12`.
+        names: Vec<String>,
+    },
 }
 
 fn main() -> ExitCode {
@@ -83,6 +93,7 @@ fn main() -> ExitCode {
         Task::Lint => lint::run(),
         Task::Corpus { crates } => step::verdict(corpus::run(&crates)),
         Task::Bench { arguments } => step::verdict(bench::run(&arguments)),
+        Task::Mutants { names } => step::verdict(mutants::run(&names)),
     }
 }
 

@@ -281,8 +281,8 @@ pub(crate) const FAULTS: &[Fault] = &[
     fault(
         "geometry",
         Kind::Swapped,
-        "min(n_dot_v, n_dot_l)",
-        "max(n_dot_v, n_dot_l)",
+        "n_dot_h * min(n_dot_v, n_dot_l)",
+        "n_dot_h * max(n_dot_v, n_dot_l)",
         "geometry::v_cavity",
     ),
     fault(
@@ -429,8 +429,8 @@ pub(crate) const FAULTS: &[Fault] = &[
     fault(
         "brdf",
         Kind::Pi,
-        "g / (4.0 * v.z * l.z)",
-        "g / (PI * v.z * l.z)",
+        "beckmann_lobe(alpha, h.sin2, h.cos2) * visibility",
+        "beckmann_lobe(alpha, h.sin2, h.cos2) * visibility * 4.0 / PI",
         "brdf::cook_torrance_eval",
     ),
     fault(
@@ -1278,8 +1278,8 @@ pub(crate) const FAULTS: &[Fault] = &[
     fault(
         "sensor",
         Kind::DroppedTerm,
-        "(white * white)",
-        "white",
+        "/ white * (color_luminance / white)",
+        "/ white * color_luminance",
         "sensor::reinhard_ends_at_white",
     ),
     fault("sensor", Kind::Constant, "1.0 / 2.4", "1.0 / 2.2", "sensor::srgb_from_linear"),

@@ -1,8 +1,11 @@
 //! The library's own tests as processes, with a fault in place of a module.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::io::{BufRead, BufReader};
 use std::path::{Path as FilePath, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
 
 use karat::record::{self, Record, Subject, Verdict};
 use shaders::PBR;
@@ -39,6 +42,21 @@ pub(crate) struct Caught {
     pub(crate) asserted: String,
 }
 
+/// What a file of tests made of a mutant.
+pub(crate) enum Seen {
+    /// A check of this test failed: the shader is valid, then.
+    Killed(String),
+    /// This test failed without a check, at an assertion of its own.
+    Asserted(String),
+    /// A test ended without a verdict: its check couldn't be made, or took too long.
+    NoVerdict(String),
+    /// The tests passed.
+    Survived,
+}
+
+/// The time that the tests of a file have: many times what they take.
+const PATIENCE: Duration = Duration::from_secs(600);
+
 /// A module as it is.
 pub(crate) fn text(module: &str) -> String {
     let path = PBR.root().join(format!("{module}.wgsl"));
@@ -46,8 +64,13 @@ pub(crate) fn text(module: &str) -> String {
 }
 
 impl Library {
-    /// Compiles the tests, unless they are, as this one was compiled.
+    /// Compiles the tests that the hand-picked faults name.
     pub(crate) fn built() -> Self {
+        Self::of(&targets())
+    }
+
+    /// Compiles files of tests, unless they are, as this one was compiled.
+    pub(crate) fn of(targets: &BTreeSet<&str>) -> Self {
         let folder = FilePath::new(env!("CARGO_BIN_EXE_planted")).parent().expect("in a folder");
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
         let mut command = Command::new(cargo);
@@ -58,7 +81,7 @@ impl Library {
             Some(profile) => drop(command.args(["--profile", profile])),
         }
         command.arg("--target-dir").arg(folder.parent().expect("in the folder of output"));
-        for target in targets() {
+        for target in targets {
             command.args(["--test", target]);
         }
         let output = command.current_dir(env!("CARGO_MANIFEST_DIR")).output().expect("cargo runs");
@@ -111,15 +134,50 @@ impl Library {
         self.outcome(target, &[], &[(fault.module, mutated(fault))])
     }
 
+    /// Runs the tests of a file with another text for a module, until one of them fails.
+    pub(crate) fn hunt(&self, target: &str, module: &str, text: &str) -> Seen {
+        let folder = overlaid(&[(module, text.to_owned())]);
+        let mut command = self.command(target, &[], &folder);
+        command.stdout(Stdio::piped()).stderr(Stdio::null());
+        let mut child = command.spawn().expect("the tests start");
+        let output = BufReader::new(child.stdout.take().expect("it is piped"));
+        let (sender, lines) = mpsc::channel();
+        let reader = std::thread::spawn(move || {
+            // A line that nobody waits for any more ends the thread.
+            let _ = output.lines().map_while(Result::ok).try_for_each(|line| sender.send(line));
+        });
+        let deadline = Instant::now() + PATIENCE;
+        let mut seen = None;
+        let mut late = false;
+        // A check that came to no verdict is no proof: then another test may have one.
+        while !late && !matches!(seen, Some(Seen::Killed(_) | Seen::Asserted(_))) {
+            let left = deadline.saturating_duration_since(Instant::now());
+            match lines.recv_timeout(left) {
+                Ok(line) => {
+                    seen = failed_test(&line).map(|test| failure(target, &test, &folder)).or(seen)
+                }
+                Err(mpsc::RecvTimeoutError::Disconnected) => break,
+                Err(mpsc::RecvTimeoutError::Timeout) => late = true,
+            }
+        }
+        if late || matches!(seen, Some(Seen::Killed(_) | Seen::Asserted(_))) {
+            let _ = child.kill(); // it may have ended by itself
+        }
+        drop(lines);
+        let status = child.wait().expect("the tests end");
+        let _ = reader.join();
+        match seen {
+            Some(seen) => seen,
+            None if late => Seen::NoVerdict(format!("{target}: more than {PATIENCE:?}")),
+            None if status.success() => Seen::Survived,
+            None => Seen::NoVerdict(format!("{target} ended with {status} and no failing test")),
+        }
+    }
+
     /// Runs tests of a file with other texts for some modules.
     fn outcome(&self, target: &str, names: &[&str], modules: &[(&str, String)]) -> Outcome {
-        let folder = tempfile::tempdir().expect("a temporary folder");
+        let folder = overlaid(modules);
         let overlay = folder.path().join("overlay");
-        let files = overlay.join(PBR.name());
-        std::fs::create_dir_all(&files).expect("a folder");
-        for (module, text) in modules {
-            std::fs::write(files.join(format!("{module}.wgsl")), text).expect("written");
-        }
         let output = self.process(target, names, &folder);
         let records = record::read(&folder.path().join("record")).unwrap_or_default();
         let verdict = judge(&output, &records, names, &overlay);
@@ -127,6 +185,13 @@ impl Library {
     }
 
     fn process(&self, target: &str, names: &[&str], folder: &TempDir) -> Output {
+        let mut command = self.command(target, names, folder);
+        let output = command.output();
+        output.unwrap_or_else(|error| panic!("{:?}: {error}", command.get_program()))
+    }
+
+    /// Tests of a file as a process, with the overlay in a folder.
+    fn command(&self, target: &str, names: &[&str], folder: &TempDir) -> Command {
         let binary = self.binaries.get(target).unwrap_or_else(|| panic!("no tests `{target}`"));
         let mut command = Command::new(binary);
         for (name, _) in std::env::vars_os() {
@@ -143,9 +208,41 @@ impl Library {
         if !names.is_empty() {
             command.arg("--exact").args(names);
         }
-        let output = command.current_dir(env!("CARGO_MANIFEST_DIR")).output();
-        output.unwrap_or_else(|error| panic!("{}: {error}", binary.display()))
+        command.current_dir(env!("CARGO_MANIFEST_DIR"));
+        command
     }
+}
+
+/// A folder with an overlay of some modules.
+fn overlaid(modules: &[(&str, String)]) -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let files = folder.path().join("overlay").join(PBR.name());
+    std::fs::create_dir_all(&files).expect("a folder");
+    for (module, text) in modules {
+        std::fs::write(files.join(format!("{module}.wgsl")), text).expect("written");
+    }
+    folder
+}
+
+/// Why a test failed, by the records of its process.
+fn failure(target: &str, test: &str, folder: &TempDir) -> Seen {
+    let records = record::read(&folder.path().join("record")).unwrap_or_default();
+    let of = |verdict| records.iter().find(|record| record.verdict == verdict);
+    match (of(Verdict::Fail), of(Verdict::Error)) {
+        (Some(_), _) => Seen::Killed(format!("{target}::{test}")),
+        (None, None) => Seen::Asserted(format!("{target}::{test}")),
+        (None, Some(error)) => {
+            let message = error.message.as_deref().unwrap_or_default();
+            let line = message.lines().next().unwrap_or_default();
+            Seen::NoVerdict(format!("{target}::{test}: {line}"))
+        }
+    }
+}
+
+/// The test of which a line of the test runner says that it failed.
+fn failed_test(line: &str) -> Option<String> {
+    let name = line.strip_prefix("test ")?.strip_suffix(" ... FAILED")?;
+    Some(name.to_owned())
 }
 
 /// What a run shows, or why it shows nothing.

@@ -1,0 +1,675 @@
+//! Makes mutants of WGSL text: each is one slip, in the body of a function or the value of a
+//! constant.
+//!
+//! Text goes in, mutants come out; nothing else is known here. Types aren't either: some mutants
+//! aren't valid WGSL, which a compiler has to say.
+
+use std::collections::BTreeSet;
+use std::fmt;
+use std::ops::Range;
+
+use crate::tokens::{Kind, Token, tokens};
+
+/// What kind of slip a mutant is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Rule {
+    /// `+` for `-`, `*` for `/`, and of bits.
+    Operator,
+    /// `<` for `<=`, or the other way round.
+    Comparison,
+    /// `&&` for `||`, a `!` less.
+    Logic,
+    /// 0, 1, doubled, 1 % off.
+    Number,
+    /// A term or a factor is left out.
+    Operand,
+    /// `max`, `abs`, `clamp` and the like: the argument as it is.
+    Guard,
+    /// Two neighbouring arguments.
+    Swap,
+    /// Another component, or two in another order.
+    Swizzle,
+    /// A minus is left out.
+    Sign,
+    /// Always, or never.
+    Condition,
+}
+
+impl fmt::Display for Rule {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Operator => "operator",
+            Self::Comparison => "comparison",
+            Self::Logic => "logic",
+            Self::Number => "number",
+            Self::Operand => "operand",
+            Self::Guard => "guard",
+            Self::Swap => "swap",
+            Self::Swizzle => "swizzle",
+            Self::Sign => "sign",
+            Self::Condition => "condition",
+        })
+    }
+}
+
+/// One slip: what stands in the text, and what is to stand there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Mutant {
+    pub(crate) rule: Rule,
+    /// The function or constant that it is in.
+    pub(crate) item: String,
+    /// Bytes of the text.
+    pub(crate) range: Range<usize>,
+    pub(crate) original: String,
+    pub(crate) replacement: String,
+    /// From 1.
+    pub(crate) line: usize,
+    /// From 1, in characters.
+    pub(crate) column: usize,
+}
+
+impl Mutant {
+    /// The text with the slip.
+    pub(crate) fn applied(&self, text: &str) -> String {
+        format!("{}{}{}", &text[..self.range.start], self.replacement, &text[self.range.end..])
+    }
+
+    /// The lines that change, before and after, with single blanks: a name that stays as long as
+    /// these lines do, wherever they move.
+    pub(crate) fn lines(&self, text: &str) -> [String; 2] {
+        let start = text[..self.range.start].rfind('\n').map_or(0, |at| at + 1);
+        let end = text[self.range.end..].find('\n').map_or(text.len(), |at| self.range.end + at);
+        let after = format!(
+            "{}{}{}",
+            &text[start..self.range.start],
+            self.replacement,
+            &text[self.range.end..end]
+        );
+        [&text[start..end], &after].map(|lines| {
+            let code = lines.lines().map(|line| line.split("//").next().unwrap_or_default());
+            code.flat_map(str::split_whitespace).collect::<Vec<_>>().join(" ")
+        })
+    }
+}
+
+impl fmt::Display for Mutant {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let short = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+        let (original, replacement) = (short(&self.original), short(&self.replacement));
+        write!(f, "{}:{} `{original}` -> `{replacement}`", self.line, self.column)
+    }
+}
+
+/// All mutants of a module, in the order of their places.
+pub(crate) fn mutants(text: &str) -> Vec<Mutant> {
+    let mut maker = Maker::new(text);
+    maker.items();
+    let mut found = maker.found;
+    found.sort_by_key(|mutant| (mutant.range.start, mutant.range.end));
+    // Two rules may come to the same text.
+    let mut seen = BTreeSet::new();
+    found.retain(|mutant| seen.insert(mutant.applied(text)) && mutant.applied(text) != text);
+    found
+}
+
+struct Maker<'a> {
+    text: &'a str,
+    tokens: Vec<Token<'a>>,
+    /// The other bracket, for each token that is one.
+    partner: Vec<Option<usize>>,
+    /// Whether a token belongs to a list of template arguments, with its brackets, or an attribute.
+    types: Vec<bool>,
+    item: String,
+    found: Vec<Mutant>,
+}
+
+impl<'a> Maker<'a> {
+    fn new(text: &'a str) -> Self {
+        let tokens = split_templates(tokens(text));
+        let count = tokens.len();
+        let mut partner = vec![None; count];
+        let mut open = Vec::new();
+        for (at, token) in tokens.iter().enumerate() {
+            match token.text {
+                "(" | "[" | "{" => open.push(at),
+                ")" | "]" | "}" => {
+                    if let Some(other) = open.pop() {
+                        partner[other] = Some(at);
+                        partner[at] = Some(other);
+                    }
+                }
+                _ => {}
+            }
+        }
+        let mut maker = Self {
+            text,
+            tokens,
+            partner,
+            types: vec![false; count],
+            item: String::new(),
+            found: Vec::new(),
+        };
+        for at in 0..count {
+            if let Some(end) = maker.template_end(at).or_else(|| maker.attribute_end(at)) {
+                maker.types[at..=end].fill(true);
+            }
+        }
+        maker
+    }
+
+    fn word(&self, at: usize) -> &'a str {
+        self.tokens.get(at).map_or("", |token| token.text)
+    }
+
+    /// The end of a list of template arguments that begins at a `<`: as WGSL finds it, by looking
+    /// for the `>` before anything that no such list has.
+    fn template_end(&self, at: usize) -> Option<usize> {
+        let after_word = at > 0 && self.tokens[at - 1].kind == Kind::Word;
+        if self.word(at) != "<" || !after_word {
+            return None;
+        }
+        let mut depth = 0;
+        let mut next = at;
+        while next < self.tokens.len() {
+            match self.word(next) {
+                "<" => depth += 1,
+                ">" => {
+                    depth -= 1;
+                    if depth == 0 {
+                        return Some(next);
+                    }
+                }
+                "(" | "[" => next = self.partner[next]?,
+                ")" | "]" | "{" | "}" | ";" | ":" | "=" | "==" | "!=" | "<=" | ">=" | "&&"
+                | "||" => {
+                    return None;
+                }
+                _ => {}
+            }
+            next += 1;
+        }
+        None
+    }
+
+    fn attribute_end(&self, at: usize) -> Option<usize> {
+        if self.word(at) != "@" {
+            return None;
+        }
+        let name = at + 1;
+        let arguments = (self.word(name + 1) == "(").then(|| self.partner[name + 1]).flatten();
+        arguments.or_else(|| (name < self.tokens.len()).then_some(name))
+    }
+
+    /// The bodies of functions, and the values of constants.
+    fn items(&mut self) {
+        let mut at = 0;
+        while at < self.tokens.len() {
+            let name = self.word(at + 1).to_owned();
+            match self.word(at) {
+                "fn" => {
+                    let open = (at..self.tokens.len()).find(|i| self.word(*i) == "{");
+                    let body = open.and_then(|open| Some((open, self.partner[open]?)));
+                    let Some((open, close)) = body else { return };
+                    self.item = name;
+                    self.body(open + 1..close);
+                    at = close;
+                }
+                "const" | "override" => {
+                    let end = self.find(at, ";");
+                    let value = self.find(at, "=");
+                    self.item = name;
+                    self.body(value + 1..end);
+                    at = end;
+                }
+                "{" => at = self.partner[at].unwrap_or(at),
+                _ => {}
+            }
+            at += 1;
+        }
+    }
+
+    fn find(&self, from: usize, text: &str) -> usize {
+        (from..self.tokens.len()).find(|at| self.word(*at) == text).unwrap_or(self.tokens.len())
+    }
+
+    fn body(&mut self, tokens: Range<usize>) {
+        for at in tokens {
+            if self.types[at] {
+                continue;
+            }
+            match self.tokens[at].kind {
+                Kind::Number => self.number(at),
+                Kind::Symbol => self.symbol(at),
+                Kind::Word if self.word(at) == "if" => self.condition(at),
+                Kind::Word if at > 0 && self.word(at - 1) == "." => self.swizzle(at),
+                Kind::Word => self.call(at),
+            }
+        }
+    }
+
+    /// Puts something in place of tokens `from..=to`.
+    fn replace(&mut self, rule: Rule, from: usize, to: usize, replacement: String) {
+        let range = self.tokens[from].start..self.tokens[to].end();
+        let before = &self.text[..range.start];
+        let line_start = before.rfind('\n').map_or(0, |at| at + 1);
+        self.found.push(Mutant {
+            rule,
+            item: self.item.clone(),
+            original: self.text[range.clone()].to_owned(),
+            replacement,
+            line: before.matches('\n').count() + 1,
+            column: before[line_start..].chars().count() + 1,
+            range,
+        });
+    }
+
+    /// The text of tokens `from..=to`, as it stands.
+    fn between(&self, from: usize, to: usize) -> String {
+        self.text[self.tokens[from].start..self.tokens[to].end()].to_owned()
+    }
+
+    fn number(&mut self, at: usize) {
+        for replacement in numbers(self.word(at)) {
+            self.replace(Rule::Number, at, at, replacement);
+        }
+    }
+
+    fn symbol(&mut self, at: usize) {
+        let text = self.word(at);
+        if self.is_unary(at) {
+            let rule = if text == "-" { Rule::Sign } else { Rule::Logic };
+            if text == "-" || text == "!" {
+                self.replace(rule, at, at, String::new());
+            }
+            return;
+        }
+        let (rule, replacements): (Rule, &[&str]) = match text {
+            "+" => (Rule::Operator, &["-"]),
+            "-" => (Rule::Operator, &["+"]),
+            "*" => (Rule::Operator, &["/"]),
+            "/" | "%" => (Rule::Operator, &["*"]),
+            "+=" => (Rule::Operator, &["-=", "="]),
+            "-=" => (Rule::Operator, &["+=", "="]),
+            "*=" => (Rule::Operator, &["/=", "="]),
+            "/=" => (Rule::Operator, &["*=", "="]),
+            "&" => (Rule::Operator, &["|"]),
+            "|" => (Rule::Operator, &["&"]),
+            "^" => (Rule::Operator, &["|"]),
+            "<<" => (Rule::Operator, &[">>"]),
+            ">>" => (Rule::Operator, &["<<"]),
+            "<" => (Rule::Comparison, &["<=", ">="]),
+            "<=" => (Rule::Comparison, &["<", ">"]),
+            ">" => (Rule::Comparison, &[">=", "<="]),
+            ">=" => (Rule::Comparison, &[">", "<"]),
+            "==" => (Rule::Comparison, &["!="]),
+            "!=" => (Rule::Comparison, &["=="]),
+            "&&" => (Rule::Logic, &["||"]),
+            "||" => (Rule::Logic, &["&&"]),
+            _ => return,
+        };
+        for replacement in replacements {
+            self.replace(rule, at, at, (*replacement).to_owned());
+        }
+        if matches!(text, "+" | "-" | "*" | "/" | "%" | "&&" | "||") {
+            self.operands(at);
+        }
+    }
+
+    /// Leaves out one side of an operator.
+    fn operands(&mut self, at: usize) {
+        let (left, right) = (self.left_operand(at), self.right_operand(at));
+        let [kept_left, kept_right] = [self.between(left, at - 1), self.between(at + 1, right)];
+        self.replace(Rule::Operand, left, right, kept_left);
+        // What stands before has an operator of its own, unless it is first: then that one leaves
+        // it out.
+        let first = left == 0 || precedence(self.word(left - 1)) != precedence(self.word(at));
+        match self.word(at) {
+            "/" | "%" => {}
+            _ if !first => {}
+            "-" => self.replace(Rule::Operand, left, right, format!("-{kept_right}")),
+            _ => self.replace(Rule::Operand, left, right, kept_right),
+        }
+    }
+
+    /// Where the operand before an operator begins: nothing in it binds less.
+    fn left_operand(&self, at: usize) -> usize {
+        let binds = precedence(self.word(at));
+        let mut first = at;
+        while first > 0 {
+            let before = first - 1;
+            let text = self.word(before);
+            if matches!(text, ")" | "]") {
+                match self.partner[before] {
+                    Some(open) => first = open,
+                    None => return first,
+                }
+                continue;
+            }
+            let ends = matches!(text, "(" | "[" | "{" | "}" | "," | ";" | "return" | "=" | ":")
+                || text.len() > 1 && text.ends_with('=') && precedence(text).is_none()
+                || !self.types[before]
+                    && !self.is_unary(before)
+                    && precedence(text).is_some_and(|other| Some(other) <= binds);
+            if ends {
+                return first;
+            }
+            first = before;
+        }
+        first
+    }
+
+    /// Where the operand behind an operator ends: at one that binds as much, or less.
+    fn right_operand(&self, at: usize) -> usize {
+        let binds = precedence(self.word(at));
+        let mut last = at;
+        while last + 1 < self.tokens.len() {
+            let next = last + 1;
+            let text = self.word(next);
+            if matches!(text, "(" | "[") {
+                match self.partner[next] {
+                    Some(close) => last = close,
+                    None => return last,
+                }
+                continue;
+            }
+            let ends = matches!(text, ")" | "]" | "{" | "}" | "," | ";" | ":")
+                || !self.types[next]
+                    && !self.is_unary(next)
+                    && precedence(text).is_some_and(|other| Some(other) <= binds);
+            if ends {
+                return last;
+            }
+            last = next;
+        }
+        last
+    }
+
+    /// Whether an operator has nothing on its left.
+    fn is_unary(&self, at: usize) -> bool {
+        if !matches!(self.word(at), "-" | "!" | "~" | "&" | "*") {
+            return false;
+        }
+        let Some(before) = at.checked_sub(1) else { return true };
+        let text = self.word(before);
+        match self.tokens[before].kind {
+            Kind::Number => false,
+            Kind::Word => matches!(text, "return" | "case" | "if" | "switch" | "while"),
+            Kind::Symbol => !matches!(text, ")" | "]") && !(text == ">" && self.types[before]),
+        }
+    }
+
+    /// `if` with both outcomes.
+    fn condition(&mut self, at: usize) {
+        let mut end = at + 1;
+        while end < self.tokens.len() && self.word(end) != "{" {
+            end = if self.word(end) == "(" { self.partner[end].unwrap_or(end) } else { end } + 1;
+        }
+        for outcome in ["true", "false"] {
+            self.replace(Rule::Condition, at + 1, end - 1, format!("({outcome})"));
+        }
+    }
+
+    /// `x` for `y`, or the first two components in the other order.
+    fn swizzle(&mut self, at: usize) {
+        let text = self.word(at);
+        let set = ["xyzw", "rgba"].into_iter().find(|set| text.chars().all(|c| set.contains(c)));
+        let Some(set) = set.filter(|_| self.word(at + 1) != "(") else { return };
+        let mut components: Vec<char> = text.chars().collect();
+        if components.len() == 1 {
+            let first = set.chars().next().unwrap_or_default();
+            let second = set.chars().nth(1).unwrap_or_default();
+            components[0] = if components[0] == first { second } else { first };
+        } else {
+            components.swap(0, 1);
+        }
+        self.replace(Rule::Swizzle, at, at, components.into_iter().collect());
+    }
+
+    /// The argument of a guard as it is, and arguments in another order.
+    fn call(&mut self, at: usize) {
+        let Some((open, close)) = self.parentheses(at) else { return };
+        let arguments = self.arguments(open, close);
+        let text = |(from, to): (usize, usize)| self.between(from, to);
+        let texts: Vec<String> = arguments.iter().copied().map(text).collect();
+        let kept = match self.word(at) {
+            "max" | "min" | "select" => 2,
+            "clamp" | "saturate" | "abs" | "normalize" | "sqrt" | "floor" | "fract" | "round"
+            | "trunc" | "sign" | "exp" | "exp2" | "log" | "log2" | "transpose" => 1,
+            _ => 0,
+        };
+        for text in texts.iter().take(kept) {
+            self.replace(Rule::Guard, at, close, format!("({text})"));
+        }
+        if matches!(self.word(at), "max" | "min" | "dot" | "distance") {
+            return; // whichever comes first
+        }
+        for (index, pair) in texts.windows(2).enumerate() {
+            let (from, to) = (arguments[index].0, arguments[index + 1].1);
+            self.replace(Rule::Swap, from, to, format!("{}, {}", pair[1], pair[0]));
+        }
+    }
+
+    /// The parentheses of a call of `at`, behind its template arguments.
+    fn parentheses(&self, at: usize) -> Option<(usize, usize)> {
+        if matches!(self.word(at), "if" | "for" | "while" | "switch" | "return" | "else") {
+            return None;
+        }
+        let open = self.template_end(at + 1).map_or(at + 1, |end| end + 1);
+        let called = self.word(open) == "(";
+        called.then(|| Some((open, self.partner[open]?))).flatten()
+    }
+
+    /// First and last token of each argument.
+    fn arguments(&self, open: usize, close: usize) -> Vec<(usize, usize)> {
+        let mut found = Vec::new();
+        let mut first = open + 1;
+        let mut at = first;
+        while at <= close {
+            let ends = at == close || self.word(at) == "," && !self.types[at];
+            if ends {
+                if first < at {
+                    found.push((first, at - 1));
+                }
+                first = at + 1;
+            } else if let Some(other) = self.partner[at].filter(|other| *other > at) {
+                at = other;
+            }
+            at += 1;
+        }
+        found
+    }
+}
+
+/// `>>` at the end of nested templates is two tokens. Shifts stay one.
+fn split_templates(tokens: Vec<Token<'_>>) -> Vec<Token<'_>> {
+    let mut depth = 0_usize;
+    let mut found = Vec::with_capacity(tokens.len());
+    for (at, token) in tokens.iter().enumerate() {
+        let generic = at > 0 && is_generic(tokens[at - 1].text);
+        match token.text {
+            "<" if generic || depth > 0 => depth += 1,
+            ">" => depth = depth.saturating_sub(1),
+            ">>" if depth > 1 => {
+                depth -= 2;
+                found.push(Token { text: &token.text[..1], ..*token });
+                found.push(Token { text: &token.text[1..], start: token.start + 1, ..*token });
+                continue;
+            }
+            ";" | "{" | "}" => depth = 0,
+            _ => {}
+        }
+        found.push(*token);
+    }
+    found
+}
+
+/// Whether a word is one of the types that have template arguments.
+fn is_generic(word: &str) -> bool {
+    let begins = ["vec", "mat", "array", "ptr", "atomic", "texture_", "var", "bitcast"];
+    begins.iter().any(|begin| word.starts_with(begin))
+}
+
+/// How much an operator binds; `None` if it isn't one between two operands.
+fn precedence(operator: &str) -> Option<u8> {
+    Some(match operator {
+        "||" => 1,
+        "&&" => 2,
+        "|" | "^" | "&" => 3,
+        "==" | "!=" | "<" | "<=" | ">" | ">=" => 4,
+        "<<" | ">>" => 5,
+        "+" | "-" => 6,
+        "*" | "/" | "%" => 7,
+        _ => return None,
+    })
+}
+
+/// Other numbers in place of one: for 0, 1; for 1, 0 and 2; else the double, and one that is
+/// 1 % off, or 1 more. Hexadecimal ones are left alone.
+fn numbers(text: &str) -> Vec<String> {
+    let hexadecimal = text.starts_with("0x") || text.starts_with("0X");
+    let digits = text.trim_end_matches(['f', 'h', 'i', 'u']);
+    if hexadecimal {
+        return Vec::new();
+    }
+    let suffix = &text[digits.len()..];
+    let with_suffix = |number: String| format!("{number}{suffix}");
+    if let Ok(integer) = digits.parse::<u64>()
+        && !matches!(suffix, "f" | "h")
+    {
+        let others = match integer {
+            0 => vec![1],
+            1 => vec![0, 2],
+            _ => vec![integer + 1, 2 * integer],
+        };
+        return others.into_iter().map(|other| with_suffix(other.to_string())).collect();
+    }
+    let Ok(number) = digits.parse::<f64>() else { return Vec::new() };
+    let others = if number == 0.0 {
+        vec![1.0]
+    } else if number == 1.0 {
+        vec![0.0, 2.0]
+    } else {
+        vec![2.0 * number, 1.01 * number]
+    };
+    others.into_iter().map(|other| with_suffix(format!("{other:?}"))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The body of a function, mutated.
+    fn of_body(body: &str) -> Vec<(Rule, String)> {
+        let text = format!("fn f() {{ {body} }}");
+        let inner = |mutant: &Mutant| {
+            let text = mutant.applied(&text);
+            text["fn f() { ".len()..text.len() - 2].to_owned()
+        };
+        mutants(&text).iter().map(|mutant| (mutant.rule, inner(mutant))).collect()
+    }
+
+    fn by_rule(body: &str, rule: Rule) -> Vec<String> {
+        let found = of_body(body).into_iter().filter(|(of, _)| *of == rule);
+        found.map(|(_, text)| text).collect()
+    }
+
+    #[test]
+    fn each_rule_makes_its_slips() {
+        for (body, rule, expected) in [
+            ("a = b + c;", Rule::Operator, vec!["a = b - c;"]),
+            ("a += b;", Rule::Operator, vec!["a -= b;", "a = b;"]),
+            ("a = b <= c;", Rule::Comparison, vec!["a = b < c;", "a = b > c;"]),
+            ("a = b || !c;", Rule::Logic, vec!["a = b && !c;", "a = b || c;"]),
+            ("a = 0.0;", Rule::Number, vec!["a = 1.0;"]),
+            ("a = 1u;", Rule::Number, vec!["a = 0u;", "a = 2u;"]),
+            ("a = 2.5f;", Rule::Number, vec!["a = 5.0f;", "a = 2.525f;"]),
+            ("a = max(b, c);", Rule::Guard, vec!["a = (b);", "a = (c);"]),
+            ("a = abs(b - c);", Rule::Guard, vec!["a = (b - c);"]),
+            ("a = f(b, c, d);", Rule::Swap, vec!["a = f(c, b, d);", "a = f(b, d, c);"]),
+            ("a = b.xyz;", Rule::Swizzle, vec!["a = b.yxz;"]),
+            ("a = b.z;", Rule::Swizzle, vec!["a = b.x;"]),
+            ("a = b * -c;", Rule::Sign, vec!["a = b * c;"]),
+            ("if (a) { b(); }", Rule::Condition, vec!["if (true) { b(); }", "if (false) { b(); }"]),
+        ] {
+            assert_eq!(by_rule(body, rule), expected, "{body}");
+        }
+    }
+
+    #[test]
+    fn operands_are_left_out_once() {
+        for (body, expected) in [
+            ("a = b + c * d;", vec!["a = b;", "a = c * d;", "a = b + c;", "a = b + d;"]),
+            ("a = b * c * d;", vec!["a = b * d;", "a = c * d;", "a = b * c;"]),
+            ("a = b - c;", vec!["a = b;", "a = -c;"]),
+            ("a = (b + c) / d[e];", vec!["a = (b + c);", "a = (b) / d[e];", "a = (c) / d[e];"]),
+            ("return f(a, -b * c);", vec!["return f(a, -b);", "return f(a, c);"]),
+            ("if (a < b && c) { }", vec!["if (a < b) { }", "if (c) { }"]),
+        ] {
+            assert_eq!(sorted(by_rule(body, Rule::Operand)), sorted(texts(&expected)), "{body}");
+        }
+    }
+
+    fn texts(expected: &[&str]) -> Vec<String> {
+        expected.iter().map(|text| (*text).to_owned()).collect()
+    }
+
+    fn sorted(mut texts: Vec<String>) -> Vec<String> {
+        texts.sort();
+        texts
+    }
+
+    /// Comments, types, attributes, declarations and imports are no code.
+    #[test]
+    fn only_code_is_changed() {
+        let text = "import package::math::PI; // 1 + 2\n\
+                    @group(0) @binding(1) var<uniform> u: vec2<f32>;\n\
+                    struct S { @location(0) x: array<f32, 9>, }\n\
+                    const N: u32 = 3u; /* 4 */\n\
+                    @compute @workgroup_size(64)\n\
+                    fn f(x: f32) -> array<vec2<f32>, 2> {\n    \
+                        return array<vec2<f32>, 2>(g<7>(), h);\n\
+                    }\n";
+        let found = mutants(text);
+        let shown: Vec<String> = found.iter().map(|m| format!("{} {m}", m.item)).collect();
+        let expected =
+            ["N 4:16 `3u` -> `4u`", "N 4:16 `3u` -> `6u`", "f 7:32 `g<7>(), h` -> `h, g<7>()`"];
+        assert_eq!(shown, expected);
+    }
+
+    /// A comparison isn't the beginning of a template, nor a shift its end.
+    #[test]
+    fn templates_are_told_from_comparisons() {
+        assert_eq!(by_rule("if (a < b) { c = d > e; }", Rule::Comparison).len(), 4);
+        assert_eq!(by_rule("a = b >> 2u;", Rule::Operator), ["a = b << 2u;"]);
+        assert_eq!(by_rule("a = array<vec2<f32>>(b);", Rule::Operator), [""; 0]);
+    }
+
+    #[test]
+    fn a_mutant_is_named_by_its_lines() {
+        let text = "fn f() {\n    a = max(b, // why\n        c);\n}\n";
+        let found = mutants(text);
+        let guard = found.iter().find(|mutant| mutant.rule == Rule::Guard).expect("a guard");
+        assert_eq!(guard.lines(text), ["a = max(b, c);", "a = (b);"]);
+        assert_eq!((guard.line, guard.column), (2, 9));
+    }
+
+    /// No two are the same text, none is the original, each changes what it says.
+    #[test]
+    fn mutants_differ() {
+        let text = "fn f() { return 1.0 * 1.0 + g(a, a) - max(a, a); }";
+        let found = mutants(text);
+        let texts: BTreeSet<String> = found.iter().map(|mutant| mutant.applied(text)).collect();
+        assert_eq!(texts.len(), found.len());
+        assert!(!texts.contains(text) && found.len() > 8);
+        assert!(found.iter().all(|mutant| text[mutant.range.clone()] == mutant.original));
+    }
+
+    #[test]
+    fn text_that_is_no_wgsl_makes_no_panic() {
+        for text in
+            ["", "fn", "fn f(", "fn f() { ( }", "fn f() { ) * a + ] }", "const a", "@", "if"]
+        {
+            let _ = mutants(text);
+        }
+    }
+}
