@@ -14,6 +14,7 @@ mod product;
 mod range;
 mod shrink;
 mod source;
+mod ties;
 
 use std::any::Any;
 use std::fmt::Debug;

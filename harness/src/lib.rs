@@ -38,6 +38,7 @@ mod probe;
 pub mod record;
 mod reflect;
 pub mod review;
+mod settings;
 pub mod stats;
 mod tolerance;
 mod value;
@@ -45,7 +46,8 @@ mod value;
 pub use check::{
     Agreement, Argument, CaseFailure, Census, Check, ConfigurationRejection, Direction, Directions,
     Disagreement, Failure, Finding, Fit, Integral, IntegralFailure, KnownIssue, Limit, NodeFailure,
-    PathDisagreement, PathRejection, Power, Probe, Reference, Rejection, Samples, Simplest,
+    NotReplayed, PathDisagreement, PathRejection, Power, Probe, Reference, Rejection, Samples,
+    Simplest,
 };
 pub use diagnostic::{Diagnostic, SourceFile, Span};
 pub use domain::{
@@ -75,6 +77,7 @@ pub use package::{FunctionItem, Package, PackageError};
 pub use path::{Adapter, Path, PathError, adapter};
 pub use probe::{Inputs, ProbeError, Probed, call};
 pub use reflect::{Binding, BindingKind, Function, LayoutError, Program, ReflectError, Stage};
+pub use settings::SettingsError;
 pub use stats::Support;
 pub use tolerance::{Abs, Measure, Rel, Tolerance, Ulp, Unit, ulp_distance};
 pub use value::{Arguments, Mirror, Scalar, Shape, Shareable, format_f32, format_lane, hexfloat};

@@ -1,7 +1,7 @@
 //! A frame against its golden: on each path, with what was declared of it, as a record.
 
 use super::{Frame, FrameAgreement, FrameError};
-use crate::check::{Identity, KnownIssue};
+use crate::check::{self, KnownIssue, replay};
 use crate::golden::{
     COLOR, FrameDifference, FrameTolerance, GoldenError, Goldens, MASK, Profile, Rendered, VARIANCE,
 };
@@ -9,6 +9,7 @@ use crate::image::Part;
 use crate::metric::Gate;
 use crate::path::{self, Adapter, Path};
 use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
+use crate::settings;
 
 impl Frame<'_> {
     /// Draws the frame on each selected path and compares it with a golden.
@@ -34,7 +35,7 @@ impl Frame<'_> {
         };
         record::write(&Record {
             schema: record::SCHEMA,
-            test: Identity::current().test,
+            test: check::test(),
             subject: Subject::Frame {
                 golden: case.to_owned(),
                 folder: goldens.folder().display().to_string(),
@@ -48,7 +49,10 @@ impl Frame<'_> {
         });
         match result {
             Ok(agreement) => agreement,
-            Err(error) => panic!("{error}"),
+            Err(error) => {
+                replay::done();
+                panic!("{error}")
+            }
         }
     }
 
@@ -67,6 +71,7 @@ impl Frame<'_> {
         case: &str,
         records: &mut Vec<PathRecord>,
     ) -> Result<FrameAgreement, FrameError> {
+        replay::begin(settings::current()?, &format!("frame {case}"))?;
         let (mut paths, mut known_issues) = (Vec::new(), Vec::new());
         if let Some(path) = self.known_issues.unexplained() {
             return Err(FrameError::UnexplainedIssue(path));

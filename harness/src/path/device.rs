@@ -8,6 +8,7 @@ use std::time::Duration;
 use parking_lot::{ReentrantMutex, ReentrantMutexGuard};
 
 use super::{Adapter, Path, PathError, guard};
+use crate::settings;
 
 /// How long a poll's callback is waited for before polling again.
 const CALLBACK: Duration = Duration::from_millis(5);
@@ -42,7 +43,7 @@ impl Device {
             ..wgpu::InstanceDescriptor::new_without_display_handle()
         });
         let adapters = pollster::block_on(instance.enumerate_adapters(path.backends()));
-        let wanted = std::env::var("KARAT_ADAPTER").ok().filter(|name| !name.is_empty());
+        let wanted = settings::current()?.adapter.as_ref();
         let mut candidates: Vec<_> = adapters
             .into_iter()
             .filter(|adapter| {
