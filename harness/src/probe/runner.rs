@@ -177,6 +177,13 @@ impl Runner {
         self.capacity
     }
 
+    /// Whether the function reads textures that this path keeps in half floats.
+    pub(crate) fn reads_half_floats(&self) -> bool {
+        let mut resources = self.resources.values().flatten();
+        self.device.float_format() == wgpu::TextureFormat::Rgba16Float
+            && resources.any(|(_, resource)| matches!(resource, Resource::View(_)))
+    }
+
     /// Words between one case's results and the next one's.
     pub(crate) fn stride_out(&self) -> usize {
         self.stride_out
