@@ -260,6 +260,95 @@ fn fixtures_of_another_type() {
     }
 }
 
+/// Two variables of a frame may have one binding number, in draws of their own: each draw reads its
+/// own fixture. In one draw they can't.
+#[test]
+fn a_fixture_that_another_one_hides() {
+    let wgsl = "@group(0) @binding(0) var<uniform> near: vec4f;\n\
+                @group(0) @binding(0) var<uniform> far: vec4f;\n\
+                @vertex fn corners(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {\n    \
+                    return vec4f(4.0 * f32(i & 1u) - 1.0, 4.0 * f32(i >> 1u) - 1.0, 1.0, 1.0);\n}\n\
+                @vertex fn moved(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {\n    \
+                    return vec4f(4.0 * f32(i & 1u) - 1.0, 4.0 * f32(i >> 1u) - 1.0, near.w, 1.0);\n}\n\
+                @fragment fn first() -> @location(0) vec4f { return near; }\n\
+                @fragment fn second() -> @location(0) vec4f { return far; }";
+    let package = Package::from_source("planted", wgsl);
+    let frame = |vertex: &str| {
+        package
+            .frame("", 4, 4)
+            .fullscreen("corners", "first")
+            .fullscreen(vertex, "second")
+            .blend(karat::Blend::Add)
+            .with("near", Uniform::new(glam::Vec4::splat(0.25)))
+            .with("far", Uniform::new(glam::Vec4::ONE))
+    };
+    for path in selected() {
+        let image = frame("corners").render(path).expect("each draw has its fixture");
+        assert!(image.pixels().iter().all(|pixel| *pixel == [1.25; 4]), "{:?}", image.pixels()[0]);
+        let error = frame("moved").render(path).expect_err("one draw, one binding").to_string();
+        assert_eq!(
+            error,
+            "`near` and `far` are both @group(0) @binding(0), and one draw can bind only one of \
+             them: give one another number"
+        );
+    }
+}
+
+/// Functions that are NaN or infinite only where two arguments meet, off the axes and inside of
+/// ranges: like components of a tuple do.
+#[test]
+fn arguments_that_meet() {
+    let slanted = "all(abs(a) > vec3f(0.1))";
+    let directions = |body: &str| {
+        let wgsl = format!(
+            "fn f(n: vec3f, a: vec3f, b: vec3f) -> f32 {{\n    \
+                 return select(1.0, length({body}), {slanted});\n}}"
+        );
+        Package::from_source("planted", wgsl)
+    };
+    let bounded = |_: (Vec3, Vec3, Vec3), length: f32| length < 1e3;
+    let sound = directions("a + 2.0 * b");
+    let sphere = || (UnitVector, UnitVector, UnitVector);
+    sound.function("f").over(sphere()).try_satisfies("is bounded", bounded).expect("no fault");
+    for body in [
+        "normalize(a - b)",
+        "normalize(a + b)",
+        "normalize(n - a)",
+        "normalize(a + n)",
+        "a / f32(!(all(n == a) && all(a == b)))",
+        // Close, but not equal.
+        "a / f32(!(distance(a, b) > 0.0 && distance(a, b) < 1e-5))",
+        "a / f32(!(distance(a, -b) > 0.0 && distance(a, -b) < 1e-5))",
+    ] {
+        let package = directions(body);
+        let found = package.function("f").over(sphere()).try_satisfies("is bounded", bounded);
+        let found = disagreement(found);
+        assert!(found.paths.iter().all(|path| path.census.failures > 3), "{body}: {found}");
+    }
+    let upper = || (Hemisphere, Hemisphere, Hemisphere.filter(|l| l.z > 0.0));
+    let package = directions("normalize(a - b)");
+    let found = package.function("f").over(upper()).try_satisfies("is bounded", bounded);
+    let found = disagreement(found);
+    // Reduced together, or they would not meet.
+    for path in &found.paths {
+        let simplest = path.simplest.as_ref().unwrap_or_else(|| panic!("it is reduced: {found}"));
+        let arguments = &simplest.failure.arguments;
+        assert_eq!(arguments[1].1, arguments[2].1, "{found}");
+        assert!(arguments[1].1.len() < path.worst.arguments[1].1.len(), "{found}");
+    }
+    let numbers = |body: &str| {
+        let wgsl = format!(
+            "fn f(a: f32, b: f32) -> f32 {{ return select(1.0, {body}, a > 0.2 && a < 0.4); }}"
+        );
+        Package::from_source("planted", wgsl)
+    };
+    for body in ["1.0 / (a - b)", "1.0 / f32(a == b || abs(a - b) > 1e-5)", "1.0 / (a + b)"] {
+        let package = numbers(body);
+        let over = package.function("f").over((0.0..=1.0, -1.0..=1.0));
+        disagreement(over.try_satisfies("is any number", |_, _: f32| true));
+    }
+}
+
 /// Many threads share a device: each gets its own results, every time.
 #[test]
 fn many_threads_on_one_device() {
@@ -464,6 +553,89 @@ fn planted(fault: &[&str], environment: &[(&str, &str)]) -> (Output, String) {
 fn no_fault_succeeds() {
     let (output, text) = planted(&["none"], &[]);
     assert!(output.status.success(), "{text}");
+}
+
+/// A replay that replays nothing is red, and says which check was likely meant. One that replays
+/// the second check of a program is not.
+#[test]
+fn a_replay_of_nothing() {
+    let (output, text) = planted(&["two"], &[("KARAT_CASE", "g/agrees_with/3")]);
+    assert!(output.status.success() && text.contains("both agree"), "{text}");
+    for case in
+        ["f/agree_with/3", "h/agrees_with/3", "f/agrees_with#2/3", "f/agrees_with@uniform/3"]
+    {
+        let (output, text) = planted(&["two"], &[("KARAT_CASE", case)]);
+        assert!(!output.status.success(), "{case}: {text}");
+        assert!(
+            text.contains(&format!(
+                "test `main` replays nothing: KARAT_CASE={case} is none of its"
+            )),
+            "{text}"
+        );
+        assert!(text.contains("; did you mean `f/agrees_with`?"), "{text}");
+    }
+    let (output, text) = planted(&["two"], &[("KARAT_CASE", "g/agrees_with/65536")]);
+    assert!(!output.status.success() && text.contains("none with index 65536"), "{text}");
+    // A frame has no cases.
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let picture = ["golden", &folder.path().display().to_string()];
+    let (output, text) = planted(&picture, &[("KARAT_CASE", "gradient/matches/0")]);
+    assert!(!output.status.success(), "{text}");
+    assert!(text.contains("is none of its checks, `frame gradient`"), "{text}");
+}
+
+/// The same in the threads of Rust's test runner: this program runs one of its own tests.
+#[test]
+fn a_test_that_replays_nothing() {
+    let run = |case: &str| {
+        let program = std::env::current_exe().expect("a test program");
+        let mut command = Command::new(program);
+        command.args(["--exact", "the_unchanged_library_agrees"]).env("KARAT_CASE", case);
+        command.env_remove("KARAT_RECORD").env("KARAT_FAILURES", "off");
+        let output = command.output().expect("it runs");
+        (output.status.success(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    // The test wants all cases, so it fails by itself where one is replayed.
+    let (passed, text) = run("fresnel::schlick/agrees_with/7");
+    assert!(!passed && !text.contains("replays nothing"), "{text}");
+    let (passed, text) = run("fresnel::schlik/agrees_with/7");
+    assert!(!passed, "{text}");
+    assert!(text.contains("test `the_unchanged_library_agrees` replays nothing"), "{text}");
+    assert!(text.contains("; did you mean `fresnel::schlick/agrees_with`?"), "{text}");
+}
+
+/// Each name and value of the environment is read, or refused.
+#[test]
+fn settings_with_a_slip() {
+    for (name, value, message) in [
+        ("KARAT_FAILURES", "banana", "KARAT_FAILURES=banana isn't `on` or `off`"),
+        ("KARAT_REQUIER", "vulkan", "did you mean `KARAT_REQUIRE`?"),
+        ("KARAT_SEED", "1e9", "KARAT_SEED=1e9 isn't a number"),
+        ("KARAT_DEADLINE", "soon", "KARAT_DEADLINE=soon isn't a number of seconds above 0"),
+        ("KARAT_CASE", "id", "KARAT_CASE=id isn't a case, `function/check/index`"),
+        ("KARAT_INPUT", "3f800000", "KARAT_INPUT needs KARAT_CASE"),
+        ("KARAT_PATHS", "all,vulcan", "did you mean `vulkan`?"),
+        ("KARAT_PATHS", "gl,gl", "KARAT_PATHS=gl,gl names `gl` twice"),
+        ("KARAT_REQUIRE", "vulkan,", "there is no execution path ``"),
+    ] {
+        let (output, text) = planted(&["none"], &[(name, value)]);
+        assert!(!output.status.success() && text.contains(message), "{name}={value}: {text}");
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let (passed, text) = golden_fault(folder.path(), &[(name, value)]);
+        assert!(!passed && text.contains(message), "of a frame, {name}={value}: {text}");
+    }
+}
+
+/// A fault that is seen on the last path alone is reduced on that path.
+#[test]
+fn a_fault_of_the_last_path_is_reduced_there() {
+    let (output, text) = planted(&["one_path"], &[("KARAT_PATHS", "all")]);
+    assert!(!output.status.success(), "{text}");
+    let simplest = text.find("simplest (reduced from").expect("the worst case can be reduced");
+    assert!(text[simplest..].contains("x = 1\n") && text[simplest..].contains("n = 3\n"), "{text}");
+    let agree = text.matches("  all cases agree").count();
+    let open = Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok()).count();
+    assert_eq!(agree, open - 1, "{text}");
 }
 
 /// The replay command runs the failing case alone, with the same inputs.
@@ -1010,6 +1182,19 @@ fn a_frame_that_is_declared_to_fail() {
     let error = frame().fails_on(paths[0], "").try_matches(&goldens, "gradient");
     assert!(error.expect_err("no reason").to_string().contains("without a reason"));
 
+    // Another size and NaN are other bugs than the one that is known.
+    let mut small = pictures.frame("", 16, 16).fullscreen("corners", "gradient");
+    small = paths.iter().fold(small, |frame, path| frame.fails_on(*path, "bug 1"));
+    let error = small.try_matches(&goldens, "gradient").expect_err("another size");
+    assert!(matches!(error, karat::FrameError::Golden { .. }), "{error}");
+    // Not a constant: WGSL refuses those.
+    let nan = include_str!("planted/gradient.wgsl").replace("0.5, 1.0)", "sqrt(-at.x), 1.0)");
+    let nan = Package::from_source("gradient", nan);
+    let nan = nan.frame("", 32, 16).fullscreen("corners", "gradient").tolerance(1e-3);
+    let nan = paths.iter().fold(nan, |frame, path| frame.fails_on(*path, "bug 1"));
+    let error = nan.try_matches(&goldens, "gradient").expect_err("NaN");
+    assert!(matches!(error, karat::FrameError::Golden { .. }), "{error}");
+
     image.pixels_mut()[300][2] *= 1.01;
     image.write_exr(&golden, Precision::Half, None).expect("written");
     let agreement = declared().try_matches(&goldens, "gradient").expect("it fails as declared");
@@ -1039,6 +1224,23 @@ fn known_issues_are_recorded() {
             assert_eq!(path.known_issue.as_deref(), Some("bug 1234"));
             assert_eq!(path.failures > 0, fault == "known_issue");
         }
+    }
+}
+
+/// Every verdict under an overlay says so in the record: of values, samples and frames.
+#[test]
+fn records_name_the_overlay() {
+    let (folder, overlay) = (tempfile::tempdir(), tempfile::tempdir());
+    let [folder, overlay] = [folder, overlay].map(|folder| folder.expect("a temporary folder"));
+    let names = [&folder, &overlay].map(|folder| folder.path().display().to_string());
+    for named in [None, Some(&*names[1])] {
+        let mut environment = vec![("KARAT_RECORD", &*names[0])];
+        environment.extend(named.map(|overlay| ("KARAT_OVERLAY", overlay)));
+        let (output, text) = planted(&["records"], &environment);
+        assert!(output.status.success(), "{text}");
+        let records = karat::record::read(folder.path()).expect("the verdicts were recorded");
+        let own: Vec<_> = records.iter().filter(|r| r.overlay.as_deref() == named).collect();
+        assert_eq!(own.len(), 3, "{records:?}");
     }
 }
 
@@ -1203,6 +1405,32 @@ fn an_integral_over_directions() {
     let (equal, below) = check("0.999 * l.z / radians(180.0)", Directions::hemisphere(), 1.0);
     disagreement(equal);
     below.expect("it is less");
+    // Both rules are far from what is expected, and farther than from each other: a failure, which
+    // shows both.
+    let lobe = "1e5 * exp(1e3 * (l.z - 1.0))";
+    let coarse = Directions::hemisphere().rings(32);
+    for found in <[_; 2]>::from(check(lobe, coarse, 1.0)) {
+        let found = disagreement(found);
+        for path in &found.paths {
+            let integral = path.worst.integral.as_ref().expect("an integral");
+            let expected = path.worst.expected.expect("a number");
+            let (control, nodes) = integral.control.expect("the rules differ");
+            assert!(integral.value > 500.0 * expected && expected > 0.0, "{found}");
+            assert!(control > 300.0 * expected && nodes == 2 * 24 * 24, "{found}");
+        }
+        assert!(found.to_string().contains("     control = "), "{found}");
+    }
+    // What fails is a verdict, although other cases have none.
+    let mixed =
+        "select(2.0 * l.z / radians(180.0), exp(1e3 * (l.z - 1.0)) / 6.2831853e-3, k < 1.0)";
+    for found in <[_; 2]>::from(check(mixed, coarse, 1.0)) {
+        let found = disagreement(found);
+        for path in &found.paths {
+            assert!((1..16).contains(&path.census.failures), "{found}");
+            let value = path.worst.integral.as_ref().expect("an integral").value;
+            assert!((value / path.worst.expected.expect("a number") - 2.0).abs() < 1e-4, "{found}");
+        }
+    }
     for found in <[_; 2]>::from(check("exp(1e3 * (l.x - 1.0))", Directions::sphere(), 6.283e-3)) {
         let error = found.expect_err("a lobe of 0.03 between rings of 0.05");
         assert!(matches!(error, Failure::Rule { .. }), "{error}");

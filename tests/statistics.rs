@@ -79,6 +79,28 @@ fn planted() -> Package {
             return select(l, l * exp(1000.0 + u.x), u.x < 1e-3 && u.y < 0.1);
         }
 
+        @group(0) @binding(0) var table: texture_2d<f32>;
+
+        // The texel is the lobe's peak, 1 / (pi alpha^2).
+        fn tabled_pdf(alpha: f32, h: vec3f) -> f32 {
+            let tangent = dot(h.xy, h.xy) / (h.z * h.z * alpha * alpha);
+            let peak = textureLoad(table, vec2i(0, 0), 0).x;
+            return select(0.0, peak / (pow(1.0 + tangent, 2.0) * pow(h.z, 3.0)), h.z > 0.0);
+        }
+
+        // More than 1 by less than rounding may add, and by more.
+        fn full_cosine_pdf(l: vec3f) -> f32 {
+            return 1.0001 * cosine_pdf(l);
+        }
+
+        fn fuller_cosine_pdf(l: vec3f) -> f32 {
+            return 1.0003 * cosine_pdf(l);
+        }
+
+        fn dense_cosine_pdf(l: vec3f) -> f32 {
+            return 1.0005 * cosine_pdf(l);
+        }
+
         // One in 10,000 is below.
         fn falling(u: vec2f) -> vec3f {
             let l = cosine_hemisphere(u);
@@ -255,6 +277,69 @@ fn a_pdf_of_the_wrong_scale_is_rejected() {
     let [Finding::Mass { integral, bound }] = found[..] else { panic!("{found:?}") };
     assert!((integral - 1.05).abs() < 1e-3 && bound < 1e-3, "{integral} {bound}");
     assert_eq!(ggx_power("scaled_pdf", 1 << 18), 1.0);
+}
+
+/// A density that integrates to more than 1 leaves out less than nothing, which is no finding of its
+/// own; where it is more by rounding alone, samples that leave are too many.
+#[test]
+fn a_density_above_one_leaves_nothing_out() {
+    let planted = planted();
+    let follows = |sampler: &str, pdf: &str| {
+        let sampled = planted.function(sampler).sampled_over(Just(()), |(), u: Vec2| u);
+        sampled.may_leave().try_follows(planted.function(pdf), |(), l: Vec3| l)
+    };
+    follows("cosine", "full_cosine_pdf").expect("more than 1 by rounding alone");
+    let found = findings(follows("falling", "fuller_cosine_pdf"));
+    assert!(matches!(found[..], [Finding::Mass { .. }]), "{found:?}");
+    let found = findings(follows("falling", "full_cosine_pdf"));
+    let [Finding::Left { left, expected, .. }] = found[..] else { panic!("{found:?}") };
+    assert!(left > 10 && expected == 0.0, "{found:?}");
+}
+
+/// A lobe of alpha 0.01 whose peak is a texel: in half floats 3183.1 is 3184. The density is right
+/// on each path, whatever its textures are kept in; a peak that is off by more than that isn't.
+#[test]
+fn a_sharp_lobe_from_a_texture_is_judged_by_the_texture() {
+    let alpha = 0.01_f32;
+    let peak = 1.0 / (std::f64::consts::PI * f64::from(alpha) * f64::from(alpha));
+    let planted = planted();
+    let follows = |scale: f64, leaves: bool| {
+        let texel = glam::Vec4::splat((peak * scale) as f32);
+        let sampled = PBR
+            .function("sampling::ggx_normal")
+            .sampled_over(Just(alpha), |&alpha, u: Vec2| (alpha, u));
+        let sampled = if leaves { sampled.may_leave() } else { sampled };
+        let pdf = planted.function("tabled_pdf").with("table", Texture::constant(texel));
+        sampled.try_follows(pdf, |&alpha, h: Vec3| (alpha, h))
+    };
+    for leaves in [false, true] {
+        follows(1.0, leaves).expect("the right density");
+        let found = findings(follows(1.001, leaves));
+        assert!(matches!(found[..], [Finding::Mass { .. }]), "{found:?}");
+    }
+    let found = findings(follows(0.999, false));
+    assert!(matches!(found[..], [Finding::Mass { .. }]), "{found:?}");
+}
+
+/// Of all tests of a check together, a right sampler is rejected with the stated probability.
+#[test]
+fn a_check_shares_its_significance_among_its_tests() {
+    let planted = planted();
+    let widths = || OneOf(vec![0.3_f32, 0.5, 0.7, 0.9]);
+    let sampled = || {
+        let normal = PBR.function("sampling::ggx_normal");
+        normal.sampled_over(widths(), |&alpha, u: Vec2| (alpha, u)).samples(4096)
+    };
+    let pdf = || PBR.function("sampling::ggx_normal_pdf");
+    let plain = sampled().follows(pdf(), |&alpha, h: Vec3| (alpha, h));
+    let leaving = sampled().may_leave().follows(pdf(), |&alpha, h: Vec3| (alpha, h));
+    let cosine = planted.function("cosine").sampled_over(Just(()), |(), u: Vec2| u);
+    let with = |name: &str| (planted.function(name), |(): &(), l: Vec3| l);
+    let estimate = cosine.estimates(with("grey"), with("cosine_pdf"));
+    for (fit, tests) in [(plain, 4), (leaving, 8), (estimate, 4)] {
+        let any = 1.0 - (1.0 - fit.threshold).powi(tests);
+        assert!((any - 0.01).abs() < 1e-12, "{tests} tests: {}", fit.threshold);
+    }
 }
 
 /// Noncentral by n 0.05^2 = 655 at 2^18 samples, twenty deviations of chi-square.
@@ -514,6 +599,19 @@ fn an_estimate_by_a_scaled_density_is_rejected() {
         sampled().try_estimates((planted.function("grey"), |(): &(), l: Vec3| l), scaled()),
     );
     assert!(found.iter().any(|f| matches!(f, Finding::Mean { .. })), "{found:?}");
+}
+
+/// A mean of equal weights is known to their rounding: off by five times that, it is rejected,
+/// although the density's own integral is granted more.
+#[test]
+fn a_mean_is_granted_no_more_than_rounding() {
+    let planted = planted();
+    let with = |name: &str| (planted.function(name), |(): &(), l: Vec3| l);
+    let cosine = || planted.function("cosine").sampled_over(Just(()), |(), u: Vec2| u);
+    cosine().mass_within(1e-2).estimates(with("grey"), with("cosine_pdf"));
+    let found =
+        findings(cosine().mass_within(1e-2).try_estimates(with("grey"), with("dense_cosine_pdf")));
+    assert!(matches!(found[..], [Finding::Mean { .. }, ..]), "{found:?}");
 }
 
 #[test]

@@ -20,6 +20,7 @@ mod parallel;
 mod property;
 mod quadrature;
 mod reference;
+pub(crate) mod replay;
 mod sampling;
 mod session;
 mod shrink;
@@ -31,7 +32,7 @@ pub use argument::Argument;
 pub use disagreement::{
     CaseFailure, Disagreement, IntegralFailure, NodeFailure, PathDisagreement, Simplest,
 };
-pub(crate) use identity::Identity;
+pub(crate) use identity::{Identity, test};
 pub use integral::Integral;
 pub use known_issue::KnownIssue;
 pub(crate) use known_issue::KnownIssues;
@@ -41,6 +42,7 @@ pub use monotone::Direction;
 use property::{Exhibit, PRIMED};
 pub use quadrature::Directions;
 pub use reference::Reference;
+pub use replay::NotReplayed;
 pub use sampling::{
     ConfigurationRejection, Finding, Fit, PathRejection, Power, Rejection, Samples,
 };
@@ -433,7 +435,7 @@ impl<D: Domain> Plan<'_, D> {
     ) -> Result<Agreement, Failure> {
         let stopwatch = Stopwatch::start();
         let function = self.probe.path.clone();
-        let identity = Identity::of(&function, name);
+        let identity = Identity::of(&function, name)?;
         let package = self.probe.package.root().display().to_string();
         let seed = self.seed.unwrap_or_else(|| identity.seed(&function, &identity.check));
         let mut subject = Subject::Function {
@@ -528,7 +530,10 @@ enum Recording {
 fn or_panic(result: Result<Agreement, Failure>) -> Agreement {
     match result {
         Ok(agreement) => agreement,
-        Err(failure) => panic!("{}", visible(&failure.to_string())),
+        Err(failure) => {
+            replay::done();
+            panic!("{}", visible(&failure.to_string()))
+        }
     }
 }
 

@@ -5,6 +5,9 @@
 //! the seed and on *i* alone, so any case can be drawn again without those before it. A finite
 //! domain ([`Just`], [`Grid`], [`OneOf`] and products of them) is enumerated whole.
 //!
+//! One draw of a tuple in eight has components that meet: of two that are of one type, one is equal
+//! to the other, opposite, or close to either. Functions of two directions fail there.
+//!
 //! A case that fails is simplified within its domain: see [`Domain::shrink`].
 
 mod direction;
@@ -14,6 +17,7 @@ mod product;
 mod range;
 mod shrink;
 mod source;
+mod ties;
 
 use std::any::Any;
 use std::fmt::Debug;

@@ -161,6 +161,21 @@ pub enum FixtureError {
         /// What was supplied.
         supplied: String,
     },
+    /// Two variables of one draw have one binding.
+    #[error(
+        "`{}` and `{}` are both @group({group}) @binding({binding}), and one draw can bind only one \
+         of them: give one another number",
+        variables[0],
+        variables[1]
+    )]
+    Shared {
+        /// The variables.
+        variables: [String; 2],
+        /// `@group`
+        group: u32,
+        /// `@binding`
+        binding: u32,
+    },
     /// No value, or a texture without a texel.
     #[error("the fixture of `{variable}` is empty")]
     Empty {

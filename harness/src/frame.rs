@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 pub use expectation::FrameMean;
 pub use mesh::{Attribute, Mesh};
 
-use crate::check::{KnownIssue, KnownIssues};
+use crate::check::{KnownIssue, KnownIssues, NotReplayed};
 use crate::diagnostic::Diagnostic;
 use crate::fixture::{Fixture, FixtureError, Fixtures};
 use crate::golden::{FrameMargin, FrameTolerance, GoldenError};
@@ -23,6 +23,7 @@ use crate::metric::{Mask, MaskError, Rect};
 use crate::package::Package;
 use crate::path::{self, Adapter, Path, PathError};
 use crate::reflect::{ReflectError, Stage};
+use crate::settings::SettingsError;
 use crate::tolerance::Measure;
 
 /// What becomes of a pixel that is drawn again.
@@ -95,6 +96,12 @@ pub enum FrameError {
     /// Loops go round more often than the driver lets them.
     #[error("{0}")]
     Rounds(Box<Diagnostic>),
+    /// The environment has a setting that can't be used.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// A check is to be replayed, and not here.
+    #[error(transparent)]
+    NotReplayed(#[from] NotReplayed),
     /// No such entry point.
     #[error("module `{module}` has no {stage} entry point `{name}`")]
     EntryPoint {

@@ -5,7 +5,7 @@
 //! check runs on is read from the environment:
 //!
 //! - `KARAT_PATHS`: `vulkan`, `vulkan,gl`, ..., or `all` available ones. Unset: the first that
-//!   opens. A path listed by name must open.
+//!   opens. A path listed by name must open, and is named once.
 //! - `KARAT_REQUIRE`: paths that must have run; one that doesn't open is an error.
 //! - `KARAT_ADAPTER`: part of an adapter's name, to choose among several.
 //! - `KARAT_DEADLINE`: seconds that a shader may take before the process gives up (default 60).
@@ -21,6 +21,7 @@ pub(crate) use deadline::{Guard, guard};
 pub(crate) use device::{Device, MOST_ROUNDS, Turn};
 
 use crate::diagnostic::nearest;
+use crate::settings::{self, SettingsError};
 
 /// An execution path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -97,6 +98,19 @@ pub enum PathError {
         /// The closest path.
         nearest: Option<String>,
     },
+    /// A path is named twice.
+    #[error("{variable}={names} names `{path}` twice")]
+    Repeated {
+        /// The variable.
+        variable: &'static str,
+        /// What it is set to.
+        names: String,
+        /// The path.
+        path: Path,
+    },
+    /// The environment has a setting that can't be used.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
     /// The path was asked for by name, but doesn't open.
     #[error(
         "execution path `{path}` is required, but unavailable: {reason}; `karat doctor` tells how to get it"
@@ -157,6 +171,7 @@ impl fmt::Display for Adapter {
 
 /// Opens a path, once a process.
 pub(crate) fn open(path: Path) -> Result<&'static Device, PathError> {
+    settings::current()?;
     static DEVICES: [OnceLock<Result<Device, PathError>>; Path::ALL.len()] =
         [const { OnceLock::new() }; Path::ALL.len()];
     let index = Path::ALL.iter().position(|known| *known == path).expect("ALL holds each path");
@@ -173,28 +188,26 @@ pub fn adapter(path: Path) -> Result<Adapter, PathError> {
 
 /// The paths that a check runs on, as the environment says. Never empty.
 pub(crate) fn selected() -> Result<Vec<&'static Device>, PathError> {
-    let variable = |name| std::env::var(name).ok().filter(|value| !value.trim().is_empty());
-    select(variable("KARAT_PATHS").as_deref(), variable("KARAT_REQUIRE").as_deref())
+    let settings = settings::current()?;
+    select(settings.paths.as_deref(), settings.require.as_deref())
 }
 
 fn select(paths: Option<&str>, required: Option<&str>) -> Result<Vec<&'static Device>, PathError> {
-    let list = |names: &str| names.split(',').map(|name| name.trim().parse()).collect();
     let must_open = |path: Path| {
         open(path).map_err(|error| match error {
             PathError::Unavailable { path, reason } => PathError::Required { path, reason },
             other => other,
         })
     };
-    let required: Vec<Path> = required.map_or_else(|| Ok(Vec::new()), list)?;
+    let required = required.map_or_else(|| Ok(Vec::new()), |names| list("KARAT_REQUIRE", names))?;
     let mut devices =
         required.iter().map(|path| must_open(*path)).collect::<Result<Vec<_>, _>>()?;
     match paths {
-        Some(names) if names.split(',').any(|name| name.trim() == "all") => {
-            devices.extend(Path::ALL.iter().filter_map(|path| open(*path).ok()))
-        }
         Some(names) => {
-            let named: Vec<Path> = list(names)?;
-            for path in named {
+            if names.split(',').any(|name| name.trim() == ALL) {
+                devices.extend(Path::ALL.iter().filter_map(|path| open(*path).ok()));
+            }
+            for path in list("KARAT_PATHS", names)? {
                 devices.push(must_open(path)?);
             }
         }
@@ -216,6 +229,22 @@ fn select(paths: Option<&str>, required: Option<&str>) -> Result<Vec<&'static De
     Ok(devices)
 }
 
+/// What stands for every path that opens.
+const ALL: &str = "all";
+
+/// The paths that a list names, each of them once.
+fn list(variable: &'static str, names: &str) -> Result<Vec<Path>, PathError> {
+    let mut paths = Vec::new();
+    for name in names.split(',').map(str::trim).filter(|name| *name != ALL) {
+        let path = name.parse()?;
+        if paths.contains(&path) {
+            return Err(PathError::Repeated { variable, names: names.to_owned(), path });
+        }
+        paths.push(path);
+    }
+    Ok(paths)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -229,6 +258,37 @@ mod tests {
              you mean `vulkan`?"
         );
         assert!(matches!(select(Some("vulkan,opengl"), None), Err(PathError::Unknown { .. })));
+    }
+
+    #[test]
+    fn lists_are_read_whole() {
+        let names = |names: &str| list("KARAT_PATHS", names);
+        assert_eq!(names("gl, vulkan").ok(), Some(vec![Path::Gl, Path::Vulkan]));
+        assert_eq!(names("all").ok(), Some(Vec::new()));
+        for (wrong, message) in [
+            ("gl,gl", "KARAT_PATHS=gl,gl names `gl` twice"),
+            ("all,vulcan", "there is no execution path `vulcan`"),
+            ("vulkan,", "there is no execution path ``"),
+        ] {
+            let error = names(wrong).expect_err(wrong).to_string();
+            assert!(error.starts_with(message), "{error}");
+        }
+        assert!(matches!(select(Some("all,vulcan"), None), Err(PathError::Unknown { .. })));
+    }
+
+    /// A list is every path that it names, in one order, however they are listed.
+    #[test]
+    fn each_path_of_a_list_is_run() {
+        let here: Vec<Path> = Path::ALL.into_iter().filter(|path| open(*path).is_ok()).collect();
+        let named = |paths: &[Path]| -> Vec<Path> {
+            let names: Vec<&str> = paths.iter().map(|path| path.name()).collect();
+            let devices = select(Some(&names.join(",")), None).expect("they open");
+            devices.into_iter().map(|device| device.path()).collect()
+        };
+        let backwards: Vec<Path> = here.iter().rev().copied().collect();
+        assert_eq!((named(&here), named(&backwards)), (here.clone(), here.clone()));
+        let required = select(None, Some("vulkan,gl").filter(|_| here.len() > 1));
+        assert!(here.len() < 2 || required.is_ok_and(|devices| devices.len() == 2));
     }
 
     #[test]

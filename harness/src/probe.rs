@@ -133,6 +133,26 @@ pub enum ProbeError {
         /// The loop.
         diagnostic: Box<Diagnostic>,
     },
+    /// Results that still are what they were set to before the kernel ran.
+    #[error(
+        "the kernel of `{function}` ran on path `{path}`, but wrote {count} of {words} result words \
+         in no run (first: `result{component}` of case {first} of its dispatch): the driver drops \
+         writes, or the kernel doesn't reach them"
+    )]
+    ResultNotWritten {
+        /// The function.
+        function: String,
+        /// The path.
+        path: Path,
+        /// The first component that wasn't written: `""` for a scalar, `.x`.
+        component: String,
+        /// Its case.
+        first: u32,
+        /// How many words weren't written.
+        count: usize,
+        /// Of how many.
+        words: usize,
+    },
     /// The read-back has the wrong length.
     #[error("the device returned {found} words instead of {expected}")]
     Length {

@@ -27,6 +27,9 @@ fn main() -> ExitCode {
         "endless_loop" => check(&endless(), "endless"),
         "too_large" => check("fn above(x: f32) -> f32 { return x + x * x * 0.001; }", "above"),
         "integral" => Ok(integral()),
+        "two" => two(),
+        "one_path" => one_path(),
+        "records" => Ok(records()),
         "known_issue" => {
             Ok(declared("fn above(x: f32) -> f32 { return x + x * x * 0.001; }", "above"))
         }
@@ -53,6 +56,50 @@ fn check(wgsl: &str, function: &str) -> Result<String, String> {
         .try_agrees_with(|x: f64| x, Ulp(0.0))
         .map(|agreement| agreement.to_string())
         .map_err(|failure| failure.to_string())
+}
+
+/// Two checks of two functions.
+fn two() -> Result<String, String> {
+    let package = Package::from_source(
+        "planted",
+        "fn f(x: f32) -> f32 { return x; }\nfn g(x: f32) -> f32 { return x; }",
+    );
+    for function in ["f", "g"] {
+        package
+            .function(function)
+            .over(0.0..=1.0)
+            .try_agrees_with(|x: f64| x, Ulp(0.0))
+            .map_err(|failure| failure.to_string())?;
+    }
+    Ok("both agree".to_owned())
+}
+
+/// A check that fails on the last path alone: the others are granted the fault.
+fn one_path() -> Result<String, String> {
+    let wgsl = "fn f(x: f32, n: u32) -> f32 { return select(x, x + 0.5, x > 0.3 && n > 2u); }";
+    let package = Package::from_source("planted", wgsl);
+    let check = package.function("f").over((0.0..=1.0, Integers(0..=1000_u32)));
+    let open = Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok());
+    let open: Vec<Path> = open.collect();
+    let (_, others) = open.split_last().ok_or("no path opens")?;
+    let granted = others.iter().fold(check, |check, path| check.tolerance_on(*path, Abs(1.0)));
+    granted
+        .try_agrees_with(|x: f64, _: u32| x, Ulp(0.0))
+        .map(|agreement| agreement.to_string())
+        .map_err(|failure| failure.to_string())
+}
+
+/// A verdict of each kind that is recorded: of values, samples, and frames.
+fn records() -> String {
+    let package = Package::from_source("planted", "fn f(u: f32) -> f32 { return u; }");
+    package.function("f").over(0.0..=1.0).agrees_with(|x: f64| x, Ulp(0.0));
+    let sampled = package.function("f").sampled_over(Just(()), |(), u: f32| u);
+    sampled.has_mean("u", |u: f32| f64::from(u), |()| 0.5, 1e-6);
+    let pictures = Package::from_source("gradient", GRADIENT);
+    let frame = pictures.frame("", 4, 8).fullscreen("corners", "gradient");
+    let whole = karat::Rect { left: 0, top: 0, width: 4, height: 8 };
+    frame.expect_mean(whole, [0.5, 0.5, 0.5], Abs(1e-3));
+    "three verdicts".to_owned()
 }
 
 /// A check that is declared to fail on every path. Its verdict is recorded.

@@ -104,6 +104,8 @@ pub struct IntegralFailure {
     pub value: f64,
     /// How many nodes the quadrature rule has.
     pub nodes: usize,
+    /// What the rule gives that was to confirm this one, and its nodes, if it doesn't confirm it.
+    pub control: Option<(f64, usize)>,
     /// The first node whose result isn't finite.
     pub node: Option<NodeFailure>,
 }
@@ -173,8 +175,17 @@ impl CaseFailure {
         let nearest: Vec<u32> = integral.iter().map(|value| (*value as f32).to_bits()).collect();
         let arguments = vec![("case".to_owned(), argument)];
         let failure = Self::new(function, case, arguments, &nearest, Some(expected), judged);
-        let integral = IntegralFailure { value: integral[judged.lane], nodes, node };
+        let (value, control) = (integral[judged.lane], None);
+        let integral = IntegralFailure { value, nodes, control, node };
         Self { integral: Some(integral), ..failure }
+    }
+
+    /// With what another rule gives, if it doesn't confirm the integral.
+    pub(super) fn with_control(mut self, control: Option<(f64, usize)>) -> Self {
+        if let Some(integral) = &mut self.integral {
+            integral.control = control;
+        }
+        self
     }
 
     /// Writes the failure. `expectation` is what `expected` is called.
@@ -253,6 +264,10 @@ impl CaseFailure {
             writeln!(f, "    {:>width$} = {result}", "returned")?;
         } else {
             writeln!(f, "    {:>width$} = {}{}", "actual", decimal(integral.value), self.place())?;
+        }
+        if let Some((value, nodes)) = integral.control {
+            let value = decimal(value);
+            writeln!(f, "    {:>width$} = {value}  over {nodes} nodes, as far off", "control")?;
         }
         if let Some(expected) = self.expected {
             writeln!(f, "    {expectation:>width$} = {}", decimal(expected))?;

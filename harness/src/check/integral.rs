@@ -5,6 +5,7 @@
 //! in the order of the rule, so that the sum depends neither on the number of its nodes (up to one
 //! rounding) nor on how they were dispatched. A node without a finite result fails its case.
 
+use std::cell::RefCell;
 use std::ops::Range;
 
 use super::disagreement::{CaseFailure, NodeFailure, Simplest, arguments};
@@ -198,11 +199,18 @@ where
         let (name, asserted) = (assertion.name(), assertion.to_string());
         plan.conclude(name, asserted, &demand, recording, |session| {
             assertion.expect_result(session, &E::shape(), &plan.tolerance_on)?;
+            // What each path has no verdict of, at first.
+            let undecided: RefCell<Vec<Option<Failure>>> =
+                RefCell::new(session.runners.iter().map(|_| None).collect());
             let judge = |first: u64, values: Vec<D::Value>| -> Result<_, Failure> {
                 let rules = (&rule, control.as_ref());
                 let group = Group::of(session, first, values, assertion, rules, &expected)?;
                 let nodes = group.nodes() / group.cases.len().max(1);
-                Ok((group.integrate(session, assertion)?, nodes))
+                let (tallies, doubts) = group.integrate(session, assertion)?;
+                for (undecided, doubt) in undecided.borrow_mut().iter_mut().zip(doubts) {
+                    *undecided = undecided.take().or(doubt);
+                }
+                Ok((tallies, nodes))
             };
             let remembered = session.remembered_integrals();
             let mut again = Vec::new();
@@ -224,6 +232,13 @@ where
             }
             if again.iter().any(|path| path.tally.census.failures > 0) {
                 sums = PathTally::merge_all(sums, again);
+            }
+            // A path that fails has its verdict without what is undecided.
+            let passing = |sum: &PathTally| sum.tally.census.failures == 0;
+            for (sum, undecided) in sums.iter().zip(undecided.take()) {
+                if let Some(undecided) = undecided.filter(|_| passing(sum)) {
+                    return Err(undecided);
+                }
             }
             session.reduce(&mut sums, &remembered, |values| Ok(judge(0, values.to_vec())?.0));
             Ok(sums)
@@ -277,6 +292,14 @@ impl Assertion {
         }
     }
 
+    /// What a message says of the caller's number.
+    fn stated(&self) -> &'static str {
+        match self {
+            Self::AgreesWith(_) => "expected",
+            Self::IsAtMost(_) => "the bound",
+        }
+    }
+
     /// Compares the result's type with that of the expected integral or the bound.
     fn expect_result<D: Domain>(
         &self,
@@ -320,6 +343,18 @@ impl Assertion {
             Self::AgreesWith(tolerances) => tolerances.of(path).measure_sum(lane, control, value),
             Self::IsAtMost(slack) => Tolerance::Abs(*slack).measure_sum(lane, control, value),
         }
+    }
+
+    /// Whether an integral is beyond what is allowed whichever rule is right: both are on one side
+    /// of what is expected, and would still be beyond if they were off by as much as they differ.
+    fn refuses_both(&self, path: Path, lane: usize, sums: [f64; 2], expected: f64) -> bool {
+        let doubt = (sums[0] - sums[1]).abs();
+        let above = sums[0] > expected;
+        sums.into_iter().all(|value| {
+            let nearest = if above { value - doubt } else { value + doubt };
+            let same_side = if above { nearest > expected } else { nearest < expected };
+            same_side && !self.measure(path, lane, nearest, expected).passes()
+        })
     }
 
     /// Judges an integral by its worst component.
@@ -416,12 +451,14 @@ impl<V: Clone + std::fmt::Debug + Send + Sync + 'static, A: Arguments> Group<V, 
         self.cases.iter().map(|case| case.nodes.len()).sum()
     }
 
-    /// Evaluates all nodes on every path and judges the sums.
+    /// Evaluates all nodes on every path and judges the sums. An integral whose rules leave it open
+    /// whether it passes isn't counted as one that fails; the first of each path is the second
+    /// result.
     fn integrate<D: Domain<Value = V>>(
         &self,
         session: &Session<'_, D>,
         assertion: &Assertion,
-    ) -> Result<Vec<PathTally>, Failure> {
+    ) -> Result<(Vec<PathTally>, Vec<Option<Failure>>), Failure> {
         let scalars = session.scalars();
         let empty = vec![Sum::new(scalars.len()); self.cases.len()];
         let mut sums = vec![empty.clone(); session.runners.len()];
@@ -452,59 +489,77 @@ impl<V: Clone + std::fmt::Debug + Send + Sync + 'static, A: Arguments> Group<V, 
                 })?;
             }
         }
-        for (runner, (sums, controls)) in session.runners.iter().zip(sums.iter().zip(&controls)) {
-            self.expect_converged(session, assertion, runner, (sums, controls))?;
-        }
-        let tally = |(runner, sums): (&Runner, &Vec<Sum>)| {
+        let mut undecided = Vec::with_capacity(session.runners.len());
+        let tally = |(runner, (sums, controls)): (&Runner, (&Vec<Sum>, &Vec<Sum>))| {
             let path = runner.device().path();
-            let judge =
-                |case: usize| assertion.judge(path, &sums[case], &self.cases[case].expected);
             let mut tally = Tally::default();
-            for case in 0..self.cases.len() {
-                tally.add(self.first + case as u64, judge(case));
+            let mut first = None;
+            for (case, sum) in sums.iter().enumerate() {
+                let doubt = self.doubt(session, assertion, path, case, (sum, &controls[case]));
+                let judged = match doubt {
+                    Some(_) => Judged { measure: Measure::ZERO, lane: 0, class: Class::Other },
+                    None => assertion.judge(path, sum, &self.cases[case].expected),
+                };
+                tally.add(self.first + case as u64, judged);
+                first = first.or(doubt);
             }
+            undecided.push(first);
             let show = |shown: Shown| {
                 let case = usize::try_from(shown.case - self.first).expect("in this group");
-                self.show(session, shown, &self.cases[case], &sums[case])
+                let failure = self.show(session, shown, &self.cases[case], &sums[case]);
+                let (lane, other) = (shown.judged.lane, &controls[case]);
+                let nodes = self.cases[case].nodes.len() - self.cases[case].own;
+                let comparable = nodes > 0 && sums[case].bad.is_none() && other.bad.is_none();
+                let (value, control) = (sums[case].totals()[lane], other.totals()[lane]);
+                let doubt = assertion.doubt(path, lane, value, control);
+                failure
+                    .with_control(Some((control, nodes)).filter(|_| comparable && !doubt.passes()))
             };
             PathTally::new(runner.device(), tally, show).with_nodes(self.nodes() as u64)
         };
-        Ok(session.runners.iter().zip(&sums).map(tally).collect())
+        let sums = sums.iter().zip(&controls);
+        let tallies = session.runners.iter().zip(sums).map(tally).collect();
+        Ok((tallies, undecided))
     }
 
-    /// Refuses integrals that another rule contradicts. One with a node that isn't finite is left
-    /// to the verdict.
-    fn expect_converged<D: Domain<Value = V>>(
+    /// Why an integral has no verdict: its two rules differ by more than is allowed, and one of them
+    /// may be right that it passes. A node that isn't finite is a verdict.
+    fn doubt<D: Domain<Value = V>>(
         &self,
         session: &Session<'_, D>,
         assertion: &Assertion,
-        runner: &Runner,
-        (sums, controls): (&[Sum], &[Sum]),
-    ) -> Result<(), Failure> {
-        let path = runner.device().path();
-        for (index, case) in self.cases.iter().enumerate() {
-            let (sum, control) = (&sums[index], &controls[index]);
-            let nodes = case.nodes.len() - case.own;
-            if nodes == 0 || sum.bad.is_some() || control.bad.is_some() {
-                continue;
-            }
-            for (lane, (value, control)) in sum.totals().iter().zip(control.totals()).enumerate() {
-                let doubt = assertion.doubt(path, lane, *value, control);
-                if !doubt.passes() {
-                    let reason = format!(
-                        "gives {value} with {} nodes and {control} with {nodes} on {path}, {doubt} \
-                         apart, so that neither is a verdict: use more rings, or a rule of your \
-                         own with `.integral(...)`,",
-                        case.own
-                    );
-                    let function = session.probed.function.path.clone();
-                    let (case, arguments) =
-                        (self.first + index as u64, format!("{:?}", case.value));
-                    return Err(Failure::Rule { function, reason, case, arguments });
-                }
-            }
+        path: Path,
+        index: usize,
+        (sum, control): (&Sum, &Sum),
+    ) -> Option<Failure> {
+        let case = &self.cases[index];
+        let nodes = case.nodes.len() - case.own;
+        if nodes == 0 || sum.bad.is_some() || control.bad.is_some() {
+            return None;
         }
-        Ok(())
+        let lanes = || sum.totals().into_iter().zip(control.totals()).enumerate();
+        let refused = |(lane, (value, control)): (usize, (f64, f64))| {
+            assertion.refuses_both(path, lane, [value, control], case.expected[lane])
+        };
+        if lanes().any(refused) {
+            return None;
+        }
+        lanes().find_map(|(lane, (value, control))| {
+            let doubt = assertion.doubt(path, lane, value, control);
+            (!doubt.passes()).then(|| {
+                let expected = case.expected[lane];
+                let reason = format!(
+                    "gives {value} with {} nodes and {control} with {nodes} on {path}, {doubt} \
+                     apart, where {expected} is {}, so that neither is a verdict: use more rings, \
+                     or a rule of your own with `.integral(...)`,",
+                    case.own,
+                    assertion.stated(),
+                );
+                let function = session.probed.function.path.clone();
+                let (case, arguments) = (self.first + index as u64, format!("{:?}", case.value));
+                Failure::Rule { function, reason, case, arguments }
+            })
+        })
     }
 
     fn show<D: Domain<Value = V>>(
@@ -645,6 +700,30 @@ mod tests {
                 assert!(!assertion.judge(Path::Gl, &overflow, &[1.0]).measure.passes());
             }
         }
+    }
+
+    /// Both rules far outside are a verdict; where one may be right that it passes, there is none.
+    #[test]
+    fn what_both_rules_refuse_is_refused() {
+        let tolerances = Tolerances { general: Abs(0.1).into(), on: Vec::new() };
+        let equal = Assertion::AgreesWith(tolerances);
+        let refuses = |assertion: &Assertion, sums| {
+            let there = assertion.refuses_both(Path::Gl, 0, sums, 1.0);
+            let back = assertion.refuses_both(Path::Gl, 0, [sums[1], sums[0]], 1.0);
+            assert_eq!(there, back, "{sums:?}");
+            there
+        };
+        for sums in [[630.0, 480.0], [1.5, 1.35], [0.5, 0.6], [-40.0, -30.0]] {
+            assert!(refuses(&equal, sums), "{sums:?}");
+        }
+        // The last two: off by as much again, one would pass; and one on either side.
+        for sums in [[1.05, 0.9], [1.3, 1.05], [0.7, 1.3], [1.4, 1.21], [0.6, 0.78], [-8.0, 9.0]] {
+            assert!(!refuses(&equal, sums), "{sums:?}");
+        }
+        assert!(!refuses(&equal, [f64::NAN, 5.0]));
+        let bound = Assertion::IsAtMost(0.1);
+        assert!(refuses(&bound, [630.0, 480.0]) && !refuses(&bound, [1.4, 1.2]));
+        assert!(!refuses(&bound, [-630.0, -480.0]), "below the bound");
     }
 
     #[test]

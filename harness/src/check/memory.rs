@@ -9,7 +9,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::Identity;
-use super::identity::{read_steps, read_words, write_steps, write_words};
+use super::identity::{write_steps, write_words};
+use crate::settings::{read_steps, read_words};
 
 const HEAD: &str = "\
 # Inputs on which checks of this test have failed. They are tried first in its next runs, also
@@ -54,7 +55,7 @@ impl Memory {
     /// The memory of the running test; `None` if it has none: it is turned off, the test isn't run
     /// by Cargo, or one case is replayed.
     pub(super) fn open(identity: &Identity) -> Option<Self> {
-        if identity.replays() || std::env::var_os("KARAT_FAILURES").is_some_and(|v| v == "off") {
+        if identity.replays() || !identity.settings.failures {
             return None;
         }
         let package = std::env::var_os("CARGO_MANIFEST_DIR")?;

@@ -2,7 +2,8 @@
 //!
 //! The rule is a product: Gauss and Legendre's in the cosine of the polar angle, equal steps in the
 //! azimuth. It is exact for what is smooth, and blind to what is narrower than its rings. So each
-//! integral is taken twice, with another number of rings, and is an error where the two differ.
+//! integral is taken twice, with another number of rings, and there is no verdict where the two
+//! differ by more than the tolerance and one of them may pass.
 //! (What lies between the rings of both is seen by neither: narrow lobes need a rule that knows
 //! where they are.)
 
@@ -108,9 +109,11 @@ where
     /// Checks the integral over directions of a function whose last argument is one. The domain
     /// draws the arguments before it: `()` if there are none.
     ///
-    /// Each integral is taken by two rules. Where they are farther apart than the tolerance, the
-    /// check has no verdict and is an error: the function is narrower than the rules' rings. Then
-    /// take more [`rings`](Directions::rings), or a rule of your own with
+    /// Each integral is taken by two rules. Where they are farther apart than the tolerance, and
+    /// one of them may be right that the integral passes, the check has no verdict and is an error:
+    /// the function is narrower than the rules' rings. Where both are farther from what is expected
+    /// than from each other, the check fails. Without a verdict, take more
+    /// [`rings`](Directions::rings), or a rule of your own with
     /// [`integral`](super::Probe::integral). Unless their number is set, there are 256 cases.
     ///
     /// ```no_run

@@ -198,7 +198,10 @@ impl std::fmt::Display for Fit {
 fn fit_or_panic(result: Result<Fit, Failure>) -> Fit {
     match result {
         Ok(fit) => fit,
-        Err(failure) => panic!("{}", visible(&failure.to_string())),
+        Err(failure) => {
+            super::replay::done();
+            panic!("{}", visible(&failure.to_string()))
+        }
     }
 }
 
@@ -270,7 +273,7 @@ fn conclude<D: Domain>(
     let function = plan.probe.path.clone();
     let stopwatch = Stopwatch::start();
     let check = assertion.check;
-    let identity = Identity::of(&function, check);
+    let identity = Identity::of(&function, check)?;
     let seed = plan.seed.unwrap_or_else(|| identity.seed(&function, &identity.check));
     let package = plan.probe.package.root().display().to_string();
     let mut subject = Subject::Function {

@@ -5,13 +5,13 @@ use std::ops::Range;
 use super::disagreement::arguments;
 use super::identity::{Replayed, with_inputs};
 use super::memory::{Descent, Entry, Memory};
-use super::parallel;
 use super::shrink::{Effort, words as words_of};
 use super::tally::{Judged, Shown, Tally, tally};
 use super::{
     Agreement, CaseFailure, Disagreement, Failure, Identity, PathDisagreement, Plan, Reference,
     Simplest,
 };
+use super::{parallel, replay};
 use crate::domain::{Cases, Domain, Shrinkable};
 use crate::path::{self, Adapter, Device, Path};
 use crate::probe::{self, BATCH, CONSTANTS, Dispatch, Inputs, Probed, Runner};
@@ -175,6 +175,9 @@ impl<'a, D: Domain> Session<'a, D> {
             .map(|device| Runner::new(device, &probed, &probe.fixtures, capacity))
             .collect::<Result<_, _>>()?;
         let case = identity.case(&probed.function.path, &with_inputs(&identity.check, inputs));
+        if case.is_some() {
+            replay::done();
+        }
         let words = declared.iter().map(|shape| shape.lanes().len()).sum();
         let memory = None;
         Ok(Self { probed, runners, cases, case, words, identity, seed, inputs, assertion, memory })

@@ -2,9 +2,11 @@
 
 use std::fmt;
 
+use super::replay::NotReplayed;
 use super::{Disagreement, KnownIssue, Rejection};
 use crate::path::{Adapter, Path, PathError};
 use crate::probe::ProbeError;
+use crate::settings::SettingsError;
 use crate::tolerance::Measure;
 
 /// What a check compared, and how close it came.
@@ -65,6 +67,12 @@ pub enum Failure {
         /// Its value.
         configuration: String,
     },
+    /// The environment has a setting that can't be used.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// Another check is to be replayed, and this one doesn't run in a test that could have it.
+    #[error(transparent)]
+    NotReplayed(#[from] NotReplayed),
     /// The function gave no results.
     #[error(transparent)]
     Probe(#[from] ProbeError),

@@ -23,7 +23,7 @@ pub struct Hemisphere;
 pub struct UnitRgb;
 
 /// How far a length may be from 1: three components, each rounded to `f32`.
-const LENGTH: f64 = 2e-7;
+pub(super) const LENGTH: f64 = 2e-7;
 
 const AXES: [Vec3; 6] = [Vec3::Z, Vec3::X, Vec3::Y, Vec3::NEG_Z, Vec3::NEG_X, Vec3::NEG_Y];
 

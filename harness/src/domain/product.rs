@@ -1,5 +1,9 @@
-//! Tuples: independent domains side by side.
+//! Tuples: domains side by side, independent but for the ties of some draws.
 
+use std::any::{Any, TypeId};
+use std::rc::Rc;
+
+use super::ties::{self, Tie};
 use super::{Domain, Origin, Shrinkable, Source};
 
 /// Combinations of edges that are tried first. Where there are more, the first edges of each part
@@ -20,13 +24,39 @@ impl Domain for () {
     }
 }
 
+/// What a repetition over the components is worth for one of them.
+macro_rules! at {
+    ($index:tt, $value:expr) => {
+        $value
+    };
+}
+
 macro_rules! product {
     ($(($($name:ident $index:tt),+))*) => {$(
         impl<$($name: Domain),+> Domain for ($($name,)+) {
             type Value = ($($name::Value,)+);
 
             fn draw(&self, source: &mut Source) -> Option<Self::Value> {
-                Some(($(self.$index.draw(source)?,)+))
+                let mut starts = [$(at!($index, source.clone())),+];
+                let mut value = ($({
+                    starts[$index] = source.clone();
+                    self.$index.draw(source)?
+                },)+);
+                ties::draw(&[$(TypeId::of::<$name::Value>()),+], &starts, source, |tie| {
+                    let from: &dyn Any = match tie.from {
+                        $($index => &value.$index,)+
+                        _ => return false,
+                    };
+                    match tie.to {
+                        $($index => match tie.value(&self.$index, from) {
+                            Some(tied) => value.$index = tied,
+                            None => return false,
+                        },)+
+                        _ => return false,
+                    }
+                    true
+                });
+                Some(value)
             }
 
             fn edges(&self) -> Vec<Self::Value> {
@@ -74,7 +104,27 @@ macro_rules! product {
             fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Self::Value>> {
                 let parts = match origin {
                     Origin::Draw(source) => {
-                        ($(self.$index.shrinkable(Origin::Draw(&mut *source))?,)+)
+                        let mut starts = [$(at!($index, source.clone())),+];
+                        let mut parts = ($({
+                            starts[$index] = source.clone();
+                            self.$index.shrinkable(Origin::Draw(&mut *source))?
+                        },)+);
+                        let types = [$(TypeId::of::<$name::Value>()),+];
+                        let ties = ties::draw(&types, &starts, source, |tie| {
+                            let from: &dyn Any = match tie.from {
+                                $($index => parts.$index.value(),)+
+                                _ => return false,
+                            };
+                            match tie.to {
+                                $($index => match tie.shrinkable(&self.$index, from) {
+                                    Some(tied) => parts.$index = tied,
+                                    None => return false,
+                                },)+
+                                _ => return false,
+                            }
+                            true
+                        });
+                        return Some(self.tied(parts, ties.into()));
                     }
                     Origin::Nth(mut index) => ($({
                         let size = self.$index.size()?;
@@ -88,6 +138,65 @@ macro_rules! product {
                     }
                 };
                 Some(parts.whole())
+            }
+        }
+
+        impl<'a, $($name: Domain),+> Tied<'a> for ($($name,)+) {
+            type Parts = ($(Shrinkable<'a, $name::Value>,)+);
+
+            fn tied(
+                &'a self,
+                parts: Self::Parts,
+                ties: Rc<[Tie]>,
+            ) -> Shrinkable<'a, Self::Value> {
+                if ties.is_empty() {
+                    return parts.whole();
+                }
+                let value = ($(parts.$index.value().clone(),)+);
+                Shrinkable::new(value, move || {
+                    let simpler = ($(parts.$index.simpler(),)+);
+                    let mut found = Vec::new();
+                    for root in roots(&ties) {
+                        let count = match root {
+                            $($index => simpler.$index.len(),)+
+                            _ => 0,
+                        };
+                        for step in 0..count {
+                            let mut next = parts.clone();
+                            match root {
+                                $($index => next.$index = simpler.$index[step].clone(),)+
+                                _ => {}
+                            }
+                            let mut moved = [$(root == $index),+];
+                            let held = ties.iter().all(|tie| {
+                                if !moved[tie.from] {
+                                    return true;
+                                }
+                                moved[tie.to] = true;
+                                let from: &dyn Any = match tie.from {
+                                    $($index => next.$index.value(),)+
+                                    _ => return false,
+                                };
+                                match tie.to {
+                                    $($index => {
+                                        let own = simpler.$index.get(step);
+                                        match tie.simpler(&self.$index, from, own) {
+                                            Some(tied) => next.$index = tied,
+                                            None => return false,
+                                        }
+                                    })+
+                                    _ => return false,
+                                }
+                                true
+                            });
+                            if held {
+                                found.push(self.tied(next, Rc::clone(&ties)));
+                            }
+                        }
+                    }
+                    found.extend(parts.clone().whole().simpler());
+                    found
+                })
             }
         }
 
@@ -122,6 +231,24 @@ macro_rules! product {
             }
         }
     )*};
+}
+
+/// A tuple whose components are tied to one another.
+trait Tied<'a>: Domain {
+    type Parts;
+    /// The tuple: simpler with both ends of its ties simpler, so that they hold, or without them.
+    fn tied(&'a self, parts: Self::Parts, ties: Rc<[Tie]>) -> Shrinkable<'a, Self::Value>;
+}
+
+/// The components that others are made of and that are made of none, each once.
+fn roots(ties: &[Tie]) -> Vec<usize> {
+    let mut roots: Vec<usize> = Vec::new();
+    for tie in ties {
+        if !roots.contains(&tie.from) && ties.iter().all(|other| other.to != tie.from) {
+            roots.push(tie.from);
+        }
+    }
+    roots
 }
 
 /// The parts of a tuple, each of which can be simplified.

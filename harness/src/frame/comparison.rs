@@ -1,7 +1,7 @@
 //! A frame against its golden: on each path, with what was declared of it, as a record.
 
 use super::{Frame, FrameAgreement, FrameError};
-use crate::check::{Identity, KnownIssue};
+use crate::check::{self, KnownIssue, replay};
 use crate::golden::{
     COLOR, FrameDifference, FrameTolerance, GoldenError, Goldens, MASK, Profile, Rendered, VARIANCE,
 };
@@ -10,6 +10,7 @@ use crate::metric::Gate;
 use crate::output::visible;
 use crate::path::{self, Adapter, Path};
 use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
+use crate::settings;
 
 impl Frame<'_> {
     /// Draws the frame on each selected path and compares it with a golden.
@@ -35,7 +36,7 @@ impl Frame<'_> {
         };
         record::write(&Record {
             schema: record::SCHEMA,
-            test: Identity::current().test,
+            test: check::test(),
             subject: Subject::Frame {
                 golden: case.to_owned(),
                 folder: goldens.folder().display().to_string(),
@@ -49,7 +50,10 @@ impl Frame<'_> {
         });
         match result {
             Ok(agreement) => agreement,
-            Err(error) => panic!("{}", visible(&error.to_string())),
+            Err(error) => {
+                replay::done();
+                panic!("{}", visible(&error.to_string()))
+            }
         }
     }
 
@@ -68,6 +72,7 @@ impl Frame<'_> {
         case: &str,
         records: &mut Vec<PathRecord>,
     ) -> Result<FrameAgreement, FrameError> {
+        replay::begin(settings::current()?, &format!("frame {case}"))?;
         let (mut paths, mut known_issues) = (Vec::new(), Vec::new());
         if let Some(path) = self.known_issues.unexplained() {
             return Err(FrameError::UnexplainedIssue(path));

@@ -1,12 +1,13 @@
 //! What a part of a frame should be on average, without a golden.
 
 use super::{Frame, FrameError};
-use crate::check::Identity;
+use crate::check::{self, replay};
 use crate::image::Image;
 use crate::metric::{MaskError, Rect};
 use crate::output::visible;
 use crate::path::{self, Adapter};
 use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
+use crate::settings;
 use crate::tolerance::{Measure, Tolerance};
 
 /// What the mean of a rectangle is on each path.
@@ -40,7 +41,7 @@ impl Frame<'_> {
         };
         record::write(&Record {
             schema: record::SCHEMA,
-            test: Identity::current().test,
+            test: check::test(),
             subject: Subject::Frame {
                 golden: format!("mean of {rect}"),
                 folder: String::new(),
@@ -54,7 +55,10 @@ impl Frame<'_> {
         });
         match result {
             Ok(mean) => mean,
-            Err(error) => panic!("{}", visible(&error.to_string())),
+            Err(error) => {
+                replay::done();
+                panic!("{}", visible(&error.to_string()))
+            }
         }
     }
 
@@ -84,6 +88,7 @@ impl Frame<'_> {
                 "{bound}; a bound is a number of at least 0"
             )));
         }
+        replay::begin(settings::current()?, &format!("frame mean of {rect}"))?;
         let (width, height) = (self.width, self.height);
         if !rect.fits(width, height) {
             return Err(FrameError::Rectangle(MaskError::Outside { rect, width, height }));

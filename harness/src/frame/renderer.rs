@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use half::f16;
 
 use super::{Blend, Draw, Frame, FrameError, Mesh};
-use crate::fixture::{self, Resource};
+use crate::fixture::{self, FixtureError, Resource};
 use crate::image::Image;
 use crate::path::{Device, MOST_ROUNDS, guard};
 use crate::reflect::{Binding, Program, Stage, Watched};
@@ -45,10 +45,10 @@ pub(super) fn render(
     let all: Vec<Binding> = all.cloned().collect();
     fixture::check_used(&all, frame.fixtures())?;
     let _turn = device.turn();
-    let mut resources: BTreeMap<(u32, u32), Resource> = BTreeMap::new();
+    // By variable: draws may use one binding number for several.
+    let mut resources: BTreeMap<&str, Resource> = BTreeMap::new();
     for (binding, fixture) in fixture::resolve(&all, frame.fixtures())? {
-        let key = (binding.group, binding.binding);
-        if let std::collections::btree_map::Entry::Vacant(entry) = resources.entry(key) {
+        if let std::collections::btree_map::Entry::Vacant(entry) = resources.entry(&binding.path) {
             entry.insert(fixture::upload(device, &program, binding, fixture)?);
         }
     }
@@ -89,7 +89,7 @@ fn stages(program: &Program, frame: &Frame<'_>) -> Result<Vec<Bindings>, FrameEr
             Some(fragment) => bindings_of(Stage::Fragment, fragment)?,
             None => Vec::new(),
         };
-        stages.push(Bindings { depth: union(&vertex, depth), color: union(&vertex, fragment) });
+        stages.push(Bindings { depth: union(&vertex, depth)?, color: union(&vertex, fragment)? });
     }
     Ok(stages)
 }
@@ -146,10 +146,23 @@ struct Bindings {
     color: Vec<Binding>,
 }
 
-fn union(some: &[Binding], others: Vec<Binding>) -> Vec<Binding> {
+/// The bindings of both stages. Two variables can't share a binding in one draw: of their fixtures
+/// one would be ignored.
+fn union(some: &[Binding], others: Vec<Binding>) -> Result<Vec<Binding>, FixtureError> {
     let mut all = some.to_vec();
-    all.extend(others.into_iter().filter(|binding| !some.contains(binding)));
-    all
+    for other in others {
+        let place = |binding: &Binding| (binding.group, binding.binding);
+        match some.iter().find(|binding| place(binding) == place(&other)) {
+            None => all.push(other),
+            Some(same) if same.path == other.path => {}
+            Some(same) => {
+                let (group, binding) = place(&other);
+                let variables = [same.path.clone(), other.path];
+                return Err(FixtureError::Shared { variables, group, binding });
+            }
+        }
+    }
+    Ok(all)
 }
 
 /// The path's format of frames; where it can't be blended, half floats can everywhere.
@@ -194,7 +207,7 @@ struct Painter<'a> {
     frame: &'a Frame<'a>,
     program: &'a Program,
     format: wgpu::TextureFormat,
-    resources: &'a BTreeMap<(u32, u32), Resource>,
+    resources: &'a BTreeMap<&'a str, Resource>,
 }
 
 impl Painter<'_> {
@@ -338,7 +351,7 @@ impl Painter<'_> {
                     .filter(|binding| binding.group == group)
                     .map(|binding| wgpu::BindGroupEntry {
                         binding: binding.binding,
-                        resource: self.resources[&(group, binding.binding)].binding(),
+                        resource: self.resources[binding.path.as_str()].binding(),
                     })
                     .collect();
                 self.device.device.create_bind_group(&wgpu::BindGroupDescriptor {

@@ -6,7 +6,8 @@
 
 use std::io::Write;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
-use std::time::Duration;
+
+use crate::settings;
 
 use crate::output::visible;
 
@@ -17,29 +18,12 @@ pub(crate) struct Guard {
     _done: Sender<()>,
 }
 
-/// Long enough for any shader that a test should run on a software rasteriser.
-const DEFAULT: Duration = Duration::from_secs(60);
-
-/// The deadline in force: `KARAT_DEADLINE` in seconds, or a minute.
-///
-/// # Panics
-/// If the variable isn't a number of seconds.
-fn limit() -> Duration {
-    let Ok(text) = std::env::var("KARAT_DEADLINE") else { return DEFAULT };
-    if text.trim().is_empty() {
-        return DEFAULT;
-    }
-    let seconds = text.trim().parse().ok();
-    seconds
-        .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
-        .unwrap_or_else(|| panic!("KARAT_DEADLINE={text} isn't a number of seconds"))
-}
-
 /// Ends the process unless the guard is dropped within the deadline. `what` says what was running
 /// and how to run it again.
 pub(crate) fn guard(what: impl FnOnce() -> String + Send + 'static) -> Guard {
     let (done, wait) = channel::<()>();
-    let limit = limit();
+    let settings = settings::current().expect("no path opens with settings that aren't right");
+    let limit = settings.deadline;
     std::thread::spawn(move || {
         if wait.recv_timeout(limit) == Err(RecvTimeoutError::Timeout) {
             // Written past the test runner's capture, which dies with the process.

@@ -12,6 +12,7 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::reflect::Ir;
 
 use super::{Adapter, Path, PathError, guard};
+use crate::settings;
 
 /// Rounds of all loops of an invocation together after which Mesa's llvmpipe leaves them
 /// (`LP_MAX_TGSI_LOOP_ITERATIONS` in its sources), on Vulkan and on GL.
@@ -50,7 +51,7 @@ impl Device {
             ..wgpu::InstanceDescriptor::new_without_display_handle()
         });
         let adapters = pollster::block_on(instance.enumerate_adapters(path.backends()));
-        let wanted = std::env::var("KARAT_ADAPTER").ok().filter(|name| !name.is_empty());
+        let wanted = settings::current()?.adapter.as_ref();
         let mut candidates: Vec<_> = adapters
             .into_iter()
             .filter(|adapter| {

@@ -9,9 +9,13 @@ use super::{Inputs, ProbeError, Probed};
 use crate::fixture::{self, Fixtures, Resource};
 use crate::path::{Device, Turn, guard};
 
-/// Results are set to this before a dispatch: a quiet NaN that no kernel computes, so a result
-/// that was never written can't be mistaken for a value.
+/// Results are set to this before a dispatch: a quiet NaN that hardly a function returns. A result
+/// that still is this word is computed again over another one, [`OTHER_POISON`]: it is the
+/// function's if it is the same again, and was never written if not.
 const POISON: u32 = 0x7fc0_dead;
+
+/// What results are set to before they are computed again.
+const OTHER_POISON: u32 = 0x7fc1_beef;
 
 /// Cases of one dispatch. Large enough to fill a GPU, small enough for 20 MB of a wide function.
 pub(crate) const BATCH: usize = 65_536;
@@ -31,6 +35,8 @@ pub(crate) struct Runner {
     capacity: usize,
     words_in: usize,
     stride_out: usize,
+    /// What the words of a result are called: `""` of a scalar, `.x`.
+    lane_names: Vec<String>,
     function: String,
     /// Counts the rounds of loops, where a driver leaves them after too many.
     rounds: Option<Rounds>,
@@ -58,6 +64,10 @@ struct Bound {
 pub(crate) struct Dispatch {
     cases: usize,
     canary: u32,
+    /// Workgroups in a row, and rows.
+    groups: (u32, u32),
+    /// The kernel with the arguments as constants, if they are.
+    constants: Option<Bound>,
     _deadline: crate::path::Guard,
 }
 
@@ -155,6 +165,7 @@ impl Runner {
             capacity,
             words_in: kernel.words_in,
             stride_out,
+            lane_names: function.result.lane_names(),
             function: function.path.clone(),
             rounds,
             last: None,
@@ -187,6 +198,13 @@ impl Runner {
     /// Cases of one dispatch.
     pub(crate) fn capacity(&self) -> usize {
         self.capacity
+    }
+
+    /// Whether the function reads textures that this path keeps in half floats.
+    pub(crate) fn reads_half_floats(&self) -> bool {
+        let mut resources = self.resources.values().flatten();
+        self.device.float_format() == wgpu::TextureFormat::Rgba16Float
+            && resources.any(|(_, resource)| matches!(resource, Resource::View(_)))
     }
 
     /// Words between one case's results and the next one's.
@@ -224,13 +242,9 @@ impl Runner {
         let deadline = guard(move || {
             format!("the probe of `{function}` on path {path} ({cases} cases in one dispatch)")
         });
-        let constants;
-        let Bound { pipeline, groups: bindings } = match &self.bound {
-            Some(bound) => bound,
-            None => {
-                constants = self.of_constants(arguments)?;
-                &constants
-            }
+        let constants = match &self.bound {
+            Some(_) => None,
+            None => Some(self.of_constants(arguments)?),
         };
         let count = u32::try_from(cases).expect("a batch fits in 32 bits");
         let limit = self.device.device.limits().max_compute_workgroups_per_dimension;
@@ -242,9 +256,25 @@ impl Runner {
                 self.device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(arguments));
             }
             self.device.queue.write_buffer(&self.batch, 0, bytemuck::cast_slice(&batch));
+        })?;
+        let groups = (columns, rows);
+        let dispatch = Dispatch { cases, canary, groups, constants, _deadline: deadline };
+        self.submit(&dispatch, &self.poison)?;
+        Ok(dispatch)
+    }
+
+    /// Runs the kernel over results that are set to `poison`. The arguments are on the device.
+    fn submit(&self, dispatch: &Dispatch, poison: &wgpu::Buffer) -> Result<(), ProbeError> {
+        let Bound { pipeline, groups: bindings } = dispatch
+            .constants
+            .as_ref()
+            .or(self.bound.as_ref())
+            .expect("a kernel without constants is compiled once");
+        let (columns, rows) = dispatch.groups;
+        self.device.checked(|| {
             let mut encoder = self.device.device.create_command_encoder(&Default::default());
-            let size = self.bytes(cases);
-            encoder.copy_buffer_to_buffer(&self.poison, 0, &self.results, 0, size);
+            let size = self.bytes(dispatch.cases);
+            encoder.copy_buffer_to_buffer(poison, 0, &self.results, 0, size);
             {
                 let mut pass = encoder.begin_compute_pass(&Default::default());
                 pass.set_pipeline(pipeline);
@@ -256,7 +286,7 @@ impl Runner {
             encoder.copy_buffer_to_buffer(&self.results, 0, &self.staging, 0, size);
             self.device.queue.submit([encoder.finish()]);
         })?;
-        Ok(Dispatch { cases, canary, _deadline: deadline })
+        Ok(())
     }
 
     fn bytes(&self, cases: usize) -> u64 {
@@ -264,13 +294,66 @@ impl Runner {
     }
 
     /// Waits for a dispatch and hands its results to `read`: for each case, the words of its
-    /// result and one more. Each case's canary has been checked.
+    /// result and one more. Each case's canary has been checked, and each word was written.
     pub(crate) fn read<T>(
         &self,
         dispatch: Dispatch,
         read: impl FnOnce(&[u32]) -> T,
     ) -> Result<T, ProbeError> {
-        let Dispatch { cases, canary, _deadline } = dispatch;
+        let read = |words: &[u32]| match self.poisoned(words, POISON) {
+            places if places.is_empty() => Ok(read(words)),
+            places => Err((places, words.to_vec(), read)),
+        };
+        let (places, words, read) = match self.read_checked(&dispatch, read)? {
+            Ok(value) => return Ok(value),
+            Err(suspicious) => suspicious,
+        };
+        // Words that a function returns are returned over another poison as well.
+        let _turn = self.device.turn();
+        let poison = self.poison_buffer(OTHER_POISON, dispatch.cases * self.stride_out)?;
+        self.submit(&dispatch, &poison)?;
+        let again = self.read_checked(&dispatch, |words| self.poisoned(words, POISON))?;
+        let mut unwritten = places.into_iter().filter(|place| again.binary_search(place).is_err());
+        let Some(first) = unwritten.next() else { return Ok(read(&words)) };
+        Err(ProbeError::ResultNotWritten {
+            function: self.function.clone(),
+            path: self.device.path(),
+            component: self.lane_names.get(first % self.stride_out).cloned().unwrap_or_default(),
+            first: u32::try_from(first / self.stride_out).expect("a batch fits in 32 bits"),
+            count: 1 + unwritten.count(),
+            words: dispatch.cases * (self.stride_out - 1),
+        })
+    }
+
+    /// The places of result words that are this poison.
+    fn poisoned(&self, words: &[u32], poison: u32) -> Vec<usize> {
+        let canary = |place: &usize| place % self.stride_out == self.stride_out - 1;
+        let places = words.iter().enumerate().filter(|(_, word)| **word == poison);
+        places.map(|(place, _)| place).filter(|place| !canary(place)).collect()
+    }
+
+    fn poison_buffer(&self, poison: u32, words: usize) -> Result<wgpu::Buffer, ProbeError> {
+        Ok(self.device.checked(|| {
+            let buffer = self.device.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("poison"),
+                size: words as u64 * 4,
+                usage: wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            });
+            let poison = vec![poison; words];
+            self.device.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&poison));
+            buffer
+        })?)
+    }
+
+    /// Waits for a dispatch and hands its results to `read`, after each case's canary has been
+    /// checked.
+    fn read_checked<T>(
+        &self,
+        dispatch: &Dispatch,
+        read: impl FnOnce(&[u32]) -> T,
+    ) -> Result<T, ProbeError> {
+        let Dispatch { cases, canary, .. } = *dispatch;
         let value = self.device.read_back(&self.staging, self.bytes(cases), |bytes| {
             let words: &[u32] = bytemuck::cast_slice(bytes);
             let expected = cases * self.stride_out;
@@ -405,6 +488,49 @@ mod tests {
                 matches!(error, ProbeError::NotWritten { first: 777, count: 1, .. }),
                 "{error}"
             );
+        }
+    }
+
+    /// The canary is written and the results aren't, as one driver did: all of them, or one
+    /// component of one case.
+    #[test]
+    fn a_kernel_that_writes_only_its_canary_is_an_error() {
+        let result = "karat_out[karat_to + 0u] = bitcast<u32>(karat_r);";
+        for (guard, first, count) in [("false", 0, 1000), ("karat_case != 777u", 777, 1)] {
+            let guarded = format!("if {guard} {{ {result} }}");
+            let silent = probed(|text| {
+                assert!(text.contains(result), "{text}");
+                text.replace(result, &guarded)
+            });
+            for result in run(&silent, 1000) {
+                let error = result.expect_err("a result was not written");
+                let ProbeError::ResultNotWritten { first: found, count: counted, .. } = &error
+                else {
+                    panic!("{error}")
+                };
+                assert_eq!((*found, *counted), (first, count), "{error}");
+            }
+        }
+    }
+
+    /// A function may return the very word that results are poisoned with.
+    #[test]
+    fn a_result_that_equals_the_poison_is_a_result() {
+        let wgsl = format!("fn f(x: u32) -> u32 {{ return x ^ {POISON}u; }}");
+        let package = Package::from_source("s", &wgsl);
+        for inputs in Inputs::ALL {
+            let probed = Probed::new(&package, "f").and_then(|probed| probed.with_inputs(inputs));
+            let probed = probed.expect("a valid function");
+            for device in crate::path::selected().expect("a path opens") {
+                let runner = Runner::new(device, &probed, &Vec::new(), 8).expect("it compiles");
+                let arguments: Vec<u32> = (0..8).collect();
+                let dispatch = runner.dispatch(8, &arguments, 0x1234_5678).expect("it runs");
+                let results = runner.read(dispatch, |words| {
+                    words.chunks_exact(2).map(|case| case[0]).collect::<Vec<_>>()
+                });
+                let expected: Vec<u32> = (0..8).map(|x| x ^ POISON).collect();
+                assert_eq!(results.expect("each is written"), expected, "{inputs}");
+            }
         }
     }
 

@@ -162,6 +162,9 @@ mod tests {
         assert_eq!(at(0.5).p, 1.0);
         assert!((at(0.51).z - 2.0).abs() < 1e-3 && (at(0.51).p - 0.0455).abs() < 1e-4);
         assert!(Mean::of(&coin, 0.51, 0.01).expect("10,000 samples").p > 0.999);
+        // What is beyond the slack counts.
+        let beyond = Mean::of(&coin, 0.53, 0.01).expect("10,000 samples");
+        assert!((beyond.z - 4.0).abs() < 1e-3 && beyond.p < 1e-4, "{beyond:?}");
     }
 
     /// What is rare is in the mean or isn't: its error can't be told from the samples.

@@ -39,6 +39,9 @@ const ESTIMATE_RELATIVE: f64 = 0.1 * ROUNDING;
 /// Rounding of what is estimated, relative: a few hundred ulp of eval and pdf.
 const ROUNDING: f64 = 1e-4;
 
+/// Rounding of a texel to a half float, relative: eleven significant bits.
+const HALF: f64 = 1.0 / 2048.0;
+
 /// Weights as small as this are equal: eval and pdf of a lobe's end may be flushed.
 const VANISHED: f64 = 1e-6;
 
@@ -447,6 +450,12 @@ impl<D: Domain> Run<'_, '_, '_, D> {
         self.functions.other(which, self.configuration.path, self.configuration.seed)
     }
 
+    /// What a function's values are off by, relative, where it reads textures that the path keeps
+    /// in half floats: the peak of a lobe may come from one texel.
+    fn half_rounding(&self, which: usize) -> f64 {
+        if self.other(which).runner.reads_half_floats() { HALF } else { 0.0 }
+    }
+
     fn evidence(&self, reason: impl std::fmt::Display) -> Failure {
         let Configuration { value, index, .. } = self.configuration;
         Failure::Evidence {
@@ -497,7 +506,7 @@ impl<D: Domain> Run<'_, '_, '_, D> {
             counts.weight.finding(|count, call| Finding::Weight { count, call }),
         ];
         judgement.findings.extend(outright.into_iter().flatten());
-        let bound = settings.mass + error;
+        let bound = settings.mass + self.half_rounding(0) + error;
         let off = total - 1.0;
         // A density that leaves samples out is short of 1 by as much as they are.
         let right = if settings.may_leave { off <= bound } else { off.abs() <= bound };
@@ -507,13 +516,14 @@ impl<D: Domain> Run<'_, '_, '_, D> {
         if !judgement.findings.is_empty() {
             judgement.p = 0.0;
         }
-        if settings.may_leave {
+        // A density whose integral is wrong says nothing of how many samples leave.
+        if settings.may_leave && right {
             // Of all shares within the integral's error, the one that the samples speak for most.
             let share = left as f64 / samples as f64;
             let nearest =
                 share.clamp((-off - bound).clamp(0.0, 1.0), (bound - off).clamp(0.0, 1.0));
             let p = binomial_tail(left, samples, nearest);
-            let expected = -off * samples as f64;
+            let expected = (-off).max(0.0) * samples as f64;
             judgement.test(p, threshold, || Finding::Left { left, expected, p });
         }
         // Given how many are on the support, they should be shared out like the density.
@@ -531,7 +541,7 @@ impl<D: Domain> Run<'_, '_, '_, D> {
         judgement.histogram = Some(Histogram { cells: masses.cells, observed, expected });
         if let Some(CellIntegral { value, error }) = integral {
             for (component, (moments, expected)) in counts.weights.iter().zip(value).enumerate() {
-                let slack = error + ROUNDING * expected.abs();
+                let slack = error + (ROUNDING + self.half_rounding(0)) * expected.abs();
                 let mean = match Mean::of(moments, expected, slack) {
                     Ok(mean) => mean,
                     Err(_) if !judgement.findings.is_empty() => continue,
@@ -557,7 +567,7 @@ impl<D: Domain> Run<'_, '_, '_, D> {
         let inside = samples * actual.total.min(1.0);
         let shape = chi_square_power(&shares(&claimed), &shares(&actual), inside, threshold)
             .map_err(|none| self.evidence(none))?;
-        let bound = settings.mass + claimed.error;
+        let bound = settings.mass + self.half_rounding(0) + claimed.error;
         let off = claimed.total - 1.0;
         if off > bound || !settings.may_leave && off < -bound {
             return Ok(1.0); // whatever the samples
@@ -797,10 +807,12 @@ impl<D: Domain> Run<'_, '_, '_, D> {
                 .map(|word| f64::from(f32::from_bits(*word)) * cosines[index] / density);
             if let Some((lanes, results)) = &weighed {
                 let (width, words) = (lanes.len() / inside.len(), eval.words());
+                let rounding =
+                    ROUNDING + (0..3).map(|which| self.half_rounding(which)).sum::<f64>();
                 let returned = &results[index * words..][..words];
                 let right = weights.clone().zip(returned).all(|(weight, word)| {
                     let returned = f64::from(f32::from_bits(*word));
-                    (returned - weight).abs() <= ROUNDING * weight + VANISHED
+                    (returned - weight).abs() <= rounding * weight + VANISHED
                 });
                 // What is 0 / 0 is an impossible sample already.
                 if !right && density > 0.0 {

@@ -1,0 +1,112 @@
+//! A test that is to replay a case, and replays none, is no success.
+//!
+//! `KARAT_CASE` names one check. A test runs its checks in order, so those before the one that is
+//! named run as ever; only at its end is it known that none was the one. Test runners have no hook
+//! there, but each test has a thread, whose own values are dropped before the runner goes on: then
+//! the process says what is wrong and ends.
+
+use std::cell::RefCell;
+use std::io::Write;
+
+use crate::diagnostic::nearest;
+use crate::settings::Settings;
+
+thread_local! {
+    static REPLAY: RefCell<Replay> = RefCell::default();
+}
+
+/// What the running test has done of the replay that the environment asks for.
+#[derive(Debug, Default)]
+struct Replay {
+    /// `function/check` of what ran, each once.
+    checks: Vec<String>,
+    /// Whether the selected case ran, or the test fails anyway.
+    done: bool,
+}
+
+/// Another check is to be replayed, and this one runs where nothing is known of the others.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "`{check}` isn't `{selected}`, which KARAT_CASE selects, and runs in a thread without a name, \
+     whose test isn't known"
+)]
+pub struct NotReplayed {
+    /// The function and the check, or the frame.
+    pub check: String,
+    /// What the environment selects.
+    pub selected: String,
+}
+
+/// A check begins, or the comparison of a frame.
+///
+/// # Errors
+/// If it isn't the selected check, and a thread runs it that a test has started itself: that may
+/// end long before the selected one runs.
+pub(crate) fn begin(settings: &Settings, check: &str) -> Result<(), NotReplayed> {
+    let Some(selected) = &settings.case else { return Ok(()) };
+    let named = selected.check.as_deref();
+    let nameless = std::thread::current().name().is_none();
+    if nameless && named.is_some_and(|named| plain(named) != check) {
+        let (check, selected) = (check.to_owned(), named.unwrap_or_default().to_owned());
+        return Err(NotReplayed { check, selected });
+    }
+    REPLAY.with_borrow_mut(|replay| {
+        if !nameless && replay.checks.iter().all(|known| known != check) {
+            replay.checks.push(check.to_owned());
+        }
+    });
+    Ok(())
+}
+
+/// The selected case runs, or the test fails for a reason of its own.
+pub(crate) fn done() {
+    REPLAY.with_borrow_mut(|replay| replay.done = true);
+}
+
+/// A check's name without the source of its arguments.
+fn plain(check: &str) -> &str {
+    check.split_once('@').map_or(check, |(plain, _)| plain)
+}
+
+impl Drop for Replay {
+    fn drop(&mut self) {
+        if self.done || self.checks.is_empty() {
+            return;
+        }
+        let selected = std::env::var("KARAT_CASE").unwrap_or_default();
+        let test = std::thread::current().name().unwrap_or("main").to_owned();
+        // Past the test runner's capture, which dies with the process.
+        drop(std::io::stderr().write_all(message(&test, &selected, &self.checks).as_bytes()));
+        std::process::abort();
+    }
+}
+
+fn message(test: &str, selected: &str, checks: &[String]) -> String {
+    let named = selected.rsplit_once('/').map_or("", |(check, _)| plain(check));
+    let near = nearest(named, checks.iter().map(String::as_str));
+    let near = near.map_or_else(String::new, |name| format!("; did you mean `{name}`?"));
+    let checks: Vec<String> = checks.iter().map(|check| format!("`{check}`")).collect();
+    format!(
+        "\nerror: test `{test}` replays nothing: KARAT_CASE={selected} is none of its checks, {}{near}\n  \
+         run the test alone that has the check (`cargo test ... -- --exact name`), or unset KARAT_CASE\n",
+        checks.join(", ")
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_message_names_the_nearest_check() {
+        let checks = ["fresnel::schlick/agrees_with", "fresnel::schlick/satisfies"];
+        let text = message("schlick", "fresnel::schlik/agrees_with/7", &checks.map(str::to_owned));
+        assert_eq!(
+            text,
+            "\nerror: test `schlick` replays nothing: KARAT_CASE=fresnel::schlik/agrees_with/7 is \
+             none of its checks, `fresnel::schlick/agrees_with`, `fresnel::schlick/satisfies`; did \
+             you mean `fresnel::schlick/agrees_with`?\n  run the test alone that has the check \
+             (`cargo test ... -- --exact name`), or unset KARAT_CASE\n"
+        );
+    }
+}

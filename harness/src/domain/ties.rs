@@ -1,0 +1,299 @@
+//! Components of a tuple that are tied to one another.
+//!
+//! Components that are drawn independently never coincide off the edges, and there many functions
+//! fail: two equal directions have no angle between them, two opposite ones no half vector. So some
+//! draws make one component of another one of its type: equal to it, opposite, or close to either.
+//! A value that the component's own domain doesn't have is never taken: the component stays as it
+//! was drawn then.
+
+use std::any::{Any, TypeId};
+
+use glam::{Vec2, Vec3, Vec4};
+
+use super::direction::LENGTH;
+use super::{Domain, Origin, Shrinkable, Source};
+
+/// Of so many draws of a tuple with like components, one has a tie.
+const TIED: u64 = 8;
+
+/// Of so many draws with a tie, one has another tie, so that three components meet.
+const TIED_AGAIN: u64 = 4;
+
+/// One component that is made of another.
+#[derive(Clone, Debug)]
+pub(super) struct Tie {
+    /// The component that stays as it was drawn.
+    pub(super) from: usize,
+    /// The component that is made of it.
+    pub(super) to: usize,
+    relation: Relation,
+    /// The stream from which `from` was drawn: a mapped domain, which can't tell whether it has a
+    /// value, draws an equal one from it.
+    start: Source,
+    /// Where a value that is close lies.
+    place: Source,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Relation {
+    Equal,
+    Opposite,
+    Near,
+    NearOpposite,
+}
+
+/// Draws the ties of one case. `types` are those of the components and `starts` the streams that
+/// they were drawn from. `apply` ties one component, or says that it can't be tied; the ties that
+/// hold are returned.
+pub(super) fn draw(
+    types: &[TypeId],
+    starts: &[Source],
+    source: &mut Source,
+    mut apply: impl FnMut(&Tie) -> bool,
+) -> Vec<Tie> {
+    let mut ties: Vec<Tie> = Vec::new();
+    let mut rate = TIED;
+    while let Some((from, to)) = like(types, &ties, rate, source) {
+        rate = TIED_AGAIN;
+        let relation = match source.below(8) {
+            0..3 => Relation::Equal,
+            3 => Relation::Opposite,
+            4..7 => Relation::Near,
+            _ => Relation::NearOpposite,
+        };
+        let (start, place) = (starts[from].clone(), source.clone());
+        let tie = Tie { from, to, relation, start, place };
+        if !apply(&tie) {
+            break;
+        }
+        ties.push(tie);
+    }
+    ties
+}
+
+/// Two components of one type, in one of `rate` cases. The second is in no tie yet. A tuple without
+/// like components takes nothing from the stream.
+fn like(types: &[TypeId], ties: &[Tie], rate: u64, source: &mut Source) -> Option<(usize, usize)> {
+    let free = |to: usize| ties.iter().all(|tie| tie.from != to && tie.to != to);
+    let pairs = || {
+        (0..types.len())
+            .flat_map(|from| (0..types.len()).map(move |to| (from, to)))
+            .filter(|(from, to)| from != to && types[*from] == types[*to] && free(*to))
+    };
+    let first = pairs().next()?;
+    if source.below(rate) != 0 {
+        return None;
+    }
+    let index = usize::try_from(source.below(pairs().count() as u64)).ok()?;
+    Some(pairs().nth(index).unwrap_or(first))
+}
+
+impl Tie {
+    /// The value that the tie makes of `from`; `None` if its domain doesn't have it.
+    pub(super) fn value<D: Domain>(&self, domain: &D, from: &dyn Any) -> Option<D::Value> {
+        let related = self.related::<D::Value>(from)?;
+        match domain.admits(&related) {
+            Some(true) => Some(related),
+            None if self.relation == Relation::Equal => domain.draw(&mut self.start.clone()),
+            Some(false) | None => None,
+        }
+    }
+
+    /// The same with the simpler values next to it.
+    pub(super) fn shrinkable<'a, D: Domain>(
+        &self,
+        domain: &'a D,
+        from: &dyn Any,
+    ) -> Option<Shrinkable<'a, D::Value>> {
+        let again = || domain.shrinkable(Origin::Draw(&mut self.start.clone()));
+        self.of_related(domain, from, again)
+    }
+
+    /// The value that keeps the tie when `from` is simplified. `simpler` is what the component's
+    /// own simplification has in the same place: an equal value of a domain that can't be asked.
+    pub(super) fn simpler<'a, D: Domain>(
+        &self,
+        domain: &'a D,
+        from: &dyn Any,
+        simpler: Option<&Shrinkable<'a, D::Value>>,
+    ) -> Option<Shrinkable<'a, D::Value>> {
+        self.of_related(domain, from, || simpler.cloned())
+    }
+
+    fn of_related<'a, D: Domain>(
+        &self,
+        domain: &'a D,
+        from: &dyn Any,
+        unknown: impl FnOnce() -> Option<Shrinkable<'a, D::Value>>,
+    ) -> Option<Shrinkable<'a, D::Value>> {
+        let related = self.related::<D::Value>(from)?;
+        match domain.admits(&related) {
+            Some(true) => Some(Shrinkable::of(domain, related)),
+            None if self.relation == Relation::Equal => unknown(),
+            Some(false) | None => None,
+        }
+    }
+
+    fn related<T: Clone + 'static>(&self, from: &dyn Any) -> Option<T> {
+        let moved = match self.relation {
+            Relation::Equal => return from.downcast_ref::<T>().cloned(),
+            Relation::Opposite => opposite(from)?,
+            Relation::Near => near(from, &mut self.place.clone())?,
+            Relation::NearOpposite => near(&*opposite(from)?, &mut self.place.clone())?,
+        };
+        moved.downcast::<T>().ok().map(|moved| *moved)
+    }
+}
+
+/// Applies a function to the floats of a value; `None` if it isn't made of floats.
+fn floats(value: &dyn Any, change: impl FnOnce(&mut [f32])) -> Option<Box<dyn Any>> {
+    if let Some(value) = value.downcast_ref::<f32>() {
+        let mut floats = [*value];
+        change(&mut floats);
+        Some(Box::new(floats[0]))
+    } else if let Some(value) = value.downcast_ref::<Vec2>() {
+        let mut floats = value.to_array();
+        change(&mut floats);
+        Some(Box::new(Vec2::from(floats)))
+    } else if let Some(value) = value.downcast_ref::<Vec3>() {
+        let mut floats = value.to_array();
+        change(&mut floats);
+        Some(Box::new(Vec3::from(floats)))
+    } else {
+        let mut floats = value.downcast_ref::<Vec4>()?.to_array();
+        change(&mut floats);
+        Some(Box::new(Vec4::from(floats)))
+    }
+}
+
+fn opposite(value: &dyn Any) -> Option<Box<dyn Any>> {
+    if let Some(value) = value.downcast_ref::<i32>() {
+        return Some(Box::new(value.checked_neg()?));
+    }
+    // The opposite of 0 is 0: a zero with a sign is drawn by nothing else.
+    floats(value, |floats| floats.iter_mut().for_each(|float| *float = 0.0 - *float))
+}
+
+/// A value whose distance from this one is spread over all binades down to the last bit. That of a
+/// unit vector is a unit vector.
+fn near(value: &dyn Any, source: &mut Source) -> Option<Box<dyn Any>> {
+    let up = source.bits() & 1 == 0;
+    if let Some(value) = value.downcast_ref::<i32>() {
+        return Some(Box::new(value.checked_add(if up { 1 } else { -1 })?));
+    }
+    if let Some(value) = value.downcast_ref::<u32>() {
+        return Some(Box::new(value.checked_add_signed(if up { 1 } else { -1 })?));
+    }
+    floats(value, |floats| {
+        let length = length(floats);
+        let size = if length > 0.0 { length } else { 1.0 };
+        let distance = size * source.log_distance();
+        let mut moved: Vec<f64> = floats
+            .iter()
+            .map(|float| f64::from(*float) + distance * (2.0 * source.unit() - 1.0))
+            .collect();
+        if floats.len() > 1 && (length - 1.0).abs() < LENGTH {
+            let length = moved.iter().map(|float| float * float).sum::<f64>().sqrt();
+            moved.iter_mut().for_each(|float| *float /= length);
+        }
+        for (float, moved) in floats.iter_mut().zip(moved) {
+            #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
+            let nearest = moved as f32;
+            *float = nearest;
+        }
+    })
+}
+
+fn length(floats: &[f32]) -> f64 {
+    floats.iter().map(|float| f64::from(*float).powi(2)).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::super::{Cases, Hemisphere, Integers, UnitRgb, UnitVector};
+    use super::*;
+
+    const COUNT: u64 = 65_536;
+
+    fn all<D: Domain>(domain: &D) -> Vec<D::Value> {
+        let cases = Cases::new(domain, 5, COUNT, COUNT);
+        (0..COUNT).map(|index| cases.get(index).expect("the domain draws")).collect()
+    }
+
+    fn off_axes(v: Vec3) -> bool {
+        v.to_array().into_iter().all(|component| component.abs() > 0.01)
+    }
+
+    #[test]
+    fn like_directions_meet_off_the_axes() {
+        let cases = all(&(UnitVector, UnitVector));
+        let count = |holds: &dyn Fn(Vec3, Vec3) -> bool| {
+            cases.iter().filter(|(v, l)| off_axes(*v) && holds(*v, *l)).count()
+        };
+        assert!(count(&|v, l| v == l) > 1000);
+        assert!(count(&|v, l| v == -l) > 300);
+        for distance in [1e-6, 1e-3, 0.1] {
+            let close = |v: Vec3, l: Vec3| v != l && v.distance(l) < distance;
+            assert!(count(&close) > 100, "{distance}");
+            assert!(count(&|v, l| close(v, -l)) > 50, "{distance}");
+        }
+        // Most cases are drawn as ever: seven of eight.
+        assert!(count(&|v, l| v.distance(l) > 0.2 && v.distance(-l) > 0.2) > 40_000);
+    }
+
+    /// Three directions, of which one is narrower: each pair meets, and all three.
+    #[test]
+    fn three_components_meet_within_their_domains() {
+        let upper = || UnitVector.filter(|v| v.z > 0.0);
+        let cases = all(&(UnitVector, upper(), Hemisphere));
+        assert!(cases.iter().all(|(_, b, c)| b.z > 0.0 && c.z >= 0.0));
+        let count = |holds: &dyn Fn(&(Vec3, Vec3, Vec3)) -> bool| {
+            cases.iter().filter(|case| off_axes(case.0) && holds(case)).count()
+        };
+        assert!(count(&|(a, b, _)| a == b) > 300);
+        assert!(count(&|(_, b, c)| b == c) > 300);
+        assert!(count(&|(a, _, c)| *a == -*c) > 50);
+        assert!(count(&|(a, b, c)| a == b && b == c) > 50);
+    }
+
+    #[test]
+    fn numbers_of_one_range_meet() {
+        let cases = all(&(0.0..=1.0_f32, 0.5..=2.0_f32, Integers(-9..=9_i32), Integers(0..=9_i32)));
+        let inside = |(a, b, _, d): &(f32, f32, i32, i32)| {
+            (0.0..=1.0).contains(a) && (0.5..=2.0).contains(b) && (0..=9).contains(d)
+        };
+        assert!(cases.iter().all(inside));
+        let plain = |x: f32| x > 0.51 && x < 0.99;
+        assert!(cases.iter().filter(|(a, b, ..)| a == b && plain(*a)).count() > 100);
+        let close = |a: f32, b: f32| a != b && (a - b).abs() < 1e-6 && plain(a);
+        assert!(cases.iter().filter(|(a, b, ..)| close(*a, *b)).count() > 20);
+        assert!(!cases.iter().any(|(a, ..)| a.to_bits() == (-0.0_f32).to_bits()));
+        let colours = all(&(UnitRgb, UnitRgb));
+        assert!(colours.iter().all(|(_, b)| UnitRgb.admits(b) == Some(true)));
+        assert!(colours.iter().filter(|(a, b)| a == b && a.x != a.y).count() > 1000);
+    }
+
+    /// A mapped domain can't be asked for a value. It draws an equal one from the same stream.
+    #[test]
+    fn mapped_components_are_equal_in_some_cases() {
+        let point = || (-9.0..=9.0_f32, 0.0..=1.0_f32).map(|(x, y)| Vec3::new(x, y, x * y));
+        let cases = all(&(point(), point()));
+        let inside = |p: &Vec3| p.x.abs() <= 9.0 && (0.0..=1.0).contains(&p.y) && p.z == p.x * p.y;
+        assert!(cases.iter().all(|(a, b)| inside(a) && inside(b)));
+        assert!(cases.iter().filter(|(a, b)| a == b && off_axes(*a)).count() > 1000);
+    }
+
+    #[test]
+    fn unlike_components_are_drawn_as_they_would_be_alone() {
+        let domain = (UnitVector, 0.0..=1.0_f32, Integers(0..=9_u32));
+        for index in 0..1000 {
+            let (source, alone) = (&mut Source::new(3, index), &mut Source::new(3, index));
+            let (v, x, i) = domain.draw(source).expect("never rejects");
+            assert_eq!(UnitVector.draw(alone), Some(v));
+            assert_eq!((0.0..=1.0_f32).draw(alone), Some(x));
+            assert_eq!(Integers(0..=9_u32).draw(alone), Some(i));
+        }
+    }
+}

@@ -1,0 +1,310 @@
+//! The environment's settings: every variable whose name begins with `KARAT_`, read once and
+//! checked whole.
+//!
+//! A variable with a slip in its name or value would do nothing, and the run that was to require a
+//! path or to replay a case would be green without it. So whatever isn't known here is an error
+//! that names what was likely meant. A variable that is set to nothing counts as not set.
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::sync::OnceLock;
+use std::time::Duration;
+
+use crate::diagnostic::nearest;
+
+/// What every name of ours begins with.
+const PREFIX: &str = "KARAT_";
+
+/// Every variable that Karat reads.
+const NAMES: [&str; 11] =
+    [PATHS, REQUIRE, ADAPTER, DEADLINE, SEED, CASE, INPUT, FAILURES, OVERLAY, RECORD, BROWSER];
+
+const PATHS: &str = "KARAT_PATHS";
+const REQUIRE: &str = "KARAT_REQUIRE";
+const ADAPTER: &str = "KARAT_ADAPTER";
+const DEADLINE: &str = "KARAT_DEADLINE";
+const SEED: &str = "KARAT_SEED";
+const CASE: &str = "KARAT_CASE";
+const INPUT: &str = "KARAT_INPUT";
+const FAILURES: &str = "KARAT_FAILURES";
+/// A folder of modules: `package/overlay.rs` reads it.
+const OVERLAY: &str = "KARAT_OVERLAY";
+/// A folder for verdicts: `record.rs` writes it.
+const RECORD: &str = "KARAT_RECORD";
+/// The browser of the tests of the review.
+const BROWSER: &str = "KARAT_BROWSER";
+
+/// Long enough for any shader that a test should run on a software rasteriser.
+const DEADLINE_SECONDS: f64 = 60.0;
+
+/// What the environment asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Settings {
+    /// Names of paths to run on, or `all`; `None`: the first that opens.
+    pub(crate) paths: Option<String>,
+    /// Names of paths that must open.
+    pub(crate) require: Option<String>,
+    /// Part of the adapter's name.
+    pub(crate) adapter: Option<String>,
+    /// How long a shader may take.
+    pub(crate) deadline: Duration,
+    /// Replaces the seed of the selected check, or of all.
+    pub(crate) seed: Option<u64>,
+    /// The one case that a replay runs.
+    pub(crate) case: Option<SelectedCase>,
+    /// Whether failing inputs are remembered and tried again.
+    pub(crate) failures: bool,
+}
+
+/// One case: of the check that a replay command names, or of every check.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct SelectedCase {
+    /// `function/check`
+    pub(crate) check: Option<String>,
+    pub(crate) case: u64,
+    /// Which of the simpler values to take, again and again, from the case's own.
+    pub(crate) steps: Vec<usize>,
+    /// The lanes of the arguments that the case has in place of its own.
+    pub(crate) input: Option<Vec<u32>>,
+}
+
+/// A setting that can't be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SettingsError {
+    /// No setting of this name.
+    #[error("the environment sets `{name}`, which Karat doesn't know{}",
+        nearest.map_or_else(
+            || format!("; it reads {}", NAMES.join(", ")),
+            |nearest| format!("; did you mean `{nearest}`?"),
+        ))]
+    Unknown {
+        /// The variable.
+        name: String,
+        /// The closest setting.
+        nearest: Option<&'static str>,
+    },
+    /// A value that the setting can't have.
+    #[error("{name}={value} isn't {expected}{}",
+        nearest.map_or_else(String::new, |nearest| format!("; did you mean `{nearest}`?")))]
+    Value {
+        /// The variable.
+        name: &'static str,
+        /// What it is set to.
+        value: String,
+        /// What it can be.
+        expected: &'static str,
+        /// The closest value.
+        nearest: Option<&'static str>,
+    },
+    /// Arguments of a case that isn't named.
+    #[error("KARAT_INPUT needs KARAT_CASE, which says for which check it is")]
+    InputWithoutCase,
+}
+
+/// The settings of this process.
+///
+/// # Errors
+/// If a variable is unknown, or has a value that it can't have.
+pub(crate) fn current() -> Result<&'static Settings, SettingsError> {
+    static SETTINGS: OnceLock<Result<Settings, SettingsError>> = OnceLock::new();
+    SETTINGS.get_or_init(|| Settings::read(std::env::vars_os())).as_ref().map_err(Clone::clone)
+}
+
+impl Settings {
+    pub(crate) fn read(
+        environment: impl IntoIterator<Item = (OsString, OsString)>,
+    ) -> Result<Self, SettingsError> {
+        let mut set = BTreeMap::new();
+        for (name, value) in environment {
+            let name = name.to_string_lossy().into_owned();
+            if !name.starts_with(PREFIX) || value.is_empty() {
+                continue;
+            }
+            let Some(name) = NAMES.into_iter().find(|known| *known == name) else {
+                let nearest = nearest(&name, NAMES);
+                return Err(SettingsError::Unknown { name, nearest });
+            };
+            set.insert(name, value);
+        }
+        let text = |name: &'static str| -> Result<Option<String>, SettingsError> {
+            let Some(value) = set.get(name) else { return Ok(None) };
+            let text = value
+                .to_str()
+                .ok_or_else(|| refused(name, &value.to_string_lossy(), "text in UTF-8"))?;
+            Ok(Some(text.trim().to_owned()).filter(|text| !text.is_empty()))
+        };
+        let parsed = |name: &'static str, expected: &'static str| {
+            move |value: Option<String>| Parsed { name, expected, value }
+        };
+        let number = "a number, in decimal or with 0x before it in hexadecimal";
+        let words = "a list of hexadecimal words with commas between them";
+        let seed = text(SEED).map(parsed(SEED, number))?.by(integer)?;
+        let input = text(INPUT).map(parsed(INPUT, words))?.by(read_words)?;
+        let case = "a case, `function/check/index`, as a failure's replay command has it";
+        let case = text(CASE).map(parsed(CASE, case))?.by(SelectedCase::parse)?;
+        if input.is_some() && case.is_none() {
+            return Err(SettingsError::InputWithoutCase);
+        }
+        let seconds = "a number of seconds above 0";
+        let deadline = text(DEADLINE).map(parsed(DEADLINE, seconds))?.by(duration)?;
+        Ok(Self {
+            paths: text(PATHS)?,
+            require: text(REQUIRE)?,
+            adapter: text(ADAPTER)?,
+            deadline: deadline.unwrap_or(Duration::from_secs_f64(DEADLINE_SECONDS)),
+            seed,
+            case: case.map(|case| SelectedCase { input, ..case }),
+            failures: match text(FAILURES)?.as_deref() {
+                None | Some("on") => true,
+                Some("off") => false,
+                Some(value) => {
+                    let nearest = nearest(value, ["on", "off"]);
+                    let (value, expected) = (value.to_owned(), "`on` or `off`");
+                    return Err(SettingsError::Value { name: FAILURES, value, expected, nearest });
+                }
+            },
+        })
+    }
+}
+
+/// A value that is to be read.
+struct Parsed {
+    name: &'static str,
+    expected: &'static str,
+    value: Option<String>,
+}
+
+impl Parsed {
+    fn by<T>(self, parse: impl FnOnce(&str) -> Option<T>) -> Result<Option<T>, SettingsError> {
+        let Self { name, expected, value } = self;
+        let parse = |value: String| parse(&value).ok_or_else(|| refused(name, &value, expected));
+        value.map(parse).transpose()
+    }
+}
+
+fn refused(name: &'static str, value: &str, expected: &'static str) -> SettingsError {
+    SettingsError::Value { name, value: value.to_owned(), expected, nearest: None }
+}
+
+impl SelectedCase {
+    /// `function/check/index` or `index`, and after a colon the steps of a reduction.
+    fn parse(text: &str) -> Option<Self> {
+        let (check, case) = match text.rsplit_once('/') {
+            Some((check, case)) => (Some(check.to_owned()), case),
+            None => (None, text),
+        };
+        let (case, steps) = case.split_once(':').unwrap_or((case, ""));
+        Some(Self { check, case: integer(case)?, steps: read_steps(steps)?, input: None })
+    }
+}
+
+/// Lanes as the environment and files have them: `3f800000,00000000`.
+pub(crate) fn read_words(text: &str) -> Option<Vec<u32>> {
+    text.split(',').map(|word| u32::from_str_radix(word.trim(), 16).ok()).collect()
+}
+
+/// Steps as the environment and files have them: `3.0`.
+pub(crate) fn read_steps(text: &str) -> Option<Vec<usize>> {
+    text.split('.').filter(|step| !step.is_empty()).map(|step| step.parse().ok()).collect()
+}
+
+fn integer(text: &str) -> Option<u64> {
+    let digits = text.trim().replace('_', "").to_lowercase();
+    match digits.strip_prefix("0x") {
+        Some(hexadecimal) => u64::from_str_radix(hexadecimal, 16).ok(),
+        None => digits.parse().ok(),
+    }
+}
+
+fn duration(text: &str) -> Option<Duration> {
+    let duration = Duration::try_from_secs_f64(text.parse().ok()?).ok()?;
+    (!duration.is_zero()).then_some(duration)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(environment: &[(&str, &str)]) -> Result<Settings, String> {
+        let environment = environment.iter().map(|(name, value)| (name.into(), value.into()));
+        Settings::read(environment).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn nothing_set_is_the_default() {
+        let none = read(&[]).expect("no variable");
+        assert_eq!((none.deadline, none.failures), (Duration::from_secs(60), true));
+        assert_eq!((none.paths.clone(), none.seed, none.case.clone()), (None, None, None));
+        let others = [("PATH", "/bin"), ("KARAT_SEED", ""), ("KARAT_CASE", " "), ("CI", "true")];
+        assert_eq!(read(&others), Ok(none));
+    }
+
+    #[test]
+    fn values_are_read() {
+        let read = read(&[
+            ("KARAT_PATHS", " vulkan,gl "),
+            ("KARAT_SEED", "0xff"),
+            ("KARAT_CASE", "a::f/agrees_with#2@uniform/7:3.0"),
+            ("KARAT_INPUT", "3f800000,00000000"),
+            ("KARAT_DEADLINE", "1.5"),
+            ("KARAT_FAILURES", "off"),
+            ("KARAT_OVERLAY", "faults"),
+        ]);
+        let read = read.expect("each of them is right");
+        assert_eq!((read.paths.as_deref(), read.seed), (Some("vulkan,gl"), Some(255)));
+        assert_eq!((read.deadline, read.failures), (Duration::from_millis(1500), false));
+        let case = SelectedCase {
+            check: Some("a::f/agrees_with#2@uniform".to_owned()),
+            case: 7,
+            steps: vec![3, 0],
+            input: Some(vec![0x3f80_0000, 0]),
+        };
+        assert_eq!(read.case, Some(case));
+    }
+
+    #[test]
+    fn slips_are_errors_that_name_the_nearest() {
+        for (name, value, message) in [
+            (
+                "KARAT_REQUIER",
+                "gl",
+                "the environment sets `KARAT_REQUIER`, which Karat doesn't know; did you mean \
+                 `KARAT_REQUIRE`?",
+            ),
+            ("KARAT_FAILURES", "of", "KARAT_FAILURES=of isn't `on` or `off`; did you mean `off`?"),
+            ("KARAT_FAILURES", "banana", "KARAT_FAILURES=banana isn't `on` or `off`"),
+            (
+                "KARAT_SEED",
+                "0xfg",
+                "KARAT_SEED=0xfg isn't a number, in decimal or with 0x before it in hexadecimal",
+            ),
+            ("KARAT_SEED", "-1", "KARAT_SEED=-1 isn't a number"),
+            ("KARAT_DEADLINE", "a minute", "KARAT_DEADLINE=a minute isn't a number of seconds"),
+            ("KARAT_DEADLINE", "0", "KARAT_DEADLINE=0 isn't a number of seconds above 0"),
+            ("KARAT_DEADLINE", "NaN", "KARAT_DEADLINE=NaN isn't a number of seconds above 0"),
+            (
+                "KARAT_CASE",
+                "fresnel::schlick",
+                "KARAT_CASE=fresnel::schlick isn't a case, `function/check/index`, as a failure's \
+                 replay command has it",
+            ),
+            ("KARAT_CASE", "f/agrees_with/", "KARAT_CASE=f/agrees_with/ isn't a case"),
+            ("KARAT_CASE", "f/agrees_with/7:x", "KARAT_CASE=f/agrees_with/7:x isn't a case"),
+            ("KARAT_INPUT", "3f800000", "KARAT_INPUT needs KARAT_CASE"),
+            ("KARAT_INPUT", "1.0", "KARAT_INPUT=1.0 isn't a list of hexadecimal words"),
+        ] {
+            let error = read(&[(name, value)]).expect_err(value);
+            assert!(error.starts_with(message), "{error}");
+        }
+        let error = read(&[("KARAT_BANANA_SPLIT", "1")]).expect_err("unknown");
+        assert!(
+            error.ends_with(
+                "it reads KARAT_PATHS, KARAT_REQUIRE, KARAT_ADAPTER, \
+             KARAT_DEADLINE, KARAT_SEED, KARAT_CASE, KARAT_INPUT, KARAT_FAILURES, KARAT_OVERLAY, \
+             KARAT_RECORD, KARAT_BROWSER"
+            ),
+            "{error}"
+        );
+    }
+}
