@@ -14,10 +14,10 @@ mod corpus;
 mod demo;
 mod licence;
 mod lint;
+mod mutants;
 #[path = "../../harness/src/record/folder.rs"]
 #[expect(unreachable_pub, reason = "it is public in the harness, which is compiled later")]
 mod record;
-mod mutants;
 mod setup;
 mod step;
 mod suite;

@@ -99,7 +99,7 @@ fn watch_rounds(
     device: &'static Device,
     frame: &Frame<'_>,
     program: &Program,
-    resources: &mut BTreeMap<(u32, u32), Resource>,
+    resources: &mut BTreeMap<&str, Resource>,
 ) -> Result<(), FrameError> {
     let binding = program.free_binding();
     let limit = u32::try_from(MOST_ROUNDS).expect("it fits");
@@ -115,7 +115,7 @@ fn watch_rounds(
     };
     use wgpu::BufferUsages as Usage;
     let counts = device.checked(|| buffer(Usage::STORAGE | Usage::COPY_SRC))?;
-    resources.insert((0, binding), Resource::Buffer(counts.clone()));
+    resources.insert(Watched::VARIABLE, Resource::Buffer(counts.clone()));
     let format = color_format(device, frame.blending());
     let painter = Painter { device, frame, program: &program, format, resources };
     let source = wgpu::ShaderSource::Naga(Cow::Owned(program.module().clone()));
@@ -127,7 +127,7 @@ fn watch_rounds(
         device.queue.submit([encoder.finish()]);
         staging
     })?;
-    resources.remove(&(0, binding));
+    resources.remove(Watched::VARIABLE);
     let counts: Vec<u32> =
         device.read_back(&staging, size, |bytes| bytemuck::pod_collect_to_vec(bytes))?;
     let most = loops.iter().zip(counts).max_by_key(|(_, count)| *count);

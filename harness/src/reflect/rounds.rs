@@ -197,14 +197,16 @@ fn count(function: &mut Function, counters: Handle<GlobalVariable>, index: u32) 
 /// The variable that holds the rounds of an invocation of a frame's shader.
 const OWN: &str = "karat_rounds";
 
-/// The buffer where a frame's invocations leave how often they went round, an element a loop.
-const MOST: &str = "karat_most";
-
 /// A frame's program whose invocations tell which loop made their rounds too many.
 pub(crate) struct Watched {
     pub(crate) program: Program,
     /// The author's place of each loop.
     pub(crate) loops: Vec<Option<Span>>,
+}
+
+impl Watched {
+    /// The buffer where invocations leave how often they went round, an element a loop.
+    pub(crate) const VARIABLE: &str = "karat_most";
 }
 
 impl Program {
@@ -236,7 +238,8 @@ impl Program {
         let own = module.global_variables.append(own, NOWHERE);
         let access = naga::StorageAccess::LOAD | naga::StorageAccess::STORE;
         let place = Some(naga::ResourceBinding { group: 0, binding });
-        let most = variable(MOST, naga::AddressSpace::Storage { access }, place, array);
+        let most =
+            variable(Watched::VARIABLE, naga::AddressSpace::Storage { access }, place, array);
         let most = module.global_variables.append(most, NOWHERE);
 
         let mut index = 0;
