@@ -365,3 +365,10 @@ fn faults_are_seen() {
         assert!(found.contains(expected), "`{fault}` for `{original}`:\n{found}");
     }
 }
+
+/// Entry points and functions that no test calls are valid, too.
+#[test]
+fn the_whole_library_is_valid() {
+    let found = PBR.is_valid();
+    assert!(found.functions > 200 && found.entry_points > 10, "{found}");
+}

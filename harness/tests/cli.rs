@@ -1,5 +1,7 @@
 //! The command line as a process: what it prints, and its exit code.
 
+#[path = "cli/check.rs"]
+mod check;
 #[path = "cli/diff.rs"]
 mod diff;
 #[path = "cli/errors.rs"]

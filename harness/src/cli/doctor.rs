@@ -19,8 +19,7 @@ pub(super) struct Args {
 }
 
 /// Libraries whose versions decide results; a test compares them with Cargo.lock.
-pub(super) const LIBRARIES: [(&str, &str); 3] =
-    [("wgpu", "30.0.1"), ("naga", "30.0.1"), ("wesl", "0.4.0")];
+pub(super) const LIBRARIES: [(&str, &str); 2] = [("wgpu", "30.0.1"), ("naga", "30.0.1")];
 
 #[derive(Serialize)]
 struct Report {

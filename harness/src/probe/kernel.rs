@@ -262,3 +262,56 @@ fn compose(shape: &Shape, lane: &mut dyn FnMut(Scalar) -> String) -> String {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::package::{KERNEL_WORDS, Package};
+
+    /// A shader may declare names of WGSL's, and those that kernels use get other names then: so
+    /// each name that a kernel uses must be known.
+    #[test]
+    fn kernels_use_no_other_names_than_they_say() {
+        let mut shapes = vec!["f32", "i32", "u32", "bool", "f16", "vec3<f16>", "array<vec2<u32>, 2>"]
+            .into_iter()
+            .map(str::to_owned)
+            .collect::<Vec<_>>();
+        for columns in 2..=4 {
+            shapes.extend(["f32", "i32", "bool"].map(|scalar| format!("vec{columns}<{scalar}>")));
+            shapes.extend((2..=4).map(|rows| format!("mat{columns}x{rows}<f32>")));
+        }
+        for shape in shapes {
+            let source = format!(
+                "enable f16;\nfn same(x: {shape}, n: u32) -> {shape} {{ var y = x; \
+                 for (var i = 0u; i < n; i++) {{ y = x; }} return y; }}"
+            );
+            let package = Package::from_source("s", source);
+            let program = Program::of_function(&package, "same").expect("valid");
+            let function = program.function("same").expect("it can be called");
+            for inputs in [Inputs::Storage, Inputs::Uniform, Inputs::Constant] {
+                let kernel = Kernel::with_inputs(&program, &function, inputs);
+                let constants = kernel.of_constants(&vec![1; kernel.words_in]).expect("finite");
+                for text in [&kernel.text, &constants, &kernel.counting(1).text] {
+                    let own = text.strip_prefix(program.text()).expect("the shader comes first");
+                    let code = own.lines().map(|line| line.split("//").next().unwrap_or_default());
+                    let code = code.collect::<Vec<_>>().join("\n");
+                    let words = code.split(|c: char| !c.is_alphanumeric() && c != '_');
+                    for word in words.filter(|word| word.starts_with(char::is_alphabetic)) {
+                        let grammar = [
+                            "binding", "builtin", "case", "compute", "const", "default", "false", "fn",
+                            "group", "if", "let", "return", "switch", "true", "var",
+                            "workgroup_size", "x", "y", "z", "w",
+                        ];
+                        assert!(
+                            word.starts_with("karat_")
+                                || word == "same"
+                                || grammar.contains(&word)
+                                || KERNEL_WORDS.contains(&word),
+                            "`{word}` in {own}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+}

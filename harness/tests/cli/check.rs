@@ -1,0 +1,73 @@
+//! `karat check`: what no test calls is validated.
+
+use super::report::function;
+use super::*;
+
+/// A project whose `cargo test` records a function that passes.
+fn tested() -> TempDir {
+    let project = project();
+    let script = "mkdir -p \"$KARAT_RECORD\"\ncp verdict \"$KARAT_RECORD/1.jsonl\"\n";
+    write(project.path(), "test", script);
+    write(project.path(), "verdict", &function("calc::double", "gl", "pass", None));
+    project
+}
+
+fn run_tests(project: &TempDir) -> Ran {
+    output(command(project.path(), &["test"]).env("CARGO", "/bin/sh"))
+}
+
+#[test]
+fn a_broken_entry_point_fails_check_list_and_test() {
+    let project = tested();
+    let out = karat(project.path(), &["check"]).good();
+    assert!(out.contains("3 modules") && out.contains("1 entry points"), "{out}");
+    assert_eq!(run_tests(&project).code, Some(0));
+
+    for (text, place) in [
+        ("fn f() -> f32 { return 1.0; }\n@fragment fn main() -> @location(0) vec4f { return colr; }", "2:53"),
+        ("fn f() -> f32 {", "1:"),
+        ("import package::calc::dubble;\nfn f() -> f32 { return 1.0; }", "1:23"),
+    ] {
+        write(project.path(), "shaders/debug.wgsl", text);
+        let place = format!("shaders/debug.wgsl:{place}");
+        for ran in [
+            karat(project.path(), &["check"]),
+            karat(project.path(), &["list"]),
+            run_tests(&project),
+        ] {
+            assert_eq!(ran.code, Some(1), "{text}\n{ran:?}");
+            assert!(ran.out.contains(&place), "{text}\n{}", ran.out);
+        }
+        // What is valid is still listed, and called.
+        assert!(karat(project.path(), &["list"]).out.contains("calc::double"));
+        karat(project.path(), &["call", "calc::double", "2"]).good();
+    }
+}
+
+#[test]
+fn modules_that_need_features_say_so() {
+    let project = tested();
+    let debug = "@if(DEBUG) const SCALE = 2.0;\nfn f() -> f32 { return SCALE; }";
+    write(project.path(), "shaders/debug/overlay.wgsl", debug);
+    assert_eq!(karat(project.path(), &["check"]).code, Some(1));
+    let manifest = |module: &str| {
+        format!("[workspace]\n[workspace.metadata.karat.features]\n\"{module}\" = [\"DEBUG\"]\n")
+    };
+    write(project.path(), "Cargo.toml", &manifest("debug::overlay"));
+    karat(project.path(), &["check"]).good();
+    assert_eq!(run_tests(&project).code, Some(0));
+    write(project.path(), "Cargo.toml", &manifest("debug::overlai"));
+    let error = karat(project.path(), &["check"]).error();
+    assert!(error.contains("did you mean `debug::overlay`?"), "{error}");
+}
+
+#[test]
+fn a_package_of_nothing_is_no_success() {
+    let project = tempfile::tempdir().expect("a folder");
+    write(project.path(), "shaders/a.wgsl", "const A = 1;\n");
+    let ran = karat(project.path(), &["check"]);
+    assert!(ran.code == Some(1) && ran.out.contains("declares no function"), "{ran:?}");
+    write(project.path(), "empty/readme", "");
+    let ran = karat(project.path(), &["check", "--package", "empty"]);
+    assert!(ran.code != Some(0), "{ran:?}");
+}
