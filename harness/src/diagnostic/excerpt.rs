@@ -237,9 +237,12 @@ impl<'a, 'b: 'a> Files<'a> for Excerpts<'b> {
 mod tests {
     use super::*;
 
-    fn excerpt(text: &str, places: &[Range<usize>], check: impl Fn(&Excerpt<'_>)) -> String {
+    fn excerpt(text: &str, places: &[(usize, usize)], check: impl Fn(&Excerpt<'_>)) -> String {
         let file = SourceFile { name: "a".to_owned(), text: text.to_owned() };
-        let excerpt = Excerpt::new(&file, places);
+        let excerpt = Excerpt::new(
+            &file,
+            &places.iter().map(|(start, end)| *start..*end).collect::<Vec<_>>(),
+        );
         check(&excerpt);
         excerpt.text.clone()
     }
@@ -247,7 +250,7 @@ mod tests {
     #[test]
     fn what_fits_is_as_it_was() {
         for text in ["", "a", "a\n", "\n\n", "é\r\n\tb\r\n", &"x".repeat(WIDTH)] {
-            let shown = excerpt(text, &[0..text.len()], |excerpt| {
+            let shown = excerpt(text, &[(0, text.len())], |excerpt| {
                 for byte in 0..=text.len() {
                     assert_eq!((excerpt.shown(byte), excerpt.author(byte)), (byte, byte));
                 }
@@ -259,7 +262,7 @@ mod tests {
     #[test]
     fn a_long_line_is_cut_around_its_places() {
         let long = "a".repeat(500) + "HERE" + &"b".repeat(500) + "\nnext\n";
-        let shown = excerpt(&long, &[500..504], |excerpt| {
+        let shown = excerpt(&long, &[(500, 504)], |excerpt| {
             let place = excerpt.text.find("HERE").expect("it is shown");
             assert_eq!((excerpt.shown(500), excerpt.shown_end(504)), (place, place + 4));
             assert_eq!(excerpt.author(place), 500);
@@ -269,14 +272,14 @@ mod tests {
         });
         assert_eq!(shown, format!("…{}HERE{}…\nnext\n", "a".repeat(40), "b".repeat(56)));
         // At either end there is more of the other side; two places have two parts.
-        let at = |places: &[Range<usize>]| excerpt(&long, places, |_| ());
-        assert_eq!(at(&[0..1]), format!("{}…\nnext\n", "a".repeat(100)));
-        assert_eq!(at(&[1003..1004]), format!("…{}\nnext\n", "b".repeat(100)));
-        assert_eq!(at(&[1005..1006]), format!("{}…\nnext\n", "a".repeat(100)));
+        let at = |places: &[(usize, usize)]| excerpt(&long, places, |_| ());
+        assert_eq!(at(&[(0, 1)]), format!("{}…\nnext\n", "a".repeat(100)));
+        assert_eq!(at(&[(1003, 1004)]), format!("…{}\nnext\n", "b".repeat(100)));
+        assert_eq!(at(&[(1005, 1006)]), format!("{}…\nnext\n", "a".repeat(100)));
         let two = format!("{}…{}…\nnext\n", "a".repeat(100), "b".repeat(100));
-        assert_eq!(at(&[0..1, 700..701]), two);
+        assert_eq!(at(&[(0, 1), (700, 701)]), two);
         // Of a place that is longer than a line its beginning is shown, and where it goes on.
-        let shown = excerpt(&long, &[10..900], |excerpt| {
+        let shown = excerpt(&long, &[(10, 900)], |excerpt| {
             assert_eq!(&excerpt.text[..excerpt.shown_end(900)], "a".repeat(100) + "…");
         });
         assert_eq!(shown, format!("{}…\nnext\n", "a".repeat(100)));
@@ -285,7 +288,7 @@ mod tests {
     #[test]
     fn what_commands_a_terminal_is_shown() {
         let text = "é\u{1b}[2J\u{9b}x\r\nrest";
-        let shown = excerpt(text, &[6..8], |excerpt| {
+        let shown = excerpt(text, &[(6, 8)], |excerpt| {
             for (byte, character) in text.char_indices() {
                 let shown = excerpt.shown(byte);
                 assert_eq!(excerpt.author(shown), byte, "{character:?}");
@@ -296,7 +299,7 @@ mod tests {
         assert_eq!(shown, "é\\u{1b}[2J\\u{9b}x\r\nrest");
         // Such a line is as wide as it is shown.
         let long = "\u{1b}".repeat(60) + "x";
-        let shown = excerpt(&long, &[60..61], |_| ());
+        let shown = excerpt(&long, &[(60, 61)], |_| ());
         assert_eq!(shown, format!("…{}x", r"\u{1b}".repeat(16)));
     }
 }
