@@ -190,8 +190,8 @@ fn properties_and_integrals_are_reduced_replayed_and_remembered() {
     for (fault, simplest, kept_line) in [
         (
             "monotone",
-            &["           x = 0", "           a = 1", "          x' = 1"][..],
-            " 00000000,3f800000,3f800000 0x",
+            &["           x = 1", "           a = 1", "          x' = 0"][..],
+            " 3f800000,3f800000,00000000 0x",
         ),
         (
             "turned",

@@ -83,14 +83,15 @@ fn planted() -> Package {
 
         // The texel is the lobe's peak, 1 / (pi alpha^2).
         fn tabled_pdf(alpha: f32, h: vec3f) -> f32 {
-            let tangent = dot(h.xy, h.xy) / (h.z * h.z * alpha * alpha);
             let peak = textureLoad(table, vec2i(0, 0), 0).x;
-            return select(0.0, peak / (pow(1.0 + tangent, 2.0) * pow(h.z, 3.0)), h.z > 0.0);
+            let squared = alpha * alpha;
+            let falls = squared / (squared * h.z * h.z + dot(h.xy, h.xy));
+            return peak * falls * falls * max(h.z, 0.0);
         }
 
         // More than 1 by less than rounding may add, and by more.
         fn full_cosine_pdf(l: vec3f) -> f32 {
-            return 1.0001 * cosine_pdf(l);
+            return 1.00019 * cosine_pdf(l);
         }
 
         fn fuller_cosine_pdf(l: vec3f) -> f32 {
