@@ -272,10 +272,11 @@ mod tests {
     /// each name that a kernel uses must be known.
     #[test]
     fn kernels_use_no_other_names_than_they_say() {
-        let mut shapes = vec!["f32", "i32", "u32", "bool", "f16", "vec3<f16>", "array<vec2<u32>, 2>"]
-            .into_iter()
-            .map(str::to_owned)
-            .collect::<Vec<_>>();
+        let mut shapes =
+            vec!["f32", "i32", "u32", "bool", "f16", "vec3<f16>", "array<vec2<u32>, 2>"]
+                .into_iter()
+                .map(str::to_owned)
+                .collect::<Vec<_>>();
         for columns in 2..=4 {
             shapes.extend(["f32", "i32", "bool"].map(|scalar| format!("vec{columns}<{scalar}>")));
             shapes.extend((2..=4).map(|rows| format!("mat{columns}x{rows}<f32>")));
@@ -298,9 +299,26 @@ mod tests {
                     let words = code.split(|c: char| !c.is_alphanumeric() && c != '_');
                     for word in words.filter(|word| word.starts_with(char::is_alphabetic)) {
                         let grammar = [
-                            "binding", "builtin", "case", "compute", "const", "default", "false", "fn",
-                            "group", "if", "let", "return", "switch", "true", "var",
-                            "workgroup_size", "x", "y", "z", "w",
+                            "binding",
+                            "builtin",
+                            "case",
+                            "compute",
+                            "const",
+                            "default",
+                            "false",
+                            "fn",
+                            "group",
+                            "if",
+                            "let",
+                            "return",
+                            "switch",
+                            "true",
+                            "var",
+                            "workgroup_size",
+                            "x",
+                            "y",
+                            "z",
+                            "w",
                         ];
                         assert!(
                             word.starts_with("karat_")

@@ -24,7 +24,10 @@ fn a_broken_entry_point_fails_check_list_and_test() {
     assert_eq!(run_tests(&project).code, Some(0));
 
     for (text, place) in [
-        ("fn f() -> f32 { return 1.0; }\n@fragment fn main() -> @location(0) vec4f { return colr; }", "2:53"),
+        (
+            "fn f() -> f32 { return 1.0; }\n@fragment fn main() -> @location(0) vec4f { return colr; }",
+            "2:53",
+        ),
         ("fn f() -> f32 {", "1:"),
         ("import package::calc::dubble;\nfn f() -> f32 { return 1.0; }", "1:23"),
     ] {
