@@ -1,9 +1,9 @@
 //! A set of WGSL or WESL modules, read at run time: editing a shader never rebuilds Rust.
 //!
 //! A package is a folder (one module a file), one file, or text in memory. Modules import each
-//! other (`import package::math::PI;`) and the packages that theirs depends on. Linking gives one
-//! WGSL text that holds the closure of what a test needs, with a source map exact to line and
-//! column.
+//! other (`import package::math::PI;`) and the packages that theirs depends on. Linking copies what a
+//! test needs from the author's files into one WGSL text, byte for byte but for names, so each place
+//! in it is a line and column of the author's. [`Package::is_valid`] validates what no test needs.
 
 mod conditions;
 mod imports;

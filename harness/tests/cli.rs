@@ -371,7 +371,9 @@ fn list_shows_signatures_and_what_is_broken_beside_the_rest() {
     let broken =
         "fn sound(x: f32) -> f32 { return x; }\nfn broken() -> f32 { return vec2f(1.0); }\n";
     write(project.path(), "shaders/broken.wgsl", broken);
-    let out = karat(project.path(), &["list"]).good();
+    let ran = karat(project.path(), &["list"]);
+    assert_eq!(ran.code, Some(1), "a module isn't valid: {ran:?}");
+    let out = ran.out;
     for part in [
         "calc::add(a: vec3<f32>, b: f32) -> vec3<f32>",
         "shaders/calc.wgsl:4:4",
@@ -383,7 +385,7 @@ fn list_shows_signatures_and_what_is_broken_beside_the_rest() {
     }
     assert!(!out.contains("calc::main"), "an entry point can't be called");
 
-    let list = json(&karat(project.path(), &["list", "--json"]).good());
+    let list = json(&karat(project.path(), &["list", "--json"]).out);
     let list = list.as_array().expect("a list");
     let find = |name: &str| {
         list.iter().find(|entry| entry["function"] == name).unwrap_or_else(|| panic!("no {name}"))

@@ -128,8 +128,7 @@ fn watch_rounds(
         staging
     })?;
     resources.remove(Watched::VARIABLE);
-    let counts: Vec<u32> =
-        device.read_back(&staging, size, |bytes| bytemuck::pod_collect_to_vec(bytes))?;
+    let counts: Vec<u32> = device.read_back(&staging, size, bytemuck::pod_collect_to_vec)?;
     let most = loops.iter().zip(counts).max_by_key(|(_, count)| *count);
     match most.filter(|(_, count)| *count > 0) {
         None => Ok(()),
