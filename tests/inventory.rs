@@ -370,5 +370,5 @@ fn faults_are_seen() {
 #[test]
 fn the_whole_library_is_valid() {
     let found = PBR.is_valid();
-    assert!(found.functions > 200 && found.entry_points > 10, "{found}");
+    assert!(found.functions > 150 && found.entry_points > 20, "{found}");
 }

@@ -33,6 +33,7 @@ pub(crate) const KERNEL_WORDS: &[&str] = &[
     "mat4x2",
     "mat4x3",
     "mat4x4",
+    "private",
     "read",
     "read_write",
     "select",

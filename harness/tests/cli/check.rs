@@ -26,7 +26,7 @@ fn a_broken_entry_point_fails_check_list_and_test() {
     for (text, place) in [
         (
             "fn f() -> f32 { return 1.0; }\n@fragment fn main() -> @location(0) vec4f { return colr; }",
-            "2:53",
+            "2:52",
         ),
         ("fn f() -> f32 {", "1:"),
         ("import package::calc::dubble;\nfn f() -> f32 { return 1.0; }", "1:23"),
