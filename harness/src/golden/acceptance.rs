@@ -8,6 +8,7 @@ use super::{Goldens, Pending, Profile, Provenance, ProvenanceError, parts};
 use crate::diagnostic::shown;
 use crate::image::{ExrFile, Image, ImageError, Staged};
 use crate::metric::ExposureRange;
+use crate::output::visible;
 
 /// A golden larger than this, in bytes, is accepted with a warning: every clone of the project
 /// holds each version of it for ever.
@@ -236,9 +237,10 @@ impl Goldens {
             compared_profile: String::new(),
             finding: None,
             exposures: Some(ExposureRange::of(image)),
-            accepted_by: acceptance.by.clone().unwrap_or_else(person),
+            // Facts with control characters can't be read again.
+            accepted_by: visible(&acceptance.by.clone().unwrap_or_else(person)).into_owned(),
             accepted_at: humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
-            because: because.to_owned(),
+            because: visible(because).into_owned(),
             ..pending.provenance.clone()
         };
         let golden = ExrFile { metadata: Some(provenance.metadata()), parts };

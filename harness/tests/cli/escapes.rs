@@ -1,8 +1,6 @@
 //! Text of others is shown, and does nothing to the terminal that shows it.
 
-use std::collections::BTreeMap;
-
-use karat::{ExrFile, Image, Part, Precision};
+use karat::{ExrFile, Image, Part, Precision, Provenance};
 
 use super::pending::{LAVAPIPE, provenance, zip};
 use super::report::function;
@@ -13,6 +11,9 @@ use super::*;
 const HOSTILE: &str = "a\u{1b}]0;owned\u{7}\u{1b}[2J\r\u{1b}[8mb\u{9b}31m\u{7f}\u{202e}c\u{2066}";
 /// The same, as it is shown.
 const SHOWN: &str = r"a\u{1b}]0;owned\u{7}\u{1b}[2J\u{d}\u{1b}[8mb\u{9b}31m\u{7f}\u{202e}c\u{2066}";
+/// Alone, what isn't a control character.
+const TURNED: &str = "x\u{202e}c\u{2066}";
+const TURNED_SHOWN: &str = r"x\u{202e}c\u{2066}";
 /// What a file's name can hold.
 const NAME: &str = "a\u{1b}]0;owned\u{7}\u{1b}[31mb\u{9b}31m\u{202e}c";
 const NAME_SHOWN: &str = r"a\u{1b}]0;owned\u{7}\u{1b}[31mb\u{9b}31m\u{202e}c";
@@ -109,8 +110,8 @@ fn contents_of_files_are_shown_and_not_obeyed() {
     zip(&folder.join("bad.zip"), &[(&format!("{HOSTILE}.new.exr"), b"")]);
     // The driver and the folder of goldens, of a frame that came from elsewhere.
     let image = Image::new(2, 1, vec![[0.25; 4]; 2]);
-    let mut facts = provenance("scene", &image.hash(), &format!("{HOSTILE} {LAVAPIPE}"), "");
-    facts.facts = BTreeMap::from([(HOSTILE.to_owned(), HOSTILE.to_owned())]);
+    // Control characters are refused there; what turns the direction is none.
+    let facts = provenance("scene", &image.hash(), &format!("{TURNED} {LAVAPIPE}"), "");
     let metadata = serde_json::to_string(&facts).expect("plain data");
     let frame = golden.join("scene.new.exr");
     image.write_exr(&frame, Precision::Half, Some(&metadata)).expect("written");
@@ -141,7 +142,7 @@ fn contents_of_files_are_shown_and_not_obeyed() {
         (&["pending", "--from", "slip.zip"][..], true),
         (&["pending", "--from", "bad.zip"], true),
         (&["pending"], true),
-        (&["accept", "*", "--because", HOSTILE], true),
+        (&["accept", "*", "--because", HOSTILE], false),
         (&["diff", "parts.exr", "parts.exr"], true),
         (&["report", "--record", "record", "--github"], true),
         (&["unreferenced", "--record", "record"], false),
@@ -150,9 +151,15 @@ fn contents_of_files_are_shown_and_not_obeyed() {
     ] {
         let text = tame(folder, arguments);
         // The names of entries are shown as Rust has them, with `\r`.
-        let shown = text.contains(SHOWN) || text.contains(&SHOWN.replace(r"\u{d}", r"\r"));
+        let shown = text.contains(TURNED_SHOWN)
+            || text.contains(SHOWN)
+            || text.contains(&SHOWN.replace(r"\u{d}", r"\r"));
         assert!(shown || !told, "{arguments:?}: {text}");
     }
+    // A reason that was pasted with its colours is kept so that it can be read again.
+    let (_, facts) = Image::read_exr(&golden.join("scene.exr")).expect("accepted");
+    let facts = Provenance::parse(&facts.expect("it has facts")).expect("they can be read");
+    assert_eq!(facts.because, SHOWN);
     let parts = karat(folder, &["diff", "parts.exr", "parts.exr", "--json"]).good();
     assert_tame(&parts, &["diff"]);
     assert!(json(&parts).to_string().contains('\u{9b}'), "{parts}");
