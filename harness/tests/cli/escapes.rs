@@ -136,7 +136,7 @@ fn contents_of_files_are_shown_and_not_obeyed() {
     let line = function(&name, "gl", "fail", Some(&why)).replace("llvmpipe", "\\u001b[2Jllvmpipe");
     write(folder, "record/1.jsonl", &line);
     write(folder, "record/run.json", r#"{"passed":false,"schema":2,"selected":["\u009b2J"]}"#);
-    write(folder, "table.csv", &format!("{HOSTILE}\n1\n"));
+    write(folder, "table.csv", &format!("\"{HOSTILE}\"\n1\n"));
     write(folder, "shaders/hostile.wgsl", &format!("fn f() -> f32 {{ return x; }} // {HOSTILE}\n"));
     for (arguments, told) in [
         (&["pending", "--from", "slip.zip"][..], true),
