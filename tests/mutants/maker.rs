@@ -394,7 +394,7 @@ impl<'a> Maker<'a> {
         match self.tokens[before].kind {
             Kind::Number => false,
             Kind::Word => matches!(text, "return" | "case" | "if" | "switch" | "while"),
-            Kind::Symbol => !matches!(text, ")" | "]") && !(text == ">" && self.types[before]),
+            Kind::Symbol => !(matches!(text, ")" | "]") || text == ">" && self.types[before]),
         }
     }
 
