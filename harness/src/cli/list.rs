@@ -84,10 +84,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(verdict)
 }
 
-/// The functions that a probe could call: all but entry points.
+/// The functions that a probe could call: all but entry points, of the modules that can be read.
+/// Validation tells of the others.
 pub(super) fn callable(package: &Package) -> anyhow::Result<Vec<FunctionItem>> {
-    let functions = package.functions()?;
-    Ok(functions.into_iter().filter(|item| !item.entry_point).collect())
+    let modules = package.modules()?;
+    let functions = modules.iter().filter_map(|module| package.functions_in(module).ok());
+    Ok(functions.flatten().filter(|item| !item.entry_point).collect())
 }
 
 fn entry(
