@@ -215,7 +215,7 @@ pub(crate) fn remove_leftover(path: &Path) -> bool {
     held.is_some() && std::fs::remove_file(path).is_ok()
 }
 
-/// Whether a file is named as [`create_beside`] names what it makes for an image or facts:
+/// Whether a file is named as `create_beside` names what it makes for an image or facts:
 /// `scene.exr.1234-0.tmp`.
 pub fn is_beside(path: &Path) -> bool {
     let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
