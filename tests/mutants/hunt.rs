@@ -46,6 +46,7 @@ impl Hunt {
             .collect();
         self.broken.par_extend(runs.par_iter().filter_map(|(module, target)| match library.hunt(
             target,
+            &[],
             module,
             &library::text(module),
         ) {
@@ -158,7 +159,8 @@ impl Hunt {
     }
 }
 
-/// Runs the tests of a mutant's module until one of them kills it. Linking takes longer than most
+/// Runs the tests of a mutant's module until one of them kills it, those first that killed others of
+/// the same function. Linking takes longer than most
 /// tests do: naga is asked only about those that no check has proved to be valid by failing.
 fn fate(library: &Library, candidate: &Candidate, listed: &[Listed]) -> Fate {
     let text = candidate.text();
@@ -167,11 +169,24 @@ fn fate(library: &Library, candidate: &Candidate, listed: &[Listed]) -> Fate {
         None => Fate::Killed(test),
         Some(_) => Fate::Unexcused(test),
     };
+    let item = format!("{}::{}", candidate.module, candidate.mutant.item);
+    for target in candidate.judges {
+        let likely = library.killers(target, &item);
+        let likely: Vec<&str> = likely.iter().map(String::as_str).collect();
+        if !likely.is_empty()
+            && let Seen::Killed(test) = library.hunt(target, &likely, candidate.module, &text)
+        {
+            return killed(test);
+        }
+    }
     let mut undecided = None;
     let mut asserted = None;
     for target in candidate.judges {
-        match library.hunt(target, candidate.module, &text) {
-            Seen::Killed(test) => return killed(test),
+        match library.hunt(target, &[], candidate.module, &text) {
+            Seen::Killed(test) => {
+                library.learn(target, &item, &test);
+                return killed(test);
+            }
             Seen::Asserted(test) => {
                 asserted = Some(test);
                 break;
@@ -236,7 +251,7 @@ mod tests {
         assert!(matches!(killed, Fate::Killed(test) if test == "camera::covering_corner"));
         // The check can't be made without its function.
         let renamed = library::text("camera").replace("fn covering_corner", "fn covering");
-        let seen = library.hunt("camera", "camera", &renamed);
+        let seen = library.hunt("camera", &[], "camera", &renamed);
         assert!(matches!(seen, Seen::NoVerdict(why) if why.contains("camera::covering_corner: ")));
     }
 

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::{BufRead, BufReader};
 use std::path::{Path as FilePath, PathBuf};
 use std::process::{Command, Output, Stdio};
-use std::sync::mpsc;
+use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 
 use karat::record::{self, Record, Subject, Verdict};
@@ -16,6 +16,8 @@ use crate::faults::{FAULTS, Fault, SURVIVORS};
 /// The compiled tests of the library, by the name of their file.
 pub(crate) struct Library {
     binaries: BTreeMap<String, PathBuf>,
+    /// Tests that killed mutants of an item, by their file and the item's path.
+    killers: Mutex<BTreeMap<(String, String), BTreeSet<String>>>,
 }
 
 /// What the tests made of a fault.
@@ -93,7 +95,25 @@ impl Library {
             let name = message["target"]["name"].as_str()?.to_owned();
             Some((name, PathBuf::from(message["executable"].as_str()?)))
         };
-        Self { binaries: messages.lines().filter_map(binary).collect() }
+        let binaries = messages.lines().filter_map(binary).collect();
+        Self { binaries, killers: Mutex::default() }
+    }
+
+    /// The tests of a file that killed other mutants of an item: they are likely to kill the next.
+    pub(crate) fn killers(&self, target: &str, item: &str) -> Vec<String> {
+        let killers = self.killers.lock().unwrap_or_else(PoisonError::into_inner);
+        let killers = killers.get(&(target.to_owned(), item.to_owned()));
+        killers.into_iter().flatten().cloned().collect()
+    }
+
+    /// A test, `file::name`, killed a mutant of an item.
+    pub(crate) fn learn(&self, target: &str, item: &str, test: &str) {
+        let Some(name) = test.strip_prefix(target).and_then(|rest| rest.strip_prefix("::")) else {
+            return;
+        };
+        let mut killers = self.killers.lock().unwrap_or_else(PoisonError::into_inner);
+        let key = (target.to_owned(), item.to_owned());
+        killers.entry(key).or_default().insert(name.to_owned());
     }
 
     /// Runs all tests that should catch a fault with overlays that change nothing.
@@ -134,10 +154,10 @@ impl Library {
         self.outcome(target, &[], &[(fault.module, mutated(fault))])
     }
 
-    /// Runs the tests of a file with another text for a module, until one of them fails.
-    pub(crate) fn hunt(&self, target: &str, module: &str, text: &str) -> Seen {
+    /// Runs tests of a file, or all of them, with another text for a module, until one fails.
+    pub(crate) fn hunt(&self, target: &str, names: &[&str], module: &str, text: &str) -> Seen {
         let folder = overlaid(&[(module, text.to_owned())]);
-        let mut command = self.command(target, &[], &folder);
+        let mut command = self.command(target, names, &folder);
         command.stdout(Stdio::piped()).stderr(Stdio::null());
         let mut child = command.spawn().expect("the tests start");
         let output = BufReader::new(child.stdout.take().expect("it is piped"));
