@@ -17,6 +17,7 @@ mod product;
 mod range;
 mod shrink;
 mod source;
+mod stream;
 mod ties;
 
 use std::any::Any;
@@ -29,6 +30,7 @@ pub(crate) use product::Parts;
 pub use range::Integers;
 pub use shrink::{Origin, Shrinkable};
 pub use source::Source;
+pub(crate) use stream::{Held, Numbering, Stream, Typed};
 
 /// Draws in a row that a [`filter`](Domain::filter) may reject before the check gives up. A filter
 /// that keeps 1 % is stopped by chance once in 5e8 cases.
@@ -379,78 +381,9 @@ where
     }
 }
 
-/// The cases of one check: which value each index has.
-#[derive(Clone, Debug)]
-pub(crate) struct Cases<'a, D: Domain + ?Sized> {
-    domain: &'a D,
-    edges: Vec<D::Value>,
-    seed: u64,
-    count: u64,
-    /// Whether case i is the domain's value i.
-    enumerated: bool,
-}
-
-impl<'a, D: Domain + ?Sized> Cases<'a, D> {
-    /// All of a finite domain that has at most `enumerated` values, else `limit` cases: edges, up
-    /// to half of them, then draws.
-    pub(crate) fn new(domain: &'a D, seed: u64, limit: u64, enumerated: u64) -> Self {
-        match domain.size() {
-            Some(count) if count <= enumerated => {
-                Self { domain, edges: Vec::new(), seed, count, enumerated: true }
-            }
-            _ => {
-                let mut edges = domain.edges();
-                edges.truncate(usize::try_from(limit / 2).unwrap_or(usize::MAX));
-                Self { domain, edges, seed, count: limit, enumerated: false }
-            }
-        }
-    }
-
-    /// The same cases under another seed.
-    pub(crate) fn with_seed(&self, seed: u64) -> Self {
-        Self { seed, edges: self.edges.clone(), ..*self }
-    }
-
-    /// All edges of the domain, whether they are among the cases or not.
-    pub(crate) fn edges(&self) -> Vec<D::Value> {
-        self.domain.edges()
-    }
-
-    /// Whether the domain has a value, if it can tell.
-    pub(crate) fn admits(&self, value: &D::Value) -> Option<bool> {
-        self.domain.admits(value)
-    }
-
-    pub(crate) fn count(&self) -> u64 {
-        self.count
-    }
-
-    /// The value of a case; `None` if the domain rejects nearly everything.
-    pub(crate) fn get(&self, index: u64) -> Option<D::Value> {
-        if self.enumerated {
-            return self.domain.nth(index);
-        }
-        usize::try_from(index)
-            .ok()
-            .and_then(|index| self.edges.get(index))
-            .cloned()
-            .or_else(|| self.domain.draw(&mut Source::new(self.seed, index)))
-    }
-
-    /// The value of a case with the simpler ones next to it.
-    pub(crate) fn shrinkable(&self, index: u64) -> Option<Shrinkable<'a, D::Value>> {
-        let edge = usize::try_from(index).ok().filter(|index| *index < self.edges.len());
-        let mut source = Source::new(self.seed, index);
-        self.domain.shrinkable(match edge {
-            _ if self.enumerated => Origin::Nth(index),
-            Some(edge) => Origin::Edge(edge),
-            None => Origin::Draw(&mut source),
-        })
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::stream::tests::Cases;
     use super::*;
 
     fn all<D: Domain>(domain: &D, seed: u64, limit: u64) -> Vec<D::Value> {

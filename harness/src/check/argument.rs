@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::Failure;
-use super::session::signature;
+use super::mismatch::signature;
 use crate::diagnostic::nearest;
 use crate::reflect::Function;
 use crate::value::{Scalar, Shape};

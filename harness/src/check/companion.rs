@@ -1,123 +1,119 @@
 //! Cases of verbs that need more than the function's arguments: another value of one, a rotation.
 //!
-//! A companion is drawn after the arguments, from the same stream, and travels as words behind
-//! theirs. So it is simplified with them, remembered and replayed.
+//! A companion is drawn after the arguments, from the same stream of random numbers, and travels as
+//! words behind theirs. So it is simplified with them, remembered and replayed.
 
-use crate::domain::{Domain, Origin, Parts, Shrinkable, Source};
-use crate::value::{Arguments, Shape};
+use crate::domain::{Held, Origin, Parts, Shrinkable, Source, Stream};
 
-/// Tells the streams of companions of edges and of enumerated values from those of draws.
+/// Tells the random numbers of companions of edges and of enumerated values from those of draws.
 const LISTED: u64 = 0x6c69_7374_6564;
 
-/// Draws companions of `N` words.
-pub(super) trait Companion<V, const N: usize>: Send + Sync {
+/// Draws companions, each of [`words`](Self::words) words.
+pub(super) trait Companion: Sync {
+    /// Words of a companion.
+    fn words(&self) -> usize;
+
     /// A companion of these arguments.
-    fn draw(&self, arguments: &V, source: &mut Source) -> [u32; N];
+    fn draw(&self, arguments: &[u32], source: &mut Source) -> Vec<u32>;
 
     /// Whether such a companion could be drawn; `None` if that can't be told.
-    fn admits(&self, arguments: &V, companion: &[u32; N]) -> Option<bool>;
+    fn admits(&self, arguments: &[u32], companion: &[u32]) -> Option<bool>;
 
     /// Companions that are simpler than this one, the simplest first.
-    fn shrink(&self, arguments: &V, companion: [u32; N]) -> Vec<[u32; N]>;
+    fn shrink(&self, arguments: &[u32], companion: &[u32]) -> Vec<Vec<u32>>;
 }
 
-/// The arguments of a case, and its companion.
-#[derive(Clone, Debug)]
-pub(super) struct Accompanied<V, const N: usize>(pub(super) V, pub(super) [u32; N]);
+/// A stream of arguments whose cases have companions.
+pub(super) struct WithCompanion<'a> {
+    pub(super) arguments: &'a dyn Stream,
+    pub(super) companion: &'a dyn Companion,
+}
 
-impl<V: Arguments, const N: usize> Arguments for Accompanied<V, N> {
-    fn shapes() -> Vec<Shape> {
-        let mut shapes = V::shapes();
-        shapes.extend([const { Shape::Scalar(crate::value::Scalar::U32) }; N]);
-        shapes
+impl WithCompanion<'_> {
+    /// Hands the origin of the arguments to `make`, and then what the companion is drawn from.
+    fn drawn<T>(
+        &self,
+        origin: Origin<'_>,
+        make: impl FnOnce(Origin<'_>) -> Option<T>,
+    ) -> Option<(T, Source)> {
+        let listed = |index| Source::new(LISTED, index);
+        match origin {
+            Origin::Draw(source) => {
+                let made = make(Origin::Draw(&mut *source))?;
+                Some((made, source.clone()))
+            }
+            Origin::Edge(index) => Some((make(origin)?, listed(index as u64))),
+            Origin::Nth(index) => Some((make(origin)?, listed(index))),
+        }
     }
-    fn store_all(&self, lanes: &mut Vec<u32>) {
-        self.0.store_all(lanes);
-        lanes.extend(self.1);
+
+    fn split<'r>(&self, row: &'r [u32]) -> (&'r [u32], &'r [u32]) {
+        row.split_at(self.arguments.width())
     }
-    fn load_all(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
-        let arguments = V::load_all(lanes);
-        Self(arguments, std::array::from_fn(|_| lanes.next().copied().unwrap_or_default()))
+
+    fn simplified(&self, arguments: Vec<u32>, companion: Vec<u32>) -> Shrinkable<'_, Vec<u32>> {
+        Shrinkable::new(companion.clone(), move || {
+            let simpler = self.companion.shrink(&arguments, &companion);
+            simpler.into_iter().map(|simpler| self.simplified(arguments.clone(), simpler)).collect()
+        })
     }
 }
 
-/// A domain whose values have companions.
-#[derive(Debug)]
-pub(super) struct WithCompanion<'a, D, C, const N: usize> {
-    pub(super) domain: &'a D,
-    pub(super) companion: C,
-}
-
-impl<D: Domain, C: Companion<D::Value, N>, const N: usize> WithCompanion<'_, D, C, N> {
-    fn joined(&self, value: D::Value, source: &mut Source) -> Accompanied<D::Value, N> {
-        let companion = self.companion.draw(&value, source);
-        Accompanied(value, companion)
-    }
-}
-
-impl<D: Domain, C: Companion<D::Value, N>, const N: usize> Domain for WithCompanion<'_, D, C, N> {
-    type Value = Accompanied<D::Value, N>;
-
-    fn draw(&self, source: &mut Source) -> Option<Self::Value> {
-        Some(self.joined(self.domain.draw(source)?, source))
-    }
-
-    fn edges(&self) -> Vec<Self::Value> {
-        let edges = (0..).zip(self.domain.edges());
-        edges.map(|(index, edge)| self.joined(edge, &mut Source::new(LISTED, index))).collect()
-    }
-
-    fn is_empty(&self) -> bool {
-        self.domain.is_empty()
+impl Stream for WithCompanion<'_> {
+    fn width(&self) -> usize {
+        self.arguments.width() + self.companion.words()
     }
 
     fn size(&self) -> Option<u64> {
-        self.domain.size()
+        self.arguments.size()
     }
 
-    fn nth(&self, index: u64) -> Option<Self::Value> {
-        Some(self.joined(self.domain.nth(index)?, &mut Source::new(LISTED, index)))
+    fn is_empty(&self) -> bool {
+        self.arguments.is_empty()
     }
 
-    fn admits(&self, Accompanied(value, companion): &Self::Value) -> Option<bool> {
-        match (self.domain.admits(value), self.companion.admits(value, companion)) {
+    fn edges(&self) -> usize {
+        self.arguments.edges()
+    }
+
+    fn row(&self, origin: Origin<'_>, rows: &mut Vec<u32>) -> bool {
+        let start = rows.len();
+        let made = |origin: Origin<'_>| self.arguments.row(origin, rows).then_some(());
+        let Some(((), mut source)) = self.drawn(origin, made) else { return false };
+        let companion = self.companion.draw(&rows[start..], &mut source);
+        rows.extend(companion);
+        true
+    }
+
+    fn value(&self, origin: Origin<'_>) -> Option<Held> {
+        let (value, mut source) = self.drawn(origin, |origin| self.arguments.value(origin))?;
+        Some(value.with(&self.companion.draw(&value.row, &mut source)))
+    }
+
+    fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Held>> {
+        let make = |origin: Origin<'_>| self.arguments.shrinkable(origin);
+        // What is made borrows the stream and not the origin.
+        let (arguments, mut source) = self.drawn(origin, make)?;
+        let row = arguments.value().row.clone();
+        let companion = self.companion.draw(&row, &mut source);
+        let join = &|(value, companion): (Held, Vec<u32>)| value.with(&companion);
+        Some((arguments, self.simplified(row, companion)).whole().map(join))
+    }
+
+    fn admits(&self, row: &[u32]) -> Option<bool> {
+        let (arguments, companion) = self.split(row);
+        match (self.arguments.admits(arguments), self.companion.admits(arguments, companion)) {
             (Some(true), Some(true)) => Some(true),
             (Some(false), _) | (_, Some(false)) => Some(false),
             _ => None,
         }
     }
 
-    fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Self::Value>> {
-        let (arguments, companion) = match origin {
-            Origin::Draw(source) => {
-                let arguments = self.domain.shrinkable(Origin::Draw(&mut *source))?;
-                let companion = self.companion.draw(arguments.value(), source);
-                (arguments, companion)
-            }
-            Origin::Edge(index) => {
-                let arguments = self.domain.shrinkable(Origin::Edge(index))?;
-                let mut source = Source::new(LISTED, index as u64);
-                let companion = self.companion.draw(arguments.value(), &mut source);
-                (arguments, companion)
-            }
-            Origin::Nth(index) => {
-                let arguments = self.domain.shrinkable(Origin::Nth(index))?;
-                let mut source = Source::new(LISTED, index);
-                let companion = self.companion.draw(arguments.value(), &mut source);
-                (arguments, companion)
-            }
-        };
-        let companion = self.simplified(arguments.value().clone(), companion);
-        let join = &|(value, companion)| Accompanied(value, companion);
-        Some((arguments, companion).whole().map(join))
+    fn shrink(&self, _: &[u32]) -> Vec<Vec<u32>> {
+        Vec::new() // what is simplified has an origin
     }
-}
 
-impl<D: Domain, C: Companion<D::Value, N>, const N: usize> WithCompanion<'_, D, C, N> {
-    fn simplified(&self, arguments: D::Value, companion: [u32; N]) -> Shrinkable<'_, [u32; N]> {
-        Shrinkable::new(companion, move || {
-            let simpler = self.companion.shrink(&arguments, companion);
-            simpler.into_iter().map(|simpler| self.simplified(arguments.clone(), simpler)).collect()
-        })
+    fn show(&self, row: &[u32]) -> String {
+        self.arguments.show(self.split(row).0)
     }
 }

@@ -4,13 +4,25 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 use glam::{DQuat, DVec3};
 
-use super::companion::{Accompanied, Companion, WithCompanion};
+use super::companion::{Companion, WithCompanion};
+use super::plan::{Plan, Recording, or_panic};
 use super::property::Exhibit;
+use super::session::{Asserted, Demand};
 use super::tally::compare;
-use super::{Agreement, Check, Failure, Recording, or_panic};
-use crate::domain::{Domain, Source};
+use super::{Agreement, Check, Failure};
+use crate::domain::{Domain, Source, Stream};
 use crate::tolerance::{Tolerance, significant};
-use crate::value::{Arguments, Mirror, Shareable};
+use crate::value::{Arguments, Mirror, Shape, Shareable};
+
+/// How arguments and results turn, by their words.
+struct Turned<'t> {
+    /// Appends the words of turned arguments.
+    arguments: &'t (dyn Fn(&[u32], DQuat, &mut Vec<u32>) + Sync),
+    /// Appends the lanes of a turned result.
+    result: &'t (dyn Fn(&[u32], DQuat, &mut Vec<f64>) + Sync),
+    /// The type of the result.
+    shape: Shape,
+}
 
 impl<D: Domain> Check<'_, D>
 where
@@ -69,29 +81,50 @@ where
         tolerance: Tolerance,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
-        let tolerances = self.plan.tolerances(tolerance);
-        let assertion = tolerances.general.to_string();
-        let domain = &self.plan.domain;
-        let plan = self.plan.over(WithCompanion { domain, companion: Rotations });
-        plan.conclude("equivariant_under", assertion, &Self::demand(), recording, |session| {
-            session.expect_result(&R::shape(), "the rotation of the result takes", None)?;
+        let turned = Turned {
+            arguments: &|row, rotation, lanes| {
+                arguments(D::Value::load_all(&mut row.iter()), rotation).store_all(lanes);
+            },
+            result: &|words, rotation, lanes| {
+                result(R::load(&mut words.iter()), rotation).lanes(lanes);
+            },
+            shape: R::shape(),
+        };
+        self.plan.is_equivariant(&self.stream(), &Self::demand(), &turned, tolerance, recording)
+    }
+}
+
+impl Plan<'_> {
+    fn is_equivariant(
+        &self,
+        stream: &dyn Stream,
+        demand: &Demand,
+        turned: &Turned<'_>,
+        tolerance: Tolerance,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let tolerances = self.tolerances(tolerance);
+        let asserted =
+            Asserted { check: "equivariant_under", text: tolerances.general.to_string() };
+        let stream = WithCompanion { arguments: stream, companion: &Rotations };
+        self.conclude(&asserted, &stream, demand, recording, &mut |session| {
+            let called = &session.called;
+            called.expect_result(&turned.shape, "the rotation of the result takes")?;
             tolerances.expect_usable(session)?;
-            let (scalars, tolerances) = (session.scalars(), tolerances.of_runners(session));
+            let (scalars, tolerances) = (called.scalars(), tolerances.of_paths(session));
             let mut changed = false;
-            let tallies = session.run(|batch, dispatches| {
-                let words = batch.lanes.len() / batch.values.len().max(1);
-                let rotation = |case: usize| rotation(batch.values[case].1);
-                let mut lanes = Vec::with_capacity(batch.lanes.len());
-                for Accompanied(value, companion) in &batch.values {
-                    arguments(value.clone(), self::rotation(*companion)).store_all(&mut lanes);
+            let tallies = session.run(&mut |batch, dispatches| {
+                let rotation = |case: usize| rotation(batch.companion(case));
+                let mut lanes = Vec::with_capacity(batch.cases * called.words);
+                for case in 0..batch.cases {
+                    (turned.arguments)(batch.arguments(case), rotation(case), &mut lanes);
                 }
-                changed |= lanes != batch.lanes;
-                let before = session.read(dispatches)?;
+                changed |= *lanes != *batch.lanes();
+                let before = called.read(dispatches)?;
                 let after = session.results(batch, &lanes)?;
                 let expected = |path: usize, case: usize| {
                     let mut expected = Vec::with_capacity(scalars.len());
-                    let before = R::load(&mut before[path].of(case).iter());
-                    result(before, rotation(case)).lanes(&mut expected);
+                    (turned.result)(before[path].of(case), rotation(case), &mut expected);
                     expected
                 };
                 let judge = |path: usize, case: usize| {
@@ -99,7 +132,7 @@ where
                     compare(&scalars, after[path].of(case), &expected, tolerances[path])
                 };
                 let exhibit = |path: usize, case: usize| Exhibit {
-                    lanes: batch.lanes[case * words..][..words].to_vec(),
+                    lanes: batch.arguments(case).to_vec(),
                     varied: vec![("rotation".to_owned(), shown(rotation(case)))],
                     compared: "returned of the turned arguments, expected: the result, turned",
                     actual: after[path].of(case).to_vec(),
@@ -109,7 +142,7 @@ where
                 Ok(session.judge_results(batch, &after, judge, exhibit))
             })?;
             if !changed {
-                return session.vacuous("has no case that a rotation changes".to_owned());
+                return called.vacuous("has no case that a rotation changes");
             }
             Ok(tallies)
         })
@@ -132,27 +165,33 @@ fn simple() -> impl Iterator<Item = [u32; 4]> {
     all.into_iter().flatten()
 }
 
-impl<V> Companion<V, 4> for Rotations {
+impl Companion for Rotations {
+    fn words(&self) -> usize {
+        4
+    }
+
     /// Shoemake, "Uniform Random Rotations", 1992.
-    fn draw(&self, _: &V, source: &mut Source) -> [u32; 4] {
+    fn draw(&self, _: &[u32], source: &mut Source) -> Vec<u32> {
         if source.below(8) == 0 {
             let axis = usize::try_from(source.below(3)).unwrap_or_default();
-            return simple().nth(3 + axis).expect("there are three quarter turns");
+            return simple().nth(3 + axis).expect("there are three quarter turns").to_vec();
         }
         let (share, first, second) = (source.unit(), TAU * source.unit(), TAU * source.unit());
         let (a, b) = ((1.0 - share).sqrt(), share.sqrt());
         let (x, y, z, w) = (a * first.sin(), a * first.cos(), b * second.sin(), b * second.cos());
-        words(DQuat::from_xyzw(x, y, z, w))
+        words(DQuat::from_xyzw(x, y, z, w)).to_vec()
     }
 
-    fn admits(&self, _: &V, companion: &[u32; 4]) -> Option<bool> {
-        let length: f64 =
-            companion.map(|word| f64::from(f32::from_bits(word)).powi(2)).iter().sum();
-        Some((length - 1.0).abs() < 1e-6)
+    fn admits(&self, _: &[u32], companion: &[u32]) -> Option<bool> {
+        let squares = companion.iter().map(|word| f64::from(f32::from_bits(*word)).powi(2));
+        Some((squares.sum::<f64>() - 1.0).abs() < 1e-6)
     }
 
-    fn shrink(&self, _: &V, companion: [u32; 4]) -> Vec<[u32; 4]> {
-        simple().take_while(|simple| *simple != companion).collect()
+    fn shrink(&self, _: &[u32], companion: &[u32]) -> Vec<Vec<u32>> {
+        simple()
+            .take_while(|simple| simple.as_slice() != companion)
+            .map(|words| words.to_vec())
+            .collect()
     }
 }
 
@@ -169,8 +208,8 @@ fn shown(q: DQuat) -> String {
 }
 
 /// The rotation of a companion: exactly of length 1, as far as `f64` goes.
-fn rotation(companion: [u32; 4]) -> DQuat {
-    DQuat::from_array(companion.map(|word| f64::from(f32::from_bits(word)))).normalize()
+fn rotation(companion: &[u32]) -> DQuat {
+    DQuat::from_array(std::array::from_fn(|i| f64::from(f32::from_bits(companion[i])))).normalize()
 }
 
 #[cfg(test)]
@@ -181,7 +220,7 @@ mod tests {
     fn rotations_keep_lengths_and_angles_and_move_the_axes_everywhere() {
         let mut mean = DVec3::ZERO;
         for case in 0..4000 {
-            let q = rotation(Rotations.draw(&(), &mut Source::new(3, case)));
+            let q = rotation(&Rotations.draw(&[], &mut Source::new(3, case)));
             assert!((q.length() - 1.0).abs() < 1e-12);
             assert!((q * DVec3::X).dot(q * DVec3::Y).abs() < 1e-12);
             mean += q * DVec3::Z / 4000.0;

@@ -34,10 +34,10 @@ impl<D: Domain> Check<'_, D> {
 
 /// Runs a check with each of its sources, or with the one that a replay names, and joins the
 /// verdicts.
-pub(super) fn each<D: Domain>(
-    plan: &Plan<'_, D>,
+pub(super) fn each(
+    plan: &Plan<'_>,
     identity: &Identity,
-    mut check: impl FnMut(Inputs) -> Result<Agreement, Failure>,
+    check: &mut dyn FnMut(Inputs) -> Result<Agreement, Failure>,
 ) -> Result<Agreement, Failure> {
     let asked = match &*plan.probe.inputs {
         [] => &[Inputs::Storage],

@@ -10,13 +10,16 @@ use std::ops::Range;
 
 use super::disagreement::{CaseFailure, NodeFailure, Simplest, arguments};
 use super::memory::Descent;
+use super::mismatch::signature;
 use super::parallel;
-use super::session::{Demand, LanesOnly, PathTally, Session, signature};
-use super::shrink::Effort;
-use super::tally::{Class, Judged, Shown, Tally, classify};
+use super::path_tally::PathTally;
+use super::plan::{Plan, Recording, or_panic};
+use super::session::{Asserted, Demand, Session};
+use super::shrink::{Effort, JudgeValues};
+use super::tally::{Class, Judged, Shown, Tally, classify, finite};
 use super::tolerances::{self, Tolerances};
-use super::{Agreement, Failure, Plan, Probe, Recording, finite, or_panic};
-use crate::domain::Domain;
+use super::{Agreement, Failure, Probe};
+use crate::domain::{Domain, Held, Stream, Typed};
 use crate::path::Path;
 use crate::probe::{BATCH, Runner};
 use crate::tolerance::{Measure, Tolerance};
@@ -71,7 +74,7 @@ impl<'a> Probe<'a> {
         A: Arguments,
         Q: Fn(&D::Value) -> Vec<(A, f64)> + Sync,
     {
-        Integral { plan: Plan::new(self, cases), rule, control: None }
+        Integral { plan: Plan::new(self), cases, rule }
     }
 }
 
@@ -79,10 +82,33 @@ impl<'a> Probe<'a> {
 #[derive(Clone, Debug)]
 #[must_use = "an integral is not taken until a verb such as `.agrees_with(...)`"]
 pub struct Integral<'a, D, Q> {
-    pub(super) plan: Plan<'a, D>,
-    pub(super) rule: Q,
+    plan: Plan<'a>,
+    cases: D,
+    rule: Q,
+}
+
+/// The nodes of a quadrature rule: rows of arguments, and their weights.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Nodes {
+    pub(super) rows: Vec<u32>,
+    pub(super) weights: Vec<f64>,
+}
+
+/// Adds the nodes of a rule for a case.
+pub(super) type Rule<'r> = &'r (dyn Fn(&Held, &mut Nodes) + Sync);
+
+/// What is integrated, and what is expected.
+pub(super) struct Integrals<'i> {
+    /// Types of the arguments that a rule supplies.
+    pub(super) arguments: Vec<Shape>,
+    pub(super) rule: Rule<'i>,
     /// A rule of another order. Where it gives another integral, neither gives the right one.
-    pub(super) control: Option<Q>,
+    pub(super) control: Option<Rule<'i>>,
+    /// Appends the lanes of the expected integral, or of the bound.
+    pub(super) expected: &'i (dyn Fn(&Held, &mut Vec<f64>) + Sync),
+    /// The type of what is expected.
+    pub(super) shape: Shape,
+    pub(super) assertion: Assertion,
 }
 
 /// What is asserted of an integral.
@@ -138,7 +164,7 @@ where
         tolerance: impl Into<Tolerance>,
     ) -> Agreement {
         let assertion = Assertion::AgreesWith(self.plan.tolerances(tolerance.into()));
-        or_panic(self.check(expected, &assertion, Recording::On))
+        or_panic(self.check(expected, assertion, Recording::On))
     }
 
     /// [`agrees_with`](Self::agrees_with) without the panic.
@@ -151,7 +177,7 @@ where
         tolerance: impl Into<Tolerance>,
     ) -> Result<Agreement, Failure> {
         let assertion = Assertion::AgreesWith(self.plan.tolerances(tolerance.into()));
-        self.check(expected, &assertion, Recording::Off)
+        self.check(expected, assertion, Recording::Off)
     }
 
     /// Checks that each integral is at most a bound plus `slack`, which is absolute: the stated
@@ -167,7 +193,7 @@ where
         bound: impl Fn(&D::Value) -> E + Sync,
         slack: f64,
     ) -> Agreement {
-        or_panic(self.check(bound, &Assertion::IsAtMost(slack), Recording::On))
+        or_panic(self.check(bound, Assertion::IsAtMost(slack), Recording::On))
     }
 
     /// [`is_at_most`](Self::is_at_most) without the panic.
@@ -179,84 +205,112 @@ where
         bound: impl Fn(&D::Value) -> E + Sync,
         slack: f64,
     ) -> Result<Agreement, Failure> {
-        self.check(bound, &Assertion::IsAtMost(slack), Recording::Off)
+        self.check(bound, Assertion::IsAtMost(slack), Recording::Off)
     }
 
-    pub(super) fn check<E: Mirror>(
+    fn check<E: Mirror>(
         self,
         expected: impl Fn(&D::Value) -> E + Sync,
-        assertion: &Assertion,
+        assertion: Assertion,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
-        let Self { plan, rule, control } = self;
-        let demand = Demand {
+        let Self { plan, cases, rule } = self;
+        let integrals = Integrals {
             arguments: A::shapes(),
+            rule: &|case, nodes| {
+                for (arguments, weight) in rule(case.get()) {
+                    arguments.store_all(&mut nodes.rows);
+                    nodes.weights.push(weight);
+                }
+            },
+            control: None,
+            expected: &|case, lanes| expected(case.get()).lanes(lanes),
+            shape: E::shape(),
+            assertion,
+        };
+        plan.integrates(&Typed::values(&cases), &integrals, recording)
+    }
+}
+
+impl Plan<'_> {
+    /// Takes the integrals of all cases.
+    pub(super) fn integrates(
+        &self,
+        stream: &dyn Stream,
+        integrals: &Integrals<'_>,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let demand = Demand {
+            arguments: integrals.arguments.clone(),
             who: "the quadrature rule supplies",
             cases: CASES,
             enumerated: ENUMERATED,
             calls: BATCH,
         };
-        let (name, asserted) = (assertion.name(), assertion.to_string());
-        plan.conclude(name, asserted, &demand, recording, |session| {
-            assertion.expect_result(session, &E::shape(), &plan.tolerance_on)?;
-            // What each path has no verdict of, at first.
-            let undecided: RefCell<Vec<Option<Failure>>> =
-                RefCell::new(session.runners.iter().map(|_| None).collect());
-            let judge = |first: u64, values: Vec<D::Value>| -> Result<_, Failure> {
-                let rules = (&rule, control.as_ref());
-                let group = Group::of(session, first, values, assertion, rules, &expected)?;
-                let nodes = group.nodes() / group.cases.len().max(1);
-                let (tallies, doubts) = group.integrate(session, assertion)?;
-                for (undecided, doubt) in undecided.borrow_mut().iter_mut().zip(doubts) {
-                    *undecided = undecided.take().or(doubt);
-                }
-                Ok((tallies, nodes))
-            };
-            let remembered = session.remembered_integrals();
-            let mut again = Vec::new();
-            for (index, (_, value)) in (session.count()..).zip(&remembered) {
-                again = PathTally::merge_all(again, judge(index, vec![value.clone()])?.0);
-            }
-            let Range { start: mut first, end } = session.selected()?;
-            let (mut sums, mut size) = (Vec::new(), 1);
-            while first < end {
-                let cases = first..end.min(first + size);
-                let values = session.values(cases.clone())?;
-                let (tallies, nodes) = judge(first, values)?;
-                sums = PathTally::merge_all(sums, tallies);
-                first = cases.end;
-                // The next group fills a dispatch if its rules are as long as these. It grows by
-                // steps, so that few long rules after short ones are in memory at once.
-                let fitting = session.capacity() / nodes.max(1);
-                size = (2 * size).min(fitting.max(1) as u64);
-            }
-            if again.iter().any(|path| path.tally.census.failures > 0) {
-                sums = PathTally::merge_all(sums, again);
-            }
-            // A path that fails has its verdict without what is undecided.
-            let passing = |sum: &PathTally| sum.tally.census.failures == 0;
-            for (sum, undecided) in sums.iter().zip(undecided.take()) {
-                if let Some(undecided) = undecided.filter(|_| passing(sum)) {
-                    return Err(undecided);
-                }
-            }
-            session.reduce(&mut sums, &remembered, |values| Ok(judge(0, values.to_vec())?.0));
-            Ok(sums)
+        let assertion = &integrals.assertion;
+        let asserted = Asserted { check: assertion.name(), text: assertion.to_string() };
+        self.conclude(&asserted, stream, &demand, recording, &mut |session| {
+            assertion.expect_result(session, &integrals.shape, &self.tolerance_on)?;
+            integrals.run(session)
         })
     }
 }
 
-impl<D: Domain> Session<'_, D> {
-    fn values(&self, cases: Range<u64>) -> Result<Vec<D::Value>, Failure> {
-        cases.map(|index| self.case(index)).collect()
+impl Integrals<'_> {
+    fn run(&self, session: &Session<'_>) -> Result<Vec<PathTally>, Failure> {
+        // What each path has no verdict of, at first.
+        let undecided: RefCell<Vec<Option<Failure>>> =
+            RefCell::new(session.called.runners.iter().map(|_| None).collect());
+        let judge = |first: u64, values: Vec<Held>| -> Result<_, Failure> {
+            let group = Group::of(session, first, values, self)?;
+            let nodes = group.nodes() / group.cases.len().max(1);
+            let (tallies, doubts) = group.integrate(session, &self.assertion)?;
+            for (undecided, doubt) in undecided.borrow_mut().iter_mut().zip(doubts) {
+                *undecided = undecided.take().or(doubt);
+            }
+            Ok((tallies, nodes))
+        };
+        let remembered = session.remembered_integrals();
+        let mut again = Vec::new();
+        for (index, (_, value)) in (session.count()..).zip(&remembered) {
+            again = PathTally::merge_all(again, judge(index, vec![value.clone()])?.0);
+        }
+        let Range { start: mut first, end } = session.selected()?;
+        let (mut sums, mut size) = (Vec::new(), 1);
+        while first < end {
+            let cases = first..end.min(first + size);
+            let values = cases.clone().map(|index| session.case(index));
+            let (tallies, nodes) = judge(first, values.collect::<Result<_, _>>()?)?;
+            sums = PathTally::merge_all(sums, tallies);
+            first = cases.end;
+            // The next group fills a dispatch if its rules are as long as these. It grows by
+            // steps, so that few long rules after short ones are in memory at once.
+            let fitting = session.called.capacity() / nodes.max(1);
+            size = (2 * size).min(fitting.max(1) as u64);
+        }
+        if again.iter().any(PathTally::fails) {
+            sums = PathTally::merge_all(sums, again);
+        }
+        // A path that fails has its verdict without what is undecided.
+        for (sum, undecided) in sums.iter().zip(undecided.take()) {
+            if let Some(undecided) = undecided.filter(|_| !sum.fails()) {
+                return Err(undecided);
+            }
+        }
+        session.reduce_integrals(&mut sums, &remembered, &mut |values| {
+            Ok(judge(0, values.to_vec())?.0)
+        });
+        Ok(sums)
     }
+}
 
+impl Session<'_> {
     /// Simplifies the worst integral of each path that fails, and remembers it.
-    fn reduce(
+    fn reduce_integrals(
         &self,
         sums: &mut [PathTally],
-        remembered: &[(Descent, D::Value)],
-        mut judge: impl FnMut(&[D::Value]) -> Result<Vec<PathTally>, Failure>,
+        remembered: &[(Descent, Held)],
+        judge: JudgeValues<'_>,
     ) {
         for (path, sum) in sums.iter_mut().enumerate() {
             let Some(worst) = sum.worst.as_ref().filter(|_| self.steps().is_empty()) else {
@@ -267,7 +321,7 @@ impl<D: Domain> Session<'_, D> {
             sum.simplest = match old {
                 Some((descent, _)) => Some(Simplest::new(worst.clone(), descent.clone())),
                 None => {
-                    let found = self.simplest(path, worst, Effort::INTEGRALS, &mut judge);
+                    let found = self.simplest(path, worst, Effort::INTEGRALS, judge);
                     found.map(|(simplest, _)| simplest)
                 }
             };
@@ -301,29 +355,30 @@ impl Assertion {
     }
 
     /// Compares the result's type with that of the expected integral or the bound.
-    fn expect_result<D: Domain>(
+    fn expect_result(
         &self,
-        session: &Session<'_, D>,
+        session: &Session<'_>,
         host: &Shape,
         tolerance_on: &[(Path, Tolerance)],
     ) -> Result<(), Failure> {
-        let function = &session.probed.function;
-        if !session.scalars().into_iter().all(Scalar::is_float) {
+        let called = &session.called;
+        let function = called.function();
+        if !called.scalars().into_iter().all(Scalar::is_float) {
             let mismatch =
                 format!("returns {}, and an integral is a sum of floats", function.result);
             return Err(signature(function, mismatch));
         }
         match self {
             Self::AgreesWith(tolerances) => {
-                session.expect_result(host, "the expected integral is", None)?;
+                called.expect_result(host, "the expected integral is")?;
                 tolerances.expect_usable(session)
             }
             Self::IsAtMost(slack) => {
                 tolerances::expect_none(tolerance_on, session)?;
                 if *host != Shape::Scalar(Scalar::F32) {
-                    session.expect_result(host, "the bound is", None)?;
+                    called.expect_result(host, "the bound is")?;
                 }
-                session.expect_lanes(&Tolerance::Abs(*slack))
+                called.expect_lanes(&Tolerance::Abs(*slack))
             }
         }
     }
@@ -390,106 +445,109 @@ impl std::fmt::Display for Assertion {
 }
 
 /// Cases whose nodes are in memory together.
-struct Group<V, A> {
+struct Group {
     first: u64,
-    cases: Vec<Case<V, A>>,
+    cases: Vec<Case>,
 }
 
-struct Case<V, A> {
-    value: V,
+struct Case {
+    value: Held,
     /// Those of the rule, then those of its control.
-    nodes: Vec<(A, f64)>,
+    nodes: Nodes,
     /// How many are the rule's.
     own: usize,
     /// The lanes of the expected integral, or of the bound.
     expected: Vec<f64>,
 }
 
-impl<V: Clone + std::fmt::Debug + Send + Sync + 'static, A: Arguments> Group<V, A> {
+impl Group {
     /// Makes the rules of the cases and what their integrals should be. A rule that is empty or
     /// has a weight that isn't finite is an error, and so is an expectation that isn't finite.
-    fn of<D: Domain<Value = V>, E: Mirror, Q: Fn(&V) -> Vec<(A, f64)> + Sync>(
-        session: &Session<'_, D>,
+    fn of(
+        session: &Session<'_>,
         first: u64,
-        values: Vec<V>,
-        assertion: &Assertion,
-        (rule, control): (&Q, Option<&Q>),
-        expected: &(impl Fn(&V) -> E + Sync),
+        values: Vec<Held>,
+        integrals: &Integrals<'_>,
     ) -> Result<Self, Failure> {
-        let words = session.scalars().len();
+        let words = session.called.scalars().len();
         let made = parallel::map(values.len(), |index| {
             let value = &values[index];
             let mut lanes = Vec::with_capacity(words);
-            expected(value).lanes(&mut lanes);
+            (integrals.expected)(value, &mut lanes);
             // A bound for all components; other shapes have been compared with the result's.
             let last = lanes.last().copied().unwrap_or(f64::NAN);
             lanes.resize(words, last);
-            let mut nodes = rule(value);
-            let own = nodes.len();
-            if let Some(control) = control {
-                nodes.extend(control(value));
+            let mut nodes = Nodes::default();
+            (integrals.rule)(value, &mut nodes);
+            let own = nodes.weights.len();
+            if let Some(control) = integrals.control {
+                control(value, &mut nodes);
             }
             (nodes, own, lanes)
         });
         let case = |(value, (nodes, own, expected))| Case { value, nodes, own, expected };
-        let cases: Vec<Case<V, A>> = values.into_iter().zip(made).map(case).collect();
+        let cases: Vec<Case> = values.into_iter().zip(made).map(case).collect();
         // In order, so that of several errors the same one is reported every time.
         let mut checked = Vec::with_capacity(cases.len());
         for (index, case) in (first..).zip(cases) {
-            let shown = || format!("{:?}", case.value);
             if let Some(reason) = case.unusable() {
-                let (function, arguments) = (session.probed.function.path.clone(), shown());
+                let function = session.called.function().path.clone();
+                let arguments = case.value.shown();
                 return Err(Failure::Rule { function, reason, case: index, arguments });
             }
-            session.expect_finite(&case.expected, assertion.what(), |_| (index, shown()))?;
+            let what = integrals.assertion.what();
+            let shown = |_| (index, case.value.shown());
+            session.called.expect_finite(&case.expected, what, shown)?;
             checked.push(case);
         }
         Ok(Self { first, cases: checked })
     }
 
     fn nodes(&self) -> usize {
-        self.cases.iter().map(|case| case.nodes.len()).sum()
+        self.cases.iter().map(|case| case.nodes.weights.len()).sum()
     }
 
     /// Evaluates all nodes on every path and judges the sums. An integral whose rules leave it open
     /// whether it passes isn't counted as one that fails; the first of each path is the second
     /// result.
-    fn integrate<D: Domain<Value = V>>(
+    fn integrate(
         &self,
-        session: &Session<'_, D>,
+        session: &Session<'_>,
         assertion: &Assertion,
     ) -> Result<(Vec<PathTally>, Vec<Option<Failure>>), Failure> {
-        let scalars = session.scalars();
+        let called = &session.called;
+        let scalars = called.scalars();
         let empty = vec![Sum::new(scalars.len()); self.cases.len()];
-        let mut sums = vec![empty.clone(); session.runners.len()];
-        let mut controls = vec![empty; session.runners.len()];
-        let mut places = (0..self.cases.len())
-            .flat_map(|case| (0..self.cases[case].nodes.len()).map(move |node| (case, node)));
+        let mut sums = vec![empty.clone(); called.runners.len()];
+        let mut controls = vec![empty; called.runners.len()];
+        let mut places = (0..self.cases.len()).flat_map(|case| {
+            (0..self.cases[case].nodes.weights.len()).map(move |node| (case, node))
+        });
         loop {
-            let piece: Vec<(usize, usize)> = places.by_ref().take(session.capacity()).collect();
+            let piece: Vec<(usize, usize)> = places.by_ref().take(called.capacity()).collect();
             if piece.is_empty() {
                 break;
             }
-            let mut lanes = Vec::new();
+            let mut rows = Vec::with_capacity(piece.len() * called.words);
             for (case, node) in &piece {
-                self.cases[*case].nodes[*node].0.store_all(&mut lanes);
+                rows.extend_from_slice(self.cases[*case].nodes.row(*node, called.words));
             }
-            let lanes = LanesOnly { first: self.first, cases: piece.len(), lanes: lanes.into() };
-            let dispatches = session.dispatch(&lanes)?;
-            for (path, (runner, dispatch)) in session.runners.iter().zip(dispatches).enumerate() {
+            let canary = (session.cases.seed, self.first);
+            let dispatches = called.start(&rows, piece.len(), canary)?;
+            for (path, (runner, dispatch)) in called.runners.iter().zip(dispatches).enumerate() {
                 runner.read(dispatch, |results| {
                     for ((case, node), result) in
                         piece.iter().zip(results.chunks_exact(runner.stride_out()))
                     {
                         let Case { nodes, own, .. } = &self.cases[*case];
-                        let weight = nodes[*node].1;
+                        let weight = nodes.weights[*node];
                         let sums = if node < own { &mut sums } else { &mut controls };
                         sums[path][*case].add(&scalars, *node, weight, &result[..scalars.len()]);
                     }
                 })?;
             }
         }
-        let mut undecided = Vec::with_capacity(session.runners.len());
+        let mut undecided = Vec::with_capacity(called.runners.len());
         let tally = |(runner, (sums, controls)): (&Runner, (&Vec<Sum>, &Vec<Sum>))| {
             let path = runner.device().path();
             let mut tally = Tally::default();
@@ -508,7 +566,7 @@ impl<V: Clone + std::fmt::Debug + Send + Sync + 'static, A: Arguments> Group<V, 
                 let case = usize::try_from(shown.case - self.first).expect("in this group");
                 let failure = self.show(session, shown, &self.cases[case], &sums[case]);
                 let (lane, other) = (shown.judged.lane, &controls[case]);
-                let nodes = self.cases[case].nodes.len() - self.cases[case].own;
+                let nodes = self.cases[case].nodes.weights.len() - self.cases[case].own;
                 let comparable = nodes > 0 && sums[case].bad.is_none() && other.bad.is_none();
                 let (value, control) = (sums[case].totals()[lane], other.totals()[lane]);
                 let doubt = assertion.doubt(path, lane, value, control);
@@ -518,22 +576,22 @@ impl<V: Clone + std::fmt::Debug + Send + Sync + 'static, A: Arguments> Group<V, 
             PathTally::new(runner.device(), tally, show).with_nodes(self.nodes() as u64)
         };
         let sums = sums.iter().zip(&controls);
-        let tallies = session.runners.iter().zip(sums).map(tally).collect();
+        let tallies = called.runners.iter().zip(sums).map(tally).collect();
         Ok((tallies, undecided))
     }
 
     /// Why an integral has no verdict: its two rules differ by more than is allowed, and one of them
     /// may be right that it passes. A node that isn't finite is a verdict.
-    fn doubt<D: Domain<Value = V>>(
+    fn doubt(
         &self,
-        session: &Session<'_, D>,
+        session: &Session<'_>,
         assertion: &Assertion,
         path: Path,
         index: usize,
         (sum, control): (&Sum, &Sum),
     ) -> Option<Failure> {
         let case = &self.cases[index];
-        let nodes = case.nodes.len() - case.own;
+        let nodes = case.nodes.weights.len() - case.own;
         if nodes == 0 || sum.bad.is_some() || control.bad.is_some() {
             return None;
         }
@@ -555,48 +613,44 @@ impl<V: Clone + std::fmt::Debug + Send + Sync + 'static, A: Arguments> Group<V, 
                     case.own,
                     assertion.stated(),
                 );
-                let function = session.probed.function.path.clone();
-                let (case, arguments) = (self.first + index as u64, format!("{:?}", case.value));
+                let function = session.called.function().path.clone();
+                let (case, arguments) = (self.first + index as u64, case.value.shown());
                 Failure::Rule { function, reason, case, arguments }
             })
         })
     }
 
-    fn show<D: Domain<Value = V>>(
-        &self,
-        session: &Session<'_, D>,
-        shown: Shown,
-        case: &Case<V, A>,
-        sum: &Sum,
-    ) -> CaseFailure {
-        let function = &session.probed.function;
-        let node = sum.bad.as_ref().map(|bad| {
-            let (values, weight) = &case.nodes[bad.node];
-            let mut lanes = Vec::new();
-            values.store_all(&mut lanes);
-            NodeFailure {
-                index: bad.node,
-                weight: *weight,
-                arguments: arguments(function, &lanes),
-                result: function.result.format(&bad.result),
-            }
+    fn show(&self, session: &Session<'_>, shown: Shown, case: &Case, sum: &Sum) -> CaseFailure {
+        let function = session.called.function();
+        let node = sum.bad.as_ref().map(|bad| NodeFailure {
+            index: bad.node,
+            weight: case.nodes.weights[bad.node],
+            arguments: arguments(function, case.nodes.row(bad.node, session.called.words)),
+            result: function.result.format(&bad.result),
         });
         let integral = (&*sum.totals(), case.own, node);
-        let (value, expected) = (format!("{:?}", case.value), &case.expected);
+        let (value, expected) = (case.value.shown(), &case.expected);
         let (index, judged) = (shown.case, &shown.judged);
         let failure = CaseFailure::of_integral(function, index, value, integral, expected, judged);
         CaseFailure { remembered: index >= session.count(), ..failure }
     }
 }
 
-impl<V, A> Case<V, A> {
+impl Nodes {
+    /// The arguments of a node.
+    fn row(&self, node: usize, words: usize) -> &[u32] {
+        &self.rows[node * words..][..words]
+    }
+}
+
+impl Case {
     /// Why the rule can't be summed.
     fn unusable(&self) -> Option<String> {
         if self.own == 0 {
             return Some("has no nodes, so nothing would be integrated,".to_owned());
         }
-        let bad = self.nodes.iter().position(|(_, weight)| !weight.is_finite())?;
-        Some(format!("has the weight {} at node {bad}", self.nodes[bad].1))
+        let bad = self.nodes.weights.iter().position(|weight| !weight.is_finite())?;
+        Some(format!("has the weight {} at node {bad}", self.nodes.weights[bad]))
     }
 }
 

@@ -4,7 +4,7 @@
 //! declaration outlives the bug that it names.
 
 use super::Failure;
-use super::session::PathTally;
+use super::path_tally::PathTally;
 use crate::path::{Adapter, Path};
 
 /// A failure that was declared with `fails_on`, and was seen.

@@ -3,12 +3,16 @@
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use super::agreement::{Expected, with_reference};
 use super::argument::Argument;
+use super::mismatch::signature;
+use super::path_tally::PathTally;
+use super::plan::{Plan, Recording, or_panic};
 use super::property::Exhibit;
-use super::session::signature;
+use super::session::{Asserted, Demand};
 use super::tally::{Judged, compare};
-use super::{Agreement, Check, Failure, Recording, Reference, or_panic};
-use crate::domain::Domain;
+use super::{Agreement, Check, Failure, Reference};
+use crate::domain::{Domain, Stream};
 use crate::tolerance::Tolerance;
 use crate::value::{Arguments, Scalar};
 
@@ -117,13 +121,33 @@ where
         tolerance: Tolerance,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
-        let tolerances = self.plan.tolerances(tolerance);
-        let assertion = format!("{argument} toward {limit}: {}", tolerances.general);
-        self.conclude("at_limit", assertion, recording, |session| {
-            let function = &session.probed.function;
-            session.expect_result(&reference.shape(), "the reference returns", None)?;
+        let (stream, demand) = (&self.stream(), &Self::demand());
+        with_reference(&reference, |expected| {
+            let approach = (argument, limit);
+            self.plan.has_limit(stream, demand, approach, &expected, tolerance, recording)
+        })
+    }
+}
+
+impl Plan<'_> {
+    fn has_limit(
+        &self,
+        stream: &dyn Stream,
+        demand: &Demand,
+        (argument, limit): (&Argument, &Limit),
+        expected: &Expected<'_>,
+        tolerance: Tolerance,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let tolerances = self.tolerances(tolerance);
+        let text = format!("{argument} toward {limit}: {}", tolerances.general);
+        let asserted = Asserted { check: "at_limit", text };
+        self.conclude(&asserted, stream, demand, recording, &mut |session| {
+            let called = &session.called;
+            let function = called.function();
+            called.expect_result(&expected.shape, "the reference returns")?;
             tolerances.expect_usable(session)?;
-            let (scalars, tolerances) = (session.scalars(), tolerances.of_runners(session));
+            let (scalars, tolerances) = (called.scalars(), tolerances.of_paths(session));
             let varied = argument.scalar(function)?;
             if !matches!(varied.scalar, Scalar::F32) {
                 let mismatch = format!("has `{}`, which isn't f32 and has no limit", varied.name);
@@ -134,17 +158,18 @@ where
                 return Err(signature(function, mismatch));
             }
             let approaches = AtomicBool::new(false);
-            let tallies = session.run(|batch, dispatches| {
-                session.read(dispatches)?; // the domain's own values of the argument
-                let words = batch.lanes.len() / batch.values.len().max(1);
+            let tallies = session.run(&mut |batch, dispatches| {
+                called.read(dispatches)?; // the domain's own values of the argument
                 let at = |step: f32| {
-                    let mut lanes = batch.lanes.clone();
-                    for lanes in lanes.chunks_exact_mut(words) {
+                    let mut lanes = batch.lanes().into_owned();
+                    for lanes in lanes.chunks_exact_mut(called.words) {
                         lanes[varied.lane] = step.to_bits();
                     }
                     lanes
                 };
-                let expected = session.expected_of(batch, &reference, &at(limit.target))?;
+                let target = at(limit.target);
+                let rows = batch.with_lanes(&target);
+                let expected = session.expected(batch, rows, expected.expect)?;
                 let expected = |case: usize| &expected[case * scalars.len()..][..scalars.len()];
                 let results = limit.steps.iter().map(|step| session.results(batch, &at(*step)));
                 let results = results.collect::<Result<Vec<_>, _>>()?;
@@ -171,7 +196,7 @@ where
                 };
                 let exhibit = |path: usize, case: usize| {
                     let (step, judged) = decisive(path, case);
-                    let mut lanes = batch.lanes[case * words..][..words].to_vec();
+                    let mut lanes = batch.arguments(case).to_vec();
                     lanes[varied.lane] = limit.steps[step].to_bits();
                     let actual = results[step][path].of(case).to_vec();
                     let expected = expected(case).to_vec();
@@ -181,13 +206,12 @@ where
                 let judge = |path, case| decisive(path, case).1;
                 Ok(session.judge_results(batch, last, judge, exhibit))
             })?;
-            let failures = tallies.iter().any(|tally| tally.tally.census.failures > 0);
+            let failures = tallies.iter().any(PathTally::fails);
             if !approaches.into_inner() && !failures && !session.is_replay() {
-                let reason = format!(
-                    "has no case that isn't at its limit from the first step on, {argument} = {}",
-                    limit.steps[0]
-                );
-                return session.vacuous(reason);
+                let first = limit.steps[0];
+                return called.vacuous(format!(
+                    "has no case that isn't at its limit from the first step on, {argument} = {first}"
+                ));
             }
             Ok(tallies)
         })

@@ -4,12 +4,13 @@ use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::argument::{Argument, ScalarArgument};
-use super::companion::{Accompanied, Companion, WithCompanion};
+use super::companion::{Companion, WithCompanion};
+use super::plan::{Plan, Recording, or_panic};
 use super::property::{Exhibit, PRIMED};
-use super::shrink::words;
+use super::session::{Asserted, Demand};
 use super::tally::{Class, Judged, classify};
-use super::{Agreement, Check, Failure, Recording, or_panic};
-use crate::domain::{Domain, Source, complexity};
+use super::{Agreement, Check, Failure};
+use crate::domain::{Domain, Origin, Source, Stream, complexity};
 use crate::probe::Probed;
 use crate::tolerance::{Measure, Tolerance};
 use crate::value::{Arguments, Scalar, format_lane};
@@ -96,65 +97,78 @@ where
         tolerance: Tolerance,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
-        let tolerances = self.plan.tolerances(tolerance);
-        let assertion = format!("{direction} in {argument}, {}", tolerances.general);
-        let demand = Self::demand();
-        let probed = Probed::new(self.plan.probe.package, &self.plan.probe.path);
+        let (stream, demand) = (&self.stream(), &Self::demand());
+        self.plan.is_monotone(stream, demand, (argument, direction), tolerance, recording)
+    }
+}
+
+impl Plan<'_> {
+    fn is_monotone(
+        &self,
+        stream: &dyn Stream,
+        demand: &Demand,
+        (argument, direction): (&Argument, Direction),
+        tolerance: Tolerance,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let tolerances = self.tolerances(tolerance);
+        let text = format!("{direction} in {argument}, {}", tolerances.general);
+        let asserted = Asserted { check: NAME, text };
+        let probed = Probed::new(self.probe.package, &self.probe.path);
         let varied = probed.ok().and_then(|probed| argument.scalar(&probed.function).ok());
         let Some(varied) = varied else {
             // The session finds the same fault, and records it.
-            return self.conclude(NAME, assertion, recording, |session| {
-                argument.scalar(&session.probed.function).map(|_| Vec::new())
+            return self.conclude(&asserted, stream, demand, recording, &mut |session| {
+                argument.scalar(session.called.function()).map(|_| Vec::new())
             });
         };
-        let domain = &self.plan.domain;
-        let companion = Other { domain, argument: varied.clone() };
-        let plan = self.plan.over(WithCompanion { domain, companion });
-        plan.conclude(NAME, assertion, &demand, recording, |session| {
+        let companion = &Other { domain: stream, argument: varied.clone() };
+        let stream = WithCompanion { arguments: stream, companion };
+        self.conclude(&asserted, &stream, demand, recording, &mut |session| {
             tolerances.expect_usable(session)?;
-            let (scalars, tolerances) = (session.scalars(), tolerances.of_runners(session));
+            let called = &session.called;
+            let (scalars, tolerances) = (called.scalars(), tolerances.of_paths(session));
             let (mut pairs, changed) = (0, AtomicBool::new(false));
-            let tallies = session.run(|batch, dispatches| {
-                let words = batch.lanes.len() / batch.values.len().max(1);
-                let mut lanes = batch.lanes.clone();
-                for (lanes, Accompanied(_, [other])) in
-                    lanes.chunks_exact_mut(words).zip(&batch.values)
-                {
-                    let own = std::mem::replace(&mut lanes[varied.lane], *other);
-                    pairs += usize::from(own != *other);
+            let tallies = session.run(&mut |batch, dispatches| {
+                let plain = batch.lanes();
+                let mut lanes = plain.to_vec();
+                for (case, lanes) in lanes.chunks_exact_mut(called.words).enumerate() {
+                    let other = batch.companion(case)[0];
+                    let own = std::mem::replace(&mut lanes[varied.lane], other);
+                    pairs += usize::from(own != other);
                 }
-                let before = session.read(dispatches)?;
+                let before = called.read(dispatches)?;
                 let after = session.results(batch, &lanes)?;
                 let judge = |path: usize, case: usize| {
                     let (before, after) = (before[path].of(case), after[path].of(case));
                     if before != after {
                         changed.store(true, Ordering::Relaxed);
                     }
-                    let lane = case * words + varied.lane;
+                    let lane = case * called.words + varied.lane;
                     let grows =
-                        varied.scalar.decode(batch.lanes[lane]) < varied.scalar.decode(lanes[lane]);
+                        varied.scalar.decode(plain[lane]) < varied.scalar.decode(lanes[lane]);
                     let rises = grows == (direction == Direction::Increasing);
                     judge_pair(&scalars, before, after, rises, tolerances[path])
                 };
                 let exhibit = |path: usize, case: usize| Exhibit {
-                    lanes: batch.lanes[case * words..][..words].to_vec(),
+                    lanes: batch.arguments(case).to_vec(),
                     varied: vec![(
                         format!("{}'", varied.name),
-                        format_lane(varied.scalar, lanes[case * words + varied.lane]),
+                        format_lane(varied.scalar, batch.companion(case)[0]),
                     )],
                     compared: PRIMED,
                     actual: after[path].of(case).to_vec(),
-                    expected: session.decode(before[path].of(case)),
+                    expected: called.decode(before[path].of(case)),
                     judged: judge(path, case),
                 };
                 Ok(session.judge_results(batch, &after, judge, exhibit))
             })?;
             if pairs == 0 {
-                return session.vacuous(format!("has one value of {argument} only"));
+                return called.vacuous(format!("has one value of {argument} only"));
             }
             if !changed.into_inner() && !session.is_replay() {
                 let reason = format!("has no case whose result changes with {argument}");
-                return session.vacuous(reason);
+                return called.vacuous(reason);
             }
             Ok(tallies)
         })
@@ -162,74 +176,77 @@ where
 }
 
 /// Another value of the argument for a case.
-struct Other<'a, D> {
-    domain: &'a D,
+struct Other<'a> {
+    domain: &'a dyn Stream,
     argument: ScalarArgument,
 }
 
-impl<D: Domain> Other<'_, D>
-where
-    D::Value: Arguments,
-{
+impl Other<'_> {
     /// The arguments with the other value in place of their own.
-    fn replaced(&self, arguments: &D::Value, other: u32) -> D::Value {
-        let mut lanes = words(arguments);
+    fn replaced(&self, arguments: &[u32], other: u32) -> Vec<u32> {
+        let mut lanes = arguments.to_vec();
         lanes[self.argument.lane] = other;
-        D::Value::load_all(&mut lanes.iter())
-    }
-
-    fn of(&self, arguments: &D::Value) -> u32 {
-        words(arguments)[self.argument.lane]
+        lanes
     }
 }
 
-impl<D: Domain> Companion<D::Value, 1> for Other<'_, D>
-where
-    D::Value: Arguments,
-{
+impl Companion for Other<'_> {
+    fn words(&self) -> usize {
+        1
+    }
+
     /// The nearest of some draws; the case's own value if none differs.
-    fn draw(&self, arguments: &D::Value, source: &mut Source) -> [u32; 1] {
-        let own = self.of(arguments);
+    fn draw(&self, arguments: &[u32], source: &mut Source) -> Vec<u32> {
+        let own = arguments[self.argument.lane];
         let draws = DRAWS[usize::try_from(source.below(4)).unwrap_or_default()];
         let value = |word: u32| self.argument.scalar.decode(word);
         let distance = |word: u32| (value(word) - value(own)).abs();
-        let mut nearest: Option<u32> = None;
+        let (mut nearest, mut drawn): (Option<u32>, Vec<u32>) = (None, Vec::new());
         for draw in 0..PATIENCE {
             if draw >= draws && nearest.is_some() {
                 break;
             }
-            let Some(drawn) = self.domain.draw(source) else { break };
-            let word = self.of(&drawn);
+            drawn.clear();
+            if !self.domain.row(Origin::Draw(&mut *source), &mut drawn) {
+                break;
+            }
+            let word = drawn[self.argument.lane];
             let nearer = nearest.is_none_or(|nearest| distance(word) < distance(nearest));
             if distance(word) > 0.0 && nearer {
                 nearest = Some(word);
             }
         }
-        let Some(nearest) = nearest else { return [own] };
+        let Some(nearest) = nearest else { return vec![own] };
         let fraction = (-12.0 * source.unit()).exp2();
         let nearer = [self.argument.between(own, nearest, fraction)];
         let inside = || self.admits(arguments, &nearer) == Some(true);
-        if source.below(4) > 0 && nearer != [own] && inside() { nearer } else { [nearest] }
+        let nearer =
+            if source.below(4) > 0 && nearer != [own] && inside() { nearer } else { [nearest] };
+        nearer.to_vec()
     }
 
-    fn admits(&self, arguments: &D::Value, [other]: &[u32; 1]) -> Option<bool> {
-        self.domain.admits(&self.replaced(arguments, *other))
+    fn admits(&self, arguments: &[u32], companion: &[u32]) -> Option<bool> {
+        self.domain.admits(&self.replaced(arguments, companion[0]))
     }
 
     /// Values of the domain's edges and of what the domain has for simpler.
-    fn shrink(&self, arguments: &D::Value, [other]: [u32; 1]) -> Vec<[u32; 1]> {
+    fn shrink(&self, arguments: &[u32], companion: &[u32]) -> Vec<Vec<u32>> {
+        let other = companion[0];
         let weight = |word: u32| match self.argument.scalar {
             Scalar::F32 => complexity(&f32::from_bits(word)),
             Scalar::I32 => complexity(&word.cast_signed()),
             _ => complexity(&word),
         };
         let mut simpler = self.domain.shrink(&self.replaced(arguments, other));
-        simpler.extend(self.domain.edges());
-        let mut found: Vec<u32> = simpler.iter().map(|value| self.of(value)).collect();
+        simpler.extend((0..self.domain.edges()).filter_map(|edge| {
+            let mut row = Vec::new();
+            self.domain.row(Origin::Edge(edge), &mut row).then_some(row)
+        }));
+        let mut found: Vec<u32> = simpler.iter().map(|row| row[self.argument.lane]).collect();
         found.retain(|word| weight(*word) < weight(other));
         found.sort_by_key(|word| weight(*word));
         found.dedup();
-        found.into_iter().map(|word| [word]).collect()
+        found.into_iter().map(|word| vec![word]).collect()
     }
 }
 
@@ -262,6 +279,7 @@ fn judge_pair(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::Typed;
     use crate::tolerance::Abs;
 
     #[test]
@@ -316,24 +334,25 @@ mod tests {
 
     #[test]
     fn another_value_lies_in_the_domain_near_or_far() {
+        let row = |a: f32, b: f32| [a.to_bits(), b.to_bits()];
         let domain = (0.25..=0.75_f32, 2.0..=3.0_f32);
         let argument = ScalarArgument { name: "b".to_owned(), scalar: Scalar::F32, lane: 1 };
-        let other = Other { domain: &domain, argument };
+        let other = Other { domain: &Typed::arguments(&domain), argument };
         let mut near = 0;
         for case in 0..1000 {
-            let [word] = other.draw(&(0.5, 2.5), &mut Source::new(7, case));
-            let value = f32::from_bits(word);
+            let word = other.draw(&row(0.5, 2.5), &mut Source::new(7, case));
+            let value = f32::from_bits(word[0]);
             assert!((2.0..=3.0).contains(&value) && value != 2.5);
-            assert_eq!(other.admits(&(0.5, 2.5), &[word]), Some(true));
+            assert_eq!(other.admits(&row(0.5, 2.5), &word), Some(true));
             near += usize::from((value - 2.5).abs() < 0.05);
         }
         assert!((100..900).contains(&near), "{near} of 1000 are near");
-        assert_eq!(other.admits(&(0.5, 2.5), &[4.0_f32.to_bits()]), Some(false));
-        let simpler = other.shrink(&(0.5, 2.5), [2.734_f32.to_bits()]);
-        assert_eq!(simpler.first(), Some(&[2.0_f32.to_bits()]));
+        assert_eq!(other.admits(&row(0.5, 2.5), &[4.0_f32.to_bits()]), Some(false));
+        let simpler = other.shrink(&row(0.5, 2.5), &[2.734_f32.to_bits()]);
+        assert_eq!(simpler.first(), Some(&vec![2.0_f32.to_bits()]));
         let one = (crate::domain::Just(1.0_f32), 0.0..=1.0_f32);
         let argument = ScalarArgument { name: "a".to_owned(), scalar: Scalar::F32, lane: 0 };
-        let other = Other { domain: &one, argument };
-        assert_eq!(other.draw(&(1.0, 0.5), &mut Source::new(7, 0)), [1.0_f32.to_bits()]);
+        let other = Other { domain: &Typed::arguments(&one), argument };
+        assert_eq!(other.draw(&row(1.0, 0.5), &mut Source::new(7, 0)), [1.0_f32.to_bits()]);
     }
 }

@@ -11,12 +11,13 @@ use std::f64::consts::TAU;
 
 use glam::{DVec3, Vec3};
 
-use super::integral::{Assertion, Integral};
-use super::{Agreement, Check, Failure, Recording, or_panic};
-use crate::domain::Domain;
+use super::integral::{Assertion, Integrals, Nodes};
+use super::plan::{Recording, or_panic};
+use super::{Agreement, Check, Failure};
+use crate::domain::{Domain, Held};
 use crate::stats::gauss_legendre;
 use crate::tolerance::Tolerance;
-use crate::value::{Arguments, Mirror, Shape, Shareable};
+use crate::value::{Arguments, Mirror, Shareable};
 
 /// Rings of a rule unless it says otherwise; each has twice as many directions.
 const RINGS: u16 = 64;
@@ -83,25 +84,6 @@ impl Directions {
     }
 }
 
-/// The arguments of a case, and a direction after them.
-#[derive(Clone, Debug)]
-struct Directed<V>(V, Vec3);
-
-impl<V: Arguments> Arguments for Directed<V> {
-    fn shapes() -> Vec<Shape> {
-        let mut shapes = V::shapes();
-        shapes.push(Vec3::shape());
-        shapes
-    }
-    fn store_all(&self, lanes: &mut Vec<u32>) {
-        self.0.store_all(lanes);
-        self.1.store(lanes);
-    }
-    fn load_all(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
-        Self(V::load_all(lanes), Vec3::load(lanes))
-    }
-}
-
 impl<D: Domain> Check<'_, D>
 where
     D::Value: Arguments,
@@ -138,7 +120,7 @@ where
         tolerance: impl Into<Tolerance>,
     ) -> Agreement {
         let assertion = Assertion::AgreesWith(self.plan.tolerances(tolerance.into()));
-        or_panic(self.integrate(directions, expected, &assertion, Recording::On))
+        or_panic(self.integrate(directions, expected, assertion, Recording::On))
     }
 
     /// [`integrates_to`](Self::integrates_to) without the panic.
@@ -153,7 +135,7 @@ where
         tolerance: impl Into<Tolerance>,
     ) -> Result<Agreement, Failure> {
         let assertion = Assertion::AgreesWith(self.plan.tolerances(tolerance.into()));
-        self.integrate(directions, expected, &assertion, Recording::Off)
+        self.integrate(directions, expected, assertion, Recording::Off)
     }
 
     /// Checks that the integral over directions is at most a bound plus `slack`, which is absolute:
@@ -170,7 +152,7 @@ where
         bound: impl Fn(&D::Value) -> E + Sync,
         slack: f64,
     ) -> Agreement {
-        or_panic(self.integrate(directions, bound, &Assertion::IsAtMost(slack), Recording::On))
+        or_panic(self.integrate(directions, bound, Assertion::IsAtMost(slack), Recording::On))
     }
 
     /// [`integrates_to_at_most`](Self::integrates_to_at_most) without the panic.
@@ -184,26 +166,36 @@ where
         bound: impl Fn(&D::Value) -> E + Sync,
         slack: f64,
     ) -> Result<Agreement, Failure> {
-        self.integrate(directions, bound, &Assertion::IsAtMost(slack), Recording::Off)
+        self.integrate(directions, bound, Assertion::IsAtMost(slack), Recording::Off)
     }
 
     fn integrate<E: Mirror>(
         self,
         directions: Directions,
         expected: impl Fn(&D::Value) -> E + Sync,
-        assertion: &Assertion,
+        assertion: Assertion,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
-        let nodes = |directions: Directions| {
-            let rule = directions.rule();
-            move |case: &D::Value| -> Vec<(Directed<D::Value>, f64)> {
-                let node = |(l, weight): &(Vec3, f64)| (Directed(case.clone(), *l), *weight);
-                rule.iter().map(node).collect()
-            }
+        let (own, control) = (directions.rule(), directions.control().rule());
+        let integrals = Integrals {
+            arguments: D::Value::shapes().into_iter().chain([Vec3::shape()]).collect(),
+            rule: &|case, nodes| add(&own, case, nodes),
+            control: Some(&|case, nodes| add(&control, case, nodes)),
+            expected: &|case, lanes| expected(case.get()).lanes(lanes),
+            shape: E::shape(),
+            assertion,
         };
-        let control = Some(nodes(directions.control()));
-        let integral = Integral { plan: self.plan, rule: nodes(directions), control };
-        integral.check(expected, assertion, recording)
+        self.plan.integrates(&self.stream(), &integrals, recording)
+    }
+}
+
+/// Adds the directions of a rule as nodes, behind the arguments of a case.
+fn add(rule: &[(Vec3, f64)], case: &Held, nodes: &mut Nodes) {
+    nodes.rows.reserve(rule.len() * (case.row.len() + 3));
+    for (l, weight) in rule {
+        nodes.rows.extend_from_slice(&case.row);
+        l.store(&mut nodes.rows);
+        nodes.weights.push(*weight);
     }
 }
 

@@ -20,17 +20,18 @@ use std::marker::PhantomData;
 pub use power::Power;
 pub use rejection::{ConfigurationRejection, Finding, PathRejection, Rejection};
 
+use super::called::{Called, Fitting};
 use super::identity::Replayed;
-use super::session::{Demand, Session};
-use super::{Failure, Identity, Plan, Probe, Recording};
-use crate::domain::{Domain, Source};
-use crate::output::visible;
+use super::plan::{Plan, Recording};
+use super::session::{Asserted, Demand, Session};
+use super::{Failure, Identity, Probe};
+use crate::domain::{Domain, Held, Source, Stream, Typed};
 use crate::path::Adapter;
 use crate::probe::{BATCH, Inputs};
 use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
 use crate::stats::{Support, sidak};
 use crate::value::{Arguments, Shape, Shareable};
-use calls::Calls;
+use calls::{Calls, given};
 
 /// Configurations of a check unless it says otherwise: each is a quarter million samples.
 const CONFIGURATIONS: u64 = 16;
@@ -75,7 +76,8 @@ impl<'a> Probe<'a> {
         F: Fn(&D::Value, U) -> A + Sync,
     {
         Samples {
-            plan: Plan::new(self, configurations),
+            plan: Plan::new(self),
+            configurations,
             arguments,
             settings: Settings {
                 support: Support::Hemisphere,
@@ -103,7 +105,8 @@ struct Settings {
 #[derive(Clone, Debug)]
 #[must_use = "nothing is sampled until a verb such as `.follows(...)`"]
 pub struct Samples<'a, D, U, A, F> {
-    plan: Plan<'a, D>,
+    plan: Plan<'a>,
+    configurations: D,
     arguments: F,
     settings: Settings,
     types: PhantomData<fn(U) -> A>,
@@ -194,17 +197,6 @@ impl std::fmt::Display for Fit {
     }
 }
 
-#[track_caller]
-fn fit_or_panic(result: Result<Fit, Failure>) -> Fit {
-    match result {
-        Ok(fit) => fit,
-        Err(failure) => {
-            super::replay::done();
-            panic!("{}", visible(&failure.to_string()))
-        }
-    }
-}
-
 /// What a verb asserts of a sampler.
 struct Assertion {
     /// The verb.
@@ -227,8 +219,8 @@ struct Judgement {
 }
 
 /// A configuration of a check that is running on one path.
-struct Configuration<'s, V> {
-    value: &'s V,
+struct Configuration<'s> {
+    value: &'s Held,
     index: u64,
     path: usize,
     seed: u64,
@@ -236,40 +228,89 @@ struct Configuration<'s, V> {
     threshold: f64,
 }
 
-/// A sampler in progress, and the other functions that a check needs.
-struct Functions<'s, 'd, D: Domain> {
-    sampler: &'s Session<'d, D>,
-    others: &'s [Session<'d, &'d D>],
+/// A sampler without the types of its configurations and random numbers.
+#[derive(Clone, Copy)]
+struct Sampler<'s, 'a> {
+    plan: &'s Plan<'a>,
+    settings: &'s Settings,
+    configurations: &'s dyn Stream,
+    /// Types of the arguments.
+    shapes: &'s [Shape],
+    /// The type of the random numbers of a sample.
+    random: &'s Shape,
+    /// Appends the arguments for random numbers, which follow one another as words.
+    arguments: Made<'s>,
 }
 
-impl<D: Domain> Functions<'_, '_, D> {
+/// Appends the arguments that a function is given in a configuration at points, or for random
+/// numbers, which follow one another as words.
+type Made<'m> = &'m (dyn Fn(&Held, &[u32], &mut Vec<u32>) + Sync);
+
+/// A function beside the sampler.
+struct Other<'o> {
+    probe: Probe<'o>,
+    /// Types of its arguments.
+    shapes: Vec<Shape>,
+    made: Made<'o>,
+}
+
+impl<D, U, A, F> Samples<'_, D, U, A, F>
+where
+    D: Domain,
+    U: Shareable,
+    A: Arguments,
+    F: Fn(&D::Value, U) -> A + Sync,
+{
+    /// Hands the sampler to what is compiled once.
+    fn with_sampler<T>(&self, then: impl FnOnce(Sampler<'_, '_>) -> T) -> T {
+        then(Sampler {
+            plan: &self.plan,
+            settings: &self.settings,
+            configurations: &Typed::values(&self.configurations),
+            shapes: &A::shapes(),
+            random: &U::shape(),
+            arguments: &|value, random, lanes| {
+                given(|u| (self.arguments)(value.get(), u))(random, lanes);
+            },
+        })
+    }
+}
+
+/// What a function is given in a configuration.
+fn made<V: 'static, X: Shareable, B: Arguments>(
+    of: impl Fn(&V, X) -> B + Sync,
+) -> impl Fn(&Held, &[u32], &mut Vec<u32>) + Sync {
+    move |value, points, lanes| given(|point| of(value.get(), point))(points, lanes)
+}
+
+/// A sampler in progress, and the other functions that a check needs.
+struct Functions<'s> {
+    sampler: &'s Called,
+    others: &'s [Called],
+}
+
+impl Functions<'_> {
     fn sampler(&self, path: usize, seed: u64) -> Calls<'_> {
-        Calls { probed: &self.sampler.probed, runner: &self.sampler.runners[path], seed }
+        Calls { called: self.sampler, runner: &self.sampler.runners[path], seed }
     }
 
     fn other(&self, which: usize, path: usize, seed: u64) -> Calls<'_> {
-        let session = &self.others[which];
-        Calls { probed: &session.probed, runner: &session.runners[path], seed }
+        let called = &self.others[which];
+        Calls { called, runner: &called.runners[path], seed }
     }
 }
 
-/// A function beside the sampler, with the arguments that it is given.
-type Other<'a> = (Probe<'a>, Vec<Shape>);
-
 /// Runs a check: `expect` compares signatures, and each configuration on each path is handed to
 /// `judge`.
-fn conclude<D: Domain>(
-    plan: &Plan<'_, D>,
-    settings: &Settings,
+fn conclude(
+    sampler: Sampler<'_, '_>,
     assertion: &Assertion,
-    (arguments, others): (Vec<Shape>, Vec<Other<'_>>),
+    others: &[Other<'_>],
     recording: Recording,
-    expect: impl FnOnce(&Functions<'_, '_, D>) -> Result<(), Failure>,
-    mut judge: impl FnMut(
-        &Functions<'_, '_, D>,
-        &Configuration<'_, D::Value>,
-    ) -> Result<Judgement, Failure>,
+    expect: &dyn Fn(&Functions<'_>) -> Result<(), Failure>,
+    judge: &mut dyn FnMut(&Functions<'_>, &Configuration<'_>) -> Result<Judgement, Failure>,
 ) -> Result<Fit, Failure> {
+    let Sampler { plan, settings, configurations, shapes, .. } = sampler;
     let function = plan.probe.path.clone();
     let stopwatch = Stopwatch::start();
     let check = assertion.check;
@@ -284,52 +325,47 @@ fn conclude<D: Domain>(
         location: String::new(),
         seed,
     };
-    let demand = |arguments, who| Demand {
-        arguments,
-        who,
-        cases: CONFIGURATIONS,
-        enumerated: ENUMERATED,
-        calls: BATCH,
-    };
-    let (others, shapes): (Vec<Plan<'_, &D>>, Vec<_>) = others
-        .into_iter()
-        .map(|(probe, shapes)| {
-            let Plan { domain, cases, seed, .. } = plan;
-            (Plan { cases: *cases, seed: *seed, ..Plan::new(probe, domain) }, shapes)
-        })
-        .unzip();
     let mut paths = Vec::new();
     let result = (|| {
         settings.check(&function)?;
-        let name = (check, assertion.text.clone());
-        let arguments = demand(arguments, "the sampler is given");
-        let session =
-            Session::open(plan, &arguments, &identity, seed, name.clone(), Inputs::Storage)?;
-        if let Subject::Function { location, .. } = &mut subject {
-            *location = session.probed.function.span.to_string();
-        }
-        let open = |(plan, shapes)| {
-            let demand = demand(shapes, "it is given");
-            Session::open(plan, &demand, &identity, seed, name.clone(), Inputs::Storage)
+        let asserted = Asserted { check, text: assertion.text.clone() };
+        let demand = Demand {
+            arguments: shapes.to_vec(),
+            who: "the sampler is given",
+            cases: CONFIGURATIONS,
+            enumerated: ENUMERATED,
+            calls: BATCH,
         };
-        let others: Vec<_> = others.iter().zip(shapes).map(open).collect::<Result<_, _>>()?;
-        let functions = Functions { sampler: &session, others: &others };
+        let inputs = Inputs::Storage;
+        let session =
+            Session::open(plan, configurations, &demand, &identity, seed, asserted, inputs)?;
+        if let Subject::Function { location, .. } = &mut subject {
+            *location = session.called.function().span.to_string();
+        }
+        let open = |Other { probe, shapes, .. }: &Other<'_>| {
+            let function = (probe.package, &*probe.path);
+            let fitting = Fitting::find(function, inputs, shapes, "it is given")?;
+            fitting.on_paths(&probe.fixtures, BATCH)
+        };
+        let others: Vec<Called> = others.iter().map(open).collect::<Result<_, _>>()?;
+        let functions = Functions { sampler: &session.called, others: &others };
         expect(&functions)?;
         let count = session.count();
         let threshold = sidak(settings.significance, count * assertion.tests);
         let selected = session.selected()?;
-        let mut sums: Vec<Sum> = session.runners.iter().map(|_| Sum::default()).collect();
+        let runners = &session.called.runners;
+        let mut sums: Vec<Sum> = runners.iter().map(|_| Sum::default()).collect();
         for index in selected.clone() {
             let value = &session.case(index)?;
             let seed = configuration_seed(seed, index);
             for (path, sum) in sums.iter_mut().enumerate() {
                 let configuration = Configuration { value, index, path, seed, threshold };
                 let judgement = judge(&functions, &configuration)?;
-                sum.add(index, format!("{value:?}"), judgement);
+                sum.add(index, value.shown(), judgement);
             }
         }
         let (mut fits, mut rejections, mut agreeing) = (Vec::new(), Vec::new(), Vec::new());
-        for (runner, sum) in session.runners.iter().zip(sums) {
+        for (runner, sum) in runners.iter().zip(sums) {
             let device = runner.device();
             let adapter = device.adapter().clone();
             paths.push(PathRecord {
@@ -370,7 +406,7 @@ fn conclude<D: Domain>(
             return Ok(Fit { function, configurations, samples, paths: fits, p, threshold });
         }
         Err(Failure::Rejection(Box::new(Rejection {
-            function: session.probed.function.clone(),
+            function: session.called.function().clone(),
             check,
             assertion: assertion.text.clone(),
             significance: settings.significance,

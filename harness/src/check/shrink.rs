@@ -1,16 +1,16 @@
 //! A failing case is reduced to the simplest that still fails on its path.
 //!
-//! Each round evaluates the simpler values of the case in hand (see [`Domain::shrink`]) with the
+//! Each round evaluates the simpler values of the case in hand (see `Domain::shrink`) with the
 //! verb's own judgement, and goes on from the first that fails. Nothing of this happens in a check
 //! that passes. The outcome is determined by the case alone, unless the time runs out.
 
 use std::time::{Duration, Instant};
 
 use super::memory::Descent;
-use super::session::{PathTally, Session};
+use super::path_tally::PathTally;
+use super::session::Session;
 use super::{CaseFailure, Failure, Simplest};
-use crate::domain::Domain;
-use crate::value::Arguments;
+use crate::domain::Held;
 
 /// Rounds for one case. A component needs one or two, so this is enough for a matrix.
 const ROUNDS: usize = 50;
@@ -48,19 +48,23 @@ const TIME: Duration = Duration::from_secs(20);
 /// Trials of one round that may end without a verdict, as a reference that isn't finite does.
 const ERRORS: usize = 64;
 
-impl<D: Domain> Session<'_, D> {
+/// Judges some values on every path.
+pub(super) type JudgeValues<'j> = &'j mut dyn FnMut(&[Held]) -> Result<Vec<PathTally>, Failure>;
+
+impl Session<'_> {
     /// The simplest failing case that is found from `failure`, which failed on this path, and its
-    /// value. `judge` judges some values on every path.
+    /// value.
     pub(super) fn simplest(
         &self,
         path: usize,
         failure: &CaseFailure,
         effort: Effort,
-        judge: &mut impl FnMut(&[D::Value]) -> Result<Vec<PathTally>, Failure>,
-    ) -> Option<(Simplest, D::Value)> {
+        judge: JudgeValues<'_>,
+    ) -> Option<(Simplest, Held)> {
         let end = Instant::now() + TIME;
-        let mut at = self.shrinkable(failure.case)?;
-        let descent = Descent { seed: self.seed, case: failure.case, steps: Vec::new() };
+        let mut source = self.cases.source(failure.case);
+        let mut at = self.stream.shrinkable(self.cases.origin(failure.case, &mut source))?;
+        let descent = Descent { seed: self.cases.seed, case: failure.case, steps: Vec::new() };
         let mut simplest = Simplest::new(failure.clone(), descent);
         for _ in 0..ROUNDS {
             let mut candidates = at.simpler();
@@ -78,11 +82,11 @@ impl<D: Domain> Session<'_, D> {
 }
 
 /// The first value that fails on this path. `judge` counts the cases of each call from 0.
-fn first_failing<V>(
+fn first_failing(
     path: usize,
-    values: &[V],
+    values: &[Held],
     effort: Effort,
-    judge: &mut impl FnMut(&[V]) -> Result<Vec<PathTally>, Failure>,
+    judge: JudgeValues<'_>,
     end: Instant,
 ) -> Option<(usize, CaseFailure)> {
     let (mut from, mut size, mut errors) = (0, effort.first, 0);
@@ -90,7 +94,7 @@ fn first_failing<V>(
         let to = values.len().min(from + size.min(effort.most));
         match judge(&values[from..to]) {
             Ok(mut tallies) => {
-                if let Some(found) = tallies.swap_remove(path).first_failure() {
+                if let Some(found) = tallies.swap_remove(path).first {
                     let index = usize::try_from(found.case).expect("among these values");
                     return Some((from + index, found));
                 }
@@ -111,11 +115,4 @@ fn first_failing<V>(
         }
     }
     None
-}
-
-/// The lanes of all arguments.
-pub(super) fn words(arguments: &impl Arguments) -> Vec<u32> {
-    let mut lanes = Vec::new();
-    arguments.store_all(&mut lanes);
-    lanes
 }

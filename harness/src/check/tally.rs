@@ -1,7 +1,7 @@
 //! What the cases of one path add up to.
 
 use super::parallel;
-use crate::tolerance::{Measure, Tolerance};
+use crate::tolerance::{Measure, Tolerance, Unit};
 use crate::value::Scalar;
 
 /// The judgement of one case: its worst lane.
@@ -178,6 +178,28 @@ pub(crate) fn classify(actual: f64, expected: f64) -> Class {
         Class::TooHigh
     } else {
         Class::Other
+    }
+}
+
+/// Fails where a component isn't a finite number.
+pub(crate) fn finite(scalars: &[Scalar], actual: &[u32]) -> Judged {
+    let bad = scalars
+        .iter()
+        .zip(actual)
+        .position(|(scalar, word)| scalar.is_float() && !f32::from_bits(*word).is_finite());
+    let Some(lane) = bad else {
+        return Judged { measure: Measure::statement(true), lane: 0, class: Class::Other };
+    };
+    let nan = f32::from_bits(actual[lane]).is_nan();
+    Judged {
+        measure: Measure {
+            ratio: f64::INFINITY,
+            error: f64::NAN,
+            bound: 0.0,
+            unit: Unit::Statement,
+        },
+        lane,
+        class: if nan { Class::Nan } else { Class::Infinite },
     }
 }
 

@@ -1,8 +1,8 @@
 //! The tolerance of a check, and those of single paths.
 
 use super::Failure;
-use super::session::{Session, signature};
-use crate::domain::Domain;
+use super::mismatch::signature;
+use super::session::Session;
 use crate::path::Path;
 use crate::tolerance::Tolerance;
 
@@ -20,14 +20,14 @@ impl Tolerances {
     }
 
     /// Refuses tolerances that bound nothing or are declared for another number of components.
-    pub(super) fn expect_usable<D: Domain>(&self, session: &Session<'_, D>) -> Result<(), Failure> {
+    pub(super) fn expect_usable(&self, session: &Session<'_>) -> Result<(), Failure> {
         let mut all = self.on.iter().map(|(_, tolerance)| tolerance).chain([&self.general]);
-        all.try_for_each(|tolerance| session.expect_lanes(tolerance))
+        all.try_for_each(|tolerance| session.called.expect_lanes(tolerance))
     }
 
-    /// The tolerance of each of the session's runners.
-    pub(super) fn of_runners<D: Domain>(&self, session: &Session<'_, D>) -> Vec<&Tolerance> {
-        session.runners.iter().map(|runner| self.of(runner.device().path())).collect()
+    /// The tolerance of each of the session's paths.
+    pub(super) fn of_paths(&self, session: &Session<'_>) -> Vec<&Tolerance> {
+        session.called.runners.iter().map(|runner| self.of(runner.device().path())).collect()
     }
 }
 
@@ -37,14 +37,11 @@ pub(super) fn own(on: &[(Path, Tolerance)], path: Path) -> Option<&Tolerance> {
 }
 
 /// Refuses a path's own tolerance for a verb that has none.
-pub(super) fn expect_none<D: Domain>(
-    on: &[(Path, Tolerance)],
-    session: &Session<'_, D>,
-) -> Result<(), Failure> {
+pub(super) fn expect_none(on: &[(Path, Tolerance)], session: &Session<'_>) -> Result<(), Failure> {
     on.first().map_or(Ok(()), |(path, tolerance)| {
-        let check = session.assertion.0;
+        let check = session.asserted.check;
         let mismatch =
             format!("is checked by {check}, which takes no tolerance, but {path} has {tolerance}");
-        Err(signature(&session.probed.function, mismatch))
+        Err(signature(session.called.function(), mismatch))
     })
 }

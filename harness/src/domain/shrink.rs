@@ -239,7 +239,8 @@ pub(super) fn colours(value: Vec3) -> Vec<Vec3> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Cases, Hemisphere, Integers, Just, OneOf, UnitRgb, UnitVector};
+    use super::super::stream::tests::Cases;
+    use super::super::{Hemisphere, Integers, Just, OneOf, UnitRgb, UnitVector};
     use super::*;
 
     /// Follows the first simpler value that fails, as a check does.

@@ -212,7 +212,8 @@ fn length(floats: &[f32]) -> f64 {
 mod tests {
     use glam::Vec3;
 
-    use super::super::{Cases, Hemisphere, Integers, UnitRgb, UnitVector};
+    use super::super::stream::tests::Cases;
+    use super::super::{Hemisphere, Integers, UnitRgb, UnitVector};
     use super::*;
 
     const COUNT: u64 = 65_536;

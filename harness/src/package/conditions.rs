@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use super::PackageError;
 use super::lexer::{Kind, Token};
-use super::syntax::{after_attribute, end_of, syntax_error};
+use super::syntax::{after_attribute, end_of, end_of_item, syntax_error};
 use crate::diagnostic::SourceFile;
 
 /// Which features are set; those that aren't named are off.
@@ -204,7 +204,10 @@ impl Reader<'_> {
                 body(at)
             }
             "default" if !self.is(at + 1, b',') => body(at),
-            _ if self.is(at + 1, b':') && !self.is(at + 2, b':') => self.member(at),
+            _ if self.is(at + 1, b':') && !self.is(at + 2, b':') => {
+                let end = end_of_item(self.tokens, self.brackets, at)?;
+                Some(if self.is(end, b',') { end + 1 } else { end })
+            }
             _ => end_of(self.tokens, self.brackets, at, false),
         }
     }
@@ -219,25 +222,6 @@ impl Reader<'_> {
                 Kind::Symbol(b')' | b']' | b'}') => return None,
                 _ => at += 1,
             }
-        }
-        None
-    }
-
-    /// The token after a member or parameter: after its comma, or where the list closes. A comma
-    /// between `<` and `>` separates a type's arguments.
-    fn member(&self, from: usize) -> Option<usize> {
-        let mut depth = 0_usize;
-        let mut at = from;
-        while at < self.tokens.len() {
-            match self.tokens[at].kind {
-                Kind::Symbol(b',') if depth == 0 => return Some(at + 1),
-                Kind::Symbol(b')' | b']' | b'}') => return Some(at),
-                Kind::Symbol(b'(' | b'[' | b'{') => at = self.brackets[at],
-                Kind::Symbol(b'<') => depth += 1,
-                Kind::Symbol(b'>') => depth = depth.saturating_sub(1),
-                _ => {}
-            }
-            at += 1;
         }
         None
     }

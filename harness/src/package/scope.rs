@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use super::lexer::Kind;
-use super::syntax::{Declaration, DeclarationKind, Module, after_attribute};
+use super::syntax::{Declaration, DeclarationKind, Module, after_attribute, end_of_item};
 
 /// A name that isn't declared where it is used, `PI`, or a path to one, `package::math::PI`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -77,6 +77,7 @@ impl<'a> Walk<'a> {
         if !self.module.is(open, b'(') {
             return self.expressions(open, end);
         }
+        let module = self.module;
         let close = self.brackets[open];
         let mut parameters = Vec::new();
         let mut at = open + 1;
@@ -86,7 +87,7 @@ impl<'a> Walk<'a> {
                 parameters.push(self.module.text(at));
                 at += 2;
             }
-            let next = self.list_item(at, close);
+            let next = end_of_item(&module.tokens, self.brackets, at).unwrap_or(close);
             self.expressions(at, next);
             at = next + 1;
         }
@@ -116,33 +117,18 @@ impl<'a> Walk<'a> {
         if !self.module.is(open, b'{') {
             return self.expressions(open, end);
         }
+        let module = self.module;
         let close = self.brackets[open];
         let mut at = open + 1;
         while at < close {
             at = self.attributes(at);
-            if self.module.is_word(at) && self.module.is(at + 1, b':') {
+            if module.is_word(at) && module.is(at + 1, b':') {
                 at += 2;
             }
-            let next = self.list_item(at, close);
+            let next = end_of_item(&module.tokens, self.brackets, at).unwrap_or(close);
             self.expressions(at, next);
             at = next + 1;
         }
-    }
-
-    /// The comma that ends a member or parameter whose type begins at `from`, or `close`.
-    fn list_item(&self, from: usize, close: usize) -> usize {
-        let (mut at, mut depth) = (from, 0_usize);
-        while at < close {
-            match self.module.tokens[at].kind {
-                Kind::Symbol(b',') if depth == 0 => return at,
-                Kind::Symbol(b'(' | b'[' | b'{') => at = self.brackets[at],
-                Kind::Symbol(b'<') => depth += 1,
-                Kind::Symbol(b'>') => depth = depth.saturating_sub(1),
-                _ => {}
-            }
-            at += 1;
-        }
-        close
     }
 
     /// Skips attributes; the names in their arguments count where they are expressions.

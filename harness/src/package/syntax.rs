@@ -349,6 +349,24 @@ pub(super) fn end_of(
     None
 }
 
+/// The token that ends a member or a parameter: its comma, or what closes the list. A comma between
+/// `<` and `>` separates a type's arguments.
+pub(super) fn end_of_item(tokens: &[Token], brackets: &[usize], from: usize) -> Option<usize> {
+    let (mut at, mut depth) = (from, 0_usize);
+    while at < tokens.len() {
+        match tokens[at].kind {
+            Kind::Symbol(b',') if depth == 0 => return Some(at),
+            Kind::Symbol(b')' | b']' | b'}') => return Some(at),
+            Kind::Symbol(b'(' | b'[' | b'{') => at = brackets[at],
+            Kind::Symbol(b'<') => depth += 1,
+            Kind::Symbol(b'>') => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        at += 1;
+    }
+    None
+}
+
 /// A syntax error at its place.
 pub(super) fn syntax_error(
     file: &Arc<SourceFile>,

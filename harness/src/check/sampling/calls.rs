@@ -1,12 +1,13 @@
 //! Calls of a function on one path, with any number of arguments, and random numbers for them.
 
 use crate::check::Failure;
+use crate::check::called::Called;
 use crate::check::disagreement::arguments;
+use crate::check::mismatch::signature;
 use crate::check::parallel;
-use crate::check::session::signature;
 use crate::domain::Source;
-use crate::probe::{self, Probed, Runner};
-use crate::value::{Arguments, Scalar, Shareable};
+use crate::probe::{self, Runner};
+use crate::value::{Arguments, Scalar, Shape, Shareable};
 
 /// Samples of one stream of random numbers.
 const BLOCK: usize = 2048;
@@ -16,15 +17,31 @@ pub(super) const STRIDE: usize = 65_536;
 
 /// A function on one path.
 pub(super) struct Calls<'s> {
-    pub(super) probed: &'s Probed,
+    pub(super) called: &'s Called,
     pub(super) runner: &'s Runner,
     pub(super) seed: u64,
+}
+
+/// Appends the arguments that a function is given at points, or for random numbers, which follow
+/// one another as words.
+pub(super) type Given<'g> = &'g (dyn Fn(&[u32], &mut Vec<u32>) + Sync);
+
+/// The arguments that `of` makes of each point or random number.
+pub(super) fn given<X: Shareable, A: Arguments>(
+    of: impl Fn(X) -> A + Sync,
+) -> impl Fn(&[u32], &mut Vec<u32>) + Sync {
+    let width = X::shape().lanes().len();
+    move |points, lanes| {
+        for point in points.chunks_exact(width.max(1)) {
+            of(X::load(&mut point.iter())).store_all(lanes);
+        }
+    }
 }
 
 impl Calls<'_> {
     /// Words of a result.
     pub(super) fn words(&self) -> usize {
-        self.probed.function.result.lanes().len()
+        self.called.scalars().len()
     }
 
     /// The results of calls, whose arguments follow one another in `lanes`.
@@ -50,7 +67,7 @@ impl Calls<'_> {
 
     /// A call as a message shows it: arguments and result.
     pub(super) fn shown(&self, lanes: &[u32], result: &[u32]) -> String {
-        let function = &self.probed.function;
+        let function = self.called.function();
         let list: Vec<String> = arguments(function, lanes)
             .into_iter()
             .map(|(name, value)| format!("{name} = {value}"))
@@ -59,63 +76,59 @@ impl Calls<'_> {
     }
 
     /// Refuses random numbers of a type that has no uniform distribution here.
-    pub(super) fn expect_random<U: Shareable>(&self) -> Result<(), Failure> {
-        let shape = U::shape();
+    pub(super) fn expect_random(&self, random: &Shape) -> Result<(), Failure> {
         let uniform = |scalar: &Scalar| matches!(scalar, Scalar::F32 | Scalar::U32);
-        if shape.lanes().iter().all(uniform) {
+        if random.lanes().iter().all(uniform) {
             return Ok(());
         }
-        let mismatch = format!("is sampled with {shape}, but random numbers are f32 or u32");
-        Err(signature(&self.probed.function, mismatch))
+        let mismatch = format!("is sampled with {random}, but random numbers are f32 or u32");
+        Err(signature(self.called.function(), mismatch))
+    }
+
+    /// The results at points, which follow one another as words, with the lanes of the arguments.
+    pub(super) fn at(
+        &self,
+        points: &[u32],
+        width: usize,
+        given: Given<'_>,
+    ) -> Result<(Vec<u32>, Vec<u32>), Failure> {
+        let parts: Vec<&[u32]> = points.chunks(BLOCK * width).collect();
+        let parts = parallel::map(parts.len(), |part| {
+            let mut lanes = Vec::new();
+            given(parts[part], &mut lanes);
+            lanes
+        });
+        let lanes = parts.concat();
+        let results = self.call(&lanes, points.len() / width)?;
+        Ok((lanes, results))
     }
 }
 
-/// Arguments of `count` calls from sample `first` on, which is a multiple of the block's length.
-/// An `f32` is a multiple of 2^-24 in [0, 1), as most generators on devices have it.
-pub(super) fn draw<U: Shareable, A: Arguments>(
+/// Arguments of `count` calls from sample `first` on, which is a multiple of the block's length,
+/// made of random numbers of these types. An `f32` is a multiple of 2^-24 in [0, 1), as most
+/// generators on devices have it.
+pub(super) fn draw(
     seed: u64,
     first: usize,
     count: usize,
-    arguments: impl Fn(U) -> A + Sync,
+    random: &[Scalar],
+    given: Given<'_>,
 ) -> Vec<u32> {
     debug_assert_eq!(first % BLOCK, 0, "a stream belongs to a block");
-    let scalars = U::shape().lanes();
     let blocks = parallel::map(count.div_ceil(BLOCK), |block| {
         let mut source = Source::new(seed, (first / BLOCK + block) as u64);
-        let mut lanes = Vec::new();
-        let mut random = Vec::with_capacity(scalars.len());
-        for _ in 0..BLOCK.min(count - block * BLOCK) {
-            random.clear();
-            random.extend(scalars.iter().map(|scalar| match scalar {
+        let calls = BLOCK.min(count - block * BLOCK);
+        let mut numbers = Vec::with_capacity(calls * random.len());
+        for _ in 0..calls {
+            numbers.extend(random.iter().map(|scalar| match scalar {
                 Scalar::U32 => source.bits(),
                 // Exact: 24 bits, and a power of two.
                 _ => ((source.bits() >> 8) as f32 / 16_777_216.0).to_bits(),
             }));
-            arguments(U::load(&mut random.iter())).store_all(&mut lanes);
         }
+        let mut lanes = Vec::new();
+        given(&numbers, &mut lanes);
         lanes
     });
     blocks.concat()
-}
-
-/// Appends the lanes of a function's arguments at a point of the support.
-pub(super) type At<'f, X> = &'f (dyn Fn(X, &mut Vec<u32>) + Sync);
-
-impl Calls<'_> {
-    /// The results at points, with the lanes of the arguments.
-    pub(super) fn at<X: Shareable>(
-        &self,
-        points: &[X],
-        arguments: At<'_, X>,
-    ) -> Result<(Vec<u32>, Vec<u32>), Failure> {
-        let parts = parallel::map(points.len().div_ceil(BLOCK), |block| {
-            let mut lanes = Vec::new();
-            let points = &points[block * BLOCK..points.len().min((block + 1) * BLOCK)];
-            points.iter().for_each(|point| arguments(point.clone(), &mut lanes));
-            lanes
-        });
-        let lanes = parts.concat();
-        let results = self.call(&lanes, points.len())?;
-        Ok((lanes, results))
-    }
 }

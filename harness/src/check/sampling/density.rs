@@ -1,13 +1,15 @@
 //! Samples against the density that they should have, and what they estimate.
 
-use super::calls::{At, Calls, STRIDE, draw};
+use super::calls::{Calls, STRIDE, draw};
 use super::picture::Histogram;
 use super::{
-    Assertion, Configuration, Finding, Fit, Functions, Judgement, Power, Samples, Settings,
+    Assertion, Configuration, Finding, Fit, Functions, Judgement, Other, Power, Sampler, Samples,
+    Settings,
 };
-use super::{conclude, fit_or_panic};
-use crate::check::session::signature;
-use crate::check::{Failure, Probe, Recording};
+use super::{conclude, made};
+use crate::check::mismatch::signature;
+use crate::check::plan::{Recording, or_panic};
+use crate::check::{Failure, Probe};
 use crate::domain::Domain;
 use crate::stats::{
     CellIntegral, Cells, ChiSquare, CubatureError, Mean, Moments, NoVerdict, Place, accepts,
@@ -73,7 +75,7 @@ where
         density: Probe<'_>,
         arguments: impl Fn(&D::Value, X) -> B + Sync,
     ) -> Fit {
-        fit_or_panic(self.check_density(density, arguments, Recording::On))
+        or_panic(self.check_density(density, arguments, Recording::On))
     }
 
     /// [`follows`](Self::follows) without the panic.
@@ -94,34 +96,9 @@ where
         arguments: impl Fn(&D::Value, X) -> B + Sync,
         recording: Recording,
     ) -> Result<Fit, Failure> {
-        let Self { plan, settings, .. } = &self;
-        let text = format!("{} on {}", density.path, settings.support);
-        let assertion = Assertion { check: "follows", text, tests: settings.tests() };
-        let functions = (A::shapes(), vec![(density, B::shapes())]);
-        let expect =
-            |functions: &Functions<'_, '_, D>| expect_density::<D, X, U>(functions, settings);
-        conclude(
-            plan,
-            settings,
-            &assertion,
-            functions,
-            recording,
-            expect,
-            |functions, configuration| {
-                let density_at = |point: X, lanes: &mut Vec<u32>| {
-                    arguments(configuration.value, point).store_all(lanes);
-                };
-                let run = Run {
-                    functions,
-                    settings,
-                    configuration,
-                    draw: &|seed, first, count| {
-                        draw(seed, first, count, |u| (self.arguments)(configuration.value, u))
-                    },
-                };
-                run.judge(&density_at, None)
-            },
-        )
+        let (shapes, made) = (B::shapes(), &made(arguments));
+        let others = [Other { probe: density, shapes, made }];
+        self.with_sampler(|sampler| sampler.follows(&others, &X::shape(), recording))
     }
 
     /// Checks a sampler with the function that it is made for: samples follow the density, and
@@ -139,12 +116,7 @@ where
         eval: (Probe<'_>, impl Fn(&D::Value, X) -> E + Sync),
         density: (Probe<'_>, impl Fn(&D::Value, X) -> B + Sync),
     ) -> Fit {
-        fit_or_panic(self.check_estimate(
-            eval,
-            density,
-            None::<Unweighted<'_, D, X>>,
-            Recording::On,
-        ))
+        or_panic(self.check_estimate(eval, density, None::<Unweighted<'_, D, X>>, Recording::On))
     }
 
     /// [`estimates`](Self::estimates) without the panic.
@@ -171,7 +143,7 @@ where
         density: (Probe<'_>, impl Fn(&D::Value, X) -> B + Sync),
         weight: (Probe<'_>, impl Fn(&D::Value, X) -> W + Sync),
     ) -> Fit {
-        fit_or_panic(self.check_estimate(eval, density, Some(weight), Recording::On))
+        or_panic(self.check_estimate(eval, density, Some(weight), Recording::On))
     }
 
     /// [`estimates_with_weight`](Self::estimates_with_weight) without the panic.
@@ -194,60 +166,17 @@ where
         weight: Option<(Probe<'_>, impl Fn(&D::Value, X) -> W + Sync)>,
         recording: Recording,
     ) -> Result<Fit, Failure> {
-        let Self { plan, settings, .. } = &self;
-        let text = format!("{} by {} on {}", eval.path, density.path, settings.support);
-        // A reflectance has up to three components, whose means are tests of their own.
-        let assertion = Assertion { check: "estimates", text, tests: settings.tests() + 3 };
+        let (of_density, of_eval) = (&made(of_density), &made(of_eval));
         let (weight, of_weight) = weight.unzip();
-        let weight = weight.map(|weight| (weight, W::shapes()));
-        let others = [(density, B::shapes()), (eval, E::shapes())].into_iter().chain(weight);
-        let functions = (A::shapes(), others.collect());
-        let expect = |functions: &Functions<'_, '_, D>| {
-            expect_density::<D, X, U>(functions, settings)?;
-            let eval = &functions.others[1];
-            let scalars = eval.scalars();
-            if settings.support.components() != 3 {
-                let mismatch = format!("is estimated on {}, not by directions", settings.support);
-                return Err(signature(&eval.probed.function, mismatch));
-            }
-            if scalars.len() > 3 || !scalars.into_iter().all(Scalar::is_float) {
-                let result = &eval.probed.function.result;
-                let mismatch = format!("returns {result}, not up to three floats");
-                return Err(signature(&eval.probed.function, mismatch));
-            }
-            functions.others.get(2).map_or(Ok(()), |weight| {
-                weight.expect_result(&eval.probed.function.result, "eval returns", None)
-            })
-        };
-        conclude(
-            plan,
-            settings,
-            &assertion,
-            functions,
-            recording,
-            expect,
-            |functions, configuration| {
-                let value = configuration.value;
-                let density_at = |point: X, lanes: &mut Vec<u32>| {
-                    of_density(value, point).store_all(lanes);
-                };
-                let eval_at =
-                    |point: X, lanes: &mut Vec<u32>| of_eval(value, point).store_all(lanes);
-                let weight_at = of_weight.as_ref().map(|of_weight| {
-                    |point: X, lanes: &mut Vec<u32>| of_weight(value, point).store_all(lanes)
-                });
-                let run = Run {
-                    functions,
-                    settings,
-                    configuration,
-                    draw: &|seed, first, count| {
-                        draw(seed, first, count, |u| (self.arguments)(value, u))
-                    },
-                };
-                let weight = weight_at.as_ref().map(|weight| weight as At<'_, X>);
-                run.judge(&density_at, Some(&Estimate { eval: &eval_at, weight }))
-            },
-        )
+        let of_weight = of_weight.map(made);
+        let mut others = vec![
+            Other { probe: density, shapes: B::shapes(), made: of_density },
+            Other { probe: eval, shapes: E::shapes(), made: of_eval },
+        ];
+        if let (Some(probe), Some(made)) = (weight, &of_weight) {
+            others.push(Other { probe, shapes: W::shapes(), made });
+        }
+        self.with_sampler(|sampler| sampler.estimates(&others, &X::shape(), recording))
     }
 
     /// How likely [`follows`](Self::follows) is to reject a sampler whose samples have another
@@ -263,46 +192,113 @@ where
         arguments: impl Fn(&D::Value, X) -> B + Sync,
         alternative: Probe<'_>,
     ) -> Result<Power, Failure> {
-        let Self { plan, settings, .. } = self;
-        let text = format!("{} against {}", density.path, alternative.path);
-        let assertion = Assertion { check: "power_against", text, tests: settings.tests() };
-        let functions = (A::shapes(), vec![(density, B::shapes()), (alternative, B::shapes())]);
-        let expect = |functions: &Functions<'_, '_, D>| {
-            expect_density::<D, X, U>(functions, settings)?;
+        let made = &made(arguments);
+        let others = [density, alternative].map(|probe| Other { probe, shapes: B::shapes(), made });
+        self.with_sampler(|sampler| sampler.power(&others, &X::shape()))
+    }
+}
+
+impl Sampler<'_, '_> {
+    /// Whether samples have the density of the first of the others.
+    fn follows(
+        self,
+        others: &[Other<'_>],
+        point: &Shape,
+        recording: Recording,
+    ) -> Result<Fit, Failure> {
+        let settings = self.settings;
+        let text = format!("{} on {}", others[0].probe.path, settings.support);
+        let assertion = Assertion { check: "follows", text, tests: settings.tests() };
+        let expect = |functions: &Functions<'_>| self.expect_density(functions, point);
+        conclude(self, &assertion, others, recording, &expect, &mut |functions, configuration| {
+            Run { functions, sampler: self, others, configuration }.judge(false)
+        })
+    }
+
+    /// Whether they do, and estimate the integral of the second. The third, if there is one, returns
+    /// their weights.
+    fn estimates(
+        self,
+        others: &[Other<'_>],
+        point: &Shape,
+        recording: Recording,
+    ) -> Result<Fit, Failure> {
+        let settings = self.settings;
+        let (density, eval) = (&others[0].probe.path, &others[1].probe.path);
+        let text = format!("{eval} by {density} on {}", settings.support);
+        // A reflectance has up to three components, whose means are tests of their own.
+        let assertion = Assertion { check: "estimates", text, tests: settings.tests() + 3 };
+        let expect = |functions: &Functions<'_>| {
+            self.expect_density(functions, point)?;
+            let eval = &functions.others[1];
+            let scalars = eval.scalars();
+            if settings.support.components() != 3 {
+                let mismatch = format!("is estimated on {}, not by directions", settings.support);
+                return Err(signature(eval.function(), mismatch));
+            }
+            if scalars.len() > 3 || !scalars.into_iter().all(Scalar::is_float) {
+                let result = &eval.function().result;
+                let mismatch = format!("returns {result}, not up to three floats");
+                return Err(signature(eval.function(), mismatch));
+            }
+            functions.others.get(2).map_or(Ok(()), |weight| {
+                weight.expect_result(&eval.function().result, "eval returns")
+            })
+        };
+        conclude(self, &assertion, others, recording, &expect, &mut |functions, configuration| {
+            Run { functions, sampler: self, others, configuration }.judge(true)
+        })
+    }
+
+    /// The least power of [`follows`](Self::follows) against the density of the second.
+    fn power(self, others: &[Other<'_>], point: &Shape) -> Result<Power, Failure> {
+        let (density, alternative) = (&others[0].probe.path, &others[1].probe.path);
+        let text = format!("{density} against {alternative}");
+        let assertion = Assertion { check: "power_against", text, tests: self.settings.tests() };
+        let expect = |functions: &Functions<'_>| {
+            self.expect_density(functions, point)?;
             expect_scalar(functions, 1)
         };
         let mut power = Power::none();
-        conclude(
-            plan,
-            settings,
-            &assertion,
+        let mut judge = |functions: &Functions<'_>, configuration: &Configuration<'_>| match (Run {
             functions,
-            Recording::Off,
-            expect,
-            |functions, configuration| {
-                let at = |point: X, lanes: &mut Vec<u32>| {
-                    arguments(configuration.value, point).store_all(lanes);
-                };
-                let run = Run {
-                    functions,
-                    settings,
-                    configuration,
-                    draw: &|seed, first, count| {
-                        draw(seed, first, count, |u| (self.arguments)(configuration.value, u))
-                    },
-                };
-                match run.power(&at) {
-                    Ok(found) => {
-                        power.add(found, configuration.value);
-                        Ok(Judgement::fitting())
-                    }
-                    Err(Stop::Failure(failure)) => Err(failure),
-                    Err(Stop::Finding(finding)) => Ok(Judgement::outright(finding)),
-                }
-            },
-        )?;
+            sampler: self,
+            others,
+            configuration,
+        })
+        .power()
+        {
+            Ok(found) => {
+                power.add(found, configuration.value);
+                Ok(Judgement::fitting())
+            }
+            Err(Stop::Failure(failure)) => Err(failure),
+            Err(Stop::Finding(finding)) => Ok(Judgement::outright(finding)),
+        };
+        conclude(self, &assertion, others, Recording::Off, &expect, &mut judge)?;
         Ok(power)
     }
+
+    /// Compares the signatures of sampler and density with the support. `given` is the type of the
+    /// points that the density's arguments are made of.
+    fn expect_density(self, functions: &Functions<'_>, given: &Shape) -> Result<(), Failure> {
+        functions.sampler(0, 0).expect_random(self.random)?;
+        let support = self.settings.support;
+        let point = match support.components() {
+            1 => Shape::Scalar(Scalar::F32),
+            size => Shape::Vector { size: if size == 2 { 2 } else { 3 }, scalar: Scalar::F32 },
+        };
+        functions.sampler.expect_result(&point, &format!("a point of {support} is"))?;
+        if *given != point {
+            let mismatch = format!("is given {given} of {support}, whose points are {point}");
+            return Err(signature(functions.others[0].function(), mismatch));
+        }
+        expect_scalar(functions, 0)
+    }
+}
+
+fn expect_scalar(functions: &Functions<'_>, which: usize) -> Result<(), Failure> {
+    functions.others[which].expect_result(&Shape::Scalar(Scalar::F32), "a density is")
 }
 
 impl Settings {
@@ -325,37 +321,6 @@ impl Settings {
 
 /// No function that returns weights.
 type Unweighted<'a, D, X> = (Probe<'a>, fn(&<D as Domain>::Value, X) -> f32);
-
-/// What samples estimate the integral of, and what returns their weights.
-struct Estimate<'f, X> {
-    eval: At<'f, X>,
-    weight: Option<At<'f, X>>,
-}
-
-/// Compares the signatures of sampler and density with the support.
-fn expect_density<D: Domain, X: Shareable, U: Shareable>(
-    functions: &Functions<'_, '_, D>,
-    settings: &Settings,
-) -> Result<(), Failure> {
-    functions.sampler(0, 0).expect_random::<U>()?;
-    let support = settings.support;
-    let point = match support.components() {
-        1 => Shape::Scalar(Scalar::F32),
-        size => Shape::Vector { size: if size == 2 { 2 } else { 3 }, scalar: Scalar::F32 },
-    };
-    let sampler = functions.sampler;
-    sampler.expect_result(&point, &format!("a point of {support} is"), None)?;
-    if X::shape() != point {
-        let shape = X::shape();
-        let mismatch = format!("is given {shape} of {support}, whose points are {point}");
-        return Err(signature(&functions.others[0].probed.function, mismatch));
-    }
-    expect_scalar(functions, 0)
-}
-
-fn expect_scalar<D: Domain>(functions: &Functions<'_, '_, D>, which: usize) -> Result<(), Failure> {
-    functions.others[which].expect_result(&Shape::Scalar(Scalar::F32), "a density is", None)
-}
 
 /// Why a configuration isn't judged to its end.
 enum Stop {
@@ -409,12 +374,11 @@ impl Offence {
 }
 
 /// One configuration on one path.
-struct Run<'r, 's, 'd, D: Domain> {
-    functions: &'r Functions<'s, 'd, D>,
-    settings: &'r Settings,
-    configuration: &'r Configuration<'r, D::Value>,
-    /// Arguments of calls of the sampler: seed, first sample, how many.
-    draw: &'r dyn Fn(u64, usize, usize) -> Vec<u32>,
+struct Run<'r> {
+    functions: &'r Functions<'r>,
+    sampler: Sampler<'r, 'r>,
+    others: &'r [Other<'r>],
+    configuration: &'r Configuration<'r>,
 }
 
 /// The density's integrals.
@@ -441,13 +405,32 @@ struct Counts {
     weights: Vec<Moments>,
 }
 
-impl<D: Domain> Run<'_, '_, '_, D> {
-    fn sampler(&self) -> Calls<'_> {
+impl Run<'_> {
+    fn settings(&self) -> &Settings {
+        self.sampler.settings
+    }
+
+    fn calls(&self) -> Calls<'_> {
         self.functions.sampler(self.configuration.path, self.configuration.seed)
     }
 
     fn other(&self, which: usize) -> Calls<'_> {
         self.functions.other(which, self.configuration.path, self.configuration.seed)
+    }
+
+    /// The results of another function at points, with the lanes of its arguments.
+    fn at(&self, which: usize, points: &[u32]) -> Result<(Vec<u32>, Vec<u32>), Failure> {
+        let (value, made) = (self.configuration.value, self.others[which].made);
+        let width = self.settings().support.components();
+        self.other(which).at(points, width, &|points, lanes| made(value, points, lanes))
+    }
+
+    /// Arguments of the sampler for some samples of a stream of random numbers.
+    fn draw(&self, seed: u64, first: usize, count: usize) -> Vec<u32> {
+        let Sampler { random, arguments, .. } = self.sampler;
+        let value = self.configuration.value;
+        let given = |random: &[u32], lanes: &mut Vec<u32>| arguments(value, random, lanes);
+        draw(seed, first, count, &random.lanes(), &given)
     }
 
     /// What a function's values are off by, relative, where it reads textures that the path keeps
@@ -459,35 +442,28 @@ impl<D: Domain> Run<'_, '_, '_, D> {
     fn evidence(&self, reason: impl std::fmt::Display) -> Failure {
         let Configuration { value, index, .. } = self.configuration;
         Failure::Evidence {
-            function: self.functions.sampler.probed.function.path.clone(),
+            function: self.functions.sampler.function().path.clone(),
             reason: reason.to_string(),
             case: *index,
-            configuration: format!("{value:?}"),
+            configuration: value.shown(),
         }
     }
 
-    fn judge<X: Shareable>(
-        &self,
-        density: At<'_, X>,
-        estimate: Option<&Estimate<'_, X>>,
-    ) -> Result<Judgement, Failure> {
-        match self.judge_or_stop(density, estimate) {
+    /// Judges the samples; `estimates` says whether they are to estimate an integral.
+    fn judge(&self, estimates: bool) -> Result<Judgement, Failure> {
+        match self.judge_or_stop(estimates) {
             Ok(judgement) => Ok(judgement),
             Err(Stop::Finding(finding)) => Ok(Judgement::outright(finding)),
             Err(Stop::Failure(failure)) => Err(failure),
         }
     }
 
-    fn judge_or_stop<X: Shareable>(
-        &self,
-        density: At<'_, X>,
-        estimate: Option<&Estimate<'_, X>>,
-    ) -> Result<Judgement, Stop> {
+    fn judge_or_stop(&self, estimates: bool) -> Result<Judgement, Stop> {
         let cells = self.cells()?;
-        let masses = self.masses(cells, 0, density)?;
-        let counts = self.count(&masses.cells, density, estimate)?;
-        let integral = estimate.map(|of| self.estimate(&masses.cells, of.eval)).transpose()?;
-        let settings = self.settings;
+        let masses = self.masses(cells, 0)?;
+        let counts = self.count(&masses.cells, estimates)?;
+        let integral = estimates.then(|| self.estimate(&masses.cells)).transpose()?;
+        let settings = self.settings();
         let threshold = self.configuration.threshold;
         let mut judgement = Judgement::fitting();
         let Counts { observed, inside, left, .. } = counts;
@@ -556,10 +532,10 @@ impl<D: Domain> Run<'_, '_, '_, D> {
     }
 
     /// The power of the histogram's test, or of those of the integral, against the second density.
-    fn power<X: Shareable>(&self, at: At<'_, X>) -> Result<f64, Stop> {
-        let claimed = self.masses(self.cells()?, 0, at)?;
-        let actual = self.masses(claimed.cells.clone(), 1, at)?;
-        let settings = self.settings;
+    fn power(&self) -> Result<f64, Stop> {
+        let claimed = self.masses(self.cells()?, 0)?;
+        let actual = self.masses(claimed.cells.clone(), 1)?;
+        let settings = self.settings();
         let (samples, threshold) = (settings.samples as f64, self.configuration.threshold);
         let shares = |masses: &Masses| -> Vec<f64> {
             masses.mass.iter().map(|mass| (mass / masses.total).max(0.0)).collect()
@@ -583,13 +559,13 @@ impl<D: Domain> Run<'_, '_, '_, D> {
 
     /// The cells, laid by samples that are not judged.
     fn cells(&self) -> Result<Cells, Stop> {
-        let settings = self.settings;
+        let settings = self.settings();
         if settings.samples < FEWEST {
             let (found, needed) = (settings.samples, FEWEST);
             return Err(self.evidence(NoVerdict::TooFew { found, needed }).into());
         }
-        let sampler = self.sampler();
-        let lanes = (self.draw)(self.configuration.seed ^ PILOT_SEED, 0, PILOT);
+        let sampler = self.calls();
+        let lanes = self.draw(self.configuration.seed ^ PILOT_SEED, 0, PILOT);
         let results = sampler.call(&lanes, PILOT)?;
         let located = results.chunks_exact(sampler.words()).filter_map(|result| {
             match settings.support.locate(point(result)) {
@@ -602,51 +578,44 @@ impl<D: Domain> Run<'_, '_, '_, D> {
     }
 
     /// Integrates a density over the cells.
-    fn masses<X: Shareable>(
-        &self,
-        cells: Cells,
-        which: usize,
-        at: At<'_, X>,
-    ) -> Result<Masses, Stop> {
-        let samples = self.settings.samples as f64;
+    fn masses(&self, cells: Cells, which: usize) -> Result<Masses, Stop> {
+        let settings = self.settings();
+        let samples = settings.samples as f64;
         // Of an expected count of 0.1 nothing need be known. All cells together are also known four
         // times better than their sum is judged, however few the samples.
-        let per_root = (QUADRATURE / samples.sqrt()).min(self.settings.mass.max(1e-6) / 4.0);
+        let per_root = (QUADRATURE / samples.sqrt()).min(settings.mass.max(1e-6) / 4.0);
         let tolerance = |mass: &[f64]| per_root * mass[0].max(0.1 / samples).sqrt();
-        let calls = self.other(which);
-        let integrals = integrate(self.settings.support, &cells, 1, tolerance, |points| {
-            self.evaluate(&calls, points, at)
-        });
-        let integrals = integrals.map_err(|error| self.stop(&calls, error))?;
+        let evaluate = |points: &[[f64; 3]]| self.evaluate(which, points);
+        let integrals = integrate(settings.support, &cells, 1, tolerance, evaluate);
+        let integrals = integrals.map_err(|error| self.stop(which, error))?;
         let mass: Vec<f64> = integrals.iter().map(|cell| cell.value[0]).collect();
         let error = integrals.iter().map(|cell| cell.error * cell.error).sum::<f64>().sqrt();
         let total = mass.iter().sum();
         if !(total > 0.0) {
-            let bound = self.settings.mass;
+            let bound = settings.mass;
             return Err(Stop::Finding(Finding::Mass { integral: total, bound }));
         }
         Ok(Masses { cells, mass, total, error })
     }
 
     /// Integrates eval cos over the support.
-    fn estimate<X: Shareable>(&self, cells: &Cells, at: At<'_, X>) -> Result<CellIntegral, Stop> {
-        let calls = self.other(1);
-        let components = calls.words();
-        let support = self.settings.support;
+    fn estimate(&self, cells: &Cells) -> Result<CellIntegral, Stop> {
+        let components = self.other(1).words();
+        let support = self.settings().support;
         let integrals = integrate(
             support,
             cells,
             components,
             |known| known.iter().fold(ESTIMATE, |most, v| most.max(ESTIMATE_RELATIVE * v.abs())),
             |points| {
-                let mut values = self.evaluate(&calls, points, at)?;
+                let mut values = self.evaluate(1, points)?;
                 for (values, point) in values.chunks_exact_mut(components).zip(points) {
                     values.iter_mut().for_each(|value| *value *= point[2].abs());
                 }
                 Ok(values)
             },
         );
-        let integrals = integrals.map_err(|error| self.stop(&calls, error))?;
+        let integrals = integrals.map_err(|error| self.stop(1, error))?;
         let mut sum = CellIntegral { value: vec![0.0; components], error: 0.0 };
         for integral in integrals {
             sum.error = sum.error.hypot(integral.error);
@@ -657,11 +626,11 @@ impl<D: Domain> Run<'_, '_, '_, D> {
         Ok(sum)
     }
 
-    fn stop(&self, calls: &Calls<'_>, error: CubatureError<Stop>) -> Stop {
+    fn stop(&self, which: usize, error: CubatureError<Stop>) -> Stop {
         match error {
             CubatureError::Evaluation(stop) => stop,
             diverges @ CubatureError::Diverges { .. } => {
-                let function = &calls.probed.function.path;
+                let function = &self.functions.others[which].function().path;
                 let reason = match diverges {
                     CubatureError::Diverges { nodes } => {
                         format!(
@@ -677,22 +646,15 @@ impl<D: Domain> Run<'_, '_, '_, D> {
     }
 
     /// What a function returns at points, which has to be finite and not negative.
-    fn evaluate<X: Shareable>(
-        &self,
-        calls: &Calls<'_>,
-        points: &[[f64; 3]],
-        at: At<'_, X>,
-    ) -> Result<Vec<f64>, Stop> {
-        let components = self.settings.support.components();
-        let points: Vec<X> = points
-            .iter()
-            .map(|point| {
-                #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
-                let words = point.map(|value| (value as f32).to_bits());
-                X::load(&mut words[..components].iter())
-            })
-            .collect();
-        let (lanes, results) = calls.at(&points, at)?;
+    fn evaluate(&self, which: usize, points: &[[f64; 3]]) -> Result<Vec<f64>, Stop> {
+        let (calls, components) = (self.other(which), self.settings().support.components());
+        let mut flat = Vec::with_capacity(points.len() * components);
+        for point in points {
+            #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
+            let words = point.map(|value| (value as f32).to_bits());
+            flat.extend_from_slice(&words[..components]);
+        }
+        let (lanes, results) = self.at(which, &flat)?;
         let (words, width) = (calls.words(), lanes.len() / points.len().max(1));
         let mut values = Vec::with_capacity(results.len());
         let (mut not_finite, mut negative) = (Offence::default(), Offence::default());
@@ -713,25 +675,21 @@ impl<D: Domain> Run<'_, '_, '_, D> {
     }
 
     /// Draws the samples, and counts them by cell.
-    fn count<X: Shareable>(
-        &self,
-        cells: &Cells,
-        density: At<'_, X>,
-        estimate: Option<&Estimate<'_, X>>,
-    ) -> Result<Counts, Failure> {
-        let settings = self.settings;
-        let (sampler, pdf) = (self.sampler(), self.other(0));
+    fn count(&self, cells: &Cells, estimates: bool) -> Result<Counts, Failure> {
+        let settings = self.settings();
+        let (sampler, pdf) = (self.calls(), self.other(0));
         let mut counts = Counts { observed: vec![0; cells.len()], ..Counts::default() };
         let samples = usize::try_from(settings.samples).unwrap_or(usize::MAX);
-        if estimate.is_some() {
+        if estimates {
             counts.weights = vec![Moments::default(); self.other(1).words()];
         }
         for first in (0..samples).step_by(STRIDE) {
             let count = STRIDE.min(samples - first);
-            let lanes = (self.draw)(self.configuration.seed, first, count);
+            let lanes = self.draw(self.configuration.seed, first, count);
             let results = sampler.call(&lanes, count)?;
             let width = lanes.len() / count;
-            let mut inside: Vec<X> = Vec::with_capacity(count);
+            // Points on the support, as words, and their cosines.
+            let mut inside = Vec::with_capacity(results.len());
             let mut cosines = Vec::with_capacity(count);
             for (index, result) in results.chunks_exact(sampler.words()).enumerate() {
                 let shown = || sampler.shown(&lanes[index * width..][..width], result);
@@ -756,15 +714,15 @@ impl<D: Domain> Run<'_, '_, '_, D> {
                         continue;
                     }
                 }
-                inside.push(X::load(&mut result.iter()));
+                inside.extend_from_slice(result);
                 cosines.push(at[2].abs());
             }
-            counts.inside += inside.len() as u64;
-            if inside.is_empty() {
+            counts.inside += cosines.len() as u64;
+            if cosines.is_empty() {
                 continue;
             }
-            let (lanes, densities) = pdf.at(&inside, density)?;
-            let width = lanes.len() / inside.len();
+            let (lanes, densities) = self.at(0, &inside)?;
+            let width = lanes.len() / cosines.len();
             for (index, word) in densities.iter().enumerate() {
                 let shown = || pdf.shown(&lanes[index * width..][..width], &[*word]);
                 let value = f32::from_bits(*word);
@@ -776,29 +734,25 @@ impl<D: Domain> Run<'_, '_, '_, D> {
                     counts.impossible.add(shown);
                 }
             }
-            if let Some(estimate) = estimate {
-                self.weigh(&mut counts, &inside, estimate, &densities, &cosines)?;
+            if estimates {
+                self.weigh(&mut counts, &inside, &densities, &cosines)?;
             }
         }
         Ok(counts)
     }
 
     /// Adds eval cos / pdf of samples on the support.
-    fn weigh<X: Shareable>(
+    fn weigh(
         &self,
         counts: &mut Counts,
-        inside: &[X],
-        estimate: &Estimate<'_, X>,
+        inside: &[u32],
         densities: &[u32],
         cosines: &[f64],
     ) -> Result<(), Failure> {
         let eval = self.other(1);
-        let (lanes, results) = eval.at(inside, estimate.eval)?;
-        let weighed = match estimate.weight {
-            Some(at) => Some(self.other(2).at(inside, at)?),
-            None => None,
-        };
-        let width = lanes.len() / inside.len();
+        let (lanes, results) = self.at(1, inside)?;
+        let weighed = (self.others.len() > 2).then(|| self.at(2, inside)).transpose()?;
+        let width = lanes.len() / cosines.len();
         for (index, result) in results.chunks_exact(eval.words()).enumerate() {
             let shown = || eval.shown(&lanes[index * width..][..width], result);
             let density = f64::from(f32::from_bits(densities[index]));
@@ -806,7 +760,7 @@ impl<D: Domain> Run<'_, '_, '_, D> {
                 .iter()
                 .map(|word| f64::from(f32::from_bits(*word)) * cosines[index] / density);
             if let Some((lanes, results)) = &weighed {
-                let (width, words) = (lanes.len() / inside.len(), eval.words());
+                let (width, words) = (lanes.len() / cosines.len(), eval.words());
                 let rounding =
                     ROUNDING + (0..3).map(|which| self.half_rounding(which)).sum::<f64>();
                 let returned = &results[index * words..][..words];

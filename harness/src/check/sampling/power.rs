@@ -1,10 +1,10 @@
 //! How likely a check is to reject a sampler with a named fault.
 
-use std::fmt::Debug;
-
 use super::Samples;
-use crate::check::{Failure, Recording};
-use crate::domain::Domain;
+use super::statistic::{Numbers, number_of};
+use crate::check::Failure;
+use crate::check::plan::Recording;
+use crate::domain::{Domain, Held};
 use crate::stats::{Mean, Moments, kolmogorov_power, mean_power};
 use crate::value::{Arguments, Shareable};
 
@@ -25,9 +25,9 @@ impl Power {
     }
 
     /// Of one more. What isn't a number is the least.
-    pub(super) fn add(&mut self, power: f64, configuration: &impl Debug) {
+    pub(super) fn add(&mut self, power: f64, configuration: &Held) {
         if !(power >= self.least) {
-            *self = Self { least: power, configuration: format!("{configuration:?}") };
+            *self = Self { least: power, configuration: configuration.shown() };
         }
     }
 }
@@ -52,16 +52,24 @@ where
         slack: f64,
     ) -> Result<Power, Failure> {
         let power = std::cell::RefCell::new(Power::none());
-        let text = "power of the mean".to_owned();
-        self.numbers("mean_power_against", text, of, Recording::Off, |value, verdict| {
-            let difference = alternative(value) - expected(value);
-            verdict(&mut |numbers, _, threshold| {
-                let mut moments = Moments::default();
-                numbers.iter().for_each(|number| moments.add(*number));
-                let Mean { error, .. } = Mean::of(&moments, expected(value), slack)?;
-                let found = mean_power(difference, error, slack, threshold)?;
-                power.borrow_mut().add(found, value);
-                Ok(())
+        let numbers = Numbers {
+            check: "mean_power_against",
+            text: "power of the mean".to_owned(),
+            shape: X::shape(),
+            of: &number_of(of),
+        };
+        self.with_sampler(|sampler| {
+            numbers.judge(sampler, Recording::Off, &|value, verdict| {
+                let expected = expected(value.get());
+                let difference = alternative(value.get()) - expected;
+                verdict(&mut |numbers, _, threshold| {
+                    let mut moments = Moments::default();
+                    numbers.iter().for_each(|number| moments.add(*number));
+                    let Mean { error, .. } = Mean::of(&moments, expected, slack)?;
+                    let found = mean_power(difference, error, slack, threshold)?;
+                    power.borrow_mut().add(found, value);
+                    Ok(())
+                })
             })
         })?;
         Ok(power.into_inner())
@@ -81,14 +89,24 @@ where
         slack: f64,
     ) -> Result<Power, Failure> {
         let power = std::cell::RefCell::new(Power::none());
-        let text = "power of the distribution".to_owned();
-        self.numbers("distribution_power_against", text, of, Recording::Off, |value, verdict| {
-            verdict(&mut |numbers, _, threshold| {
-                let at = |number: &f64| (distribution(value, *number), alternative(value, *number));
-                let points: Vec<(f64, f64)> = numbers.iter().map(at).collect();
-                let found = kolmogorov_power(&points, numbers.len() as f64, slack, threshold)?;
-                power.borrow_mut().add(found, value);
-                Ok(())
+        let numbers = Numbers {
+            check: "distribution_power_against",
+            text: "power of the distribution".to_owned(),
+            shape: X::shape(),
+            of: &number_of(of),
+        };
+        self.with_sampler(|sampler| {
+            numbers.judge(sampler, Recording::Off, &|value, verdict| {
+                verdict(&mut |numbers, _, threshold| {
+                    let at = |number: &f64| {
+                        let configuration = value.get();
+                        (distribution(configuration, *number), alternative(configuration, *number))
+                    };
+                    let points: Vec<(f64, f64)> = numbers.iter().map(at).collect();
+                    let found = kolmogorov_power(&points, numbers.len() as f64, slack, threshold)?;
+                    power.borrow_mut().add(found, value);
+                    Ok(())
+                })
             })
         })?;
         Ok(power.into_inner())

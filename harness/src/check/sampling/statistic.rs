@@ -1,16 +1,42 @@
 //! Numbers made of samples: their mean, and their distribution in one dimension.
 
 use super::calls::{STRIDE, draw};
+use super::conclude;
 use super::density::Offence;
-use super::{Assertion, Configuration, Finding, Fit, Functions, Judgement, Samples};
-use super::{conclude, fit_or_panic};
-use crate::check::{Failure, Recording};
-use crate::domain::Domain;
+use super::{Assertion, Configuration, Finding, Fit, Functions, Judgement, Sampler, Samples};
+use crate::check::Failure;
+use crate::check::plan::{Recording, or_panic};
+use crate::domain::{Domain, Held};
 use crate::stats::{Kolmogorov, Mean, Moments, NoVerdict};
-use crate::value::{Arguments, Shareable};
+use crate::value::{Arguments, Shape, Shareable};
 
 /// What is asserted of the numbers of a configuration.
 type Verdict<'v> = &'v mut dyn FnMut(&[f64], &mut Judgement, f64) -> Result<(), NoVerdict>;
+
+/// Judges a configuration: it hands a verdict to what makes the numbers.
+type JudgeNumbers<'j> = &'j dyn Fn(
+    &Held,
+    &mut dyn FnMut(Verdict<'_>) -> Result<Judgement, Failure>,
+) -> Result<Judgement, Failure>;
+
+/// A number that is made of each sample.
+pub(super) struct Numbers<'n> {
+    /// The verb.
+    pub(super) check: &'static str,
+    /// What it asserts.
+    pub(super) text: String,
+    /// The type of a sample.
+    pub(super) shape: Shape,
+    /// The number, of the words of a sample.
+    pub(super) of: &'n (dyn Fn(&[u32]) -> f64 + Sync),
+}
+
+/// The number of a sample, of its words.
+pub(super) fn number_of<X: Shareable>(
+    of: impl Fn(X) -> f64 + Sync,
+) -> impl Fn(&[u32]) -> f64 + Sync {
+    move |words| of(X::load(&mut words.iter()))
+}
 
 impl<D, U, A, F> Samples<'_, D, U, A, F>
 where
@@ -42,7 +68,7 @@ where
         expected: impl Fn(&D::Value) -> f64,
         slack: f64,
     ) -> Fit {
-        fit_or_panic(self.mean(name, of, expected, slack, Recording::On))
+        or_panic(self.mean(name, of, expected, slack, Recording::On))
     }
 
     /// [`has_mean`](Self::has_mean) without the panic.
@@ -67,17 +93,11 @@ where
         slack: f64,
         recording: Recording,
     ) -> Result<Fit, Failure> {
-        self.numbers("has_mean", format!("mean of {name}"), of, recording, |value, verdict| {
-            let expected = expected(value);
-            verdict(&mut |numbers, judgement, threshold| {
-                let mut moments = Moments::default();
-                numbers.iter().for_each(|number| moments.add(*number));
-                let Mean { mean, error, p, .. } = Mean::of(&moments, expected, slack)?;
-                let of = format!("the mean of {name}");
-                judgement.test(p, threshold, || Finding::Mean { of, mean, error, expected, p });
-                Ok(())
-            })
-        })
+        let text = format!("mean of {name}");
+        let of = &number_of(of);
+        let numbers = Numbers { check: "has_mean", text, shape: X::shape(), of };
+        let expected = |value: &Held| expected(value.get());
+        self.with_sampler(|sampler| numbers.mean(sampler, name, &expected, slack, recording))
     }
 
     /// Checks the distribution of a number made of each sample, by Kolmogorov's distance to a
@@ -94,7 +114,7 @@ where
         distribution: impl Fn(&D::Value, f64) -> f64,
         slack: f64,
     ) -> Fit {
-        fit_or_panic(self.distribution(name, of, distribution, slack, Recording::On))
+        or_panic(self.distribution(name, of, distribution, slack, Recording::On))
     }
 
     /// [`has_distribution`](Self::has_distribution) without the panic.
@@ -119,8 +139,45 @@ where
         slack: f64,
         recording: Recording,
     ) -> Result<Fit, Failure> {
-        let check = "has_distribution";
-        self.numbers(check, format!("distribution of {name}"), of, recording, |value, verdict| {
+        let text = format!("distribution of {name}");
+        let of = &number_of(of);
+        let numbers = Numbers { check: "has_distribution", text, shape: X::shape(), of };
+        let share = |value: &Held, number| distribution(value.get(), number);
+        self.with_sampler(|sampler| numbers.distribution(sampler, name, &share, slack, recording))
+    }
+}
+
+impl Numbers<'_> {
+    fn mean(
+        &self,
+        sampler: Sampler<'_, '_>,
+        name: &str,
+        expected: &dyn Fn(&Held) -> f64,
+        slack: f64,
+        recording: Recording,
+    ) -> Result<Fit, Failure> {
+        self.judge(sampler, recording, &|value, verdict| {
+            let expected = expected(value);
+            verdict(&mut |numbers, judgement, threshold| {
+                let mut moments = Moments::default();
+                numbers.iter().for_each(|number| moments.add(*number));
+                let Mean { mean, error, p, .. } = Mean::of(&moments, expected, slack)?;
+                let of = format!("the mean of {name}");
+                judgement.test(p, threshold, || Finding::Mean { of, mean, error, expected, p });
+                Ok(())
+            })
+        })
+    }
+
+    fn distribution(
+        &self,
+        sampler: Sampler<'_, '_>,
+        name: &str,
+        distribution: &dyn Fn(&Held, f64) -> f64,
+        slack: f64,
+        recording: Recording,
+    ) -> Result<Fit, Failure> {
+        self.judge(sampler, recording, &|value, verdict| {
             verdict(&mut |numbers, judgement, threshold| {
                 let of_number = |number| distribution(value, number);
                 let test = Kolmogorov::of(&mut numbers.to_vec(), of_number, slack)?;
@@ -133,70 +190,63 @@ where
     }
 
     /// Makes the numbers of each configuration and hands them to a verdict.
-    pub(super) fn numbers<X: Shareable>(
+    pub(super) fn judge(
         &self,
-        check: &'static str,
-        text: String,
-        of: impl Fn(X) -> f64 + Sync,
+        sampler: Sampler<'_, '_>,
         recording: Recording,
-        judge: impl Fn(
-            &D::Value,
-            &mut dyn FnMut(Verdict<'_>) -> Result<Judgement, Failure>,
-        ) -> Result<Judgement, Failure>,
+        judge: JudgeNumbers<'_>,
     ) -> Result<Fit, Failure> {
-        let Self { plan, settings, arguments, .. } = self;
-        let assertion = Assertion { check, text, tests: 1 };
-        let expect = |functions: &Functions<'_, '_, D>| {
-            functions.sampler(0, 0).expect_random::<U>()?;
-            functions.sampler.expect_result(&X::shape(), "the number is made of", None)
+        let assertion = Assertion { check: self.check, text: self.text.clone(), tests: 1 };
+        let expect = |functions: &Functions<'_>| {
+            functions.sampler(0, 0).expect_random(sampler.random)?;
+            functions.sampler.expect_result(&self.shape, "the number is made of")
         };
-        let functions = (A::shapes(), Vec::new());
-        conclude(
-            plan,
-            settings,
-            &assertion,
-            functions,
-            recording,
-            expect,
-            |functions, configuration| {
-                let Configuration { value, index, path, seed, threshold } = *configuration;
-                let sampler = functions.sampler(path, seed);
-                let samples = usize::try_from(settings.samples).unwrap_or(usize::MAX);
-                let (mut numbers, mut not_finite) = (Vec::new(), Offence::default());
-                for first in (0..samples).step_by(STRIDE) {
-                    let count = STRIDE.min(samples - first);
-                    let lanes = draw(seed, first, count, |u| arguments(value, u));
-                    let results = sampler.call(&lanes, count)?;
-                    let width = lanes.len() / count;
-                    for (index, result) in results.chunks_exact(sampler.words()).enumerate() {
-                        let number = of(X::load(&mut result.iter()));
-                        if number.is_finite() {
-                            numbers.push(number);
-                        } else {
-                            not_finite
-                                .add(|| sampler.shown(&lanes[index * width..][..width], result));
-                        }
-                    }
-                }
-                let finding = not_finite.finding(|count, call| Finding::NotFinite { count, call });
-                if let Some(finding) = finding {
-                    return Ok(Judgement {
-                        findings: vec![finding],
-                        p: 0.0,
-                        ..Judgement::fitting()
-                    });
-                }
-                judge(value, &mut |verdict| {
-                    let mut judgement = Judgement::fitting();
-                    let judged = verdict(&numbers, &mut judgement, threshold);
-                    judged.map(|()| judgement).map_err(|none| Failure::Evidence {
-                        function: functions.sampler.probed.function.path.clone(),
-                        reason: none.to_string(),
-                        case: index,
-                        configuration: format!("{value:?}"),
-                    })
+        conclude(sampler, &assertion, &[], recording, &expect, &mut |functions, configuration| {
+            let Configuration { value, index, threshold, .. } = *configuration;
+            let (numbers, not_finite) = self.of_samples(sampler, functions, configuration)?;
+            let finding = not_finite.finding(|count, call| Finding::NotFinite { count, call });
+            if let Some(finding) = finding {
+                return Ok(Judgement { findings: vec![finding], p: 0.0, ..Judgement::fitting() });
+            }
+            judge(value, &mut |verdict| {
+                let mut judgement = Judgement::fitting();
+                let judged = verdict(&numbers, &mut judgement, threshold);
+                judged.map(|()| judgement).map_err(|none| Failure::Evidence {
+                    function: functions.sampler.function().path.clone(),
+                    reason: none.to_string(),
+                    case: index,
+                    configuration: value.shown(),
                 })
-            },
-        )
+            })
+        })
+    }
+
+    /// The numbers of a configuration's samples, and calls that gave none.
+    fn of_samples(
+        &self,
+        Sampler { settings, random, arguments, .. }: Sampler<'_, '_>,
+        functions: &Functions<'_>,
+        Configuration { value, path, seed, .. }: &Configuration<'_>,
+    ) -> Result<(Vec<f64>, Offence), Failure> {
+        let sampler = functions.sampler(*path, *seed);
+        let random = random.lanes();
+        let samples = usize::try_from(settings.samples).unwrap_or(usize::MAX);
+        let (mut numbers, mut not_finite) = (Vec::new(), Offence::default());
+        for first in (0..samples).step_by(STRIDE) {
+            let count = STRIDE.min(samples - first);
+            let given = |random: &[u32], lanes: &mut Vec<u32>| arguments(value, random, lanes);
+            let lanes = draw(*seed, first, count, &random, &given);
+            let results = sampler.call(&lanes, count)?;
+            let width = lanes.len() / count;
+            for (index, result) in results.chunks_exact(sampler.words()).enumerate() {
+                let number = (self.of)(result);
+                if number.is_finite() {
+                    numbers.push(number);
+                } else {
+                    not_finite.add(|| sampler.shown(&lanes[index * width..][..width], result));
+                }
+            }
+        }
+        Ok((numbers, not_finite))
     }
 }

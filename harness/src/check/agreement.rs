@@ -1,0 +1,102 @@
+//! Results that agree with a reference.
+
+use super::plan::{Plan, Recording, or_panic};
+use super::session::{Asserted, Demand, Expect};
+use super::tally::compare;
+use super::{Agreement, Check, Failure, Reference};
+use crate::domain::{Domain, Stream};
+use crate::tolerance::Tolerance;
+use crate::value::{Arguments, Shape};
+
+/// What a reference says of rows of arguments.
+pub(super) struct Expected<'e> {
+    /// The type that it returns.
+    pub(super) shape: Shape,
+    pub(super) expect: Expect<'e>,
+}
+
+/// Hands a reference to what is compiled once.
+pub(super) fn with_reference<A: Arguments, T>(
+    reference: &impl Reference<A>,
+    then: impl FnOnce(Expected<'_>) -> T,
+) -> T {
+    then(Expected {
+        shape: reference.shape(),
+        expect: &|rows, lanes| {
+            for row in rows.iter() {
+                reference.expect(&A::load_all(&mut row.iter()), lanes);
+            }
+        },
+    })
+}
+
+impl<D: Domain> Check<'_, D>
+where
+    D::Value: Arguments,
+{
+    /// Checks that the function agrees with a reference to within a tolerance.
+    ///
+    /// The reference receives the very `f32` values that the shader gets, widened to `f64`.
+    ///
+    /// # Panics
+    /// With the [`Failure`], if a case disagrees or nothing could be compared.
+    #[track_caller]
+    pub fn agrees_with(
+        self,
+        reference: impl Reference<D::Value>,
+        tolerance: impl Into<Tolerance>,
+    ) -> Agreement {
+        or_panic(self.compare(reference, tolerance.into(), Recording::On))
+    }
+
+    /// [`agrees_with`](Self::agrees_with) without the panic.
+    ///
+    /// # Errors
+    /// If a case disagrees or nothing could be compared.
+    pub fn try_agrees_with(
+        self,
+        reference: impl Reference<D::Value>,
+        tolerance: impl Into<Tolerance>,
+    ) -> Result<Agreement, Failure> {
+        self.compare(reference, tolerance.into(), Recording::Off)
+    }
+
+    fn compare(
+        self,
+        reference: impl Reference<D::Value>,
+        tolerance: Tolerance,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        with_reference(&reference, |expected| {
+            self.plan.agrees(&self.stream(), &Self::demand(), &expected, tolerance, recording)
+        })
+    }
+}
+
+impl Plan<'_> {
+    fn agrees(
+        &self,
+        stream: &dyn Stream,
+        demand: &Demand,
+        expected: &Expected<'_>,
+        tolerance: Tolerance,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let tolerances = self.tolerances(tolerance);
+        let asserted = Asserted { check: "agrees_with", text: tolerances.general.to_string() };
+        self.conclude(&asserted, stream, demand, recording, &mut |session| {
+            session.called.expect_result(&expected.shape, "the reference returns")?;
+            tolerances.expect_usable(session)?;
+            let (scalars, tolerances) = (session.called.scalars(), tolerances.of_paths(session));
+            session.run(&mut |batch, dispatches| {
+                // The device works on the dispatches meanwhile.
+                let expected = session.expected(batch, batch.rows(), expected.expect)?;
+                let of = |case: usize| &expected[case * scalars.len()..][..scalars.len()];
+                let expect = |_, case: usize| Some(of(case).to_vec());
+                session.judge(batch, dispatches, expect, |path, case, actual| {
+                    compare(&scalars, actual, of(case), tolerances[path])
+                })
+            })
+        })
+    }
+}

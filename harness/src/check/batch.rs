@@ -1,0 +1,91 @@
+//! Rows of cases: those of one dispatch, and parts of them.
+
+use std::borrow::Cow;
+use std::ops::Range;
+
+/// Rows of equal width, one after the other.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rows<'r> {
+    words: &'r [u32],
+    width: usize,
+    count: usize,
+}
+
+impl<'r> Rows<'r> {
+    /// `count` rows of `width` words, which may be none.
+    pub(super) fn new(words: &'r [u32], width: usize, count: usize) -> Self {
+        assert_eq!(words.len(), width * count, "rows have equal widths");
+        Self { words, width, count }
+    }
+
+    pub(super) fn len(self) -> usize {
+        self.count
+    }
+
+    pub(super) fn of(self, row: usize) -> &'r [u32] {
+        &self.words[row * self.width..][..self.width]
+    }
+
+    pub(super) fn iter(self) -> impl Iterator<Item = &'r [u32]> {
+        (0..self.count).map(move |row| self.of(row))
+    }
+
+    pub(super) fn part(self, rows: Range<usize>) -> Self {
+        let words = &self.words[rows.start * self.width..rows.end * self.width];
+        Self::new(words, self.width, rows.len())
+    }
+}
+
+/// The cases of one dispatch.
+#[derive(Clone, Debug)]
+pub(super) struct Batch {
+    /// Index of the first case.
+    pub(super) first: u64,
+    pub(super) cases: usize,
+    rows: Vec<u32>,
+    width: usize,
+    /// Words of a row that are arguments of the function. What is behind them is the check's own.
+    words: usize,
+}
+
+impl Batch {
+    pub(super) fn new(
+        first: u64,
+        rows: Vec<u32>,
+        cases: usize,
+        width: usize,
+        words: usize,
+    ) -> Self {
+        assert!(rows.len() == width * cases && words <= width, "rows hold the arguments");
+        Self { first, cases, rows, width, words }
+    }
+
+    pub(super) fn rows(&self) -> Rows<'_> {
+        Rows::new(&self.rows, self.width, self.cases)
+    }
+
+    /// The arguments of a case.
+    pub(super) fn arguments(&self, case: usize) -> &[u32] {
+        &self.rows().of(case)[..self.words]
+    }
+
+    /// What the check draws of a case besides its arguments.
+    pub(super) fn companion(&self, case: usize) -> &[u32] {
+        &self.rows().of(case)[self.words..]
+    }
+
+    /// The arguments of all cases, as a kernel takes them.
+    pub(super) fn lanes(&self) -> Cow<'_, [u32]> {
+        if self.width == self.words {
+            return Cow::Borrowed(&self.rows);
+        }
+        let mut lanes = Vec::with_capacity(self.cases * self.words);
+        self.rows().iter().for_each(|row| lanes.extend_from_slice(&row[..self.words]));
+        Cow::Owned(lanes)
+    }
+
+    /// Other arguments for the same cases.
+    pub(super) fn with_lanes<'l>(&self, lanes: &'l [u32]) -> Rows<'l> {
+        Rows::new(lanes, self.words, self.cases)
+    }
+}

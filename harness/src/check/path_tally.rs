@@ -1,0 +1,82 @@
+//! What the cases of each path add up to, with what is shown of the failing ones.
+
+use super::tally::{Shown, Tally};
+use super::{CaseFailure, Simplest};
+use crate::path::{Adapter, Device, Path};
+use crate::record::PathRecord;
+
+/// One path's sum, and what is needed to show its failures.
+pub(super) struct PathTally {
+    pub(super) adapter: Adapter,
+    pub(super) path: Path,
+    pub(super) tally: Tally,
+    pub(super) worst: Option<CaseFailure>,
+    pub(super) first: Option<CaseFailure>,
+    pub(super) simplest: Option<Simplest>,
+    /// Nodes of all integrals; 0 for other checks.
+    nodes: u64,
+}
+
+impl PathTally {
+    /// A path's sum with its failures, which `show` describes.
+    pub(super) fn new(device: &Device, tally: Tally, show: impl Fn(Shown) -> CaseFailure) -> Self {
+        let failing = tally.census.failures > 0;
+        Self {
+            adapter: device.adapter().clone(),
+            path: device.path(),
+            worst: tally.worst.filter(|_| failing).map(&show),
+            first: tally.first.map(&show),
+            simplest: None,
+            tally,
+            nodes: 0,
+        }
+    }
+
+    pub(super) fn with_nodes(self, nodes: u64) -> Self {
+        Self { nodes, ..self }
+    }
+
+    pub(super) fn fails(&self) -> bool {
+        self.tally.census.failures > 0
+    }
+
+    pub(super) fn record(&self, asserted: &str) -> PathRecord {
+        let worst = self.tally.worst.map(|worst| worst.judged.measure);
+        PathRecord {
+            adapter: self.adapter.clone(),
+            cases: self.tally.census.cases,
+            failures: self.tally.census.failures,
+            worst: worst.map_or_else(String::new, |measure| measure.to_string()),
+            ratio: worst.map(|measure| measure.ratio).filter(|ratio| ratio.is_finite()),
+            asserted: match self.nodes {
+                0 => asserted.to_owned(),
+                nodes => format!("{asserted} ({nodes} nodes)"),
+            },
+            known_issue: None,
+        }
+    }
+
+    fn merge(self, other: Self) -> Self {
+        let tally = self.tally.merge(other.tally);
+        let pick = |shown: Option<Shown>, a: Option<CaseFailure>, b: Option<CaseFailure>| {
+            let case = shown.map(|shown| shown.case);
+            [a, b].into_iter().flatten().find(|failure| Some(failure.case) == case)
+        };
+        let worst = tally.worst.filter(|_| tally.census.failures > 0);
+        Self {
+            worst: pick(worst, self.worst, other.worst),
+            first: pick(tally.first, self.first, other.first),
+            tally,
+            nodes: self.nodes + other.nodes,
+            ..self
+        }
+    }
+
+    /// Adds the sums of later cases to those of earlier ones, path by path.
+    pub(super) fn merge_all(sums: Vec<Self>, tallies: Vec<Self>) -> Vec<Self> {
+        if sums.is_empty() {
+            return tallies;
+        }
+        sums.into_iter().zip(tallies).map(|(a, b)| a.merge(b)).collect()
+    }
+}

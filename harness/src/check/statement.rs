@@ -1,0 +1,100 @@
+//! Statements that hold for each case's arguments and result.
+
+use super::plan::{Plan, Recording, or_panic};
+use super::session::{Asserted, Demand};
+use super::tally::finite;
+use super::{Agreement, Check, Failure, tolerances};
+use crate::domain::{Domain, Stream};
+use crate::tolerance::Measure;
+use crate::value::{Arguments, Shape, Shareable};
+
+/// Whether a statement holds for the words of arguments and result.
+type Holds<'h> = &'h (dyn Fn(&[u32], &[u32]) -> bool + Sync);
+
+impl<D: Domain> Check<'_, D>
+where
+    D::Value: Arguments,
+{
+    /// Checks that a statement holds for each case's arguments and result.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// SHADERS.function("fresnel::schlick")
+    ///     .over((UnitRgb, 0.0..=1.0))
+    ///     .satisfies("lies between f0 and 1", |(f0, _), f: glam::Vec3| {
+    ///         f.cmpge(f0).all() && f.cmple(glam::Vec3::ONE).all()
+    ///     });
+    /// ```
+    ///
+    /// A result with a component that is NaN or infinite fails, whatever the statement says.
+    ///
+    /// # Panics
+    /// With the [`Failure`], if a case doesn't satisfy it or nothing could be checked.
+    #[track_caller]
+    pub fn satisfies<R: Shareable>(
+        self,
+        statement: &str,
+        holds: impl Fn(D::Value, R) -> bool + Sync,
+    ) -> Agreement {
+        or_panic(self.judge(statement, holds, Recording::On))
+    }
+
+    /// [`satisfies`](Self::satisfies) without the panic.
+    ///
+    /// # Errors
+    /// If a case doesn't satisfy the statement or nothing could be checked.
+    pub fn try_satisfies<R: Shareable>(
+        self,
+        statement: &str,
+        holds: impl Fn(D::Value, R) -> bool + Sync,
+    ) -> Result<Agreement, Failure> {
+        self.judge(statement, holds, Recording::Off)
+    }
+
+    fn judge<R: Shareable>(
+        self,
+        statement: &str,
+        holds: impl Fn(D::Value, R) -> bool + Sync,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let holds = |arguments: &[u32], result: &[u32]| {
+            holds(D::Value::load_all(&mut arguments.iter()), R::load(&mut result.iter()))
+        };
+        let (stream, demand) = (&self.stream(), &Self::demand());
+        self.plan.satisfies(stream, demand, statement, (&R::shape(), &holds), recording)
+    }
+}
+
+impl Plan<'_> {
+    fn satisfies(
+        &self,
+        stream: &dyn Stream,
+        demand: &Demand,
+        statement: &str,
+        (shape, holds): (&Shape, Holds<'_>),
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let asserted = Asserted { check: "satisfies", text: statement.to_owned() };
+        self.conclude(&asserted, stream, demand, recording, &mut |session| {
+            tolerances::expect_none(&self.tolerance_on, session)?;
+            session.called.expect_result(shape, "the statement takes")?;
+            let scalars = session.called.scalars();
+            session.run(&mut |batch, dispatches| {
+                session.judge(
+                    batch,
+                    dispatches,
+                    |_, _| None,
+                    |_, case, actual| {
+                        let mut judged = finite(&scalars, actual);
+                        if judged.measure.passes() {
+                            judged.measure =
+                                Measure::statement(holds(batch.arguments(case), actual));
+                        }
+                        judged
+                    },
+                )
+            })
+        })
+    }
+}

@@ -1,0 +1,360 @@
+//! Cases without their types: rows of words, and values that only the closures of a check know.
+//!
+//! What draws, runs, compares and simplifies cases is compiled once. It knows a [`Stream`], which
+//! may be a domain of Rust types ([`Typed`], compiled for each of them) or one that is made at run
+//! time. A row holds the lanes of a case's arguments, one after the other.
+
+use std::any::Any;
+use std::fmt::Debug;
+use std::ops::Range;
+use std::sync::{Arc, OnceLock};
+
+use super::{Domain, Origin, Shrinkable, Source};
+use crate::value::{Arguments, Shape};
+
+/// A domain without the type of its values.
+pub(crate) trait Stream: Sync {
+    /// Words of a row; 0 where values aren't made of words.
+    fn width(&self) -> usize;
+
+    /// Number of values of a finite domain.
+    fn size(&self) -> Option<u64>;
+
+    /// See [`Domain::is_empty`].
+    fn is_empty(&self) -> bool;
+
+    /// How many edges there are.
+    fn edges(&self) -> usize;
+
+    /// Appends the row of a value; `false` if there is no such value.
+    fn row(&self, origin: Origin<'_>, rows: &mut Vec<u32>) -> bool;
+
+    /// Appends the rows of some cases, up to the first that has no value. Returns how many had one.
+    fn rows(&self, cases: &Numbering, range: Range<u64>, rows: &mut Vec<u32>) -> u64 {
+        let has_none = |index: &u64| {
+            let mut source = cases.source(*index);
+            !self.row(cases.origin(*index, &mut source), rows)
+        };
+        let Range { start, end } = range.clone();
+        range.into_iter().find(has_none).unwrap_or(end) - start
+    }
+
+    /// A value with its row.
+    fn value(&self, origin: Origin<'_>) -> Option<Held>;
+
+    /// A value, and the simpler ones next to it.
+    fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Held>>;
+
+    /// Whether the domain has a value of this row; `None` if it can't tell.
+    fn admits(&self, row: &[u32]) -> Option<bool>;
+
+    /// The rows of simpler values than this one, the simplest first.
+    fn shrink(&self, row: &[u32]) -> Vec<Vec<u32>>;
+
+    /// A row as its Rust value is shown.
+    fn show(&self, row: &[u32]) -> String;
+}
+
+/// A value whose type is known where it is used.
+#[derive(Clone, Debug)]
+pub(crate) struct Held {
+    value: Arc<dyn Value>,
+    /// Its words; none where it isn't made of words.
+    pub(crate) row: Vec<u32>,
+}
+
+trait Value: Any + Debug + Send + Sync {}
+
+impl<T: Any + Debug + Send + Sync> Value for T {}
+
+impl Held {
+    fn of<V: Debug + Send + Sync + 'static>(value: V, row: Vec<u32>) -> Self {
+        Self { value: Arc::new(value), row }
+    }
+
+    /// The value.
+    ///
+    /// # Panics
+    /// If it has another type: the closures of a check get the values of its own domain.
+    pub(crate) fn get<V: 'static>(&self) -> &V {
+        let value: &dyn Any = &*self.value;
+        value.downcast_ref().expect("a check's closures know the type of its values")
+    }
+
+    /// As `Debug` shows it.
+    pub(crate) fn shown(&self) -> String {
+        format!("{:?}", self.value)
+    }
+
+    /// The same with more words in its row.
+    pub(crate) fn with(&self, words: &[u32]) -> Self {
+        Self { value: Arc::clone(&self.value), row: [&*self.row, words].concat() }
+    }
+}
+
+/// Which value of a domain each case is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Numbering {
+    pub(crate) seed: u64,
+    pub(crate) count: u64,
+    /// Edges that are cases.
+    edges: usize,
+    /// Whether case i is the domain's value i.
+    enumerated: bool,
+}
+
+impl Numbering {
+    /// All of a finite domain that has at most `enumerated` values, else `limit` cases: edges, up
+    /// to half of them, then draws.
+    pub(crate) fn of(stream: &dyn Stream, seed: u64, limit: u64, enumerated: u64) -> Self {
+        match stream.size() {
+            Some(count) if count <= enumerated => Self { seed, count, edges: 0, enumerated: true },
+            _ => {
+                let most = usize::try_from(limit / 2).unwrap_or(usize::MAX);
+                let edges = stream.edges().min(most);
+                Self { seed, count: limit, edges, enumerated: false }
+            }
+        }
+    }
+
+    /// The same cases under another seed.
+    pub(crate) fn with_seed(&self, seed: u64) -> Self {
+        Self { seed, ..*self }
+    }
+
+    /// The random numbers of a case.
+    pub(crate) fn source(&self, index: u64) -> Source {
+        Source::new(self.seed, index)
+    }
+
+    /// Where a case comes from. `source` is the case's own.
+    pub(crate) fn origin<'s>(&self, index: u64, source: &'s mut Source) -> Origin<'s> {
+        let edge = usize::try_from(index).ok().filter(|index| *index < self.edges);
+        match edge {
+            _ if self.enumerated => Origin::Nth(index),
+            Some(edge) => Origin::Edge(edge),
+            None => Origin::Draw(source),
+        }
+    }
+}
+
+/// A domain of Rust values as a stream.
+#[derive(Debug)]
+pub(crate) struct Typed<'a, D: Domain> {
+    domain: &'a D,
+    edges: OnceLock<Vec<D::Value>>,
+    words: Option<Words<D::Value>>,
+    hold: fn(D::Value) -> Held,
+}
+
+/// How values are made of words.
+#[derive(Debug)]
+struct Words<V> {
+    shapes: fn() -> Vec<Shape>,
+    store: fn(&V, &mut Vec<u32>),
+    load: fn(&[u32]) -> V,
+}
+
+impl<'a, D: Domain> Typed<'a, D> {
+    /// A domain of anything: its rows are empty.
+    pub(crate) fn values(domain: &'a D) -> Self {
+        Self { domain, edges: OnceLock::new(), words: None, hold: |value| Held::of(value, vec![]) }
+    }
+
+    /// A domain of arguments.
+    pub(crate) fn arguments(domain: &'a D) -> Self
+    where
+        D::Value: Arguments,
+    {
+        let words = Words {
+            shapes: D::Value::shapes,
+            store: D::Value::store_all,
+            load: |row| D::Value::load_all(&mut row.iter()),
+        };
+        let hold = |value: D::Value| {
+            let mut row = Vec::new();
+            value.store_all(&mut row);
+            Held::of(value, row)
+        };
+        Self { domain, edges: OnceLock::new(), words: Some(words), hold }
+    }
+
+    fn of(&self, origin: Origin<'_>) -> Option<D::Value> {
+        match origin {
+            Origin::Nth(index) => self.domain.nth(index),
+            Origin::Edge(index) => self.all_edges().get(index).cloned(),
+            Origin::Draw(source) => self.domain.draw(source),
+        }
+    }
+
+    fn all_edges(&self) -> &[D::Value] {
+        self.edges.get_or_init(|| self.domain.edges())
+    }
+}
+
+impl<D: Domain> Stream for Typed<'_, D> {
+    fn width(&self) -> usize {
+        let shapes = self.words.as_ref().map(|words| (words.shapes)()).unwrap_or_default();
+        shapes.iter().map(|shape| shape.lanes().len()).sum()
+    }
+
+    fn size(&self) -> Option<u64> {
+        self.domain.size()
+    }
+
+    fn is_empty(&self) -> bool {
+        self.domain.is_empty()
+    }
+
+    fn edges(&self) -> usize {
+        self.all_edges().len()
+    }
+
+    fn row(&self, origin: Origin<'_>, rows: &mut Vec<u32>) -> bool {
+        let Some(value) = self.of(origin) else { return false };
+        if let Some(words) = &self.words {
+            (words.store)(&value, rows);
+        }
+        true
+    }
+
+    fn value(&self, origin: Origin<'_>) -> Option<Held> {
+        self.of(origin).map(self.hold)
+    }
+
+    fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Held>> {
+        Some(self.domain.shrinkable(origin)?.map(&self.hold))
+    }
+
+    fn admits(&self, row: &[u32]) -> Option<bool> {
+        let words = self.words.as_ref()?;
+        self.domain.admits(&(words.load)(row))
+    }
+
+    fn shrink(&self, row: &[u32]) -> Vec<Vec<u32>> {
+        let Some(words) = &self.words else { return Vec::new() };
+        let stored = |value: &D::Value| {
+            let mut row = Vec::new();
+            (words.store)(value, &mut row);
+            row
+        };
+        self.domain.shrink(&(words.load)(row)).iter().map(stored).collect()
+    }
+
+    fn show(&self, row: &[u32]) -> String {
+        self.words.as_ref().map_or_else(String::new, |words| format!("{:?}", (words.load)(row)))
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// The cases of a domain, with their types.
+    pub(in crate::domain) struct Cases<'a, D: Domain> {
+        typed: Typed<'a, D>,
+        numbering: Numbering,
+    }
+
+    impl<'a, D: Domain> Cases<'a, D> {
+        pub(in crate::domain) fn new(
+            domain: &'a D,
+            seed: u64,
+            limit: u64,
+            enumerated: u64,
+        ) -> Self {
+            let typed = Typed::values(domain);
+            let numbering = Numbering::of(&typed, seed, limit, enumerated);
+            Self { typed, numbering }
+        }
+
+        pub(in crate::domain) fn count(&self) -> u64 {
+            self.numbering.count
+        }
+
+        pub(in crate::domain) fn get(&self, index: u64) -> Option<D::Value> {
+            self.typed.of(self.numbering.origin(index, &mut self.numbering.source(index)))
+        }
+
+        pub(in crate::domain) fn shrinkable(&self, index: u64) -> Option<Shrinkable<'a, D::Value>> {
+            let mut source = self.numbering.source(index);
+            self.typed.domain.shrinkable(self.numbering.origin(index, &mut source))
+        }
+    }
+
+    /// A domain that is made at run time, of a range of integers: no Rust type of it is known.
+    struct Listed(Vec<u32>);
+
+    impl Stream for Listed {
+        fn width(&self) -> usize {
+            1
+        }
+        fn size(&self) -> Option<u64> {
+            Some(self.0.len() as u64)
+        }
+        fn is_empty(&self) -> bool {
+            self.0.is_empty()
+        }
+        fn edges(&self) -> usize {
+            0
+        }
+        fn row(&self, origin: Origin<'_>, rows: &mut Vec<u32>) -> bool {
+            let index = match origin {
+                Origin::Nth(index) => index,
+                Origin::Edge(_) => return false,
+                Origin::Draw(source) => source.below(self.0.len() as u64),
+            };
+            let word = usize::try_from(index).ok().and_then(|index| self.0.get(index));
+            rows.extend(word);
+            word.is_some()
+        }
+        fn value(&self, origin: Origin<'_>) -> Option<Held> {
+            let mut row = Vec::new();
+            self.row(origin, &mut row).then(|| Held::of((), row))
+        }
+        fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Held>> {
+            Some(Shrinkable::new(self.value(origin)?, Vec::new))
+        }
+        fn admits(&self, row: &[u32]) -> Option<bool> {
+            Some(row.len() == 1 && self.0.contains(&row[0]))
+        }
+        fn shrink(&self, _: &[u32]) -> Vec<Vec<u32>> {
+            Vec::new()
+        }
+        fn show(&self, row: &[u32]) -> String {
+            format!("{row:?}")
+        }
+    }
+
+    #[test]
+    fn rows_end_at_the_first_case_without_a_value() {
+        let listed = Listed(vec![7, 8, 9]);
+        let numbering = Numbering::of(&listed, 1, 10, 10);
+        let mut rows = Vec::new();
+        assert_eq!((numbering.count, listed.rows(&numbering, 1..3, &mut rows)), (3, 2));
+        assert_eq!((listed.rows(&numbering, 2..5, &mut rows), rows), (1, vec![8, 9, 9]));
+        let nothing = (0.0..=1.0_f32).filter(|_| false);
+        let typed = Typed::arguments(&nothing);
+        let numbering = Numbering::of(&typed, 1, 10, 10);
+        assert_eq!(typed.rows(&numbering, 0..10, &mut Vec::new()), 0);
+    }
+
+    #[test]
+    fn rows_are_the_lanes_of_the_same_values() {
+        let domain = (-1.0..=1.0_f32, super::super::Integers(0..=9_u32));
+        let typed = Typed::arguments(&domain);
+        let numbering = Numbering::of(&typed, 3, 100, 10);
+        let (cases, mut rows) = (Cases::new(&domain, 3, 100, 10), Vec::new());
+        assert_eq!(typed.rows(&numbering, 0..100, &mut rows), 100);
+        assert_eq!((typed.width(), rows.len()), (2, 200));
+        for (index, row) in (0..).zip(rows.chunks_exact(2)) {
+            let value = cases.get(index).expect("it draws");
+            assert_eq!(row, [value.0.to_bits(), value.1]);
+            let held = typed.value(numbering.origin(index, &mut numbering.source(index)));
+            let held = held.expect("it draws");
+            assert_eq!((held.get::<(f32, u32)>(), &*held.row), (&value, row));
+            assert_eq!((held.shown(), typed.show(row)), (format!("{value:?}"), held.shown()));
+            assert_eq!((typed.admits(row), typed.admits(&[0, 10])), (Some(true), Some(false)));
+        }
+    }
+}
