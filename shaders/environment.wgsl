@@ -131,17 +131,12 @@ fn parallax_box(
 /// As `parallax_box`, but what surrounds both points is the sphere about `centre`; `position` lies
 /// in it.
 ///
-/// The positive root of |q + t d| = r with q from the centre. Where the ray leaves the sphere,
-/// sqrt(b^2 + c) - b would cancel, so c is divided by the sum of the same terms.
+/// The positive root of |q + t d| = r with q from the centre: sqrt(b^2 + c) - b. Near the sphere it
+/// cancels, by no more than the rounding of q, to which it is added.
 fn parallax_sphere(position: vec3f, direction: vec3f, centre: vec3f, radius: f32) -> vec3f {
     let q = position - centre;
     let away = length(q);
     let b = dot(q, direction);
     let c = (radius - away) * (radius + away);
-    let root = sqrt(b * b + c);
-    var hit = root - b;
-    if (b > 0.0) {
-        hit = c / (root + b);
-    }
-    return q + hit * direction;
+    return q + (sqrt(b * b + c) - b) * direction;
 }

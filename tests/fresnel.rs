@@ -97,6 +97,13 @@ fn complex_root() {
     PBR.function("fresnel::complex_root").over(normal).agrees_with(root, Ulp(12.0).or(Abs(1e-15)));
 }
 
+/// At the critical angle of a metal that absorbs nothing: neither part divides by the other.
+#[test]
+fn complex_root_of_nothing() {
+    let root = |_: DVec2| DVec2::ZERO;
+    PBR.function("fresnel::complex_root").over(Just(Vec2::ZERO)).agrees_with(root, Ulp(0.0));
+}
+
 /// Without absorption it is the dielectric, whose reference has other formulas.
 #[test]
 fn conductor_without_absorption_is_a_dielectric() {

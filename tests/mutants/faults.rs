@@ -1342,16 +1342,6 @@ pub(crate) const FAULTS: &[Fault] = &[
 pub(crate) const SURVIVORS: &[(Fault, &str)] = &[
     (
         fault(
-            "environment",
-            Kind::Digits,
-            "if (b > 0.0)",
-            "if (b > 1e9)",
-            "environment::parallax_sphere",
-        ),
-        "what cancels in the way is no more than the rounding of the point that it is added to",
-    ),
-    (
-        fault(
             "fresnel",
             Kind::Clamp,
             "pow5(abs(1.0 - v_dot_h))",
