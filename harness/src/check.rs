@@ -13,13 +13,10 @@ mod companion;
 mod conclusion;
 mod disagreement;
 mod equivariance;
-mod identity;
 mod inputs;
 mod integral;
 mod invariance;
-mod known_issue;
 mod limit;
-mod memory;
 mod mismatch;
 mod monotone;
 mod parallel;
@@ -29,7 +26,6 @@ mod property;
 mod quadrature;
 mod recall;
 mod reference;
-pub(crate) mod replay;
 mod sampling;
 mod session;
 mod shrink;
@@ -42,16 +38,12 @@ pub use argument::Argument;
 pub use disagreement::{
     CaseFailure, Disagreement, IntegralFailure, NodeFailure, PathDisagreement, Simplest,
 };
-pub(crate) use identity::{Identity, test};
 pub use integral::Integral;
-pub use known_issue::KnownIssue;
-pub(crate) use known_issue::KnownIssues;
 pub use limit::Limit;
 pub use monotone::Direction;
 use plan::Plan;
 pub use quadrature::Directions;
 pub use reference::Reference;
-pub use replay::NotReplayed;
 pub use sampling::{
     ConfigurationRejection, Finding, Fit, PathRejection, Power, Rejection, Samples,
 };

@@ -14,7 +14,6 @@ use std::collections::BTreeMap;
 pub use expectation::FrameMean;
 pub use mesh::{Attribute, Mesh};
 
-use crate::check::{KnownIssue, KnownIssues, NotReplayed};
 use crate::diagnostic::Diagnostic;
 use crate::fixture::{Fixture, FixtureError, Fixtures};
 use crate::golden::{FrameMargin, FrameTolerance, GoldenError};
@@ -22,7 +21,9 @@ use crate::image::Image;
 use crate::metric::{Mask, MaskError, Rect};
 use crate::package::Package;
 use crate::path::{self, Adapter, Path, PathError};
+use crate::record::Verdict;
 use crate::reflect::{ReflectError, Stage};
+use crate::run::{Concluded, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passes};
 use crate::settings::SettingsError;
 use crate::tolerance::Measure;
 
@@ -147,7 +148,7 @@ pub enum FrameError {
     Rectangle(MaskError),
     /// A path agrees that is declared to fail.
     #[error(
-        "`{case}` matches its golden on {path}, where it is declared to fail: {reason}\n\
+        "`{case}` is as it should be on {path}, where it is declared to fail: {reason}\n\
          the bug is gone, or hidden: remove `.fails_on(...)`"
     )]
     UnexpectedPass {
@@ -184,6 +185,61 @@ pub enum FrameError {
         /// What is wrong.
         source: Box<GoldenError>,
     },
+}
+
+impl FrameError {
+    fn passes(case: &str, Passes { path, reason }: Passes) -> Self {
+        Self::UnexpectedPass { case: case.to_owned(), path, reason }
+    }
+}
+
+impl From<NotBegun> for FrameError {
+    fn from(error: NotBegun) -> Self {
+        match error {
+            NotBegun::Settings(error) => Self::Settings(error),
+            NotBegun::NotReplayed(error) => Self::NotReplayed(error),
+        }
+    }
+}
+
+/// A verdict about a frame, with what is known to fail.
+trait Passed {
+    fn known_issues(&self) -> &[KnownIssue];
+}
+
+impl Passed for FrameAgreement {
+    fn known_issues(&self) -> &[KnownIssue] {
+        &self.known_issues
+    }
+}
+
+impl Passed for FrameMean {
+    fn known_issues(&self) -> &[KnownIssue] {
+        &self.known_issues
+    }
+}
+
+impl<T: Passed> Concluded for Result<T, FrameError> {
+    fn verdict(&self) -> Verdict {
+        match self {
+            Ok(passed) if passed.known_issues().is_empty() => Verdict::Pass,
+            Ok(_) => Verdict::KnownIssue,
+            Err(FrameError::Mean { .. } | FrameError::UnexpectedPass { .. }) => Verdict::Fail,
+            Err(FrameError::Golden { source, .. })
+                if matches!(
+                    **source,
+                    GoldenError::Differs { .. } | GoldenError::Unacceptable { .. }
+                ) =>
+            {
+                Verdict::Fail
+            }
+            Err(_) => Verdict::Error,
+        }
+    }
+
+    fn message(&self) -> Option<String> {
+        self.as_ref().err().map(ToString::to_string)
+    }
 }
 
 impl Package {

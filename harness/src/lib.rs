@@ -39,6 +39,7 @@ mod probe;
 pub mod record;
 mod reflect;
 pub mod review;
+mod run;
 mod settings;
 pub mod stats;
 mod tolerance;
@@ -46,9 +47,8 @@ mod value;
 
 pub use check::{
     Agreement, Argument, CaseFailure, Census, Check, ConfigurationRejection, Direction, Directions,
-    Disagreement, Failure, Finding, Fit, Integral, IntegralFailure, KnownIssue, Limit, NodeFailure,
-    NotReplayed, PathDisagreement, PathRejection, Power, Probe, Reference, Rejection, Samples,
-    Simplest,
+    Disagreement, Failure, Finding, Fit, Integral, IntegralFailure, Limit, NodeFailure,
+    PathDisagreement, PathRejection, Power, Probe, Reference, Rejection, Samples, Simplest,
 };
 pub use diagnostic::{Diagnostic, SourceFile, Span};
 pub use domain::{
@@ -84,6 +84,7 @@ pub use probe::{Inputs, ProbeError, Probed, call};
 pub use reflect::{
     Binding, BindingKind, Function, Invalid, LayoutError, Program, ReflectError, Stage, Validated,
 };
+pub use run::{KnownIssue, NotReplayed};
 pub use settings::SettingsError;
 pub use stats::Support;
 pub use tolerance::{Abs, Measure, Rel, Tolerance, Ulp, Unit, ulp_distance};

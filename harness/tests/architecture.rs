@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The modules of the library from the bottom up: a module uses only those before it.
-const ORDER: [&str; 20] = [
+const ORDER: [&str; 21] = [
     "output",
     "diagnostic",
     "settings",
@@ -22,6 +22,7 @@ const ORDER: [&str; 20] = [
     "golden",
     "review",
     "record",
+    "run",
     "check",
     "frame",
     "gallery",

@@ -1339,15 +1339,13 @@ pub(crate) const FAULTS: &[Fault] = &[
 ];
 
 /// Faults that no test can see, each with the reason.
-pub(crate) const SURVIVORS: &[(Fault, &str)] = &[
-    (
-        fault(
-            "fresnel",
-            Kind::Clamp,
-            "pow5(abs(1.0 - v_dot_h))",
-            "pow5(saturate(1.0 - v_dot_h))",
-            "fresnel::schlick",
-        ),
-        "equal for all numbers; it hides a NaN, which no domain draws",
+pub(crate) const SURVIVORS: &[(Fault, &str)] = &[(
+    fault(
+        "fresnel",
+        Kind::Clamp,
+        "pow5(abs(1.0 - v_dot_h))",
+        "pow5(saturate(1.0 - v_dot_h))",
+        "fresnel::schlick",
     ),
-];
+    "equal for all numbers; it hides a NaN, which no domain draws",
+)];

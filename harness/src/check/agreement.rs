@@ -1,10 +1,11 @@
 //! Results that agree with a reference.
 
-use super::plan::{Plan, Recording, or_panic};
+use super::plan::{Plan, Recording};
 use super::session::{Asserted, Demand, Expect};
 use super::tally::compare;
 use super::{Agreement, Check, Failure, Reference};
 use crate::domain::{Domain, Stream};
+use crate::run::or_panic;
 use crate::tolerance::Tolerance;
 use crate::value::{Arguments, Shape};
 

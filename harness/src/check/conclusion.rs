@@ -1,10 +1,9 @@
 //! From what each path added up to, to a check's verdict.
 
-use super::identity::Replayed;
-use super::memory::Descent;
 use super::path_tally::PathTally;
 use super::session::Session;
 use super::{Agreement, Disagreement, Failure, PathDisagreement, Simplest};
+use crate::run::{Descent, Replayed};
 use crate::tolerance::Measure;
 
 impl Session<'_> {

@@ -3,12 +3,12 @@
 use std::fmt;
 
 use super::integral;
-use super::memory::Descent;
 use super::tally::{Census, Judged};
 use crate::diagnostic::Diagnostic;
 use crate::path::Adapter;
 use crate::probe::Inputs;
 use crate::reflect::Function;
+use crate::run::Descent;
 use crate::value::{Scalar, Shape, format_f32, hexfloat};
 
 /// A function disagrees with what was asserted of it, on at least one path.

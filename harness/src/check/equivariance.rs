@@ -5,12 +5,13 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use glam::{DQuat, DVec3};
 
 use super::companion::{Companion, WithCompanion};
-use super::plan::{Plan, Recording, or_panic};
+use super::plan::{Plan, Recording};
 use super::property::Exhibit;
 use super::session::{Asserted, Demand};
 use super::tally::compare;
 use super::{Agreement, Check, Failure};
 use crate::domain::{Domain, Source, Stream};
+use crate::run::or_panic;
 use crate::tolerance::{Tolerance, significant};
 use crate::value::{Arguments, Mirror, Shape, Shareable};
 

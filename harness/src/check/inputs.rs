@@ -1,9 +1,10 @@
 //! A check with arguments from several sources: one after the other, with one verdict.
 
 use super::verdict::Agreement;
-use super::{Check, Disagreement, Failure, Identity, Plan};
+use super::{Check, Disagreement, Failure, Plan};
 use crate::domain::Domain;
 use crate::probe::Inputs;
+use crate::run::Identity;
 
 impl<D: Domain> Check<'_, D> {
     /// Chooses where the function's arguments come from, which is a storage buffer otherwise.

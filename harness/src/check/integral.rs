@@ -9,11 +9,10 @@ use std::cell::RefCell;
 use std::ops::Range;
 
 use super::disagreement::{CaseFailure, NodeFailure, Simplest, arguments};
-use super::memory::Descent;
 use super::mismatch::signature;
 use super::parallel;
 use super::path_tally::PathTally;
-use super::plan::{Plan, Recording, or_panic};
+use super::plan::{Plan, Recording};
 use super::session::{Asserted, Demand, Session};
 use super::shrink::{Effort, JudgeValues};
 use super::tally::{Class, Judged, Shown, Tally, classify, finite};
@@ -22,6 +21,7 @@ use super::{Agreement, Failure, Probe};
 use crate::domain::{Domain, Held, Stream, Typed};
 use crate::path::Path;
 use crate::probe::{BATCH, Runner};
+use crate::run::{Descent, or_panic};
 use crate::tolerance::{Measure, Tolerance};
 use crate::value::{Arguments, Mirror, Scalar, Shape};
 

@@ -1,12 +1,13 @@
 //! Results that stay the same when the arguments are transformed.
 
 use super::disagreement::arguments;
-use super::plan::{Plan, Recording, or_panic};
+use super::plan::{Plan, Recording};
 use super::property::{Exhibit, PRIMED};
 use super::session::{Asserted, Demand};
 use super::tally::compare;
 use super::{Agreement, Check, Failure};
 use crate::domain::{Domain, Stream};
+use crate::run::or_panic;
 use crate::tolerance::Tolerance;
 use crate::value::Arguments;
 

@@ -7,12 +7,13 @@ use super::agreement::{Expected, with_reference};
 use super::argument::Argument;
 use super::mismatch::signature;
 use super::path_tally::PathTally;
-use super::plan::{Plan, Recording, or_panic};
+use super::plan::{Plan, Recording};
 use super::property::Exhibit;
 use super::session::{Asserted, Demand};
 use super::tally::{Judged, compare};
 use super::{Agreement, Check, Failure, Reference};
 use crate::domain::{Domain, Stream};
+use crate::run::or_panic;
 use crate::tolerance::Tolerance;
 use crate::value::{Arguments, Scalar};
 

@@ -5,13 +5,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::argument::{Argument, ScalarArgument};
 use super::companion::{Companion, WithCompanion};
-use super::plan::{Plan, Recording, or_panic};
+use super::plan::{Plan, Recording};
 use super::property::{Exhibit, PRIMED};
 use super::session::{Asserted, Demand};
 use super::tally::{Class, Judged, classify};
 use super::{Agreement, Check, Failure};
 use crate::domain::{Domain, Origin, Source, Stream, complexity};
 use crate::probe::Probed;
+use crate::run::or_panic;
 use crate::tolerance::{Measure, Tolerance};
 use crate::value::{Arguments, Scalar, format_lane};
 

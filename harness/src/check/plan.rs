@@ -1,14 +1,13 @@
 //! What every check is made of, whatever its verb, and how it ends in a verdict and its record.
 
-use super::memory::Memory;
 use super::path_tally::PathTally;
 use super::session::{Asserted, Demand, Session};
 use super::tolerances::{self, Tolerances};
-use super::{Agreement, Failure, Identity, KnownIssues, Probe, inputs, replay};
+use super::{Agreement, Census, Failure, Probe, inputs};
 use crate::domain::Stream;
-use crate::output::visible;
 use crate::path::Path;
-use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
+use crate::record::{PathRecord, Subject};
+use crate::run::{Identity, KnownIssue, KnownIssues, Memory, Reporter, Seen};
 use crate::tolerance::{Measure, Tolerance};
 
 /// A function with what its author says of a check, but for the cases.
@@ -51,7 +50,7 @@ impl<'a> Plan<'a> {
         recording: Recording,
         verb: Body<'_>,
     ) -> Result<Agreement, Failure> {
-        let stopwatch = Stopwatch::start();
+        let reporter = Reporter::start();
         let Asserted { check, text } = asserted;
         let function = self.probe.path.clone();
         let identity = Identity::of(&function, check)?;
@@ -66,7 +65,7 @@ impl<'a> Plan<'a> {
         };
         let mut paths = Vec::new();
         let mut run = || {
-            self.known_issues.expect_reasons(&self.probe.path)?;
+            self.expect_reasons()?;
             inputs::each(self, &identity, &mut |inputs| {
                 let own = |(path, own): &(Path, Tolerance)| format!("; on {path} {own}");
                 let own: String = self.tolerance_on.iter().map(own).collect();
@@ -87,22 +86,30 @@ impl<'a> Plan<'a> {
             })
         };
         let result = run();
-        if recording == Recording::Off {
-            return result;
+        if recording == Recording::On {
+            reporter.record(subject, paths, &result);
         }
-        let (verdict, message) = match &result {
-            Ok(agreement) if agreement.known_issues.is_empty() => (Verdict::Pass, None),
-            Ok(_) => (Verdict::KnownIssue, None),
-            Err(failure @ (Failure::Disagreement(_) | Failure::UnexpectedPass { .. })) => {
-                (Verdict::Fail, Some(failure.to_string()))
-            }
-            Err(failure) => (Verdict::Error, Some(failure.to_string())),
-        };
-        let test = identity.test;
-        let (schema, overlay) = (record::SCHEMA, record::overlay());
-        let time = Some(stopwatch.time());
-        record::write(&Record { schema, test, subject, verdict, paths, message, overlay, time });
         result
+    }
+
+    /// Wants a reason for each path that is declared to fail.
+    pub(super) fn expect_reasons(&self) -> Result<(), Failure> {
+        self.known_issues.unexplained().map_or(Ok(()), |path| {
+            Err(Failure::UnexplainedIssue { function: self.probe.path.clone(), path })
+        })
+    }
+
+    /// What is known of paths that are declared to fail, each of which has to.
+    pub(super) fn known(
+        &self,
+        seen: impl IntoIterator<Item = Seen>,
+        replays: bool,
+    ) -> Result<Vec<KnownIssue>, Failure> {
+        self.known_issues.judge(seen, replays).map_err(|passes| Failure::UnexpectedPass {
+            function: self.probe.path.clone(),
+            path: passes.path,
+            reason: passes.reason,
+        })
     }
 
     /// Judges the paths that are to pass; of those that are declared to fail, wants a failure.
@@ -111,20 +118,21 @@ impl<'a> Plan<'a> {
         session: &Session<'_>,
         tallies: Vec<PathTally>,
     ) -> Result<Agreement, Failure> {
-        let function = &session.called.function().path;
-        let (judged, known) = self.known_issues.split(tallies);
+        let (known, judged): (Vec<_>, Vec<_>) =
+            tallies.into_iter().partition(|tally| self.known_issues.on(tally.path).is_some());
         let mut agreement = if judged.is_empty() && !known.is_empty() {
             let cases = known.iter().map(|tally| tally.tally.census.cases).min().unwrap_or(0);
-            let (function, paths) = (function.clone(), Vec::new());
+            let (function, paths) = (self.probe.path.clone(), Vec::new());
             Agreement { function, cases, paths, worst: Measure::ZERO, known_issues: Vec::new() }
         } else {
             session.conclude(judged)?
         };
+        let seen = known.into_iter().map(|PathTally { adapter, path, tally, .. }| {
+            let Census { cases, failures, .. } = tally.census;
+            Seen { adapter, path, cases, failures }
+        });
         // One case that is replayed may be one that passes.
-        if !session.is_replay() {
-            self.known_issues.expect_failures(function, &known)?;
-        }
-        agreement.known_issues = self.known_issues.seen(&known);
+        agreement.known_issues = self.known(seen, session.is_replay())?;
         Ok(agreement)
     }
 
@@ -135,16 +143,5 @@ impl<'a> Plan<'a> {
         };
         let known_issue = self.known_issues.on(tally.path).map(str::to_owned);
         PathRecord { known_issue, ..tally.record(&asserted) }
-    }
-}
-
-#[track_caller]
-pub(super) fn or_panic<T>(result: Result<T, Failure>) -> T {
-    match result {
-        Ok(agreement) => agreement,
-        Err(failure) => {
-            replay::done();
-            panic!("{}", visible(&failure.to_string()))
-        }
     }
 }

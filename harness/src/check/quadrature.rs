@@ -12,9 +12,10 @@ use std::f64::consts::TAU;
 use glam::{DVec3, Vec3};
 
 use super::integral::{Assertion, Integrals, Nodes};
-use super::plan::{Recording, or_panic};
+use super::plan::Recording;
 use super::{Agreement, Check, Failure};
 use crate::domain::{Domain, Held};
+use crate::run::or_panic;
 use crate::stats::gauss_legendre;
 use crate::tolerance::Tolerance;
 use crate::value::{Arguments, Mirror, Shareable};

@@ -1,10 +1,10 @@
 //! What a session has failed on before, and what it will try again.
 
-use super::memory::{Descent, Entry};
 use super::path_tally::PathTally;
 use super::session::Session;
 use crate::domain::Held;
 use crate::probe::Inputs;
+use crate::run::{Descent, Entry};
 
 impl Session<'_> {
     /// The inputs on which this check has failed before, as far as they still are in its domain.

@@ -21,14 +21,14 @@ pub use power::Power;
 pub use rejection::{ConfigurationRejection, Finding, PathRejection, Rejection};
 
 use super::called::{Called, Fitting};
-use super::identity::Replayed;
 use super::plan::{Plan, Recording};
 use super::session::{Asserted, Demand, Session};
-use super::{Failure, Identity, Probe};
+use super::{Failure, Probe};
 use crate::domain::{Domain, Held, Source, Stream, Typed};
-use crate::path::Adapter;
+use crate::path::{Adapter, Path};
 use crate::probe::{BATCH, Inputs};
-use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
+use crate::record::{PathRecord, Subject};
+use crate::run::{Identity, KnownIssue, Replayed, Reporter, Seen};
 use crate::stats::{Support, sidak};
 use crate::value::{Arguments, Shape, Shareable};
 use calls::{Calls, given};
@@ -167,6 +167,13 @@ where
         self.plan.seed = Some(seed);
         self
     }
+
+    /// Declares that the check fails on a path, and why: see
+    /// [`Check::fails_on`](super::Check::fails_on).
+    pub fn fails_on(mut self, path: Path, reason: &str) -> Self {
+        self.plan.known_issues.declare(path, reason);
+        self
+    }
 }
 
 /// What a check of samples compared, and how close it came.
@@ -184,6 +191,8 @@ pub struct Fit {
     pub p: f64,
     /// What it had to reach: the significance, shared out over all configurations.
     pub threshold: f64,
+    /// Paths that fail as was declared. They are not among `paths`.
+    pub known_issues: Vec<KnownIssue>,
 }
 
 impl std::fmt::Display for Fit {
@@ -312,7 +321,7 @@ fn conclude(
 ) -> Result<Fit, Failure> {
     let Sampler { plan, settings, configurations, shapes, .. } = sampler;
     let function = plan.probe.path.clone();
-    let stopwatch = Stopwatch::start();
+    let reporter = Reporter::start();
     let check = assertion.check;
     let identity = Identity::of(&function, check)?;
     let seed = plan.seed.unwrap_or_else(|| identity.seed(&function, &identity.check));
@@ -328,6 +337,7 @@ fn conclude(
     let mut paths = Vec::new();
     let result = (|| {
         settings.check(&function)?;
+        plan.expect_reasons()?;
         let asserted = Asserted { check, text: assertion.text.clone() };
         let demand = Demand {
             arguments: shapes.to_vec(),
@@ -365,6 +375,7 @@ fn conclude(
             }
         }
         let (mut fits, mut rejections, mut agreeing) = (Vec::new(), Vec::new(), Vec::new());
+        let mut known = Vec::new();
         for (runner, sum) in runners.iter().zip(sums) {
             let device = runner.device();
             let adapter = device.adapter().clone();
@@ -375,11 +386,16 @@ fn conclude(
                 worst: format!("p {:.2e}", sum.p),
                 ratio: Some(threshold / sum.p).filter(|ratio| ratio.is_finite()),
                 asserted: assertion.text.clone(),
-                known_issue: None,
+                known_issue: plan.known_issues.on(device.path()).map(str::to_owned),
             });
             if sum.configurations < selected.end - selected.start || sum.configurations == 0 {
                 let reason = format!("gave {} configurations, not all", sum.configurations);
                 return Err(Failure::Domain { function: function.clone(), reason });
+            }
+            if plan.known_issues.on(device.path()).is_some() {
+                let (path, failures) = (device.path(), sum.rejected);
+                known.push(Seen { adapter, path, cases: sum.configurations, failures });
+                continue;
             }
             let Some(worst) = sum.worst.filter(|_| sum.rejected > 0) else {
                 agreeing.push(adapter.clone());
@@ -403,7 +419,17 @@ fn conclude(
         if rejections.is_empty() {
             let p = fits.iter().map(|fit| fit.1).fold(1.0, f64::min);
             let (configurations, samples) = (selected.end - selected.start, settings.samples);
-            return Ok(Fit { function, configurations, samples, paths: fits, p, threshold });
+            let known_issues = plan.known(known, session.is_replay())?;
+            let paths = fits;
+            return Ok(Fit {
+                function,
+                configurations,
+                samples,
+                paths,
+                p,
+                threshold,
+                known_issues,
+            });
         }
         Err(Failure::Rejection(Box::new(Rejection {
             function: session.called.function().clone(),
@@ -417,15 +443,7 @@ fn conclude(
         })))
     })();
     if recording == Recording::On {
-        let (verdict, message) = match &result {
-            Ok(_) => (Verdict::Pass, None),
-            Err(failure @ Failure::Rejection(_)) => (Verdict::Fail, Some(failure.to_string())),
-            Err(failure) => (Verdict::Error, Some(failure.to_string())),
-        };
-        let test = identity.test;
-        let (schema, overlay) = (record::SCHEMA, record::overlay());
-        let time = Some(stopwatch.time());
-        record::write(&Record { schema, test, subject, verdict, paths, message, overlay, time });
+        reporter.record(subject, paths, &result);
     }
     result
 }

@@ -5,15 +5,13 @@ use std::ops::Range;
 use super::batch::{Batch, Rows};
 use super::called::{Called, Fitting, Results};
 use super::disagreement::arguments;
-use super::identity::with_inputs;
-use super::memory::{Descent, Memory};
 use super::path_tally::PathTally;
 use super::shrink::Effort;
 use super::tally::{Judged, Shown, tally};
-use super::{CaseFailure, Failure, Identity, Plan, Simplest};
-use super::{parallel, replay};
+use super::{CaseFailure, Failure, Plan, Simplest, parallel};
 use crate::domain::{Held, Numbering, Origin, Stream};
 use crate::probe::{BATCH, CONSTANTS, Dispatch, Inputs};
+use crate::run::{Descent, Identity, Memory, replay, with_inputs};
 use crate::value::Shape;
 
 /// Cases that one task draws or computes the reference of.

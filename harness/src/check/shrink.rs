@@ -6,11 +6,11 @@
 
 use std::time::{Duration, Instant};
 
-use super::memory::Descent;
 use super::path_tally::PathTally;
 use super::session::Session;
 use super::{CaseFailure, Failure, Simplest};
 use crate::domain::Held;
+use crate::run::Descent;
 
 /// Rounds for one case. A component needs one or two, so this is enough for a matrix.
 const ROUNDS: usize = 50;

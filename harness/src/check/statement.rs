@@ -1,10 +1,11 @@
 //! Statements that hold for each case's arguments and result.
 
-use super::plan::{Plan, Recording, or_panic};
+use super::plan::{Plan, Recording};
 use super::session::{Asserted, Demand};
 use super::tally::finite;
 use super::{Agreement, Check, Failure, tolerances};
 use crate::domain::{Domain, Stream};
+use crate::run::or_panic;
 use crate::tolerance::Measure;
 use crate::value::{Arguments, Shape, Shareable};
 

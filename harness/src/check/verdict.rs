@@ -2,10 +2,11 @@
 
 use std::fmt;
 
-use super::replay::NotReplayed;
-use super::{Disagreement, KnownIssue, Rejection};
+use super::{Disagreement, Fit, Rejection};
 use crate::path::{Adapter, Path, PathError};
 use crate::probe::ProbeError;
+use crate::record::Verdict;
+use crate::run::{Concluded, KnownIssue, NotBegun, NotReplayed};
 use crate::settings::SettingsError;
 use crate::tolerance::Measure;
 
@@ -130,6 +131,49 @@ pub enum Failure {
 impl From<PathError> for Failure {
     fn from(error: PathError) -> Self {
         Self::Probe(ProbeError::Path(error))
+    }
+}
+
+impl From<NotBegun> for Failure {
+    fn from(error: NotBegun) -> Self {
+        match error {
+            NotBegun::Settings(error) => Self::Settings(error),
+            NotBegun::NotReplayed(error) => Self::NotReplayed(error),
+        }
+    }
+}
+
+/// A check that may have paths that fail as declared.
+pub(super) trait Passed {
+    fn known_issues(&self) -> &[KnownIssue];
+}
+
+impl Passed for Agreement {
+    fn known_issues(&self) -> &[KnownIssue] {
+        &self.known_issues
+    }
+}
+
+impl Passed for Fit {
+    fn known_issues(&self) -> &[KnownIssue] {
+        &self.known_issues
+    }
+}
+
+impl<T: Passed> Concluded for Result<T, Failure> {
+    fn verdict(&self) -> Verdict {
+        match self {
+            Ok(passed) if passed.known_issues().is_empty() => Verdict::Pass,
+            Ok(_) => Verdict::KnownIssue,
+            Err(
+                Failure::Disagreement(_) | Failure::Rejection(_) | Failure::UnexpectedPass { .. },
+            ) => Verdict::Fail,
+            Err(_) => Verdict::Error,
+        }
+    }
+
+    fn message(&self) -> Option<String> {
+        self.as_ref().err().map(ToString::to_string)
     }
 }
 

@@ -1,7 +1,6 @@
 //! A frame against its golden: on each path, with what was declared of it, as a record.
 
 use super::{Frame, FrameAgreement, FrameError};
-use crate::check::{self, KnownIssue, replay};
 use crate::golden::{
     COLOR, FrameDifference, FrameTolerance, GoldenError, Goldens, MASK, Profile, Rendered, VARIANCE,
 };
@@ -9,8 +8,8 @@ use crate::image::Part;
 use crate::metric::Gate;
 use crate::output::visible;
 use crate::path::{self, Adapter, Path};
-use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
-use crate::settings;
+use crate::record::{PathRecord, Subject};
+use crate::run::{Reporter, Seen, or_panic, replay};
 
 impl Frame<'_> {
     /// Draws the frame on each selected path and compares it with a golden.
@@ -19,42 +18,13 @@ impl Frame<'_> {
     /// With the [`FrameError`], if it differs or there is nothing to compare with.
     #[track_caller]
     pub fn matches(&self, goldens: &Goldens, case: &str) -> FrameAgreement {
-        let stopwatch = Stopwatch::start();
+        let reporter = Reporter::start();
         let location = std::panic::Location::caller().to_string();
         let mut records = Vec::new();
         let result = self.compare(goldens, case, &mut records);
-        let (verdict, message) = match &result {
-            Ok(agreement) if agreement.known_issues.is_empty() => (Verdict::Pass, None),
-            Ok(_) => (Verdict::KnownIssue, None),
-            Err(error) => {
-                let differs = matches!(error, FrameError::UnexpectedPass { .. })
-                    || matches!(error, FrameError::Golden { source, .. }
-                        if matches!(**source, GoldenError::Differs { .. } | GoldenError::Unacceptable { .. }));
-                let verdict = if differs { Verdict::Fail } else { Verdict::Error };
-                (verdict, Some(error.to_string()))
-            }
-        };
-        record::write(&Record {
-            schema: record::SCHEMA,
-            test: check::test(),
-            subject: Subject::Frame {
-                golden: case.to_owned(),
-                folder: goldens.folder().display().to_string(),
-                location,
-            },
-            verdict,
-            paths: records,
-            message,
-            overlay: record::overlay(),
-            time: Some(stopwatch.time()),
-        });
-        match result {
-            Ok(agreement) => agreement,
-            Err(error) => {
-                replay::done();
-                panic!("{}", visible(&error.to_string()))
-            }
-        }
+        let (golden, folder) = (case.to_owned(), goldens.folder().display().to_string());
+        reporter.record(Subject::Frame { golden, folder, location }, records, &result);
+        or_panic(result)
     }
 
     /// [`matches`](Self::matches) without the panic. The verdict is left to the caller and isn't
@@ -72,11 +42,9 @@ impl Frame<'_> {
         case: &str,
         records: &mut Vec<PathRecord>,
     ) -> Result<FrameAgreement, FrameError> {
-        replay::begin(settings::current()?, &format!("frame {case}"))?;
-        let (mut paths, mut known_issues) = (Vec::new(), Vec::new());
-        if let Some(path) = self.known_issues.unexplained() {
-            return Err(FrameError::UnexplainedIssue(path));
-        }
+        replay::begin_frame(case)?;
+        let (mut paths, mut known) = (Vec::new(), Vec::new());
+        self.expect_reasons()?;
         self.check_tolerances()?;
         if let Some((name, reason)) = self.unusable_aov() {
             return Err(FrameError::Aov(name.to_owned(), reason));
@@ -120,13 +88,11 @@ impl Frame<'_> {
                         Some(profile) => format!("{}, golden of @{profile}", margin.tolerance),
                         None => margin.tolerance.clone(),
                     };
-                    let known_issue = entry.known_issue.clone();
-                    records.push(entry);
-                    if let Some(reason) = known_issue {
-                        let (case, path) = (case.to_owned(), device.path());
-                        return Err(FrameError::UnexpectedPass { case, path, reason });
+                    match entry.known_issue {
+                        Some(_) => known.push(seen(&entry, device.path())),
+                        None => paths.push((adapter.clone(), margin)),
                     }
-                    paths.push((adapter.clone(), margin));
+                    records.push(entry);
                 }
                 // A frame with NaN or of another size is another bug than the one that is known.
                 Err(GoldenError::Differs { difference, .. })
@@ -134,12 +100,7 @@ impl Frame<'_> {
                         && matches!(*difference, FrameDifference::Values(_)) =>
                 {
                     entry.failures = outliers(&difference);
-                    known_issues.push(KnownIssue {
-                        adapter: adapter.clone(),
-                        reason: entry.known_issue.clone().unwrap_or_default(),
-                        cases: entry.cases,
-                        failures: entry.failures,
-                    });
+                    known.push(seen(&entry, device.path()));
                     records.push(entry);
                 }
                 Err(source) => {
@@ -157,11 +118,25 @@ impl Frame<'_> {
                 }
             }
         }
+        let known_issues = self.known_issues.judge(known, false);
+        let known_issues = known_issues.map_err(|passes| FrameError::passes(case, passes))?;
         Ok(FrameAgreement { case: case.to_owned(), paths, known_issues })
     }
 }
 
+/// What a path gave that is declared to fail.
+fn seen(entry: &PathRecord, path: Path) -> Seen {
+    let PathRecord { adapter, cases, failures, .. } = entry;
+    Seen { adapter: adapter.clone(), path, cases: *cases, failures: *failures }
+}
+
 impl Frame<'_> {
+    /// Wants a reason for each path that is declared to fail.
+    pub(super) fn expect_reasons(&self) -> Result<(), FrameError> {
+        let unexplained = self.known_issues.unexplained();
+        unexplained.map_or(Ok(()), |path| Err(FrameError::UnexplainedIssue(path)))
+    }
+
     /// Each bounds something, on a profile that can be.
     fn check_tolerances(&self) -> Result<(), FrameError> {
         let strange = self.tolerance_for.iter().find(|(profile, _)| !Profile::is_name(profile));

@@ -1,13 +1,11 @@
 //! What a part of a frame should be on average, without a golden.
 
 use super::{Frame, FrameError};
-use crate::check::{self, replay};
 use crate::image::Image;
 use crate::metric::{MaskError, Rect};
-use crate::output::visible;
 use crate::path::{self, Adapter};
-use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
-use crate::settings;
+use crate::record::{PathRecord, Subject};
+use crate::run::{KnownIssue, Reporter, Seen, or_panic, replay};
 use crate::tolerance::{Measure, Tolerance};
 
 /// What the mean of a rectangle is on each path.
@@ -15,6 +13,8 @@ use crate::tolerance::{Measure, Tolerance};
 pub struct FrameMean {
     /// Each path with the mean of red, green and blue.
     pub paths: Vec<(Adapter, [f64; 3])>,
+    /// Paths that are off as was declared. They are not among `paths`.
+    pub known_issues: Vec<KnownIssue>,
 }
 
 impl Frame<'_> {
@@ -30,36 +30,13 @@ impl Frame<'_> {
         expected: [f64; 3],
         tolerance: impl Into<Tolerance>,
     ) -> FrameMean {
-        let stopwatch = Stopwatch::start();
+        let reporter = Reporter::start();
         let location = std::panic::Location::caller().to_string();
         let mut records = Vec::new();
         let result = self.mean(rect, expected, &tolerance.into(), &mut records);
-        let verdict = match &result {
-            Ok(_) => Verdict::Pass,
-            Err(FrameError::Mean { .. }) => Verdict::Fail,
-            Err(_) => Verdict::Error,
-        };
-        record::write(&Record {
-            schema: record::SCHEMA,
-            test: check::test(),
-            subject: Subject::Frame {
-                golden: format!("mean of {rect}"),
-                folder: String::new(),
-                location,
-            },
-            verdict,
-            paths: records,
-            message: result.as_ref().err().map(ToString::to_string),
-            overlay: record::overlay(),
-            time: Some(stopwatch.time()),
-        });
-        match result {
-            Ok(mean) => mean,
-            Err(error) => {
-                replay::done();
-                panic!("{}", visible(&error.to_string()))
-            }
-        }
+        let (golden, folder) = (format!("mean of {rect}"), String::new());
+        reporter.record(Subject::Frame { golden, folder, location }, records, &result);
+        or_panic(result)
     }
 
     /// [`expect_mean`](Self::expect_mean) without the panic. The verdict is left to the caller and
@@ -88,14 +65,16 @@ impl Frame<'_> {
                 "{bound}; a bound is a number of at least 0"
             )));
         }
-        replay::begin(settings::current()?, &format!("frame mean of {rect}"))?;
+        let name = format!("mean of {rect}");
+        replay::begin_frame(&name)?;
+        self.expect_reasons()?;
         let (width, height) = (self.width, self.height);
         if !rect.fits(width, height) {
             return Err(FrameError::Rectangle(MaskError::Outside { rect, width, height }));
         }
-        let mut paths = Vec::new();
+        let (mut paths, mut known) = (Vec::new(), Vec::new());
         for device in path::selected()? {
-            let adapter = device.adapter();
+            let (adapter, path) = (device.adapter(), device.path());
             let (image, _) = self.render_on(device)?;
             let mean = mean(&image, rect);
             let lanes = (0..).zip(mean.iter().zip(expected));
@@ -103,22 +82,32 @@ impl Frame<'_> {
             let worst = measured.fold(Measure::ZERO, |worst, measure| {
                 if measure.ratio <= worst.ratio { worst } else { measure }
             });
+            let known_issue = self.known_issues.on(path).map(str::to_owned);
+            let cases = u64::from(rect.width) * u64::from(rect.height);
+            let failures = u64::from(!worst.passes());
             records.push(PathRecord {
                 adapter: adapter.clone(),
-                cases: u64::from(rect.width) * u64::from(rect.height),
-                failures: u64::from(!worst.passes()),
+                cases,
+                failures,
                 worst: worst.to_string(),
                 ratio: worst.ratio.is_finite().then_some(worst.ratio),
                 asserted: tolerance.to_string(),
-                known_issue: None,
+                known_issue: known_issue.clone(),
             });
+            // A mean that isn't a number is another bug than the one that is known.
+            if known_issue.is_some() && !mean.iter().any(|mean| mean.is_nan()) {
+                known.push(Seen { adapter: adapter.clone(), path, cases, failures });
+                continue;
+            }
             if !worst.passes() {
                 let adapter = Box::new(adapter.clone());
                 return Err(FrameError::Mean { adapter, rect, expected, mean, worst });
             }
             paths.push((adapter.clone(), mean));
         }
-        Ok(FrameMean { paths })
+        let known_issues = self.known_issues.judge(known, false);
+        let known_issues = known_issues.map_err(|passes| FrameError::passes(&name, passes))?;
+        Ok(FrameMean { paths, known_issues })
     }
 }
 

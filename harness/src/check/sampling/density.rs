@@ -8,9 +8,10 @@ use super::{
 };
 use super::{conclude, made};
 use crate::check::mismatch::signature;
-use crate::check::plan::{Recording, or_panic};
+use crate::check::plan::Recording;
 use crate::check::{Failure, Probe};
 use crate::domain::Domain;
+use crate::run::or_panic;
 use crate::stats::{
     CellIntegral, Cells, ChiSquare, CubatureError, Mean, Moments, NoVerdict, Place, accepts,
     binomial_tail, chi_square_power, integrate, mean_power,

@@ -5,8 +5,9 @@ use super::conclude;
 use super::density::Offence;
 use super::{Assertion, Configuration, Finding, Fit, Functions, Judgement, Sampler, Samples};
 use crate::check::Failure;
-use crate::check::plan::{Recording, or_panic};
+use crate::check::plan::Recording;
 use crate::domain::{Domain, Held};
+use crate::run::or_panic;
 use crate::stats::{Kolmogorov, Mean, Moments, NoVerdict};
 use crate::value::{Arguments, Shape, Shareable};
 

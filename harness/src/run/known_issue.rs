@@ -3,8 +3,6 @@
 //! What is declared must fail. A path that passes again is a failure of its own, so that no
 //! declaration outlives the bug that it names.
 
-use super::Failure;
-use super::path_tally::PathTally;
 use crate::path::{Adapter, Path};
 
 /// A failure that was declared with `fails_on`, and was seen.
@@ -34,7 +32,7 @@ impl KnownIssues {
         }
     }
 
-    pub(super) fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
@@ -48,38 +46,37 @@ impl KnownIssues {
         self.0.iter().find(|(_, reason)| reason.is_empty()).map(|(path, _)| *path)
     }
 
-    pub(super) fn expect_reasons(&self, function: &str) -> Result<(), Failure> {
-        self.unexplained().map_or(Ok(()), |path| {
-            Err(Failure::UnexplainedIssue { function: function.to_owned(), path })
-        })
-    }
-
-    /// Takes the paths out of `tallies` that are declared to fail. They are the second result.
-    pub(super) fn split(&self, tallies: Vec<PathTally>) -> (Vec<PathTally>, Vec<PathTally>) {
-        tallies.into_iter().partition(|tally| self.on(tally.path).is_none())
-    }
-
-    /// Wants at least one failure on each of the paths that are declared to fail.
-    pub(super) fn expect_failures(
+    /// What was seen on the paths that are to fail. At least one case of each has to, unless one that
+    /// is replayed stands for all.
+    pub(crate) fn judge(
         &self,
-        function: &str,
-        tallies: &[PathTally],
-    ) -> Result<(), Failure> {
-        let passing = tallies.iter().find(|tally| tally.tally.census.failures == 0);
-        passing.map_or(Ok(()), |tally| {
-            let (function, path) = (function.to_owned(), tally.path);
+        seen: impl IntoIterator<Item = Seen>,
+        replays: bool,
+    ) -> Result<Vec<KnownIssue>, Passes> {
+        let issue = |Seen { adapter, path, cases, failures }: Seen| {
             let reason = self.on(path).unwrap_or_default().to_owned();
-            Err(Failure::UnexpectedPass { function, path, reason })
-        })
-    }
-
-    pub(super) fn seen(&self, tallies: &[PathTally]) -> Vec<KnownIssue> {
-        let issue = |tally: &PathTally| KnownIssue {
-            adapter: tally.adapter.clone(),
-            reason: self.on(tally.path).unwrap_or_default().to_owned(),
-            cases: tally.tally.census.cases,
-            failures: tally.tally.census.failures,
+            if failures == 0 && !replays {
+                return Err(Passes { path, reason });
+            }
+            Ok(KnownIssue { adapter, reason, cases, failures })
         };
-        tallies.iter().map(issue).collect()
+        seen.into_iter().map(issue).collect()
     }
+}
+
+/// What a path gave that is declared to fail.
+#[derive(Clone, Debug)]
+pub(crate) struct Seen {
+    pub(crate) adapter: Adapter,
+    pub(crate) path: Path,
+    pub(crate) cases: u64,
+    pub(crate) failures: u64,
+}
+
+/// A path passes that is declared to fail.
+#[derive(Clone, Debug)]
+pub(crate) struct Passes {
+    pub(crate) path: Path,
+    /// What was declared.
+    pub(crate) reason: String,
 }

@@ -4,10 +4,21 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::path::Path as FilePath;
 
-use super::{Failure, replay};
+use super::{NotReplayed, replay};
 use crate::path::Path;
 use crate::probe::Inputs;
-use crate::settings::{self, SelectedCase, Settings};
+use crate::settings::{self, SelectedCase, Settings, SettingsError};
+
+/// Why a check can't begin.
+#[derive(Clone, Debug, thiserror::Error)]
+pub(crate) enum NotBegun {
+    /// The environment has a setting that can't be used.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// Another check is to be replayed, and this one doesn't run in a test that could have it.
+    #[error(transparent)]
+    NotReplayed(#[from] NotReplayed),
+}
 
 /// The running check, and what the environment says of it.
 #[derive(Clone, Debug)]
@@ -17,7 +28,7 @@ pub(crate) struct Identity {
     /// The verb of the check; of a function's second check by the same verb `agrees_with#2`. It
     /// names the check in seeds, replay commands and the file of failures.
     pub(crate) check: String,
-    pub(super) settings: &'static Settings,
+    settings: &'static Settings,
 }
 
 /// A case to be replayed, or what is to be in its place.
@@ -31,7 +42,7 @@ pub(crate) struct Replayed<'a> {
 impl Identity {
     /// One check of the running test. Checks of a function by one verb are told apart by their
     /// order in the test.
-    pub(crate) fn of(function: &str, verb: &str) -> Result<Self, Failure> {
+    pub(crate) fn of(function: &str, verb: &str) -> Result<Self, NotBegun> {
         thread_local! {
             static SEEN: RefCell<HashMap<String, u32>> = RefCell::default();
         }
@@ -81,9 +92,9 @@ impl Identity {
             .find(|inputs| *named == format!("{function}/{}", with_inputs(check, *inputs)))
     }
 
-    /// Whether the environment asks for one case.
-    pub(crate) fn replays(&self) -> bool {
-        self.settings.case.is_some()
+    /// Whether failing inputs are remembered: not where one case is replayed, or they are turned off.
+    pub(super) fn remembers(&self) -> bool {
+        self.settings.case.is_none() && self.settings.failures
     }
 
     /// The arguments that the selected case of a check has in place of its own.
@@ -131,7 +142,7 @@ impl Identity {
 }
 
 /// A check's name with the source of its arguments, unless that is a storage buffer.
-pub(super) fn with_inputs(check: &str, inputs: Inputs) -> String {
+pub(crate) fn with_inputs(check: &str, inputs: Inputs) -> String {
     match inputs {
         Inputs::Storage => check.to_owned(),
         other => format!("{check}@{other}"),
@@ -139,13 +150,13 @@ pub(super) fn with_inputs(check: &str, inputs: Inputs) -> String {
 }
 
 /// Lanes as the environment and files have them: `3f800000,00000000`.
-pub(crate) fn write_words(words: &[u32]) -> String {
+pub(super) fn write_words(words: &[u32]) -> String {
     let words: Vec<String> = words.iter().map(|word| format!("{word:08x}")).collect();
     words.join(",")
 }
 
 /// Steps as the environment and files have them: `3.0`.
-pub(crate) fn write_steps(steps: &[usize]) -> String {
+pub(super) fn write_steps(steps: &[usize]) -> String {
     let steps: Vec<String> = steps.iter().map(ToString::to_string).collect();
     steps.join(".")
 }

@@ -20,7 +20,7 @@ const HEAD: &str = "\
 
 /// The inputs that one test has failed on.
 #[derive(Debug)]
-pub(super) struct Memory {
+pub(crate) struct Memory {
     file: PathBuf,
     entries: Vec<Entry>,
     writable: bool,
@@ -28,34 +28,34 @@ pub(super) struct Memory {
 
 /// An input, and the check that failed on it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Entry {
-    pub(super) function: String,
-    pub(super) check: String,
+pub(crate) struct Entry {
+    pub(crate) function: String,
+    pub(crate) check: String,
     /// The path that it failed on first. It is tried on every path.
-    pub(super) path: String,
+    pub(crate) path: String,
     /// The lanes of the arguments; none for an integral, whose cases needn't be words.
-    pub(super) words: Vec<u32>,
+    pub(crate) words: Vec<u32>,
     /// How the value came about. It says whether a mapped domain, which can't be asked, still has
     /// the value.
-    pub(super) descent: Descent,
+    pub(crate) descent: Descent,
     /// The arguments as they read.
-    pub(super) comment: String,
+    pub(crate) comment: String,
 }
 
 /// How a reduced value came about: from a case of a seed, by one of the simpler values in each
 /// round.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Descent {
-    pub(super) seed: u64,
-    pub(super) case: u64,
-    pub(super) steps: Vec<usize>,
+    pub(crate) seed: u64,
+    pub(crate) case: u64,
+    pub(crate) steps: Vec<usize>,
 }
 
 impl Memory {
     /// The memory of the running test; `None` if it has none: it is turned off, the test isn't run
     /// by Cargo, or one case is replayed.
-    pub(super) fn open(identity: &Identity) -> Option<Self> {
-        if identity.replays() || !identity.settings.failures {
+    pub(crate) fn open(identity: &Identity) -> Option<Self> {
+        if !identity.remembers() {
             return None;
         }
         let package = std::env::var_os("CARGO_MANIFEST_DIR")?;
@@ -90,7 +90,7 @@ impl Memory {
     }
 
     /// The inputs of one check, each once.
-    pub(super) fn of(&self, function: &str, check: &str) -> Vec<&Entry> {
+    pub(crate) fn of(&self, function: &str, check: &str) -> Vec<&Entry> {
         let mut found: Vec<&Entry> = Vec::new();
         for entry in &self.entries {
             let own = entry.function == function && entry.check == check;
@@ -102,13 +102,13 @@ impl Memory {
     }
 
     /// Says that an input isn't tried.
-    pub(super) fn ignore(&self, entry: &Entry, reason: &str) {
+    pub(crate) fn ignore(&self, entry: &Entry, reason: &str) {
         let Entry { function, check, comment, .. } = entry;
         note(&self.file, &format!("`{function}` {check} ({comment}) is ignored: {reason}"));
     }
 
     /// Adds an input, unless it is there.
-    pub(super) fn keep(&self, entry: &Entry) {
+    pub(crate) fn keep(&self, entry: &Entry) {
         let known = self.of(&entry.function, &entry.check);
         if !self.writable || known.iter().any(|known| known.is_same(entry)) {
             return;

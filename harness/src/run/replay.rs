@@ -8,8 +8,9 @@
 use std::cell::RefCell;
 use std::io::Write;
 
+use super::NotBegun;
 use crate::diagnostic::nearest;
-use crate::settings::Settings;
+use crate::settings::{self, Settings};
 
 thread_local! {
     static REPLAY: RefCell<Replay> = RefCell::default();
@@ -56,6 +57,14 @@ pub(crate) fn begin(settings: &Settings, check: &str) -> Result<(), NotReplayed>
         }
     });
     Ok(())
+}
+
+/// The comparison of a frame begins.
+///
+/// # Errors
+/// If a setting can't be used, or as [`begin`] says.
+pub(crate) fn begin_frame(name: &str) -> Result<(), NotBegun> {
+    Ok(begin(settings::current()?, &format!("frame {name}"))?)
 }
 
 /// The selected case runs, or the test fails for a reason of its own.

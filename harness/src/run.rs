@@ -1,0 +1,15 @@
+//! The running test: which one it is, what it failed on before, what of it is known to fail, and how
+//! its verdicts are recorded. Checks of functions and of frames are the same here.
+
+mod identity;
+mod known_issue;
+mod memory;
+pub(crate) mod replay;
+mod reporter;
+
+pub(crate) use identity::{Identity, NotBegun, Replayed, with_inputs};
+pub use known_issue::KnownIssue;
+pub(crate) use known_issue::{KnownIssues, Passes, Seen};
+pub(crate) use memory::{Descent, Entry, Memory};
+pub use replay::NotReplayed;
+pub(crate) use reporter::{Concluded, Reporter, or_panic};

@@ -1,0 +1,58 @@
+//! From a verdict to its record and to the test that asked for it.
+
+use std::fmt::Display;
+
+use super::{identity, replay};
+use crate::output::visible;
+use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
+
+/// How a check ends, as far as its record is concerned.
+pub(crate) trait Concluded {
+    /// Pass, known issue, fail or error.
+    fn verdict(&self) -> Verdict;
+    /// What is wrong.
+    fn message(&self) -> Option<String>;
+}
+
+/// A check whose verdict is going to be recorded.
+pub(crate) struct Reporter {
+    stopwatch: Stopwatch,
+}
+
+impl Reporter {
+    /// The check begins.
+    pub(crate) fn start() -> Self {
+        Self { stopwatch: Stopwatch::start() }
+    }
+
+    /// Records how it ended.
+    pub(crate) fn record(
+        self,
+        subject: Subject,
+        paths: Vec<PathRecord>,
+        concluded: &impl Concluded,
+    ) {
+        record::write(&Record {
+            schema: record::SCHEMA,
+            test: identity::test(),
+            subject,
+            verdict: concluded.verdict(),
+            paths,
+            message: concluded.message(),
+            overlay: record::overlay(),
+            time: Some(self.stopwatch.time()),
+        });
+    }
+}
+
+/// The test fails with what is wrong.
+#[track_caller]
+pub(crate) fn or_panic<T, E: Display>(result: Result<T, E>) -> T {
+    match result {
+        Ok(agreement) => agreement,
+        Err(error) => {
+            replay::done();
+            panic!("{}", visible(&error.to_string()))
+        }
+    }
+}
