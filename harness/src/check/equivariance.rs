@@ -15,12 +15,13 @@ use crate::run::or_panic;
 use crate::tolerance::{Tolerance, significant};
 use crate::value::{Arguments, Mirror, Shape, Shareable};
 
+/// Appends what words are when they are turned: `u32` words, or `f64` lanes.
+type Turn<'t, T> = &'t (dyn Fn(&[u32], DQuat, &mut Vec<T>) + Sync);
+
 /// How arguments and results turn, by their words.
 struct Turned<'t> {
-    /// Appends the words of turned arguments.
-    arguments: &'t (dyn Fn(&[u32], DQuat, &mut Vec<u32>) + Sync),
-    /// Appends the lanes of a turned result.
-    result: &'t (dyn Fn(&[u32], DQuat, &mut Vec<f64>) + Sync),
+    arguments: Turn<'t, u32>,
+    result: Turn<'t, f64>,
     /// The type of the result.
     shape: Shape,
 }
