@@ -28,6 +28,8 @@ fn main() -> ExitCode {
         "too_large" => check("fn above(x: f32) -> f32 { return x + x * x * 0.001; }", "above"),
         "integral" => Ok(integral()),
         "two" => two(),
+        // A thread of the test's own has no name, and the test isn't known there.
+        "in_a_thread" => std::thread::spawn(two).join().expect("no check panics"),
         "one_path" => one_path(),
         "records" => Ok(records()),
         "known_issue" => {
