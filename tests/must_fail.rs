@@ -581,7 +581,8 @@ fn a_replay_of_nothing() {
     let (output, text) = planted(&["two"], &[("KARAT_CASE", "g/agrees_with/65536")]);
     assert!(!output.status.success() && text.contains("none with index 65536"), "{text}");
     let (output, text) = planted(&["in_a_thread"], &[("KARAT_CASE", "g/agrees_with/3")]);
-    let reason = "`f/agrees_with` isn't `g/agrees_with`, which KARAT_CASE selects, and runs in a thread";
+    let reason =
+        "`f/agrees_with` isn't `g/agrees_with`, which KARAT_CASE selects, and runs in a thread";
     assert!(!output.status.success() && text.contains(reason), "{text}");
     // A frame has no cases.
     let folder = tempfile::tempdir().expect("a temporary folder");

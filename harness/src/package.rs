@@ -39,7 +39,7 @@ use crate::diagnostic::{Diagnostic, Span, nearest, shown};
 /// assert_eq!(inline.functions().unwrap()[0].path, "double");
 /// # let _ = &SHADERS;
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Package {
     origin: Origin,
     dependencies: Vec<(Cow<'static, str>, Package)>,
@@ -48,7 +48,7 @@ pub struct Package {
     validated_with: Vec<(String, Vec<String>)>,
 }
 
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 enum Origin {
     Folder { base: Cow<'static, str>, path: Cow<'static, str> },
     File { path: PathBuf, name: String },

@@ -13,6 +13,8 @@ pub use inputs::Inputs;
 pub(crate) use kernel::{CONSTANTS, Kernel};
 pub(crate) use runner::{BATCH, Dispatch, Runner};
 
+use std::sync::Arc;
+
 use crate::diagnostic::Diagnostic;
 use crate::fixture::FixtureError;
 use crate::package::Package;
@@ -23,7 +25,7 @@ use crate::value::Shape;
 /// A function, linked, reflected, and with its kernel.
 #[derive(Debug)]
 pub struct Probed {
-    pub(crate) program: Program,
+    pub(crate) program: Arc<Program>,
     pub(crate) function: Function,
     pub(crate) kernel: Kernel,
 }

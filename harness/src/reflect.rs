@@ -3,6 +3,7 @@
 //! A [`Program`] is the one place from which linked text, IR and source map are reachable;
 //! whatever transforms or interprets shaders starts from it.
 
+mod kept;
 mod layout;
 mod rounds;
 mod validation;
@@ -16,6 +17,7 @@ use naga::front::wgsl;
 use naga::proc::Layouter;
 use naga::valid::{Capabilities, GlobalUse, ModuleInfo, ShaderStages, ValidationFlags, Validator};
 
+use kept::Wanted;
 pub use layout::LayoutError;
 pub(crate) use layout::bytes_of;
 pub(crate) use rounds::{COUNTERS, CountedLoop, Watched, count_rounds};
@@ -159,8 +161,9 @@ impl Program {
     ///
     /// # Errors
     /// If it can't be linked, or isn't valid WGSL.
-    pub fn of_function(package: &Package, path: &str) -> Result<Self, ReflectError> {
-        Self::from_linked(package.link(path)?)
+    pub fn of_function(package: &Package, path: &str) -> Result<Arc<Self>, ReflectError> {
+        let wanted = Wanted::Function(path.to_owned());
+        kept::program(package, wanted, || Self::from_linked(package.link(path)?))
     }
 
     /// Links and validates a whole module with all that it declares. A module that imports nothing
@@ -168,8 +171,9 @@ impl Program {
     ///
     /// # Errors
     /// If it can't be linked, or isn't valid WGSL.
-    pub fn of_module(package: &Package, module: &str) -> Result<Self, ReflectError> {
-        Self::from_linked(package.link_module(module)?)
+    pub fn of_module(package: &Package, module: &str) -> Result<Arc<Self>, ReflectError> {
+        let wanted = Wanted::Module(module.to_owned());
+        kept::program(package, wanted, || Self::from_linked(package.link_module(module)?))
     }
 
     /// Links and validates the closure of some declarations of one module.
@@ -177,8 +181,10 @@ impl Program {
         package: &Package,
         module: &str,
         items: &[&str],
-    ) -> Result<Self, ReflectError> {
-        Self::from_linked(package.link_items(module, items)?)
+    ) -> Result<Arc<Self>, ReflectError> {
+        let names = items.iter().map(|item| (*item).to_owned()).collect();
+        let wanted = Wanted::Items(module.to_owned(), names);
+        kept::program(package, wanted, || Self::from_linked(package.link_items(module, items)?))
     }
 
     fn from_linked(linked: Linked) -> Result<Self, ReflectError> {

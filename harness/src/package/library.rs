@@ -77,6 +77,18 @@ impl<'a> Library<'a> {
         modules.iter().any(|module| module.starts_with(&prefix))
     }
 
+    /// What was read, with `root`, which may be no module that can be parsed.
+    pub(super) fn sources(&self, root: &ModulePath, file: &SourceFile) -> Sources {
+        let hash = |file: &SourceFile| blake3::hash(file.text.as_bytes());
+        let modules = self.modules.borrow();
+        let mut texts: BTreeMap<ModulePath, Hash> =
+            modules.iter().map(|(path, module)| (path.clone(), hash(&module.file))).collect();
+        texts.insert(root.clone(), hash(file));
+        let packages = self.packages.borrow();
+        let packages = packages.iter().map(|(package, _)| (*package).clone()).collect();
+        Sources { packages, texts }
+    }
+
     fn package(&self, index: usize) -> &'a Package {
         self.packages.borrow()[index].0
     }
@@ -122,6 +134,24 @@ impl<'a> Library<'a> {
     fn features(&self, package: usize) -> Features {
         let all = self.package(package).features.iter().chain(&self.package(0).features);
         all.map(|(name, enabled)| (name.to_string(), *enabled)).collect()
+    }
+}
+
+/// The texts that a link was made of.
+#[derive(Clone, Debug)]
+pub(crate) struct Sources {
+    packages: Vec<Package>,
+    texts: BTreeMap<ModulePath, Hash>,
+}
+
+impl Sources {
+    /// Whether all of them are as they were.
+    pub(crate) fn are_current(&self) -> Result<bool, PackageError> {
+        let overlay = Overlay::of(&self.packages[0])?;
+        Ok(self.texts.iter().all(|(path, hash)| {
+            let file = self.packages[path.package].load(&path.components, &overlay);
+            file.is_ok_and(|file| blake3::hash(file.text.as_bytes()) == *hash)
+        }))
     }
 }
 

@@ -8,7 +8,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::imports::{self, Import, Target};
-use super::library::{Library, ModulePath};
+use super::library::{Library, ModulePath, Sources};
 use super::splice::{Edit, Spliced};
 use super::syntax::{DeclarationKind, Module, asks_for_nothing, deepest};
 use super::{Package, PackageError};
@@ -57,6 +57,8 @@ pub(crate) struct Linked {
     pub(crate) names: BTreeMap<String, String>,
     /// The file that holds what was linked.
     pub(crate) file: Arc<SourceFile>,
+    /// What it was made of.
+    pub(crate) sources: Sources,
 }
 
 impl Linked {
@@ -100,7 +102,7 @@ impl Package {
         })?;
         let parsed = match library.module(&root) {
             Ok(parsed) => parsed,
-            Err(_) if asks_for_nothing(&file.text) => return Ok(verbatim(&file, module)),
+            Err(_) if asks_for_nothing(&file.text) => return Ok(verbatim(&library, &root, &file)),
             Err(error) => return Err(error),
         };
         let mut wanted = Vec::new();
@@ -123,7 +125,7 @@ impl Package {
         let library = Library::open(self)?;
         let file = library.read(&root)?;
         if asks_for_nothing(&file.text) {
-            return Ok(verbatim(&file, module));
+            return Ok(verbatim(&library, &root, &file));
         }
         let parsed = library.module(&root)?;
         imports::check(&library, &root)?;
@@ -173,15 +175,14 @@ impl Package {
 }
 
 /// A file as it is. Its functions are known by the names that they have.
-fn verbatim(file: &Arc<SourceFile>, module: &str) -> Linked {
+fn verbatim(library: &Library<'_>, root: &ModulePath, file: &Arc<SourceFile>) -> Linked {
     let mut spliced = Spliced::default();
     spliced.copy(file, 0..file.text.len(), Vec::new());
     let mut names = BTreeMap::new();
     if let Ok(parsed) = Module::parse(file, &BTreeMap::new()) {
-        let root = ModulePath::root(module);
-        names.extend(parsed.names().map(|name| (name.to_owned(), author_path("", &root, name))));
+        names.extend(parsed.names().map(|name| (name.to_owned(), author_path("", root, name))));
     }
-    Linked { spliced, names, file: Arc::clone(file) }
+    Linked { spliced, names, file: Arc::clone(file), sources: library.sources(root, file) }
 }
 
 /// `fresnel::schlick` for an item of this package, `noise::value::perlin` for a dependency's.
@@ -252,10 +253,12 @@ impl<'a> Linker<'a> {
             }
         }
         let names = self.names(&items);
+        let file = &self.parts[&self.root].module.file;
         let mut linked = Linked {
             spliced: Spliced::default(),
             names: BTreeMap::new(),
-            file: Arc::clone(&self.parts[&self.root].module.file),
+            file: Arc::clone(file),
+            sources: self.library.sources(&self.root, file),
         };
         self.copy_directives(&items, whole, &mut linked.spliced);
         let spliced = &mut linked.spliced;

@@ -1,10 +1,6 @@
 //! Whether everything in a package is valid, and not only what a test reaches.
 
-use std::collections::HashSet;
 use std::fmt;
-use std::sync::{LazyLock, Mutex, PoisonError};
-
-use blake3::Hash;
 
 use super::{Program, ReflectError};
 use crate::package::{Package, PackageError};
@@ -110,16 +106,7 @@ impl Program {
     }
 }
 
-/// Validates a whole module; once in a process for the same text.
+/// Validates a whole module.
 pub(crate) fn validate(package: &Package, module: &str) -> Result<(), ReflectError> {
-    static VALID: LazyLock<Mutex<HashSet<Hash>>> = LazyLock::new(Mutex::default);
-    let valid = || VALID.lock().unwrap_or_else(PoisonError::into_inner);
-    let linked = package.link_module(module)?;
-    let hash = blake3::hash(linked.text().as_bytes());
-    if valid().contains(&hash) {
-        return Ok(());
-    }
-    Program::from_linked(linked)?;
-    valid().insert(hash);
-    Ok(())
+    Program::of_module(package, module).map(drop)
 }

@@ -1,0 +1,91 @@
+//! Programs that a process has made before: checks of one function link, parse and validate it once.
+
+use std::collections::HashMap;
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
+
+use super::{Program, ReflectError};
+use crate::package::Package;
+
+/// Programs that a process keeps: more than any project tests, and a bound for long-lived ones.
+const MOST_KEPT: usize = 4096;
+
+/// What a program holds.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Wanted {
+    Function(String),
+    Module(String),
+    Items(String, Vec<String>),
+}
+
+/// The program that was made of the same texts, or else a new one. Files are read each time: a
+/// program of a text that has changed since is never taken.
+pub(super) fn program(
+    package: &Package,
+    wanted: Wanted,
+    make: impl FnOnce() -> Result<Program, ReflectError>,
+) -> Result<Arc<Program>, ReflectError> {
+    type Kept = HashMap<Wanted, Vec<(Package, Arc<Program>)>>;
+    static KEPT: LazyLock<Mutex<Kept>> = LazyLock::new(Mutex::default);
+    let lock = || KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+    let of_package = |kept: &(Package, Arc<Program>)| kept.0 == *package;
+    let known =
+        lock().get(&wanted).and_then(|kept| kept.iter().find(|kept| of_package(kept)).cloned());
+    if let Some((_, program)) = known
+        && program.linked.sources.are_current()?
+    {
+        return Ok(program);
+    }
+    let program = Arc::new(make()?);
+    let mut kept = lock();
+    if kept.len() >= MOST_KEPT {
+        kept.clear();
+    }
+    let kept = kept.entry(wanted).or_default();
+    kept.retain(|kept| !of_package(kept));
+    kept.push((package.clone(), Arc::clone(&program)));
+    Ok(program)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bound(package: &Package) -> usize {
+        Program::of_function(package, "a::f").expect("valid").module().functions.len()
+    }
+
+    /// The same program while the texts are the same; another one when a module that it imports
+    /// changes, when a feature does, and when a file is gone.
+    #[test]
+    fn a_program_is_made_again_when_a_text_changes() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let write = |name: &str, text: &str| {
+            std::fs::write(folder.path().join(name), text).expect("written");
+        };
+        write("a.wgsl", "import package::b::g;\nfn f(x: f32) -> f32 { return g(x); }\n");
+        write(
+            "b.wgsl",
+            "@if(twice) fn h(x: f32) -> f32 { return x + x; }\n\
+                         @if(twice) fn g(x: f32) -> f32 { return h(x); }\n\
+                         @if(!twice) fn g(x: f32) -> f32 { return x; }\n",
+        );
+        let package = Package::open(folder.path()).expect("a package");
+        let first = Program::of_function(&package, "a::f").expect("valid");
+        let again = Program::of_function(&package, "a::f").expect("valid");
+        assert!(Arc::ptr_eq(&first, &again));
+        assert_eq!((bound(&package), bound(&package.clone().feature("twice", true))), (2, 3));
+        write(
+            "b.wgsl",
+            "fn h(x: f32) -> f32 { return x; }\nfn g(x: f32) -> f32 { return h(x); }\n",
+        );
+        assert_eq!(bound(&package), 3);
+        std::fs::remove_file(folder.path().join("b.wgsl")).expect("removed");
+        assert!(Program::of_function(&package, "a::f").is_err());
+        let text = |value: &str| format!("fn f() -> f32 {{ return {value}; }}");
+        let other = |value: &str| Package::from_modules("m", [("a", text(value))]);
+        for value in ["1.0", "2.0"] {
+            let program = Program::of_function(&other(value), "a::f").expect("valid");
+            assert!(program.text().contains(value));
+        }
+    }
+}
