@@ -83,8 +83,8 @@ impl Library {
             Some(profile) => drop(command.args(["--profile", profile])),
         }
         command.arg("--target-dir").arg(folder.parent().expect("in the folder of output"));
-        for target in targets {
-            command.args(["--test", target]);
+        for program in targets.iter().map(|target| program(target)).collect::<BTreeSet<_>>() {
+            command.args(["--test", program]);
         }
         let output = command.current_dir(env!("CARGO_MANIFEST_DIR")).output().expect("cargo runs");
         let errors = String::from_utf8_lossy(&output.stderr);
@@ -200,7 +200,8 @@ impl Library {
         let overlay = folder.path().join("overlay");
         let output = self.process(target, names, &folder);
         let records = record::read(&folder.path().join("record")).unwrap_or_default();
-        let verdict = judge(&output, &records, names, &overlay);
+        let names: Vec<String> = names.iter().map(|name| full(target, name)).collect();
+        let verdict = judge(&output, &records, &names, &overlay);
         verdict.unwrap_or_else(Outcome::Broken)
     }
 
@@ -212,7 +213,8 @@ impl Library {
 
     /// Tests of a file as a process, with the overlay in a folder.
     fn command(&self, target: &str, names: &[&str], folder: &TempDir) -> Command {
-        let binary = self.binaries.get(target).unwrap_or_else(|| panic!("no tests `{target}`"));
+        let program = program(target);
+        let binary = self.binaries.get(program).unwrap_or_else(|| panic!("no tests `{program}`"));
         let mut command = Command::new(binary);
         for (name, _) in std::env::vars_os() {
             let keep = ["KARAT_ADAPTER", "KARAT_DEADLINE"].iter().any(|keep| name == *keep);
@@ -226,7 +228,10 @@ impl Library {
         command.env("KARAT_RECORD", folder.path().join("record"));
         command.env("NODEVICE_SELECT", "1").env("RUST_BACKTRACE", "0");
         if !names.is_empty() {
-            command.arg("--exact").args(names);
+            command.arg("--exact").args(names.iter().map(|name| full(target, name)));
+        } else if program != target {
+            // The formulas as the source documents wrote them have tests of the same names.
+            command.arg(full(target, "")).args(["--skip", "as_written::"]);
         }
         command.current_dir(env!("CARGO_MANIFEST_DIR"));
         command
@@ -244,8 +249,19 @@ fn overlaid(modules: &[(&str, String)]) -> TempDir {
     folder
 }
 
+/// The program that a file of tests belongs to.
+fn program(target: &str) -> &str {
+    if target == "golden" { target } else { "library" }
+}
+
+/// The name that a test of a file has in its program.
+fn full(target: &str, name: &str) -> String {
+    if program(target) == target { name.to_owned() } else { format!("{target}::{name}") }
+}
+
 /// Why a test failed, by the records of its process.
 fn failure(target: &str, test: &str, folder: &TempDir) -> Seen {
+    let test = test.strip_prefix(&full(target, "")).unwrap_or(test);
     let records = record::read(&folder.path().join("record")).unwrap_or_default();
     let of = |verdict| records.iter().find(|record| record.verdict == verdict);
     match (of(Verdict::Fail), of(Verdict::Error)) {
@@ -269,7 +285,7 @@ fn failed_test(line: &str) -> Option<String> {
 fn judge(
     output: &Output,
     records: &[Record],
-    names: &[&str],
+    names: &[String],
     overlay: &FilePath,
 ) -> Result<Outcome, String> {
     let said = || {
@@ -284,7 +300,7 @@ fn judge(
         return Err("a record doesn't name the overlay".to_owned());
     }
     let ran: BTreeSet<&str> = records.iter().map(|record| &*record.test).collect();
-    if let Some(missing) = names.iter().find(|name| !ran.contains(**name)) {
+    if let Some(missing) = names.iter().find(|name| !ran.contains(&***name)) {
         return Err(format!("test `{missing}` isn't there, or records no check"));
     }
     // A check that came to no verdict is no proof: the fault may not compile.
@@ -312,7 +328,9 @@ fn caught(record: &Record) -> Caught {
     let (failing, worst) = path.map_or_else(Default::default, |path| {
         (format!("{} of {}", path.failures, path.cases), path.worst.clone())
     });
-    Caught { test: record.test.clone(), check, failing, worst, asserted }
+    // Without its file, which the table has.
+    let test = record.test.rsplit("::").next().unwrap_or_default().to_owned();
+    Caught { test, check, failing, worst, asserted }
 }
 
 fn mutated(fault: &Fault) -> String {
