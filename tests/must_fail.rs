@@ -1210,6 +1210,64 @@ fn a_frame_that_is_declared_to_fail() {
     assert!(agreement.known_issues.iter().all(|issue| (issue.cases, issue.failures) == (512, 1)));
 }
 
+/// Samples and means may be declared to fail, and have to, then.
+#[test]
+fn samples_and_means_that_are_declared_to_fail() {
+    let wgsl = "fn same(u: f32) -> f32 { return u; }\nfn squared(u: f32) -> f32 { return u * u; }\n\
+                fn one(x: f32) -> f32 { return 1.0; }";
+    let package = Package::from_source("planted", wgsl);
+    let paths = selected();
+    let declared = |sampler: &str, reason: &str| {
+        let samples = package.function(sampler).sampled_over(Just(()), |(), u: f32| u);
+        let samples = samples.on(Support::Interval(0.0, 1.0)).samples(16_384);
+        let samples = paths.iter().fold(samples, |samples, path| samples.fails_on(*path, reason));
+        samples.try_follows(package.function("one"), |(), x: f32| x)
+    };
+    let fit = declared("squared", "bug 1").expect("it fails as declared");
+    assert_eq!((fit.paths.len(), fit.known_issues.len()), (0, paths.len()));
+    let failure = declared("same", "bug 1").expect_err("it passes").to_string();
+    assert!(failure.contains("where it is declared to fail: bug 1"), "{failure}");
+    let failure = declared("squared", " ").expect_err("no reason").to_string();
+    assert!(failure.contains("without a reason"), "{failure}");
+
+    let pictures = Package::from_source("gradient", include_str!("planted/gradient.wgsl"));
+    let frame = || pictures.frame("", 32, 16).fullscreen("corners", "gradient");
+    let frame = paths.iter().fold(frame(), |frame, path| frame.fails_on(*path, "bug 1"));
+    let whole = karat::Rect { left: 0, top: 0, width: 32, height: 16 };
+    let mean = frame.try_expect_mean(whole, [9.0; 3], Abs(0.1)).expect("it fails as declared");
+    assert_eq!((mean.paths.len(), mean.known_issues.len()), (0, paths.len()));
+    let error = frame.try_expect_mean(whole, [0.0; 3], Abs(9.0)).expect_err("it is right");
+    assert!(error.to_string().contains("where it is declared to fail: bug 1"), "{error}");
+}
+
+/// Where every result may be flushed to 0, and its reference, too, nothing is compared.
+#[test]
+fn results_that_may_all_be_flushed() {
+    let package = Package::from_source("s", "fn f(d: f32) -> f32 { return exp(-2.0 * d); }");
+    let check = |low: f32, tolerance: Tolerance| {
+        let check = package.function("f").over(low..=200.0);
+        check.try_agrees_with(|d: f64| (-d).exp(), tolerance)
+    };
+    for tolerance in [Rel(1e-3).into(), Ulp(4.0).into()] {
+        let failure = check(90.0, tolerance).expect_err("nothing is compared").to_string();
+        assert!(failure.contains("below the least normal f32"), "{failure}");
+    }
+    assert!(matches!(check(0.5, Rel(1e-3).into()), Err(Failure::Disagreement(_))));
+}
+
+/// A tolerance that no change exceeds says nothing of a direction.
+#[test]
+fn changes_within_the_tolerance() {
+    let package = Package::from_source("s", "fn f(x: f32) -> f32 { return x * x; }");
+    let check = |tolerance: f64| {
+        let check = package.function("f").over(-1.0..=1.0);
+        check.try_is_monotone_in("x", Direction::Increasing, Abs(tolerance))
+    };
+    let failure = check(5.0).expect_err("nothing is compared").to_string();
+    assert!(failure.contains("by more than the tolerance"), "{failure}");
+    assert!(matches!(check(0.1), Err(Failure::Disagreement(_))));
+}
+
 /// The record says what is known, and doesn't call it a pass.
 #[test]
 fn known_issues_are_recorded() {

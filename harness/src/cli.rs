@@ -196,7 +196,7 @@ struct PackageArgs {
 pub(crate) fn run() -> ExitCode {
     let mut out = Output::stdout();
     let result = match Cli::try_parse() {
-        Ok(cli) => command(cli.command, &mut out).map(ExitCode::from),
+        Ok(cli) => settled(cli.command, &mut out).map(ExitCode::from),
         Err(error) => explain(error, &mut out),
     };
     // What was written is part of the work.
@@ -211,6 +211,14 @@ pub(crate) fn run() -> ExitCode {
         }
         ExitCode::from(if is_missing(&error) { 3 } else { 2 })
     })
+}
+
+/// Runs a command in an environment that can be used: a setting with a slip would do nothing.
+fn settled(wanted: Command, out: &mut dyn Write) -> Outcome {
+    if !matches!(wanted, Command::Completions { .. }) {
+        karat::check_settings()?;
+    }
+    command(wanted, out)
 }
 
 fn command(command: Command, out: &mut dyn Write) -> Outcome {

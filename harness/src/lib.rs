@@ -86,6 +86,8 @@ pub use reflect::{
 };
 pub use run::{KnownIssue, NotReplayed};
 pub use settings::SettingsError;
+#[doc(hidden)] // how the binary refuses the same settings
+pub use settings::check as check_settings;
 pub use stats::Support;
 pub use tolerance::{Abs, Measure, Rel, Tolerance, Ulp, Unit, ulp_distance};
 pub use value::{Arguments, Mirror, Scalar, Shape, Shareable, format_f32, format_lane, hexfloat};

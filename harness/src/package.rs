@@ -155,6 +155,28 @@ pub enum PackageError {
         /// As the author wrote it.
         condition: String,
     },
+    /// A path that goes up from the root.
+    #[error("`super` leads above the root of package `{package}`")]
+    AboveRoot {
+        /// The package.
+        package: String,
+    },
+    /// Two modules, or two dependencies, have one name.
+    #[error("package `{package}` has two {what}: give one of them another name")]
+    Twice {
+        /// The package.
+        package: String,
+        /// What there are two of.
+        what: String,
+    },
+    /// A file that looks like a module and can't be one.
+    #[error("`{file}` can't be a module: {reason}")]
+    NoModule {
+        /// The file.
+        file: String,
+        /// Why.
+        reason: &'static str,
+    },
     /// The folder that `KARAT_OVERLAY` names can't stand in for modules of the package.
     #[error("the overlay `{folder}` (KARAT_OVERLAY) {reason}")]
     Overlay {
@@ -317,8 +339,30 @@ impl Package {
             }
         };
         modules.sort();
-        modules.dedup();
+        if let Some(pair) = modules.windows(2).find(|pair| pair[0] == pair[1]) {
+            return Err(self.twice("modules", &pair[0]));
+        }
         Ok(modules)
+    }
+
+    fn twice(&self, what: &str, name: &str) -> PackageError {
+        PackageError::Twice { package: self.name(), what: format!("{what} named `{name}`") }
+    }
+
+    /// Whether each module in memory and each dependency has a name of its own. What is in a folder
+    /// is looked at with [`modules`](Self::modules).
+    fn expect_distinct(&self) -> Result<(), PackageError> {
+        let mut names = BTreeSet::new();
+        if let Origin::Memory { modules, .. } = &self.origin
+            && let Some((name, _)) = modules.iter().find(|(name, _)| !names.insert(name.as_str()))
+        {
+            return Err(self.twice("modules", name));
+        }
+        let mut names = BTreeSet::new();
+        match self.dependencies.iter().find(|(name, _)| !names.insert(name.as_ref())) {
+            Some((name, _)) => Err(self.twice("dependencies", name)),
+            None => Ok(()),
+        }
     }
 
     /// All functions of all modules, in the order of modules and lines.
@@ -369,17 +413,30 @@ fn scan(
     }
     for entry in std::fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
-        let Some(stem) = path.file_stem().and_then(|stem| stem.to_str()) else { continue };
-        let name = if prefix.is_empty() { stem.to_owned() } else { format!("{prefix}::{stem}") };
+        let no_module = |reason| PackageError::NoModule { file: shown(&path), reason };
+        let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
+        let is_shader = library::EXTENSIONS.iter().any(|known| extension == *known);
+        let part = if path.is_dir() { path.file_name() } else { path.file_stem() };
+        let Some(part) = part.and_then(|part| part.to_str()) else {
+            if is_shader {
+                return Err(no_module("its name isn't UTF-8"));
+            }
+            continue;
+        };
+        let name = if prefix.is_empty() { part.to_owned() } else { format!("{prefix}::{part}") };
         if path.is_dir() {
-            // Build output and hidden folders hold no modules of the author.
-            if !stem.starts_with('.') && stem != "target" {
+            // Cargo's output and hidden folders hold no modules of the author.
+            let is_output = part == "target" && path.join("CACHEDIR.TAG").is_file();
+            if !part.starts_with('.') && !is_output {
                 scan(&path, &name, entered, found)?;
             }
-        } else if library::EXTENSIONS
-            .iter()
-            .any(|known| path.extension().is_some_and(|e| e == *known))
-        {
+        } else if is_shader {
+            if path.extension() != Some(&extension) {
+                return Err(no_module("write its extension in small letters"));
+            }
+            if !path.is_file() {
+                return Err(no_module("it isn't a file, or a link to nothing"));
+            }
             found.push(name);
         }
     }

@@ -189,6 +189,14 @@ impl Program {
 
     fn from_linked(linked: Linked) -> Result<Self, ReflectError> {
         let invalid = |diagnostic| ReflectError::Invalid(Box::new(diagnostic));
+        if let Some(at) = linked.text().find('\0') {
+            let message = "WGSL has no null character (U+0000), not even in a comment".to_owned();
+            let mut diagnostic = Diagnostic::new(message);
+            if let Some(span) = linked.spliced.resolve(at..at + 1) {
+                diagnostic = diagnostic.at(span, "");
+            }
+            return Err(invalid(diagnostic));
+        }
         if let Some(span) = linked.too_deep() {
             let message = "this expression is too long or too deep to be compiled".to_owned();
             let note = "compilers recurse over it: split it into several statements";

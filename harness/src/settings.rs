@@ -111,6 +111,14 @@ pub(crate) fn current() -> Result<&'static Settings, SettingsError> {
     SETTINGS.get_or_init(|| Settings::read(std::env::vars_os())).as_ref().map_err(Clone::clone)
 }
 
+/// Whether the environment can be used.
+///
+/// # Errors
+/// If a variable is unknown, or has a value that it can't have.
+pub fn check() -> Result<(), SettingsError> {
+    current().map(|_| ())
+}
+
 impl Settings {
     pub(crate) fn read(
         environment: impl IntoIterator<Item = (OsString, OsString)>,

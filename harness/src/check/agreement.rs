@@ -1,5 +1,8 @@
 //! Results that agree with a reference.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
 use super::session::{Asserted, Demand, Expect};
 use super::tally::compare;
@@ -7,7 +10,7 @@ use super::{Agreement, Check, Failure, Reference};
 use crate::domain::{Domain, Stream};
 use crate::run::or_panic;
 use crate::tolerance::Tolerance;
-use crate::value::{Arguments, Shape};
+use crate::value::{Arguments, Scalar, Shape};
 
 /// What a reference says of rows of arguments.
 pub(super) struct Expected<'e> {
@@ -28,6 +31,15 @@ pub(super) fn with_reference<A: Arguments, T>(
                 reference.expect(&A::load_all(&mut row.iter()), lanes);
             }
         },
+    })
+}
+
+/// Whether a result shows something: not where it may be flushed to 0 and its reference, too.
+fn tells(scalars: &[Scalar], actual: &[u32], expected: &[f64]) -> bool {
+    scalars.iter().zip(actual).zip(expected).any(|((scalar, word), expected)| {
+        let actual = scalar.decode(*word);
+        let least = f64::from(f32::MIN_POSITIVE);
+        !scalar.is_float() || actual == *expected || !(actual.abs().max(expected.abs()) < least)
     })
 }
 
@@ -89,15 +101,27 @@ impl Plan<'_> {
             session.called.expect_result(&expected.shape, "the reference returns")?;
             tolerances.expect_usable(session)?;
             let (scalars, tolerances) = (session.called.scalars(), tolerances.of_paths(session));
-            session.run(&mut |batch, dispatches| {
+            let told_apart = AtomicBool::new(false);
+            let tallies = session.run(&mut |batch, dispatches| {
                 // The device works on the dispatches meanwhile.
                 let expected = session.expected(batch, batch.rows(), expected.expect)?;
                 let of = |case: usize| &expected[case * scalars.len()..][..scalars.len()];
                 let expect = |_, case: usize| Some(of(case).to_vec());
                 session.judge(batch, dispatches, expect, |path, case, actual| {
+                    if !told_apart.load(Ordering::Relaxed) && tells(&scalars, actual, of(case)) {
+                        told_apart.store(true, Ordering::Relaxed);
+                    }
                     compare(&scalars, actual, of(case), tolerances[path])
                 })
-            })
+            })?;
+            let fails = tallies.iter().any(PathTally::fails);
+            if !told_apart.into_inner() && !fails && !session.is_replay() {
+                return session.called.vacuous(
+                    "has only cases whose results are below the least normal f32, 1.2e-38: they may \
+                     be flushed to 0, so that none is told from another",
+                );
+            }
+            Ok(tallies)
         })
     }
 }

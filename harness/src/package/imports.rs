@@ -72,7 +72,27 @@ pub(super) fn imports(module: &Module) -> Result<Vec<Import>, PackageError> {
             return Err(malformed(module, end));
         }
     }
+    for (index, import) in found.iter().enumerate() {
+        let first = found[..index].iter().find(|first| first.alias == import.alias);
+        if let Some(first) = first.filter(|first| first.words != import.words) {
+            return Err(twice(module, import, module.span(first.token), "imported before"));
+        }
+        if let Some(declared) = module.declared(&import.alias).next() {
+            let place = module.span(module.declarations[declared].name_token);
+            return Err(twice(module, import, place, "declared here"));
+        }
+    }
     Ok(found)
+}
+
+/// A name that an import gives a second meaning.
+fn twice(module: &Module, import: &Import, first: Span, how: &str) -> PackageError {
+    let message = format!("`{}` would mean two things in this module", import.alias);
+    let diagnostic = Diagnostic::new(message)
+        .at(module.span(import.token), "imported here")
+        .at(first, how)
+        .note("give one of them another name: `import package::module::name as other;`");
+    PackageError::Shader(Box::new(diagnostic))
 }
 
 fn malformed(module: &Module, token: usize) -> PackageError {
@@ -205,7 +225,8 @@ fn locate(
     let (package, mut components, rest) = match words[0].as_str() {
         "package" => (from.package, Vec::new(), &words[1..]),
         "super" => {
-            let kept = from.components.len().saturating_sub(supers);
+            let above = || PackageError::AboveRoot { package: library.name(from.package) };
+            let kept = from.components.len().checked_sub(supers).ok_or_else(above)?;
             (from.package, from.components[..kept].to_vec(), &words[supers..])
         }
         name => (library.dependency(from.package, name)?, Vec::new(), &words[1..]),

@@ -44,6 +44,7 @@ pub(super) struct Library<'a> {
 
 impl<'a> Library<'a> {
     pub(super) fn open(package: &'a Package) -> Result<Self, PackageError> {
+        package.expect_distinct()?;
         let overlay = Overlay::of(package)?;
         let packages = RefCell::new(vec![(package, String::new())]);
         Ok(Self { packages, overlay, modules: RefCell::default() })
@@ -93,6 +94,10 @@ impl<'a> Library<'a> {
         self.packages.borrow()[index].0
     }
 
+    pub(super) fn name(&self, package: usize) -> String {
+        self.package(package).name()
+    }
+
     /// The name of a package as the one that is linked reaches it: `noise`, `textures/noise`.
     pub(super) fn route(&self, package: usize) -> String {
         self.packages.borrow()[package].1.clone()
@@ -117,6 +122,7 @@ impl<'a> Library<'a> {
                 nearest: nearest(name, known).map(str::to_owned),
             });
         };
+        found.expect_distinct()?;
         let route = self.route(package);
         let mut packages = self.packages.borrow_mut();
         // One package that is reached in two ways is one: its types are the same types.

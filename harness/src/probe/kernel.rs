@@ -112,6 +112,9 @@ impl Kernel {
     fn write(&self, constants: &[u32]) -> Result<String, std::fmt::Error> {
         let Self { words_in, words_out, first_binding: binding, inputs, .. } = self;
         let mut text = self.linked.clone();
+        if !text.ends_with('\n') {
+            text.push('\n');
+        }
         let stride_out = words_out + 1;
         match inputs {
             Inputs::Storage if *words_in > 0 => writeln!(
