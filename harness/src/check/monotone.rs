@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::argument::{Argument, ScalarArgument};
 use super::companion::{Companion, WithCompanion};
+use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
 use super::property::{Exhibit, PRIMED};
 use super::session::{Asserted, Demand};
@@ -66,8 +67,8 @@ where
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a result goes the other way, none changes at all, or nothing could
-    /// be compared.
+    /// With the [`Failure`], if a result goes the other way, none changes by more than the
+    /// tolerance, or nothing could be compared.
     #[track_caller]
     pub fn is_monotone_in(
         self,
@@ -81,7 +82,8 @@ where
     /// [`is_monotone_in`](Self::is_monotone_in) without the panic.
     ///
     /// # Errors
-    /// If a result goes the other way, none changes at all, or nothing could be compared.
+    /// If a result goes the other way, none changes by more than the tolerance, or nothing could be
+    /// compared.
     pub fn try_is_monotone_in(
         self,
         argument: impl Into<Argument>,
@@ -169,7 +171,8 @@ impl Plan<'_> {
             if pairs == 0 {
                 return called.vacuous(format!("has one value of {argument} only"));
             }
-            if !changed.into_inner() && !session.is_replay() {
+            let fails = tallies.iter().any(PathTally::fails);
+            if !changed.into_inner() && !fails && !session.is_replay() {
                 let reason = format!(
                     "has no case whose result changes with {argument} by more than the tolerance"
                 );
