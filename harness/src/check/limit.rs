@@ -70,8 +70,8 @@ where
     ///
     /// Each case is called at every step of the limit, with its other arguments as they were drawn.
     /// Its error has to fall from step to step until it is within the tolerance, stay within, and be
-    /// there at the last step. The reference receives the limit's target in place of the argument,
-    /// and what the domain draws there is of no account: `Just(0.0)`, for example.
+    /// there at the last step. The reference receives the limit's target in place of the argument.
+    /// The domain's values for this argument are ignored: `Just(0.0)` will do.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
