@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use rayon::prelude::*;
 
 use crate::library::{self, Library, Seen};
-use crate::program::{Candidate, JUDGES, Listed};
+use crate::program::{self, Candidate, JUDGES, Listed};
 
 /// What became of a mutant.
 pub(crate) enum Fate {
@@ -182,7 +182,8 @@ fn fate(library: &Library, candidate: &Candidate, listed: &[Listed]) -> Fate {
     let mut undecided = None;
     let mut asserted = None;
     for target in candidate.judges {
-        match library.hunt(target, &[], candidate.module, &text) {
+        let tests = program::frames(candidate.module, target);
+        match library.hunt(target, tests, candidate.module, &text) {
             Seen::Killed(test) => {
                 library.learn(target, &item, &test);
                 return killed(test);

@@ -32,6 +32,15 @@ pub(crate) const JUDGES: [(&str, &[&str]); 19] = [
     ("specular", &["specular"]),
 ];
 
+/// The tests of a file that can see a mutant of a module; none: all of them. Other frames don't link
+/// the module.
+pub(crate) fn frames(module: &str, target: &str) -> &'static [&'static str] {
+    match (module, target) {
+        ("probe_room", "golden") => &["lambert", "lambert_parallax"],
+        _ => &[],
+    }
+}
+
 /// A mutant of a module of the library.
 pub(crate) struct Candidate {
     pub(crate) module: &'static str,
