@@ -23,7 +23,7 @@ use crate::package::Package;
 use crate::path::{self, Adapter, Path, PathError};
 use crate::record::Verdict;
 use crate::reflect::{ReflectError, Stage};
-use crate::run::{Concluded, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passes};
+use crate::run::{Concluded, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passed, Passes};
 use crate::settings::SettingsError;
 use crate::tolerance::Measure;
 
@@ -200,11 +200,6 @@ impl From<NotBegun> for FrameError {
             NotBegun::NotReplayed(error) => Self::NotReplayed(error),
         }
     }
-}
-
-/// A verdict about a frame, with what is known to fail.
-trait Passed {
-    fn known_issues(&self) -> &[KnownIssue];
 }
 
 impl Passed for FrameAgreement {

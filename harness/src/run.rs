@@ -12,4 +12,4 @@ pub use known_issue::KnownIssue;
 pub(crate) use known_issue::{KnownIssues, Passes, Seen};
 pub(crate) use memory::{Descent, Entry, Memory};
 pub use replay::NotReplayed;
-pub(crate) use reporter::{Concluded, Reporter, or_panic};
+pub(crate) use reporter::{Concluded, Passed, Reporter, or_panic};

@@ -96,8 +96,8 @@ where
     /// one of them may be right that the integral passes, the check has no verdict and is an error:
     /// the function is narrower than the rules' rings. Where both are farther from what is expected
     /// than from each other, the check fails. What lies between the rings of both is seen by
-    /// neither: with 64 rings, a lobe of less than 2 degrees, a GGX of `alpha` below 0.001. Such a
-    /// function passes as if the lobe weren't there. For it, and without a verdict, take more
+    /// neither: the innermost of 64 rings is 1.5 degrees from the pole. Such a function passes as if
+    /// the lobe weren't there. For it, and without a verdict, take more
     /// [`rings`](Directions::rings), or a rule of your own with
     /// [`integral`](super::Probe::integral). Unless their number is set, there are 256 cases.
     ///

@@ -6,7 +6,7 @@ use super::{Disagreement, Fit, Rejection};
 use crate::path::{Adapter, Path, PathError};
 use crate::probe::ProbeError;
 use crate::record::Verdict;
-use crate::run::{Concluded, KnownIssue, NotBegun, NotReplayed};
+use crate::run::{Concluded, KnownIssue, NotBegun, NotReplayed, Passed};
 use crate::settings::SettingsError;
 use crate::tolerance::Measure;
 
@@ -141,11 +141,6 @@ impl From<NotBegun> for Failure {
             NotBegun::NotReplayed(error) => Self::NotReplayed(error),
         }
     }
-}
-
-/// A check that may have paths that fail as declared.
-pub(super) trait Passed {
-    fn known_issues(&self) -> &[KnownIssue];
 }
 
 impl Passed for Agreement {

@@ -94,8 +94,8 @@ impl Frame<'_> {
                 asserted: tolerance.to_string(),
                 known_issue: known_issue.clone(),
             });
-            // A mean that isn't a number is another bug than the one that is known.
-            if known_issue.is_some() && !mean.iter().any(|mean| mean.is_nan()) {
+            // A mean that isn't finite is another bug than the one that is known.
+            if known_issue.is_some() && mean.iter().all(|mean| mean.is_finite()) {
                 known.push(Seen { adapter: adapter.clone(), path, cases, failures });
                 continue;
             }

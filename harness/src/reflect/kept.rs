@@ -6,8 +6,12 @@ use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 use super::{Program, ReflectError};
 use crate::package::Package;
 
-/// Programs that a process keeps: more than any project tests, and a bound for long-lived ones.
+/// Names of which a process keeps programs: more than any project tests, and a bound for long-lived
+/// ones.
 const MOST_KEPT: usize = 4096;
+
+/// Packages of which programs of one name are kept; many texts in memory may have the same name.
+const MOST_PACKAGES: usize = 8;
 
 /// What a program holds.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -18,7 +22,8 @@ pub(super) enum Wanted {
 }
 
 /// The program that was made of the same texts, or else a new one. Files are read each time: a
-/// program of a text that has changed since is never taken.
+/// program of a text that has changed since is never taken. What a new file would change is seen by
+/// the next process.
 pub(super) fn program(
     package: &Package,
     wanted: Wanted,
@@ -42,6 +47,9 @@ pub(super) fn program(
     }
     let kept = kept.entry(wanted).or_default();
     kept.retain(|kept| !of_package(kept));
+    if kept.len() >= MOST_PACKAGES {
+        kept.remove(0); // the oldest
+    }
     kept.push((package.clone(), Arc::clone(&program)));
     Ok(program)
 }

@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-use super::{identity, replay};
+use super::{KnownIssue, identity, replay};
 use crate::output::visible;
 use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
 
@@ -12,6 +12,12 @@ pub(crate) trait Concluded {
     fn verdict(&self) -> Verdict;
     /// What is wrong.
     fn message(&self) -> Option<String>;
+}
+
+/// What a check found that didn't fail.
+pub(crate) trait Passed {
+    /// Paths that fail as was declared.
+    fn known_issues(&self) -> &[KnownIssue];
 }
 
 /// A check whose verdict is going to be recorded.
