@@ -2,7 +2,7 @@
 //! they get.
 
 use glam::{DVec3, Vec2, Vec3};
-use karat::Failure;
+use karat::check::Failure;
 use karat::prelude::*;
 use shaders::{PBR, brdf};
 

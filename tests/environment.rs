@@ -123,7 +123,7 @@ const FILTER: Abs = Abs(3.0 / 512.0);
 /// The same of half floats, which round texels by 2^-12.
 const FILTER_OF_HALVES: Abs = Abs(3.0 / 512.0 + 2.5e-4);
 
-fn noisy() -> karat::Probe<'static> {
+fn noisy() -> karat::check::Probe<'static> {
     PBR.function("environment::radiance_level")
         .with("environment", noise(16))
         .with("environment_sampler", Sampler::Linear)
@@ -436,7 +436,7 @@ fn denser_samples_look_at_finer_levels() {
         ))
     };
     let rounding = || Ulp(4.0).or(Abs(1e-6));
-    over().is_monotone_in("pdf", Direction::Decreasing, rounding());
-    over().is_monotone_in(1, Direction::Decreasing, rounding());
-    over().is_monotone_in(2, Direction::Increasing, rounding());
+    over().is_monotone_in("pdf", Trend::Decreasing, rounding());
+    over().is_monotone_in(1, Trend::Decreasing, rounding());
+    over().is_monotone_in(2, Trend::Increasing, rounding());
 }

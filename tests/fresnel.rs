@@ -154,13 +154,13 @@ fn dielectric_average_of_almost_no_interface() {
 fn reflectance_rises_toward_grazing() {
     PBR.function("fresnel::schlick").over((UnitRgb, 0.0..=1.0)).is_monotone_in(
         "v_dot_h",
-        Direction::Decreasing,
+        Trend::Decreasing,
         Ulp(2.0),
     );
     // Only polarised light has an angle at which less is reflected than before.
     PBR.function("fresnel::dielectric").over((1.2..=2.5, 0.0..=1.0)).is_monotone_in(
         1,
-        Direction::Decreasing,
+        Trend::Decreasing,
         Ulp(48.0),
     );
 }
@@ -170,7 +170,7 @@ fn reflectance_rises_toward_grazing() {
 fn reflectance_rises_with_the_index() {
     PBR.function("fresnel::dielectric_average").over(1.0..=2.5).is_monotone_in(
         0,
-        Direction::Increasing,
+        Trend::Increasing,
         Ulp(48.0),
     );
 }

@@ -3,7 +3,8 @@
 use std::path::Path;
 use std::process::Command;
 
-use karat::{Image, Precision};
+use karat::Image;
+use karat::image::Precision;
 
 /// Runs the gallery as `karat render` does.
 fn gallery(folder: &Path, arguments: &[&str]) -> std::process::Output {

@@ -167,8 +167,8 @@ fn masking_is_a_probability() {
 fn masking_grows_toward_grazing_and_with_the_width() {
     for (function, ulp) in [("geometry::smith_g1", 20.0), ("geometry::smith_g1_beckmann", 40.0)] {
         let over = || PBR.function(function).over((ALPHA, 0.0..=1.0));
-        over().is_monotone_in(1, Direction::Increasing, Ulp(ulp).or(UNDERFLOW));
-        over().is_monotone_in("alpha", Direction::Decreasing, Ulp(ulp).or(UNDERFLOW));
+        over().is_monotone_in(1, Trend::Increasing, Ulp(ulp).or(UNDERFLOW));
+        over().is_monotone_in("alpha", Trend::Decreasing, Ulp(ulp).or(UNDERFLOW));
     }
     for (function, ulp) in [
         ("geometry::smith_separable", 40.0),
@@ -176,13 +176,13 @@ fn masking_grows_toward_grazing_and_with_the_width() {
         ("geometry::smith_schlick_ggx", 24.0),
     ] {
         let over = || PBR.function(function).over((ALPHA, 0.0..=1.0, 0.0..=1.0));
-        over().is_monotone_in("n_dot_v", Direction::Increasing, Ulp(ulp).or(UNDERFLOW));
-        over().is_monotone_in("n_dot_l", Direction::Increasing, Ulp(ulp).or(UNDERFLOW));
-        over().is_monotone_in("alpha", Direction::Decreasing, Ulp(ulp).or(UNDERFLOW));
+        over().is_monotone_in("n_dot_v", Trend::Increasing, Ulp(ulp).or(UNDERFLOW));
+        over().is_monotone_in("n_dot_l", Trend::Increasing, Ulp(ulp).or(UNDERFLOW));
+        over().is_monotone_in("alpha", Trend::Decreasing, Ulp(ulp).or(UNDERFLOW));
     }
     PBR.function("geometry::v_cavity")
         .over((0.0..=1.0, 0.0..=1.0, 0.0..=1.0, 0.0..=1.0))
-        .is_monotone_in("n_dot_v", Direction::Increasing, Ulp(8.0).or(UNDERFLOW));
+        .is_monotone_in("n_dot_v", Trend::Increasing, Ulp(8.0).or(UNDERFLOW));
 }
 
 /// A mirror hides nothing: 1 - G1 is at most (alpha tan)^2 / 4, 5e-5 at the last step for cosines

@@ -33,7 +33,7 @@ fn golden(name: &str) {
     frames::frame(name, &shot)
         .expect("the frame can be described")
         // The gate alone: lavapipe draws the same everywhere, and mutants are to be seen.
-        .tolerance(karat::DEFAULT_RELATIVE)
+        .tolerance(karat::metric::DEFAULT_RELATIVE)
         .tolerance_on(Path::Gl, gl_tolerance(name))
         .matches(&GOLDEN, name);
 }

@@ -7,9 +7,10 @@ use std::fmt::Write as _;
 use std::ops::RangeInclusive;
 
 use glam::DVec3;
-use karat::{
-    Criterion, DEFAULT_RELATIVE, Flip, FrameTolerance, Gate, Image, Metric, Noise, Pair, Precision,
-};
+use karat::Image;
+use karat::golden::{Criterion, FrameTolerance};
+use karat::image::Precision;
+use karat::metric::{DEFAULT_RELATIVE, Flip, Gate, Metric, Noise, Pair};
 use rand_core::Rng;
 use rand_pcg::Pcg32;
 

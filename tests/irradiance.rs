@@ -17,14 +17,14 @@ const INTERPOLATION: f64 = 3e-4;
 /// Texels a side of the environments.
 const SIZE: u32 = 64;
 
-fn in_environment(function: &str, environment: CubeMap) -> karat::Probe<'static> {
+fn in_environment(function: &str, environment: CubeMap) -> karat::check::Probe<'static> {
     PBR.function(function)
         .with("environment", environment)
         .with("environment_sampler", Sampler::Linear)
 }
 
 /// A furnace of radiance 1.
-fn furnace(function: &str) -> karat::Probe<'static> {
+fn furnace(function: &str) -> karat::check::Probe<'static> {
     in_environment(function, CubeMap::constant(Vec3::ONE))
 }
 
@@ -353,7 +353,7 @@ fn a_filter_sees_what_lies_between_directions() {
         .over((&above, Just(256_u32)))
         .cases(256)
         .try_agrees_with(|n: DVec3, _: u32| irradiance::texel_sum(n, SIZE, sun), bound);
-    assert!(matches!(sharp, Err(karat::Failure::Disagreement(_))), "{sharp:?}");
+    assert!(matches!(sharp, Err(karat::check::Failure::Disagreement(_))), "{sharp:?}");
 }
 
 /// Polynomials of values up to 1, with constants up to 1.1.

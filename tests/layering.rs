@@ -100,7 +100,7 @@ fn a_mirror_on_white_neither_gains_nor_loses() {
 fn less_crosses_toward_grazing() {
     PBR.function("layering::interface_transmittance").over((UnitRgb, 0.0..=1.0)).is_monotone_in(
         "n_dot_x",
-        Direction::Increasing,
+        Trend::Increasing,
         Ulp(10.0),
     );
 }

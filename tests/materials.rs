@@ -128,7 +128,7 @@ fn masks_go_one_way() {
     let over = |kept: std::ops::RangeInclusive<f32>, painted| {
         PBR.function("materials::masked_roughness").over((kept, painted, 0.0..=1.0))
     };
-    over(0.0..=0.5, 0.5..=1.0).is_monotone_in("mask", Direction::Increasing, Ulp(4.0));
-    over(0.5..=1.0, 0.0..=0.5).is_monotone_in("mask", Direction::Decreasing, Ulp(4.0));
-    over(0.0..=1.0, 0.0..=1.0).is_monotone_in("roughness", Direction::Increasing, Ulp(4.0));
+    over(0.0..=0.5, 0.5..=1.0).is_monotone_in("mask", Trend::Increasing, Ulp(4.0));
+    over(0.5..=1.0, 0.0..=0.5).is_monotone_in("mask", Trend::Decreasing, Ulp(4.0));
+    over(0.0..=1.0, 0.0..=1.0).is_monotone_in("roughness", Trend::Increasing, Ulp(4.0));
 }

@@ -6,8 +6,12 @@ use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec3, Vec3};
+use karat::check::{Disagreement, Failure};
+use karat::golden::Acceptance;
+use karat::image::Precision;
 use karat::prelude::*;
-use karat::{Acceptance, Disagreement, Failure, Goldens, Image, Precision, ProbeError};
+use karat::probe::ProbeError;
+use karat::{Goldens, Image};
 use shaders::{PBR, fresnel, geometry};
 
 /// The shader library with one text replaced in one module.
@@ -34,7 +38,7 @@ fn disagreement<T>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-fn schlick(package: &Package) -> Result<karat::Agreement, Failure> {
+fn schlick(package: &Package) -> Result<karat::check::Agreement, Failure> {
     package
         .function("fresnel::schlick")
         .over((UnitRgb, 0.0..=1.0))
@@ -282,7 +286,7 @@ fn a_fixture_that_another_one_hides() {
             .frame("", 4, 4)
             .fullscreen("corners", "first")
             .fullscreen(vertex, "second")
-            .blend(karat::Blend::Add)
+            .blend(karat::frame::Blend::Add)
             .with("near", Uniform::new(glam::Vec4::splat(0.25)))
             .with("far", Uniform::new(glam::Vec4::ONE))
     };
@@ -414,7 +418,7 @@ fn an_unknown_function_and_a_missing_fixture() {
 
     let radiance = || PBR.function("environment::radiance");
     let constant = |_: DVec3| DVec3::ONE;
-    let message = |result: Result<karat::Agreement, Failure>| match result {
+    let message = |result: Result<karat::check::Agreement, Failure>| match result {
         Err(Failure::Probe(ProbeError::Fixture(error))) => error.to_string(),
         other => panic!("not an error of fixtures: {other:?}"),
     };
@@ -495,7 +499,7 @@ fn messages_of_properties_show_both_calls() {
     assert!(text.contains(expected), "{text}");
     // A step of 1/500 between numbers that are closer than that.
     let g = package.function("g").over(0.0..=1.0);
-    let found = disagreement(g.try_is_monotone_in("x", Direction::Increasing, Ulp(1.0)));
+    let found = disagreement(g.try_is_monotone_in("x", Trend::Increasing, Ulp(1.0)));
     assert!(found.paths.iter().all(|path| path.census.failures < 100), "{found}");
 }
 
@@ -642,7 +646,7 @@ fn a_fault_of_the_last_path_is_reduced_there() {
     let simplest = text.find("simplest (reduced from").expect("the worst case can be reduced");
     assert!(text[simplest..].contains("x = 1\n") && text[simplest..].contains("n = 3\n"), "{text}");
     let agree = text.matches("  all cases agree").count();
-    let open = Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok()).count();
+    let open = Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok()).count();
     assert_eq!(agree, open - 1, "{text}");
 }
 
@@ -687,7 +691,7 @@ fn no_adapter() {
 /// A shader that never ends is reported within the deadline, and nothing stays behind.
 #[test]
 fn an_endless_loop() {
-    let open = Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok());
+    let open = Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok());
     let open: Vec<Path> = open.collect();
     assert!(!open.is_empty(), "no execution path opens, so nothing would be checked");
     for path in open {
@@ -821,7 +825,7 @@ fn a_golden_holds_at_another_vector_width() {
     let acceptance =
         Acceptance { because: "why".to_owned(), any_adapter: true, ..Acceptance::default() };
     goldens.accept(&pending[0], &acceptance).expect("accepted");
-    let open = Path::ALL.into_iter().find_map(|path| karat::adapter(path).ok());
+    let open = Path::ALL.into_iter().find_map(|path| karat::path::adapter(path).ok());
     let narrow = [("LP_NATIVE_VECTOR_WIDTH", "128")];
     let (agrees, text) = golden_fault(folder.path(), &narrow);
     assert!(agrees, "{text}");
@@ -846,7 +850,7 @@ fn a_golden_says_what_it_was_made_on() {
         Acceptance { because: "why".to_owned(), any_adapter: true, ..Default::default() };
     goldens.accept(&pending[0], &acceptance).expect("accepted");
     let toml = std::fs::read_to_string(folder.path().join("gradient.toml")).expect("written");
-    let adapter = Path::ALL.into_iter().find_map(|path| karat::adapter(path).ok());
+    let adapter = Path::ALL.into_iter().find_map(|path| karat::path::adapter(path).ok());
     let adapter = adapter.expect("the frame was rendered on the first path that opens");
     assert!(toml.contains(&adapter.name) && toml.contains(&adapter.driver), "{toml}");
     assert!(!adapter.name.contains("llvmpipe") || adapter.name.contains(" bits)"), "{adapter}");
@@ -1003,7 +1007,7 @@ fn an_integral_of_nothing() {
         }
     };
     let integral = |bad| package.function("f").integral(Grid::linear(0.0..=1.0, 5), rule(bad));
-    let refused = |found: Result<karat::Agreement, Failure>| match found {
+    let refused = |found: Result<karat::check::Agreement, Failure>| match found {
         Err(failure @ Failure::Rule { .. }) => failure.to_string(),
         other => panic!("the rule was not refused: {other:?}"),
     };
@@ -1194,14 +1198,14 @@ fn a_frame_that_is_declared_to_fail() {
     let mut small = pictures.frame("", 16, 16).fullscreen("corners", "gradient");
     small = paths.iter().fold(small, |frame, path| frame.fails_on(*path, "bug 1"));
     let error = small.try_matches(&goldens, "gradient").expect_err("another size");
-    assert!(matches!(error, karat::FrameError::Golden { .. }), "{error}");
+    assert!(matches!(error, karat::frame::FrameError::Golden { .. }), "{error}");
     // Not a constant: WGSL refuses those.
     let nan = include_str!("planted/gradient.wgsl").replace("0.5, 1.0)", "sqrt(-at.x), 1.0)");
     let nan = Package::from_source("gradient", nan);
     let nan = nan.frame("", 32, 16).fullscreen("corners", "gradient").tolerance(1e-3);
     let nan = paths.iter().fold(nan, |frame, path| frame.fails_on(*path, "bug 1"));
     let error = nan.try_matches(&goldens, "gradient").expect_err("NaN");
-    assert!(matches!(error, karat::FrameError::Golden { .. }), "{error}");
+    assert!(matches!(error, karat::frame::FrameError::Golden { .. }), "{error}");
 
     image.pixels_mut()[300][2] *= 1.01;
     image.write_exr(&golden, Precision::Half, None).expect("written");
@@ -1233,7 +1237,7 @@ fn samples_and_means_that_are_declared_to_fail() {
     let pictures = Package::from_source("gradient", include_str!("planted/gradient.wgsl"));
     let frame = || pictures.frame("", 32, 16).fullscreen("corners", "gradient");
     let frame = paths.iter().fold(frame(), |frame, path| frame.fails_on(*path, "bug 1"));
-    let whole = karat::Rect { left: 0, top: 0, width: 32, height: 16 };
+    let whole = karat::metric::Rect { left: 0, top: 0, width: 32, height: 16 };
     let mean = frame.try_expect_mean(whole, [9.0; 3], Abs(0.1)).expect("it fails as declared");
     assert_eq!((mean.paths.len(), mean.known_issues.len()), (0, paths.len()));
     let error = frame.try_expect_mean(whole, [0.0; 3], Abs(9.0)).expect_err("it is right");
@@ -1261,7 +1265,7 @@ fn changes_within_the_tolerance() {
     let package = Package::from_source("s", "fn f(x: f32) -> f32 { return x * x; }");
     let check = |tolerance: f64| {
         let check = package.function("f").over(-1.0..=1.0);
-        check.try_is_monotone_in("x", Direction::Increasing, Abs(tolerance))
+        check.try_is_monotone_in("x", Trend::Increasing, Abs(tolerance))
     };
     let failure = check(5.0).expect_err("nothing is compared").to_string();
     assert!(failure.contains("by more than the tolerance"), "{failure}");
@@ -1344,11 +1348,11 @@ fn a_function_that_is_not_monotone() {
         let over = package.function("f").over((pairs, 0.0..=1.0, Integers(0..=9_u32)));
         over.try_is_monotone_in("x", direction, tolerance)
     };
-    let up = Direction::Increasing;
+    let up = Trend::Increasing;
     let exact = || Tolerance::from(Ulp(0.0));
     let right = check("vec2f(k.y, k.x + x * f32(n))", up, Ulp(1.0).near_zero(1.0));
     assert_eq!(right.expect("it rises, or stays").cases, 65_536);
-    check("vec2f(1.0 - x, -x * x)", Direction::Decreasing, exact()).expect("both fall");
+    check("vec2f(1.0 - x, -x * x)", Trend::Decreasing, exact()).expect("both fall");
     let faults = [
         "vec2f(x, x - 0.02 * step(0.5, x) * step(x, 0.51))",
         "vec2f(x, -1e-6 * x)",
@@ -1362,7 +1366,7 @@ fn a_function_that_is_not_monotone() {
         let names: Vec<&str> = worst.arguments.iter().map(|(name, _)| &**name).collect();
         assert_eq!(names, ["k", "x", "n", "x'"], "both values are shown");
     }
-    let found = disagreement(check("vec2f(x, x)", Direction::Decreasing, Abs(0.5).into()));
+    let found = disagreement(check("vec2f(x, x)", Trend::Decreasing, Abs(0.5).into()));
     assert_eq!(found.assertion, "decreasing in `x`, abs 5e-1");
 }
 
@@ -1371,7 +1375,7 @@ fn a_monotone_check_of_nothing() {
     let wgsl = "fn f(alpha: f32, c: f32, d: vec3f) -> f32 { return c; }";
     let package = Package::from_source("planted", wgsl);
     let over = || package.function("f").over((0.0..=1.0, Just(0.5), UnitVector));
-    let up = Direction::Increasing;
+    let up = Trend::Increasing;
     let vacuous = [
         (over().try_is_monotone_in("alpha", up, Ulp(0.0)), "no case whose result changes"),
         (over().try_is_monotone_in(1, up, Ulp(0.0)), "has one value of argument 1 only"),
@@ -1458,7 +1462,10 @@ fn an_integral_over_directions() {
         let equal = over.try_integrates_to(directions, |k| f64::from(*k) * expected, Abs(1e-6));
         (equal, integral)
     };
-    let agrees = |(equal, below): (Result<karat::Agreement, _>, Result<karat::Agreement, _>)| {
+    let agrees = |(equal, below): (
+        Result<karat::check::Agreement, _>,
+        Result<karat::check::Agreement, _>,
+    )| {
         assert_eq!(equal.expect("it is right").cases, 16);
         assert_eq!(below.expect("it is right").cases, 16);
     };

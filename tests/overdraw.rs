@@ -4,8 +4,9 @@ use std::cmp::Reverse;
 
 use frames::{grid, open_paths};
 use glam::{DVec2, DVec3, Vec3};
+use karat::frame::Blend;
 use karat::prelude::*;
-use karat::{Blend, Frame, Image};
+use karat::{Frame, Image};
 use shaders::camera::Camera;
 use shaders::{PBR, camera, overdraw, scene};
 

@@ -2,8 +2,9 @@
 
 use std::f64::consts::PI;
 
+use karat::check::{Agreement, Failure};
 use karat::prelude::*;
-use karat::{Agreement, Failure, Probed};
+use karat::probe::Probed;
 use shaders::{PBR, radiometry};
 
 /// Results below the smallest normal f32, which WGSL may flush.
@@ -173,13 +174,13 @@ fn the_texels_of_a_cube_cover_the_sphere() {
     let probed =
         Probed::new(&PBR, "radiometry::texel_solid_angle").expect("the function can be probed");
     let open: Vec<Path> =
-        Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok()).collect();
+        Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok()).collect();
     assert!(!open.is_empty(), "no execution path opens");
     for path in open {
         for size in 1..=64_u32 {
             let texels: Vec<Vec<u32>> =
                 (0..size * size).map(|index| vec![size, index % size, index / size]).collect();
-            let results = karat::call(&probed, path, &texels).expect("the kernel runs");
+            let results = karat::probe::call(&probed, path, &texels).expect("the kernel runs");
             let face: f64 = results.iter().map(|lanes| f64::from(f32::from_bits(lanes[0]))).sum();
             let sphere = 6.0 * face / (4.0 * PI);
             assert!((sphere - 1.0).abs() < 1e-6, "{path}, {size}: {sphere} of the sphere");

@@ -1,8 +1,8 @@
 //! Exposure, tone and the transfer function of sRGB against their standards.
 
 use glam::{DVec3, UVec3, Vec3};
+use karat::check::{Agreement, Failure};
 use karat::prelude::*;
-use karat::{Agreement, Failure};
 use shaders::{PBR, sensor};
 
 /// Results below the smallest normal f32, which WGSL may flush.

@@ -5,8 +5,8 @@ use std::process::Command;
 use std::time::Instant;
 
 use glam::{DVec3, Vec3};
+use karat::check::{Agreement, Disagreement, Failure};
 use karat::prelude::*;
-use karat::{Agreement, Disagreement, Failure};
 
 #[track_caller]
 fn disagreement(result: Result<Agreement, Failure>) -> Disagreement {
@@ -75,7 +75,7 @@ struct Upper;
 
 impl Domain for Upper {
     type Value = f32;
-    fn draw(&self, source: &mut karat::Source) -> Option<f32> {
+    fn draw(&self, source: &mut karat::domain::Source) -> Option<f32> {
         (0.5..=1.0).draw(source)
     }
     fn shrink(&self, value: &f32) -> Vec<f32> {

@@ -13,13 +13,13 @@ fn seen(least: f32) -> impl Domain<Value = (Vec3, Vec3)> {
         .filter(move |(n, v)| n.dot(*v) >= least)
 }
 
-fn probe(function: &str, cube_map: CubeMap) -> karat::Probe<'static> {
+fn probe(function: &str, cube_map: CubeMap) -> karat::check::Probe<'static> {
     PBR.function(function)
         .with("environment", cube_map)
         .with("environment_sampler", Sampler::Linear)
 }
 
-fn furnace() -> karat::Probe<'static> {
+fn furnace() -> karat::check::Probe<'static> {
     probe("specular::estimate", CubeMap::constant(Vec3::ONE))
 }
 

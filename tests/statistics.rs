@@ -7,12 +7,13 @@
 use std::f64::consts::TAU;
 
 use glam::{Vec2, Vec3};
+use karat::check::{Failure, Finding, Fit, Rejection};
+use karat::domain::Source;
 use karat::prelude::*;
 use karat::stats::{
     Cells, ChiSquare, Kolmogorov, Mean, Moments, Place, Rate, accepts, binomial_tail,
     chi_square_power,
 };
-use karat::{Failure, Finding, Fit, Rejection, Source};
 use shaders::PBR;
 
 /// Samplers and densities of which one is wrong, beside those that are right.

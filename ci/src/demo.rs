@@ -2,8 +2,6 @@
 
 use std::process::ExitCode;
 
-use anyhow::Context;
-
 use crate::setup::{self, PATHS};
 use crate::step::Steps;
 use crate::{command, suite};
@@ -34,26 +32,28 @@ fn build() -> anyhow::Result<()> {
     command::run(&mut command::cargo(&["build", "--workspace", "--locked", "--bin", "karat"]))
 }
 
+/// The programs of `tests/` that test shaders: modules one by one, and frames.
+const SHADER_TESTS: [&str; 2] = ["library", "golden"];
+
 fn shader_tests() -> anyhow::Result<()> {
     let mut karat = command::karat(&["test", "--paths", "all", "--require", PATHS])?;
-    for name in twins()?.iter().map(String::as_str).chain(["golden"]) {
+    for name in SHADER_TESTS {
         karat.args(["--test", name]);
     }
     command::run(&mut karat)
 }
 
-/// The tests of shader modules: those with the name of a module.
-fn twins() -> anyhow::Result<Vec<String>> {
-    let mut names = Vec::new();
-    let root = command::root();
-    for entry in std::fs::read_dir(root.join("shaders")).context("the shader library is gone")? {
-        let path = entry?.path();
-        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let shader = path.extension().is_some_and(|extension| extension == "wgsl");
-        if shader && root.join("tests").join(&stem).with_extension("rs").is_file() {
-            names.push(stem);
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The demo isn't part of the tests, and nothing else would notice.
+    #[test]
+    fn the_demo_names_programs_that_are_there() {
+        let manifest = std::fs::read_to_string(command::root().join("tests/Cargo.toml"));
+        let manifest = manifest.expect("it is in the workspace");
+        for name in SHADER_TESTS {
+            assert!(manifest.contains(&format!("[[test]]\nname = \"{name}\"\n")), "{name}");
         }
     }
-    names.sort();
-    Ok(names)
 }

@@ -90,6 +90,6 @@ mod tests {
     #[test]
     fn a_run_says_how_it_was_made() {
         let expected = r#"{"passed":true,"schema":2,"selected":[]}"#;
-        assert_eq!(super::ending(true), expected); // harness/tests/cli/unreferenced.rs reads the same text
+        assert_eq!(super::ending(true), expected); // harness/cli/tests/cli/unreferenced.rs reads the same text
     }
 }

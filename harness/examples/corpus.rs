@@ -10,7 +10,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use karat::{Package, ProbeError, Probed, Program, ReflectError};
+use karat::Package;
+use karat::probe::{ProbeError, Probed};
+use karat::reflect::{Program, ReflectError};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 /// What became of the files of a folder.

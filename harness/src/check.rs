@@ -6,7 +6,6 @@
 //! theirs. A check that compared nothing is an error.
 
 mod agreement;
-mod argument;
 mod batch;
 mod called;
 mod companion;
@@ -20,6 +19,7 @@ mod limit;
 mod mismatch;
 mod monotone;
 mod parallel;
+mod parameter;
 mod path_tally;
 mod plan;
 mod property;
@@ -34,18 +34,18 @@ mod tally;
 mod tolerances;
 mod verdict;
 
-pub use argument::Argument;
 pub use disagreement::{
     CaseFailure, Disagreement, IntegralFailure, NodeFailure, PathDisagreement, Simplest,
 };
 pub use integral::Integral;
 pub use limit::Limit;
-pub use monotone::Direction;
+pub use monotone::Trend;
+pub use parameter::Parameter;
 use plan::Plan;
 pub use quadrature::Directions;
 pub use reference::Reference;
 pub use sampling::{
-    ConfigurationRejection, Finding, Fit, PathRejection, Power, Rejection, Samples,
+    ConfigurationRejection, Finding, Fit, PathRejection, Power, Rejection, SamplingCheck,
 };
 use session::Demand;
 pub use tally::Census;

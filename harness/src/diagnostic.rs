@@ -162,10 +162,7 @@ impl std::error::Error for Diagnostic {}
 
 /// The name among `known` that is most likely meant by `unknown`, if any is close: equal in its
 /// last `::` part, or within a third of its letters.
-pub(crate) fn nearest<'a>(
-    unknown: &str,
-    known: impl IntoIterator<Item = &'a str>,
-) -> Option<&'a str> {
+pub fn nearest<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let last = |name: &str| name.rsplit("::").next().unwrap_or_default().to_owned();
     known
         .into_iter()
@@ -182,7 +179,7 @@ pub(crate) fn nearest<'a>(
 
 /// A path as it is best shown: absolute without `..`, or relative to the working directory, which
 /// itself is `.`.
-pub(crate) fn shown(path: &Path) -> String {
+pub fn shown(path: &Path) -> String {
     let here = std::env::current_dir().unwrap_or_default();
     let mut clean = PathBuf::new();
     for component in here.join(path).components() {

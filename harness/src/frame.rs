@@ -25,7 +25,7 @@ use crate::record::Verdict;
 use crate::reflect::{ReflectError, Stage};
 use crate::run::{Concluded, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passed, Passes};
 use crate::settings::SettingsError;
-use crate::tolerance::Measure;
+use crate::tolerance::LaneError;
 
 /// What becomes of a pixel that is drawn again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -141,7 +141,7 @@ pub enum FrameError {
         /// What they are.
         mean: [f64; 3],
         /// The worst of them.
-        worst: Measure,
+        worst: LaneError,
     },
     /// A rectangle that isn't in the frame.
     #[error(transparent)]

@@ -23,10 +23,10 @@ use half::f16;
 
 pub use acceptance::{AcceptError, Acceptance, Accepted};
 pub use compare::{Deviation, FrameDifference, FrameMargin};
-pub(crate) use parts::{COLOR, MASK, VARIANCE};
+pub(crate) use parts::VARIANCE;
+pub use parts::{COLOR, MASK};
 pub use pending::{Pending, PendingFrames, Unusable};
-pub(crate) use place::build_output;
-pub use place::in_ci;
+pub use place::{build_output, in_ci};
 pub use profile::Profile;
 pub use provenance::{FrameFinding, Provenance, ProvenanceError};
 pub use tolerance::{Criterion, CriterionMargin, FrameTolerance};
@@ -223,7 +223,8 @@ impl Goldens {
     }
 
     /// The golden that a pending frame was compared with.
-    pub(crate) fn compared(&self, pending: &Pending) -> PathBuf {
+    #[must_use]
+    pub fn compared(&self, pending: &Pending) -> PathBuf {
         match pending.provenance.compared_profile.as_str() {
             "" => self.golden(&pending.case),
             _ => self.golden_of(&pending.case, &pending.profile()),

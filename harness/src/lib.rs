@@ -20,83 +20,53 @@
 //! in `f64` from the same `f32` arguments.
 //!
 //! What can be asserted is on [`Check`] and [`Integral`]; where arguments come from on [`Domain`];
-//! how far results may differ on [`Tolerance`]; what else a function may read on [`Fixture`].
-//! Frames that differ are looked at with [`review`].
+//! how far results may differ on [`Tolerance`]; what else a function may read on
+//! [`Fixture`](fixture::Fixture). Frames that differ are looked at with `karat review`.
+//!
+//! What tests name stands at the root and in [`prelude`]. What programs around tests need, such as
+//! verdicts, records and images, is in the modules.
 
-mod check;
-mod diagnostic;
-mod domain;
-mod fixture;
-mod frame;
-mod gallery;
-mod golden;
-mod image;
-mod metric;
-mod output;
-mod package;
-mod path;
-mod probe;
+pub mod check;
+pub mod diagnostic;
+pub mod domain;
+pub mod fixture;
+pub mod frame;
+pub mod golden;
+pub mod image;
+pub mod metric;
+pub mod output;
+pub mod package;
+pub mod path;
+pub mod probe;
 pub mod record;
-mod reflect;
-pub mod review;
-mod run;
-mod settings;
+pub mod reflect;
+pub mod run;
+pub mod settings;
 pub mod stats;
-mod tolerance;
-mod value;
+pub mod tolerance;
+pub mod value;
 
-pub use check::{
-    Agreement, Argument, CaseFailure, Census, Check, ConfigurationRejection, Direction, Directions,
-    Disagreement, Failure, Finding, Fit, Integral, IntegralFailure, Limit, NodeFailure,
-    PathDisagreement, PathRejection, Power, Probe, Reference, Rejection, Samples, Simplest,
-};
-pub use diagnostic::{Diagnostic, SourceFile, Span};
+pub use check::{Check, Directions, Integral, Limit, SamplingCheck, Trend};
 pub use domain::{
-    AnyF32, Domain, Edges, Filter, Grid, Hemisphere, Integers, Just, LatinHypercube, Map, OneOf,
-    Origin, Shrinkable, Source, UnitRgb, UnitVector,
+    AnyF32, Domain, Edges, Grid, Hemisphere, Integers, Just, LatinHypercube, OneOf, UnitRgb,
+    UnitVector,
 };
-pub use fixture::{
-    CubeMap, CubeMapError, Fixture, FixtureError, Sampler, Storage, Texture, Uniform,
-};
-pub use frame::{Attribute, Blend, Frame, FrameAgreement, FrameError, FrameMean, Mesh};
-#[doc(hidden)] // how the binary and galleries read the same arguments
-pub use gallery::{ExposureArguments, RenderArguments};
-pub use gallery::{Gallery, RenderOptions};
-#[doc(hidden)] // how the binary knows it
-pub use golden::in_ci;
-pub use golden::{
-    AcceptError, Acceptance, Accepted, Criterion, CriterionMargin, Deviation, FrameDifference,
-    FrameFinding, FrameMargin, FrameTolerance, GoldenError, Goldens, Pending, PendingFrames,
-    Profile, Provenance, ProvenanceError, Unusable,
-};
-pub use image::{ExrFile, Image, ImageError, ImageFormat, NonFinite, Part, Precision};
-#[doc(hidden)] // how the binary writes files of its own
-pub use image::{is_beside, is_leftover, write_whole};
-pub use metric::{
-    DEFAULT_RELATIVE, ErrorMap, ExposureMap, ExposureRange, Flip, FlipFailure, Gate, Mask,
-    MaskError, Measured, Metric, Noise, Outlier, Outliers, Pair, PairError, Pool, Rect, TILE,
-};
-#[doc(hidden)] // how the binary writes for people
-pub use output::{Output, Style, tell, trusted, visible, visible_json, with_colours};
-pub use package::{FunctionItem, Package, PackageError};
-pub use path::{Adapter, Path, PathError, adapter};
-pub use probe::{Inputs, ProbeError, Probed, call};
-pub use reflect::{
-    Binding, BindingKind, Function, Invalid, LayoutError, Program, ReflectError, Stage, Validated,
-};
-pub use run::{KnownIssue, NotReplayed};
-pub use settings::SettingsError;
-#[doc(hidden)] // how the binary refuses the same settings
-pub use settings::check as check_settings;
+pub use fixture::{CubeMap, Sampler, Storage, Texture, Uniform};
+pub use frame::Frame;
+pub use golden::Goldens;
+pub use image::Image;
+pub use package::Package;
+pub use path::Path;
+pub use probe::Inputs;
 pub use stats::Support;
-pub use tolerance::{Abs, Measure, Rel, Tolerance, Ulp, Unit, ulp_distance};
-pub use value::{Arguments, Mirror, Scalar, Shape, Shareable, format_f32, format_lane, hexfloat};
+pub use tolerance::{Abs, Rel, Tolerance, Ulp};
+pub use value::Shareable;
 
 /// What a test file needs: `use karat::prelude::*;`.
 pub mod prelude {
     pub use crate::{
-        Abs, AnyF32, CubeMap, Direction, Directions, Domain, Edges, Grid, Hemisphere, Inputs,
-        Integers, Just, LatinHypercube, Limit, OneOf, Package, Path, Rel, Sampler, Storage,
-        Support, Texture, Tolerance, Ulp, Uniform, UnitRgb, UnitVector,
+        Abs, AnyF32, CubeMap, Directions, Domain, Edges, Grid, Hemisphere, Inputs, Integers, Just,
+        LatinHypercube, Limit, OneOf, Package, Path, Rel, Sampler, Storage, Support, Texture,
+        Tolerance, Trend, Ulp, Uniform, UnitRgb, UnitVector,
     };
 }

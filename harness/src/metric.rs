@@ -20,7 +20,7 @@ use std::fmt;
 
 pub use exposure::{ExposureMap, ExposureRange};
 pub use flip::{Flip, FlipFailure, Pool};
-pub use gate::{DEFAULT_RELATIVE, Gate, Outlier, Outliers};
+pub use gate::{DEFAULT_RELATIVE, Gate, Outliers, WorstPixel};
 pub use mask::{Mask, MaskError, Rect};
 pub use noise::Noise;
 pub use pair::{Pair, PairError};
@@ -29,7 +29,8 @@ pub use tiles::{ErrorMap, TILE};
 /// A difference between a golden and a frame, as one number.
 ///
 /// ```
-/// use karat::{Image, Measured, Metric, Pair};
+/// use karat::Image;
+/// use karat::metric::{Measured, Metric, Pair};
 ///
 /// /// The largest difference of a green channel.
 /// #[derive(Debug)]

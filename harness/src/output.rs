@@ -11,25 +11,24 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{self, ErrorKind, Write};
 use std::sync::LazyLock;
 
-use anstyle::AnsiColor;
-
-/// How a stretch of text looks: `{BAD}` begins it and `{BAD:#}` ends it.
+/// How a stretch of text looks: `{BAD}` begins it and `{BAD:#}` ends it. It holds the commands
+/// (ECMA-48, SGR) that begin it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Style(anstyle::Style);
+pub struct Style(&'static str);
 
 impl Style {
     /// What is as it should be.
-    pub const GOOD: Self = Self(AnsiColor::Green.on_default());
+    pub const GOOD: Self = Self("\u{1b}[32m");
     /// What is known not to be.
-    pub const KNOWN: Self = Self(AnsiColor::Yellow.on_default());
+    pub const KNOWN: Self = Self("\u{1b}[33m");
     /// What isn't.
-    pub const BAD: Self = Self(AnsiColor::Red.on_default().bold());
+    pub const BAD: Self = Self("\u{1b}[1m\u{1b}[31m");
     /// What is looked for first.
-    pub const HEAD: Self = Self(anstyle::Style::new().bold());
+    pub const HEAD: Self = Self("\u{1b}[1m");
     /// What is looked for last.
-    pub const DIM: Self = Self(anstyle::Style::new().dimmed());
+    pub const DIM: Self = Self("\u{1b}[2m");
     /// As text is without a style.
-    pub const PLAIN: Self = Self(anstyle::Style::new());
+    pub const PLAIN: Self = Self("");
 }
 
 /// Stands for the escape that begins a style of ours until the text is written. It is longer than
@@ -41,8 +40,8 @@ static MARK: LazyLock<String> = LazyLock::new(|| {
 
 impl fmt::Display for Style {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ansi = if f.alternate() { format!("{:#}", self.0) } else { self.0.to_string() };
-        f.write_str(&trusted(&ansi))
+        let end = if self.0.is_empty() { "" } else { "\u{1b}[0m" };
+        f.write_str(&trusted(if f.alternate() { end } else { self.0 }))
     }
 }
 
@@ -276,7 +275,7 @@ mod tests {
         assert_eq!(written(&[text.as_bytes()]), expected);
         for style in [Style::GOOD, Style::KNOWN, Style::BAD, Style::HEAD, Style::DIM] {
             let text = written(&[format!("{style}x{style:#}").as_bytes()]);
-            assert_eq!(text, format!("{}x{:#}", style.0, style.0));
+            assert_eq!(text, format!("{}x\u{1b}[0m", style.0));
         }
         let other = with_colours("\u{1b}[1;31mred\u{1b}[m \u{1b}[2J \u{1b}]0;x\u{7}\u{1b}[31");
         let expected = "\u{1b}[1;31mred\u{1b}[m \\u{1b}[2J \\u{1b}]0;x\\u{7}\\u{1b}[31";

@@ -186,19 +186,36 @@ pub fn adapter(path: Path) -> Result<Adapter, PathError> {
     open(path).map(|device| device.adapter().clone())
 }
 
+/// A path that was asked for by name.
+///
+/// # Errors
+/// If it doesn't open, which says that it is required.
+pub fn required(path: Path) -> Result<Adapter, PathError> {
+    must_open(path).map(|device| device.adapter().clone())
+}
+
+fn must_open(path: Path) -> Result<&'static Device, PathError> {
+    open(path).map_err(|error| match error {
+        PathError::Unavailable { path, reason } => PathError::Required { path, reason },
+        other => other,
+    })
+}
+
 /// The paths that a check runs on, as the environment says. Never empty.
-pub(crate) fn selected() -> Result<Vec<&'static Device>, PathError> {
+///
+/// # Errors
+/// If a setting is wrong, a required path doesn't open, or none does.
+pub fn selected() -> Result<Vec<Path>, PathError> {
+    Ok(devices()?.into_iter().map(Device::path).collect())
+}
+
+/// The devices of the [`selected`] paths.
+pub(crate) fn devices() -> Result<Vec<&'static Device>, PathError> {
     let settings = settings::current()?;
     select(settings.paths.as_deref(), settings.require.as_deref())
 }
 
 fn select(paths: Option<&str>, required: Option<&str>) -> Result<Vec<&'static Device>, PathError> {
-    let must_open = |path: Path| {
-        open(path).map_err(|error| match error {
-            PathError::Unavailable { path, reason } => PathError::Required { path, reason },
-            other => other,
-        })
-    };
     let required = required.map_or_else(|| Ok(Vec::new()), |names| list("KARAT_REQUIRE", names))?;
     let mut devices =
         required.iter().map(|path| must_open(*path)).collect::<Result<Vec<_>, _>>()?;

@@ -92,7 +92,7 @@ impl Unit {
 
 /// One lane's error against one bound.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Measure {
+pub struct LaneError {
     /// Error / bound; infinite for NaN and infinities.
     pub ratio: f64,
     /// Error in `unit`.
@@ -103,7 +103,7 @@ pub struct Measure {
     pub unit: Unit,
 }
 
-impl Measure {
+impl LaneError {
     pub(crate) const ZERO: Self = Self { ratio: 0.0, error: 0.0, bound: 0.0, unit: Unit::Exact };
 
     fn new(error: f64, bound: f64, unit: Unit) -> Self {
@@ -133,7 +133,7 @@ impl Measure {
     }
 }
 
-impl fmt::Display for Measure {
+impl fmt::Display for LaneError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.unit {
             Unit::Exact if self.error == 0.0 => f.write_str("equal"),
@@ -237,15 +237,15 @@ impl Tolerance {
 
     /// The error of one `f32` lane. A lane without a tolerance of its own fails.
     #[must_use]
-    pub fn measure(&self, lane: usize, actual: f32, expected: f64) -> Measure {
+    pub fn measure(&self, lane: usize, actual: f32, expected: f64) -> LaneError {
         self.measure_sum(lane, f64::from(actual), expected)
     }
 
     /// [`measure`](Self::measure) of a sum that was taken in `f64`; it isn't rounded first.
-    pub(crate) fn measure_sum(&self, lane: usize, value: f64, expected: f64) -> Measure {
+    pub(crate) fn measure_sum(&self, lane: usize, value: f64, expected: f64) -> LaneError {
         let error = (value - expected).abs();
         if !value.is_finite() || !expected.is_finite() {
-            return Measure {
+            return LaneError {
                 ratio: f64::INFINITY,
                 error: f64::NAN,
                 bound: 0.0,
@@ -262,28 +262,28 @@ impl Tolerance {
                     (ordinal(value) - ordinal(expected)).abs().min(error / spacing(*band))
                 };
                 let flushed = error < f64::from(f32::MIN_POSITIVE);
-                Measure::new(if flushed { 0.0 } else { distance }, *bound, Unit::Ulp)
+                LaneError::new(if flushed { 0.0 } else { distance }, *bound, Unit::Ulp)
             }
             Self::Rel(bound) => {
                 // As for ulps: what may be flushed to zero is zero.
                 let flushed = error < f64::from(f32::MIN_POSITIVE);
                 let relative = if flushed { 0.0 } else { error / expected.abs() };
-                Measure::new(relative, *bound, Unit::Rel)
+                LaneError::new(relative, *bound, Unit::Rel)
             }
-            Self::Abs(bound) => Measure::new(error, *bound, Unit::Abs),
+            Self::Abs(bound) => LaneError::new(error, *bound, Unit::Abs),
             Self::Any(parts) => parts
                 .iter()
                 .map(|part| part.measure_sum(lane, value, expected))
                 .min_by(|a, b| a.ratio.total_cmp(&b.ratio))
-                .unwrap_or(Measure::equality(false)),
+                .unwrap_or(LaneError::equality(false)),
             Self::All(parts) => parts
                 .iter()
                 .map(|part| part.measure_sum(lane, value, expected))
                 .max_by(|a, b| a.ratio.total_cmp(&b.ratio))
-                .unwrap_or(Measure::equality(false)),
+                .unwrap_or(LaneError::equality(false)),
             Self::PerLane(lanes) => lanes
                 .get(lane)
-                .map_or(Measure::equality(false), |t| t.measure_sum(lane, value, expected)),
+                .map_or(LaneError::equality(false), |t| t.measure_sum(lane, value, expected)),
         }
     }
 
@@ -369,10 +369,10 @@ impl Ulp {
 /// `-0` and `+0` are the same point, and the line has no gap at zero or at a binade's end.
 ///
 /// ```
-/// assert_eq!(karat::ulp_distance(-0.0, 0.0), Some(0));
-/// assert_eq!(karat::ulp_distance(-f32::from_bits(1), f32::from_bits(1)), Some(2));
-/// assert_eq!(karat::ulp_distance(f32::MAX, f32::INFINITY), Some(1));
-/// assert_eq!(karat::ulp_distance(f32::NAN, f32::NAN), None);
+/// assert_eq!(karat::tolerance::ulp_distance(-0.0, 0.0), Some(0));
+/// assert_eq!(karat::tolerance::ulp_distance(-f32::from_bits(1), f32::from_bits(1)), Some(2));
+/// assert_eq!(karat::tolerance::ulp_distance(f32::MAX, f32::INFINITY), Some(1));
+/// assert_eq!(karat::tolerance::ulp_distance(f32::NAN, f32::NAN), None);
 /// ```
 #[must_use]
 pub fn ulp_distance(a: f32, b: f32) -> Option<u64> {

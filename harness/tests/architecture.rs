@@ -1,10 +1,15 @@
-//! Dependencies between modules go in one direction, and only some modules name the GPU.
+//! Dependencies between modules go in one direction, and only some modules name the large crates.
+//!
+//! The sources are parsed: what counts is a path in code, wherever it stands, and no word in a
+//! comment or a text.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+use syn::visit::{self, Visit};
+
 /// The modules of the library from the bottom up: a module uses only those before it.
-const ORDER: [&str; 21] = [
+const ORDER: [&str; 19] = [
     "output",
     "diagnostic",
     "settings",
@@ -20,58 +25,153 @@ const ORDER: [&str; 21] = [
     "fixture",
     "probe",
     "golden",
-    "review",
     "record",
     "run",
     "check",
     "frame",
-    "gallery",
 ];
 
 /// Crates that only these modules may name.
-const OWNERS: [(&str, &[&str]); 9] = [
+const OWNERS: [(&str, &[&str]); 8] = [
     ("wgpu", &["path", "fixture", "probe", "frame"]),
     ("naga", &["reflect"]),
     ("exr", &["image"]),
     ("png", &["image"]),
     ("flip_rs", &["metric"]),
     ("codespan_reporting", &["diagnostic"]),
-    ("clap", &["gallery"]),
     ("statrs", &["stats"]),
-    ("httparse", &["review"]),
+    ("anstream", &["output"]),
 ];
+
+/// Dependencies of the library: what a user's tests compile.
+const MOST_DEPENDENCIES: usize = 25;
+
+/// Names at the root, modules and the macros left aside: what a newcomer reads first.
+const MOST_NAMES: usize = 36;
+
+/// What a module's code names: modules of the library, and crates.
+#[derive(Debug, Default)]
+struct Names {
+    modules: BTreeSet<String>,
+    /// First parts of paths that aren't `crate`, `self` or `super`.
+    crates: BTreeSet<String>,
+    /// How many `super`s lead out of the file's own module, for `super::super::golden`.
+    depth: usize,
+}
+
+impl Names {
+    /// Takes note of a path, `up` modules below the root of the library.
+    fn path(&mut self, parts: &[String]) {
+        let supers = parts.iter().take_while(|part| *part == "super").count();
+        let rest = &parts[supers..];
+        match (parts.first().map(String::as_str), rest.first()) {
+            (Some("crate"), _) => self.modules.extend(parts.get(1).cloned()),
+            (Some("super"), Some(module)) if supers >= self.depth => {
+                self.modules.insert(module.clone());
+            }
+            (Some("super" | "self") | None, _) => {}
+            (Some(first), _) => {
+                self.crates.insert(first.to_owned());
+            }
+        }
+    }
+
+    fn tree(&mut self, before: &[String], tree: &syn::UseTree) {
+        let with = |name: &syn::Ident| [before, &[name.to_string()]].concat();
+        match tree {
+            syn::UseTree::Path(path) => self.tree(&with(&path.ident), &path.tree),
+            syn::UseTree::Name(name) => self.path(&with(&name.ident)),
+            syn::UseTree::Rename(rename) => self.path(&with(&rename.ident)),
+            syn::UseTree::Glob(_) => self.path(before),
+            syn::UseTree::Group(group) => {
+                group.items.iter().for_each(|item| self.tree(before, item));
+            }
+        }
+    }
+
+    /// Paths in the arguments of a macro, which aren't parsed: `word :: word`.
+    fn tokens(&mut self, text: &str) {
+        let text = text.replace(" :: ", "::");
+        let words = text.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':'));
+        for word in words.filter(|word| word.contains("::")) {
+            let parts: Vec<String> = word.split("::").map(str::to_owned).collect();
+            self.path(&parts);
+        }
+    }
+}
+
+/// Whether an item is compiled for tests only.
+fn is_test(attributes: &[syn::Attribute]) -> bool {
+    attributes.iter().any(|attribute| {
+        let list = attribute.meta.require_list();
+        attribute.path().is_ident("cfg") && list.is_ok_and(|l| l.tokens.to_string() == "test")
+    })
+}
+
+impl<'ast> Visit<'ast> for Names {
+    fn visit_item_mod(&mut self, module: &'ast syn::ItemMod) {
+        if !is_test(&module.attrs) {
+            self.depth += 1;
+            visit::visit_item_mod(self, module);
+            self.depth -= 1;
+        }
+    }
+
+    fn visit_item_use(&mut self, item: &'ast syn::ItemUse) {
+        if !is_test(&item.attrs) {
+            self.tree(&[], &item.tree);
+        }
+    }
+
+    fn visit_path(&mut self, path: &'ast syn::Path) {
+        if path.segments.len() > 1 {
+            let parts: Vec<String> = path.segments.iter().map(|s| s.ident.to_string()).collect();
+            self.path(&parts);
+        }
+        visit::visit_path(self, path);
+    }
+
+    fn visit_macro(&mut self, call: &'ast syn::Macro) {
+        self.tokens(&call.tokens.to_string());
+    }
+}
 
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).expect("readable") {
         let path = entry.expect("readable").path();
         if path.is_dir() {
             sources(&path, found);
-        } else {
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
             found.push(path);
         }
     }
 }
 
-/// The text of each module without comments, tests and its own folder's name.
-fn modules() -> BTreeMap<String, String> {
+/// What the text of a file in a module of the library names. `depth`: 1 for `golden.rs`, 2 for
+/// `golden/place.rs`.
+fn names(text: &str, depth: usize) -> Names {
+    let mut names = Names { depth, ..Names::default() };
+    names.visit_file(&syn::parse_file(text).expect("it compiles"));
+    names
+}
+
+/// What each module of the library names.
+fn modules() -> BTreeMap<String, Names> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut files = Vec::new();
     sources(&root, &mut files);
-    let mut modules: BTreeMap<String, String> = BTreeMap::new();
+    let mut modules: BTreeMap<String, Names> = BTreeMap::new();
     for file in files {
         let relative = file.strip_prefix(&root).expect("below src").with_extension("");
-        let first = relative.iter().next().expect("a name").to_string_lossy().into_owned();
-        if ["lib", "main", "cli"].contains(&first.as_str()) {
+        let parts: Vec<_> = relative.iter().map(|part| part.to_string_lossy()).collect();
+        // `tests.rs` is a module behind `#[cfg(test)]`.
+        if parts[0] == "lib" || parts.last().is_some_and(|last| last == "tests") {
             continue;
         }
-        let text = std::fs::read_to_string(&file).expect("UTF-8");
-        let code = text.split("#[cfg(test)]").next().unwrap_or_default();
-        let lines = code.lines().filter(|line| !line.trim_start().starts_with("//"));
-        let module = modules.entry(first).or_default();
-        for line in lines {
-            module.push_str(line);
-            module.push('\n');
-        }
+        let found = names(&std::fs::read_to_string(&file).expect("UTF-8"), parts.len());
+        let module = modules.entry(parts[0].clone().into_owned()).or_default();
+        module.modules.extend(found.modules);
+        module.crates.extend(found.crates);
     }
     modules
 }
@@ -86,24 +186,73 @@ fn every_module_has_its_place() {
 
 #[test]
 fn modules_use_only_what_is_below_them() {
-    for (module, text) in modules() {
+    for (module, names) in modules() {
         let place = ORDER.iter().position(|name| *name == module).expect("it has a place");
         for above in &ORDER[place + 1..] {
-            let uses = text.contains(&format!("crate::{above}::"));
-            assert!(!uses, "`{module}` uses `{above}`, which is above it");
+            assert!(!names.modules.contains(*above), "`{module}` uses `{above}`, which is above it");
         }
     }
 }
 
 #[test]
 fn only_their_owners_name_the_large_crates() {
-    for (module, text) in modules() {
+    for (module, names) in modules() {
         for (name, owners) in OWNERS {
-            let names =
-                text.contains(&format!("{name}::")) || text.contains(&format!("use {name}"));
-            // The image module's own file is called exr, too.
-            let names = names && !(name == "exr" && text.contains("self::exr"));
+            // `image` has a module called exr, too.
+            let names = names.crates.contains(name);
             assert!(!names || owners.contains(&module.as_str()), "`{module}` names `{name}`");
         }
+    }
+}
+
+/// The test above sees what it is to see, and nothing else.
+#[test]
+fn paths_are_found_wherever_they_stand() {
+    let text = r#"
+        //! crate::comment::x
+        use crate::{one::A, two as other, three::{self, B}};
+        use super::sibling;
+        use super::super::four;
+        fn f(x: crate::five::T) -> wgpu::Buffer {
+            let text = "crate::text::x";
+            assert!(crate::six::good(&text));
+            crate::seven::f::<crate::eight::T>(x)
+        }
+        #[cfg(test)]
+        mod tests { use crate::hidden::T; }
+        mod inner { fn g() { super::super::super::nine::h() } }
+    "#;
+    let found = names(text, 2);
+    let modules: Vec<&str> = found.modules.iter().map(String::as_str).collect();
+    assert_eq!(modules, ["eight", "five", "four", "nine", "one", "seven", "six", "three", "two"]);
+    assert!(found.crates.contains("wgpu"), "{found:?}");
+}
+
+/// What a user's `[dev-dependencies]` compile, and the names that a newcomer meets first.
+#[test]
+fn the_library_is_small_to_its_users() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let manifest = std::fs::read_to_string(root.join("Cargo.toml")).expect("it is there");
+    let (_, below) = manifest.split_once("[dependencies]\n").expect("it has dependencies");
+    let count = below.lines().take_while(|line| !line.is_empty()).count();
+    assert!((10..=MOST_DEPENDENCIES).contains(&count), "{count} direct dependencies");
+
+    let text = std::fs::read_to_string(root.join("src/lib.rs")).expect("it is there");
+    let library = syn::parse_file(&text).expect("it compiles");
+    let exported = library.items.iter().filter_map(|item| match item {
+        syn::Item::Use(item) => Some(leaves(&item.tree)),
+        _ => None,
+    });
+    let count: usize = exported.sum();
+    assert!((20..=MOST_NAMES).contains(&count), "{count} names at the root");
+    assert!(!text.contains("doc(hidden)"), "what is public is documented");
+}
+
+/// Names that a `use` brings in.
+fn leaves(tree: &syn::UseTree) -> usize {
+    match tree {
+        syn::UseTree::Path(path) => leaves(&path.tree),
+        syn::UseTree::Group(group) => group.items.iter().map(leaves).sum(),
+        _ => 1,
     }
 }

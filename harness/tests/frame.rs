@@ -1,11 +1,12 @@
 //! What frames are drawn from reaches the shader: vertex attributes, and mip levels of textures.
 
 use glam::{Vec2, Vec3, Vec4};
+use karat::frame::{FrameError, Mesh};
+use karat::golden::{FrameTolerance, GoldenError, Profile, Provenance};
+use karat::image::{ExrFile, Precision};
+use karat::metric::Rect;
 use karat::prelude::*;
-use karat::{
-    ExrFile, Frame, FrameError, FrameTolerance, GoldenError, Goldens, Image, Mesh, Precision,
-    Profile, Provenance, Rect,
-};
+use karat::{Frame, Goldens, Image};
 
 const SHADER: &str = "
 @group(0) @binding(0) var stripes: texture_2d<f32>;
@@ -55,7 +56,7 @@ fn triangle() -> Mesh {
 
 fn drawn(fragment: &str, fixtures: bool) -> Vec<Image> {
     let package = Package::from_source("frame", SHADER);
-    let open = Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok());
+    let open = Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok());
     let frame = |path| {
         let mut frame = package.frame("", 4, 4).mesh("vertex", fragment, triangle(), 1);
         if fixtures {
@@ -126,7 +127,7 @@ fn the_mean_of_a_rectangle_is_what_is_expected() {
 /// Profiles of the paths that open.
 fn profiles() -> Vec<(Path, String)> {
     let adapters =
-        Path::ALL.into_iter().filter_map(|path| Some((path, karat::adapter(path).ok()?)));
+        Path::ALL.into_iter().filter_map(|path| Some((path, karat::path::adapter(path).ok()?)));
     adapters.map(|(path, adapter)| (path, Profile::of(&adapter).to_string())).collect()
 }
 

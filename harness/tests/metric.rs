@@ -1,9 +1,12 @@
 //! Metrics against what they should be: HDR-FLIP against NVIDIA's implementation, parts against
 //! wholes, and nothing that is left out or unseen.
 
-use karat::{
-    ErrorMap, ExposureRange, Flip, FlipFailure, FrameTolerance, Gate, Image, Mask, MaskError,
-    Metric, Noise, Pair, PairError, Precision, Rect, TILE,
+use karat::Image;
+use karat::golden::FrameTolerance;
+use karat::image::Precision;
+use karat::metric::{
+    ErrorMap, ExposureRange, Flip, FlipFailure, Gate, Mask, MaskError, Metric, Noise, Pair,
+    PairError, Rect, TILE,
 };
 
 const WIDTH: u32 = 48;

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use karat::{Package, ProbeError, Probed};
+use karat::Package;
+use karat::probe::{ProbeError, Probed};
 
 fn error(package: &Package, function: &str) -> String {
     match Probed::new(package, function) {
@@ -267,7 +268,7 @@ fn one_file_is_a_package_and_both_extensions_are_read() {
 #[test]
 fn errors_carry_their_place_as_data() {
     let package = Package::from_source("s", "fn f() -> f32 {\n  return 1u;\n}");
-    let Err(ProbeError::Reflect(karat::ReflectError::Invalid(diagnostic))) =
+    let Err(ProbeError::Reflect(karat::reflect::ReflectError::Invalid(diagnostic))) =
         Probed::new(&package, "f")
     else {
         panic!("a type error is found by naga");

@@ -1,6 +1,9 @@
 //! Loops that a driver leaves before they end are errors and no results.
 
-use karat::{FrameError, Package, Path, ProbeError, Probed, Uniform, adapter, call};
+use karat::frame::FrameError;
+use karat::path::adapter;
+use karat::probe::{ProbeError, Probed, call};
+use karat::{Package, Path, Uniform};
 
 const SPIN: &str = "\
     fn spin(n: u32) -> u32 {\n    var s = 0u;\n    for (var i = 0u; i < n; i++) {\n        \

@@ -3,7 +3,10 @@
 
 use std::path::{Path, PathBuf};
 
-use karat::{Package, PackageError, ProbeError, Probed, Program, ReflectError, call};
+use karat::Package;
+use karat::package::PackageError;
+use karat::probe::{ProbeError, Probed, call};
+use karat::reflect::{Program, ReflectError};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 /// naga's own verdict on a file, as wgpu would have it.
@@ -15,7 +18,7 @@ fn naga_accepts(text: &str) -> bool {
 /// The value of a function without parameters on the first path that opens.
 fn value(package: &Package, function: &str) -> f32 {
     let probed = Probed::new(package, function).unwrap_or_else(|error| panic!("{error}"));
-    let path = karat::Path::ALL.into_iter().find(|path| karat::adapter(*path).is_ok());
+    let path = karat::Path::ALL.into_iter().find(|path| karat::path::adapter(*path).is_ok());
     let results = call(&probed, path.expect("a path opens"), &[Vec::new()]);
     f32::from_bits(results.expect("it runs")[0][0])
 }

@@ -3,8 +3,8 @@
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_4, PI};
 
 use glam::{DVec3, Vec3};
+use karat::check::{Disagreement, Failure};
 use karat::prelude::*;
-use karat::{Disagreement, Failure};
 use shaders::{PBR, brdf};
 
 #[track_caller]

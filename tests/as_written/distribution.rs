@@ -1,8 +1,8 @@
 //! Distributions in forms that lose their digits.
 
 use glam::{DVec3, Vec3};
+use karat::check::{Disagreement, Failure};
 use karat::prelude::*;
-use karat::{Disagreement, Failure};
 use shaders::{PBR, distribution};
 
 #[track_caller]

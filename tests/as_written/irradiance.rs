@@ -1,8 +1,8 @@
 //! Irradiance as it is written. All numbers are those of a furnace of radiance 1.
 
 use glam::{DVec3, Vec3};
+use karat::check::{Disagreement, Failure};
 use karat::prelude::*;
-use karat::{Disagreement, Failure};
 use shaders::{PBR, irradiance};
 
 #[track_caller]
@@ -14,13 +14,13 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-fn in_environment(function: &str, environment: CubeMap) -> karat::Probe<'static> {
+fn in_environment(function: &str, environment: CubeMap) -> karat::check::Probe<'static> {
     PBR.function(&format!("as_written::irradiance::{function}"))
         .with("environment", environment)
         .with("environment_sampler", Sampler::Linear)
 }
 
-fn furnace(function: &str) -> karat::Probe<'static> {
+fn furnace(function: &str) -> karat::check::Probe<'static> {
     in_environment(function, CubeMap::constant(Vec3::ONE))
 }
 
@@ -67,7 +67,7 @@ fn the_loop_is_dark() {
         .agrees_with(|_: DVec3, _: u32, _: u32| DVec3::ONE, Abs(1e-5));
 }
 
-fn furnace_of_library(function: &str) -> karat::Probe<'static> {
+fn furnace_of_library(function: &str) -> karat::check::Probe<'static> {
     PBR.function(function)
         .with("environment", CubeMap::constant(Vec3::ONE))
         .with("environment_sampler", Sampler::Linear)

@@ -1,8 +1,8 @@
 //! Layers that gain energy, or aren't reciprocal.
 
 use glam::{DVec3, Vec3};
+use karat::check::{Disagreement, Failure};
 use karat::prelude::*;
-use karat::{Disagreement, Failure};
 use shaders::{PBR, fresnel, specular};
 
 #[track_caller]

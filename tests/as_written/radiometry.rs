@@ -2,8 +2,8 @@
 
 use std::f64::consts::PI;
 
+use karat::check::{Disagreement, Failure};
 use karat::prelude::*;
-use karat::{Disagreement, Failure};
 use shaders::{PBR, radiometry};
 
 /// The disagreement that a check found, which it must have.

@@ -1,8 +1,8 @@
 //! Specular light that exceeds a furnace, comes from the wrong direction or from the wrong level.
 
 use glam::{DVec3, Vec3};
+use karat::check::{Disagreement, Failure};
 use karat::prelude::*;
-use karat::{Disagreement, Failure};
 use shaders::{PBR, specular};
 
 #[track_caller]
@@ -14,7 +14,7 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-fn probe(function: &str, cube_map: CubeMap) -> karat::Probe<'static> {
+fn probe(function: &str, cube_map: CubeMap) -> karat::check::Probe<'static> {
     PBR.function(function)
         .with("environment", cube_map)
         .with("environment_sampler", Sampler::Linear)

@@ -3,7 +3,10 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use karat::{ExposureRange, Flip, FrameTolerance, Gate, Image, Metric, Noise, Pair, Precision};
+use karat::Image;
+use karat::golden::FrameTolerance;
+use karat::image::Precision;
+use karat::metric::{ExposureRange, Flip, Gate, Metric, Noise, Pair};
 
 use super::{Spread, spawn};
 

@@ -4,8 +4,9 @@
 use std::error::Error;
 
 use glam::Vec3;
+use karat::Frame;
+use karat::frame::Mesh;
 use karat::prelude::*;
-use karat::{Frame, Mesh};
 use shaders::camera::Camera;
 use shaders::maps::{self, MapSettings};
 use shaders::scene::{self, Painted, Samples};
@@ -90,7 +91,7 @@ impl Shot {
 /// If there is none: then nothing would be checked.
 #[must_use]
 pub fn open_paths() -> Vec<Path> {
-    let open = Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok());
+    let open = Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok());
     let open: Vec<Path> = open.collect();
     assert!(!open.is_empty(), "no execution path opens, so nothing would be checked");
     open

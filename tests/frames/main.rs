@@ -5,7 +5,8 @@ use std::path::Path as FilePath;
 use std::process::ExitCode;
 
 use frames::{ENVIRONMENT, FRAMES, Shot, frame};
-use karat::{CubeMap, Gallery, Image, RenderOptions};
+use karat::{CubeMap, Image};
+use karat_gallery::{Gallery, RenderOptions};
 
 fn main() -> ExitCode {
     let gallery = FRAMES.into_iter().fold(Gallery::new(), |gallery, (name, about)| {

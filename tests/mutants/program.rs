@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 use std::fmt;
 
-use karat::{Package, Program};
+use karat::Package;
+use karat::reflect::Program;
 
 use crate::library;
 use crate::maker::{self, Mutant};

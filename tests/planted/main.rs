@@ -6,8 +6,9 @@
 use std::process::ExitCode;
 
 use glam::Vec3;
+use karat::check::Agreement;
 use karat::prelude::*;
-use karat::{Agreement, Direction, Frame, Goldens};
+use karat::{Frame, Goldens, Trend};
 
 /// A function whose loop never ends, as `sum` is never negative. llvmpipe leaves a loop after
 /// 65,535 rounds; with a long body those take minutes.
@@ -81,7 +82,7 @@ fn one_path() -> Result<String, String> {
     let wgsl = "fn f(x: f32, n: u32) -> f32 { return select(x, x + 0.5, x > 0.3 && n > 2u); }";
     let package = Package::from_source("planted", wgsl);
     let check = package.function("f").over((0.0..=1.0, Integers(0..=1000_u32)));
-    let open = Path::ALL.into_iter().filter(|path| karat::adapter(*path).is_ok());
+    let open = Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok());
     let open: Vec<Path> = open.collect();
     let (_, others) = open.split_last().ok_or("no path opens")?;
     let granted = others.iter().fold(check, |check, path| check.tolerance_on(*path, Abs(1.0)));
@@ -99,7 +100,7 @@ fn records() -> String {
     sampled.has_mean("u", |u: f32| f64::from(u), |()| 0.5, 1e-6);
     let pictures = Package::from_source("gradient", GRADIENT);
     let frame = pictures.frame("", 4, 8).fullscreen("corners", "gradient");
-    let whole = karat::Rect { left: 0, top: 0, width: 4, height: 8 };
+    let whole = karat::metric::Rect { left: 0, top: 0, width: 4, height: 8 };
     frame.expect_mean(whole, [0.5, 0.5, 0.5], Abs(1e-3));
     "three verdicts".to_owned()
 }
@@ -186,7 +187,7 @@ fn monotone(fault: bool) -> Agreement {
     let wgsl = format!("fn f(x: f32, a: f32) -> f32 {{ return x - select(0.0, 3.0, {step}); }}");
     let package = Package::from_source("planted", &wgsl);
     let over = package.function("f").over((0.0..=1.0, 0.0..=1.0));
-    over.is_monotone_in("x", Direction::Increasing, Ulp(1.0))
+    over.is_monotone_in("x", Trend::Increasing, Ulp(1.0))
 }
 
 /// A direction that is its own result, but for those with `a` above 0.3.

@@ -44,7 +44,7 @@ impl Fitting {
         let Self(probed) = self;
         let words = probe::parameter_shapes(&probed.function);
         let words = words.into_iter().map(|shape| shape.lanes().len()).sum();
-        let runners = path::selected()?
+        let runners = path::devices()?
             .into_iter()
             .map(|device| Runner::new(device, &probed, fixtures, calls))
             .collect::<Result<_, _>>()?;

@@ -4,7 +4,7 @@ use super::path_tally::PathTally;
 use super::session::Session;
 use super::{Agreement, Disagreement, Failure, PathDisagreement, Simplest};
 use crate::run::{Descent, Replayed};
-use crate::tolerance::Measure;
+use crate::tolerance::LaneError;
 
 impl Session<'_> {
     /// Whether all paths agree, each of them on every case.
@@ -18,14 +18,15 @@ impl Session<'_> {
         if tallies.iter().any(PathTally::fails) {
             return Err(self.disagreement(tallies));
         }
-        let worst_of =
-            |path: &PathTally| path.tally.worst.map_or(Measure::ZERO, |worst| worst.judged.measure);
+        let worst_of = |path: &PathTally| {
+            path.tally.worst.map_or(LaneError::ZERO, |worst| worst.judged.measure)
+        };
         let worst = tallies.iter().map(worst_of).max_by(|a, b| a.ratio.total_cmp(&b.ratio));
         Ok(Agreement {
             function: self.called.function().path.clone(),
             cases: compared,
             paths: tallies.iter().map(|path| (path.adapter.clone(), worst_of(path))).collect(),
-            worst: worst.unwrap_or(Measure::ZERO),
+            worst: worst.unwrap_or(LaneError::ZERO),
             known_issues: Vec::new(),
         })
     }

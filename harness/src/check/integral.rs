@@ -22,7 +22,7 @@ use crate::domain::{Domain, Held, Stream, Typed};
 use crate::path::Path;
 use crate::probe::{BATCH, Runner};
 use crate::run::{Descent, or_panic};
-use crate::tolerance::{Measure, Tolerance};
+use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Arguments, Mirror, Scalar, Shape};
 
 /// Integrals of a check unless it says otherwise: each is thousands of calls.
@@ -383,17 +383,17 @@ impl Assertion {
         }
     }
 
-    fn measure(&self, path: Path, lane: usize, value: f64, expected: f64) -> Measure {
+    fn measure(&self, path: Path, lane: usize, value: f64, expected: f64) -> LaneError {
         // Minus infinity is no integral either, below whichever bound.
         let value = if value.is_finite() { value } else { f64::NAN };
         match self {
             Self::AgreesWith(tolerances) => tolerances.of(path).measure_sum(lane, value, expected),
-            Self::IsAtMost(slack) => Measure::excess(value, expected, *slack),
+            Self::IsAtMost(slack) => LaneError::excess(value, expected, *slack),
         }
     }
 
     /// How far a control is from an integral, which are to agree as closely as is asserted.
-    fn doubt(&self, path: Path, lane: usize, value: f64, control: f64) -> Measure {
+    fn doubt(&self, path: Path, lane: usize, value: f64, control: f64) -> LaneError {
         match self {
             Self::AgreesWith(tolerances) => tolerances.of(path).measure_sum(lane, control, value),
             Self::IsAtMost(slack) => Tolerance::Abs(*slack).measure_sum(lane, control, value),
@@ -419,7 +419,7 @@ impl Assertion {
             let measure = self.measure(path, lane, f64::NAN, expected[lane]);
             return Judged { measure, lane, class };
         }
-        let mut worst = Judged { measure: Measure::ZERO, lane: 0, class: Class::Other };
+        let mut worst = Judged { measure: LaneError::ZERO, lane: 0, class: Class::Other };
         for (lane, (value, expected)) in sum.totals().into_iter().zip(expected).enumerate() {
             let measure = self.measure(path, lane, value, *expected);
             if lane == 0 || measure.ratio > worst.measure.ratio {
@@ -555,7 +555,7 @@ impl Group {
             for (case, sum) in sums.iter().enumerate() {
                 let doubt = self.doubt(session, assertion, path, case, (sum, &controls[case]));
                 let judged = match doubt {
-                    Some(_) => Judged { measure: Measure::ZERO, lane: 0, class: Class::Other },
+                    Some(_) => Judged { measure: LaneError::ZERO, lane: 0, class: Class::Other },
                     None => assertion.judge(path, sum, &self.cases[case].expected),
                 };
                 tally.add(self.first + case as u64, judged);

@@ -4,8 +4,8 @@ use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::agreement::{Expected, with_reference};
-use super::argument::Argument;
 use super::mismatch::signature;
+use super::parameter::Parameter;
 use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
 use super::property::Exhibit;
@@ -89,7 +89,7 @@ where
     #[track_caller]
     pub fn at_limit(
         self,
-        argument: impl Into<Argument>,
+        argument: impl Into<Parameter>,
         limit: Limit,
         reference: impl Reference<D::Value>,
         tolerance: impl Into<Tolerance>,
@@ -105,7 +105,7 @@ where
     /// on, or nothing could be compared.
     pub fn try_at_limit(
         self,
-        argument: impl Into<Argument>,
+        argument: impl Into<Parameter>,
         limit: Limit,
         reference: impl Reference<D::Value>,
         tolerance: impl Into<Tolerance>,
@@ -116,7 +116,7 @@ where
 
     fn limit(
         self,
-        argument: &Argument,
+        argument: &Parameter,
         limit: &Limit,
         reference: impl Reference<D::Value>,
         tolerance: Tolerance,
@@ -135,7 +135,7 @@ impl Plan<'_> {
         &self,
         stream: &dyn Stream,
         demand: &Demand,
-        (argument, limit): (&Argument, &Limit),
+        (argument, limit): (&Parameter, &Limit),
         expected: &Expected<'_>,
         tolerance: Tolerance,
         recording: Recording,

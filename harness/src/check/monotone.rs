@@ -3,8 +3,8 @@
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::argument::{Argument, ScalarArgument};
 use super::companion::{Companion, WithCompanion};
+use super::parameter::{Parameter, ScalarParameter};
 use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
 use super::property::{Exhibit, PRIMED};
@@ -14,19 +14,19 @@ use super::{Agreement, Check, Failure};
 use crate::domain::{Domain, Origin, Source, Stream, complexity};
 use crate::probe::Probed;
 use crate::run::or_panic;
-use crate::tolerance::{Measure, Tolerance};
+use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Arguments, Scalar, format_lane};
 
 /// Which way results go as an argument grows. Equal results go either way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Direction {
+pub enum Trend {
     /// They never fall.
     Increasing,
     /// They never rise.
     Decreasing,
 }
 
-impl fmt::Display for Direction {
+impl fmt::Display for Trend {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Increasing => "increasing",
@@ -63,7 +63,7 @@ where
     /// SHADERS
     ///     .function("fresnel::schlick")
     ///     .over((UnitRgb, 0.0..=1.0))
-    ///     .is_monotone_in("v_dot_h", Direction::Decreasing, Ulp(4.0));
+    ///     .is_monotone_in("v_dot_h", Trend::Decreasing, Ulp(4.0));
     /// ```
     ///
     /// # Panics
@@ -72,11 +72,11 @@ where
     #[track_caller]
     pub fn is_monotone_in(
         self,
-        argument: impl Into<Argument>,
-        direction: Direction,
+        argument: impl Into<Parameter>,
+        trend: Trend,
         tolerance: impl Into<Tolerance>,
     ) -> Agreement {
-        or_panic(self.monotone(&argument.into(), direction, tolerance.into(), Recording::On))
+        or_panic(self.monotone(&argument.into(), trend, tolerance.into(), Recording::On))
     }
 
     /// [`is_monotone_in`](Self::is_monotone_in) without the panic.
@@ -86,22 +86,22 @@ where
     /// compared.
     pub fn try_is_monotone_in(
         self,
-        argument: impl Into<Argument>,
-        direction: Direction,
+        argument: impl Into<Parameter>,
+        trend: Trend,
         tolerance: impl Into<Tolerance>,
     ) -> Result<Agreement, Failure> {
-        self.monotone(&argument.into(), direction, tolerance.into(), Recording::Off)
+        self.monotone(&argument.into(), trend, tolerance.into(), Recording::Off)
     }
 
     fn monotone(
         self,
-        argument: &Argument,
-        direction: Direction,
+        argument: &Parameter,
+        trend: Trend,
         tolerance: Tolerance,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
         let (stream, demand) = (&self.stream(), &Self::demand());
-        self.plan.is_monotone(stream, demand, (argument, direction), tolerance, recording)
+        self.plan.is_monotone(stream, demand, (argument, trend), tolerance, recording)
     }
 }
 
@@ -110,12 +110,12 @@ impl Plan<'_> {
         &self,
         stream: &dyn Stream,
         demand: &Demand,
-        (argument, direction): (&Argument, Direction),
+        (argument, trend): (&Parameter, Trend),
         tolerance: Tolerance,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
         let tolerances = self.tolerances(tolerance);
-        let text = format!("{direction} in {argument}, {}", tolerances.general);
+        let text = format!("{trend} in {argument}, {}", tolerances.general);
         let asserted = Asserted { check: NAME, text };
         let probed = Probed::new(self.probe.package, &self.probe.path);
         let varied = probed.ok().and_then(|probed| argument.scalar(&probed.function).ok());
@@ -147,7 +147,7 @@ impl Plan<'_> {
                     let lane = case * called.words + varied.lane;
                     let grows =
                         varied.scalar.decode(plain[lane]) < varied.scalar.decode(lanes[lane]);
-                    let rises = grows == (direction == Direction::Increasing);
+                    let rises = grows == (trend == Trend::Increasing);
                     // A change that would be an error the other way round.
                     let other = || judge_pair(&scalars, before, after, !rises, tolerances[path]);
                     if !changed.load(Ordering::Relaxed) && !other().measure.passes() {
@@ -186,7 +186,7 @@ impl Plan<'_> {
 /// Another value of the argument for a case.
 struct Other<'a> {
     domain: &'a dyn Stream,
-    argument: ScalarArgument,
+    argument: ScalarParameter,
 }
 
 impl Other<'_> {
@@ -266,16 +266,16 @@ fn judge_pair(
     rises: bool,
     tolerance: &Tolerance,
 ) -> Judged {
-    let mut worst = Judged { measure: Measure::ZERO, lane: 0, class: Class::Other };
+    let mut worst = Judged { measure: LaneError::ZERO, lane: 0, class: Class::Other };
     for (lane, scalar) in scalars.iter().enumerate() {
         let (old, new) = (scalar.decode(before[lane]), scalar.decode(after[lane]));
         let ordered = if rises { old <= new } else { new <= old };
         let measure = if ordered && old.is_finite() && new.is_finite() {
-            Measure::ZERO
+            LaneError::ZERO
         } else if scalar.is_float() {
             tolerance.measure_sum(lane, new, old)
         } else {
-            Measure::equality(false)
+            LaneError::equality(false)
         };
         if measure.ratio > worst.measure.ratio {
             worst = Judged { measure, lane, class: classify(new, old) };
@@ -322,7 +322,7 @@ mod tests {
 
     #[test]
     fn fractions_of_a_distance_reach_the_next_number() {
-        let argument = |scalar| ScalarArgument { name: "a".to_owned(), scalar, lane: 0 };
+        let argument = |scalar| ScalarParameter { name: "a".to_owned(), scalar, lane: 0 };
         let float = |own: f32, other: f32, fraction| {
             let word = argument(Scalar::F32).between(own.to_bits(), other.to_bits(), fraction);
             f32::from_bits(word)
@@ -344,7 +344,7 @@ mod tests {
     fn another_value_lies_in_the_domain_near_or_far() {
         let row = |a: f32, b: f32| [a.to_bits(), b.to_bits()];
         let domain = (0.25..=0.75_f32, 2.0..=3.0_f32);
-        let argument = ScalarArgument { name: "b".to_owned(), scalar: Scalar::F32, lane: 1 };
+        let argument = ScalarParameter { name: "b".to_owned(), scalar: Scalar::F32, lane: 1 };
         let other = Other { domain: &Typed::arguments(&domain), argument };
         let mut near = 0;
         for case in 0..1000 {
@@ -359,7 +359,7 @@ mod tests {
         let simpler = other.shrink(&row(0.5, 2.5), &[2.734_f32.to_bits()]);
         assert_eq!(simpler.first(), Some(&vec![2.0_f32.to_bits()]));
         let one = (crate::domain::Just(1.0_f32), 0.0..=1.0_f32);
-        let argument = ScalarArgument { name: "a".to_owned(), scalar: Scalar::F32, lane: 0 };
+        let argument = ScalarParameter { name: "a".to_owned(), scalar: Scalar::F32, lane: 0 };
         let other = Other { domain: &Typed::arguments(&one), argument };
         assert_eq!(other.draw(&row(1.0, 0.5), &mut Source::new(7, 0)), [1.0_f32.to_bits()]);
     }

@@ -8,7 +8,7 @@ use crate::domain::Stream;
 use crate::path::Path;
 use crate::record::{PathRecord, Subject};
 use crate::run::{Identity, KnownIssue, KnownIssues, Memory, Reporter, Seen};
-use crate::tolerance::{Measure, Tolerance};
+use crate::tolerance::{LaneError, Tolerance};
 
 /// A function with what its author says of a check, but for the cases.
 #[derive(Clone, Debug)]
@@ -123,7 +123,7 @@ impl<'a> Plan<'a> {
         let mut agreement = if judged.is_empty() && !known.is_empty() {
             let cases = known.iter().map(|tally| tally.tally.census.cases).min().unwrap_or(0);
             let (function, paths) = (self.probe.path.clone(), Vec::new());
-            Agreement { function, cases, paths, worst: Measure::ZERO, known_issues: Vec::new() }
+            Agreement { function, cases, paths, worst: LaneError::ZERO, known_issues: Vec::new() }
         } else {
             session.conclude(judged)?
         };

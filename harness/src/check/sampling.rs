@@ -68,14 +68,14 @@ impl<'a> Probe<'a> {
         self,
         configurations: D,
         arguments: F,
-    ) -> Samples<'a, D, U, A, F>
+    ) -> SamplingCheck<'a, D, U, A, F>
     where
         D: Domain,
         U: Shareable,
         A: Arguments,
         F: Fn(&D::Value, U) -> A + Sync,
     {
-        Samples {
+        SamplingCheck {
             plan: Plan::new(self),
             configurations,
             arguments,
@@ -104,7 +104,7 @@ struct Settings {
 /// A sampler with the configurations that it is run over: see [`Probe::sampled_over`].
 #[derive(Clone, Debug)]
 #[must_use = "nothing is sampled until a verb such as `.follows(...)`"]
-pub struct Samples<'a, D, U, A, F> {
+pub struct SamplingCheck<'a, D, U, A, F> {
     plan: Plan<'a>,
     configurations: D,
     arguments: F,
@@ -112,7 +112,7 @@ pub struct Samples<'a, D, U, A, F> {
     types: PhantomData<fn(U) -> A>,
 }
 
-impl<D, U, A, F> Samples<'_, D, U, A, F>
+impl<D, U, A, F> SamplingCheck<'_, D, U, A, F>
 where
     D: Domain,
     U: Shareable,
@@ -239,7 +239,7 @@ struct Configuration<'s> {
 
 /// A sampler without the types of its configurations and random numbers.
 #[derive(Clone, Copy)]
-struct Sampler<'s, 'a> {
+struct Sampled<'s, 'a> {
     plan: &'s Plan<'a>,
     settings: &'s Settings,
     configurations: &'s dyn Stream,
@@ -263,7 +263,7 @@ struct Other<'o> {
     made: Made<'o>,
 }
 
-impl<D, U, A, F> Samples<'_, D, U, A, F>
+impl<D, U, A, F> SamplingCheck<'_, D, U, A, F>
 where
     D: Domain,
     U: Shareable,
@@ -271,8 +271,8 @@ where
     F: Fn(&D::Value, U) -> A + Sync,
 {
     /// Hands the sampler to what is compiled once.
-    fn with_sampler<T>(&self, then: impl FnOnce(Sampler<'_, '_>) -> T) -> T {
-        then(Sampler {
+    fn with_sampler<T>(&self, then: impl FnOnce(Sampled<'_, '_>) -> T) -> T {
+        then(Sampled {
             plan: &self.plan,
             settings: &self.settings,
             configurations: &Typed::values(&self.configurations),
@@ -312,14 +312,14 @@ impl Functions<'_> {
 /// Runs a check: `expect` compares signatures, and each configuration on each path is handed to
 /// `judge`.
 fn conclude(
-    sampler: Sampler<'_, '_>,
+    sampler: Sampled<'_, '_>,
     assertion: &Assertion,
     others: &[Other<'_>],
     recording: Recording,
     expect: &dyn Fn(&Functions<'_>) -> Result<(), Failure>,
     judge: &mut dyn FnMut(&Functions<'_>, &Configuration<'_>) -> Result<Judgement, Failure>,
 ) -> Result<Fit, Failure> {
-    let Sampler { plan, settings, configurations, shapes, .. } = sampler;
+    let Sampled { plan, settings, configurations, shapes, .. } = sampler;
     let function = plan.probe.path.clone();
     let reporter = Reporter::start();
     let check = assertion.check;

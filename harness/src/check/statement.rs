@@ -6,7 +6,7 @@ use super::tally::finite;
 use super::{Agreement, Check, Failure, tolerances};
 use crate::domain::{Domain, Stream};
 use crate::run::or_panic;
-use crate::tolerance::Measure;
+use crate::tolerance::LaneError;
 use crate::value::{Arguments, Shape, Shareable};
 
 /// Whether a statement holds for the words of arguments and result.
@@ -90,7 +90,7 @@ impl Plan<'_> {
                         let mut judged = finite(&scalars, actual);
                         if judged.measure.passes() {
                             judged.measure =
-                                Measure::statement(holds(batch.arguments(case), actual));
+                                LaneError::statement(holds(batch.arguments(case), actual));
                         }
                         judged
                     },

@@ -1,13 +1,13 @@
 //! What the cases of one path add up to.
 
 use super::parallel;
-use crate::tolerance::{Measure, Tolerance, Unit};
+use crate::tolerance::{LaneError, Tolerance, Unit};
 use crate::value::Scalar;
 
 /// The judgement of one case: its worst lane.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Judged {
-    pub(crate) measure: Measure,
+    pub(crate) measure: LaneError,
     pub(crate) lane: usize,
     pub(crate) class: Class,
 }
@@ -144,13 +144,13 @@ pub(crate) fn compare(
     expected: &[f64],
     tolerance: &Tolerance,
 ) -> Judged {
-    let mut worst = Judged { measure: Measure::ZERO, lane: 0, class: Class::Other };
+    let mut worst = Judged { measure: LaneError::ZERO, lane: 0, class: Class::Other };
     for (lane, scalar) in scalars.iter().enumerate() {
         let (word, reference) = (actual[lane], expected[lane]);
         let measure = if scalar.is_float() {
             tolerance.measure(lane, f32::from_bits(word), reference)
         } else {
-            Measure::equality(scalar.decode(word) == reference)
+            LaneError::equality(scalar.decode(word) == reference)
         };
         if lane == 0 || measure.ratio > worst.measure.ratio {
             worst = Judged { measure, lane, class: Class::Other };
@@ -188,11 +188,11 @@ pub(crate) fn finite(scalars: &[Scalar], actual: &[u32]) -> Judged {
         .zip(actual)
         .position(|(scalar, word)| scalar.is_float() && !f32::from_bits(*word).is_finite());
     let Some(lane) = bad else {
-        return Judged { measure: Measure::statement(true), lane: 0, class: Class::Other };
+        return Judged { measure: LaneError::statement(true), lane: 0, class: Class::Other };
     };
     let nan = f32::from_bits(actual[lane]).is_nan();
     Judged {
-        measure: Measure {
+        measure: LaneError {
             ratio: f64::INFINITY,
             error: f64::NAN,
             bound: 0.0,

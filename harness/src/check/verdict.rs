@@ -8,7 +8,7 @@ use crate::probe::ProbeError;
 use crate::record::Verdict;
 use crate::run::{Concluded, KnownIssue, NotBegun, NotReplayed, Passed};
 use crate::settings::SettingsError;
-use crate::tolerance::Measure;
+use crate::tolerance::LaneError;
 
 /// What a check compared, and how close it came.
 #[derive(Clone, Debug)]
@@ -18,9 +18,9 @@ pub struct Agreement {
     /// Cases compared on each path.
     pub cases: u64,
     /// Each path with its worst error.
-    pub paths: Vec<(Adapter, Measure)>,
+    pub paths: Vec<(Adapter, LaneError)>,
     /// The worst error of all paths.
-    pub worst: Measure,
+    pub worst: LaneError,
     /// Paths that fail as was declared. They are not among `paths`.
     pub known_issues: Vec<KnownIssue>,
 }

@@ -1,7 +1,7 @@
 //! The stream of random numbers of one case.
 
-use rand_core::Rng;
 use rand_pcg::Pcg32;
+use rand_pcg::rand_core::Rng;
 
 /// Random numbers for one case. The stream is determined by the seed and the case's index.
 #[derive(Clone, Debug)]

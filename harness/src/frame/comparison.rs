@@ -49,7 +49,7 @@ impl Frame<'_> {
         if let Some((name, reason)) = self.unusable_aov() {
             return Err(FrameError::Aov(name.to_owned(), reason));
         }
-        for device in path::selected()? {
+        for device in path::devices()? {
             let adapter = device.adapter();
             let (image, shader) = self.render_on(device)?;
             let tolerance = self.tolerance_of(device.path(), adapter);

@@ -6,7 +6,7 @@ use crate::metric::{MaskError, Rect};
 use crate::path::{self, Adapter};
 use crate::record::{PathRecord, Subject};
 use crate::run::{KnownIssue, Reporter, Seen, or_panic, replay};
-use crate::tolerance::{Measure, Tolerance};
+use crate::tolerance::{LaneError, Tolerance};
 
 /// What the mean of a rectangle is on each path.
 #[derive(Clone, Debug)]
@@ -73,13 +73,13 @@ impl Frame<'_> {
             return Err(FrameError::Rectangle(MaskError::Outside { rect, width, height }));
         }
         let (mut paths, mut known) = (Vec::new(), Vec::new());
-        for device in path::selected()? {
+        for device in path::devices()? {
             let (adapter, path) = (device.adapter(), device.path());
             let (image, _) = self.render_on(device)?;
             let mean = mean(&image, rect);
             let lanes = (0..).zip(mean.iter().zip(expected));
             let measured = lanes.map(|(lane, (m, e))| tolerance.measure_sum(lane, *m, e));
-            let worst = measured.fold(Measure::ZERO, |worst, measure| {
+            let worst = measured.fold(LaneError::ZERO, |worst, measure| {
                 if measure.ratio <= worst.ratio { worst } else { measure }
             });
             let known_issue = self.known_issues.on(path).map(str::to_owned);

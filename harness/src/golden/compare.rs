@@ -6,8 +6,8 @@ use super::profile::Profile;
 use super::tolerance::{Criterion, CriterionMargin, FrameTolerance, Judgement};
 use crate::image::{Image, NonFinite};
 use crate::metric::{
-    ExposureRange, Gate, Mask, MaskError, Measured, Metric, Noise, Outlier, Outliers, Pair,
-    PairError, Rect,
+    ExposureRange, Gate, Mask, MaskError, Measured, Metric, Noise, Outliers, Pair, PairError, Rect,
+    WorstPixel,
 };
 use crate::tolerance::significant;
 
@@ -128,7 +128,7 @@ pub struct Deviation {
     /// Smallest rectangle that holds the outliers.
     pub bounds: Rect,
     /// The worst one.
-    pub worst: Option<Outlier>,
+    pub worst: Option<WorstPixel>,
     /// What outliers are counted by.
     pub gate: Gate,
     /// Share of outliers, in per cent, at 1, 10, 100 and 1000 times the tolerance.

@@ -8,11 +8,11 @@ use crate::image::{ExrFile, Image, ImageError, Part, Precision};
 use crate::metric::Mask;
 
 /// The frame itself, always the first part.
-pub(crate) const COLOR: &str = "color";
+pub const COLOR: &str = "color";
 /// The variance of each pixel, of a noisy frame.
 pub(crate) const VARIANCE: &str = "color.variance";
 /// 1 where pixels are compared, 0 where they are not.
-pub(crate) const MASK: &str = "mask";
+pub const MASK: &str = "mask";
 
 impl ExrFile {
     /// What a frame or golden of Karat's was compared with, if its test declared a mask: its part

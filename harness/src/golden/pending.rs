@@ -1,5 +1,6 @@
 //! Frames that wait to be accepted or rejected.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::place::OVERLAID;
@@ -154,43 +155,36 @@ impl Goldens {
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
         let mut found = PendingFrames::default();
-        // The folder's name is no pattern, whatever it holds.
-        let folder = glob::Pattern::escape(&self.folder().to_string_lossy());
-        let pattern = Path::new(&folder).join("**/*.new.exr");
-        let overlaid = |path: &Path| {
-            let below = path.strip_prefix(self.folder()).unwrap_or(path);
-            below.iter().any(|part| part == OVERLAID)
-        };
-        for entry in glob::glob(&pattern.to_string_lossy()).into_iter().flatten() {
-            let read = match entry {
-                Ok(path) if overlaid(&path) => continue,
-                Ok(path) => named(&path).map_err(|reason| Unusable { path, reason }),
-                // A folder that can't be looked into.
-                Err(error) => {
-                    let path = error.path().to_owned();
-                    let (place, source) = (shown(&path), error.into());
-                    let reason = ImageError::Read { path: place, source }.into();
-                    Err(Unusable { path, reason })
-                }
-            };
-            match read {
+        let mut files = Vec::new();
+        find(&self.folder(), &mut files, &mut found.unusable);
+        for path in files {
+            match named(&path) {
                 Ok(pending) => found.frames.push(pending),
-                Err(unusable) => found.unusable.push(unusable),
+                Err(reason) => found.unusable.push(Unusable { path, reason }),
             }
         }
         found.without_doubles(&self.folder())
     }
 
-    /// What is pending of a name or a glob; files that can't be used are selected by their own
-    /// names.
+    /// What is pending of a name; a file that can't be used is selected by its own name.
     ///
     /// # Errors
     /// If nothing is.
-    pub fn select(&self, pattern: &str) -> Result<PendingFrames, AcceptError> {
+    pub fn select(&self, name: &str) -> Result<PendingFrames, AcceptError> {
+        self.select_by(name, |_| false)
+    }
+
+    /// [`select`](Self::select), for a name or a pattern that `matches` understands.
+    ///
+    /// # Errors
+    /// If nothing is pending of either.
+    pub fn select_by(
+        &self,
+        pattern: &str,
+        matches: impl Fn(&str) -> bool,
+    ) -> Result<PendingFrames, AcceptError> {
         let PendingFrames { mut frames, mut unusable } = self.pending();
-        let glob = glob::Pattern::new(pattern).ok();
-        let selects =
-            |case: &str| case == pattern || glob.as_ref().is_some_and(|glob| glob.matches(case));
+        let selects = |case: &str| case == pattern || matches(case);
         let near = nearest(pattern, frames.iter().map(|pending| pending.case.as_str()));
         let near = near.map(str::to_owned);
         frames.retain(|pending| selects(&pending.case));
@@ -225,6 +219,31 @@ impl Goldens {
         std::fs::remove_file(&pending.path).map_err(|source| {
             AcceptError::Image(ImageError::Write { path: shown(&pending.path), source })
         })
+    }
+}
+
+/// Finds `*.new.exr` in a folder and the folders below it, sorted. Links to folders aren't followed,
+/// as they may lead in circles. Frames of overlaid shaders are nobody's to accept.
+fn find(folder: &Path, files: &mut Vec<PathBuf>, unusable: &mut Vec<Unusable>) {
+    let entries = match std::fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == ErrorKind::NotFound => return,
+        Err(source) => {
+            let reason = ImageError::Read { path: shown(folder), source }.into();
+            return unusable.push(Unusable { path: folder.to_owned(), reason });
+        }
+    };
+    let mut entries: Vec<_> = entries.flatten().collect();
+    entries.sort_by_key(std::fs::DirEntry::file_name);
+    for entry in entries {
+        let path = entry.path();
+        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+            if entry.file_name() != OVERLAID {
+                find(&path, files, unusable);
+            }
+        } else if entry.file_name().to_string_lossy().ends_with(".new.exr") {
+            files.push(path);
+        }
     }
 }
 

@@ -84,7 +84,7 @@ fn root(folder: &Path) -> Option<&Path> {
 
 /// Cargo's target folder, which it marks for backup programs; the folder above the profile's in
 /// one that Cargo didn't make, and so doesn't mark; the working directory if the test wasn't built by Cargo.
-pub(crate) fn build_output() -> PathBuf {
+pub fn build_output() -> PathBuf {
     let exe = std::env::current_exe().unwrap_or_default();
     let marked = exe.ancestors().find(|folder| folder.join("CACHEDIR.TAG").is_file());
     let profile = || exe.ancestors().find(|folder| folder.join("deps").is_dir());

@@ -39,7 +39,7 @@ pub struct Outliers {
     /// Smallest rectangle that holds them.
     pub rect: Rect,
     /// The worst one.
-    pub worst: Outlier,
+    pub worst: WorstPixel,
     /// Share of outliers among the pixels compared, in per cent, at 1, 10, 100 and 1000 times the
     /// tolerance.
     pub sweep: [f32; 4],
@@ -47,7 +47,7 @@ pub struct Outliers {
 
 /// A pixel that differs.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Outlier {
+pub struct WorstPixel {
     /// Column.
     pub x: u32,
     /// Row.
@@ -120,7 +120,7 @@ impl Gate {
     pub fn outliers(&self, pair: &Pair<'_>) -> Option<Outliers> {
         let mut outliers = [0_usize; 4];
         let mut bounds = [u32::MAX, u32::MAX, 0, 0];
-        let mut worst: Option<Outlier> = None;
+        let mut worst: Option<WorstPixel> = None;
         self.each(pair, |index, golden, actual, ratio| {
             let (x, y) = pair.place(index);
             let largest = ratio.into_iter().fold(0.0, f32::max);
@@ -132,7 +132,7 @@ impl Gate {
             if worst.is_none_or(|worst| largest > worst.ratio) {
                 let channel = ratio.iter().position(|r| *r == largest).unwrap_or(0);
                 let (golden, actual) = (golden[channel], actual[channel]);
-                worst = Some(Outlier { x, y, channel, golden, actual, ratio: largest });
+                worst = Some(WorstPixel { x, y, channel, golden, actual, ratio: largest });
             }
         });
         let sweep = outliers.map(|count| 100.0 * count as f32 / pair.compared() as f32);

@@ -293,8 +293,8 @@ impl Metric for Noise<'_> {
 
 #[cfg(test)]
 mod tests {
-    use rand_core::Rng;
     use rand_pcg::Pcg32;
+    use rand_pcg::rand_core::Rng;
     use rayon::prelude::*;
 
     use super::*;

@@ -247,37 +247,37 @@ macro_rules! shareable {
         #[doc = concat!("[`", stringify!($name), "`] in `f64`: what references receive and return.")]
         #[derive(Clone, Debug, PartialEq)]
         $vis struct $mirror {
-            $($(#[$field_meta])* pub $field: <$type as $crate::Shareable>::Mirror),+
+            $($(#[$field_meta])* pub $field: <$type as $crate::value::Shareable>::Mirror),+
         }
 
-        impl $crate::Shareable for $name {
+        impl $crate::value::Shareable for $name {
             type Mirror = $mirror;
-            fn shape() -> $crate::Shape {
-                $crate::Shape::Struct {
+            fn shape() -> $crate::value::Shape {
+                $crate::value::Shape::Struct {
                     name: stringify!($name).to_owned(),
                     members: vec![$((
                         stringify!($field).to_owned(),
-                        <$type as $crate::Shareable>::shape(),
+                        <$type as $crate::value::Shareable>::shape(),
                     )),+],
                 }
             }
             fn store(&self, lanes: &mut Vec<u32>) {
-                $($crate::Shareable::store(&self.$field, lanes);)+
+                $($crate::value::Shareable::store(&self.$field, lanes);)+
             }
             fn load(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
-                Self { $($field: <$type as $crate::Shareable>::load(lanes)),+ }
+                Self { $($field: <$type as $crate::value::Shareable>::load(lanes)),+ }
             }
             fn widen(&self) -> $mirror {
-                $mirror { $($field: $crate::Shareable::widen(&self.$field)),+ }
+                $mirror { $($field: $crate::value::Shareable::widen(&self.$field)),+ }
             }
         }
 
-        impl $crate::Mirror for $mirror {
-            fn shape() -> $crate::Shape {
-                <$name as $crate::Shareable>::shape()
+        impl $crate::value::Mirror for $mirror {
+            fn shape() -> $crate::value::Shape {
+                <$name as $crate::value::Shareable>::shape()
             }
             fn lanes(&self, lanes: &mut Vec<f64>) {
-                $($crate::Mirror::lanes(&self.$field, lanes);)+
+                $($crate::value::Mirror::lanes(&self.$field, lanes);)+
             }
         }
     };

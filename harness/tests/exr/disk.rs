@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use karat::{Image, Precision};
+use karat::Image;
+use karat::image::Precision;
 
 /// Noise: some 60 KB whatever the compression.
 fn noise(seed: u32) -> Image {

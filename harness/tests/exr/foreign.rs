@@ -1,6 +1,7 @@
 //! Files that the OpenEXR library wrote; `data/exr/make.py` says how, and with which values.
 
-use karat::{ExrFile, Image, Precision};
+use karat::Image;
+use karat::image::{ExrFile, Precision};
 
 use super::data;
 

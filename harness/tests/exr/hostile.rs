@@ -10,7 +10,8 @@ use exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, Layer, LayerAttributes, LineOrder,
     MetaData, SampleType, SmallVec, Vec2,
 };
-use karat::{ExrFile, Image, ImageError};
+use karat::Image;
+use karat::image::{ExrFile, ImageError};
 
 use super::{CODECS, SIZE, data, encode, file, layer, message, place, rgba};
 

@@ -21,7 +21,7 @@ fn data(name: &str) -> PathBuf {
 }
 
 /// What `read` says about these bytes.
-fn message<T>(bytes: &[u8], read: fn(&Path) -> Result<T, karat::ImageError>) -> String {
+fn message<T>(bytes: &[u8], read: fn(&Path) -> Result<T, karat::image::ImageError>) -> String {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("a.exr");
     std::fs::write(&path, bytes).expect("written");

@@ -1,6 +1,7 @@
 //! Files of several parts.
 
-use karat::{ExrFile, Image, ImageError, Part, Precision};
+use karat::Image;
+use karat::image::{ExrFile, ImageError, Part, Precision};
 
 fn image(scale: f32) -> Image {
     let pixels = (0..12 * 18).map(|i| [i as f32 * scale, 0.5, i as f32, 1.0]);

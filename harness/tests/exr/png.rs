@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use karat::{Image, ImageError};
+use karat::Image;
+use karat::image::ImageError;
 use png::{BitDepth, ColorType, Encoder};
 
 use super::{message, place};
@@ -66,7 +67,7 @@ fn what_is_no_colour_is_read_as_it_is_stored() {
     assert_eq!(stored(&alpha), [[half, half, half, 0.0]]);
     // Floats are what they are.
     Image::new(1, 1, vec![[0.25, 2.0, -1.0, 0.5]])
-        .write_exr(&path, karat::Precision::Float, None)
+        .write_exr(&path, karat::image::Precision::Float, None)
         .expect("written");
     let image = Image::read_stored(&path).expect("readable");
     assert_eq!(image.pixels(), [[0.25, 2.0, -1.0, 0.5]]);

@@ -3,8 +3,8 @@
 use super::calls::{Calls, STRIDE, draw};
 use super::picture::Histogram;
 use super::{
-    Assertion, Configuration, Finding, Fit, Functions, Judgement, Other, Power, Sampler, Samples,
-    Settings,
+    Assertion, Configuration, Finding, Fit, Functions, Judgement, Other, Power, Sampled,
+    SamplingCheck, Settings,
 };
 use super::{conclude, made};
 use crate::check::mismatch::signature;
@@ -48,7 +48,7 @@ const HALF: f64 = 1.0 / 2048.0;
 /// Weights as small as this are equal: eval and pdf of a lobe's end may be flushed.
 const VANISHED: f64 = 1e-6;
 
-impl<D, U, A, F> Samples<'_, D, U, A, F>
+impl<D, U, A, F> SamplingCheck<'_, D, U, A, F>
 where
     D: Domain,
     U: Shareable,
@@ -199,7 +199,7 @@ where
     }
 }
 
-impl Sampler<'_, '_> {
+impl Sampled<'_, '_> {
     /// Whether samples have the density of the first of the others.
     fn follows(
         self,
@@ -377,7 +377,7 @@ impl Offence {
 /// One configuration on one path.
 struct Run<'r> {
     functions: &'r Functions<'r>,
-    sampler: Sampler<'r, 'r>,
+    sampler: Sampled<'r, 'r>,
     others: &'r [Other<'r>],
     configuration: &'r Configuration<'r>,
 }
@@ -428,7 +428,7 @@ impl Run<'_> {
 
     /// Arguments of the sampler for some samples of a stream of random numbers.
     fn draw(&self, seed: u64, first: usize, count: usize) -> Vec<u32> {
-        let Sampler { random, arguments, .. } = self.sampler;
+        let Sampled { random, arguments, .. } = self.sampler;
         let value = self.configuration.value;
         let given = |random: &[u32], lanes: &mut Vec<u32>| arguments(value, random, lanes);
         draw(seed, first, count, &random.lanes(), &given)

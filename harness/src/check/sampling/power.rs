@@ -1,6 +1,6 @@
 //! How likely a check is to reject a sampler with a named fault.
 
-use super::Samples;
+use super::SamplingCheck;
 use super::statistic::{Numbers, number_of};
 use crate::check::Failure;
 use crate::check::plan::Recording;
@@ -32,7 +32,7 @@ impl Power {
     }
 }
 
-impl<D, U, A, F> Samples<'_, D, U, A, F>
+impl<D, U, A, F> SamplingCheck<'_, D, U, A, F>
 where
     D: Domain,
     U: Shareable,

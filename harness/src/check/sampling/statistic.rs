@@ -3,7 +3,7 @@
 use super::calls::{STRIDE, draw};
 use super::conclude;
 use super::density::Offence;
-use super::{Assertion, Configuration, Finding, Fit, Functions, Judgement, Sampler, Samples};
+use super::{Assertion, Configuration, Finding, Fit, Functions, Judgement, Sampled, SamplingCheck};
 use crate::check::Failure;
 use crate::check::plan::Recording;
 use crate::domain::{Domain, Held};
@@ -39,7 +39,7 @@ pub(super) fn number_of<X: Shareable>(
     move |words| of(X::load(&mut words.iter()))
 }
 
-impl<D, U, A, F> Samples<'_, D, U, A, F>
+impl<D, U, A, F> SamplingCheck<'_, D, U, A, F>
 where
     D: Domain,
     U: Shareable,
@@ -151,7 +151,7 @@ where
 impl Numbers<'_> {
     fn mean(
         &self,
-        sampler: Sampler<'_, '_>,
+        sampler: Sampled<'_, '_>,
         name: &str,
         expected: &dyn Fn(&Held) -> f64,
         slack: f64,
@@ -172,7 +172,7 @@ impl Numbers<'_> {
 
     fn distribution(
         &self,
-        sampler: Sampler<'_, '_>,
+        sampler: Sampled<'_, '_>,
         name: &str,
         distribution: &dyn Fn(&Held, f64) -> f64,
         slack: f64,
@@ -193,7 +193,7 @@ impl Numbers<'_> {
     /// Makes the numbers of each configuration and hands them to a verdict.
     pub(super) fn judge(
         &self,
-        sampler: Sampler<'_, '_>,
+        sampler: Sampled<'_, '_>,
         recording: Recording,
         judge: JudgeNumbers<'_>,
     ) -> Result<Fit, Failure> {
@@ -225,7 +225,7 @@ impl Numbers<'_> {
     /// The numbers of a configuration's samples, and calls that gave none.
     fn of_samples(
         &self,
-        Sampler { settings, random, arguments, .. }: Sampler<'_, '_>,
+        Sampled { settings, random, arguments, .. }: Sampled<'_, '_>,
         functions: &Functions<'_>,
         Configuration { value, path, seed, .. }: &Configuration<'_>,
     ) -> Result<(Vec<f64>, Offence), Failure> {

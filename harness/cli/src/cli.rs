@@ -1,0 +1,346 @@
+//! `karat`: the loop around the tests.
+//!
+//! Exit codes: 0 when all is well; 1 when a check fails, a frame differs, a golden is unreferenced,
+//! an acceptance is refused or a path is missing; 2 when the command couldn't do its work; 3 when
+//! what it was to look at isn't there: an image, a golden, a pending frame, the record of a full
+//! run. They don't depend on whether anybody reads the output; one that can't be written is a 2.
+
+mod artefact;
+mod call;
+mod check;
+mod child;
+mod diff;
+mod doctor;
+mod goldens;
+mod heatmap;
+mod list;
+mod patience;
+mod preview;
+mod project;
+mod render;
+mod report;
+mod review;
+mod show;
+mod table;
+mod test;
+mod unreferenced;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context, bail};
+use clap::{CommandFactory, Parser, Subcommand};
+use karat::golden::AcceptError;
+use karat::image::ImageError;
+use karat::output::{Output, tell, trusted, visible, visible_json};
+
+/// The exit code of a command that did its work: whether all was well.
+type Outcome = anyhow::Result<Verdict>;
+
+/// Whether what a command looked at is as it should be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Verdict {
+    Good,
+    Bad,
+    /// What it should be compared with isn't there.
+    Missing,
+}
+
+impl From<Verdict> for ExitCode {
+    fn from(verdict: Verdict) -> Self {
+        Self::from(match verdict {
+            Verdict::Good => 0,
+            Verdict::Bad => 1,
+            Verdict::Missing => 3,
+        })
+    }
+}
+
+/// A command couldn't do its work, and the program that it ran has said why.
+#[derive(Debug, thiserror::Error)]
+#[error("see above")]
+struct Reported;
+
+/// What a command was to look at isn't there.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+struct NotThere(String);
+
+#[derive(Parser)]
+#[command(
+    name = "karat",
+    version,
+    about = "Tests WGSL shaders: functions against references, frames against goldens.",
+    after_help = "Start with `karat doctor`, then `karat test`.\n\
+                  Environment: KARAT_PATHS (vulkan, gl, all), KARAT_REQUIRE (paths that must run), \
+                  KARAT_ADAPTER (part of a name),\nKARAT_DEADLINE (seconds), KARAT_SEED and \
+                  KARAT_CASE (replay),\nKARAT_OVERLAY (a folder of files that stand in for \
+                  modules), NO_COLOR.\n\
+                  Exit codes: 0 good; 1 a check failed, a frame differs, an acceptance is refused; \
+                  2 the command couldn't do its work;\n3 what it was to look at isn't there. \
+                  They are the same whether or not anybody reads the output."
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Run the tests and print function x path with cases and worst error
+    #[command(after_help = "Examples:\n  karat test\n  karat test schlick --paths all\n  \
+                            karat test -p tests --require vulkan,gl\n  \
+                            karat test --junit target/karat/junit.xml\n\
+                            Fails if a test fails, or if no check ran at all. On GitHub (or with \
+                            --github) failures are annotated\nand summarised.")]
+    Test(test::Args),
+    /// Print what the last run recorded, and write it for CI
+    #[command(after_help = "Examples:\n  karat report\n  karat report --github\n  \
+                            karat report --junit target/karat/junit.xml\n\
+                            Exit codes: 0 every check passed; 1 one failed; 2 the record can't be \
+                            read; 3 there is none.")]
+    Report(report::Args),
+    /// Validate the shader packages whole, with all entry points, and run nothing
+    #[command(after_help = "Examples:\n  karat check\n  karat check --package shaders\n\
+                            `karat test` does it, too. A module that is valid only with features is \
+                            declared in Cargo.toml:\n  [package.metadata.karat.features]\n  \
+                            \"debug::overlay\" = [\"DEBUG\"]\n\
+                            Exit codes: 0 all modules are valid; 1 one isn't; 2 a package can't be \
+                            read.")]
+    Check(check::Args),
+    /// List the functions of the shader packages, with signatures and whether they are tested
+    List(list::Args),
+    /// Print the linked shader of a function with its generated kernel
+    Show(show::Args),
+    /// Call a function and print its value on every path
+    #[command(after_help = "Examples:\n  karat call fresnel::schlick 0.04,0.04,0.04 0.3\n  \
+                            karat call layering::thin_coat --path vulkan -- -1,0,0 1,1,1 0.5\n  \
+                            karat call fresnel::schlick --cases in.csv --out out.csv --path vulkan\n  \
+                            karat call double 21 --package my.wgsl\n\
+                            A vector's components are joined by commas. A table has one case a row \
+                            and one scalar a column;\nits head names them (f0.x,f0.y,f0.z,v_dot_h) or \
+                            is left out. Numbers read and print as the exact f32.")]
+    Call(call::Args),
+    /// Tell which execution paths open, with drivers and versions, and how to get what is missing
+    Doctor(doctor::Args),
+    /// List frames that differ from their golden, or have none
+    #[command(after_help = "Examples:\n  karat pending\n  karat pending --from karat.zip --json\n\
+                      Exit codes: 0 nothing is pending; 1 a frame differs; 2 a file can't be read; \
+                      3 frames are new, none differs.")]
+    Pending(goldens::PendingArgs),
+    /// Make a pending frame the golden
+    #[command(
+        after_help = "Examples:\n  karat accept scene --because \"the coat conserves energy\"\n  \
+                            karat accept 'furnace/*' --because \"new mesh\"\n  \
+                            karat accept scene --from karat.zip --because \"as reviewed\"\n\
+                            Exit codes: 0 accepted; 1 refused (the golden changed since, another \
+                            adapter, NaN, too large);\n2 a file can't be read or written; 3 no \
+                            such frame is pending."
+    )]
+    Accept(goldens::AcceptArgs),
+    /// Delete a pending frame
+    #[command(after_help = "Examples:\n  karat reject scene\n  karat reject '*'\n\
+                            Exit codes: 0 deleted; 2 a file can't be deleted; 3 no such frame is \
+                            pending.")]
+    Reject(goldens::RejectArgs),
+    /// Look at pending frames beside their goldens in a browser, and accept or reject them there
+    #[command(after_help = "Examples:\n  karat review --open\n  \
+                            karat review --port 8000      (with `ssh -L 8000:127.0.0.1:8000`)\n  \
+                            karat review --static report  (files; open report/index.html)\n  \
+                            karat review --from karat.zip (what a CI run left; accepted here)\n\
+                            Only this machine can reach the page, and only with its URL, which \
+                            is secret: whoever has it can accept.\nPress ? there for the keys: \
+                            j and k go from frame to frame, / filters them.\nA URL that ends in \
+                            #name shows that frame.\nExit codes: 0 nothing is left pending, or \
+                            the page is written; 1 some are; 2 an error.")]
+    Review(review::Args),
+    /// List goldens that no test compared in the last full run
+    #[command(after_help = "Examples:\n  karat test && karat unreferenced\n  \
+                            karat unreferenced --delete\n\
+                            A test that is ignored, or behind a feature that is off, compares \
+                            nothing; `try_matches`,\nwhose verdict is its caller's, isn't recorded.\n\
+                            Exit codes: 0 each golden was compared; 1 one wasn't, its facts \
+                            (`.toml`) aren't those of its image,\nor a file is no golden's; 2 a file \
+                            can't be read; 3 there is no golden, or no record of a \
+                            full run that passed\nand compared frames with this folder's, and so \
+                            no verdict.")]
+    Unreferenced(unreferenced::Args),
+    /// Compare any two images, EXR or PNG
+    #[command(after_help = diff::EXAMPLES)]
+    Diff(diff::Args),
+    /// Write frames of the project's gallery as EXR (linear, 32-bit float) and PNG (to look at)
+    #[command(after_help = "Examples:\n  karat render --list\n  karat render --scene\n  \
+                            karat render 'furnace/*' --size 640x360 --samples 256 --exposure -1\n\
+                            The gallery is a cargo binary of the project, made of a \
+                            karat_gallery::Gallery and named in `metadata.karat`\nof Cargo.toml. Fails if \
+                            a frame can't be rendered or has values that are not finite.")]
+    Render(karat_gallery::RenderArguments),
+    /// Write an EXR image as a tone-mapped PNG, to look at it
+    Preview(preview::Args),
+    /// Print a completion script for a shell
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+}
+
+/// Where the shaders are.
+#[derive(clap::Args)]
+struct PackageArgs {
+    /// Folder of WGSL modules, or one file [default: as in `metadata.karat` of Cargo.toml, else
+    /// `shaders`]
+    #[arg(long, value_name = "DIR")]
+    package: Option<PathBuf>,
+}
+
+/// Runs the command of the process's arguments.
+pub(crate) fn run() -> ExitCode {
+    let mut out = Output::stdout();
+    let result = match Cli::try_parse() {
+        Ok(cli) => settled(cli.command, &mut out).map(ExitCode::from),
+        Err(error) => explain(error, &mut out),
+    };
+    // What was written is part of the work.
+    let result = match (result, out.finish()) {
+        (Err(error), _) => Err(error),
+        (Ok(_), Err(error)) => Err(anyhow::Error::from(error).context("can't write the output")),
+        (Ok(code), Ok(())) => Ok(code),
+    };
+    result.unwrap_or_else(|error| {
+        if !error.is::<Reported>() {
+            complain(&whole(&error));
+        }
+        ExitCode::from(if is_missing(&error) { 3 } else { 2 })
+    })
+}
+
+/// Runs a command in an environment that can be used: a setting with a slip would do nothing.
+fn settled(wanted: Command, out: &mut dyn Write) -> Outcome {
+    if !matches!(wanted, Command::Completions { .. }) {
+        karat::settings::check()?;
+    }
+    command(wanted, out)
+}
+
+fn command(command: Command, out: &mut dyn Write) -> Outcome {
+    match command {
+        Command::Test(args) => test::run(&args, out),
+        Command::Report(args) => report::run(&args, out),
+        Command::Check(args) => check::run(&args, out),
+        Command::List(args) => list::run(&args, out),
+        Command::Show(args) => show::run(&args, out),
+        Command::Call(args) => call::run(&args, out),
+        Command::Doctor(args) => doctor::run(&args, out),
+        Command::Pending(args) => goldens::pending(&args, out),
+        Command::Accept(args) => goldens::accept(&args, out),
+        Command::Reject(args) => goldens::reject(&args, out),
+        Command::Unreferenced(args) => unreferenced::run(&args, out),
+        Command::Diff(args) => diff::run(&args, out),
+        Command::Review(args) => review::run(&args, out),
+        Command::Render(args) => render::run(args, out),
+        Command::Preview(args) => preview::run(&args, out),
+        Command::Completions { shell } => {
+            // The generator panics where it can't write, so it writes to memory.
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Cli::command(), "karat", &mut script);
+            out.write_all(&script).map(|()| Verdict::Good).map_err(Into::into)
+        }
+    }
+}
+
+/// Arguments that are wrong, or that ask for help.
+fn explain(error: clap::Error, out: &mut dyn Write) -> anyhow::Result<ExitCode> {
+    // The message quotes arguments, which may be names of files, among styles of its own.
+    let words = std::env::args_os().map(|word| visible(&word.to_string_lossy()).into_owned());
+    let error = Cli::try_parse_from(words).err().unwrap_or(error);
+    let text = trusted(&error.render().ansi().to_string());
+    if error.use_stderr() {
+        tell(text.trim_end());
+    } else {
+        write!(out, "{text}")?;
+    }
+    Ok(u8::try_from(error.exit_code()).map_or(ExitCode::FAILURE, ExitCode::from))
+}
+
+/// An error for people.
+fn complain(text: &str) {
+    let prefix = if text.starts_with("error") { "" } else { "error: " };
+    tell(&format!("{prefix}{text}"));
+}
+
+/// Refuses an output that is an input, under whatever name: it may be all that there is of it.
+fn spare<'a>(
+    what: &str,
+    output: &Path,
+    inputs: impl IntoIterator<Item = &'a Path>,
+) -> anyhow::Result<()> {
+    // A device or a pipe isn't replaced, and asking what it is would open it.
+    if !output.is_file() {
+        return Ok(());
+    }
+    for input in inputs.into_iter().filter(|input| input.is_file()) {
+        // What isn't there isn't the other; that an input isn't is told when it is read.
+        if same_file::is_same_file(output, input).unwrap_or(false) {
+            bail!(
+                "the {what} `{}` would overwrite `{}`, which is read: name another file",
+                output.display(),
+                input.display()
+            );
+        }
+    }
+    Ok(())
+}
+
+/// What went wrong and why, each cause once: many an error's text has its cause's in it already, so
+/// that those who print nothing else see it.
+fn whole(error: &anyhow::Error) -> String {
+    let mut causes = error.chain().map(ToString::to_string);
+    let first = causes.next().unwrap_or_default();
+    causes.fold(
+        first,
+        |text, cause| {
+            if text.contains(&cause) { text } else { format!("{text}: {cause}") }
+        },
+    )
+}
+
+/// Whether the error is that something isn't there, and not that it can't be used.
+fn is_missing(error: &anyhow::Error) -> bool {
+    let missing = |image: &ImageError| matches!(image, ImageError::Missing { .. });
+    error.is::<NotThere>()
+        || error.downcast_ref().is_some_and(missing)
+        || error.downcast_ref().is_some_and(|error| match error {
+            AcceptError::NotPending { .. } => true,
+            AcceptError::Image(image) => missing(image),
+            _ => false,
+        })
+}
+
+/// Writes JSON, indented, with an end of line. It is JSON for terminals, too.
+fn write_json(value: &impl serde::Serialize, out: &mut dyn Write) -> anyhow::Result<()> {
+    let json = serde_json::to_string_pretty(value).context("the result isn't JSON")?;
+    writeln!(out, "{}", visible_json(&json))?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use anyhow::anyhow;
+
+    use super::*;
+
+    #[test]
+    fn causes_are_told_once() {
+        let folder = || std::io::Error::new(std::io::ErrorKind::IsADirectory, "it is a folder");
+        let image = ImageError::Read { path: "a".to_owned(), source: folder() };
+        assert_eq!(whole(&image.into()), "can't read `a`: it is a folder");
+        let accept =
+            AcceptError::Image(ImageError::Write { path: "a".to_owned(), source: folder() });
+        let accept = anyhow::Error::from(accept).context("frame `scene`");
+        assert_eq!(whole(&accept), "frame `scene`: can't write `a`: it is a folder");
+        let context = anyhow!("no entry").context("it isn't a zip").context("can't use `a`");
+        assert_eq!(whole(&context), "can't use `a`: it isn't a zip: no entry");
+        assert_eq!(whole(&anyhow!("alone")), "alone");
+    }
+}

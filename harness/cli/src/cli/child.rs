@@ -1,0 +1,55 @@
+//! Programs that commands run: they end as they would whoever reads.
+
+use std::io::{BufRead, BufReader, IsTerminal, Read, Write};
+use std::process::{Command, ExitStatus, Stdio};
+
+use anyhow::Context;
+use karat::output::{Output, with_colours};
+
+/// Runs a program whose output is ours. Terminals show it as it comes, with its colours.
+pub(super) fn pass_on(command: &mut Command, out: &mut dyn Write) -> anyhow::Result<ExitStatus> {
+    if std::io::stdout().is_terminal() && std::io::stderr().is_terminal() {
+        let name = command.get_program().display().to_string();
+        return command.status().with_context(|| format!("can't run `{name}`"));
+    }
+    run(command, |line| {
+        writeln!(out, "{line}")?;
+        Ok(out.flush()?)
+    })
+}
+
+/// Runs a program, with each line of its standard output given to `line`.
+///
+/// What it writes to standard error passes through here, too, unless a terminal shows it: a pipe
+/// that nobody reads would end the program, and its verdict would be lost.
+pub(super) fn run(
+    command: &mut Command,
+    mut line: impl FnMut(&str) -> anyhow::Result<()>,
+) -> anyhow::Result<ExitStatus> {
+    let name = command.get_program().display().to_string();
+    let is_seen = std::io::stderr().is_terminal();
+    command.stderr(if is_seen { Stdio::inherit() } else { Stdio::piped() });
+    let mut child =
+        command.stdout(Stdio::piped()).spawn().with_context(|| format!("can't run `{name}`"))?;
+    let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            // As it comes: colours were chosen by whoever wrote them.
+            let mut err = Output::new(std::io::stderr());
+            let text = |text: &str| Ok(writeln!(err, "{text}")?);
+            drop(stderr.map(|stderr| lines(stderr, text)));
+        });
+        stdout.map_or(Ok(()), |stdout| lines(stdout, &mut line))
+    })?;
+    child.wait().with_context(|| format!("`{name}` vanished"))
+}
+
+/// Lines of any bytes.
+fn lines(from: impl Read, mut line: impl FnMut(&str) -> anyhow::Result<()>) -> anyhow::Result<()> {
+    for bytes in BufReader::new(from).split(b'\n') {
+        let text = bytes.context("the output of a program ended early")?;
+        let text = String::from_utf8_lossy(&text);
+        line(&with_colours(text.strip_suffix('\r').unwrap_or(&text)))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,197 @@
+//! `karat diff`: how far two images are from each other.
+
+mod comparison;
+mod message;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use karat::Image;
+use karat::golden::Provenance;
+use karat::image::{ExrFile, ImageError, ImageFormat};
+use karat::metric::{ExposureRange, Mask, Pair, PairError};
+
+use self::comparison::{Bounds, Comparison, LdrResult, Reason, Side};
+use super::heatmap::{self, Heatmap};
+use super::patience::patiently;
+use super::{Outcome, Verdict, spare, write_json};
+
+pub(super) const EXAMPLES: &str = "\
+Examples:
+  karat diff golden/scene.exr golden/scene.new.exr
+  karat diff a.exr b.png --rel 0                        every channel is equal
+  karat diff a.exr b.exr --flip-tile 0.03 --heatmap flip.png
+  karat diff a.exr b.exr --mask sky.png --json
+
+The first image is what the second should be. A PNG is made linear before it is compared. The
+bounds are those of frames: each channel within 1e-3, or else no tile of 16 x 16 pixels above 0.01
+under HDR-FLIP and a mean of at most 0.005. --rel alone leaves the gate alone. FLIP looks at the
+exposures that the first image's golden pins, or else at those that suit the first image. Of two
+PNGs LDR-FLIP is printed, too, the number that other FLIP tools have; no bound applies to it.
+Values are compared as the files have them, whatever primaries their chromaticities name; a note
+tells where these differ. Of an EXR the data window is compared, wherever it lies.
+Of a file of several parts the first with colours is compared. Without --mask, that of the second
+file is used, if it is a frame whose test declares one: its part `mask`. The noise that a golden's
+variance explains isn't taken into account, as a test does.
+Exit codes: 0 within the bounds; 1 differs, in size too; 2 an image can't be read or compared; 3 an
+image isn't there. NaN and infinities differ from everything.
+JSON: a, b {file, width, height, nan, infinite, first_non_finite, parts, chromaticities (CIE x and y
+of red, green, blue and white)}, verdict (equal, within, differs), reason (size, non_finite, values,
+or null), tolerance, compared, own_mask, gate {relative, off, bounds, worst, sweep}, flip
+{largest_tile, tile, mean, tile_bound, mean_bound, exposures, note}, ldr_flip {largest_tile, tile,
+mean}, heatmap, heatmap_full (the error that its last colour stands for).";
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// What the other image should be: EXR or PNG
+    a: PathBuf,
+    /// The image that is compared with it
+    b: PathBuf,
+    /// Largest relative difference of a channel [default: 1e-3]
+    #[arg(long, value_name = "R", value_parser = relative, allow_hyphen_values = true)]
+    rel: Option<f64>,
+    /// Largest mean HDR-FLIP of a tile, where --rel fails
+    #[arg(long, value_name = "E", value_parser = bound, allow_hyphen_values = true)]
+    flip_tile: Option<f64>,
+    /// Largest mean HDR-FLIP of the image, where --rel fails
+    #[arg(long, value_name = "E", value_parser = bound, allow_hyphen_values = true)]
+    flip_mean: Option<f64>,
+    /// Compare only the pixels whose red is above a half in this image, as it is stored (in a PNG of
+    /// 8 bits from 128 on), or in its part `mask` if it has one
+    #[arg(long, value_name = "IMAGE")]
+    mask: Option<PathBuf>,
+    /// Write HDR-FLIP of each pixel: as PNG in colours (magma), black for 0, on a scale that suits the
+    /// largest error and is drawn below; or as EXR, the errors themselves
+    #[arg(long, value_name = "OUT", value_parser = heatmap::file)]
+    heatmap: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// A number that begins with a hyphen is one that is refused here, and no option.
+fn bound(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        // A sum with 0 is no negative zero.
+        Ok(bound) if bound >= 0.0 && bound <= f64::from(f32::MAX) => Ok(bound + 0.0),
+        _ => Err("a bound is a finite number of at least 0".to_owned()),
+    }
+}
+
+/// Values are compared in floats, and so is what they may differ by.
+fn relative(text: &str) -> Result<f64, String> {
+    let bound = bound(text)?;
+    #[expect(clippy::cast_possible_truncation, reason = "a bound is no larger than a float can be")]
+    let float = bound as f32;
+    if float == 0.0 && bound != 0.0 {
+        return Err("it is smaller than the smallest float: say 0, or at least 1e-45".to_owned());
+    }
+    Ok(bound)
+}
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    if let Some(heatmap) = &args.heatmap {
+        let inputs = [Some(&args.a), Some(&args.b), args.mask.as_ref()];
+        spare("heatmap", heatmap, inputs.into_iter().flatten().map(PathBuf::as_path))?;
+    }
+    let (a, b) = (File::read(&args.a)?, File::read(&args.b)?);
+    let bounds = Bounds::new(args.rel, args.flip_tile, args.flip_mean);
+    let sides = [(&args.a, &a), (&args.b, &b)]
+        .map(|(file, read)| Side::of(file, &read.image, read.parts.clone(), read.chromaticities));
+    let mask = args.mask.as_deref().map(mask).transpose()?;
+    // What a test left out is left out here, too.
+    let own = mask.is_none() && b.mask.is_some();
+    let mask = mask.or(b.mask);
+    let pair = match mask {
+        Some(mask) => Pair::masked(&a.image, &b.image, &mask),
+        None => Pair::new(&a.image, &b.image),
+    };
+    let mut comparison = match pair {
+        Ok(pair) => {
+            let pair = a.exposures.into_iter().fold(pair, Pair::with_exposures);
+            let doing =
+                format!("FLIP of {} pixels takes a while ...", pair.golden().pixels().len());
+            patiently(&doing, || -> anyhow::Result<_> {
+                let mut comparison = Comparison::measure(sides, &pair, &bounds);
+                if a.is_png && b.is_png {
+                    comparison.ldr_flip =
+                        Some(LdrResult::of(&pair).context("there is no LDR-FLIP")?);
+                }
+                if let Some(file) = &args.heatmap {
+                    let map = Heatmap::flip(&pair).context("there is no heatmap")?;
+                    comparison.heatmap_full = map.write(file)?;
+                    comparison.heatmap = Some(file.display().to_string());
+                }
+                Ok(comparison)
+            })?
+        }
+        Err(PairError::Size { .. }) => Comparison::impossible(sides, &bounds, Reason::Size),
+        Err(PairError::NonFinite(_) | PairError::GoldenNonFinite(_)) => {
+            Comparison::impossible(sides, &bounds, Reason::NonFinite)
+        }
+        Err(error) => bail!(error),
+    };
+    comparison.own_mask = own;
+    if args.json {
+        write_json(&comparison, out)?;
+    } else {
+        message::write(&comparison, out)?;
+    }
+    if args.heatmap.is_some() && comparison.heatmap.is_none() {
+        super::complain("there is no heatmap of images that can't be compared pixel by pixel");
+    }
+    Ok(if comparison.passes() { Verdict::Good } else { Verdict::Bad })
+}
+
+/// The mask of a file: its part of that name, as goldens have it, or else what it shows.
+fn mask(file: &Path) -> anyhow::Result<Mask> {
+    // What can't be read as OpenEXR may be a PNG.
+    match ExrFile::read(file).ok().and_then(|file| file.mask()) {
+        Some(mask) => Ok(mask),
+        None => Ok(Mask::image(Image::read_stored(file)?)),
+    }
+}
+
+/// What is compared, and what a file says of it.
+struct File {
+    image: Image,
+    /// Those that it pins if it is a golden.
+    exposures: Option<ExposureRange>,
+    /// Names of the parts that could be compared; the first is.
+    parts: Vec<String>,
+    /// Of a frame whose test declares one.
+    mask: Option<Mask>,
+    /// The primaries that it names.
+    chromaticities: [f32; 8],
+    /// Whether it is what a display shows.
+    is_png: bool,
+}
+
+impl File {
+    fn read(file: &Path) -> anyhow::Result<Self> {
+        match Image::read_exr(file) {
+            Ok((image, metadata)) => {
+                let known = metadata.and_then(|text| Provenance::parse(&text).ok());
+                let parts = ExrFile::part_names(file)?;
+                // Another tool's part of this name may be anything.
+                let mask = match &known {
+                    Some(_) if parts.len() > 1 => ExrFile::read(file)?.mask(),
+                    _ => None,
+                };
+                let exposures = known.and_then(|known| known.exposures);
+                let chromaticities = ExrFile::chromaticities(file)?;
+                Ok(Self { image, exposures, parts, mask, chromaticities, is_png: false })
+            }
+            // Its content tells what it is.
+            Err(ImageError::Corrupt { format: ImageFormat::OpenExr, .. }) => {
+                let image = Image::read(file)?;
+                let (exposures, parts, mask) = (None, Vec::new(), None);
+                // sRGB's.
+                let chromaticities = ExrFile::BT709;
+                Ok(Self { image, exposures, parts, mask, chromaticities, is_png: true })
+            }
+            Err(error) => Err(error.into()),
+        }
+    }
+}

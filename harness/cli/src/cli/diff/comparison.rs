@@ -1,0 +1,296 @@
+//! What is measured of two images. Its JSON is for other programs: fields are added, not changed.
+
+use std::path::Path;
+
+use karat::Image;
+use karat::golden::FrameTolerance;
+use karat::metric::{
+    DEFAULT_RELATIVE, ExposureRange, Flip, FlipFailure, Gate, Metric, Outliers, Pair, Rect,
+};
+use serde::{Serialize, Serializer};
+
+/// Writers round differently: D65 is 0.3127 or 0.31271. No two sets of primaries are so near.
+const SAME_PRIMARY: f32 = 5e-4;
+
+/// What the images may differ by.
+#[derive(Clone, Debug)]
+pub(super) struct Bounds {
+    gate: Gate,
+    flip_tile: Option<f64>,
+    flip_mean: Option<f64>,
+    tolerance: FrameTolerance,
+}
+
+impl Bounds {
+    /// The default of frames, if nothing is given; a relative bound alone is the only one.
+    pub(super) fn new(rel: Option<f64>, flip_tile: Option<f64>, flip_mean: Option<f64>) -> Self {
+        #[expect(clippy::cast_possible_truncation, reason = "checked when it was parsed")]
+        let relative = rel.map_or(DEFAULT_RELATIVE, |rel| rel as f32);
+        let gate = Gate { relative, absolute: None };
+        // One bound of FLIP doesn't take the other away.
+        let (flip_tile, flip_mean) = match rel {
+            None => (flip_tile.or(Some(0.01)), flip_mean.or(Some(0.005))),
+            Some(_) => (flip_tile, flip_mean),
+        };
+        let tiles = flip_tile.map(FrameTolerance::FlipTile);
+        let flips: Vec<_> =
+            tiles.into_iter().chain(flip_mean.map(FrameTolerance::FlipMean)).collect();
+        let tolerance = if flips.is_empty() {
+            gate.into()
+        } else {
+            FrameTolerance::Any(vec![gate.into(), FrameTolerance::All(flips)])
+        };
+        Self { gate, flip_tile, flip_mean, tolerance }
+    }
+}
+
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Comparison {
+    pub(super) a: Side,
+    pub(super) b: Side,
+    pub(super) verdict: Verdict,
+    /// Why they differ.
+    pub(super) reason: Option<Reason>,
+    /// What they may differ by.
+    pub(super) tolerance: String,
+    /// Pixels that were compared.
+    pub(super) compared: usize,
+    /// Whether a mask of the second file's own chose them.
+    pub(super) own_mask: bool,
+    /// `None`: there is nothing to measure.
+    pub(super) gate: Option<GateResult>,
+    pub(super) flip: Option<FlipResult>,
+    /// Of two PNGs; no bound applies to it.
+    pub(super) ldr_flip: Option<LdrResult>,
+    /// The file of the heatmap.
+    pub(super) heatmap: Option<String>,
+    /// The error that its last colour stands for; `None`: it holds the errors themselves.
+    pub(super) heatmap_full: Option<f32>,
+}
+
+/// An image.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Side {
+    pub(super) file: String,
+    pub(super) width: u32,
+    pub(super) height: u32,
+    /// Pixels with a NaN.
+    pub(super) nan: usize,
+    /// Pixels with an infinity and no NaN.
+    pub(super) infinite: usize,
+    /// Column and row of the first of them.
+    pub(super) first_non_finite: Option<(u32, u32)>,
+    /// Names of the parts that could be compared, if there are several. The first one is.
+    pub(super) parts: Vec<String>,
+    /// CIE x and y of red, green, blue and white, as the file names them.
+    pub(super) chromaticities: [f32; 8],
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Verdict {
+    /// Every bit that is compared is equal.
+    Equal,
+    Within,
+    Differs,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Reason {
+    Size,
+    NonFinite,
+    Values,
+}
+
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct GateResult {
+    pub(super) relative: f32,
+    /// Pixels that are off by more.
+    pub(super) off: usize,
+    #[serde(serialize_with = "rect")]
+    pub(super) bounds: Option<Rect>,
+    pub(super) worst: Option<Worst>,
+    /// Share of pixels that are off, in per cent, at 1, 10, 100 and 1000 times the bound.
+    pub(super) sweep: [f32; 4],
+}
+
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Worst {
+    pub(super) x: u32,
+    pub(super) y: u32,
+    pub(super) channel: &'static str,
+    pub(super) a: f32,
+    pub(super) b: f32,
+    /// Difference over what is allowed; `null` in JSON if nothing is.
+    pub(super) ratio: f32,
+}
+
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct FlipResult {
+    /// The largest mean of a tile; `null` in JSON if FLIP doesn't see what is off.
+    pub(super) largest_tile: f64,
+    #[serde(serialize_with = "rect")]
+    pub(super) tile: Option<Rect>,
+    pub(super) mean: f64,
+    /// `None`: FLIP isn't asked.
+    pub(super) tile_bound: Option<f64>,
+    pub(super) mean_bound: Option<f64>,
+    pub(super) exposures: ExposureRange,
+    pub(super) note: Option<String>,
+}
+
+/// What other tools say of images that are what a display shows.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct LdrResult {
+    /// The largest mean of a tile.
+    pub(super) largest_tile: f64,
+    #[serde(serialize_with = "rect")]
+    pub(super) tile: Option<Rect>,
+    pub(super) mean: f64,
+}
+
+impl LdrResult {
+    pub(super) fn of(pair: &Pair<'_>) -> Result<Self, FlipFailure> {
+        let map = Flip::MEAN.displayed(pair)?;
+        let (largest_tile, tile) = map.largest_tile(pair);
+        let tile = (largest_tile > 0.0).then_some(tile);
+        Ok(Self { largest_tile, tile, mean: map.mean(pair) })
+    }
+}
+
+impl Side {
+    pub(super) fn of(
+        file: &Path,
+        image: &Image,
+        parts: Vec<String>,
+        chromaticities: [f32; 8],
+    ) -> Self {
+        let census = image.non_finite();
+        Self {
+            file: file.display().to_string(),
+            width: image.width(),
+            height: image.height(),
+            nan: census.nan,
+            infinite: census.infinite,
+            first_non_finite: census.first,
+            parts: if parts.len() > 1 { parts } else { Vec::new() },
+            chromaticities,
+        }
+    }
+}
+
+impl Comparison {
+    /// Images that can't be measured.
+    pub(super) fn impossible([a, b]: [Side; 2], bounds: &Bounds, reason: Reason) -> Self {
+        let (verdict, reason) = (Verdict::Differs, Some(reason));
+        let tolerance = bounds.tolerance.to_string();
+        Self {
+            a,
+            b,
+            verdict,
+            reason,
+            tolerance,
+            compared: 0,
+            own_mask: false,
+            gate: None,
+            flip: None,
+            ldr_flip: None,
+            heatmap: None,
+            heatmap_full: None,
+        }
+    }
+
+    pub(super) fn measure([a, b]: [Side; 2], pair: &Pair<'_>, bounds: &Bounds) -> Self {
+        let gate = GateResult::of(bounds.gate, pair);
+        let flip = FlipResult::of(bounds, pair);
+        let verdict = if pair.is_identical() {
+            Verdict::Equal
+        } else if gate.off == 0 || flip.passes() {
+            Verdict::Within
+        } else {
+            Verdict::Differs
+        };
+        Self {
+            a,
+            b,
+            verdict,
+            reason: (verdict == Verdict::Differs).then_some(Reason::Values),
+            tolerance: bounds.tolerance.to_string(),
+            compared: pair.compared(),
+            own_mask: false,
+            gate: Some(gate),
+            flip: Some(flip),
+            ldr_flip: None,
+            heatmap: None,
+            heatmap_full: None,
+        }
+    }
+
+    /// Whether the files name other primaries, so that equal values are other colours.
+    pub(super) fn of_other_primaries(&self) -> bool {
+        let mut pairs = self.a.chromaticities.iter().zip(&self.b.chromaticities);
+        !pairs.all(|(a, b)| (a - b).abs() <= SAME_PRIMARY)
+    }
+
+    pub(super) fn passes(&self) -> bool {
+        self.verdict != Verdict::Differs
+    }
+}
+
+impl GateResult {
+    fn of(gate: Gate, pair: &Pair<'_>) -> Self {
+        let relative = gate.relative;
+        match gate.outliers(pair) {
+            None => Self { relative, off: 0, bounds: None, worst: None, sweep: [0.0; 4] },
+            Some(Outliers { count, rect, worst, sweep }) => {
+                let channel = ["red", "green", "blue", "alpha"].get(worst.channel).unwrap_or(&"");
+                let worst = Worst {
+                    x: worst.x,
+                    y: worst.y,
+                    channel,
+                    a: worst.golden,
+                    b: worst.actual,
+                    ratio: worst.ratio,
+                };
+                Self { relative, off: count, bounds: Some(rect), worst: Some(worst), sweep }
+            }
+        }
+    }
+}
+
+impl FlipResult {
+    fn of(bounds: &Bounds, pair: &Pair<'_>) -> Self {
+        let (tile, mean) = (Flip::LARGEST_TILE.measure(pair), Flip::MEAN.measure(pair));
+        Self {
+            largest_tile: tile.value,
+            tile: tile.place,
+            mean: mean.value,
+            tile_bound: bounds.flip_tile,
+            mean_bound: bounds.flip_mean,
+            exposures: pair.exposures(),
+            note: tile.note,
+        }
+    }
+
+    /// Whether FLIP is asked, and sees next to nothing. NaN is more than any bound.
+    fn passes(&self) -> bool {
+        let within = |value: f64, bound: Option<f64>| bound.is_none_or(|bound| value <= bound);
+        (self.tile_bound.is_some() || self.mean_bound.is_some())
+            && within(self.largest_tile, self.tile_bound)
+            && within(self.mean, self.mean_bound)
+    }
+}
+
+#[expect(clippy::ref_option, reason = "what serde calls it with")]
+fn rect<S: Serializer>(rect: &Option<Rect>, serializer: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct Corners {
+        left: u32,
+        top: u32,
+        width: u32,
+        height: u32,
+    }
+    rect.map(|Rect { left, top, width, height }| Corners { left, top, width, height })
+        .serialize(serializer)
+}

@@ -1,0 +1,126 @@
+//! A comparison for people.
+
+use std::io::{self, Write};
+
+use karat::value::format_f32;
+
+use super::comparison::{Comparison, FlipResult, GateResult, LdrResult, Reason, Side, Verdict};
+use crate::cli::table::{BAD, GOOD};
+
+pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<()> {
+    let Comparison { a, b, tolerance, .. } = comparison;
+    for (name, side) in [("a", a), ("b", b)] {
+        write!(out, "{name}: {}, {} x {}", side.file, side.width, side.height)?;
+        write_parts(side, out)?;
+        write_census(side, out)?;
+    }
+    if comparison.of_other_primaries() {
+        writeln!(
+            out,
+            "note: the files name other primaries (chromaticities {} and {}); values are compared \
+             as they are",
+            primaries(a),
+            primaries(b)
+        )?;
+    }
+    let equal = comparison.verdict == Verdict::Equal;
+    if let (Some(gate), Some(flip), false) = (&comparison.gate, &comparison.flip, equal) {
+        write_gate(gate, comparison.compared, out)?;
+        write_flip(flip, out)?;
+        comparison.ldr_flip.as_ref().map_or(Ok(()), |flip| write_ldr(flip, out))?;
+    }
+    let all = u64::from(a.width) * u64::from(a.height);
+    if comparison.gate.is_some() && (comparison.compared as u64) < all {
+        let by = if comparison.own_mask { "the part `mask` of b" } else { "the mask" };
+        writeln!(out, "{} of {all} pixels are compared, by {by}", comparison.compared)?;
+    }
+    if let Some(file) = &comparison.heatmap {
+        let scale = comparison.heatmap_full.map(|full| format!(", colours from 0 to {full}"));
+        let unseen = comparison.flip.as_ref().is_some_and(|flip| flip.note.is_some());
+        let unseen = if unseen { ", without what FLIP doesn't see" } else { "" };
+        writeln!(out, "heatmap: {file}{}{unseen}", scale.unwrap_or_default())?;
+    }
+    match (comparison.verdict, comparison.reason) {
+        (Verdict::Equal, _) => writeln!(out, "{GOOD}equal, bit for bit{GOOD:#}"),
+        (Verdict::Within, _) => writeln!(out, "{GOOD}within {tolerance}{GOOD:#}"),
+        (_, Some(Reason::Size)) => writeln!(out, "{BAD}they differ in size{BAD:#}"),
+        (_, Some(Reason::NonFinite)) => {
+            writeln!(out, "{BAD}they differ: nothing agrees with NaN or an infinity{BAD:#}")
+        }
+        _ => writeln!(out, "{BAD}they differ by more than {tolerance}{BAD:#}"),
+    }
+}
+
+/// `(0.64, 0.33), (0.3, 0.6), (0.15, 0.06), (0.3127, 0.329)`
+fn primaries(side: &Side) -> String {
+    let points: Vec<_> = side
+        .chromaticities
+        .chunks(2)
+        .map(|point| format!("({}, {})", point[0], point[1]))
+        .collect();
+    points.join(", ")
+}
+
+/// What of the file isn't compared.
+fn write_parts(side: &Side, out: &mut dyn Write) -> io::Result<()> {
+    let [compared, others @ ..] = side.parts.as_slice() else { return Ok(()) };
+    write!(out, ", part `{compared}`, not `{}`", others.join("`, `"))
+}
+
+fn write_census(side: &Side, out: &mut dyn Write) -> io::Result<()> {
+    if let Some((x, y)) = side.first_non_finite {
+        let Side { nan, infinite, .. } = side;
+        write!(out, ", {nan} pixels with NaN and {infinite} with infinities, first at ({x}, {y})")?;
+    }
+    writeln!(out)
+}
+
+fn write_gate(gate: &GateResult, compared: usize, out: &mut dyn Write) -> io::Result<()> {
+    let GateResult { relative, off, bounds, worst, sweep } = gate;
+    write!(out, "gate: {off} of {compared} pixels are off by more than rel {relative:e}")?;
+    if let Some(bounds) = bounds {
+        write!(out, ", within {bounds}")?;
+    }
+    writeln!(out)?;
+    let Some(worst) = worst else { return Ok(()) };
+    let (a, b) = (format_f32(worst.a), format_f32(worst.b));
+    let (x, y, ratio) = (worst.x, worst.y, short(f64::from(worst.ratio)));
+    let channel = worst.channel;
+    writeln!(
+        out,
+        "  worst: pixel ({x}, {y}) {channel}: {b} instead of {a}, {ratio} times what is allowed"
+    )?;
+    let shares = [1.0, 10.0, 100.0, 1000.0].into_iter().zip(sweep);
+    let shares: Vec<String> = shares
+        .map(|(factor, share)| format!("{}: {share:.3}%", short(f64::from(relative * factor))))
+        .collect();
+    writeln!(out, "  pixels off at a tolerance of {}", shares.join(", "))
+}
+
+fn write_flip(flip: &FlipResult, out: &mut dyn Write) -> io::Result<()> {
+    if let Some(note) = &flip.note {
+        return writeln!(out, "HDR-FLIP: {note}");
+    }
+    let of = |bound: Option<f64>| bound.map_or_else(String::new, |b| format!(" of {}", short(b)));
+    write!(out, "HDR-FLIP: largest tile {}{}", short(flip.largest_tile), of(flip.tile_bound))?;
+    if let Some(tile) = flip.tile {
+        write!(out, ", in {tile}")?;
+    }
+    let mean = short(flip.mean);
+    writeln!(out, "; mean {mean}{}; at {}", of(flip.mean_bound), flip.exposures)
+}
+
+/// The number that other FLIP tools have of PNGs.
+fn write_ldr(flip: &LdrResult, out: &mut dyn Write) -> io::Result<()> {
+    let (mean, tile) = (short(flip.mean), short(flip.largest_tile));
+    writeln!(out, "LDR-FLIP: largest tile {tile}; mean {mean}; no bound applies to it")
+}
+
+/// Three significant digits.
+fn short(value: f64) -> String {
+    let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
+    if rounded != 0.0 && !(1e-4..1e6).contains(&rounded.abs()) {
+        return format!("{rounded:e}");
+    }
+    rounded.to_string()
+}

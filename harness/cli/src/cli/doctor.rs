@@ -1,0 +1,143 @@
+//! `karat doctor`
+
+use std::io::Write;
+
+use karat::Path;
+use karat::golden::Profile;
+use karat::path::Adapter;
+use serde::Serialize;
+
+use super::table::{BAD, DIM, GOOD, HEAD};
+use super::{Outcome, Verdict, write_json};
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// Fail unless these paths open
+    #[arg(long, value_name = "PATHS", value_delimiter = ',', env = "KARAT_REQUIRE")]
+    require: Vec<String>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Libraries whose versions decide results; a test compares them with Cargo.lock.
+pub(super) const LIBRARIES: [(&str, &str); 2] = [("wgpu", "30.0.1"), ("naga", "30.0.1")];
+
+#[derive(Serialize)]
+struct Report {
+    karat: &'static str,
+    libraries: Vec<(&'static str, &'static str)>,
+    system: String,
+    paths: Vec<PathReport>,
+}
+
+#[derive(Serialize)]
+struct PathReport {
+    path: &'static str,
+    /// What goldens of this path and driver alone are filed under.
+    profile: Option<String>,
+    adapter: Option<Adapter>,
+    missing: Option<String>,
+    remedy: Option<String>,
+}
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    let required: Vec<Path> = args
+        .require
+        .iter()
+        .map(|name| name.trim())
+        .filter(|name| !name.is_empty())
+        .map(str::parse)
+        .collect::<Result<_, _>>()?;
+    // A required path is looked at even where the platform can't have it.
+    let paths = Path::ALL.into_iter().filter(|path| path.exists() || required.contains(path));
+    let paths: Vec<PathReport> = paths
+        .map(|path| match karat::path::adapter(path) {
+            Ok(adapter) => PathReport {
+                path: path.name(),
+                profile: Some(Profile::of(&adapter).to_string()),
+                adapter: Some(adapter),
+                missing: None,
+                remedy: None,
+            },
+            Err(error) => PathReport {
+                path: path.name(),
+                profile: None,
+                adapter: None,
+                missing: Some(error.to_string()),
+                remedy: Some(remedy(path).to_owned()),
+            },
+        })
+        .collect();
+    let opens = |path: &Path| {
+        paths.iter().any(|report| report.path == path.name() && report.adapter.is_some())
+    };
+    let good = paths.iter().any(|report| report.adapter.is_some()) && required.iter().all(opens);
+    let report = Report {
+        karat: env!("CARGO_PKG_VERSION"),
+        libraries: LIBRARIES.to_vec(),
+        system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
+        paths,
+    };
+    if args.json {
+        write_json(&report, out)?;
+    } else {
+        write_text(&report, out)?;
+    }
+    Ok(if good { Verdict::Good } else { Verdict::Bad })
+}
+
+fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
+    write!(out, "{HEAD}karat {}{HEAD:#} on {}", report.karat, report.system)?;
+    for (library, version) in &report.libraries {
+        write!(out, ", {library} {version}")?;
+    }
+    writeln!(out, "\n")?;
+    for PathReport { path, profile, adapter, missing, remedy } in &report.paths {
+        match adapter {
+            Some(adapter) => {
+                let kind = if adapter.software { "software" } else { "hardware" };
+                writeln!(out, "{GOOD}{path:<8}{GOOD:#} {} ({kind})", adapter.name)?;
+                let profile = profile.as_deref().unwrap_or_default();
+                writeln!(out, "{DIM}         {}, profile {profile}{DIM:#}", adapter.driver)?;
+            }
+            None => {
+                let missing = missing.as_deref().unwrap_or_default();
+                let remedy = remedy.as_deref().unwrap_or_default();
+                writeln!(out, "{BAD}{path:<8}{BAD:#} {missing}\n         {remedy}")?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// How to get a path on this platform.
+fn remedy(path: Path) -> &'static str {
+    match path {
+        Path::Vulkan if cfg!(target_os = "linux") => {
+            "install your GPU's Vulkan driver, or Mesa's software one and the loader \
+             (Debian: mesa-vulkan-drivers libvulkan1; Fedora: mesa-vulkan-drivers vulkan-loader; \
+             Arch: vulkan-swrast vulkan-icd-loader)"
+        }
+        Path::Gl if cfg!(target_os = "linux") => {
+            "install your GPU's OpenGL driver, or Mesa's (Debian: libegl1 libgl1-mesa-dri; \
+             Fedora: mesa-libEGL mesa-dri-drivers; Arch: mesa)"
+        }
+        Path::Vulkan | Path::Gl => "install the driver of your GPU's vendor",
+        Path::Metal => "Metal is part of macOS, and of nothing else",
+        Path::Dx12 => "Direct3D 12 is part of Windows, and of nothing else",
+        _ => "this path has no known source",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_versions_told_are_those_of_the_lock_file() {
+        let lock = include_str!("../../../../Cargo.lock");
+        for (library, version) in super::LIBRARIES {
+            let entry = format!("name = \"{library}\"\nversion = \"{version}\"\n");
+            assert!(lock.contains(&entry), "{library} isn't {version} in Cargo.lock");
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! HDR-FLIP of each pixel as a picture.
+
+mod canvas;
+mod legend;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use karat::Image;
+use karat::image::{Precision, write_whole};
+use karat::metric::{ErrorMap, Flip, FlipFailure, Pair, Rect};
+
+use self::canvas::Canvas;
+use self::legend::Legend;
+
+/// An error for each pixel of an image, 0 to 1.
+#[derive(Debug)]
+pub(super) struct Heatmap {
+    width: u32,
+    height: u32,
+    errors: Vec<f32>,
+}
+
+impl Heatmap {
+    /// HDR-FLIP of all pixels: as published and, where that is too bright to see what is off, as
+    /// verdicts have it, which look at darker exposures there.
+    pub(super) fn flip(pair: &Pair<'_>) -> Result<Self, FlipFailure> {
+        let (width, height) = (pair.golden().width(), pair.golden().height());
+        let judged = Flip::LARGEST_TILE.map(pair).ok();
+        // A verdict that looked at every pixel has looked at the published exposures, too.
+        let all = Rect::new(0, 0, width, height);
+        if let Some(judged) = judged.as_ref().filter(|map| map.rect() == all) {
+            return Ok(Self { width, height, errors: judged.values().to_vec() });
+        }
+        let whole = Flip::LARGEST_TILE.whole(pair)?;
+        let judged = |x, y| judged.as_ref().map_or(0.0, |map| map.at(x, y));
+        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let errors = pixels.map(|(x, y)| whole.at(x, y).max(judged(x, y))).collect();
+        Ok(Self { width, height, errors })
+    }
+
+    /// Writes the errors themselves as EXR, or their colours as PNG with a legend below; the error
+    /// that the last colour stands for. A file in its place is replaced as a whole or not at all.
+    pub(super) fn write(&self, path: &Path) -> anyhow::Result<Option<f32>> {
+        if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) {
+            let pixels = self.errors.iter().map(|error| [*error, *error, *error, 1.0]).collect();
+            let image = Image::new(self.width, self.height, pixels);
+            image.write_exr(path, Precision::Float, None)?;
+            return Ok(None);
+        }
+        let full = ErrorMap::scale(&self.errors);
+        let canvas = self.picture(full);
+        let mut file = Vec::new();
+        let mut encoder = png::Encoder::new(&mut file, canvas.width, canvas.height());
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
+        encoder.write_header()?.write_image_data(canvas.bytes())?;
+        write_whole(path, &file).with_context(|| format!("can't write `{}`", path.display()))?;
+        Ok(Some(full))
+    }
+
+    /// The colours of all pixels, and below them what the colours stand for.
+    fn picture(&self, full: f32) -> Canvas {
+        let legend = Legend::of(self.width, full);
+        let mut canvas = Canvas::new(self.width.max(legend.width()), self.height + legend.height());
+        let pixels = (0..self.height).flat_map(|y| (0..self.width).map(move |x| (x, y)));
+        for ((x, y), error) in pixels.zip(&self.errors) {
+            canvas.set(x, y, ErrorMap::colour(error / full));
+        }
+        legend.draw(&mut canvas, self.height);
+        canvas
+    }
+}
+
+/// A file for a heatmap, by its name.
+pub(super) fn file(name: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(name);
+    let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
+    if extension == "png" || extension == "exr" {
+        return Ok(path);
+    }
+    Err("name a .png (colours) or an .exr (the errors themselves)".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map(largest: f32) -> Heatmap {
+        Heatmap { width: 2, height: 1, errors: vec![0.0, largest] }
+    }
+
+    #[test]
+    fn the_largest_error_is_bright_however_small() {
+        for largest in [0.002, 0.2, 1.0] {
+            let canvas = map(largest).picture(largest);
+            assert_eq!(canvas.bytes()[..6], [0, 0, 4, 252, 253, 191], "magma's ends");
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! `karat list`
+
+use std::collections::BTreeSet;
+use std::io::Write;
+
+use karat::Package;
+use karat::package::FunctionItem;
+use karat::record::{self, Subject};
+use karat::reflect::{Function, Program, ReflectError};
+use serde::Serialize;
+
+use super::project::Project;
+use super::table::{BAD, DIM, GOOD, Table};
+use super::{Outcome, PackageArgs, Verdict, write_json};
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    package: PackageArgs,
+}
+
+/// Functions of a broken module that are read one by one, some milliseconds each.
+const MOST_ALONE: usize = 200;
+
+#[derive(Serialize)]
+struct Entry {
+    package: String,
+    function: String,
+    location: String,
+    signature: Option<String>,
+    doc: String,
+    /// Whether the last `karat test` checked it.
+    tested: bool,
+    /// Why it can't be probed.
+    error: Option<String>,
+}
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    let project = Project::find()?;
+    let tested = tested_functions(&project)?;
+    let mut entries = Vec::new();
+    let mut valid = true;
+    for package in project.packages(&args.package)? {
+        for module in package.modules()? {
+            // A module that isn't valid hides no other.
+            match Program::of_module(&package, &module) {
+                Ok(program) => {
+                    let items = package.functions_in(&module)?;
+                    let items = items.into_iter().filter(|item| !item.entry_point);
+                    entries.extend(items.map(|item| entry(&package, &program, item, &tested)));
+                }
+                Err(error) => {
+                    valid = false;
+                    let sound = sound(&package, &module, &tested);
+                    if !sound.iter().any(|entry| entry.error.is_some()) {
+                        entries.push(broken(&package, module, &error));
+                    }
+                    entries.extend(sound);
+                }
+            }
+        }
+    }
+    anyhow::ensure!(!entries.is_empty(), "the packages hold no function");
+    let verdict = if valid { Verdict::Good } else { Verdict::Bad };
+    if args.json {
+        write_json(&entries, out)?;
+        return Ok(verdict);
+    }
+    let mut table = Table::new(&["function", "tested", "at"], &[]);
+    for entry in &entries {
+        let (style, state) = match (entry.tested, &entry.error) {
+            (_, Some(_)) => (BAD, "can't be probed"),
+            (true, None) => (GOOD, "yes"),
+            (false, None) => (DIM, "no"),
+        };
+        let name = entry.signature.as_ref().unwrap_or(&entry.function).clone();
+        table.row(style, vec![name, state.to_owned(), entry.location.clone()]);
+    }
+    table.write(out)?;
+    for error in entries.iter().filter_map(|entry| entry.error.as_ref()) {
+        writeln!(out, "\n{error}")?;
+    }
+    Ok(verdict)
+}
+
+/// The functions that a probe could call: all but entry points, of the modules that can be read.
+/// Validation tells of the others.
+pub(super) fn callable(package: &Package) -> anyhow::Result<Vec<FunctionItem>> {
+    let modules = package.modules()?;
+    let functions = modules.iter().filter_map(|module| package.functions_in(module).ok());
+    Ok(functions.flatten().filter(|item| !item.entry_point).collect())
+}
+
+fn entry(
+    package: &Package,
+    program: &Program,
+    item: FunctionItem,
+    tested: &BTreeSet<String>,
+) -> Entry {
+    let function = program.function(&item.path);
+    of_function(package, item, function, tested)
+}
+
+fn of_function(
+    package: &Package,
+    item: FunctionItem,
+    function: Result<Function, ReflectError>,
+    tested: &BTreeSet<String>,
+) -> Entry {
+    let (signature, doc, error) = match function {
+        Ok(function) => (Some(function.to_string()), function.doc, None),
+        Err(error) => (None, String::new(), Some(error.to_string())),
+    };
+    Entry {
+        package: package.name(),
+        location: item.span.to_string(),
+        tested: tested.contains(&item.path),
+        function: item.path,
+        signature,
+        doc,
+        error,
+    }
+}
+
+/// The functions of a module that isn't valid, each by itself; none if there are more than would be
+/// read in a moment.
+fn sound(package: &Package, module: &str, tested: &BTreeSet<String>) -> Vec<Entry> {
+    let items = package.functions_in(module).unwrap_or_default();
+    let items: Vec<_> = items.into_iter().filter(|item| !item.entry_point).collect();
+    if items.len() > MOST_ALONE {
+        return Vec::new();
+    }
+    let alone = |item: FunctionItem| {
+        let program = Program::of_function(package, &item.path);
+        let function = program.and_then(|program| program.function(&item.path));
+        of_function(package, item, function, tested)
+    };
+    items.into_iter().map(alone).collect()
+}
+
+/// A module that can't be read, linked or validated.
+fn broken(package: &Package, module: String, error: &ReflectError) -> Entry {
+    Entry {
+        package: package.name(),
+        function: module,
+        location: String::new(),
+        signature: None,
+        doc: String::new(),
+        tested: false,
+        error: Some(error.to_string()),
+    }
+}
+
+/// The functions that the last `karat test` checked; none if there was no run.
+fn tested_functions(project: &Project) -> anyhow::Result<BTreeSet<String>> {
+    let folder = project.output().join("record");
+    let records = if folder.is_dir() { record::read(&folder)? } else { Vec::new() };
+    let functions = records
+        .into_iter()
+        .filter(|record| record.overlay.is_none())
+        .filter_map(|record| match record.subject {
+            Subject::Function { function, .. } => Some(function),
+            Subject::Frame { .. } => None,
+        })
+        .collect();
+    Ok(functions)
+}

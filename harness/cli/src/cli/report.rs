@@ -1,0 +1,181 @@
+//! `karat report`, and what other programs read of a run: JUnit XML, GitHub's annotations and
+//! summary.
+
+mod github;
+mod junit;
+mod pictures;
+pub(super) mod tables;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use karat::image::write_whole;
+use karat::output::visible;
+use karat::record::{PathRecord, Record, Recorded, Run, Subject};
+
+use super::project::Project;
+use super::{NotThere, Outcome, Verdict, spare};
+
+/// What is written besides the tables.
+#[derive(clap::Args)]
+pub(super) struct OutputArgs {
+    /// Write JUnit XML
+    #[arg(long, value_name = "FILE")]
+    junit: Option<PathBuf>,
+    /// Print GitHub's annotations of failures and append to the job's summary [default: where
+    /// GITHUB_ACTIONS is `true`]
+    #[arg(long)]
+    github: bool,
+}
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    #[command(flatten)]
+    output: OutputArgs,
+    /// Folder of records [default: that of the last run]
+    #[arg(long, value_name = "DIR")]
+    record: Option<PathBuf>,
+}
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    let project = Project::find()?;
+    let folder = args.record.clone().unwrap_or_else(|| project.record());
+    let Some(Recorded { folder, records, run }) = Recorded::read(&folder)? else {
+        let why = format!("there is no record of a run (`{}`)", folder.display());
+        return Err(NotThere(why).into());
+    };
+    args.output.spare(&folder)?;
+    args.output.clear()?;
+    tables::expect_some(&records, None)?;
+    let failed = tables::write(&records, out)?;
+    // Of a run that didn't end nobody knows.
+    let passed = run.as_ref().is_some_and(|run| run.passed);
+    tables::write_sum(&records, failed, passed || run.is_none(), &folder, out)?;
+    if run.is_none() {
+        writeln!(out, "the record doesn't say that its run ended")?;
+    }
+    args.output.write(&records, run.as_ref(), &project, out)?;
+    Ok(if passed && failed == 0 { Verdict::Good } else { Verdict::Bad })
+}
+
+impl OutputArgs {
+    /// Refuses a report that is a file of the record.
+    fn spare(&self, record: &Path) -> anyhow::Result<()> {
+        let Some(file) = &self.junit else { return Ok(()) };
+        let entries = std::fs::read_dir(record).into_iter().flatten().flatten();
+        let record: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+        spare(
+            "report",
+            file,
+            record.iter().map(PathBuf::as_path).filter(|path| {
+                let is_junit = path.extension().is_some_and(|extension| extension == "xml");
+                !is_junit
+            }),
+        )
+    }
+
+    /// Removes a report of a run before, which this one may not live to replace.
+    pub(super) fn clear(&self) -> anyhow::Result<()> {
+        let Some(file) = &self.junit else { return Ok(()) };
+        match std::fs::remove_file(file) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                Err(error).with_context(|| format!("can't replace `{}`", file.display()))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    pub(super) fn write(
+        &self,
+        records: &[Record],
+        run: Option<&Run>,
+        project: &Project,
+        out: &mut dyn Write,
+    ) -> anyhow::Result<()> {
+        let passed = run.is_some_and(|run| run.passed);
+        if let Some(file) = &self.junit {
+            let text = junit::text(records, passed)?;
+            write_whole(file, visible(&text).as_bytes())
+                .with_context(|| format!("can't write `{}`", file.display()))?;
+        }
+        let on_github = std::env::var_os("GITHUB_ACTIONS").is_some_and(|value| value == "true");
+        if self.github || on_github {
+            github::write(records, passed, project, out)?;
+        }
+        Ok(())
+    }
+}
+
+/// What a record is about, in words: `fresnel::schlick agrees_with`, `frame scene`.
+fn subject(record: &Record) -> String {
+    match &record.subject {
+        Subject::Function { function, check, .. } => format!("{function} {check}"),
+        Subject::Frame { golden, .. } => format!("frame {golden}"),
+    }
+}
+
+/// A message, beginning with the line that says what is wrong. That of a frame begins with what
+/// rendered it, which many failures share.
+fn message(record: &Record) -> Option<String> {
+    let message = record.message.as_deref()?;
+    let reordered = || {
+        let (adapter, rest) = message.split_once('\n')?;
+        let is_adapter = |path: &PathRecord| adapter == format!("on {}", path.adapter);
+        if !record.paths.iter().any(is_adapter) {
+            return None;
+        }
+        let (wrong, more) = rest.split_once('\n').map_or((rest, None), |(a, b)| (a, Some(b)));
+        let lines: Vec<&str> = [Some(wrong), Some(adapter), more].into_iter().flatten().collect();
+        Some(lines.join("\n"))
+    };
+    Some(reordered().unwrap_or_else(|| message.to_owned()))
+}
+
+/// The command that replays a failure, as the message has it.
+fn replay(record: &Record) -> Option<&str> {
+    let message = record.message.as_deref()?;
+    message.lines().find_map(|line| line.trim_start().strip_prefix("replay: "))
+}
+
+/// Where the failure belongs, relative to the project.
+#[derive(Debug, PartialEq, Eq)]
+struct Place {
+    file: String,
+    line: u32,
+    column: u32,
+}
+
+/// The function in WGSL, or the golden's facts, or the test that has none.
+fn place(record: &Record, root: &Path) -> Option<Place> {
+    match &record.subject {
+        Subject::Function { location, package, .. } => located(location, Path::new(package), root),
+        Subject::Frame { golden, folder, location } => {
+            let facts = Path::new(folder).join(format!("{golden}.toml"));
+            if !folder.is_empty() && facts.is_file() {
+                return Some(Place { file: relative(&facts, root), line: 1, column: 1 });
+            }
+            located(location, root, root)
+        }
+    }
+}
+
+/// `file:line:column`, whose file may be relative to any folder above the package: tests run in
+/// theirs, and the compiler in the workspace.
+fn located(location: &str, package: &Path, root: &Path) -> Option<Place> {
+    let mut parts = location.rsplitn(3, ':');
+    let (column, line, file) = (parts.next()?, parts.next()?, parts.next()?);
+    let (line, column) = (line.parse().ok()?, column.parse().ok()?);
+    let file = package.ancestors().map(|folder| folder.join(file)).find(|path| path.is_file())?;
+    Some(Place { file: relative(&file, root), line, column })
+}
+
+/// With `/`, as GitHub has it.
+fn relative(file: &Path, root: &Path) -> String {
+    let (file, root) = match (file.canonicalize(), root.canonicalize()) {
+        (Ok(file), Ok(root)) => (file, root),
+        _ => (file.to_owned(), root.to_owned()),
+    };
+    let file = file.strip_prefix(&root).unwrap_or(&file);
+    file.display().to_string().replace('\\', "/")
+}

@@ -1,0 +1,232 @@
+//! Failures as annotations of a GitHub workflow, and as the summary of its job.
+
+use std::fmt::Write as _;
+use std::fs::OpenOptions;
+use std::io::Write;
+
+use anyhow::Context;
+use karat::output::visible;
+use karat::record::{Record, Subject, Verdict};
+
+use super::tables::{is_failure, share};
+use super::{Place, pictures, place, replay, subject};
+use crate::cli::project::Project;
+
+/// GitHub takes a MiB of summary for each step, and drops more.
+const LONGEST: usize = 900 << 10;
+/// Characters of a message in the summary.
+const LONGEST_MESSAGE: usize = 4 << 10;
+/// Errors of a step that GitHub's runner makes annotations of; it only logs the others.
+const MOST_ANNOTATIONS: usize = 10;
+/// UTF-16 units of a message that its runner keeps, and of a title that its service takes.
+const LONGEST_ANNOTATION: usize = 4096;
+const LONGEST_TITLE: usize = 255;
+
+pub(super) fn write(
+    records: &[Record],
+    passed: bool,
+    project: &Project,
+    out: &mut dyn Write,
+) -> anyhow::Result<()> {
+    let failures: Vec<&Record> = records.iter().filter(|record| is_failure(record)).collect();
+    for annotation in annotations(&failures, passed, project) {
+        writeln!(out, "{annotation}")?;
+    }
+    out.flush()?;
+    let pictures = project.output().join("report");
+    records.iter().try_for_each(|record| pictures::clear(record, &pictures))?;
+    let Some(file) = std::env::var_os("GITHUB_STEP_SUMMARY").filter(|file| !file.is_empty()) else {
+        return Ok(());
+    };
+    let text = summary(records, &failures, passed, project)?;
+    let shown = std::path::Path::new(&file).display().to_string();
+    let mut file = OpenOptions::new()
+        .create(true)
+        .append(true)
+        .open(&file)
+        .with_context(|| format!("can't append to the summary `{shown}`"))?;
+    file.write_all(visible(&text).as_bytes())
+        .with_context(|| format!("can't append to the summary `{shown}`"))
+}
+
+/// A line for each failure; of too many the last one stands for all that are left.
+fn annotations(failures: &[&Record], passed: bool, project: &Project) -> Vec<String> {
+    let shown =
+        if failures.len() > MOST_ANNOTATIONS { MOST_ANNOTATIONS - 1 } else { failures.len() };
+    let (shown, rest) = failures.split_at(shown);
+    let of = |record: &&Record| {
+        let place = place(record, project.root());
+        annotation(place.as_ref(), &subject(record), &message(record))
+    };
+    let mut lines: Vec<String> = shown.iter().map(of).collect();
+    if !rest.is_empty() {
+        let names: Vec<String> = rest.iter().map(|record| subject(record)).collect();
+        let title = format!("{} more checks failed", rest.len());
+        let message = format!("the log has their messages:\n{}", names.join("\n"));
+        lines.push(annotation(None, &title, &message));
+    }
+    if failures.is_empty() && !passed {
+        lines.push(annotation(None, "karat", OUTSIDE));
+    }
+    lines
+}
+
+/// A run that failed without a check that did.
+const OUTSIDE: &str = "A test failed outside of Karat's checks, or the run didn't end.";
+
+/// What a failure says. Of a long message the replay command, which is its end, is kept.
+fn message(record: &Record) -> String {
+    let message = super::message(record).unwrap_or_else(|| "it fails, and says nothing".to_owned());
+    if message.encode_utf16().count() <= LONGEST_ANNOTATION {
+        return message;
+    }
+    let replay = replay(record).map(|command| format!("\n  replay: {command}"));
+    let end = format!("\n  ... (the log has the rest){}", replay.unwrap_or_default());
+    let room = LONGEST_ANNOTATION.saturating_sub(end.encode_utf16().count());
+    format!("{}{end}", cut(&message, room))
+}
+
+/// As much of a text as takes no more units of UTF-16.
+fn cut(text: &str, units: usize) -> &str {
+    let mut taken = 0;
+    let end = text.char_indices().find(|(_, character)| {
+        taken += character.len_utf16();
+        taken > units
+    });
+    end.map_or(text, |(end, _)| &text[..end])
+}
+
+/// `::error file=...,line=...,col=...,title=...::message`
+fn annotation(place: Option<&Place>, title: &str, message: &str) -> String {
+    let mut properties = String::new();
+    if let Some(Place { file, line, column }) = place {
+        let file = escape_property(file);
+        properties = format!("file={file},line={line},col={column},");
+    }
+    let title = escape_property(cut(title, LONGEST_TITLE));
+    let message = anstream::adapter::strip_str(cut(message, LONGEST_ANNOTATION)).to_string();
+    format!("::error {properties}title={title}::{}", escape(&message))
+}
+
+/// What ends a command's message, or looks like an escape.
+fn escape(text: &str) -> String {
+    text.replace('%', "%25").replace('\r', "%0D").replace('\n', "%0A")
+}
+
+fn escape_property(text: &str) -> String {
+    escape(text).replace(':', "%3A").replace(',', "%2C")
+}
+
+fn summary(
+    records: &[Record],
+    failures: &[&Record],
+    passed: bool,
+    project: &Project,
+) -> anyhow::Result<String> {
+    let known = records.iter().filter(|record| record.verdict == Verdict::KnownIssue).count();
+    let mut text = String::from("## Karat\n\n");
+    let (count, failed) = (records.len(), failures.len());
+    writeln!(text, "{count} checks, {failed} failed, {known} known issues.\n")?;
+    if !passed && failures.is_empty() {
+        writeln!(text, "{OUTSIDE}\n")?;
+    }
+    let is_frame = |record: &Record| matches!(record.subject, Subject::Frame { .. });
+    let (frames, functions): (Vec<&Record>, Vec<&Record>) =
+        failures.iter().partition(|record| is_frame(record));
+    let mut dropped = 0;
+    for (head, records) in [("Function", functions), ("Frame", frames)] {
+        if records.is_empty() {
+            continue;
+        }
+        writeln!(
+            text,
+            "| {head} | Path | Cases | Failed | Worst | Of bound | Asserted |\n\
+             |---|---|--:|--:|---|--:|---|"
+        )?;
+        records.iter().try_for_each(|record| rows(record, &mut text))?;
+        text.push('\n');
+        for record in records {
+            let section = section(record, project)?;
+            if text.len() + section.len() > LONGEST {
+                dropped += 1;
+            } else {
+                text.push_str(&section);
+            }
+        }
+    }
+    if dropped > 0 {
+        writeln!(text, "{dropped} more messages are in the log.")?;
+    }
+    Ok(text)
+}
+
+fn rows(record: &Record, text: &mut String) -> std::fmt::Result {
+    let name = cell(&subject(record));
+    if record.paths.is_empty() {
+        writeln!(text, "| {name} | - | 0 | - | error | | |")?;
+    }
+    for path in &record.paths {
+        let (worst, asserted) = (cell(&path.worst), cell(&path.asserted));
+        let (cases, failures, share) = (path.cases, path.failures, cell(&share(path)));
+        let path = cell(&path.adapter.path);
+        writeln!(
+            text,
+            "| {name} | {path} | {cases} | {failures} | {worst} | {share} | {asserted} |"
+        )?;
+    }
+    Ok(())
+}
+
+/// A failure's message, folded, and the pictures of a frame in the artefact.
+fn section(record: &Record, project: &Project) -> anyhow::Result<String> {
+    let mut text = format!("<details><summary>{}</summary>\n\n", html(&subject(record)));
+    let message = record.message.as_deref().unwrap_or_default();
+    let end = message.char_indices().nth(LONGEST_MESSAGE).map_or(message.len(), |(end, _)| end);
+    writeln!(text, "<pre>{}</pre>\n", html(&message[..end]))?;
+    if let Some(command) = replay(record) {
+        writeln!(text, "Replay: <code>{}</code>\n", html(command))?;
+    }
+    let output = project.output();
+    let pictures = pictures::write(record, project, &output.join("report"))?;
+    if !pictures.is_empty() {
+        let name = |(what, file): &(&str, std::path::PathBuf)| {
+            let file = file.strip_prefix(&output).unwrap_or(file).display().to_string();
+            format!("{what} `{}`", file.replace('\\', "/"))
+        };
+        let names: Vec<String> = pictures.iter().map(name).collect();
+        writeln!(text, "In the artefact of this run: {}\n", names.join(", "))?;
+    }
+    text.push_str("</details>\n\n");
+    Ok(text)
+}
+
+/// Text that neither Markdown nor HTML takes for its own.
+fn html(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+/// One cell of a table.
+fn cell(text: &str) -> String {
+    html(text).replace('|', "\\|").replace(['\n', '\r'], " ").replace('`', "'")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_are_cut_between_characters() {
+        assert_eq!(cut("abc", 3), "abc");
+        assert_eq!(cut("abc", 2), "ab");
+        // One character, two units.
+        assert_eq!(cut("a\u{1f980}b", 2), "a");
+        assert_eq!(cut("a\u{1f980}b", 3), "a\u{1f980}");
+    }
+
+    #[test]
+    fn commands_are_escaped() {
+        assert_eq!(escape("100% off\r\nat (1, 2): red"), "100%25 off%0D%0Aat (1, 2): red");
+        assert_eq!(escape_property("a::b, 5%"), "a%3A%3Ab%2C 5%25");
+        assert_eq!(cell("a|b\n<img>"), "a\\|b &lt;img&gt;");
+    }
+}

@@ -1,0 +1,140 @@
+//! Small pictures of frames that fail, for people: the golden, the frame, and where they differ.
+//!
+//! GitHub shows no image in a summary that isn't at a URL, and strips `data:`, so they travel in
+//! the artefact of the run, and the summary names them.
+
+use std::io::ErrorKind;
+use std::path::{Component, Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use crate::review::Case;
+use anyhow::Context;
+use karat::golden::Pending;
+use karat::metric::Pair;
+use karat::record::{Record, Subject, Time};
+use karat::{Goldens, Image};
+
+use crate::cli::heatmap::Heatmap;
+use crate::cli::project::Project;
+
+/// Pixels across, at most; a larger frame is shown by every other pixel, and so on.
+const WIDEST: u32 = 480;
+
+/// What the pictures of a frame show, as their files are named.
+const NAMES: [&str; 3] = ["golden", "actual", "flip"];
+/// Some file systems keep the times of files in whole seconds.
+const COARSE: Duration = Duration::from_secs(1);
+
+/// Removes a frame's pictures of a run before, which nobody may take for those of this one.
+pub(super) fn clear(record: &Record, folder: &Path) -> anyhow::Result<()> {
+    let Subject::Frame { golden: case, .. } = &record.subject else { return Ok(()) };
+    // A record may come from another machine.
+    if !Path::new(case).components().all(|part| matches!(part, Component::Normal(_))) {
+        return Ok(());
+    }
+    for name in NAMES {
+        let file = picture(folder, case, name);
+        match std::fs::remove_file(&file) {
+            Err(error)
+                if !matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) =>
+            {
+                return Err(error).with_context(|| format!("can't remove `{}`", file.display()));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+fn picture(folder: &Path, case: &str, name: &str) -> PathBuf {
+    folder.join(format!("{case}.{name}.png"))
+}
+
+/// The frame that a check left behind: the newest, if there are several.
+fn pending(
+    record: &Record,
+    case: &str,
+    folders: &[&Goldens],
+    goldens: &Goldens,
+) -> Option<Pending> {
+    let time = record.time.as_ref()?;
+    let found = folders.iter().flat_map(|folder| folder.select(case)).flat_map(|of| of.frames);
+    let written = |pending: &Pending| pending.path.metadata().ok()?.modified().ok();
+    let mut own: Vec<_> = found
+        .filter(|pending| pending.is_of(goldens))
+        .filter_map(|pending| Some((written(&pending)?, pending)))
+        .filter(|(written, _)| is_during(*written, time))
+        .collect();
+    own.sort_by_key(|(written, _)| *written);
+    own.pop().map(|(_, pending)| pending)
+}
+
+/// Whether a file that was written then may be a check's. What was there before it is another run's,
+/// and so is what came after it.
+fn is_during(written: SystemTime, time: &Time) -> bool {
+    let bounds = || {
+        let started = humantime::parse_rfc3339(&time.started).ok()?;
+        let took = Duration::try_from_secs_f64(time.seconds).ok()?;
+        let ended = started.checked_add(took)?.checked_add(COARSE)?;
+        Some(started.checked_sub(COARSE)?..=ended)
+    };
+    bounds().is_some_and(|bounds| bounds.contains(&written))
+}
+
+/// The pictures of a frame, by what they show; those that could be made. A record without a time
+/// has none: nobody knows whether a frame that waits is of its run.
+pub(super) fn write(
+    record: &Record,
+    project: &Project,
+    folder: &Path,
+) -> anyhow::Result<Vec<(&'static str, PathBuf)>> {
+    let Subject::Frame { golden: case, folder: goldens, .. } = &record.subject else {
+        return Ok(Vec::new());
+    };
+    if goldens.is_empty() {
+        return Ok(Vec::new());
+    }
+    let goldens = Goldens::open(Path::new(goldens));
+    // With `CI` set, nothing is written beside the goldens.
+    let waiting = [&Goldens::open(&project.output().join("pending")), &goldens];
+    let pending = pending(record, case, &waiting, &goldens);
+    let Some(loaded) = pending.and_then(|pending| Case::load(&goldens, &pending).ok()) else {
+        return Ok(Vec::new());
+    };
+    let (golden, actual) = (&loaded.parts[0].golden, &loaded.parts[0].actual);
+
+    let mut written = Vec::new();
+    let mut place = |name| {
+        let file = picture(folder, case, name);
+        written.push((name, file.clone()));
+        file
+    };
+    for (name, image) in [("golden", golden), ("actual", actual)] {
+        if let Some(image) = image {
+            // The frame at the golden's exposure: a brighter one is to look brighter.
+            let stops = golden.as_ref().map_or(0.0, |golden| (image.key() / golden.key()).log2());
+            let small = small(image);
+            let stops = stops - (image.key() / small.key()).log2();
+            small.write_png_exposed(&place(name), if stops.is_finite() { stops } else { 0.0 })?;
+        }
+    }
+    if let (Some(golden), Some(actual)) = (golden, actual) {
+        let mask = loaded.mask();
+        let pair = match &mask {
+            Some(mask) => Pair::masked(golden, actual, mask),
+            None => Pair::new(golden, actual),
+        };
+        if let Some(map) = pair.ok().and_then(|pair| Heatmap::flip(&pair).ok()) {
+            map.write(&place("flip"))?;
+        }
+    }
+    Ok(written)
+}
+
+fn small(image: &Image) -> Image {
+    let step = image.width().div_ceil(WIDEST).max(1);
+    let (width, height) = (image.width().div_ceil(step), image.height().div_ceil(step));
+    let at = |x: u32, y: u32| image.pixels()[(y * step * image.width() + x * step) as usize];
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| at(x, y));
+    Image::new(width, height, pixels.collect())
+}

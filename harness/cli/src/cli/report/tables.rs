@@ -1,0 +1,278 @@
+//! What records hold, as tables.
+
+use std::collections::BTreeSet;
+use std::io::Write;
+use std::path::Path;
+
+use anyhow::bail;
+use karat::record::{PathRecord, Record, Subject, Verdict as Recorded};
+
+use crate::cli::table::{BAD, DIM, GOOD, KNOWN, Table};
+
+/// Functions, then frames; the number of checks that failed.
+pub(in crate::cli) fn write(records: &[Record], out: &mut dyn Write) -> anyhow::Result<usize> {
+    Ok(write_functions(records, out)? + write_frames(records, out)?)
+}
+
+/// The closing lines.
+pub(in crate::cli) fn write_sum(
+    records: &[Record],
+    failed: usize,
+    passed: bool,
+    folder: &Path,
+    out: &mut dyn Write,
+) -> anyhow::Result<()> {
+    let count = records.len();
+    let style = if passed && failed == 0 { GOOD } else { BAD };
+    let known = known_issues(records);
+    let cases: u64 = records.iter().flat_map(|record| &record.paths).map(|path| path.cases).sum();
+    writeln!(
+        out,
+        "\n{style}{count} checks, {failed} failed{known}{style:#}, {cases} cases compared"
+    )?;
+    if let Some(slowest) = slowest(records) {
+        writeln!(out, "{DIM}slowest: {slowest}{DIM:#}")?;
+    }
+    writeln!(out, "{DIM}record: {}{DIM:#}", folder.display())?;
+    let overlays: BTreeSet<_> = records.iter().filter_map(|r| r.overlay.as_ref()).collect();
+    for overlay in overlays {
+        writeln!(out, "{BAD}with KARAT_OVERLAY={overlay}: not the modules of the packages{BAD:#}")?;
+    }
+    if failed == 0 && !passed {
+        writeln!(out, "{BAD}a test failed outside of Karat's checks, see above{BAD:#}")?;
+    }
+    Ok(())
+}
+
+/// Seconds below which no check is worth a word.
+const SLOW: f64 = 1.0;
+
+/// The three slowest checks: `frame scene 3.2 s, fresnel::schlick agrees_with 1.1 s`; `None` where all
+/// are quick.
+fn slowest(records: &[Record]) -> Option<String> {
+    let time = |record: &Record| Some((record.time.as_ref()?.seconds, super::subject(record)));
+    let mut times: Vec<_> =
+        records.iter().filter_map(time).filter(|(seconds, _)| *seconds >= SLOW).collect();
+    times.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let shown = times.iter().take(3).map(|(seconds, name)| format!("{name} {seconds:.1} s"));
+    let shown: Vec<String> = shown.collect();
+    (!shown.is_empty()).then(|| shown.join(", "))
+}
+
+/// Refuses a run without a verdict.
+pub(in crate::cli) fn expect_some(records: &[Record], filter: Option<&str>) -> anyhow::Result<()> {
+    if !records.is_empty() {
+        return Ok(());
+    }
+    match filter {
+        Some(filter) => bail!(
+            "no check ran in a test whose name contains `{filter}`; a run that compared nothing is \
+             no success"
+        ),
+        None => bail!("no test ran a check; a run that compared nothing is no success"),
+    }
+}
+
+/// How many of the records are of known issues, for the last line.
+fn known_issues(records: &[Record]) -> String {
+    match records.iter().filter(|record| record.verdict == Recorded::KnownIssue).count() {
+        0 => String::new(),
+        1 => ", 1 known issue".to_owned(),
+        count => format!(", {count} known issues"),
+    }
+}
+
+/// One row for each check and path; the number of checks that failed.
+fn write_functions(records: &[Record], out: &mut dyn Write) -> anyhow::Result<usize> {
+    let head = ["function", "check", "path", "cases", "worst", "of bound", "asserted"];
+    let mut table = Table::new(&head, &[3, 5]);
+    let mut failed = 0;
+    for record in records {
+        let Subject::Function { function, check, assertion, .. } = &record.subject else {
+            continue;
+        };
+        failed += usize::from(is_failure(record));
+        add_rows(&mut table, &[function, check], record, assertion);
+    }
+    if !table.is_empty() {
+        table.write(out)?;
+    }
+    Ok(failed)
+}
+
+fn write_frames(records: &[Record], out: &mut dyn Write) -> anyhow::Result<usize> {
+    let head = ["frame", "path", "pixels", "worst", "of bound", "asserted"];
+    let mut table = Table::new(&head, &[2, 4]);
+    let mut failed = 0;
+    for record in records {
+        let Subject::Frame { golden, .. } = &record.subject else { continue };
+        failed += usize::from(is_failure(record));
+        add_rows(&mut table, &[golden], record, "matches its golden");
+    }
+    if !table.is_empty() {
+        writeln!(out)?;
+        table.write(out)?;
+    }
+    Ok(failed)
+}
+
+pub(super) fn is_failure(record: &Record) -> bool {
+    !matches!(record.verdict, Recorded::Pass | Recorded::KnownIssue)
+}
+
+/// A row for each path of a record, or one that says that none ran.
+fn add_rows(table: &mut Table, names: &[&str], record: &Record, assertion: &str) {
+    let mut row = |style, cells: [&str; 5]| {
+        let cells = names.iter().chain(&cells).map(ToString::to_string).collect();
+        table.row(style, cells);
+    };
+    if record.paths.is_empty() {
+        row(BAD, ["-", "0", "ERROR", "", assertion]);
+    }
+    for path in &record.paths {
+        let good = path.failures == 0 && path.cases > 0;
+        let (style, word) = match (&path.known_issue, good) {
+            (None, true) => (GOOD, ""),
+            (None, false) => (BAD, "FAIL "),
+            (Some(_), false) => (KNOWN, "known issue "),
+            (Some(_), true) => (BAD, "UNEXPECTED PASS "),
+        };
+        let worst = format!("{word}{}", path.worst);
+        let share = share(path);
+        let asserted = match &path.known_issue {
+            Some(reason) => format!("{}; known issue: {reason}", path.asserted),
+            None => path.asserted.clone(),
+        };
+        let cases = path.cases.to_string();
+        row(style, [&path.adapter.path, &cases, worst.trim_end(), &share, &asserted]);
+    }
+}
+
+/// The largest error over its bound, in per cent up to ten times the bound: `48%`, `27 x`. What is
+/// above the bound never reads as if it were the bound.
+pub(super) fn share(path: &PathRecord) -> String {
+    match path.ratio.filter(|ratio| ratio.is_finite()) {
+        Some(ratio) if ratio > 1.0 && ratio < 1.005 => ">100%".to_owned(),
+        Some(ratio) if ratio < 10.0 => format!("{:.0}%", 100.0 * ratio),
+        Some(ratio) if ratio < 1e6 => format!("{ratio:.0} x"),
+        Some(ratio) => format!("{ratio:.1e} x"),
+        // A record, which is JSON, has no number for it.
+        None if path.failures > 0 && !path.worst.is_empty() => "infinite".to_owned(),
+        None => String::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use karat::path::Adapter;
+    use karat::record;
+
+    use super::*;
+
+    fn record(verdict: Recorded, failures: u64, known_issue: Option<&str>) -> Record {
+        let adapter = Adapter {
+            path: "gl".to_owned(),
+            name: "llvmpipe".to_owned(),
+            driver: String::new(),
+            software: true,
+        };
+        let path = PathRecord {
+            adapter,
+            cases: 100,
+            failures,
+            worst: "7 ulp".to_owned(),
+            ratio: Some(7.0),
+            asserted: "1 ulp".to_owned(),
+            known_issue: known_issue.map(str::to_owned),
+        };
+        let subject = Subject::Function {
+            package: String::new(),
+            function: "m::f".to_owned(),
+            check: "agrees_with".to_owned(),
+            assertion: "1 ulp".to_owned(),
+            location: String::new(),
+            seed: 0,
+        };
+        let test = "t".to_owned();
+        let (schema, paths) = (record::SCHEMA, vec![path]);
+        Record { schema, test, subject, verdict, paths, message: None, overlay: None, time: None }
+    }
+
+    fn table(record: Record) -> (usize, String) {
+        let mut out = Vec::new();
+        let failed = write_functions(&[record], &mut out).expect("written");
+        (failed, String::from_utf8(out).expect("UTF-8"))
+    }
+
+    #[test]
+    fn a_known_issue_is_shown_with_its_reason_and_neither_passes_nor_fails() {
+        let known = record(Recorded::KnownIssue, 9, Some("mesa#1: mix cancels"));
+        assert_eq!(known_issues(&[known.clone(), known.clone()]), ", 2 known issues");
+        let (failed, text) = table(known);
+        assert_eq!(failed, 0);
+        assert!(text.contains("known issue 7 ulp"), "{text}");
+        assert!(text.contains("1 ulp; known issue: mesa#1: mix cancels"), "{text}");
+        assert!(text.contains(&KNOWN.to_string()) && !text.contains(&GOOD.to_string()), "{text}");
+    }
+
+    #[test]
+    fn an_unexpected_pass_fails() {
+        let (failed, text) = table(record(Recorded::Fail, 0, Some("mesa#1: mix cancels")));
+        assert_eq!(failed, 1);
+        assert!(text.contains("UNEXPECTED PASS") && !text.contains(&GOOD.to_string()), "{text}");
+        assert_eq!(known_issues(&[record(Recorded::Pass, 0, None)]), "");
+        let (failed, text) = table(record(Recorded::Fail, 3, None));
+        assert!(failed == 1 && text.contains("FAIL 7 ulp"), "{text}");
+    }
+
+    #[test]
+    fn a_frame_that_fails_says_how_far_and_of_what() {
+        let failing = |ratio: Option<f64>| {
+            let mut frame = record(Recorded::Fail, 3, None);
+            let (golden, folder, location) = ("scene".to_owned(), String::new(), String::new());
+            frame.subject = Subject::Frame { golden, folder, location };
+            frame.paths[0] =
+                PathRecord { ratio, worst: "rel 0.5".to_owned(), ..frame.paths[0].clone() };
+            let mut out = Vec::new();
+            assert_eq!(write_frames(&[frame], &mut out).expect("written"), 1);
+            String::from_utf8(out).expect("UTF-8")
+        };
+        for (ratio, told) in [
+            (Some(1.0004), " >100%  "),
+            (Some(1.01), " 101%  "),
+            (Some(7.0), " 700%  "),
+            (Some(972.2), " 972 x  "),
+            (Some(2.5e9), " 2.5e9 x  "),
+            (Some(f64::INFINITY), " infinite  "),
+            (None, " infinite  "),
+        ] {
+            let text = failing(ratio);
+            assert!(text.contains("FAIL rel 0.5 ") && text.contains(told), "{ratio:?}: {text}");
+        }
+        let known = record(Recorded::Pass, 0, None).paths.remove(0);
+        let path = |ratio| PathRecord { ratio: Some(ratio), ..known.clone() };
+        assert_eq!(["48%", "100%", "0%"], [0.48, 1.0, 0.0].map(|ratio| share(&path(ratio))));
+        assert_eq!(share(&PathRecord { ratio: None, ..known }), "", "it passes, without a bound");
+    }
+
+    #[test]
+    fn the_slowest_are_named_where_something_is_slow() {
+        let took = |seconds: f64| {
+            let time = record::Time { started: String::new(), seconds };
+            Record { time: Some(time), ..record(Recorded::Pass, 0, None) }
+        };
+        assert_eq!(slowest(&[record(Recorded::Pass, 0, None), took(0.99)]), None);
+        let records = [took(1.04), took(0.5), took(30.0), took(2.0), took(1.5)];
+        let expected = "m::f agrees_with 30.0 s, m::f agrees_with 2.0 s, m::f agrees_with 1.5 s";
+        assert_eq!(slowest(&records).as_deref(), Some(expected));
+    }
+
+    #[test]
+    fn a_run_without_a_record_is_no_success() {
+        for filter in [None, Some("x")] {
+            let error = expect_some(&[], filter).expect_err("nothing ran").to_string();
+            assert!(error.contains("a run that compared nothing is no success"), "{error}");
+        }
+        assert!(expect_some(&[record(Recorded::Pass, 0, None)], None).is_ok());
+    }
+}

@@ -1,0 +1,95 @@
+//! `karat review`
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use crate::review::Review;
+use anyhow::Context;
+use karat::golden::PendingFrames;
+
+use super::goldens::{FolderArgs, FromArgs, report};
+use super::{Outcome, Verdict};
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// Write the page into a folder instead: it opens from there without a server, and shows the
+    /// commands to type
+    #[arg(long = "static", value_name = "DIR", conflicts_with_all = ["port", "open"])]
+    files: Option<PathBuf>,
+    /// Port on 127.0.0.1 [default: any that is free]
+    #[arg(long, value_name = "PORT", default_value_t = 0, hide_default_value = true)]
+    port: u16,
+    /// Open the page in a browser
+    #[arg(long)]
+    open: bool,
+    #[command(flatten)]
+    from: FromArgs,
+    #[command(flatten)]
+    folder: FolderArgs,
+}
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    let artefact = args.from.open()?;
+    let mut review = Review::new(args.folder.open()?).with_arguments(&arguments(args));
+    if let Some(artefact) = &artefact {
+        review = review.pending_in(artefact.folder());
+    }
+    if let Some(folder) = &args.files {
+        let PendingFrames { frames, unusable } = review.write(folder)?;
+        let page = folder.join("index.html");
+        writeln!(out, "{}: {}", page.display(), frames_pending(frames.len()))?;
+        report(&unusable)?;
+        return Ok(Verdict::Good);
+    }
+    let pending = review.pending();
+    if pending.is_empty() {
+        writeln!(out, "no frame is pending")?;
+        return Ok(Verdict::Good);
+    }
+    let server = review.serve(args.port)?;
+    let stop = server.stop();
+    ctrlc::set_handler(move || stop.stop()).context("can't wait for Ctrl-C")?;
+    writeln!(out, "{}; stop with Ctrl-C", frames_pending(pending.frames.len()))?;
+    writeln!(out, "{}", server.url())?;
+    out.flush()?;
+    if args.open
+        && let Err(error) = open::that_detached(server.url())
+    {
+        karat::output::tell(&format!("no browser opens ({error}); open the URL yourself"));
+    }
+    // The page shows what can't be used; whoever looks here is told, too.
+    let told = report(&pending.unusable);
+    server.run();
+    let PendingFrames { frames, unusable } = server.pending();
+    match frames.len() {
+        0 => writeln!(out, "nothing is left pending")?,
+        1 => writeln!(out, "1 frame left pending")?,
+        left => writeln!(out, "{left} frames left pending")?,
+    }
+    if !unusable.is_empty() {
+        told?;
+    }
+    Ok(if frames.is_empty() { Verdict::Good } else { Verdict::Bad })
+}
+
+/// What the commands on the page need to find the same folders.
+fn arguments(args: &Args) -> String {
+    let named = [("--from", args.from.named()), ("--golden", args.folder.named())];
+    let given = named.into_iter().filter_map(|(name, path)| Some((name, path?)));
+    let words: Vec<String> =
+        given.map(|(name, path)| format!("{name} {}", quoted(&path.to_string_lossy()))).collect();
+    words.join(" ")
+}
+
+fn frames_pending(frames: usize) -> String {
+    format!("{frames} pending {}", if frames == 1 { "frame" } else { "frames" })
+}
+
+/// A word of a POSIX shell.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', r"'\''"))
+}

@@ -1,0 +1,273 @@
+//! `karat unreferenced`: goldens that no test compares, and what is wrong beside the others.
+//!
+//! The evidence is the record of a run of all tests that passed; without it there is no verdict.
+
+mod facts;
+mod files;
+
+use std::collections::BTreeSet;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, ensure};
+use karat::Image;
+use karat::golden::{Profile, Provenance};
+use karat::record::{Record, Recorded, Subject};
+use serde::Serialize;
+
+use self::facts::Doubt;
+use self::files::{Files, Golden, Stray};
+use super::goldens::FolderArgs;
+use super::project::Project;
+use super::table::{BAD, DIM, GOOD};
+use super::{NotThere, Outcome, Verdict, write_json};
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// Delete them, with their facts, after listing them
+    #[arg(long)]
+    delete: bool,
+    /// Print JSON: record, compared, unreferenced {case, profile, file}, unjudged (the same),
+    /// doubtful {case, profile, file, problem} (their facts are missing, or others than their
+    /// image's), stray {file, reason}, deleted (files), left (unreferenced goldens that --delete left
+    /// alone)
+    #[arg(long)]
+    json: bool,
+    /// Folder of records [default: that of the last run]
+    #[arg(long, value_name = "DIR")]
+    record: Option<PathBuf>,
+    #[command(flatten)]
+    folder: FolderArgs,
+}
+
+#[derive(Debug, Serialize)]
+struct Report {
+    record: String,
+    /// How many goldens a test compared.
+    compared: usize,
+    unreferenced: Vec<Golden>,
+    /// Goldens of profiles that didn't run.
+    unjudged: Vec<Golden>,
+    /// Goldens, compared or not judged, whose facts aren't their image's.
+    doubtful: Vec<Doubt>,
+    stray: Vec<Stray>,
+    deleted: Vec<PathBuf>,
+    /// Unreferenced goldens that aren't Karat's to delete.
+    left: Vec<PathBuf>,
+}
+
+/// What the tests compared.
+struct Evidence {
+    /// Names of goldens.
+    frames: BTreeSet<String>,
+    /// Other folders whose goldens were compared.
+    elsewhere: BTreeSet<String>,
+    /// Profiles that ran.
+    profiles: BTreeSet<String>,
+    /// Names and profiles.
+    pairs: BTreeSet<(String, String)>,
+}
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    let folder = args.folder.path()?;
+    let record = match &args.record {
+        Some(folder) => folder.clone(),
+        None => Project::find()?.record(),
+    };
+    let (record, evidence) = Evidence::of(&record, &folder)?;
+    let Files { goldens, stray } = Files::of(&folder)?;
+    let shown = folder.display();
+    if goldens.is_empty() && stray.is_empty() {
+        let why = "so there is nothing to judge; name the folder of goldens with --golden DIR";
+        return Err(NotThere(format!("there is no golden in `{shown}`, {why}")).into());
+    }
+    if evidence.frames.is_empty() && !evidence.elsewhere.is_empty() {
+        let elsewhere: Vec<&str> = evidence.elsewhere.iter().map(String::as_str).collect();
+        return Err(NotThere(format!(
+            "the last run compared no frame with a golden of `{shown}`, but with those of `{}`; \
+             name their folder with --golden DIR",
+            elsewhere.join("`, `")
+        ))
+        .into());
+    }
+    let mut report = Report {
+        record: record.display().to_string(),
+        compared: 0,
+        unreferenced: Vec::new(),
+        unjudged: Vec::new(),
+        doubtful: Vec::new(),
+        stray,
+        deleted: Vec::new(),
+        left: Vec::new(),
+    };
+    for golden in goldens {
+        let compared = evidence.has(&golden);
+        // What no test compares is to go, whatever is known of it.
+        if compared != Some(false) {
+            report.doubtful.extend(Doubt::of(&golden));
+        }
+        match compared {
+            Some(true) => report.compared += 1,
+            Some(false) => report.unreferenced.push(golden),
+            None => report.unjudged.push(golden),
+        }
+    }
+    if !args.json {
+        write(&report, out)?;
+        out.flush()?;
+    }
+    if args.delete {
+        ensure!(
+            report.compared > 0 || report.unreferenced.is_empty(),
+            "the run compared none of the goldens in `{shown}`: they aren't deleted, as it may be \
+             the wrong folder"
+        );
+        for file in deletable(&report) {
+            std::fs::remove_file(&file)
+                .with_context(|| format!("can't delete `{}`", file.display()))?;
+            report.deleted.push(file);
+        }
+        let remains = |golden: &&Golden| !report.deleted.contains(&golden.file);
+        report.left = report.unreferenced.iter().filter(remains).map(|g| g.file.clone()).collect();
+    }
+    if args.json {
+        write_json(&report, out)?;
+    } else if args.delete {
+        write_deleted(&report, out)?;
+    }
+    Ok(if report.is_good() { Verdict::Good } else { Verdict::Bad })
+}
+
+impl Report {
+    /// Whether nothing is there, or left, that no test compares or that is no golden's, and all
+    /// facts are those of their images.
+    fn is_good(&self) -> bool {
+        let gone = |file: &PathBuf| self.deleted.contains(file);
+        self.doubtful.is_empty()
+            && self.unreferenced.iter().all(|golden| gone(&golden.file))
+            && self.stray.iter().all(|stray| gone(&stray.file))
+    }
+}
+
+/// The files of goldens that nobody compares, and what is left of goldens that are gone. Files that
+/// aren't Karat's are left alone.
+fn deletable(report: &Report) -> Vec<PathBuf> {
+    let of = |golden: &Golden| [golden.file.clone(), golden.file.with_extension("toml")];
+    let strays = report.stray.iter().filter(|stray| stray.is_ours).map(|stray| stray.file.clone());
+    let goldens = report.unreferenced.iter().filter(|golden| is_golden(&golden.file));
+    let mut all: Vec<PathBuf> = goldens.flat_map(of).chain(strays).collect();
+    all.retain(|file| file.symlink_metadata().is_ok());
+    all.sort();
+    all.dedup();
+    all
+}
+
+/// Whether an image says that it was accepted: another tool's may lie there for a reason.
+fn is_golden(file: &Path) -> bool {
+    let metadata = Image::read_exr(file).ok().and_then(|(_, metadata)| metadata);
+    metadata.is_some_and(|text| Provenance::parse(&text).is_ok())
+}
+
+fn write_deleted(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
+    for file in &report.left {
+        let file = file.display();
+        writeln!(
+            out,
+            "{BAD}left alone, as it doesn't say that Karat accepted it: delete it yourself, or \
+             compare it in a test{BAD:#}  {file}"
+        )?;
+    }
+    writeln!(out, "deleted {} files", report.deleted.len())
+}
+
+fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
+    for golden in &report.unreferenced {
+        writeln!(out, "{BAD}no test compares {golden}{BAD:#}  {}", golden.file.display())?;
+    }
+    for Doubt { golden, problem } in &report.doubtful {
+        writeln!(out, "{BAD}{golden}: {problem}; {}{BAD:#}", facts::ADVICE)?;
+    }
+    for Stray { file, reason, .. } in &report.stray {
+        writeln!(out, "{BAD}{reason}{BAD:#}  {}", file.display())?;
+    }
+    for golden in &report.unjudged {
+        writeln!(out, "{DIM}not judged, as its profile didn't run: {golden}{DIM:#}")?;
+    }
+    let (unreferenced, stray) = (report.unreferenced.len(), report.stray.len());
+    let doubtful = match report.doubtful.len() {
+        0 => String::new(),
+        count => format!(", {count} with other facts or none"),
+    };
+    let style = if unreferenced + stray + report.doubtful.len() == 0 { GOOD } else { BAD };
+    let compared = report.compared;
+    writeln!(
+        out,
+        "{style}{compared} goldens compared, {unreferenced} unreferenced, {stray} stray \
+         files{doubtful}{style:#}"
+    )
+}
+
+impl Evidence {
+    /// The record of the last run, and what it compared with goldens of a folder.
+    fn of(record: &Path, golden: &Path) -> anyhow::Result<(PathBuf, Self)> {
+        let none =
+            |why: String| NotThere(format!("{why}; run `karat test` without a filter first"));
+        let recorded = Recorded::read(record)?;
+        let absent = || none(format!("there is no record of a run (`{}`)", record.display()));
+        let Recorded { folder, records, run } = recorded.ok_or_else(absent)?;
+        let shown = folder.display();
+        let run = run
+            .ok_or_else(|| none(format!("the record `{shown}` doesn't say that its run ended")))?;
+        if !run.selected.is_empty() {
+            let selected = run.selected.join(" ");
+            return Err(none(format!("the last run left tests out (`{selected}`)")).into());
+        }
+        if let Some(overlay) = records.iter().find_map(|record| record.overlay.as_ref()) {
+            return Err(none(format!("the last run had KARAT_OVERLAY={overlay}")).into());
+        }
+        if !run.passed {
+            let why = "a test failed in the last run, and what it would have compared afterwards is \
+                       unknown; mend it, or accept its frames";
+            return Err(none(why.to_owned()).into());
+        }
+        Ok((folder, Self::gather(&records, golden)))
+    }
+
+    fn gather(records: &[Record], golden: &Path) -> Self {
+        let (mut frames, mut profiles, mut pairs) =
+            <(BTreeSet<_>, BTreeSet<_>, BTreeSet<_>)>::default();
+        let mut elsewhere = BTreeSet::new();
+        let same = |folder: &str| match (Path::new(folder).canonicalize(), golden.canonicalize()) {
+            (Ok(folder), Ok(golden)) => folder == golden,
+            _ => false,
+        };
+        for record in records {
+            let ran = record.paths.iter().map(|path| Profile::of(&path.adapter).to_string());
+            let ran: BTreeSet<String> = ran.collect();
+            match &record.subject {
+                Subject::Frame { golden, folder, .. } if same(folder) => {
+                    frames.insert(golden.clone());
+                    pairs.extend(ran.iter().map(|profile| (golden.clone(), profile.clone())));
+                }
+                // A frame without a folder was compared with a number.
+                Subject::Frame { folder, .. } if !folder.is_empty() => {
+                    elsewhere.insert(folder.clone());
+                }
+                _ => {}
+            }
+            profiles.extend(ran);
+        }
+        Self { frames, elsewhere, profiles, pairs }
+    }
+
+    /// Whether a test compared a golden; `None` if its profile didn't run.
+    fn has(&self, golden: &Golden) -> Option<bool> {
+        if !self.frames.contains(&golden.case) {
+            return Some(false);
+        }
+        let Some(profile) = &golden.profile else { return Some(true) };
+        self.profiles
+            .contains(profile)
+            .then(|| self.pairs.contains(&(golden.case.clone(), profile.clone())))
+    }
+}

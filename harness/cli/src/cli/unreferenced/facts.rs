@@ -1,0 +1,73 @@
+//! Whether what is known of a golden is the same in its image and beside it.
+
+use std::io::ErrorKind;
+use std::path::Path;
+
+use karat::Image;
+use karat::golden::Provenance;
+use serde::Serialize;
+
+use super::files::{Golden, is_facts};
+
+/// A golden whose facts can't be relied on.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Doubt {
+    #[serde(flatten)]
+    pub(super) golden: Golden,
+    /// What is wrong, in a sentence.
+    pub(super) problem: String,
+}
+
+/// What to do about it.
+pub(super) const ADVICE: &str = "restore both files from one commit; or delete both, run the test \
+                                 and accept its frame again";
+
+impl Doubt {
+    /// `None`: image and facts agree, or the golden is another tool's and has none.
+    pub(super) fn of(golden: &Golden) -> Option<Self> {
+        let problem = problem(&golden.file, &golden.file.with_extension("toml"))?;
+        Some(Self { golden: golden.clone(), problem })
+    }
+}
+
+fn problem(image: &Path, beside: &Path) -> Option<String> {
+    let metadata = match Image::read_exr(image) {
+        Ok((_, metadata)) => metadata,
+        Err(error) => return Some(error.to_string()),
+    };
+    let (image, shown) = (image.display(), beside.display());
+    let Some(metadata) = metadata else {
+        let why = || format!("`{shown}` has facts, but `{image}` has none: another tool wrote it");
+        return is_facts(beside).then(why);
+    };
+    let held = match Provenance::parse(&metadata) {
+        Ok(held) => held,
+        Err(error) => return Some(format!("`{image}` can't be used: {error}")),
+    };
+    let told = match std::fs::read_to_string(beside) {
+        Ok(text) => text,
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            return Some(format!("`{shown}` is missing, the facts of `{image}` as text"));
+        }
+        Err(error) => return Some(format!("can't read `{shown}`: {error}")),
+    };
+    match toml::from_str::<Provenance>(&told) {
+        Ok(told) if told == held => None,
+        Ok(told) => {
+            let others = differing(&told, &held).join("`, `");
+            Some(format!("`{shown}` has other facts than `{image}`: `{others}`"))
+        }
+        Err(error) => Some(format!("`{shown}` can't be read as facts: {}", error.message())),
+    }
+}
+
+/// The names of the facts that differ.
+fn differing(a: &Provenance, b: &Provenance) -> Vec<String> {
+    let table = |facts| toml::Table::try_from(facts).unwrap_or_default();
+    let (a, b) = (table(a), table(b));
+    let mut names: Vec<String> = a.keys().chain(b.keys()).cloned().collect();
+    names.sort();
+    names.dedup();
+    names.retain(|name| a.get(name) != b.get(name));
+    names
+}

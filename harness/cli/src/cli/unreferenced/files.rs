@@ -1,0 +1,129 @@
+//! What is in a folder of goldens.
+
+use std::collections::BTreeSet;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use karat::golden::Provenance;
+use karat::image::{is_beside, is_leftover};
+use serde::Serialize;
+
+/// A golden.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Golden {
+    pub(super) case: String,
+    /// The profile whose own golden it is; `None`: it is the one for all.
+    pub(super) profile: Option<String>,
+    pub(super) file: PathBuf,
+}
+
+/// `scene`, `scene of profile gl-nvidia`
+impl fmt::Display for Golden {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.case)?;
+        self.profile.as_ref().map_or(Ok(()), |profile| write!(f, " of profile {profile}"))
+    }
+}
+
+/// A file that belongs to no golden.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Stray {
+    pub(super) file: PathBuf,
+    pub(super) reason: &'static str,
+    /// Whether Karat wrote it, and may delete it.
+    #[serde(skip)]
+    pub(super) is_ours: bool,
+}
+
+/// The files of a folder, by name.
+#[derive(Debug, Default)]
+pub(super) struct Files {
+    pub(super) goldens: Vec<Golden>,
+    pub(super) stray: Vec<Stray>,
+}
+
+/// What may be beside a golden: its facts; a frame that waits; and previews of either.
+const COMPANIONS: [&str; 4] = [".new.exr", ".new.png", ".toml", ".png"];
+
+/// What was killed before it renamed a file to its place.
+const LEFTOVER: &str = "left by an interrupted acceptance or test";
+
+impl Files {
+    pub(super) fn of(folder: &Path) -> anyhow::Result<Self> {
+        let mut all = BTreeSet::new();
+        walk(folder, &mut all)?;
+        let mut files = Self::default();
+        for file in &all {
+            let name = file.file_name().unwrap_or_default().to_string_lossy();
+            let hidden = name.starts_with('.');
+            if is_beside(file) {
+                // One that is being written is neither.
+                if is_leftover(file) {
+                    files.push(file, LEFTOVER, true);
+                }
+                continue;
+            }
+            let Some((stem, ending)) = split(&name) else {
+                // What is written for people, or for Git.
+                if !hidden && !name.ends_with(".md") {
+                    files.push(file, "a file that isn't a golden's", false);
+                }
+                continue;
+            };
+            let golden = file.with_file_name(format!("{stem}.exr"));
+            match ending {
+                ".exr" => files.goldens.push(name_of(folder, file, stem)),
+                // A frame may wait without a golden.
+                ".new.exr" => {}
+                _ if all.contains(&golden) => {}
+                ".new.png" if all.contains(&file.with_file_name(format!("{stem}.new.exr"))) => {}
+                ".toml" => files.push(file, "facts without a golden", is_facts(file)),
+                _ => files.push(file, "a preview without an image", false),
+            }
+        }
+        Ok(files)
+    }
+
+    fn push(&mut self, file: &Path, reason: &'static str, is_ours: bool) {
+        self.stray.push(Stray { file: file.to_owned(), reason, is_ours });
+    }
+}
+
+/// Whether a file holds the facts of a golden.
+pub(super) fn is_facts(file: &Path) -> bool {
+    let text = std::fs::read_to_string(file).unwrap_or_default();
+    toml::from_str::<Provenance>(&text).is_ok()
+}
+
+/// A file's name and how it ends, of the endings that are known.
+fn split(name: &str) -> Option<(&str, &'static str)> {
+    let endings = COMPANIONS.into_iter().chain([".exr"]);
+    let mut split = endings.filter_map(|ending| Some((name.strip_suffix(ending)?, ending)));
+    split.next().filter(|(stem, _)| !stem.is_empty())
+}
+
+fn name_of(folder: &Path, file: &Path, stem: &str) -> Golden {
+    let relative = file.strip_prefix(folder).unwrap_or(file).with_file_name(stem);
+    let mut parts: Vec<String> =
+        relative.iter().map(|part| part.to_string_lossy().into_owned()).collect();
+    let profile = parts.first().and_then(|first| first.strip_prefix('@')).map(str::to_owned);
+    if profile.is_some() {
+        parts.remove(0);
+    }
+    Golden { case: parts.join("/"), profile, file: file.to_owned() }
+}
+
+fn walk(folder: &Path, found: &mut BTreeSet<PathBuf>) -> anyhow::Result<()> {
+    let failed = || format!("can't read the folder `{}`", folder.display());
+    for entry in std::fs::read_dir(folder).with_context(failed)? {
+        let entry = entry.with_context(failed)?;
+        // A link to a folder may lead anywhere.
+        if entry.file_type().with_context(failed)?.is_dir() {
+            walk(&entry.path(), found)?;
+        } else {
+            found.insert(entry.path());
+        }
+    }
+    Ok(())
+}

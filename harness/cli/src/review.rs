@@ -1,0 +1,203 @@
+//! The review page: pending frames beside their goldens, in HDR.
+//!
+//! One page, offline. [`Review::write`] writes it as files, which show what differs and name the
+//! commands to type; [`Review::serve`] serves the same page to this machine alone, where frames
+//! can be accepted and rejected. A [`Case`] is what the page shows of one frame. Its pixels are
+//! loaded when it is looked at, from a script `data/<n>.js`, because pages from `file://` may load
+//! scripts and nothing else.
+//!
+//! What the page displays is computed by the browser from the stored floats; what the verdict is
+//! and what may be accepted is [`Goldens`]' business.
+
+mod data;
+mod facts;
+mod http;
+mod load;
+mod maps;
+mod page;
+mod server;
+
+use std::path::Path;
+
+pub(crate) use facts::Cause;
+pub(crate) use server::Server;
+
+use karat::diagnostic::shown;
+use karat::golden::{AcceptError, CriterionMargin, Pending, PendingFrames, Provenance, Unusable};
+use karat::{Goldens, Image};
+
+/// What the page shows of one pending frame.
+///
+/// [`load`](Self::load) fills it in; whoever has another map pushes it.
+#[derive(Clone, Debug)]
+pub(crate) struct Case {
+    /// Name of the golden.
+    pub(crate) name: String,
+    /// Images of both sides, the one that is judged first.
+    pub(crate) parts: Vec<Part>,
+    /// Images computed from both.
+    pub(crate) maps: Vec<Map>,
+    /// What the test measured, against what it allows.
+    pub(crate) margins: Vec<CriterionMargin>,
+    /// How the frame differs, for people.
+    pub(crate) verdict: String,
+    /// What the golden's file says of itself; `None` if there is no golden or it says nothing.
+    pub(crate) golden_provenance: Option<Provenance>,
+    /// What the frame's file says of itself.
+    pub(crate) actual_provenance: Provenance,
+    /// What is different, other than pixels.
+    pub(crate) cause: Cause,
+}
+
+/// An image that a golden and a frame may both have.
+#[derive(Clone, Debug)]
+pub(crate) struct Part {
+    /// Its name: `color`.
+    pub(crate) name: String,
+    /// The golden's.
+    pub(crate) golden: Option<Image>,
+    /// The frame's.
+    pub(crate) actual: Option<Image>,
+}
+
+/// An image computed from golden and frame, such as a map of errors.
+#[derive(Clone, Debug)]
+pub(crate) struct Map {
+    /// Its name.
+    pub(crate) name: String,
+    /// What its values are: one sentence.
+    pub(crate) about: String,
+    /// Its values. Where all three colours are equal it is shown in false colour.
+    pub(crate) image: Image,
+    /// The values at the lower and the upper end of the false colours.
+    pub(crate) range: [f32; 2],
+}
+
+/// Why there is no review.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub(crate) enum ReviewError {
+    /// A pending frame can't be read.
+    #[error(transparent)]
+    Goldens(#[from] AcceptError),
+    /// A file of an older page can't be removed.
+    #[error("can't remove `{path}`, which is of an older page: {source}")]
+    Remove {
+        /// The file.
+        path: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A file of the page can't be written.
+    #[error("can't write `{path}`: {source}")]
+    Write {
+        /// The file.
+        path: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The server can't be started.
+    #[error("can't serve the review on 127.0.0.1:{port}: {reason}")]
+    Serve {
+        /// The port that was asked for; 0 is any.
+        port: u16,
+        /// Why.
+        reason: String,
+    },
+}
+
+/// A review of a folder's pending frames.
+#[derive(Clone, Debug)]
+pub(crate) struct Review {
+    goldens: Goldens,
+    /// Where the frames wait, which needn't be beside their goldens.
+    waiting: Goldens,
+    arguments: String,
+}
+
+impl Review {
+    /// A review of all that is pending in a folder of goldens.
+    #[must_use]
+    pub(crate) fn new(goldens: Goldens) -> Self {
+        Self { waiting: goldens.clone(), goldens, arguments: String::new() }
+    }
+
+    /// Takes the pending frames from another folder, such as what a CI run left.
+    #[must_use]
+    pub(crate) fn pending_in(mut self, folder: &Path) -> Self {
+        self.waiting = Goldens::open(folder);
+        self
+    }
+
+    /// Arguments that the commands on the page need, such as `--golden other`.
+    #[must_use]
+    pub(crate) fn with_arguments(mut self, arguments: &str) -> Self {
+        self.arguments = arguments.to_owned();
+        self
+    }
+
+    /// Writes the page into a folder: `index.html` and `data/<n>.js`. A link to
+    /// `index.html#rooms/dark` leads to that frame. Frames that can't be read are
+    /// on the page, too, and say why. What an older page has left in `data` is removed.
+    ///
+    /// # Errors
+    /// If a file can't be written or removed.
+    pub(crate) fn write(&self, folder: &Path) -> Result<PendingFrames, ReviewError> {
+        let put = |name: &str, text: &str| {
+            let path = folder.join(name);
+            karat::image::write_whole(&path, text.as_bytes())
+                .map_err(|source| ReviewError::Write { path: shown(&path), source })
+        };
+        let pending = self.pending();
+        for (index, frame) in pending.frames.iter().enumerate() {
+            put(&format!("data/{index}.js"), &self.script(index, frame))?;
+        }
+        remove_data(&folder.join("data"), pending.frames.len())?;
+        let numbers: Vec<_> = (0..pending.frames.len()).collect();
+        put("index.html", &page::html(&pending, &numbers, &self.arguments, &page::Mode::Files))?;
+        Ok(pending)
+    }
+
+    /// What the page loads of a frame.
+    fn script(&self, index: usize, frame: &Pending) -> String {
+        match Case::load(&self.goldens, frame) {
+            Ok(case) => data::script(index, frame, &case),
+            Err(error) => data::failure(index, &error.to_string()),
+        }
+    }
+
+    /// Serves the page on 127.0.0.1, on any free port if `port` is 0.
+    ///
+    /// # Errors
+    /// If the port is taken.
+    pub(crate) fn serve(self, port: u16) -> Result<Server, ReviewError> {
+        Server::bind(self, port)
+    }
+
+    /// What is pending now. Frames of other goldens than these can't be used here.
+    #[must_use]
+    pub(crate) fn pending(&self) -> PendingFrames {
+        let PendingFrames { frames, mut unusable } = self.waiting.pending();
+        let (frames, others): (Vec<_>, Vec<_>) =
+            frames.into_iter().partition(|pending| pending.is_of(&self.goldens));
+        unusable.extend(others.into_iter().map(|Pending { case, path, provenance }| {
+            let reason = AcceptError::Elsewhere { case, folder: provenance.folder };
+            Unusable { path, reason }
+        }));
+        PendingFrames { frames, unusable }
+    }
+}
+
+/// Removes the data of frames that an older page had and this one has not.
+fn remove_data(folder: &Path, frames: usize) -> Result<(), ReviewError> {
+    let files = std::fs::read_dir(folder).into_iter().flatten().filter_map(Result::ok);
+    for path in files.map(|file| file.path()) {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let number = name.strip_suffix(".js").and_then(|number| number.parse::<usize>().ok());
+        if number.is_some_and(|number| number >= frames && name == format!("{number}.js")) {
+            std::fs::remove_file(&path)
+                .map_err(|source| ReviewError::Remove { path: shown(&path), source })?;
+        }
+    }
+    Ok(())
+}

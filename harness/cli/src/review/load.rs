@@ -1,0 +1,96 @@
+//! From files to cases.
+
+use super::maps::maps;
+use super::{Case, Cause, Part};
+use karat::golden::{AcceptError, COLOR, MASK, Pending, Provenance};
+use karat::image::{self, ExrFile, ImageError};
+use karat::metric::{Mask, Pair};
+use karat::{Goldens, Image};
+
+impl Case {
+    /// What the frame was compared with, if its test declared a mask.
+    #[must_use]
+    pub(crate) fn mask(&self) -> Option<Mask> {
+        let part = self.parts.iter().skip(1).find(|part| part.name == MASK)?;
+        part.actual.clone().map(Mask::image)
+    }
+
+    /// Reads a pending frame and its golden. A golden that can't be read is reported in the verdict,
+    /// since accepting replaces it.
+    ///
+    /// # Errors
+    /// If the pending frame can't be read.
+    pub(crate) fn load(goldens: &Goldens, pending: &Pending) -> Result<Self, AcceptError> {
+        let actual = ExrFile::read(&pending.path)?;
+        let (golden, unreadable) = match ExrFile::read(&goldens.compared(pending)) {
+            Ok(golden) => (Some(golden), None),
+            Err(ImageError::Missing { .. }) => (None, None),
+            Err(error) => (None, Some(error)),
+        };
+        let metadata = golden.as_ref().and_then(|golden| golden.metadata.as_deref());
+        let golden_provenance = metadata.and_then(|metadata| Provenance::parse(metadata).ok());
+        let actual_provenance = pending.provenance.clone();
+        let cause = Cause::of(
+            golden.is_some() || unreadable.is_some(),
+            golden_provenance.as_ref(),
+            &actual_provenance,
+        );
+        let golden_image = golden.as_ref().map(|golden| &golden.parts[0].image);
+        let (verdict, margins) = match (&unreadable, &actual_provenance.finding) {
+            (Some(error), _) => (format!("the golden can't be used: {error}"), Vec::new()),
+            _ if golden_image.map_or_else(String::new, Image::hash)
+                != actual_provenance.compared_with =>
+            {
+                let changed =
+                    "the golden changed since this frame was rendered: run its test again";
+                (changed.to_owned(), Vec::new())
+            }
+            (None, Some(finding)) => (finding.verdict.clone(), finding.margins.clone()),
+            (None, None) if golden.is_none() => ("there is no golden yet".to_owned(), Vec::new()),
+            (None, None) => ("its file doesn't say how it differs".to_owned(), Vec::new()),
+        };
+        let maps = golden_image.map_or_else(Vec::new, |golden_image| {
+            let exposures = golden_provenance.as_ref().and_then(|known| known.exposures);
+            let (image, mask) = (&actual.parts[0].image, actual.mask());
+            let pair = match &mask {
+                Some(mask) => Pair::masked(golden_image, image, mask),
+                // What is pinned was chosen from all pixels.
+                None => Pair::new(golden_image, image)
+                    .map(|pair| exposures.into_iter().fold(pair, Pair::with_exposures)),
+            };
+            pair.map_or_else(|_| Vec::new(), |pair| maps(&pair))
+        });
+        Ok(Self {
+            name: pending.case.clone(),
+            parts: parts(golden, actual),
+            maps,
+            margins,
+            verdict,
+            golden_provenance,
+            actual_provenance,
+            cause,
+        })
+    }
+}
+
+/// The parts of both sides by name, the frame first.
+fn parts(golden: Option<ExrFile>, actual: ExrFile) -> Vec<Part> {
+    // The first part of another tool's golden has a name of its own, or none.
+    let named = |(index, part): (usize, image::Part)| {
+        (if index == 0 { COLOR.to_owned() } else { part.name }, part.image)
+    };
+    let mut golden: Vec<_> =
+        golden.into_iter().flat_map(|file| file.parts).enumerate().map(named).collect();
+    let mut all = Vec::new();
+    for (name, image) in actual.parts.into_iter().enumerate().map(named) {
+        let same = golden.iter().position(|(other, _)| *other == name);
+        let golden = same.map(|index| golden.swap_remove(index).1);
+        all.push(Part { name, golden, actual: Some(image) });
+    }
+    all.extend(golden.into_iter().map(|(name, image)| Part {
+        name,
+        golden: Some(image),
+        actual: None,
+    }));
+    all
+}

@@ -1,0 +1,112 @@
+//! The page itself: one HTML file with its style, scripts and list of cases.
+
+use serde_json::json;
+
+use super::data::embedded;
+use karat::diagnostic::shown;
+use karat::golden::PendingFrames;
+
+const HTML: &str = include_str!("page/page.html");
+const CSS: &str = include_str!("page/page.css");
+
+/// The scripts, each of which uses only those before it. They become one, in one scope.
+const SCRIPTS: [&str; 13] = [
+    include_str!("page/numbers.js"),
+    include_str!("page/tones.js"),
+    include_str!("page/shader.js"),
+    include_str!("page/state.js"),
+    include_str!("page/stage.js"),
+    include_str!("page/overlay.js"),
+    include_str!("page/inspector.js"),
+    include_str!("page/facts.js"),
+    include_str!("page/controls.js"),
+    include_str!("page/cases.js"),
+    include_str!("page/decide.js"),
+    include_str!("page/address.js"),
+    include_str!("page/main.js"),
+];
+
+/// Where the page is looked at.
+pub(super) enum Mode {
+    /// From files: decisions are typed.
+    Files,
+    /// From our server. The token makes the policy's nonce one that nobody else knows.
+    Served {
+        /// The token in the URL.
+        token: String,
+    },
+}
+
+/// The page for what is pending, each frame with the number of its data file.
+pub(super) fn html(
+    pending: &PendingFrames,
+    numbers: &[usize],
+    arguments: &str,
+    mode: &Mode,
+) -> String {
+    let token = match mode {
+        Mode::Files => "",
+        Mode::Served { token } => token,
+    };
+    let arguments = if arguments.is_empty() { String::new() } else { format!(" {arguments}") };
+    let frames = pending.frames.iter().zip(numbers).map(|(frame, number)| {
+        json!({
+            "index": number,
+            "name": frame.case,
+            "new": frame.is_new(),
+            "size": [frame.provenance.width, frame.provenance.height],
+            "accept": format!("{}{arguments}", frame.accept_arguments()),
+        })
+    });
+    let unusable = pending.unusable.iter().map(
+        |unusable| json!({ "name": shown(&unusable.path), "error": unusable.reason.to_string() }),
+    );
+    let index = embedded(&json!({
+        "served": !token.is_empty(),
+        "arguments": arguments,
+        "cases": frames.collect::<Vec<_>>(),
+        "unusable": unusable.collect::<Vec<_>>(),
+    }));
+    let script = SCRIPTS.join("\n");
+    // Inline style and script run because the policy names this value. It depends on all that is
+    // embedded, so no name or reason in there can hold it.
+    let nonce =
+        blake3::hash(format!("{token}{index}{script}").as_bytes()).to_hex()[..32].to_owned();
+    // One pass each: what is put in isn't searched again for the next mark.
+    let mut page = String::with_capacity(HTML.len() + CSS.len() + script.len() + index.len());
+    for (position, piece) in HTML.split("{{").enumerate() {
+        let Some((mark, rest)) = piece.split_once("}}").filter(|_| position > 0) else {
+            page.push_str(piece);
+            continue;
+        };
+        page.push_str(
+            match mark {
+                "policy" => policy(mode),
+                "nonce" => &nonce,
+                "css" => CSS,
+                "index" => &index,
+                "script" => &script,
+                other => unreachable!("page.html has no mark `{other}`"),
+            }
+            .replace("NONCE", &nonce)
+            .as_str(),
+        );
+        page.push_str(rest);
+    }
+    page
+}
+
+/// What the page may load and run: itself and its data files. Only from files is `file:` a source,
+/// where some browsers don't count a file's neighbours as its own.
+fn policy(mode: &Mode) -> &'static str {
+    match mode {
+        Mode::Files => {
+            "default-src 'none'; script-src 'nonce-NONCE' 'self' file:; style-src 'nonce-NONCE'; \
+             base-uri 'none'; form-action 'none'"
+        }
+        Mode::Served { .. } => {
+            "default-src 'none'; script-src 'nonce-NONCE' 'self'; style-src 'nonce-NONCE'; \
+             connect-src 'self'; base-uri 'none'; form-action 'none'"
+        }
+    }
+}

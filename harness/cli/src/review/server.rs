@@ -1,0 +1,264 @@
+//! The review served to this machine alone.
+//!
+//! Who can reach the port isn't yet who may decide: every request needs the token of the URL, a
+//! `Host` that is ours (so that no other name was rebound to 127.0.0.1) and, if it names one, an
+//! `Origin` that is ours. Changes are POSTs of JSON. A frame is chosen by a name that is compared
+//! with those that are pending; nothing of a request becomes a path.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use serde::Deserialize;
+use serde_json::json;
+
+use super::http::{Answer, Http, Request, Stopper};
+use super::{Review, ReviewError, data, page};
+use karat::golden::{AcceptError, Acceptance, Pending, PendingFrames};
+
+/// Longest decision that is read; a reason is a sentence.
+const LONGEST_BODY: u64 = 64 << 10;
+
+/// A review page that is being served.
+pub(crate) struct Server {
+    http: Http,
+    desk: Arc<Desk>,
+}
+
+/// Stops a [`Server`], from any thread.
+#[derive(Clone)]
+pub(crate) struct Stop(Stopper);
+
+impl Stop {
+    /// Ends [`Server::run`].
+    pub(crate) fn stop(&self) {
+        self.0.stop();
+    }
+}
+
+/// What answers, from many threads.
+struct Desk {
+    review: Review,
+    port: u16,
+    token: String,
+    /// Names by the number of their data file, which stays what it is while the server runs.
+    numbered: Mutex<Vec<String>>,
+    /// Held while a decision is carried out; whether the review has ended, and there are no more.
+    ended: Mutex<bool>,
+}
+
+/// What the page sends to accept or to reject.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Decision {
+    /// Name of the frame.
+    case: String,
+    /// Hash of the pixels that were looked at.
+    pixels: String,
+    #[serde(default)]
+    because: String,
+    /// Whether it becomes the golden of its own profile.
+    #[serde(default)]
+    profile: bool,
+    #[serde(default)]
+    any_adapter: bool,
+}
+
+/// Why a decision isn't carried out.
+#[derive(Debug, thiserror::Error)]
+enum Refused {
+    #[error(transparent)]
+    Goldens(#[from] AcceptError),
+    #[error("frame `{0}` was rendered again since this page loaded it; reload to see it")]
+    Unseen(String),
+}
+
+impl Server {
+    pub(super) fn bind(review: Review, port: u16) -> Result<Self, ReviewError> {
+        let failed = |reason: String| ReviewError::Serve { port, reason };
+        let http = Http::bind(port).map_err(|error| failed(error.to_string()))?;
+        let mut random = [0; 16];
+        getrandom::fill(&mut random).map_err(|error| failed(error.to_string()))?;
+        let token = random.iter().map(|byte| format!("{byte:02x}")).collect();
+        let (numbered, ended) = Default::default();
+        let desk = Desk { review, port: http.port(), token, numbered, ended };
+        Ok(Self { http, desk: Arc::new(desk) })
+    }
+
+    /// Where the page is. Whoever knows this can accept and reject.
+    #[must_use]
+    pub(crate) fn url(&self) -> String {
+        format!("http://127.0.0.1:{}/{}/", self.desk.port, self.desk.token)
+    }
+
+    /// What stops it.
+    #[must_use]
+    pub(crate) fn stop(&self) -> Stop {
+        Stop(self.http.stopper())
+    }
+
+    /// What is pending now.
+    #[must_use]
+    pub(crate) fn pending(&self) -> PendingFrames {
+        self.desk.review.pending()
+    }
+
+    /// Answers until it is stopped. A decision that is being carried out then is completed, and
+    /// none is begun; clients aren't waited for.
+    pub(crate) fn run(&self) {
+        let desk = Arc::clone(&self.desk);
+        self.http.run(move |request| desk.answer(request));
+        *locked(&self.desk.ended) = true;
+    }
+}
+
+/// A thread that panicked has left nothing half done in what is locked here.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Desk {
+    fn answer(&self, request: &mut Request<'_>) -> Answer {
+        if let Err(refusal) = self.check(request) {
+            return refusal;
+        }
+        request.admit();
+        let url = request.url.split('?').next().unwrap_or_default();
+        let place = url.get(self.token.len() + 2..).unwrap_or_default().to_owned();
+        let number = place.strip_prefix("data/").and_then(|file| file.strip_suffix(".js"));
+        let number = number.and_then(|number| number.parse().ok());
+        match (request.method.as_str(), place.as_str(), number) {
+            ("GET", "", _) => self.page(),
+            ("GET", _, Some(number)) => self.data(number),
+            ("POST", "accept", _) => self.decide(request, Self::accept),
+            ("POST", "reject", _) => self.decide(request, Self::reject),
+            (_, "" | "accept" | "reject", _) | (_, _, Some(_)) => {
+                Answer::text(405, "this takes another method")
+            }
+            _ => Answer::text(404, "there is nothing here"),
+        }
+    }
+
+    /// Whether a request comes from somebody who was given the URL, and from our own page.
+    fn check(&self, request: &Request<'_>) -> Result<(), Answer> {
+        let refused = |what| Err(Answer::text(403, what));
+        let ours = ["127.0.0.1", "localhost"].map(|name| format!("{name}:{}", self.port));
+        let Ok(Some(host)) = request.header("Host") else {
+            return refused("a request needs one Host");
+        };
+        if !ours.iter().any(|name| name == host) {
+            return refused("this Host isn't ours");
+        }
+        let own = match request.header("Origin") {
+            Ok(Some(origin)) => origin == format!("http://{host}"),
+            Ok(None) => request.method == "GET",
+            Err(_) => false,
+        };
+        if !own {
+            return refused("this Origin isn't ours");
+        }
+        let token = request.url.split(['/', '?']).nth(1).unwrap_or_default();
+        // Hashes are compared in constant time.
+        if blake3::hash(token.as_bytes()) != blake3::hash(self.token.as_bytes()) {
+            return refused("open the URL that `karat review` printed");
+        }
+        Ok(())
+    }
+
+    fn page(&self) -> Answer {
+        let pending = self.review.pending();
+        let mut numbered = locked(&self.numbered);
+        let mut numbers = Vec::new();
+        for frame in &pending.frames {
+            let known = numbered.iter().position(|name| *name == frame.case);
+            numbers.push(known.unwrap_or(numbered.len()));
+            if known.is_none() {
+                numbered.push(frame.case.clone());
+            }
+        }
+        let mode = page::Mode::Served { token: self.token.clone() };
+        let html = page::html(&pending, &numbers, &self.review.arguments, &mode);
+        Answer(200, "text/html; charset=utf-8", html)
+    }
+
+    fn data(&self, number: usize) -> Answer {
+        let name = {
+            let numbered = locked(&self.numbered);
+            numbered.get(number).cloned()
+        };
+        let Some(name) = name else { return Answer::text(404, "there is no such case") };
+        // The page can't read the status of a script, so what is wrong is told by one.
+        let script = match self.find(&name) {
+            Ok(pending) => self.review.script(number, &pending),
+            Err(error) => data::failure(number, &error.to_string()),
+        };
+        Answer(200, "text/javascript; charset=utf-8", script)
+    }
+
+    /// The pending frame of exactly this name.
+    fn find(&self, name: &str) -> Result<Pending, Refused> {
+        let pending = self.review.pending().frames;
+        let found = pending.into_iter().find(|pending| pending.case == name);
+        let gone = || AcceptError::NotPending { case: name.to_owned(), nearest: None };
+        Ok(found.ok_or_else(gone)?)
+    }
+
+    fn decide(
+        &self,
+        request: &mut Request<'_>,
+        carry_out: impl Fn(&Self, &Pending, &Decision) -> Result<(), AcceptError>,
+    ) -> Answer {
+        let kind = request.header("Content-Type").ok().flatten();
+        if !kind.is_some_and(|kind| kind.starts_with("application/json")) {
+            return Answer::text(415, "a decision is JSON");
+        }
+        let body = match request.body(LONGEST_BODY) {
+            Some(Ok(body)) => body,
+            Some(Err(error)) => {
+                return Answer::text(400, &format!("the decision can't be read: {error}"));
+            }
+            None => return Answer::text(413, "a decision is short, and says how long it is"),
+        };
+        let decision: Decision = match serde_json::from_str(&body) {
+            Ok(decision) => decision,
+            Err(error) => return Answer::text(400, &format!("this is no decision: {error}")),
+        };
+        let ended = locked(&self.ended);
+        if *ended {
+            return Answer::text(503, "the review has ended");
+        }
+        let outcome = self.find(&decision.case).and_then(|pending| {
+            if pending.provenance.pixels != decision.pixels {
+                return Err(Refused::Unseen(decision.case.clone()));
+            }
+            Ok(carry_out(self, &pending, &decision)?)
+        });
+        drop(ended);
+        let frames = self.review.pending().frames;
+        let names: Vec<String> = frames.into_iter().map(|frame| frame.case).collect();
+        let (status, error) = match &outcome {
+            Ok(()) => (200, None),
+            Err(refused) => (409, Some(refused.to_string())),
+        };
+        let body = json!({ "error": error, "pending": names });
+        Answer(status, "application/json", body.to_string())
+    }
+
+    fn accept(&self, pending: &Pending, decision: &Decision) -> Result<(), AcceptError> {
+        let acceptance = Acceptance {
+            because: decision.because.clone(),
+            by: None,
+            any_adapter: decision.any_adapter,
+            // The golden of a profile that it was compared with is what it replaces.
+            profile: (decision.profile || !pending.provenance.compared_profile.is_empty())
+                .then(|| pending.profile().to_string()),
+        };
+        let accepted = self.review.goldens.accept(pending, &acceptance)?;
+        for warning in accepted.warnings {
+            karat::output::tell(&format!("note: {}: {warning}", pending.case));
+        }
+        Ok(())
+    }
+
+    fn reject(&self, pending: &Pending, _: &Decision) -> Result<(), AcceptError> {
+        self.review.goldens.reject(pending)
+    }
+}

@@ -1,0 +1,123 @@
+//! What people see where a file can't be used: what, which file, and why, once.
+
+use super::pending::zip;
+use super::*;
+
+/// The message, in which no part stands twice.
+#[track_caller]
+fn error(folder: &FilePath, arguments: &[&str]) -> String {
+    let error = karat(folder, arguments).error();
+    let parts: Vec<&str> = error.trim_end().split(": ").collect();
+    for (index, part) in parts.iter().enumerate() {
+        assert!(!parts[..index].contains(part), "`{part}` is told twice: {error}");
+    }
+    error
+}
+
+#[test]
+fn a_cause_is_told_once() {
+    let project = project();
+    let folder = project.path();
+    std::fs::create_dir_all(folder.join("golden")).expect("a folder");
+    std::fs::create_dir(folder.join("folder.exr")).expect("a folder");
+    write(folder, "text.zip", "no zip");
+    write(folder, "run/run.json", r#"{"passed":true,"schema":2,"selected":[]}"#);
+    std::fs::create_dir(folder.join("run/1.jsonl")).expect("a folder");
+    let image = karat::Image::new(1, 1, vec![[1.0; 4]]);
+    image.write_exr(&folder.join("a.exr"), karat::image::Precision::Float, None).expect("written");
+    let same = "can't read `folder.exr`: it is a folder\n";
+    for (arguments, message) in [
+        (&["diff", "folder.exr", "folder.exr"][..], same),
+        (&["preview", "folder.exr"], same),
+        (&["diff", "a.exr", "."], "can't read `.`: it is a folder\n"),
+        // A file is no folder, which is how any file is unreadable, even for root.
+        (&["diff", "text.zip/a.exr", "text.zip"], "can't read `text.zip/a.exr`: "),
+        (&["pending", "--from", "text.zip"], "can't use `text.zip`: it isn't a readable zip: "),
+        (&["unreferenced", "--record", "run"], "can't read the record `run/1.jsonl`: "),
+        (&["report", "--record", "run"], "can't read the record `run/1.jsonl`: "),
+        (&["call", "calc::same", "--cases", "text.zip/a.csv"], "can't read `text.zip/a.csv`"),
+        (&["list", "--package", "text.zip/a.wgsl"], "text.zip/a.wgsl"),
+    ] {
+        let error = error(folder, arguments);
+        assert!(error.contains(message), "{arguments:?}: {error}");
+    }
+    let error = error(folder, &["preview", "a.exr", "--out", "text.zip/a.png"]);
+    assert!(error.contains("can't write `text.zip/a.png`: "), "{error}");
+}
+
+/// That no frame is pending in the wrong folder says nothing of the run.
+#[test]
+fn what_no_run_left_has_no_verdict() {
+    let project = project();
+    let folder = project.path();
+    std::fs::create_dir_all(folder.join("golden")).expect("a folder");
+    std::fs::create_dir(folder.join("empty")).expect("a folder");
+    zip(&folder.join("empty.zip"), &[]);
+    let run: &[u8] = br#"{"passed":true,"schema":2,"selected":[]}"#;
+    zip(&folder.join("green.zip"), &[("record/run.json", run)]);
+    let green = std::fs::read(folder.join("green.zip")).expect("written");
+    zip(&folder.join("outer.zip"), &[("ci/green.zip", &green), ("records/1.jsonl", b"{}")]);
+    write(folder, "[wrong]/scene.exr", "");
+    write(folder, "[wrong]/1.jsonl", "");
+    std::fs::create_dir(folder.join("outer")).expect("a folder");
+    std::fs::copy(folder.join("green.zip"), folder.join("outer/green.zip")).expect("copied");
+    for (from, inner) in [
+        ("empty", None),
+        ("empty.zip", None),
+        ("[wrong]", None),
+        ("outer.zip", Some("ci/green.zip")),
+        ("outer", Some("outer/green.zip")),
+    ] {
+        for command in [
+            &["pending"][..],
+            &["pending", "--json"],
+            &["accept", "*", "--because", "why"],
+            &["review", "--static", "page"],
+        ] {
+            let ran = karat(folder, &[command, &["--from", from]].concat());
+            assert_eq!(ran.out, "", "{from}");
+            let error = ran.failure(3);
+            let start = format!("error: `{from}` isn't what a run left: it has no frame");
+            assert!(error.starts_with(&start), "{error}");
+            assert!(error.contains("name what CI uploaded of `target/karat`"), "{error}");
+            let told = inner.map(|inner| format!("perhaps `{inner}` in it is one"));
+            assert!(told.is_none_or(|told| error.contains(&told)), "{error}");
+        }
+    }
+    assert!(!folder.join("page").exists());
+    // A run that left no frame has left its record.
+    write(folder, "[green]/ci/record/1.jsonl", "");
+    for from in ["green.zip", "[green]", "outer/green.zip"] {
+        let out = karat(folder, &["pending", "--from", from]).good();
+        assert_eq!(out, "no frame is pending\n", "{from}");
+    }
+}
+
+#[test]
+fn entries_that_are_in_each_other_s_way_are_told() {
+    let project = project();
+    let folder = project.path();
+    std::fs::create_dir_all(folder.join("golden")).expect("a folder");
+    let (file, below) = (("x.new.exr", &b"a"[..]), ("x.new.exr/a.new.exr", &b"b"[..]));
+    zip(&folder.join("below.zip"), &[file, below]);
+    zip(&folder.join("above.zip"), &[below, file]);
+    zip(&folder.join("dot.zip"), &[("a/x.new.exr", b"a"), ("a/./x.new.exr", b"b")]);
+    // What writes zips refuses to write this one.
+    zip(&folder.join("twice.zip"), &[("a.new.exr", b"a"), ("b.new.exr", b"b")]);
+    let mut bytes = std::fs::read(folder.join("twice.zip")).expect("written");
+    let places = bytes.windows(9).enumerate().filter(|(_, part)| *part == b"b.new.exr");
+    let places: Vec<usize> = places.map(|(place, _)| place).collect();
+    assert_eq!(places.len(), 2, "the entry's own head and the directory");
+    places.iter().for_each(|place| bytes[*place] = b'a');
+    std::fs::write(folder.join("twice.zip"), bytes).expect("written");
+    let unpacked = |name: &str, why: &str| format!("its entry `{name}` can't be unpacked: {why}");
+    for (from, why) in [
+        ("below.zip", unpacked(below.0, "`x.new.exr` is an entry, too, and no folder")),
+        ("above.zip", unpacked(file.0, "other entries lie in a folder of that name")),
+        ("dot.zip", unpacked("a/./x.new.exr", "another entry is the same file")),
+        ("twice.zip", "two of its entries have the same name".to_owned()),
+    ] {
+        let error = error(folder, &["pending", "--from", from]);
+        assert_eq!(error, format!("error: can't use `{from}`: {why}\n"));
+    }
+}

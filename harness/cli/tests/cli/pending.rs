@@ -1,0 +1,299 @@
+//! `karat pending`, `accept` and `reject`, here and from what a CI run left.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Write;
+
+use karat::Image;
+use karat::golden::Provenance;
+use karat::image::Precision;
+use karat::path::Adapter;
+use zip::write::{SimpleFileOptions, ZipWriter};
+
+use super::*;
+
+pub(crate) const LAVAPIPE: &str = "llvmpipe (LLVM 15.0.6, 256 bits)";
+
+pub(crate) fn pending_frame(golden: &FilePath, case: &str, adapter: &str) {
+    write_frame(golden, case, case, adapter, "");
+}
+
+/// A pending frame whose provenance says what it likes.
+pub(crate) fn write_frame(
+    golden: &FilePath,
+    file: &str,
+    case: &str,
+    adapter: &str,
+    compared_with: &str,
+) {
+    let image = Image::new(2, 1, vec![[0.25, 0.5, 4.0, 1.0], [1.0; 4]]);
+    let provenance = provenance(case, &image.hash(), adapter, compared_with);
+    let metadata = serde_json::to_string(&provenance).expect("plain data");
+    let path = golden.join(format!("{file}.new.exr"));
+    image.write_exr(&path, Precision::Half, Some(&metadata)).expect("written");
+}
+
+pub(crate) fn provenance(
+    case: &str,
+    pixels: &str,
+    adapter: &str,
+    compared_with: &str,
+) -> Provenance {
+    Provenance {
+        schema: 1,
+        case: case.to_owned(),
+        shader: String::new(),
+        pixels: pixels.to_owned(),
+        width: 2,
+        height: 1,
+        color_space: "linear sRGB".to_owned(),
+        precision: Precision::Half,
+        tolerance: "rel 1e-3".to_owned(),
+        adapter: Adapter {
+            path: "vulkan".to_owned(),
+            name: adapter.to_owned(),
+            driver: String::new(),
+            software: true,
+        },
+        processor: String::new(),
+        facts: BTreeMap::new(),
+        folder: String::new(),
+        compared_with: compared_with.to_owned(),
+        compared_profile: String::new(),
+        finding: None,
+        exposures: None,
+        accepted_by: String::new(),
+        accepted_at: String::new(),
+        because: String::new(),
+    }
+}
+
+#[test]
+fn pending_frames_are_listed_accepted_and_rejected() {
+    let project = project();
+    let folder = project.path();
+    let golden = folder.join("golden");
+    let missing = karat(folder, &["pending"]);
+    assert_eq!(missing.code, Some(2), "{missing:?}");
+    assert!(missing.err.contains("name the folder of goldens with --golden DIR"), "{missing:?}");
+    std::fs::create_dir_all(golden.join("furnace")).expect("a folder");
+    assert_eq!(karat(folder, &["pending"]).good(), "no frame is pending\n");
+    assert_eq!(karat(folder, &["pending", "--json"]).good(), "[]\n");
+    pending_frame(&golden, "scene", "llvmpipe (LLVM 15.0.6, 256 bits)");
+    pending_frame(&golden, "furnace/rough", "llvmpipe (LLVM 15.0.6, 256 bits)");
+    pending_frame(&golden, "furnace/smooth", "GeForce");
+
+    let ran = karat(folder, &["pending"]);
+    let out = ran.out;
+    assert_eq!(ran.code, Some(3), "new frames, and none that differs");
+    assert!(out.contains("scene           none    2 x 1  vulkan: llvmpipe"), "{out}");
+    let list = json(&karat(folder, &["pending", "--json"]).out);
+    assert_eq!((&list[0]["case"], &list[0]["status"]), (&"furnace/rough".into(), &"new".into()));
+    assert_eq!(list[0]["profile"], "vulkan-llvmpipe");
+
+    assert!(karat(folder, &["accept", "scene"]).error().contains("--because <REASON>"));
+    let error = karat(folder, &["accept", "scene", "--because", " "]).error();
+    assert!(error.contains("accepting `scene` needs a reason"), "{error}");
+    let error = karat(folder, &["accept", "scne", "--because", "why"]).failure(3);
+    assert!(error.contains("no frame `scne` is pending; did you mean `scene`?"), "{error}");
+    let error = karat(folder, &["reject", "scne"]).failure(3);
+    assert!(error.contains("did you mean `scene`?"), "{error}");
+    assert!(golden.join("scene.new.exr").is_file() && !golden.join("scene.exr").exists());
+
+    let accept = ["accept", "scene", "--because", "the first one", "--by", "A. Reviewer"];
+    assert_eq!(karat(folder, &accept).good(), "accepted scene\n");
+    assert!(golden.join("scene.exr").is_file() && !golden.join("scene.new.exr").exists());
+    let facts = std::fs::read_to_string(golden.join("scene.toml")).expect("written");
+    assert!(facts.contains("because = \"the first one\"") && facts.contains("A. Reviewer"));
+
+    let error = karat(folder, &["accept", "furnace/smooth", "--because", "why"]).failure(1);
+    assert!(error.contains("goldens are made on lavapipe"), "{error}");
+    let out = karat(folder, &["reject", "furnace/*", "furnace/rough"]).good();
+    assert_eq!(out, "rejected furnace/rough\nrejected furnace/smooth\n");
+    assert_eq!(karat(folder, &["pending"]).good(), "no frame is pending\n");
+    let error = karat(folder, &["pending", "--golden", "nowhere"]).error();
+    assert!(error.contains("there is no folder `nowhere`"), "{error}");
+}
+
+/// Makes another image the golden of `scene`.
+fn write_other(golden: &FilePath) {
+    let image = Image::new(2, 1, vec![[0.5; 4]; 2]);
+    image.write_exr(&golden.join("scene.exr"), Precision::Half, None).expect("written");
+}
+
+/// A project with an empty folder of goldens.
+fn with_goldens() -> TempDir {
+    let project = project();
+    std::fs::create_dir(project.path().join("golden")).expect("a folder");
+    project
+}
+
+/// What CI uploads of `target/karat`.
+fn artefact(folder: &FilePath) {
+    for case in ["scene", "furnace/rough"] {
+        pending_frame(&folder.join("ci/pending"), case, LAVAPIPE);
+    }
+    pending_frame(&folder.join("ci/@overlay"), "mutant", LAVAPIPE);
+    write(&folder.join("ci"), "record/1.jsonl", "{}");
+}
+
+pub(crate) fn zip(path: &FilePath, entries: &[(&str, &[u8])]) {
+    let mut zip = ZipWriter::new(File::create(path).expect("created"));
+    for (name, bytes) in entries {
+        zip.start_file(*name, SimpleFileOptions::default()).expect("an entry");
+        zip.write_all(bytes).expect("written");
+    }
+    zip.finish().expect("written");
+}
+
+#[test]
+fn frames_that_differ_are_told_from_new_ones() {
+    let project = with_goldens();
+    let golden = project.path().join("golden");
+    pending_frame(&golden, "scene", LAVAPIPE);
+    assert_eq!(karat(project.path(), &["pending"]).code, Some(3));
+    write_frame(&golden, "room", "room", LAVAPIPE, "of another image");
+    let ran = karat(project.path(), &["pending", "--json"]);
+    assert_eq!(ran.code, Some(1));
+    assert_eq!(json(&ran.out)[0]["status"], "differs");
+    // The golden that it was compared with isn't there any more; the other frame is accepted.
+    let ran = karat(project.path(), &["accept", "*", "--because", "why", "--json"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    let list = json(&ran.out);
+    assert_eq!((&list[0]["case"], &list[0]["accepted"]), (&"room".into(), &false.into()));
+    let error = list[0]["error"].as_str().expect("a reason");
+    assert!(error.contains("the golden of `room` has changed since"), "{error}");
+    assert_eq!((&list[1]["accepted"], &list[1]["written"]), (&true.into(), &true.into()));
+    let rejected = json(&karat(project.path(), &["reject", "room", "--json"]).good());
+    assert_eq!(rejected[0]["case"], "room");
+    karat(project.path(), &["pending"]).good();
+}
+
+/// What can't be done of one frame is told, and done of the others.
+#[test]
+fn a_file_that_cannot_be_used_is_in_nobody_s_way() {
+    let project = with_goldens();
+    let (folder, golden) = (project.path(), project.path().join("golden"));
+    pending_frame(&golden, "scene", LAVAPIPE);
+    pending_frame(&golden, "blocked", LAVAPIPE);
+    std::fs::write(golden.join("cut.new.exr"), b"v/1\x01").expect("written");
+    std::fs::create_dir_all(golden.join("blocked.toml/x")).expect("a folder");
+
+    let ran = karat(folder, &["pending", "--json"]);
+    assert_eq!(ran.code, Some(2), "{ran:?}");
+    let list = json(&ran.out);
+    assert_eq!(list.as_array().map(Vec::len), Some(3), "{list}");
+    assert_eq!(list[2]["status"], "unusable");
+    let error = list[2]["error"].as_str().expect("a reason");
+    assert!(error.contains("golden/cut.new.exr` isn't a readable OpenEXR image"), "{error}");
+    let ran = karat(folder, &["pending"]);
+    assert!(ran.out.contains("scene") && ran.err.contains("cut.new.exr"), "{ran:?}");
+
+    let ran = karat(folder, &["accept", "*", "--because", "why", "--json"]);
+    assert_eq!(ran.code, Some(2), "{ran:?}");
+    let list = json(&ran.out);
+    assert_eq!((&list[0]["case"], &list[0]["accepted"]), (&"blocked".into(), &false.into()));
+    assert!(list[0]["error"].as_str().is_some_and(|why| why.contains("blocked.toml")), "{list}");
+    assert_eq!((&list[1]["case"], &list[1]["accepted"]), (&"scene".into(), &true.into()));
+    assert!(golden.join("scene.exr").is_file() && !golden.join("blocked.exr").exists());
+    assert!(ran.err.contains("cut.new.exr"), "{ran:?}");
+    let error = karat(folder, &["accept", "cut", "--because", "why"]).failure(2);
+    assert!(error.contains("cut.new.exr` isn't a readable OpenEXR image"), "{error}");
+}
+
+#[test]
+fn frames_of_a_ci_run_are_accepted_from_a_folder_or_a_zip() {
+    let project = with_goldens();
+    let folder = project.path();
+    artefact(folder);
+    let read = |file: &str| std::fs::read(folder.join("ci/pending").join(file)).expect("written");
+    let (scene, rough) = (read("scene.new.exr"), read("furnace/rough.new.exr"));
+    let entries: [(&str, &[u8]); 4] = [
+        ("pending/scene.new.exr", &scene),
+        ("pending/furnace/rough.new.exr", &rough),
+        ("@overlay/mutant.new.exr", &scene),
+        ("record/1.jsonl", b"{}"),
+    ];
+    zip(&folder.join("ci.zip"), &entries);
+    for from in ["ci", "ci.zip"] {
+        let ran = karat(folder, &["pending", "--from", from, "--json"]);
+        assert_eq!(ran.code, Some(3), "{ran:?}");
+        let list = json(&ran.out);
+        let count = list.as_array().expect("a list").len();
+        assert_eq!(count, 2, "frames under an overlay aren't for accepting: {list}");
+    }
+    let accept = ["accept", "scene", "--from", "ci.zip", "--because", "as reviewed"];
+    assert_eq!(karat(folder, &accept).good(), "accepted scene\n");
+    assert!(
+        folder.join("golden/scene.exr").is_file() && folder.join("golden/scene.toml").is_file()
+    );
+    assert!(folder.join("ci.zip").is_file(), "the zip stays as it is");
+    // It is accepted already, which may be done again.
+    let out = karat(folder, &accept).good();
+    assert!(out.contains("`golden/scene.exr` has these pixels and facts already"), "{out}");
+    // There is a golden now that the frame wasn't compared with.
+    write_other(&folder.join("golden"));
+    let error = karat(folder, &accept).failure(1);
+    assert!(error.contains("the golden of `scene` has changed since"), "{error}");
+    let error = karat(folder, &["accept", "scne", "--from", "ci.zip", "--because", "x"]).failure(3);
+    assert!(error.contains("did you mean `scene`?"), "{error}");
+    let accept = ["accept", "furnace/*", "--from", "ci", "--because", "as reviewed"];
+    assert_eq!(karat(folder, &accept).good(), "accepted furnace/rough\n");
+    assert!(folder.join("golden/furnace/rough.exr").is_file());
+    assert_eq!(karat(folder, &["reject", "scene", "--from", "ci"]).good(), "rejected scene\n");
+    assert_eq!(karat(folder, &["pending", "--from", "ci"]).good(), "no frame is pending\n");
+    let error = karat(folder, &["reject", "scene", "--from", "ci.zip"]).error();
+    assert!(error.contains("a frame in a zip can't be rejected"), "{error}");
+}
+
+#[test]
+fn a_hostile_or_damaged_artefact_changes_nothing() {
+    let project = with_goldens();
+    let folder = project.path();
+    artefact(folder);
+    let scene = std::fs::read(folder.join("ci/pending/scene.new.exr")).expect("written");
+    zip(&folder.join("slip.zip"), &[("pending/../../evil.new.exr", &scene)]);
+    zip(&folder.join("root.zip"), &[("/evil.new.exr", &scene)]);
+    zip(&folder.join("foreign.zip"), &[("evil.new.exr", b"not an image")]);
+    zip(&folder.join("bomb.zip"), &[("evil.new.exr", &vec![0; (64 << 20) + 1])]);
+    zip(&folder.join("empty.zip"), &[("readme.txt", b"")]);
+    zip(&folder.join("whole.zip"), &[("scene.new.exr", &scene)]);
+    let whole = std::fs::read(folder.join("whole.zip")).expect("written");
+    std::fs::write(folder.join("half.zip"), &whole[..whole.len() / 2]).expect("written");
+    let mut damaged = whole.clone();
+    damaged[100] ^= 0xff;
+    std::fs::write(folder.join("damaged.zip"), &damaged).expect("written");
+    write(folder, "text.zip", "not a zip");
+    // A name that would leave the folder of goldens, in a file that wouldn't.
+    write_frame(&folder.join("names"), "evil", "../../evil", LAVAPIPE, "");
+    for case in ["a/scene", "b/scene"] {
+        write_frame(&folder.join("twice"), case, "scene", LAVAPIPE, "");
+    }
+    write_frame(&folder.join("other"), "a", "scene", LAVAPIPE, "");
+    for (from, code, message) in [
+        ("slip.zip", 2, "would lie outside of the folder it is unpacked into"),
+        ("root.zip", 2, "would lie outside of the folder it is unpacked into"),
+        ("foreign.zip", 2, "isn't a readable OpenEXR image"),
+        ("bomb.zip", 2, "its entry `evil.new.exr` has more than 67108864 bytes"),
+        ("half.zip", 2, "can't use `half.zip`: it isn't a readable zip"),
+        ("damaged.zip", 2, "its entry `scene.new.exr` is damaged"),
+        ("text.zip", 2, "can't use `text.zip`: it isn't a readable zip"),
+        ("names", 2, "evil.new.exr` says that it is frame `../../evil`"),
+        ("other", 2, "a.new.exr` says that it is frame `scene`"),
+        (
+            "twice",
+            2,
+            "frame `scene` is pending twice, as `a/scene.new.exr` and as `b/scene.new.exr`",
+        ),
+        ("empty.zip", 3, "`empty.zip` isn't what a run left"),
+        ("nowhere", 3, "there is no folder or zip `nowhere`"),
+    ] {
+        let accept = ["accept", "*", "--from", from, "--because", "why"];
+        let ran = karat(folder, &accept);
+        assert_eq!(ran.code, Some(code), "{from}: {ran:?}");
+        assert!(ran.err.contains(message), "{from}: {ran:?}");
+        assert_eq!(std::fs::read_dir(folder.join("golden")).expect("there").count(), 0, "{from}");
+    }
+    let above = folder.parent().expect("a folder").join("evil.new.exr");
+    assert!(!above.exists() && !FilePath::new("/evil.new.exr").exists());
+}

@@ -1,0 +1,423 @@
+//! What other programs read of a run: JUnit XML, GitHub's annotations and summary.
+
+use std::time::{Duration, SystemTime};
+
+use karat::Image;
+use karat::image::Precision;
+use karat::record::Run;
+
+use super::pending::{pending_frame, provenance};
+use super::*;
+
+fn line(
+    test: &str,
+    subject: serde_json::Value,
+    paths: &[&str],
+    verdict: &str,
+    message: Option<&str>,
+) -> String {
+    let failures = u32::from(verdict != "pass");
+    let path = |path: &&str| {
+        serde_json::json!({
+            "adapter": {
+                "path": path, "name": "llvmpipe (LLVM 15.0.6, 256 bits)", "driver": "", "software": true
+            },
+            "cases": 100, "failures": failures, "worst": "7 ulp | more", "ratio": 7.0,
+            "asserted": "1 ulp", "known_issue": null
+        })
+    };
+    let paths: Vec<_> = paths.iter().map(path).collect();
+    let record = serde_json::json!({
+        "schema": 2, "test": test, "subject": subject, "verdict": verdict, "paths": paths,
+        "message": message
+    });
+    format!("{record}\n")
+}
+
+/// The record of a frame that was compared with a golden of a folder.
+pub(crate) fn frame(folder: &FilePath, golden: &str, paths: &[&str], verdict: &str) -> String {
+    let message = (verdict != "pass").then_some("frame differs\n  by 100%");
+    let subject = serde_json::json!({
+        "kind": "frame", "golden": golden, "folder": folder, "location": "tests/frames.rs:7:3"
+    });
+    line("frames", subject, paths, verdict, message)
+}
+
+/// The record of a function's check.
+pub(crate) fn function(name: &str, path: &str, verdict: &str, message: Option<&str>) -> String {
+    let subject = serde_json::json!({
+        "kind": "function", "package": "shaders", "function": name, "check": "agrees_with",
+        "assertion": "1 ulp", "location": "shaders/calc.wgsl:4:1", "seed": 1
+    });
+    line("tests::calc", subject, &[path], verdict, message)
+}
+
+/// A record's line with its time.
+fn at(line: String, started: &str, seconds: &str) -> String {
+    let time = format!("\"started\":\"{started}\",\"seconds\":{seconds},\"message\"");
+    line.replace("\"message\"", &time)
+}
+
+/// A record's line of a check that ran just now, for a minute at most.
+fn now(line: String) -> String {
+    at(line, &humantime::format_rfc3339_millis(SystemTime::now()).to_string(), "60")
+}
+
+const MESSAGE: &str = "error: `calc::double` fails, 50%: <b>\n  worst\u{1b}[0m\n  \
+                       replay: KARAT_CASE=calc::double/agrees_with/3 cargo test calc";
+
+/// A project, and the lines of a run in it: a function that passes, one that fails, a frame that
+/// differs from its golden and one that has none.
+fn run() -> (TempDir, String) {
+    let project = project();
+    let golden = project.path().join("golden");
+    pending_frame(&golden, "furnace/scene", "llvmpipe (LLVM 15.0.6, 256 bits)");
+    karat(project.path(), &["accept", "furnace/scene", "--because", "why"]).good();
+    pending_frame(&golden, "furnace/scene", "llvmpipe (LLVM 15.0.6, 256 bits)");
+    write(project.path(), "tests/frames.rs", "");
+    let package = project.path().join("shaders");
+    let failing = function("calc::double", "gl", "fail", Some(MESSAGE));
+    let lines = [
+        function("calc::same", "gl", "pass", None),
+        failing.replace(r#""package":"shaders""#, &format!("\"package\":{package:?}")),
+        now(frame(&golden, "furnace/scene", &["vulkan"], "fail")),
+        frame(&golden, "new", &[], "error"),
+    ];
+    (project, lines.concat())
+}
+
+fn record(project: &TempDir, lines: &str, passed: bool) {
+    let folder = project.path().join("target/karat/record");
+    write(&folder, "1.jsonl", lines);
+    let run = Run { schema: karat::record::SCHEMA, selected: Vec::new(), passed };
+    run.write(&folder).expect("written");
+}
+
+fn attribute<'a>(node: roxmltree::Node<'a, '_>, name: &str) -> &'a str {
+    node.attribute(name).unwrap_or_else(|| panic!("no `{name}` in {node:?}"))
+}
+
+#[test]
+fn junit_has_a_case_for_each_check_and_frame() {
+    let (project, lines) = run();
+    record(&project, &lines, false);
+    let ran = karat(project.path(), &["report", "--junit", "out/junit.xml"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert!(ran.out.contains("4 checks, 3 failed"), "{ran:?}");
+    let text = std::fs::read_to_string(project.path().join("out/junit.xml")).expect("written");
+    let xml = roxmltree::Document::parse(&text).expect("well-formed");
+    let root = xml.root_element();
+    assert_eq!(root.tag_name().name(), "testsuites");
+    let counts = ["tests", "failures", "errors"].map(|name| attribute(root, name));
+    assert_eq!(counts, ["4", "2", "1"]);
+    let cases: Vec<_> = root.descendants().filter(|node| node.has_tag_name("testcase")).collect();
+    let find = |name: &str| {
+        *cases
+            .iter()
+            .find(|case| attribute(**case, "name") == name)
+            .unwrap_or_else(|| panic!("{text}"))
+    };
+    let double = find("calc::double agrees_with");
+    assert_eq!(attribute(double, "classname"), "tests::calc");
+    let child = |case: roxmltree::Node<'_, '_>, name: &str| {
+        let child = case.children().find(|node| node.has_tag_name(name));
+        let child = child.unwrap_or_else(|| panic!("no {name} in:\n{text}"));
+        (child.attribute("message").map(str::to_owned), child.text().unwrap_or_default().to_owned())
+    };
+    let (message, description) = child(double, "failure");
+    assert_eq!(message.as_deref(), Some("error: `calc::double` fails, 50%: <b>"));
+    assert!(description.contains("worst"), "{description}");
+    let (_, out) = child(double, "system-out");
+    assert!(
+        out.ends_with("replay: KARAT_CASE=calc::double/agrees_with/3 cargo test calc"),
+        "{out}"
+    );
+    child(find("frame furnace/scene"), "failure");
+    child(find("frame new"), "error");
+    assert!(!find("calc::same agrees_with").children().any(|node| node.has_tag_name("failure")));
+}
+
+/// Failures of one adapter are told apart by the line that readers show.
+#[test]
+fn the_first_line_says_what_is_wrong_and_not_where() {
+    let project = project();
+    let golden = project.path().join("golden");
+    let failing = |name: &str| {
+        let adapter = "on vulkan: llvmpipe (LLVM 15.0.6, 256 bits)";
+        let message = format!("{adapter}\nframe `{name}` differs, 5%\n  worst: pixel (2, 1)");
+        let line = frame(&golden, name, &["gl", "vulkan"], "fail");
+        line.replace("\"frame differs\\n  by 100%\"", &serde_json::json!(message).to_string())
+    };
+    let lines = [failing("one"), failing("two")].concat();
+    assert_eq!(lines.matches("on vulkan").count(), 2, "{lines}");
+    record(&project, &lines, false);
+    let ran = karat(project.path(), &["report", "--junit", "junit.xml", "--github"]);
+    let text = std::fs::read_to_string(project.path().join("junit.xml")).expect("written");
+    let xml = roxmltree::Document::parse(&text).expect("well-formed");
+    let failures: Vec<_> = xml.descendants().filter(|node| node.has_tag_name("failure")).collect();
+    let messages: Vec<_> = failures.iter().map(|node| attribute(*node, "message")).collect();
+    assert_eq!(messages, ["frame `one` differs, 5%", "frame `two` differs, 5%"]);
+    let whole = "frame `one` differs, 5%\non vulkan: llvmpipe (LLVM 15.0.6, 256 bits)\n  \
+                 worst: pixel (2, 1)";
+    assert_eq!(failures[0].text(), Some(whole));
+    let annotation = "::error title=frame two::frame `two` differs, 5%25%0Aon vulkan: llvmpipe \
+                      (LLVM 15.0.6, 256 bits)%0A  worst: pixel (2, 1)";
+    assert_eq!(annotations(&ran)[1], annotation);
+}
+
+#[test]
+fn junit_says_when_and_how_long() {
+    let project = project();
+    let pass = |name: &str| function(name, "gl", "pass", None);
+    let scene = frame(&project.path().join("golden"), "scene", &["gl"], "pass");
+    let lines = [
+        at(pass("calc::double"), "2026-01-31T12:00:01.500Z", "1.25"),
+        at(pass("calc::same"), "2026-01-31T12:00:00.000Z", "0.5"),
+        // An older record, and what nobody can use.
+        pass("calc::sum"),
+        at(pass("calc::third"), "yesterday", "-1"),
+        at(scene, "2026-01-31T12:00:02.000Z", "3.21"),
+    ];
+    record(&project, &lines.concat(), true);
+    let out = karat(project.path(), &["report", "--junit", "junit.xml"]).good();
+    assert!(
+        out.contains("\nslowest: frame scene 3.2 s, calc::double agrees_with 1.2 s\n"),
+        "{out}"
+    );
+    let text = std::fs::read_to_string(project.path().join("junit.xml")).expect("written");
+    let xml = roxmltree::Document::parse(&text).expect("well-formed");
+    let of = |tag: &str| {
+        let nodes = xml.descendants().filter(|node| node.has_tag_name(tag));
+        let times = nodes.map(|node| (node.attribute("timestamp"), node.attribute("time")));
+        times.collect::<Vec<_>>()
+    };
+    let (first, second) = ("2026-01-31T12:00:00.000+00:00", "2026-01-31T12:00:01.500+00:00");
+    let third = "2026-01-31T12:00:02.000+00:00";
+    assert_eq!(of("testsuites"), [(Some(first), Some("4.960"))]);
+    assert_eq!(of("testsuite"), [(Some(first), Some("1.750")), (Some(third), Some("3.210"))]);
+    let cases = [
+        (Some(second), Some("1.250")),
+        (Some(first), Some("0.500")),
+        (None, None),
+        (None, None),
+        (Some(third), Some("3.210")),
+    ];
+    assert_eq!(of("testcase"), cases);
+}
+
+#[test]
+fn a_failure_outside_of_checks_is_in_junit_too() {
+    let project = project();
+    record(&project, &function("calc::same", "gl", "pass", None), false);
+    let ran = karat(project.path(), &["report", "--junit", "junit.xml"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    let text = std::fs::read_to_string(project.path().join("junit.xml")).expect("written");
+    let xml = roxmltree::Document::parse(&text).expect("well-formed");
+    assert_eq!(attribute(xml.root_element(), "errors"), "1", "{text}");
+}
+
+#[test]
+fn github_gets_annotations_a_summary_and_pictures() {
+    let (project, lines) = run();
+    record(&project, &lines, false);
+    write(project.path(), "summary.md", "before\n");
+    let mut command = command(project.path(), &["report"]);
+    command.env("GITHUB_ACTIONS", "true");
+    command.env("GITHUB_STEP_SUMMARY", project.path().join("summary.md"));
+    let ran = output(&mut command);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    let annotations = annotations(&ran);
+    assert_eq!(annotations.len(), 3, "{ran:?}");
+    let start = "::error file=shaders/calc.wgsl,line=4,col=1,title=calc%3A%3Adouble agrees_with::\
+                 error: `calc::double` fails, 50%25: <b>%0A  worst";
+    assert!(annotations[0].starts_with(start), "{annotations:?}");
+    let frame = "::error file=golden/furnace/scene.toml,line=1,col=1,title=frame furnace/scene::\
+                 frame differs%0A  by 100%25";
+    assert_eq!(annotations[1], frame, "{annotations:?}");
+    let new = "::error file=tests/frames.rs,line=7,col=3,title=frame new::";
+    assert!(annotations.iter().any(|line| line.starts_with(new)), "{annotations:?}");
+
+    let summary = std::fs::read_to_string(project.path().join("summary.md")).expect("written");
+    assert!(summary.starts_with("before\n## Karat\n\n4 checks, 3 failed"), "{summary}");
+    for part in [
+        "| calc::double agrees_with | gl | 100 | 1 | 7 ulp \\| more | 700% | 1 ulp |\n",
+        "| frame furnace/scene | vulkan | 100 | 1 | 7 ulp \\| more | 700% | 1 ulp |\n",
+        "| frame new | - | 0 | - | error | | |\n",
+        "fails, 50%: &lt;b&gt;",
+        "Replay: <code>KARAT_CASE=calc::double/agrees_with/3 cargo test calc</code>",
+        "golden `report/furnace/scene.golden.png`, actual `report/furnace/scene.actual.png`, \
+         flip `report/furnace/scene.flip.png`",
+    ] {
+        assert!(summary.contains(part), "no `{part}` in:\n{summary}");
+    }
+    for name in ["golden", "actual", "flip"] {
+        let file = format!("target/karat/report/furnace/scene.{name}.png");
+        Image::read(&project.path().join(file)).expect("a picture");
+    }
+    // Elsewhere only if it is asked for.
+    assert!(!karat(project.path(), &["report"]).out.contains("::error"));
+    assert!(karat(project.path(), &["report", "--github"]).out.contains("::error"));
+}
+
+/// A frame that waits may be of another run.
+#[test]
+fn pictures_are_of_the_run_that_is_reported() {
+    let (project, _) = run();
+    let folder = project.path();
+    let (golden, pending) = (folder.join("golden"), folder.join("target/karat/pending"));
+    let (now, hour) = (SystemTime::now(), Duration::from_secs(3600));
+    let wait = |folder: &FilePath, width: u32, written: SystemTime| {
+        let image = Image::new(width, 1, vec![[0.5, 0.5, 0.5, 1.0]; width as usize]);
+        let facts = provenance("furnace/scene", &image.hash(), "llvmpipe", "");
+        let facts = serde_json::to_string(&facts).expect("plain data");
+        let path = folder.join("furnace/scene.new.exr");
+        image.write_exr(&path, Precision::Half, Some(&facts)).expect("written");
+        let file = std::fs::File::options().append(true).open(path).expect("there");
+        file.set_modified(written).expect("a time");
+    };
+    let failing = frame(&golden, "furnace/scene", &["vulkan"], "fail");
+    let started = humantime::format_rfc3339_millis(now).to_string();
+    record(&project, &at(failing.clone(), &started, "5"), false);
+    let picture = |name: &str| folder.join(format!("target/karat/report/furnace/scene.{name}.png"));
+    let actual = || {
+        for name in ["golden", "actual", "flip"] {
+            write(picture(name).parent().expect("a folder"), &format!("scene.{name}.png"), "old");
+        }
+        write(folder, "summary.md", "");
+        let mut command = command(folder, &["report", "--github"]);
+        let ran = output(command.env("GITHUB_STEP_SUMMARY", folder.join("summary.md")));
+        assert_eq!(ran.code, Some(1), "{ran:?}");
+        let summary = std::fs::read_to_string(folder.join("summary.md")).expect("written");
+        let told = summary.contains("In the artefact of this run");
+        assert_eq!(told, picture("actual").exists(), "{summary}");
+        let image = || Image::read(&picture("actual")).expect("a picture, and not the old text");
+        picture("actual").exists().then(|| image().width())
+    };
+    wait(&pending, 3, now - hour);
+    wait(&golden, 4, now - 2 * hour);
+    assert_eq!(actual(), None, "both are of runs before");
+    assert!(!picture("golden").exists() && !picture("flip").exists());
+    wait(&golden, 4, now);
+    assert_eq!(actual(), Some(4), "one is of this run");
+    wait(&pending, 3, now + Duration::from_secs(2));
+    assert_eq!(actual(), Some(3), "the newest of this run");
+    wait(&pending, 3, now + hour);
+    assert_eq!(actual(), Some(4), "one is of a run afterwards");
+    // Times of files may be coarse, and an older record has none.
+    wait(&pending, 3, now - Duration::from_millis(900));
+    wait(&golden, 4, now - hour);
+    assert_eq!(actual(), Some(3));
+    record(&project, &failing, false);
+    assert_eq!(actual(), None);
+    // A frame that passes needs none.
+    record(&project, &frame(&golden, "furnace/scene", &["vulkan"], "pass"), true);
+    write(picture("actual").parent().expect("a folder"), "scene.actual.png", "old");
+    karat(folder, &["report", "--github"]).good();
+    assert!(!picture("actual").exists());
+}
+
+/// The lines that GitHub's runner takes for errors. Nowhere else is a command: not within a line,
+/// and not on stderr.
+#[track_caller]
+fn annotations(ran: &Ran) -> Vec<&str> {
+    let lines: Vec<&str> = ran.out.lines().filter(|line| line.starts_with("::error ")).collect();
+    assert_eq!(ran.out.matches("::error ").count(), lines.len(), "{ran:?}");
+    assert!(!ran.err.contains("::error "), "{ran:?}");
+    lines
+}
+
+#[test]
+fn github_shows_ten_annotations_and_the_last_names_the_rest() {
+    let project = project();
+    let failing = |count: u32| {
+        let line = |index| function(&format!("calc::f{index:02}"), "gl", "fail", Some(MESSAGE));
+        let lines: String = (0..count).map(line).collect();
+        record(&project, &lines, false);
+        karat(project.path(), &["report", "--github"])
+    };
+    let ran = failing(10);
+    let shown = annotations(&ran);
+    assert_eq!(shown.len(), 10);
+    assert!(shown[9].contains("title=calc%3A%3Af09 agrees_with::error: "), "{shown:?}");
+    let ran = failing(12);
+    let shown = annotations(&ran);
+    assert_eq!(shown.len(), 10);
+    assert!(shown[8].contains("title=calc%3A%3Af08 agrees_with::error: "), "{shown:?}");
+    let rest = "::error title=3 more checks failed::the log has their messages:%0A\
+                calc::f09 agrees_with%0Acalc::f10 agrees_with%0Acalc::f11 agrees_with";
+    assert_eq!(shown[9], rest);
+}
+
+#[test]
+fn a_long_annotation_keeps_its_replay_command() {
+    let project = project();
+    let message = MESSAGE.replace("worst", &"100% off\n  ".repeat(1000));
+    record(&project, &function("calc::double", "gl", "fail", Some(&message)), false);
+    let ran = karat(project.path(), &["report", "--github"]);
+    let shown = annotations(&ran);
+    let message = shown[0].split_once("agrees_with::").expect("a message").1;
+    let message = message.replace("%0A", "\n").replace("%25", "%");
+    assert_eq!(message.encode_utf16().count(), 4096);
+    let end = "\n  ... (the log has the rest)\n  \
+               replay: KARAT_CASE=calc::double/agrees_with/3 cargo test calc";
+    assert!(message.ends_with(end), "{message}");
+}
+
+#[test]
+fn a_failure_outside_of_checks_is_annotated_too() {
+    let project = project();
+    let lines = function("calc::same", "gl", "pass", None);
+    record(&project, &lines, false);
+    let ran = karat(project.path(), &["report", "--github"]);
+    let outside =
+        "::error title=karat::A test failed outside of Karat's checks, or the run didn't end.";
+    assert_eq!(annotations(&ran), [outside]);
+    record(&project, &lines, true);
+    assert!(annotations(&karat(project.path(), &["report", "--github"])).is_empty());
+}
+
+#[test]
+fn a_report_needs_a_record() {
+    let project = project();
+    let error = karat(project.path(), &["report"]).failure(3);
+    assert!(error.contains("there is no record of a run"), "{error}");
+    record(&project, "", true);
+    let error = karat(project.path(), &["report"]).error();
+    assert!(error.contains("a run that compared nothing is no success"), "{error}");
+}
+
+/// `karat test` with a stand-in for cargo, that records what it is told to.
+#[cfg(unix)]
+#[test]
+fn a_run_says_what_it_left_out_and_writes_its_reports() {
+    let (project, lines) = run();
+    let folder = project.path();
+    write(folder, "lines.jsonl", &lines);
+    // `sh test --no-fail-fast ...` runs the file `test`.
+    let script =
+        "mkdir -p \"$KARAT_RECORD\"\ncp lines.jsonl \"$KARAT_RECORD/1.jsonl\"\nexit $STATUS\n";
+    write(folder, "test", script);
+    let test = |arguments: &[&str], status: &str| {
+        let mut command = command(folder, &[&["test"], arguments].concat());
+        output(command.env("CARGO", "/bin/sh").env("STATUS", status))
+    };
+    let read = || {
+        let run = Run::read(&folder.join("target/karat/record")).expect("readable");
+        run.expect("a run says how it was made")
+    };
+    let ran = test(&["--junit", "junit.xml", "--github"], "1");
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert!(annotations(&ran)[0].starts_with("::error file=shaders/calc.wgsl"), "{ran:?}");
+    assert!(folder.join("junit.xml").is_file());
+    assert_eq!((read().selected.len(), read().passed), (0, false));
+
+    write(folder, "lines.jsonl", &function("calc::same", "gl", "pass", None));
+    assert_eq!(test(&[], "0").code, Some(0));
+    assert_eq!((read().selected.len(), read().passed), (0, true));
+    assert_eq!(test(&["same", "-p", "a", "--test", "b"], "0").code, Some(0));
+    assert_eq!(read().selected, ["same", "-p a", "--test b"]);
+    // A report of a run before doesn't outlive one that recorded nothing.
+    write(folder, "lines.jsonl", "");
+    assert_eq!(test(&["--junit", "junit.xml"], "101").code, Some(2));
+    assert!(!folder.join("junit.xml").exists());
+}

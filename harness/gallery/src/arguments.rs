@@ -1,0 +1,238 @@
+//! The arguments of `karat render` and of galleries: read from a command line, and written for
+//! the program that the first one runs.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use clap::builder::{PathBufValueParser, TypedValueParser};
+
+use super::RenderOptions;
+use karat::path::Path;
+
+/// Longest side of a frame, in pixels: as of images that are read.
+const LONGEST_SIDE: u32 = 16_384;
+
+/// What to render, how, and where to.
+#[derive(clap::Args, Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct RenderArguments {
+    /// Names or globs of frames
+    #[arg(value_name = "FRAME")]
+    pub(super) frames: Vec<String>,
+    /// Render the project's scene: the first frame of its gallery
+    #[arg(long, conflicts_with_all = ["frames", "all", "list"])]
+    pub(super) scene: bool,
+    /// Print the names of the frames, and what they show
+    #[arg(long, conflicts_with_all = ["frames", "all"])]
+    pub(super) list: bool,
+    /// Render every frame
+    #[arg(long, conflicts_with = "frames")]
+    pub(super) all: bool,
+    /// Folder that FRAME.exr and FRAME.png are written into [default: `karat/frames` in Cargo's
+    /// target folder]
+    #[arg(long, value_name = "DIR")]
+    pub(super) out: Option<PathBuf>,
+    /// Width and height in pixels, such as 640x360 [default: the frame's own]
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    pub(super) size: Option<(u32, u32)>,
+    /// Samples a pixel, or as the frame defines; at least 1 [default: the frame's own]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(super) samples: Option<u32>,
+    #[command(flatten)]
+    pub(super) exposure: ExposureArguments,
+    /// The light around the scene, such as an EXR panorama, for frames that take one
+    #[arg(
+        long,
+        value_name = "FILE",
+        value_parser = PathBufValueParser::new().try_map(existing_file)
+    )]
+    pub(super) environment: Option<PathBuf>,
+    /// Path to render on: `vulkan`, `gl`, ... [default: the first one that tests run on]
+    #[arg(long, value_name = "PATH")]
+    pub(super) path: Option<Path>,
+}
+
+/// How bright a preview is.
+#[derive(clap::Args, Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct ExposureArguments {
+    /// Stops to add to the automatic exposure of the PNG: 1 is twice as bright, -1 half. EXR
+    /// stays linear
+    #[arg(
+        long = "exposure",
+        value_name = "STOPS",
+        value_parser = stops,
+        default_value_t = 0.0,
+        hide_default_value = true,
+        allow_hyphen_values = true
+    )]
+    pub stops: f32,
+}
+
+impl RenderArguments {
+    /// Says where to write unless that is said already.
+    #[must_use]
+    pub fn out_or(mut self, folder: PathBuf) -> Self {
+        self.out.get_or_insert(folder);
+        self
+    }
+
+    /// The same arguments, as a command line has them.
+    #[must_use]
+    pub fn words(&self) -> Vec<OsString> {
+        // All fields are named, so that none is forgotten.
+        let Self { frames, scene, list, all, out, size, samples, exposure, environment, path } =
+            self;
+        let mut words: Vec<OsString> = Vec::new();
+        let flags = [("--scene", scene), ("--list", list), ("--all", all)];
+        words.extend(flags.iter().filter(|(_, on)| **on).map(|(flag, _)| flag.into()));
+        // One word each, so that no value is taken for an option.
+        let mut option = |name: &str, value: OsString| {
+            let mut word = OsString::from(format!("--{name}="));
+            word.push(value);
+            words.push(word);
+        };
+        if let Some(out) = out {
+            option("out", out.into());
+        }
+        if let Some((width, height)) = size {
+            option("size", format!("{width}x{height}").into());
+        }
+        if let Some(samples) = samples {
+            option("samples", samples.to_string().into());
+        }
+        option("exposure", exposure.stops.to_string().into());
+        if let Some(environment) = environment {
+            option("environment", environment.into());
+        }
+        if let Some(path) = path {
+            option("path", path.name().into());
+        }
+        words.push("--".into());
+        words.extend(frames.iter().map(Into::into));
+        words
+    }
+
+    /// What a frame is told of it.
+    pub(super) fn options(&self, path: Path) -> RenderOptions {
+        let environment = self.environment.clone();
+        RenderOptions { size: self.size, samples: self.samples, environment, path }
+    }
+}
+
+fn size(text: &str) -> Result<(u32, u32), String> {
+    let form =
+        || format!("`{text}` isn't width x height in pixels; write them as 640x360, each digits");
+    let (width, height) = text.split_once('x').ok_or_else(form)?;
+    let side = |digits: &str| {
+        if digits.is_empty() || !digits.bytes().all(|digit| digit.is_ascii_digit()) {
+            return Err(form());
+        }
+        // Digits that overflow are too many, too.
+        match digits.parse() {
+            Ok(side) if (1..=LONGEST_SIDE).contains(&side) => Ok(side),
+            _ => Err(format!("a side of {digits} pixels; a side has 1 to {LONGEST_SIDE} pixels")),
+        }
+    };
+    Ok((side(width)?, side(height)?))
+}
+
+fn stops(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(stops) if stops.is_finite() => Ok(stops),
+        _ => Err(format!("`{text}` isn't a finite number of stops")),
+    }
+}
+
+fn existing_file(file: PathBuf) -> Result<PathBuf, String> {
+    if file.is_file() {
+        return Ok(file);
+    }
+    Err(if file.exists() { "it isn't a file" } else { "there is no such file" }.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Line {
+        #[command(flatten)]
+        arguments: RenderArguments,
+    }
+
+    fn parse<T: Into<OsString> + Clone>(words: &[T]) -> Result<RenderArguments, String> {
+        let words = words.iter().cloned().map(Into::into);
+        let line = Line::try_parse_from([OsString::from("gallery")].into_iter().chain(words));
+        line.map(|line| line.arguments).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn arguments_are_the_same_when_they_are_passed_on() {
+        let environment = concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml"); // any file
+        for words in [
+            &[][..],
+            &["--scene"],
+            &["--list"],
+            &["--all", "--exposure", "-0.1"],
+            &["scene", "furnace/*", "--size", "640x360", "--samples", "4294967295"],
+            &["scene", "--size", "1x16384", "--path", "gl", "--environment", environment],
+            &["--out", "a folder", "--exposure=1e-30", "--", "--scene"],
+            &["--out=--all", "--exposure", "1.5", "a[0]"],
+        ] {
+            let arguments = parse(words).unwrap_or_else(|error| panic!("{words:?}: {error}"));
+            assert_eq!(parse(&arguments.words()), Ok(arguments), "{words:?}");
+        }
+    }
+
+    #[test]
+    fn each_argument_reaches_its_place() {
+        let words = ["a", "b", "--size", "3x2", "--samples", "7", "--exposure", "-2", "--path=gl"];
+        let arguments = parse(&words).expect("good");
+        assert_eq!(arguments.frames, ["a", "b"]);
+        assert_eq!(arguments.exposure.stops, -2.0);
+        let options = arguments.options(Path::Gl);
+        assert_eq!((options.size_or(9, 9), options.samples_or(9)), ((3, 2), 7));
+        assert_eq!((arguments.path, options.path), (Some(Path::Gl), Path::Gl));
+        let folder = |arguments: RenderArguments| arguments.out_or("default".into()).out;
+        assert_eq!(folder(arguments), Some("default".into()));
+        assert_eq!(folder(parse(&["--out", "own"]).expect("good")), Some("own".into()));
+        let options = RenderOptions::new(Path::Gl);
+        assert_eq!((options.size_or(9, 8), options.samples_or(5)), ((9, 8), 5));
+    }
+
+    #[test]
+    fn bad_arguments_are_explained() {
+        for (words, message) in [
+            (&["--size", "0x5"][..], "a side of 0 pixels; a side has 1 to 16384 pixels"),
+            (&["--size", "5x16385"], "a side of 16385 pixels; a side has"),
+            (&["--size", "5x99999999999"], "a side of 99999999999 pixels"),
+            (&["--size", "640"], "`640` isn't width x height in pixels; write them as 640x360"),
+            (&["--size", "640X360"], "`640X360` isn't width x height"),
+            (&["--size", "640x"], "`640x` isn't width x height"),
+            (&["--size", "-1x5"], "unexpected argument '-1'"),
+            (&["--size=-1x5"], "`-1x5` isn't width x height"),
+            (&["--size", "+1x5"], "`+1x5` isn't width x height"),
+            (&["--size", "1x2x3"], "`1x2x3` isn't width x height"),
+            (&["--samples", "0"], "0 is not in 1.."),
+            (&["--samples", "many"], "invalid digit"),
+            (&["--samples", "4294967296"], "4294967296 is not in 1..=4294967295"),
+            (&["--exposure", "NaN"], "`NaN` isn't a finite number of stops"),
+            (&["--exposure", "-inf"], "`-inf` isn't a finite number of stops"),
+            (&["--exposure", "1e39"], "`1e39` isn't a finite number of stops"),
+            (&["--exposure", "bright"], "`bright` isn't a finite number of stops"),
+            (&["--environment", "no/sky.exr"], "there is no such file"),
+            (&["--environment", "."], "it isn't a file"),
+            (&["--path", "vulcan"], "did you mean `vulkan`?"),
+            (&["--scene", "scene"], "cannot be used with"),
+            (&["--scene", "--all"], "cannot be used with"),
+            (&["--list", "scene"], "cannot be used with"),
+            (&["--all", "scene"], "cannot be used with"),
+        ] {
+            let error = parse(words).expect_err("refused");
+            assert!(error.contains(message), "{words:?}: {error}");
+        }
+    }
+}

@@ -1,0 +1,496 @@
+//! Frames of a project by name, and the command line that renders them.
+//!
+//! A frame is described in Rust, so only a binary of the project can know its frames. A
+//! [`Gallery`] is all that such a binary holds, and `karat render` builds and runs it. Both take
+//! the same arguments, which are defined once, in `arguments.rs`.
+
+mod arguments;
+
+use std::error::Error;
+use std::io::{self, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path as FilePath, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::Parser;
+
+pub use arguments::{ExposureArguments, RenderArguments};
+
+use karat::Frame;
+use karat::Image;
+use karat::Path;
+use karat::diagnostic::{nearest, shown};
+use karat::golden::build_output;
+use karat::image::{ImageError, NonFinite, Precision};
+use karat::output::{Output, Style};
+use karat::path::{self, PathError};
+
+const BAD: Style = Style::BAD;
+const HEAD: Style = Style::HEAD;
+
+/// What a frame is asked for. Each frame interprets it as far as it has a use for it.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct RenderOptions {
+    /// Width and height in pixels, each in 1..=16384; `None`: the frame's own.
+    pub size: Option<(u32, u32)>,
+    /// Samples of what the frame estimates, a pixel or as it defines, at least 1; `None`: the
+    /// frame's own.
+    pub samples: Option<u32>,
+    /// A file of the light around the scene, such as an EXR panorama; it was there when the
+    /// options were read. `None`: the frame's own.
+    pub environment: Option<PathBuf>,
+    /// The path that the frame will be drawn on. It is open.
+    pub path: Path,
+}
+
+impl RenderOptions {
+    /// Leaves all but the path to the frame.
+    #[must_use]
+    pub fn new(path: Path) -> Self {
+        Self { size: None, samples: None, environment: None, path }
+    }
+
+    /// The size that is asked for, or else this one.
+    #[must_use]
+    pub fn size_or(&self, width: u32, height: u32) -> (u32, u32) {
+        self.size.unwrap_or((width, height))
+    }
+
+    /// The number of samples that is asked for, or else this one.
+    #[must_use]
+    pub fn samples_or(&self, samples: u32) -> u32 {
+        self.samples.unwrap_or(samples)
+    }
+}
+
+type Describe = dyn Fn(&RenderOptions) -> Result<Frame<'static>, Box<dyn Error>>;
+
+struct Entry {
+    name: String,
+    about: String,
+    describe: Box<Describe>,
+}
+
+/// The frames of a project, to be rendered from the command line.
+///
+/// ```no_run
+/// // frames/main.rs, a [[bin]] named `gallery`
+/// static SHADERS: karat::Package = karat::package!("shaders");
+///
+/// fn main() -> std::process::ExitCode {
+///     karat_gallery::Gallery::new()
+///         .frame("sky", "the sky at noon", |options| {
+///             let (width, height) = options.size_or(640, 360);
+///             Ok(SHADERS.frame("sky", width, height).fullscreen("vertex", "fragment"))
+///         })
+///         .main()
+/// }
+/// ```
+///
+/// The project names the binary in its Cargo.toml, where `karat render` finds it:
+///
+/// ```toml
+/// [workspace.metadata.karat] # or package.metadata.karat
+/// gallery = "gallery"
+/// ```
+#[derive(Default)]
+#[must_use = "a gallery renders nothing until `.main()`"]
+pub struct Gallery {
+    entries: Vec<Entry>,
+}
+
+/// Why a gallery couldn't do its work. That a frame can't be rendered is not among it.
+#[derive(Debug, thiserror::Error)]
+enum GalleryError {
+    #[error("the gallery has no frame; add one with `.frame(...)`")]
+    Empty,
+    #[error("`{0}` can't name a frame: use letters, digits, `-`, `_` and `/`")]
+    Name(String),
+    #[error("the gallery has two frames `{0}`")]
+    Twice(String),
+    #[error("name a frame, or say --scene or --all; the frames are\n{0}")]
+    NoneNamed(String),
+    #[error("the gallery has no frame `{name}`{}",
+        nearest.as_ref().map_or_else(
+            || format!("; its frames are {}", names.join(", ")),
+            |name| format!("; did you mean `{name}`?"),
+        ))]
+    Unknown { name: String, nearest: Option<String>, names: Vec<String> },
+    #[error("can't write into `{folder}`: {source}")]
+    Out { folder: String, source: io::Error },
+    #[error(transparent)]
+    Path(#[from] PathError),
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    #[error(transparent)]
+    Output(#[from] io::Error),
+}
+
+/// The gallery's own command line.
+#[derive(Parser)]
+#[command(
+    name = "gallery",
+    about = "Renders this project's frames as EXR (linear, 32-bit float) and PNG (to look at).",
+    after_help = "`karat render` builds this program and runs it with the same arguments."
+)]
+struct Standalone {
+    #[command(flatten)]
+    arguments: RenderArguments,
+}
+
+impl Gallery {
+    /// A gallery without frames.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a frame. The first one is the project's scene. `name` is letters, digits, `-`, `_`
+    /// and `/`, and becomes the name of its files; `about` says in one line what the frame shows;
+    /// `describe` is called when it is rendered.
+    pub fn frame(
+        mut self,
+        name: &str,
+        about: &str,
+        describe: impl Fn(&RenderOptions) -> Result<Frame<'static>, Box<dyn Error>> + 'static,
+    ) -> Self {
+        let (name, about) = (name.to_owned(), about.to_owned());
+        self.entries.push(Entry { name, about, describe: Box::new(describe) });
+        self
+    }
+
+    /// Does what the process's arguments say: 0 when all is well, 1 when a frame can't be
+    /// rendered or has values that are not finite, 2 when nothing could be done.
+    #[must_use = "return it from `main`"]
+    pub fn main(self) -> ExitCode {
+        let Standalone { arguments } = Standalone::parse();
+        let (mut out, mut err) = (Output::stdout(), Output::stderr());
+        // What was written is part of the work; that nobody reads it changes nothing.
+        let result = self.run(&arguments, &mut out, &mut err);
+        match result.and_then(|failed| Ok(out.finish().map(|()| failed)?)) {
+            Ok(failed) if failed.is_empty() => ExitCode::SUCCESS,
+            Ok(_) => ExitCode::from(1),
+            Err(error) => {
+                // There is nowhere left to report that stderr is closed.
+                drop(report(&mut err, "", &error));
+                ExitCode::from(2)
+            }
+        }
+    }
+
+    /// The names of the frames that aren't as they should be.
+    fn run(
+        &self,
+        arguments: &RenderArguments,
+        out: &mut dyn Write,
+        err: &mut dyn Write,
+    ) -> Result<Vec<&str>, GalleryError> {
+        self.check_names()?;
+        if arguments.list {
+            write!(out, "{}", self.list(HEAD))?;
+            return Ok(Vec::new());
+        }
+        let selected = self.select(arguments)?;
+        let folder = arguments.out.clone().unwrap_or_else(output);
+        let options = arguments.options(open(arguments.path)?);
+        prepare(&folder).map_err(|source| GalleryError::Out { folder: shown(&folder), source })?;
+        let width = selected.iter().map(|entry| entry.name.len()).max().unwrap_or(0);
+        let mut failed = Vec::new();
+        for entry in &selected {
+            let name = &entry.name;
+            let start = Instant::now();
+            let image = match entry.render(&options) {
+                Ok(image) => image,
+                Err(error) => {
+                    failed.push(name.as_str());
+                    report(err, &format!("frame `{name}` can't be rendered"), &*error)?;
+                    continue;
+                }
+            };
+            let seconds = start.elapsed().as_secs_f64();
+            let exr = folder.join(format!("{name}.exr"));
+            let png = folder.join(format!("{name}.png"));
+            image.write_exr(&exr, Precision::Float, None)?;
+            image.write_png_exposed(&png, arguments.exposure.stops)?;
+            let (size, path) = ((image.width(), image.height()), options.path);
+            writeln!(
+                out,
+                "{HEAD}{name:<width$}{HEAD:#}  {} x {}  {path}  {seconds:.2} s  {}  {}",
+                size.0,
+                size.1,
+                shown(&exr),
+                shown(&png)
+            )?;
+            out.flush()?;
+            if options.size.is_some_and(|asked| asked != size) {
+                writeln!(err, "note: frame `{name}` has a size of its own, whatever --size says")?;
+            }
+            if let NonFinite { nan, infinite, first: Some((column, row)) } = image.non_finite() {
+                failed.push(name);
+                writeln!(
+                    err,
+                    "{BAD}warning{BAD:#}: frame `{name}` has {nan} pixels with NaN and {infinite} \
+                     with infinities, the first one in column {column}, row {row}"
+                )?;
+            }
+        }
+        if !failed.is_empty() && selected.len() > 1 {
+            let (bad, all) = (failed.len(), selected.len());
+            writeln!(err, "{bad} of {all} frames failed: {}", failed.join(", "))?;
+        }
+        Ok(failed)
+    }
+
+    /// Names are file names, and a name means one frame.
+    fn check_names(&self) -> Result<(), GalleryError> {
+        let sound = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
+        for (index, Entry { name, .. }) in self.entries.iter().enumerate() {
+            if !name.split('/').all(|part| !part.is_empty() && part.chars().all(sound)) {
+                return Err(GalleryError::Name(name.clone()));
+            }
+            if self.entries[..index].iter().any(|before| before.name == *name) {
+                return Err(GalleryError::Twice(name.clone()));
+            }
+        }
+        if self.entries.is_empty() { Err(GalleryError::Empty) } else { Ok(()) }
+    }
+
+    /// One line for each frame.
+    fn list(&self, style: Style) -> String {
+        let width = self.entries.iter().map(|entry| entry.name.len()).max().unwrap_or(0);
+        let line = |Entry { name, about, .. }: &Entry| {
+            format!("{style}{name:<width$}{style:#}  {about}").trim_end().to_owned() + "\n"
+        };
+        self.entries.iter().map(line).collect()
+    }
+
+    /// The frames that are asked for, in the gallery's order. Never empty.
+    fn select(&self, arguments: &RenderArguments) -> Result<Vec<&Entry>, GalleryError> {
+        if arguments.all {
+            return Ok(self.entries.iter().collect());
+        }
+        if arguments.scene {
+            return Ok(self.entries.iter().take(1).collect());
+        }
+        if arguments.frames.is_empty() {
+            return Err(GalleryError::NoneNamed(self.list(Style::PLAIN).trim_end().to_owned()));
+        }
+        let mut wanted = vec![false; self.entries.len()];
+        for pattern in &arguments.frames {
+            let glob = glob::Pattern::new(pattern).ok();
+            let mut found = false;
+            for (wanted, Entry { name, .. }) in wanted.iter_mut().zip(&self.entries) {
+                let matches = name == pattern || glob.as_ref().is_some_and(|g| g.matches(name));
+                *wanted |= matches;
+                found |= matches;
+            }
+            if !found {
+                let names: Vec<_> = self.entries.iter().map(|entry| entry.name.clone()).collect();
+                let near = nearest(pattern, names.iter().map(String::as_str)).map(str::to_owned);
+                return Err(GalleryError::Unknown { name: pattern.clone(), nearest: near, names });
+            }
+        }
+        let chosen = self.entries.iter().zip(wanted).filter(|(_, wanted)| *wanted);
+        Ok(chosen.map(|(entry, _)| entry).collect())
+    }
+}
+
+impl Entry {
+    fn render(&self, options: &RenderOptions) -> Result<Image, Box<dyn Error>> {
+        // A panic is about this frame, too: the others are still rendered. The hook has printed
+        // its message.
+        catch_unwind(AssertUnwindSafe(|| Ok((self.describe)(options)?.render(options.path)?)))
+            .unwrap_or_else(|_| Err("it panicked, see above".into()))
+    }
+}
+
+/// The path that is asked for, or the first one of those that checks run on.
+fn open(asked: Option<Path>) -> Result<Path, PathError> {
+    let Some(path) = asked else {
+        let selected = path::selected()?;
+        return Ok(*selected.first().expect("a selection is never empty"));
+    };
+    path::required(path).map(|_| path)
+}
+
+/// Where frames go when nothing else is said: into Cargo's target folder, which it marks for
+/// backup programs, or below the working directory if Cargo didn't build this program.
+fn output() -> PathBuf {
+    build_output().join("karat/frames")
+}
+
+/// Makes the folder and tries to write into it, before minutes go into a frame.
+fn prepare(folder: &FilePath) -> io::Result<()> {
+    std::fs::create_dir_all(folder)?;
+    let probe = folder.join(format!(".karat{}", std::process::id()));
+    std::fs::write(&probe, "")?;
+    std::fs::remove_file(&probe)
+}
+
+/// Prints an error with those of its causes that its own text doesn't tell already.
+fn report(err: &mut dyn Write, what: &str, error: &dyn Error) -> io::Result<()> {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        let reason = error.to_string();
+        if !text.contains(&reason) {
+            text = format!("{text}: {reason}");
+        }
+        cause = error.source();
+    }
+    // A diagnostic has its own head and is shown below.
+    match (what.is_empty(), text.starts_with("error")) {
+        (true, true) => writeln!(err, "{text}"),
+        (true, false) => writeln!(err, "{BAD}error{BAD:#}: {text}"),
+        (false, true) => writeln!(err, "{BAD}error{BAD:#}: {what}\n{text}"),
+        (false, false) => writeln!(err, "{BAD}error{BAD:#}: {what}: {text}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::LazyLock;
+
+    use super::*;
+    use karat::Package;
+
+    static SHADER: LazyLock<Package> = LazyLock::new(|| {
+        let text = "@vertex fn cover(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {\n\
+                        return vec4f(f32(i & 1u) * 4.0 - 1.0, f32(i >> 1u) * 4.0 - 1.0, 1.0, 1.0);\n\
+                    }\n\
+                    @fragment fn grey() -> @location(0) vec4f { return vec4f(0.5); }\n\
+                    @fragment fn hole(@builtin(position) at: vec4f) -> @location(0) vec4f {\n\
+                        let left = u32(at.x) == 0u;\n\
+                        let nan = bitcast<f32>(u32(at.y) | 0x7fc00000u);\n\
+                        return select(vec4f(0.5), vec4f(nan), left);\n\
+                    }\n";
+        Package::from_modules("pictures", [("flat", text)])
+    });
+
+    fn draw(fragment: &str) -> Result<Frame<'static>, Box<dyn Error>> {
+        Ok(SHADER.frame("flat", 2, 3).fullscreen("cover", fragment))
+    }
+
+    #[derive(Debug, thiserror::Error)]
+    #[error("the sky can't be used")]
+    struct Sky {
+        source: io::Error,
+    }
+
+    fn arguments(words: &[&str]) -> RenderArguments {
+        let words = [&["gallery"], words].concat();
+        Standalone::try_parse_from(words).expect("good").arguments
+    }
+
+    /// What a run gives, with both outputs, without their colours.
+    fn run(gallery: &Gallery, words: &[&str]) -> (Result<Vec<String>, String>, String, String) {
+        let text = |bytes: Vec<u8>| {
+            let plain = anstream::adapter::strip_bytes(&bytes).into_vec();
+            String::from_utf8(plain).expect("UTF-8")
+        };
+        let (mut out, mut err) = (Vec::new(), Vec::new());
+        let arguments = arguments(words);
+        let result =
+            gallery.run(&arguments, &mut Output::new(&mut out), &mut Output::new(&mut err));
+        let names = result.map(|names| names.into_iter().map(str::to_owned).collect());
+        (names.map_err(|error| error.to_string()), text(out), text(err))
+    }
+
+    #[test]
+    fn whatever_becomes_of_one_frame_the_others_are_rendered() {
+        let gallery = Gallery::new()
+            .frame("missing", "", |_| draw("gray"))
+            .frame("sky", "", |_| Err(Sky { source: io::Error::other("it is dark") }.into()))
+            .frame("panic", "", |_| panic!("as planted"))
+            .frame("hole", "", |_| draw("hole"))
+            .frame("grey", "", |_| draw("grey"));
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let out = folder.path().to_string_lossy();
+        let (failed, lines, errors) = run(&gallery, &["--all", "--out", &out, "--size=4x4"]);
+        let bad = ["missing", "sky", "panic", "hole"].map(str::to_owned).to_vec();
+        assert_eq!(failed, Ok(bad));
+        assert_eq!(lines.lines().count(), 2, "{lines}");
+        for part in [
+            "error: frame `missing` can't be rendered: module `flat` has no fragment entry point",
+            "error: frame `sky` can't be rendered: the sky can't be used: it is dark\n",
+            "error: frame `panic` can't be rendered: it panicked, see above\n",
+            "note: frame `grey` has a size of its own, whatever --size says\n",
+            "warning: frame `hole` has 3 pixels with NaN and 0 with infinities, the first one in \
+             column 0, row 0\n",
+            "4 of 5 frames failed: missing, sky, panic, hole\n",
+        ] {
+            assert!(errors.contains(part), "no `{part}` in:\n{errors}");
+        }
+        for name in ["hole", "grey"] {
+            let (image, _) = Image::read_exr(&folder.path().join(format!("{name}.exr"))).unwrap();
+            assert_eq!((image.width(), image.height()), (2, 3));
+            assert_eq!(image.pixels()[0][0].is_nan(), name == "hole");
+            assert_eq!(image.pixels()[5], [0.5; 4]);
+            assert!(folder.path().join(format!("{name}.png")).is_file());
+        }
+        let left = std::fs::read_dir(folder.path()).expect("a folder").count();
+        assert_eq!(left, 4, "no probe stays behind");
+    }
+
+    #[test]
+    fn frames_are_selected_by_name_and_glob_in_the_order_of_the_gallery() {
+        let gallery = ["scene", "furnace/rough", "furnace/smooth", "lut"]
+            .iter()
+            .fold(Gallery::new(), |gallery, name| gallery.frame(name, "", |_| draw("grey")));
+        let select = |words: &[&str]| {
+            let selected = gallery.select(&arguments(words));
+            let names = |entries: Vec<&Entry>| entries.iter().map(|e| e.name.clone()).collect();
+            selected.map(names).map_err(|error| error.to_string())
+        };
+        let names = |names: &[&str]| Ok(names.iter().map(|name| (*name).to_owned()).collect());
+        let all: Result<Vec<String>, String> =
+            names(&["scene", "furnace/rough", "furnace/smooth", "lut"]);
+        assert_eq!(select(&["--all"]), all);
+        assert_eq!(select(&["*"]), all);
+        assert_eq!(select(&["--scene"]), names(&["scene"]));
+        assert_eq!(select(&["lut", "scene", "l*"]), names(&["scene", "lut"]));
+        assert_eq!(select(&["furnace/*"]), names(&["furnace/rough", "furnace/smooth"]));
+        let error = "the gallery has no frame `scnee`; did you mean `scene`?";
+        assert_eq!(select(&["scnee"]), Err(error.to_owned()));
+        assert!(select(&["[", "lut"]).is_err_and(|error| error.contains("no frame `[`; its")));
+    }
+
+    #[test]
+    fn a_gallery_that_makes_no_sense_is_an_error() {
+        let frame = |gallery: Gallery, name| gallery.frame(name, "", |_| draw("grey"));
+        let error = |gallery: &Gallery| run(gallery, &["--list"]).0.expect_err("refused");
+        assert!(error(&Gallery::new()).contains("the gallery has no frame; add one"));
+        let twice = frame(frame(Gallery::new(), "a"), "a");
+        assert_eq!(error(&twice), "the gallery has two frames `a`");
+        for name in ["", "a b", "/a", "../a", "a//b", "a.exr", "*"] {
+            let named = frame(Gallery::new(), name);
+            assert!(error(&named).starts_with(&format!("`{name}` can't name a frame")), "{name}");
+        }
+    }
+
+    /// A writer whose reader is gone.
+    struct Closed;
+
+    impl Write for Closed {
+        fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+            Err(io::ErrorKind::BrokenPipe.into())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn frames_are_written_though_nobody_reads_about_them() {
+        let gallery = Gallery::new().frame("grey", "", |_| draw("grey"));
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let out = folder.path().to_string_lossy();
+        let arguments = arguments(&["grey", "--out", &out]);
+        let mut out = Output::new(Closed);
+        let failed = gallery.run(&arguments, &mut out, &mut Vec::new()).expect("it works");
+        out.finish().expect("nobody reads, which is no error");
+        assert!(failed.is_empty() && folder.path().join("grey.exr").is_file());
+    }
+}

@@ -1,0 +1,120 @@
+//! Which parameter of a function a property is about.
+
+use std::fmt;
+
+use super::Failure;
+use super::mismatch::signature;
+use crate::diagnostic::nearest;
+use crate::reflect::Function;
+use crate::value::{Scalar, Shape};
+
+/// A parameter of a WGSL function: by its name, or by its place from 0.
+///
+/// ```
+/// use karat::check::Parameter;
+///
+/// assert_eq!(Parameter::from("alpha").to_string(), "`alpha`");
+/// assert_eq!(Parameter::from(0).to_string(), "argument 0");
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Parameter {
+    /// By the name of the WGSL parameter.
+    Name(String),
+    /// By its place, from 0.
+    Place(usize),
+}
+
+impl From<&str> for Parameter {
+    fn from(name: &str) -> Self {
+        Self::Name(name.to_owned())
+    }
+}
+
+impl From<usize> for Parameter {
+    fn from(place: usize) -> Self {
+        Self::Place(place)
+    }
+}
+
+impl fmt::Display for Parameter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Name(name) => write!(f, "`{name}`"),
+            Self::Place(place) => write!(f, "argument {place}"),
+        }
+    }
+}
+
+/// A parameter that is one number.
+#[derive(Clone, Debug)]
+pub(super) struct ScalarParameter {
+    pub(super) name: String,
+    pub(super) scalar: Scalar,
+    /// Its lane among those of all arguments.
+    pub(super) lane: usize,
+}
+
+impl ScalarParameter {
+    /// The value at a fraction of the way from one to another, and at least one step from it.
+    pub(super) fn between(&self, own: u32, other: u32, fraction: f64) -> u32 {
+        let (from, to) = (self.scalar.decode(own), self.scalar.decode(other));
+        let at = from + fraction * (to - from);
+        match self.scalar {
+            Scalar::F32 => {
+                #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
+                let at = at as f32;
+                let own = f32::from_bits(own);
+                let next = if to > from { own.next_up() } else { own.next_down() };
+                (if at == own { next } else { at }).to_bits()
+            }
+            Scalar::I32 | Scalar::U32 => {
+                let (steps, sign) = ((at - from).abs().round().max(1.0), (to - from).signum());
+                #[expect(clippy::cast_possible_truncation, reason = "between two 32-bit integers")]
+                let moved = (from + sign * steps) as i64;
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "the low 32 bits are the word of either type"
+                )]
+                let word = moved as u32;
+                word
+            }
+            _ => other,
+        }
+    }
+}
+
+impl Parameter {
+    /// Finds the parameter, which has to be a number.
+    pub(super) fn scalar(&self, function: &Function) -> Result<ScalarParameter, Failure> {
+        let parameters = &function.parameters;
+        let names = || parameters.iter().map(|(name, _)| &**name);
+        let place = match self {
+            Self::Name(name) => names().position(|known| known == name),
+            Self::Place(place) => (*place < parameters.len()).then_some(*place),
+        };
+        let Some(place) = place else {
+            let mismatch = match self {
+                Self::Name(name) => {
+                    let hint = nearest(name, names())
+                        .map_or_else(String::new, |name| format!("; did you mean `{name}`?"));
+                    format!("has no parameter `{name}`{hint}")
+                }
+                Self::Place(place) => {
+                    format!("has {} parameters, none at place {place}", parameters.len())
+                }
+            };
+            return Err(signature(function, mismatch));
+        };
+        let (name, shape) = &parameters[place];
+        let scalar = match shape {
+            Shape::Scalar(scalar) if *scalar != Scalar::Bool => *scalar,
+            _ => {
+                let mismatch = format!("has `{name}` of type {shape}, which isn't one number");
+                return Err(signature(function, mismatch));
+            }
+        };
+        let lane = parameters[..place].iter().map(|(_, shape)| shape.lanes().len()).sum();
+        Ok(ScalarParameter { name: name.clone(), scalar, lane })
+    }
+}
