@@ -17,7 +17,7 @@ fn a_constant_environment_is_constant_everywhere() {
         .with("environment", CubeMap::constant(color))
         .with("environment_sampler", Sampler::Linear)
         .over(UnitVector)
-        .tolerance_on(Path::Gl, HALF)
+        .tolerance_on(Path::GL, HALF)
         .agrees_with(move |_: DVec3| color.as_dvec3(), Ulp(2.0));
 }
 
@@ -36,7 +36,7 @@ fn directions_find_the_face_that_webgpu_says() {
         .with("environment", CubeMap::from_texels(size, texels))
         .with("environment_sampler", Sampler::Linear)
         .over(inside)
-        .tolerance_on(Path::Gl, HALF.or(Abs(1e-6)))
+        .tolerance_on(Path::GL, HALF.or(Abs(1e-6)))
         .agrees_with(
             |d: DVec3| {
                 let axis = (0..3).max_by(|a, b| d[*a].abs().total_cmp(&d[*b].abs())).unwrap_or(0);
@@ -64,7 +64,7 @@ fn directions_find_their_texel() {
             .with("environment", cube_map)
             .with("environment_sampler", Sampler::Linear)
             .over(UnitVector)
-            .tolerance_on(Path::Gl, Abs(8e-3))
+            .tolerance_on(Path::GL, Abs(8e-3))
             .agrees_with(|d: DVec3| 0.5 * (d.normalize() + DVec3::ONE), Abs(2.4e-3));
     }
 }
@@ -103,7 +103,7 @@ fn a_texel_is_found_at_its_centre() {
         .with("environment", cube_map)
         .with("environment_sampler", Sampler::Linear)
         .over(OneOf(directions))
-        .tolerance_on(Path::Gl, HALF.or(Abs(1e-6)))
+        .tolerance_on(Path::GL, HALF.or(Abs(1e-6)))
         .agrees_with(
             |d: DVec3| {
                 let point = environment::face_point(d);
@@ -141,7 +141,7 @@ fn radiance_level_inside_faces() {
     });
     noisy()
         .over(domain)
-        .tolerance_on(Path::Gl, FILTER_OF_HALVES)
+        .tolerance_on(Path::GL, FILTER_OF_HALVES)
         .agrees_with(|d: DVec3, level: f64| cube_map.sample_level(d, level).truncate(), FILTER);
 }
 
@@ -161,7 +161,7 @@ fn radiance_level_across_edges() {
     });
     noisy()
         .over((near_edges, -1.0..=6.0))
-        .fails_on(Path::Gl, "wgpu leaves desktop GL's seamless cube maps off: faces are clamped")
+        .fails_on(Path::GL, "wgpu leaves desktop GL's seamless cube maps off: faces are clamped")
         .agrees_with(|d: DVec3, level: f64| cube_map.sample_level(d, level).truncate(), FILTER);
 }
 
@@ -421,7 +421,7 @@ fn a_constant_environment_is_constant_at_every_level() {
         .with("environment", CubeMap::from_fn(16, move |_| color).with_mips())
         .with("environment_sampler", Sampler::Linear)
         .over((UnitVector, 0.0..=5.0))
-        .tolerance_on(Path::Gl, HALF)
+        .tolerance_on(Path::GL, HALF)
         .agrees_with(move |_: DVec3, _: f64| color.as_dvec3(), Ulp(2.0));
 }
 

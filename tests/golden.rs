@@ -34,7 +34,7 @@ fn golden(name: &str) {
         .expect("the frame can be described")
         // The gate alone: lavapipe draws the same everywhere, and mutants are to be seen.
         .tolerance(karat::metric::DEFAULT_RELATIVE)
-        .tolerance_on(Path::Gl, gl_tolerance(name))
+        .tolerance_on(Path::GL, gl_tolerance(name))
         .matches(&GOLDEN, name);
 }
 

@@ -140,17 +140,17 @@ fn they_agree_with_their_twins() {
     in_environment("irradiance::estimate", map.clone())
         .over((UnitVector, Integers(64..=256_u32)))
         .cases(256)
-        .tolerance_on(Path::Gl, EDGES)
+        .tolerance_on(Path::GL, EDGES)
         .agrees_with(|n: DVec3, samples: u32| irradiance::estimate(n, samples, &light), WEIGHTS);
     in_environment("irradiance::loop_corrected", map.clone())
         .over(UnitVector)
         .cases(64)
-        .tolerance_on(Path::Gl, EDGES)
+        .tolerance_on(Path::GL, EDGES)
         .agrees_with(|n: DVec3| irradiance::loop_corrected(n, &light), WEIGHTS);
     in_environment("irradiance::midpoint", map.clone())
         .over((UnitVector, Integers(24..=40_u32), Integers(8..=30_u32)))
         .cases(256)
-        .tolerance_on(Path::Gl, EDGES)
+        .tolerance_on(Path::GL, EDGES)
         .agrees_with(
             |n: DVec3, phi_steps: u32, theta_steps: u32| {
                 irradiance::midpoint(n, phi_steps, theta_steps, &light)
@@ -168,7 +168,7 @@ fn few_steps_agree_with_their_twin() {
     in_environment("irradiance::midpoint", map.clone())
         .over((UnitVector, Integers(1..=4_u32), Integers(1..=4_u32)))
         .cases(4096)
-        .tolerance_on(Path::Gl, Abs(1.6e-2))
+        .tolerance_on(Path::GL, Abs(1.6e-2))
         .agrees_with(
             |n: DVec3, phi_steps: u32, theta_steps: u32| {
                 irradiance::midpoint(n, phi_steps, theta_steps, &light)
@@ -185,12 +185,12 @@ fn few_texels_agree_with_their_twin() {
         in_environment("irradiance::texel_sum", map.clone())
             .over((UnitVector, Just(size)))
             .cases(4096)
-            .tolerance_on(Path::Gl, Abs(5e-4))
+            .tolerance_on(Path::GL, Abs(5e-4))
             .agrees_with(|n: DVec3, size: u32| irradiance::texel_sum(n, size, sky), Abs(2e-6));
         in_environment("irradiance::sh_project", map)
             .over(Just(size))
             .cases(1)
-            .tolerance_on(Path::Gl, Abs(6e-3))
+            .tolerance_on(Path::GL, Abs(6e-3))
             .agrees_with(|size: u32| irradiance::sh_project(size, sky), Abs(2e-5));
     }
 }
@@ -328,7 +328,7 @@ fn filtered_directions_agree_with_their_twin() {
     in_environment("irradiance::filtered_estimate", map.clone())
         .over((UnitVector, Integers(256..=1024_u32), Just(SIZE)))
         .cases(256)
-        .tolerance_on(Path::Gl, Abs(1e-2))
+        .tolerance_on(Path::GL, Abs(1e-2))
         .agrees_with(|n: DVec3, k: u32, size: u32| filtered(n, k, size, &map), Abs(2e-3));
 }
 

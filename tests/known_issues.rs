@@ -10,6 +10,6 @@ fn mix_ends_at_its_second_value() {
     Package::from_modules("blending", [("blending", module)])
         .function("blending::blend")
         .over((1.0..=50.0, 1e-4..=1.0, Just(1.0)))
-        .fails_on(Path::Gl, "Mesa's llvmpipe computes mix as x + (y - x) * a, which cancels")
+        .fails_on(Path::GL, "Mesa's llvmpipe computes mix as x + (y - x) * a, which cancels")
         .agrees_with(|_: f64, y: f64, _: f64| y, Ulp(1.0));
 }

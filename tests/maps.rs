@@ -55,7 +55,7 @@ fn split_sum_fragment() {
             .fullscreen("vertex", "split_sum_fragment")
             .render(path)
             .expect("the table is drawn");
-        let tolerance = if path == Path::Gl { 2e-5 + 0.5_f64.powi(11) } else { 2e-5 };
+        let tolerance = if path == Path::GL { 2e-5 + 0.5_f64.powi(11) } else { 2e-5 };
         let centre = |texel: usize| (texel as f64 + 0.5) / f64::from(SIDE);
         for (index, [r, g, b, a]) in table.pixels().iter().copied().enumerate() {
             let (column, row) = (index % SIDE as usize, index / SIDE as usize);

@@ -117,7 +117,7 @@ fn estimate_of_colours() {
         });
     let cube_map = colours();
     let check = probe("specular::estimate", colours()).over(domain).cases(4096);
-    check.tolerance_on(Path::Gl, COLOUR_OF_HALVES).agrees_with(
+    check.tolerance_on(Path::GL, COLOUR_OF_HALVES).agrees_with(
         |f0: DVec3, alpha: f64, n: DVec3, v: DVec3, samples: u32| {
             specular::estimate(f0, alpha, n, v, samples, |d| from(&cube_map)(d, 0.0))
         },
@@ -142,7 +142,7 @@ fn filtered_estimate_of_colours() {
         });
     let cube_map = colours();
     let check = probe("specular::filtered_estimate", colours()).over(domain).cases(1024);
-    check.tolerance_on(Path::Gl, Abs(2.0 * (3.0 / 512.0 / 2.0 + 2.5e-4))).agrees_with(
+    check.tolerance_on(Path::GL, Abs(2.0 * (3.0 / 512.0 / 2.0 + 2.5e-4))).agrees_with(
         |f0: DVec3, alpha: f64, n: DVec3, v: DVec3, samples: u32, size: u32| {
             specular::filtered_estimate(f0, alpha, n, v, samples, size, from(&cube_map))
         },
@@ -240,7 +240,7 @@ fn prefiltered() {
     );
     let cube_map = colours();
     let check = probe("specular::prefiltered", colours()).over(domain).cases(4096);
-    check.tolerance_on(Path::Gl, COLOUR_OF_HALVES).agrees_with(
+    check.tolerance_on(Path::GL, COLOUR_OF_HALVES).agrees_with(
         |alpha: f64, r: DVec3, samples: u32| {
             specular::prefiltered(alpha, r, samples, |d| from(&cube_map)(d, 0.0))
         },

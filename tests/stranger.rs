@@ -179,7 +179,17 @@ fn karat() -> PathBuf {
         Some(name) => name,
     };
     let status = Command::new(cargo())
-        .args(["build", "--offline", "--quiet", "--package", "karat-cli", "--bin", "karat", "--profile", profile])
+        .args([
+            "build",
+            "--offline",
+            "--quiet",
+            "--package",
+            "karat-cli",
+            "--bin",
+            "karat",
+            "--profile",
+            profile,
+        ])
         .arg("--target-dir")
         .arg(folder.parent().expect("in the folder of output"))
         .current_dir(repository())

@@ -54,8 +54,8 @@ pub use verdict::{Agreement, Failure};
 use crate::domain::{Domain, Typed};
 use crate::fixture::{Fixture, Fixtures};
 use crate::package::Package;
-use crate::path::Path;
-use crate::probe::Inputs;
+use crate::path::{self, PathError, Selector};
+use crate::probe::{Executor, Inputs};
 use crate::tolerance::Tolerance;
 use crate::value::Arguments;
 
@@ -85,12 +85,15 @@ pub struct Probe<'a> {
     fixtures: Fixtures,
     /// Where arguments come from; none: from a storage buffer.
     inputs: Vec<Inputs>,
+    /// What runs it; none: what the environment selects.
+    executors: Vec<&'a dyn Executor>,
 }
 
 impl Package {
     /// Selects a function by its path: `module::name`, or `name` in a package of one module.
     pub fn function(&self, path: &str) -> Probe<'_> {
-        Probe { package: self, path: path.to_owned(), fixtures: Vec::new(), inputs: Vec::new() }
+        let (fixtures, inputs, executors) = Default::default();
+        Probe { package: self, path: path.to_owned(), fixtures, inputs, executors }
     }
 }
 
@@ -99,6 +102,22 @@ impl<'a> Probe<'a> {
     pub fn with(mut self, name: &str, fixture: impl Into<Fixture>) -> Self {
         self.fixtures.push((name.to_owned(), fixture.into()));
         self
+    }
+
+    /// Runs the function on this executor, and on others that are added in the same way, instead of
+    /// those that the environment selects. What a verb takes beside the function, such as the density
+    /// of a sampler, runs there, too.
+    pub fn on(mut self, executor: &'a dyn Executor) -> Self {
+        self.executors.push(executor);
+        self
+    }
+
+    /// What runs the function. Never empty.
+    fn executors(&self) -> Result<Vec<&'a dyn Executor>, PathError> {
+        if !self.executors.is_empty() {
+            return Ok(self.executors.clone());
+        }
+        Ok(path::devices()?.into_iter().map(|device| device as &dyn Executor).collect())
     }
 
     /// Chooses the arguments: one domain for a function of one parameter, a tuple of domains for
@@ -137,8 +156,9 @@ where
         self
     }
 
-    /// Sets another tolerance for one path, whose driver or formats are less exact. The verb's own
-    /// tolerance remains that of the others.
+    /// Sets another tolerance for paths whose driver or formats are less exact: `Path::GL`,
+    /// `"vulkan@nvidia"`, `"@llvmpipe"`, as [`Selector`] tells. The verb's own tolerance remains that
+    /// of the others.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -149,11 +169,15 @@ where
     ///     .with("environment", CubeMap::constant(glam::Vec3::Z))
     ///     .with("environment_sampler", Sampler::Linear)
     ///     .over(UnitVector)
-    ///     .tolerance_on(Path::Gl, Rel(4.9e-4)) // filters half floats
+    ///     .tolerance_on(Path::GL, Rel(4.9e-4)) // filters half floats
     ///     .agrees_with(blue, Ulp(2.0));
     /// ```
-    pub fn tolerance_on(mut self, path: Path, tolerance: impl Into<Tolerance>) -> Self {
-        self.plan.tolerance_on.push((path, tolerance.into()));
+    pub fn tolerance_on(
+        mut self,
+        on: impl Into<Selector>,
+        tolerance: impl Into<Tolerance>,
+    ) -> Self {
+        self.plan.tolerance_on.declare(on.into(), tolerance.into());
         self
     }
 
@@ -163,8 +187,8 @@ where
     /// declaration is removed. Whatever else fails there is declared with it: for lost digits
     /// [`tolerance_on`](Self::tolerance_on) says more. Other paths are judged as ever. `karat test` counts the check as a
     /// known issue, never as one that passes.
-    pub fn fails_on(mut self, path: Path, reason: &str) -> Self {
-        self.plan.known_issues.declare(path, reason);
+    pub fn fails_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
+        self.plan.known_issues.declare(on.into(), reason);
         self
     }
 

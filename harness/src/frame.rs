@@ -20,7 +20,7 @@ use crate::golden::{FrameMargin, FrameTolerance, GoldenError};
 use crate::image::Image;
 use crate::metric::{Mask, MaskError, Rect};
 use crate::package::Package;
-use crate::path::{self, Adapter, Path, PathError};
+use crate::path::{self, Adapter, Path, PathError, Selected, Selector};
 use crate::record::Verdict;
 use crate::reflect::{ReflectError, Stage};
 use crate::run::{Concluded, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passed, Passes};
@@ -61,8 +61,7 @@ pub struct Frame<'a> {
     blend: Blend,
     /// `None`: the default for the golden and the adapter.
     tolerance: Option<FrameTolerance>,
-    tolerance_on: Vec<(Path, FrameTolerance)>,
-    tolerance_for: Vec<(String, FrameTolerance)>,
+    tolerance_on: Selected<FrameTolerance>,
     mask: Option<Mask>,
     variance: Option<Image>,
     facts: BTreeMap<String, String>,
@@ -119,12 +118,6 @@ pub enum FrameError {
     /// A name that no arbitrary output variable can have.
     #[error("`{0}` can't name an AOV: {1}")]
     Aov(String, &'static str),
-    /// A tolerance for a profile that can't be.
-    #[error(
-        "there is no profile `{0}`: it is a path and a family of drivers, `gl-llvmpipe`, as \
-         `karat doctor` tells"
-    )]
-    Profile(String),
     /// The mean of a rectangle is off.
     #[error(
         "on {adapter}\nthe mean of {rect} is {mean:?}, expected {expected:?}: {worst}, {} times what \
@@ -161,7 +154,7 @@ pub enum FrameError {
     },
     /// A path is declared to fail, and nobody says why.
     #[error("the frame is declared to fail on {0} without a reason: name the bug")]
-    UnexplainedIssue(Path),
+    UnexplainedIssue(Selector),
     /// A side of 0 pixels, or more than the device can draw.
     #[error("the frame is {width} x {height}; path `{path}` draws 1 to {limit} pixels a side")]
     Size {
@@ -250,8 +243,7 @@ impl Package {
             prepass: false,
             blend: Blend::Replace,
             tolerance: None,
-            tolerance_on: Vec::new(),
-            tolerance_for: Vec::new(),
+            tolerance_on: Selected::default(),
             mask: None,
             variance: None,
             facts: BTreeMap::new(),
@@ -312,35 +304,24 @@ impl Frame<'_> {
         self
     }
 
-    /// Sets the largest relative difference of a channel from the golden: the gate alone decides,
-    /// without outliers. See [`within`](Self::within) for more, and for what holds without either.
-    pub fn tolerance(self, relative: f32) -> Self {
-        self.within(FrameTolerance::gate(relative))
-    }
-
-    /// Sets another relative difference for one path, whose driver or formats the golden wasn't
-    /// made on.
-    pub fn tolerance_on(self, path: Path, relative: f32) -> Self {
-        self.within_on(path, FrameTolerance::gate(relative))
-    }
-
-    /// Sets what the frame may differ by (default: [`FrameTolerance::standard`], where a frame
-    /// that fails the gate of 1e-3 still passes if HDR-FLIP sees next to nothing of it).
-    pub fn within(mut self, tolerance: impl Into<FrameTolerance>) -> Self {
+    /// Sets what the frame may differ by: a [`FrameTolerance`], or a number, the largest relative
+    /// difference of a channel, with the gate alone and without outliers.
+    ///
+    /// The default is [`FrameTolerance::standard`], where a frame that fails the gate of 1e-3 still
+    /// passes if HDR-FLIP sees next to nothing of it.
+    pub fn tolerance(mut self, tolerance: impl Into<FrameTolerance>) -> Self {
         self.tolerance = Some(tolerance.into());
         self
     }
 
-    /// Sets what the frame may differ by on one path.
-    pub fn within_on(mut self, path: Path, tolerance: impl Into<FrameTolerance>) -> Self {
-        self.tolerance_on.push((path, tolerance.into()));
-        self
-    }
-
-    /// Sets what the frame may differ by on one [`Profile`](crate::Profile), before what holds on its
-    /// path: `vulkan-nvidia`.
-    pub fn within_for(mut self, profile: &str, tolerance: impl Into<FrameTolerance>) -> Self {
-        self.tolerance_for.push((profile.to_owned(), tolerance.into()));
+    /// Sets what the frame may differ by on paths whose driver or formats the golden wasn't made on:
+    /// `Path::GL`, `"vulkan@nvidia"`, `"@llvmpipe"`, as [`Selector`] tells.
+    pub fn tolerance_on(
+        mut self,
+        on: impl Into<Selector>,
+        tolerance: impl Into<FrameTolerance>,
+    ) -> Self {
+        self.tolerance_on.declare(on.into(), tolerance.into());
         self
     }
 
@@ -377,8 +358,8 @@ impl Frame<'_> {
 
     /// Declares that the frame differs from its golden on a path, and why: a driver's bug by its
     /// number. A frame that matches there after all fails, until the declaration is removed.
-    pub fn fails_on(mut self, path: Path, reason: &str) -> Self {
-        self.known_issues.declare(path, reason);
+    pub fn fails_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
+        self.known_issues.declare(on.into(), reason);
         self
     }
 

@@ -5,97 +5,69 @@
 //! check runs on is read from the environment:
 //!
 //! - `KARAT_PATHS`: `vulkan`, `vulkan,gl`, ..., or `all` available ones. Unset: the first that
-//!   opens. A path listed by name must open, and is named once.
+//!   opens. A path listed by name must open, and is named once. `vulkan@llvmpipe` names a driver, so
+//!   that several of one API run in one process.
 //! - `KARAT_REQUIRE`: paths that must have run; one that doesn't open is an error.
 //! - `KARAT_ADAPTER`: part of an adapter's name, to choose among several.
 //! - `KARAT_DEADLINE`: seconds that a shader may take before the process gives up (default 60).
 
 mod deadline;
 mod device;
+mod driver;
+mod name;
+mod selector;
 
-use std::fmt;
-use std::str::FromStr;
-use std::sync::OnceLock;
+use std::collections::BTreeMap;
+use std::sync::{Mutex, OnceLock};
 
 pub(crate) use deadline::{Guard, guard};
 pub(crate) use device::{Device, MOST_ROUNDS, Turn};
+pub use driver::Adapter;
+pub use name::{Api, Path, Via};
+pub(crate) use selector::Selected;
+pub use selector::Selector;
 
-use crate::diagnostic::nearest;
 use crate::settings::{self, SettingsError};
-
-/// An execution path.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[non_exhaustive]
-pub enum Path {
-    /// WGSL to SPIR-V, on Vulkan.
-    Vulkan,
-    /// WGSL to MSL, on Metal.
-    Metal,
-    /// WGSL to HLSL, on Direct3D 12.
-    Dx12,
-    /// WGSL to GLSL, on OpenGL or OpenGL ES.
-    Gl,
-}
-
-impl Path {
-    /// All paths, in the order in which a default is looked for.
-    pub const ALL: [Self; 4] = [Self::Vulkan, Self::Metal, Self::Dx12, Self::Gl];
-
-    /// The name used on the command line and in the environment.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Vulkan => "vulkan",
-            Self::Metal => "metal",
-            Self::Dx12 => "dx12",
-            Self::Gl => "gl",
-        }
-    }
-
-    /// Whether this platform can have the path at all.
-    #[must_use]
-    pub fn exists(self) -> bool {
-        wgpu::Instance::enabled_backend_features().contains(self.backends())
-    }
-
-    fn backends(self) -> wgpu::Backends {
-        match self {
-            Self::Vulkan => wgpu::Backends::VULKAN,
-            Self::Metal => wgpu::Backends::METAL,
-            Self::Dx12 => wgpu::Backends::DX12,
-            Self::Gl => wgpu::Backends::GL,
-        }
-    }
-}
-
-impl fmt::Display for Path {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
-    }
-}
-
-impl FromStr for Path {
-    type Err = PathError;
-
-    fn from_str(name: &str) -> Result<Self, PathError> {
-        Self::ALL.into_iter().find(|path| path.name() == name).ok_or_else(|| PathError::Unknown {
-            name: name.to_owned(),
-            nearest: nearest(name, Self::ALL.map(Self::name)).map(str::to_owned),
-        })
-    }
-}
 
 /// Why a path can't be used.
 #[derive(Clone, Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PathError {
     /// No path of this name.
-    #[error("there is no execution path `{name}`; the paths are vulkan, metal, dx12 and gl{}",
-        nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
+    #[error("there is no execution path `{name}`; a path is vulkan, metal, dx12, gl or cpu{}",
+        guess(nearest.as_deref()))]
     Unknown {
         /// What was asked for.
         name: String,
         /// The closest path.
+        nearest: Option<String>,
+    },
+    /// No route of this name.
+    #[error(
+        "execution path `{name}` has no route `{via}`; the routes are wgsl, spirv, glsl, hlsl and \
+         msl{}",
+        guess(nearest.as_deref())
+    )]
+    UnknownVia {
+        /// What was asked for.
+        name: String,
+        /// What should be a route.
+        via: String,
+        /// The closest route.
+        nearest: Option<String>,
+    },
+    /// No family of drivers.
+    #[error(
+        "execution path `{name}` names no family of drivers: `{driver}` isn't small letters and \
+         digits{}",
+        guess(nearest.as_deref())
+    )]
+    UnknownDriver {
+        /// What was asked for.
+        name: String,
+        /// What should be a family.
+        driver: String,
+        /// The closest family.
         nearest: Option<String>,
     },
     /// A path is named twice.
@@ -149,33 +121,20 @@ pub enum PathError {
     },
 }
 
-/// An opened path, as reported with each verdict.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct Adapter {
-    /// Name of the path.
-    pub path: String,
-    /// Name of the adapter: `llvmpipe (LLVM 15.0.6, 256 bits)`.
-    pub name: String,
-    /// Driver and version: `llvmpipe Mesa 22.3.6`.
-    pub driver: String,
-    /// Whether it is a software rasteriser.
-    pub software: bool,
+fn guess(nearest: Option<&str>) -> String {
+    nearest.map_or_else(String::new, |name| format!("; did you mean `{name}`?"))
 }
 
-impl fmt::Display for Adapter {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.path, self.name)?;
-        if self.driver.is_empty() { Ok(()) } else { write!(f, ", {}", self.driver) }
-    }
-}
-
-/// Opens a path, once a process.
+/// Opens a path, once a process. Others may be opened meanwhile.
 pub(crate) fn open(path: Path) -> Result<&'static Device, PathError> {
+    type Opened = OnceLock<Result<Device, PathError>>;
+    static DEVICES: Mutex<BTreeMap<Path, &'static Opened>> = Mutex::new(BTreeMap::new());
     settings::current()?;
-    static DEVICES: [OnceLock<Result<Device, PathError>>; Path::ALL.len()] =
-        [const { OnceLock::new() }; Path::ALL.len()];
-    let index = Path::ALL.iter().position(|known| *known == path).expect("ALL holds each path");
-    DEVICES[index].get_or_init(|| Device::open(path)).as_ref().map_err(Clone::clone)
+    let opened: &'static Opened = {
+        let mut devices = DEVICES.lock().expect("no thread panics while it holds the lock");
+        devices.entry(path).or_insert_with(|| Box::leak(Box::default()))
+    };
+    opened.get_or_init(|| Device::open(path)).as_ref().map_err(Clone::clone)
 }
 
 /// The adapter of a path.
@@ -238,7 +197,7 @@ fn select(paths: Option<&str>, required: Option<&str>) -> Result<Vec<&'static De
     if devices.is_empty() {
         let reasons = Path::ALL
             .iter()
-            .filter(|path| path.exists())
+            .filter(|path| device::exists(**path))
             .filter_map(|path| open(*path).err().map(|error| error.to_string()))
             .collect();
         return Err(PathError::None { reasons });
@@ -267,20 +226,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn unknown_paths_are_named_with_the_nearest() {
-        let error = "vulcan".parse::<Path>().expect_err("no such path");
-        assert_eq!(
-            error.to_string(),
-            "there is no execution path `vulcan`; the paths are vulkan, metal, dx12 and gl; did \
-             you mean `vulkan`?"
-        );
-        assert!(matches!(select(Some("vulkan,opengl"), None), Err(PathError::Unknown { .. })));
-    }
-
-    #[test]
     fn lists_are_read_whole() {
         let names = |names: &str| list("KARAT_PATHS", names);
-        assert_eq!(names("gl, vulkan").ok(), Some(vec![Path::Gl, Path::Vulkan]));
+        assert_eq!(names("gl, vulkan").ok(), Some(vec![Path::GL, Path::VULKAN]));
         assert_eq!(names("all").ok(), Some(Vec::new()));
         for (wrong, message) in [
             ("gl,gl", "KARAT_PATHS=gl,gl names `gl` twice"),
@@ -290,7 +238,9 @@ mod tests {
             let error = names(wrong).expect_err(wrong).to_string();
             assert!(error.starts_with(message), "{error}");
         }
-        assert!(matches!(select(Some("all,vulcan"), None), Err(PathError::Unknown { .. })));
+        for names in ["all,vulcan", "vulkan,opengl"] {
+            assert!(matches!(select(Some(names), None), Err(PathError::Unknown { .. })));
+        }
     }
 
     /// A list is every path that it names, in one order, however they are listed.
@@ -314,5 +264,26 @@ mod tests {
         let error = select(Some("all"), Some(foreign)).expect_err("not on this platform");
         assert!(matches!(error, PathError::Required { .. }), "{error}");
         assert!(select(Some(foreign), None).is_err(), "a path listed by name must open");
+    }
+
+    /// A path by its driver is an adapter of that family, beside the others of its API; a route or a
+    /// driver that isn't there is an error, and never another one.
+    #[test]
+    fn a_path_is_of_the_driver_that_it_names() {
+        let here = Path::ALL.into_iter().filter_map(|path| open(path).ok());
+        for device in here {
+            let family = device.adapter().family();
+            let named: Path = format!("{}@{family}", device.path()).parse().expect("a family");
+            let same = open(named).expect("it is here");
+            assert_eq!(same.adapter().name, device.adapter().name);
+            assert_eq!(same.adapter().path, named.to_string());
+            let nobody: Path = format!("{}@nobody", device.path()).parse().expect("a name");
+            let error = open(nobody).expect_err("no such driver").to_string();
+            assert!(error.contains("no adapter of the family `nobody`"), "{error}");
+            let route: Path = format!("{}:wgsl", device.path()).parse().expect("a route");
+            assert!(open(route).is_err(), "{route}");
+        }
+        let error = open(Path::CPU).expect_err("there is no engine").to_string();
+        assert!(error.contains("`cpu` is unavailable"), "{error}");
     }
 }

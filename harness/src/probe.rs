@@ -2,16 +2,21 @@
 //!
 //! The kernel is ordinary WGSL (`karat show` prints it). Results are poisoned before a dispatch
 //! and each invocation writes back a canary that only this dispatch knows, so a kernel that
-//! doesn't run, or runs on other data, is an error and never a verdict.
+//! doesn't run, or runs on other data, is an error and never a verdict. What runs it is an
+//! [`Executor`].
 
+mod executor;
 mod inputs;
 mod kernel;
 mod rounds;
 mod runner;
+mod upload;
 
+pub use executor::{Call, Executor, Prepared, Started};
 pub use inputs::Inputs;
 pub(crate) use kernel::{CONSTANTS, Kernel};
-pub(crate) use runner::{BATCH, Dispatch, Runner};
+pub(crate) use runner::BATCH;
+pub(crate) use upload::{Resource, upload};
 
 use std::sync::Arc;
 
@@ -171,26 +176,16 @@ pub enum ProbeError {
 /// # Errors
 /// If the path doesn't open, a fixture is missing, or the kernel gives no results.
 pub fn call(probed: &Probed, path: Path, cases: &[Vec<u32>]) -> Result<Vec<Vec<u32>>, ProbeError> {
-    let device = crate::path::open(path)?;
-    let runner = Runner::new(device, probed, &Vec::new(), cases.len().min(BATCH))?;
+    let fixtures = Vec::new();
+    let call = Call { probed, fixtures: &fixtures, cases: cases.len().min(BATCH) };
+    let prepared = crate::path::open(path)?.prepare(&call)?;
+    let width = probed.function.result.lanes().len();
     let mut results = Vec::with_capacity(cases.len());
-    for (number, batch) in (1..).zip(cases.chunks(runner.capacity())) {
-        let canary = canary(0, number);
-        let dispatch = runner.dispatch(batch.len(), &batch.concat(), canary)?;
-        runner.read(dispatch, |words| {
-            let stride = runner.stride_out();
-            results.extend(words.chunks_exact(stride).map(|case| case[..stride - 1].to_vec()));
-        })?;
+    for batch in cases.chunks(prepared.capacity()) {
+        let words = prepared.start(batch.len(), &batch.concat())?()?;
+        results.extend(words.chunks_exact(width).map(<[u32]>::to_vec));
     }
     Ok(results)
-}
-
-/// A word that another dispatch of the process writes back by chance only, once in 2^32.
-pub(crate) fn canary(seed: u64, number: u64) -> u32 {
-    use std::sync::atomic::{AtomicU64, Ordering};
-    static DISPATCHES: AtomicU64 = AtomicU64::new(0);
-    let unique = DISPATCHES.fetch_add(1, Ordering::Relaxed);
-    crate::domain::Source::new(seed ^ number, unique).bits()
 }
 
 /// The shapes of a function's parameters.

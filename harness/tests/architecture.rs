@@ -189,7 +189,10 @@ fn modules_use_only_what_is_below_them() {
     for (module, names) in modules() {
         let place = ORDER.iter().position(|name| *name == module).expect("it has a place");
         for above in &ORDER[place + 1..] {
-            assert!(!names.modules.contains(*above), "`{module}` uses `{above}`, which is above it");
+            assert!(
+                !names.modules.contains(*above),
+                "`{module}` uses `{above}`, which is above it"
+            );
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3, Vec4};
 use karat::frame::{FrameError, Mesh};
-use karat::golden::{FrameTolerance, GoldenError, Profile, Provenance};
+use karat::golden::{FrameTolerance, GoldenError, Provenance};
 use karat::image::{ExrFile, Precision};
 use karat::metric::Rect;
 use karat::prelude::*;
@@ -124,41 +124,41 @@ fn the_mean_of_a_rectangle_is_what_is_expected() {
     assert!(matches!(error, Err(FrameError::Mean { .. })), "{error:?}");
 }
 
-/// Profiles of the paths that open.
-fn profiles() -> Vec<(Path, String)> {
+/// The paths that open, each with the selector of its driver there: `gl@llvmpipe`.
+fn drivers() -> Vec<(Path, String)> {
     let adapters =
         Path::ALL.into_iter().filter_map(|path| Some((path, karat::path::adapter(path).ok()?)));
-    adapters.map(|(path, adapter)| (path, Profile::of(&adapter).to_string())).collect()
+    adapters.map(|(path, adapter)| (path, format!("{path}@{}", adapter.family()))).collect()
 }
 
-/// What holds on a profile comes before what holds on its path, and that before the rest.
+/// What holds for a driver comes before what holds on its path, and that before the rest.
 #[test]
 fn the_most_particular_tolerance_holds() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let goldens = Goldens::open(folder.path());
     let package = Package::from_source("frame", SHADER);
     let frame = || package.frame("", 4, 4).mesh("vertex", "attributes", triangle(), 1);
-    let mut golden = frame().render(profiles()[0].0).expect("drawn");
+    let mut golden = frame().render(drivers()[0].0).expect("drawn");
     golden.pixels_mut()[3][1] *= 1.01;
     golden.write_exr(&folder.path().join("near.exr"), Precision::Float, None).expect("written");
     let (tight, wide) = (|| FrameTolerance::gate(1e-3), || FrameTolerance::gate(0.02));
-    let on = |frame: Frame<'_>, path: Option<f32>, profile: Option<f32>| {
-        let all = profiles().into_iter().fold(frame, |frame, (on, name)| {
+    let on = |frame: Frame<'_>, path: Option<f32>, driver: Option<f32>| {
+        let all = drivers().into_iter().fold(frame, |frame, (on, name)| {
             let frame = path.iter().fold(frame, |frame, bound| frame.tolerance_on(on, *bound));
-            profile
-                .iter()
-                .fold(frame, |frame, bound| frame.within_for(&name, FrameTolerance::gate(*bound)))
+            driver.iter().fold(frame, |frame, bound| frame.tolerance_on(&*name, *bound))
         });
         all.try_matches(&goldens, "near").map(|agreement| agreement.paths.len())
     };
-    on(frame().within(tight()), None, None).expect_err("a hundredth off");
-    on(frame().within(tight()), Some(0.02), None).expect("allowed on the path");
-    on(frame().within(tight()), Some(1e-3), Some(0.02)).expect("allowed on the profile");
-    on(frame().within(wide()), Some(0.02), Some(1e-3)).expect_err("not on the profile");
-    let elsewhere = frame().within(tight()).within_for("gl-nobody", wide());
-    on(elsewhere, None, None).expect_err("of no profile here");
-    let error = on(frame().within_for("llvmpipe", wide()), None, None).expect_err("no profile");
-    assert!(error.to_string().contains("there is no profile `llvmpipe`"), "{error}");
+    on(frame().tolerance(tight()), None, None).expect_err("a hundredth off");
+    on(frame().tolerance(tight()), Some(0.02), None).expect("allowed on the path");
+    on(frame().tolerance(tight()), Some(1e-3), Some(0.02)).expect("allowed for the driver");
+    on(frame().tolerance(wide()), Some(0.02), Some(1e-3)).expect_err("not for the driver");
+    let elsewhere = frame().tolerance(tight()).tolerance_on("gl@nobody", wide());
+    on(elsewhere, None, None).expect_err("of no driver here");
+    let error = on(frame().tolerance_on("llvmpipe", wide()), None, None).expect_err("no path");
+    assert!(error.to_string().contains("there is no execution path `llvmpipe`"), "{error}");
+    let error = on(frame().fails_on("vulcan", "a bug"), None, None).expect_err("no path");
+    assert!(error.to_string().contains("did you mean `vulkan`?"), "{error}");
     let error = on(frame(), None, Some(f32::NAN)).expect_err("no bound");
     assert!(matches!(error, FrameError::Tolerance(_)), "{error}");
 }

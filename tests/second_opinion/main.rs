@@ -149,7 +149,7 @@ struct Exhibit {
 impl Exhibit {
     /// wgpu's desktop GL doesn't filter across the edges of cube-map faces.
     fn is_seamless(&self) -> bool {
-        self.path != Some(Path::Gl)
+        self.path != Some(Path::GL)
     }
 
     /// By how much a value may be off that is computed from the same samples.

@@ -193,13 +193,13 @@ mod tests {
         let arguments = parse(&words).expect("good");
         assert_eq!(arguments.frames, ["a", "b"]);
         assert_eq!(arguments.exposure.stops, -2.0);
-        let options = arguments.options(Path::Gl);
+        let options = arguments.options(Path::GL);
         assert_eq!((options.size_or(9, 9), options.samples_or(9)), ((3, 2), 7));
-        assert_eq!((arguments.path, options.path), (Some(Path::Gl), Path::Gl));
+        assert_eq!((arguments.path, options.path), (Some(Path::GL), Path::GL));
         let folder = |arguments: RenderArguments| arguments.out_or("default".into()).out;
         assert_eq!(folder(arguments), Some("default".into()));
         assert_eq!(folder(parse(&["--out", "own"]).expect("good")), Some("own".into()));
-        let options = RenderOptions::new(Path::Gl);
+        let options = RenderOptions::new(Path::GL);
         assert_eq!((options.size_or(9, 8), options.samples_or(5)), ((9, 8), 5));
     }
 

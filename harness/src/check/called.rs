@@ -1,11 +1,11 @@
-//! A function on its execution paths: calls by rows of words, with no cases and no verdict.
+//! A function on its executors: calls by rows of words, with no cases and no verdict.
 
 use super::Failure;
 use super::mismatch::signature;
 use crate::fixture::Fixtures;
 use crate::package::Package;
-use crate::path;
-use crate::probe::{self, BATCH, Dispatch, Inputs, Probed, Runner};
+use crate::path::{Adapter, Path};
+use crate::probe::{self, BATCH, Call, Executor, Inputs, Prepared, ProbeError, Probed, Started};
 use crate::reflect::Function;
 use crate::tolerance::Tolerance;
 use crate::value::{Scalar, Shape};
@@ -39,28 +39,88 @@ impl Fitting {
         Err(signature(&probed.function, mismatch))
     }
 
-    /// Compiles it on each selected path, with room for so many calls in a dispatch.
-    pub(super) fn on_paths(self, fixtures: &Fixtures, calls: usize) -> Result<Called, Failure> {
+    /// Gets it ready on each executor, with room for so many calls in a batch.
+    pub(super) fn on<'e>(
+        self,
+        executors: &[&'e dyn Executor],
+        fixtures: &Fixtures,
+        calls: usize,
+    ) -> Result<Called<'e>, Failure> {
         let Self(probed) = self;
         let words = probe::parameter_shapes(&probed.function);
         let words = words.into_iter().map(|shape| shape.lanes().len()).sum();
-        let runners = path::devices()?
-            .into_iter()
-            .map(|device| Runner::new(device, &probed, fixtures, calls))
-            .collect::<Result<_, _>>()?;
-        Ok(Called { probed, runners, words })
+        let width = probed.function.result.lanes().len();
+        let call = Call { probed: &probed, fixtures, cases: calls };
+        let ready = |executor: &&'e dyn Executor| {
+            let prepared = executor.prepare(&call)?;
+            Ok(Ready { path: executor.path(), adapter: executor.adapter(), prepared, width })
+        };
+        let ready = executors.iter().map(ready).collect::<Result<_, ProbeError>>()?;
+        Ok(Called { probed, ready, words })
     }
 }
 
-/// A function that can be called on each selected path.
-pub(super) struct Called {
+/// A function that can be called on each executor.
+pub(super) struct Called<'e> {
     pub(super) probed: Probed,
-    pub(super) runners: Vec<Runner>,
+    pub(super) ready: Vec<Ready<'e>>,
     /// Words of all arguments.
     pub(super) words: usize,
 }
 
-/// The results of one dispatch on one path.
+/// A function on one executor.
+pub(super) struct Ready<'e> {
+    pub(super) path: Path,
+    pub(super) adapter: Adapter,
+    prepared: Box<dyn Prepared + 'e>,
+    /// Words of a result.
+    width: usize,
+}
+
+impl Ready<'_> {
+    /// Calls of one batch.
+    pub(super) fn capacity(&self) -> usize {
+        self.prepared.capacity().max(1)
+    }
+
+    pub(super) fn reads_half_floats(&self) -> bool {
+        self.prepared.reads_half_floats()
+    }
+
+    /// Starts calls, whose arguments follow one another in `rows`.
+    pub(super) fn start(&self, rows: &[u32], calls: usize) -> Result<Running<'_>, Failure> {
+        let started = self.prepared.start(calls, rows)?;
+        Ok(Running { started, calls, width: self.width })
+    }
+}
+
+/// Calls that run on one executor.
+#[must_use]
+pub(super) struct Running<'p> {
+    started: Started<'p>,
+    calls: usize,
+    width: usize,
+}
+
+impl Running<'_> {
+    /// Waits for the results of each executor.
+    pub(super) fn read_all(running: Vec<Self>) -> Result<Vec<Results>, Failure> {
+        running.into_iter().map(Self::read).collect()
+    }
+
+    /// Waits for the results.
+    pub(super) fn read(self) -> Result<Results, Failure> {
+        let Self { started, calls, width } = self;
+        let words = started()?;
+        let (expected, found) = (calls * width, words.len());
+        if found != expected {
+            return Err(ProbeError::Length { expected, found }.into());
+        }
+        Ok(Results { words, stride: width })
+    }
+}
+
+/// The results of one batch on one executor.
 pub(super) struct Results {
     pub(super) words: Vec<u32>,
     pub(super) stride: usize,
@@ -69,11 +129,11 @@ pub(super) struct Results {
 impl Results {
     /// The words of one case.
     pub(super) fn of(&self, case: usize) -> &[u32] {
-        &self.words[case * self.stride..][..self.stride - 1]
+        &self.words[case * self.stride..][..self.stride]
     }
 }
 
-impl Called {
+impl Called<'_> {
     pub(super) fn function(&self) -> &Function {
         &self.probed.function
     }
@@ -90,30 +150,17 @@ impl Called {
 
     /// Calls of one dispatch.
     pub(super) fn capacity(&self) -> usize {
-        self.runners.iter().map(Runner::capacity).min().unwrap_or(BATCH)
+        self.ready.iter().map(Ready::capacity).min().unwrap_or(BATCH)
     }
 
-    /// Starts calls on each path. `canary` is a number of this dispatch.
-    pub(super) fn start(
-        &self,
-        rows: &[u32],
-        calls: usize,
-        (seed, number): (u64, u64),
-    ) -> Result<Vec<Dispatch>, Failure> {
-        let dispatches = self.runners.iter().map(|runner| {
-            let canary = probe::canary(seed, number);
-            runner.dispatch(calls, rows, canary)
-        });
-        Ok(dispatches.collect::<Result<_, _>>()?)
+    /// Starts calls on each executor.
+    pub(super) fn start(&self, rows: &[u32], calls: usize) -> Result<Vec<Running<'_>>, Failure> {
+        self.ready.iter().map(|ready| ready.start(rows, calls)).collect()
     }
 
-    /// Reads the results of each path.
-    pub(super) fn read(&self, dispatches: Vec<Dispatch>) -> Result<Vec<Results>, Failure> {
-        let read = self.runners.iter().zip(dispatches).map(|(runner, dispatch)| {
-            let stride = runner.stride_out();
-            Ok(runner.read(dispatch, |words| Results { words: words.to_vec(), stride })?)
-        });
-        read.collect()
+    /// Calls on each executor, and waits.
+    pub(super) fn call(&self, rows: &[u32], calls: usize) -> Result<Vec<Results>, Failure> {
+        Running::read_all(self.start(rows, calls)?)
     }
 
     /// The numbers in the words of a result.

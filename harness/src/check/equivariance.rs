@@ -4,6 +4,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 use glam::{DQuat, DVec3};
 
+use super::called::Running;
 use super::companion::{Companion, WithCompanion};
 use super::plan::{Plan, Recording};
 use super::property::Exhibit;
@@ -122,7 +123,7 @@ impl Plan<'_> {
                     (turned.arguments)(batch.arguments(case), rotation(case), &mut lanes);
                 }
                 changed |= *lanes != *batch.lanes();
-                let before = called.read(dispatches)?;
+                let before = Running::read_all(dispatches)?;
                 let after = session.results(batch, &lanes)?;
                 let expected = |path: usize, case: usize| {
                     let mut expected = Vec::with_capacity(scalars.len());

@@ -1,5 +1,6 @@
 //! Results that stay the same when the arguments are transformed.
 
+use super::called::Running;
 use super::disagreement::arguments;
 use super::plan::{Plan, Recording};
 use super::property::{Exhibit, PRIMED};
@@ -74,7 +75,7 @@ impl Plan<'_> {
             let (scalars, tolerances) = (called.scalars(), tolerances.of_paths(session));
             let mut changed = false;
             let tallies = session.run(&mut |batch, dispatches| {
-                let before = called.read(dispatches)?;
+                let before = Running::read_all(dispatches)?;
                 let mut lanes = Vec::with_capacity(batch.cases * called.words);
                 batch.rows().iter().for_each(|row| transform(row, &mut lanes));
                 changed |= *lanes != *batch.lanes();

@@ -4,6 +4,7 @@ use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::agreement::{Expected, with_reference};
+use super::called::Running;
 use super::mismatch::signature;
 use super::parameter::Parameter;
 use super::path_tally::PathTally;
@@ -160,7 +161,7 @@ impl Plan<'_> {
             }
             let approaches = AtomicBool::new(false);
             let tallies = session.run(&mut |batch, dispatches| {
-                called.read(dispatches)?; // the domain's own values of the argument
+                Running::read_all(dispatches)?; // the domain's own values of the argument
                 let at = |step: f32| {
                     let mut lanes = batch.lanes().into_owned();
                     for lanes in lanes.chunks_exact_mut(called.words) {

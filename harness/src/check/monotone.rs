@@ -3,6 +3,7 @@
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use super::called::Running;
 use super::companion::{Companion, WithCompanion};
 use super::parameter::{Parameter, ScalarParameter};
 use super::path_tally::PathTally;
@@ -140,7 +141,7 @@ impl Plan<'_> {
                     let own = std::mem::replace(&mut lanes[varied.lane], other);
                     pairs += usize::from(own != other);
                 }
-                let before = called.read(dispatches)?;
+                let before = Running::read_all(dispatches)?;
                 let after = session.results(batch, &lanes)?;
                 let judge = |path: usize, case: usize| {
                     let (before, after) = (before[path].of(case), after[path].of(case));

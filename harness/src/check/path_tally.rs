@@ -1,8 +1,9 @@
 //! What the cases of each path add up to, with what is shown of the failing ones.
 
+use super::called::Ready;
 use super::tally::{Shown, Tally};
 use super::{CaseFailure, Simplest};
-use crate::path::{Adapter, Device, Path};
+use crate::path::{Adapter, Path};
 use crate::record::PathRecord;
 
 /// One path's sum, and what is needed to show its failures.
@@ -19,11 +20,15 @@ pub(super) struct PathTally {
 
 impl PathTally {
     /// A path's sum with its failures, which `show` describes.
-    pub(super) fn new(device: &Device, tally: Tally, show: impl Fn(Shown) -> CaseFailure) -> Self {
+    pub(super) fn new(
+        ready: &Ready<'_>,
+        tally: Tally,
+        show: impl Fn(Shown) -> CaseFailure,
+    ) -> Self {
         let failing = tally.census.failures > 0;
         Self {
-            adapter: device.adapter().clone(),
-            path: device.path(),
+            adapter: ready.adapter.clone(),
+            path: ready.path,
             worst: tally.worst.filter(|_| failing).map(&show),
             first: tally.first.map(&show),
             simplest: None,

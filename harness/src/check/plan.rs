@@ -2,10 +2,10 @@
 
 use super::path_tally::PathTally;
 use super::session::{Asserted, Demand, Session};
-use super::tolerances::{self, Tolerances};
+use super::tolerances::Tolerances;
 use super::{Agreement, Census, Failure, Probe, inputs};
 use crate::domain::Stream;
-use crate::path::Path;
+use crate::path::Selected;
 use crate::record::{PathRecord, Subject};
 use crate::run::{Identity, KnownIssue, KnownIssues, Memory, Reporter, Seen};
 use crate::tolerance::{LaneError, Tolerance};
@@ -16,7 +16,7 @@ pub(super) struct Plan<'a> {
     pub(super) probe: Probe<'a>,
     pub(super) cases: Option<u64>,
     pub(super) seed: Option<u64>,
-    pub(super) tolerance_on: Vec<(Path, Tolerance)>,
+    pub(super) tolerance_on: Selected<Tolerance>,
     pub(super) known_issues: KnownIssues,
 }
 
@@ -32,7 +32,7 @@ pub(super) type Body<'b> = &'b mut dyn FnMut(&Session<'_>) -> Result<Vec<PathTal
 
 impl<'a> Plan<'a> {
     pub(super) fn new(probe: Probe<'a>) -> Self {
-        let (tolerance_on, known_issues) = (Vec::new(), KnownIssues::default());
+        let (tolerance_on, known_issues) = Default::default();
         Self { probe, cases: None, seed: None, tolerance_on, known_issues }
     }
 
@@ -67,8 +67,8 @@ impl<'a> Plan<'a> {
         let mut run = || {
             self.expect_reasons()?;
             inputs::each(self, &identity, &mut |inputs| {
-                let own = |(path, own): &(Path, Tolerance)| format!("; on {path} {own}");
-                let own: String = self.tolerance_on.iter().map(own).collect();
+                let own = self.tolerance_on.iter().map(|(on, own)| format!("; on {on} {own}"));
+                let own: String = own.collect();
                 let asserted = Asserted { check, text: format!("{text}{own}") };
                 let session =
                     Session::open(self, stream, demand, &identity, seed, asserted, inputs)?;
@@ -92,10 +92,13 @@ impl<'a> Plan<'a> {
         result
     }
 
-    /// Wants a reason for each path that is declared to fail.
+    /// Wants paths that can be, and a reason for each that is declared to fail.
     pub(super) fn expect_reasons(&self) -> Result<(), Failure> {
-        self.known_issues.unexplained().map_or(Ok(()), |path| {
-            Err(Failure::UnexplainedIssue { function: self.probe.path.clone(), path })
+        self.known_issues.expect_sound()?;
+        self.tolerance_on.expect_sound()?;
+        self.known_issues.unexplained().map_or(Ok(()), |on| {
+            let (function, on) = (self.probe.path.clone(), on.clone());
+            Err(Failure::UnexplainedIssue { function, on })
         })
     }
 
@@ -119,7 +122,7 @@ impl<'a> Plan<'a> {
         tallies: Vec<PathTally>,
     ) -> Result<Agreement, Failure> {
         let (known, judged): (Vec<_>, Vec<_>) =
-            tallies.into_iter().partition(|tally| self.known_issues.on(tally.path).is_some());
+            tallies.into_iter().partition(|tally| self.known_issue(tally).is_some());
         let mut agreement = if judged.is_empty() && !known.is_empty() {
             let cases = known.iter().map(|tally| tally.tally.census.cases).min().unwrap_or(0);
             let (function, paths) = (self.probe.path.clone(), Vec::new());
@@ -136,12 +139,17 @@ impl<'a> Plan<'a> {
         Ok(agreement)
     }
 
+    /// Why the path of a tally is to fail.
+    fn known_issue(&self, tally: &PathTally) -> Option<&str> {
+        self.known_issues.on(tally.path, &tally.adapter)
+    }
+
     fn record(&self, tally: &PathTally, assertion: &str) -> PathRecord {
-        let asserted = match tolerances::own(&self.tolerance_on, tally.path) {
+        let asserted = match self.tolerance_on.on(tally.path, &tally.adapter) {
             Some(own) => format!("{assertion}; on {} {own}", tally.path),
             None => assertion.to_owned(),
         };
-        let known_issue = self.known_issues.on(tally.path).map(str::to_owned);
+        let known_issue = self.known_issue(tally).map(str::to_owned);
         PathRecord { known_issue, ..tally.record(&asserted) }
     }
 }

@@ -34,11 +34,11 @@ impl Session<'_> {
         exhibit: impl Fn(usize, usize) -> Exhibit,
     ) -> Vec<PathTally> {
         let function = self.called.function();
-        let paths = self.called.runners.iter().zip(results).enumerate();
-        let tally = paths.map(|(path, (runner, results))| {
+        let paths = self.called.ready.iter().zip(results).enumerate();
+        let tally = paths.map(|(path, (ready, results))| {
             let sum =
                 tally(batch.first, &results.words, results.stride, &|case, _| judge(path, case));
-            PathTally::new(runner.device(), sum, |shown: Shown| {
+            PathTally::new(ready, sum, |shown: Shown| {
                 let case = usize::try_from(shown.case - batch.first).expect("in this batch");
                 let Exhibit { lanes, varied, compared, actual, expected, judged } =
                     exhibit(path, case);

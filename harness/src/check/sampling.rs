@@ -20,12 +20,12 @@ use std::marker::PhantomData;
 pub use power::Power;
 pub use rejection::{ConfigurationRejection, Finding, PathRejection, Rejection};
 
-use super::called::{Called, Fitting};
+use super::called::{Called, Fitting, Ready};
 use super::plan::{Plan, Recording};
 use super::session::{Asserted, Demand, Session};
 use super::{Failure, Probe};
 use crate::domain::{Domain, Held, Source, Stream, Typed};
-use crate::path::{Adapter, Path};
+use crate::path::{Adapter, Selector};
 use crate::probe::{BATCH, Inputs};
 use crate::record::{PathRecord, Subject};
 use crate::run::{Identity, KnownIssue, Replayed, Reporter, Seen};
@@ -170,8 +170,8 @@ where
 
     /// Declares that the check fails on a path, and why: see
     /// [`Check::fails_on`](super::Check::fails_on).
-    pub fn fails_on(mut self, path: Path, reason: &str) -> Self {
-        self.plan.known_issues.declare(path, reason);
+    pub fn fails_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
+        self.plan.known_issues.declare(on.into(), reason);
         self
     }
 }
@@ -294,18 +294,18 @@ fn made<V: 'static, X: Shareable, B: Arguments>(
 
 /// A sampler in progress, and the other functions that a check needs.
 struct Functions<'s> {
-    sampler: &'s Called,
-    others: &'s [Called],
+    sampler: &'s Called<'s>,
+    others: &'s [Called<'s>],
 }
 
 impl Functions<'_> {
-    fn sampler(&self, path: usize, seed: u64) -> Calls<'_> {
-        Calls { called: self.sampler, runner: &self.sampler.runners[path], seed }
+    fn sampler(&self, path: usize) -> Calls<'_> {
+        Calls { called: self.sampler, ready: &self.sampler.ready[path] }
     }
 
-    fn other(&self, which: usize, path: usize, seed: u64) -> Calls<'_> {
+    fn other(&self, which: usize, path: usize) -> Calls<'_> {
         let called = &self.others[which];
-        Calls { called, runner: &called.runners[path], seed }
+        Calls { called, ready: &called.ready[path] }
     }
 }
 
@@ -352,19 +352,21 @@ fn conclude(
         if let Subject::Function { location, .. } = &mut subject {
             *location = session.called.function().span.to_string();
         }
+        let executors = plan.probe.executors()?;
         let open = |Other { probe, shapes, .. }: &Other<'_>| {
             let function = (probe.package, &*probe.path);
             let fitting = Fitting::find(function, inputs, shapes, "it is given")?;
-            fitting.on_paths(&probe.fixtures, BATCH)
+            // Where the sampler runs: what they return is compared with its samples.
+            fitting.on(&executors, &probe.fixtures, BATCH)
         };
-        let others: Vec<Called> = others.iter().map(open).collect::<Result<_, _>>()?;
+        let others: Vec<Called<'_>> = others.iter().map(open).collect::<Result<_, _>>()?;
         let functions = Functions { sampler: &session.called, others: &others };
         expect(&functions)?;
         let count = session.count();
         let threshold = sidak(settings.significance, count * assertion.tests);
         let selected = session.selected()?;
-        let runners = &session.called.runners;
-        let mut sums: Vec<Sum> = runners.iter().map(|_| Sum::default()).collect();
+        let ready = &session.called.ready;
+        let mut sums: Vec<Sum> = ready.iter().map(|_| Sum::default()).collect();
         for index in selected.clone() {
             let value = &session.case(index)?;
             let seed = configuration_seed(seed, index);
@@ -376,9 +378,10 @@ fn conclude(
         }
         let (mut fits, mut rejections, mut agreeing) = (Vec::new(), Vec::new(), Vec::new());
         let mut known = Vec::new();
-        for (runner, sum) in runners.iter().zip(sums) {
-            let device = runner.device();
-            let adapter = device.adapter().clone();
+        for (Ready { path, adapter, .. }, sum) in ready.iter().zip(sums) {
+            let (path, adapter) = (*path, adapter.clone());
+            let known_issue = plan.known_issues.on(path, &adapter).map(str::to_owned);
+            let is_known = known_issue.is_some();
             paths.push(PathRecord {
                 adapter: adapter.clone(),
                 cases: sum.configurations * settings.samples,
@@ -386,14 +389,14 @@ fn conclude(
                 worst: format!("p {:.2e}", sum.p),
                 ratio: Some(threshold / sum.p).filter(|ratio| ratio.is_finite()),
                 asserted: assertion.text.clone(),
-                known_issue: plan.known_issues.on(device.path()).map(str::to_owned),
+                known_issue,
             });
             if sum.configurations < selected.end - selected.start || sum.configurations == 0 {
                 let reason = format!("gave {} configurations, not all", sum.configurations);
                 return Err(Failure::Domain { function: function.clone(), reason });
             }
-            if plan.known_issues.on(device.path()).is_some() {
-                let (path, failures) = (device.path(), sum.rejected);
+            if is_known {
+                let failures = sum.rejected;
                 known.push(Seen { adapter, path, cases: sum.configurations, failures });
                 continue;
             }
@@ -404,9 +407,9 @@ fn conclude(
             };
             let replayed = Replayed { case: worst.configuration, steps: &[], input: None };
             let label = &identity.check;
-            let replay = identity.replay(device.path(), seed, &function, label, replayed);
+            let replay = identity.replay(path, seed, &function, label, replayed);
             let check = format!("{}-{function}-{label}", identity.test);
-            let place = (check, device.path().to_string());
+            let place = (check, path.to_string());
             let worst = worst.reported(settings.support, place);
             rejections.push(PathRejection {
                 adapter,

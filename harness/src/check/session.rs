@@ -3,14 +3,14 @@
 use std::ops::Range;
 
 use super::batch::{Batch, Rows};
-use super::called::{Called, Fitting, Results};
+use super::called::{Called, Fitting, Results, Running};
 use super::disagreement::arguments;
 use super::path_tally::PathTally;
 use super::shrink::Effort;
 use super::tally::{Judged, Shown, tally};
 use super::{CaseFailure, Failure, Plan, Simplest, parallel};
 use crate::domain::{Held, Numbering, Origin, Stream};
-use crate::probe::{BATCH, CONSTANTS, Dispatch, Inputs};
+use crate::probe::{BATCH, CONSTANTS, Inputs};
 use crate::run::{Descent, Identity, Memory, replay, with_inputs};
 use crate::value::Shape;
 
@@ -45,7 +45,7 @@ pub(super) struct Asserted {
 
 /// A check in progress: a function, and a stream of cases.
 pub(super) struct Session<'a> {
-    pub(super) called: Called,
+    pub(super) called: Called<'a>,
     pub(super) stream: &'a dyn Stream,
     pub(super) cases: Numbering,
     /// The one case that a replay selects.
@@ -60,7 +60,7 @@ pub(super) struct Session<'a> {
 
 /// Judges a batch on every path.
 pub(super) type Judge<'j> =
-    &'j mut dyn FnMut(&Batch, Vec<Dispatch>) -> Result<Vec<PathTally>, Failure>;
+    &'j mut dyn FnMut(&Batch, Vec<Running<'_>>) -> Result<Vec<PathTally>, Failure>;
 
 /// Appends the lanes that are expected of calls with some rows of arguments.
 pub(super) type Expect<'e> = &'e (dyn Fn(Rows<'_>, &mut Vec<f64>) + Sync);
@@ -96,7 +96,7 @@ pub(super) fn number(
 
 impl<'a> Session<'a> {
     pub(super) fn open(
-        plan: &Plan<'_>,
+        plan: &'a Plan<'_>,
         stream: &'a dyn Stream,
         demand: &Demand,
         identity: &'a Identity,
@@ -109,7 +109,8 @@ impl<'a> Session<'a> {
         let cases = number(plan, stream, demand, seed, inputs)?;
         let count = usize::try_from(cases.count).unwrap_or(BATCH);
         let capacity = count.saturating_mul(demand.calls).clamp(SMALLEST, BATCH);
-        let called = fitting.on_paths(&plan.probe.fixtures, capacity)?;
+        let executors = plan.probe.executors()?;
+        let called = fitting.on(&executors, &plan.probe.fixtures, capacity)?;
         let case = identity.case(&plan.probe.path, &with_inputs(&identity.check, inputs));
         if case.is_some() {
             replay::done();
@@ -186,14 +187,13 @@ impl<'a> Session<'a> {
         Some(at.value().clone())
     }
 
-    pub(super) fn dispatch(&self, batch: &Batch) -> Result<Vec<Dispatch>, Failure> {
-        self.called.start(&batch.lanes(), batch.cases, (self.cases.seed, batch.first))
+    pub(super) fn dispatch(&self, batch: &Batch) -> Result<Vec<Running<'_>>, Failure> {
+        self.called.start(&batch.lanes(), batch.cases)
     }
 
     /// Calls the function with other arguments for the cases of a batch.
     pub(super) fn results(&self, batch: &Batch, lanes: &[u32]) -> Result<Vec<Results>, Failure> {
-        let dispatches = self.called.start(lanes, batch.cases, (self.cases.seed, batch.first))?;
-        self.called.read(dispatches)
+        self.called.call(lanes, batch.cases)
     }
 
     /// The check's name as a replay command has it.
@@ -340,34 +340,30 @@ impl<'a> Session<'a> {
     pub(super) fn judge(
         &self,
         batch: &Batch,
-        dispatches: Vec<Dispatch>,
+        running: Vec<Running<'_>>,
         expect: impl Fn(usize, usize) -> Option<Vec<f64>>,
         judge: impl Fn(usize, usize, &[u32]) -> Judged + Sync,
     ) -> Result<Vec<PathTally>, Failure> {
-        let words = self.called.scalars().len();
-        let mut tallies = Vec::with_capacity(self.called.runners.len());
-        for (path, (runner, dispatch)) in self.called.runners.iter().zip(dispatches).enumerate() {
-            let tally = runner.read(dispatch, |results| {
-                let stride = runner.stride_out();
-                let sum = tally(batch.first, results, stride, &|case, result| {
-                    judge(path, case, &result[..words])
-                });
-                PathTally::new(runner.device(), sum, |shown: Shown| {
-                    let case = usize::try_from(shown.case - batch.first).expect("in this batch");
-                    let actual = &results[case * stride..][..words];
-                    let (judged, expected) = (judge(path, case, actual), expect(path, case));
-                    let function = self.called.function();
-                    let arguments = arguments(function, batch.arguments(case));
-                    let expected = expected.as_deref();
-                    let remembered = shown.case >= self.count();
-                    let case = shown.case;
-                    CaseFailure {
-                        remembered,
-                        ..CaseFailure::new(function, case, arguments, actual, expected, &judged)
-                    }
-                })
-            })?;
-            tallies.push(tally);
+        let mut tallies = Vec::with_capacity(self.called.ready.len());
+        for (path, (ready, running)) in self.called.ready.iter().zip(running).enumerate() {
+            let results = running.read()?;
+            let sum = tally(batch.first, &results.words, results.stride, &|case, result| {
+                judge(path, case, result)
+            });
+            tallies.push(PathTally::new(ready, sum, |shown: Shown| {
+                let case = usize::try_from(shown.case - batch.first).expect("in this batch");
+                let actual = results.of(case);
+                let (judged, expected) = (judge(path, case, actual), expect(path, case));
+                let function = self.called.function();
+                let arguments = arguments(function, batch.arguments(case));
+                let expected = expected.as_deref();
+                let remembered = shown.case >= self.count();
+                let case = shown.case;
+                CaseFailure {
+                    remembered,
+                    ..CaseFailure::new(function, case, arguments, actual, expected, &judged)
+                }
+            }));
         }
         Ok(tallies)
     }

@@ -3,7 +3,7 @@
 use super::Failure;
 use super::mismatch::signature;
 use super::session::Session;
-use crate::path::Path;
+use crate::path::{Adapter, Path, Selected};
 use crate::tolerance::Tolerance;
 
 /// A tolerance with its exceptions.
@@ -11,12 +11,12 @@ use crate::tolerance::Tolerance;
 pub(super) struct Tolerances {
     /// On paths that have none of their own.
     pub(super) general: Tolerance,
-    pub(super) on: Vec<(Path, Tolerance)>,
+    pub(super) on: Selected<Tolerance>,
 }
 
 impl Tolerances {
-    pub(super) fn of(&self, path: Path) -> &Tolerance {
-        own(&self.on, path).unwrap_or(&self.general)
+    pub(super) fn of(&self, path: Path, adapter: &Adapter) -> &Tolerance {
+        self.on.on(path, adapter).unwrap_or(&self.general)
     }
 
     /// Refuses tolerances that bound nothing or are declared for another number of components.
@@ -27,18 +27,13 @@ impl Tolerances {
 
     /// The tolerance of each of the session's paths.
     pub(super) fn of_paths(&self, session: &Session<'_>) -> Vec<&Tolerance> {
-        session.called.runners.iter().map(|runner| self.of(runner.device().path())).collect()
+        session.called.ready.iter().map(|ready| self.of(ready.path, &ready.adapter)).collect()
     }
 }
 
-/// The last of a path's own tolerances.
-pub(super) fn own(on: &[(Path, Tolerance)], path: Path) -> Option<&Tolerance> {
-    on.iter().rev().find(|(own, _)| *own == path).map(|(_, tolerance)| tolerance)
-}
-
 /// Refuses a path's own tolerance for a verb that has none.
-pub(super) fn expect_none(on: &[(Path, Tolerance)], session: &Session<'_>) -> Result<(), Failure> {
-    on.first().map_or(Ok(()), |(path, tolerance)| {
+pub(super) fn expect_none(on: &Selected<Tolerance>, session: &Session<'_>) -> Result<(), Failure> {
+    on.iter().next().map_or(Ok(()), |(path, tolerance)| {
         let check = session.asserted.check;
         let mismatch =
             format!("is checked by {check}, which takes no tolerance, but {path} has {tolerance}");

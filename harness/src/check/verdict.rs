@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::{Disagreement, Fit, Rejection};
-use crate::path::{Adapter, Path, PathError};
+use crate::path::{Adapter, Path, PathError, Selector};
 use crate::probe::ProbeError;
 use crate::record::Verdict;
 use crate::run::{Concluded, KnownIssue, NotBegun, NotReplayed, Passed};
@@ -46,12 +46,12 @@ pub enum Failure {
         reason: String,
     },
     /// A path is declared to fail, and nobody says why.
-    #[error("`{function}` is declared to fail on {path} without a reason: name the bug")]
+    #[error("`{function}` is declared to fail on {on} without a reason: name the bug")]
     UnexplainedIssue {
         /// The function's path.
         function: String,
-        /// The path.
-        path: Path,
+        /// The paths.
+        on: Selector,
     },
     /// Samples are not what they should be.
     #[error("{0}")]

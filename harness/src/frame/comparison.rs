@@ -2,7 +2,7 @@
 
 use super::{Frame, FrameAgreement, FrameError};
 use crate::golden::{
-    COLOR, FrameDifference, FrameTolerance, GoldenError, Goldens, MASK, Profile, Rendered, VARIANCE,
+    COLOR, FrameDifference, FrameTolerance, GoldenError, Goldens, MASK, Rendered, VARIANCE,
 };
 use crate::image::Part;
 use crate::metric::Gate;
@@ -53,7 +53,7 @@ impl Frame<'_> {
             let adapter = device.adapter();
             let (image, shader) = self.render_on(device)?;
             let tolerance = self.tolerance_of(device.path(), adapter);
-            let known_issue = self.known_issues.on(device.path()).map(str::to_owned);
+            let known_issue = self.known_issues.on(device.path(), adapter).map(str::to_owned);
             let frame = Rendered {
                 image: &image,
                 adapter,
@@ -131,31 +131,24 @@ fn seen(entry: &PathRecord, path: Path) -> Seen {
 }
 
 impl Frame<'_> {
-    /// Wants a reason for each path that is declared to fail.
+    /// Wants paths that can be, and a reason for each that is declared to fail.
     pub(super) fn expect_reasons(&self) -> Result<(), FrameError> {
+        self.known_issues.expect_sound()?;
         let unexplained = self.known_issues.unexplained();
-        unexplained.map_or(Ok(()), |path| Err(FrameError::UnexplainedIssue(path)))
+        unexplained.map_or(Ok(()), |on| Err(FrameError::UnexplainedIssue(on.clone())))
     }
 
-    /// Each bounds something, on a profile that can be.
+    /// Each bounds something, on paths that can be.
     fn check_tolerances(&self) -> Result<(), FrameError> {
-        let strange = self.tolerance_for.iter().find(|(profile, _)| !Profile::is_name(profile));
-        if let Some((profile, _)) = strange {
-            return Err(FrameError::Profile(profile.clone()));
-        }
+        self.tolerance_on.expect_sound()?;
         let on_paths = self.tolerance_on.iter().map(|(_, tolerance)| tolerance);
-        let on_profiles = self.tolerance_for.iter().map(|(_, tolerance)| tolerance);
-        let mut all = on_paths.chain(on_profiles).chain(&self.tolerance);
+        let mut all = on_paths.chain(&self.tolerance);
         all.find_map(FrameTolerance::unusable).map_or(Ok(()), |why| Err(FrameError::Tolerance(why)))
     }
 
-    /// The most particular: of the profile, of the path, of the frame.
+    /// The most particular: of the path, or else of the frame.
     fn tolerance_of(&self, path: Path, adapter: &Adapter) -> Option<&FrameTolerance> {
-        let profile = Profile::of(adapter).to_string();
-        let for_profile = self.tolerance_for.iter().rev().find(|(name, _)| *name == profile);
-        let on_path = || self.tolerance_on.iter().rev().find(|(other, _)| *other == path);
-        let declared = for_profile.map(|(_, tolerance)| tolerance);
-        declared.or_else(|| Some(&on_path()?.1)).or(self.tolerance.as_ref())
+        self.tolerance_on.on(path, adapter).or(self.tolerance.as_ref())
     }
 
     /// The first name of an AOV that its file can't have, and why.

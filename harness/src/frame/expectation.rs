@@ -82,7 +82,7 @@ impl Frame<'_> {
             let worst = measured.fold(LaneError::ZERO, |worst, measure| {
                 if measure.ratio <= worst.ratio { worst } else { measure }
             });
-            let known_issue = self.known_issues.on(path).map(str::to_owned);
+            let known_issue = self.known_issues.on(path, adapter).map(str::to_owned);
             let cases = u64::from(rect.width) * u64::from(rect.height);
             let failures = u64::from(!worst.passes());
             records.push(PathRecord {

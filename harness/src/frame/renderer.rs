@@ -6,9 +6,10 @@ use std::collections::BTreeMap;
 use half::f16;
 
 use super::{Blend, Draw, Frame, FrameError, Mesh};
-use crate::fixture::{self, FixtureError, Resource};
+use crate::fixture::{self, FixtureError};
 use crate::image::Image;
 use crate::path::{Device, MOST_ROUNDS, guard};
+use crate::probe::{Resource, upload};
 use crate::reflect::{Binding, Program, Stage, Watched};
 
 const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
@@ -49,7 +50,7 @@ pub(super) fn render(
     let mut resources: BTreeMap<&str, Resource> = BTreeMap::new();
     for (binding, fixture) in fixture::resolve(&all, frame.fixtures())? {
         if let std::collections::btree_map::Entry::Vacant(entry) = resources.entry(&binding.path) {
-            entry.insert(fixture::upload(device, &program, binding, fixture)?);
+            entry.insert(upload(device, &program, binding, fixture)?);
         }
     }
 

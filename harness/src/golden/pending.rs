@@ -56,8 +56,7 @@ impl Pending {
     /// can have it.
     #[must_use]
     pub fn is_canonical(&self) -> bool {
-        let adapter = &self.provenance.adapter;
-        adapter.path == "vulkan" && adapter.name.contains("llvmpipe")
+        self.provenance.adapter.is_lavapipe()
     }
 
     /// What `karat accept` needs besides name and reason: ` --profile gl-llvmpipe`.
@@ -237,12 +236,12 @@ fn find(folder: &Path, files: &mut Vec<PathBuf>, unusable: &mut Vec<Unusable>) {
     entries.sort_by_key(std::fs::DirEntry::file_name);
     for entry in entries {
         let path = entry.path();
-        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
-            if entry.file_name() != OVERLAID {
-                find(&path, files, unusable);
-            }
-        } else if entry.file_name().to_string_lossy().ends_with(".new.exr") {
+        // A folder of such a name is in the way, and is told of.
+        if entry.file_name().to_string_lossy().ends_with(".new.exr") {
             files.push(path);
+        } else if entry.file_name() != OVERLAID && entry.file_type().is_ok_and(|kind| kind.is_dir())
+        {
+            find(&path, files, unusable);
         }
     }
 }

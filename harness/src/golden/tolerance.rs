@@ -142,6 +142,13 @@ impl Default for FrameTolerance {
     }
 }
 
+/// The gate alone, with this relative difference.
+impl From<f32> for FrameTolerance {
+    fn from(relative: f32) -> Self {
+        Self::gate(relative)
+    }
+}
+
 impl From<Gate> for FrameTolerance {
     fn from(gate: Gate) -> Self {
         Self::Gate(gate)

@@ -11,7 +11,7 @@ use parking_lot::{ReentrantMutex, ReentrantMutexGuard};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::reflect::Ir;
 
-use super::{Adapter, Path, PathError, guard};
+use super::{Adapter, Api, Path, PathError, Via, driver, guard};
 use crate::settings;
 
 /// Rounds of all loops of an invocation together after which Mesa's llvmpipe leaves them
@@ -35,35 +35,49 @@ pub(crate) struct Device {
 }
 
 /// What a thread holds while it is its turn. See [`Device::turn`].
-pub(crate) type Turn = Option<ReentrantMutexGuard<'static, ()>>;
+pub(crate) type Turn<'d> = Option<ReentrantMutexGuard<'d, ()>>;
 
 impl Device {
     pub(super) fn open(path: Path) -> Result<Self, PathError> {
         let unavailable = |reason: String| PathError::Unavailable { path, reason };
-        if !path.exists() {
+        if path.api() == Api::Cpu {
+            return Err(unavailable("Karat has no engine without a driver yet".to_owned()));
+        }
+        if path.via() != Via::Direct {
+            return Err(unavailable("Karat translates for no other route yet".to_owned()));
+        }
+        if !exists(path) {
             return Err(unavailable("this platform doesn't have it".to_owned()));
         }
         let _deadline = guard(move || format!("opening path {path}"));
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
-            backends: path.backends(),
+            backends: backends(path),
             // Validation layers cost more than the test; wgpu's own validation stays on.
             flags: wgpu::InstanceFlags::empty(),
             ..wgpu::InstanceDescriptor::new_without_display_handle()
         });
-        let adapters = pollster::block_on(instance.enumerate_adapters(path.backends()));
+        let adapters = pollster::block_on(instance.enumerate_adapters(backends(path)));
         let wanted = settings::current()?.adapter.as_ref();
         let mut candidates: Vec<_> = adapters
             .into_iter()
             .filter(|adapter| {
-                let name = adapter.get_info().name.to_lowercase();
-                wanted.as_ref().is_none_or(|wanted| name.contains(&wanted.to_lowercase()))
+                let info = adapter.get_info();
+                let name = info.name.to_lowercase();
+                let of_family = |family| driver::family(&info.name, &driver_of(&info)) == family;
+                path.driver().is_none_or(of_family)
+                    && wanted.as_ref().is_none_or(|wanted| name.contains(&wanted.to_lowercase()))
             })
             .collect();
         candidates.sort_by_key(|adapter| preference(adapter.get_info().device_type));
         let adapter = candidates.into_iter().next().ok_or_else(|| {
-            unavailable(match wanted {
-                Some(wanted) => format!("no adapter's name contains `{wanted}` (KARAT_ADAPTER)"),
-                None => "no adapter found: no driver is installed, or none loads".to_owned(),
+            unavailable(match (wanted, path.driver()) {
+                (_, Some(family)) => format!("no adapter of the family `{family}` found"),
+                (Some(wanted), None) => {
+                    format!("no adapter's name contains `{wanted}` (KARAT_ADAPTER)")
+                }
+                (None, None) => {
+                    "no adapter found: no driver is installed, or none loads".to_owned()
+                }
             })
         })?;
         let compute = wgpu::DownlevelFlags::COMPUTE_SHADERS;
@@ -89,15 +103,12 @@ impl Device {
         let renderable = usages.contains(wgpu::TextureUsages::RENDER_ATTACHMENT);
         let color_format = if renderable { full } else { wgpu::TextureFormat::Rgba16Float };
         let info = adapter.get_info();
-        let driver = format!("{} {}", info.driver, info.driver_info).trim().to_owned();
-        let adapter = Adapter {
-            path: path.name().to_owned(),
-            software: info.device_type == wgpu::DeviceType::Cpu
-                || info.name.to_lowercase().contains("llvmpipe"),
-            name: info.name,
-            driver,
-        };
-        let turns = (path == Path::Gl).then(ReentrantMutex::default);
+        let (path_name, driver) = (path.to_string(), driver_of(&info));
+        let software = info.device_type == wgpu::DeviceType::Cpu;
+        let adapter = Adapter { path: path_name, name: info.name, driver, software };
+        // Mesa's GL doesn't say that llvmpipe is software.
+        let adapter = Adapter { software: software || adapter.is_llvmpipe(), ..adapter };
+        let turns = (path.api() == Api::Gl).then(ReentrantMutex::default);
         let pipelines = Mutex::default();
         Ok(Self { path, adapter, device, queue, color_format, pipelines, turns })
     }
@@ -106,7 +117,7 @@ impl Device {
     /// panics in a thread that has waited for GL's context for six seconds, as on a busy machine it
     /// may while another compiles. A turn is taken for whatever reaches the driver, the release of
     /// resources included; not while other threads are waited for; and before a deadline begins.
-    pub(crate) fn turn(&'static self) -> Turn {
+    pub(crate) fn turn(&self) -> Turn<'_> {
         self.turns.as_ref().map(ReentrantMutex::lock)
     }
 
@@ -120,7 +131,7 @@ impl Device {
 
     /// Whether the driver leaves loops after [`MOST_ROUNDS`] rounds, with whatever there is then.
     pub(crate) fn leaves_loops(&self) -> bool {
-        self.adapter.name.to_lowercase().contains("llvmpipe")
+        self.adapter.is_llvmpipe()
     }
 
     /// Says which loop the driver leaves before it ends.
@@ -238,7 +249,7 @@ impl Device {
     /// Copies the mapped contents of a read-back buffer. Unmaps it. It isn't this thread's turn while
     /// `read` reads, which may wait for other threads.
     pub(crate) fn read_back<T>(
-        &'static self,
+        &self,
         buffer: &wgpu::Buffer,
         size: u64,
         read: impl FnOnce(&[u8]) -> T,
@@ -273,6 +284,27 @@ impl Device {
         let _turn = self.turn();
         buffer.unmap();
         Ok(value)
+    }
+}
+
+/// Driver and version, as far as the adapter tells.
+fn driver_of(info: &wgpu::AdapterInfo) -> String {
+    format!("{} {}", info.driver, info.driver_info).trim().to_owned()
+}
+
+/// Whether this platform can have the path at all.
+pub(super) fn exists(path: Path) -> bool {
+    let backends = backends(path);
+    !backends.is_empty() && wgpu::Instance::enabled_backend_features().contains(backends)
+}
+
+fn backends(path: Path) -> wgpu::Backends {
+    match path.api() {
+        Api::Vulkan => wgpu::Backends::VULKAN,
+        Api::Metal => wgpu::Backends::METAL,
+        Api::Dx12 => wgpu::Backends::DX12,
+        Api::Gl => wgpu::Backends::GL,
+        Api::Cpu => wgpu::Backends::empty(),
     }
 }
 

@@ -6,7 +6,8 @@
 //! kernel counts. What no case exceeds by itself, but several in a vector might, runs again with
 //! cases kept apart.
 
-use super::{ProbeError, Probed, Runner};
+use super::runner::Runner;
+use super::{ProbeError, Probed};
 use crate::fixture::Fixtures;
 use crate::path::{Device, MOST_ROUNDS};
 use crate::reflect::{CountedLoop, count_rounds};
@@ -15,15 +16,15 @@ use crate::reflect::{CountedLoop, count_rounds};
 pub(super) const VECTOR: u32 = 16;
 
 /// A kernel that counts the rounds of each loop of each case.
-pub(super) struct Rounds {
-    runner: Box<Runner>,
+pub(super) struct Rounds<'d> {
+    runner: Box<Runner<'d>>,
     loops: Vec<CountedLoop>,
     function: String,
 }
 
-impl Rounds {
+impl<'d> Rounds<'d> {
     pub(super) fn new(
-        device: &'static Device,
+        device: &'d Device,
         probed: &Probed,
         fixtures: &Fixtures,
         cases: usize,

@@ -1,13 +1,18 @@
 //! A kernel on a device: buffers, bind groups, dispatch and read-back.
+//!
+//! This is the GPU's executor. It keeps the contract that each word is written once, by its case, by
+//! poison and canaries.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::kernel::{ENTRY_POINT, Kernel, UNIFORM_WORDS, WORKGROUP};
 use super::rounds::{Rounds, VECTOR};
+use super::{Call, Executor, Prepared, Resource, Started, upload};
 use super::{Inputs, ProbeError, Probed};
-use crate::fixture::{self, Fixtures, Resource};
-use crate::path::{Device, Turn, guard};
+use crate::domain::Source;
+use crate::fixture::{self, Fixtures};
+use crate::path::{Adapter, Device, Path, Turn, guard};
 
 /// Results are set to this before a dispatch: a quiet NaN that hardly a function returns. A result
 /// that still is this word is computed again over another one, [`OTHER_POISON`]: it is the
@@ -21,8 +26,8 @@ const OTHER_POISON: u32 = 0x7fc1_beef;
 pub(crate) const BATCH: usize = 65_536;
 
 /// One probe on one device.
-pub(crate) struct Runner {
-    device: &'static Device,
+pub(crate) struct Runner<'d> {
+    device: &'d Device,
     kernel: Kernel,
     /// `None` where the arguments are constants, and each dispatch has a kernel of its own.
     bound: Option<Bound>,
@@ -39,12 +44,12 @@ pub(crate) struct Runner {
     lane_names: Vec<String>,
     function: String,
     /// Counts the rounds of loops, where a driver leaves them after too many.
-    rounds: Option<Rounds>,
+    rounds: Option<Rounds<'d>>,
     /// The turn in which the fields above are released.
-    last: Turn,
+    last: Turn<'d>,
 }
 
-impl Drop for Runner {
+impl Drop for Runner<'_> {
     fn drop(&mut self) {
         self.last = self.device.turn();
     }
@@ -71,11 +76,58 @@ pub(crate) struct Dispatch {
     _deadline: crate::path::Guard,
 }
 
-impl Runner {
+impl Executor for Device {
+    fn path(&self) -> Path {
+        Self::path(self)
+    }
+
+    fn adapter(&self) -> Adapter {
+        Self::adapter(self).clone()
+    }
+
+    fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
+        Ok(Box::new(Runner::new(self, call.probed, call.fixtures, call.cases)?))
+    }
+}
+
+impl Prepared for Runner<'_> {
+    fn capacity(&self) -> usize {
+        self.capacity
+    }
+
+    fn start<'p>(&'p self, cases: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError> {
+        let dispatch = self.dispatch(cases, arguments, canary())?;
+        let width = self.stride_out - 1;
+        Ok(Box::new(move || {
+            self.read(dispatch, |words| {
+                let mut results = Vec::with_capacity(cases * width);
+                for case in words.chunks_exact(width + 1) {
+                    results.extend_from_slice(&case[..width]);
+                }
+                results
+            })
+        }))
+    }
+
+    fn reads_half_floats(&self) -> bool {
+        let mut resources = self.resources.values().flatten();
+        self.device.float_format() == wgpu::TextureFormat::Rgba16Float
+            && resources.any(|(_, resource)| matches!(resource, Resource::View(_)))
+    }
+}
+
+/// A word that another dispatch of the process writes back by chance only, once in 2^32.
+fn canary() -> u32 {
+    use std::sync::atomic::{AtomicU64, Ordering};
+    static DISPATCHES: AtomicU64 = AtomicU64::new(0);
+    Source::new(0, DISPATCHES.fetch_add(1, Ordering::Relaxed)).bits()
+}
+
+impl<'d> Runner<'d> {
     /// Compiles the kernel, uploads the fixtures and makes room for `cases` cases a dispatch, or
     /// for as many as the device's limits allow.
     pub(crate) fn new(
-        device: &'static Device,
+        device: &'d Device,
         probed: &Probed,
         fixtures: &Fixtures,
         cases: usize,
@@ -102,13 +154,13 @@ impl Runner {
 
     /// The rest of [`new`](Self::new) for a kernel with its pipeline.
     pub(super) fn with_pipeline(
-        device: &'static Device,
+        device: &'d Device,
         probed: &Probed,
         kernel: &Kernel,
         fixtures: &Fixtures,
         cases: usize,
         pipeline: Option<Arc<wgpu::ComputePipeline>>,
-        rounds: Option<Rounds>,
+        rounds: Option<Rounds<'d>>,
     ) -> Result<Self, ProbeError> {
         let Probed { program, function, .. } = probed;
 
@@ -145,7 +197,7 @@ impl Runner {
         let mut resources = Resources::new();
         fixture::check_used(&function.bindings, fixtures)?;
         for (binding, fixture) in fixture::resolve(&function.bindings, fixtures)? {
-            let resource = fixture::upload(device, program, binding, fixture)?;
+            let resource = upload(device, program, binding, fixture)?;
             resources.entry(binding.group).or_default().push((binding.binding, resource));
         }
         let own = [arguments.as_ref(), Some(&results), Some(&batch)];
@@ -191,20 +243,8 @@ impl Runner {
         bind(self.device, pipeline, &self.resources, self.kernel.first_binding, own)
     }
 
-    pub(crate) fn device(&self) -> &'static Device {
+    pub(crate) fn device(&self) -> &'d Device {
         self.device
-    }
-
-    /// Cases of one dispatch.
-    pub(crate) fn capacity(&self) -> usize {
-        self.capacity
-    }
-
-    /// Whether the function reads textures that this path keeps in half floats.
-    pub(crate) fn reads_half_floats(&self) -> bool {
-        let mut resources = self.resources.values().flatten();
-        self.device.float_format() == wgpu::TextureFormat::Rgba16Float
-            && resources.any(|(_, resource)| matches!(resource, Resource::View(_)))
     }
 
     /// Words between one case's results and the next one's.
@@ -214,7 +254,7 @@ impl Runner {
 
     /// Starts a dispatch over `cases` cases with these arguments. `canary` is written back by
     /// each invocation, mixed with its index.
-    pub(crate) fn dispatch(
+    fn dispatch(
         &self,
         cases: usize,
         arguments: &[u32],
@@ -559,7 +599,7 @@ mod tests {
                     sender.send(ran.is_ok()).expect("somebody listens");
                 });
                 let early = done.recv_timeout(Duration::from_millis(300));
-                let serial = device.path() == crate::Path::Gl;
+                let serial = device.path() == Path::GL;
                 assert!(!serial || early.is_err(), "it didn't wait for its turn");
                 drop(turn);
                 let late = early.or_else(|_| done.recv_timeout(Duration::from_secs(60)));

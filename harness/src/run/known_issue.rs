@@ -3,7 +3,7 @@
 //! What is declared must fail. A path that passes again is a failure of its own, so that no
 //! declaration outlives the bug that it names.
 
-use crate::path::{Adapter, Path};
+use crate::path::{Adapter, Path, PathError, Selected, Selector};
 
 /// A failure that was declared with `fails_on`, and was seen.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,16 +20,21 @@ pub struct KnownIssue {
 
 /// The declarations of one check or frame.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct KnownIssues(Vec<(Path, String)>);
+pub(crate) struct KnownIssues(Selected<String>);
 
 impl KnownIssues {
-    pub(crate) fn declare(&mut self, path: Path, reason: &str) {
+    pub(crate) fn declare(&mut self, on: Selector, reason: &str) {
         let reason = reason.trim();
-        match self.0.iter_mut().find(|(known, _)| *known == path) {
-            Some((_, known)) if known.is_empty() || reason.is_empty() => known.clear(),
-            Some((_, known)) => *known = format!("{known}; {reason}"),
-            None => self.0.push((path, reason.to_owned())),
+        match self.0.get_mut(&on) {
+            Some(known) if known.is_empty() || reason.is_empty() => known.clear(),
+            Some(known) => *known = format!("{known}; {reason}"),
+            None => self.0.declare(on, reason.to_owned()),
         }
+    }
+
+    /// Refuses a declaration for what is no path.
+    pub(crate) fn expect_sound(&self) -> Result<(), PathError> {
+        self.0.expect_sound()
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -37,13 +42,13 @@ impl KnownIssues {
     }
 
     /// Why a path is to fail; `None`: it isn't.
-    pub(crate) fn on(&self, path: Path) -> Option<&str> {
-        self.0.iter().find(|(known, _)| *known == path).map(|(_, reason)| &**reason)
+    pub(crate) fn on(&self, path: Path, adapter: &Adapter) -> Option<&str> {
+        self.0.on(path, adapter).map(String::as_str)
     }
 
-    /// The first path that is declared to fail without a reason.
-    pub(crate) fn unexplained(&self) -> Option<Path> {
-        self.0.iter().find(|(_, reason)| reason.is_empty()).map(|(path, _)| *path)
+    /// The first declaration without a reason.
+    pub(crate) fn unexplained(&self) -> Option<&Selector> {
+        self.0.iter().find(|(_, reason)| reason.is_empty()).map(|(selector, _)| selector)
     }
 
     /// What was seen on the paths that are to fail. At least one case of each has to, unless one that
@@ -54,7 +59,7 @@ impl KnownIssues {
         replays: bool,
     ) -> Result<Vec<KnownIssue>, Passes> {
         let issue = |Seen { adapter, path, cases, failures }: Seen| {
-            let reason = self.on(path).unwrap_or_default().to_owned();
+            let reason = self.on(path, &adapter).unwrap_or_default().to_owned();
             if failures == 0 && !replays {
                 return Err(Passes { path, reason });
             }

@@ -114,18 +114,18 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
 /// How to get a path on this platform.
 fn remedy(path: Path) -> &'static str {
     match path {
-        Path::Vulkan if cfg!(target_os = "linux") => {
+        Path::VULKAN if cfg!(target_os = "linux") => {
             "install your GPU's Vulkan driver, or Mesa's software one and the loader \
              (Debian: mesa-vulkan-drivers libvulkan1; Fedora: mesa-vulkan-drivers vulkan-loader; \
              Arch: vulkan-swrast vulkan-icd-loader)"
         }
-        Path::Gl if cfg!(target_os = "linux") => {
+        Path::GL if cfg!(target_os = "linux") => {
             "install your GPU's OpenGL driver, or Mesa's (Debian: libegl1 libgl1-mesa-dri; \
              Fedora: mesa-libEGL mesa-dri-drivers; Arch: mesa)"
         }
-        Path::Vulkan | Path::Gl => "install the driver of your GPU's vendor",
-        Path::Metal => "Metal is part of macOS, and of nothing else",
-        Path::Dx12 => "Direct3D 12 is part of Windows, and of nothing else",
+        Path::VULKAN | Path::GL => "install the driver of your GPU's vendor",
+        Path::METAL => "Metal is part of macOS, and of nothing else",
+        Path::DX12 => "Direct3D 12 is part of Windows, and of nothing else",
         _ => "this path has no known source",
     }
 }

@@ -1,12 +1,11 @@
 //! Calls of a function on one path, with any number of arguments, and random numbers for them.
 
 use crate::check::Failure;
-use crate::check::called::Called;
+use crate::check::called::{Called, Ready};
 use crate::check::disagreement::arguments;
 use crate::check::mismatch::signature;
 use crate::check::parallel;
 use crate::domain::Source;
-use crate::probe::{self, Runner};
 use crate::value::{Arguments, Scalar, Shape, Shareable};
 
 /// Samples of one stream of random numbers.
@@ -17,9 +16,8 @@ pub(super) const STRIDE: usize = 65_536;
 
 /// A function on one path.
 pub(super) struct Calls<'s> {
-    pub(super) called: &'s Called,
-    pub(super) runner: &'s Runner,
-    pub(super) seed: u64,
+    pub(super) called: &'s Called<'s>,
+    pub(super) ready: &'s Ready<'s>,
 }
 
 /// Appends the arguments that a function is given at points, or for random numbers, which follow
@@ -48,18 +46,12 @@ impl Calls<'_> {
     pub(super) fn call(&self, lanes: &[u32], calls: usize) -> Result<Vec<u32>, Failure> {
         let words = self.words();
         let mut results = Vec::with_capacity(calls * words);
-        let (stride, per_call) = (self.runner.stride_out(), lanes.len() / calls.max(1));
+        let per_call = lanes.len() / calls.max(1);
         let mut first = 0;
         while first < calls {
-            let count = (calls - first).min(self.runner.capacity());
-            let canary = probe::canary(self.seed, first as u64);
+            let count = (calls - first).min(self.ready.capacity());
             let batch = &lanes[first * per_call..(first + count) * per_call];
-            let dispatch = self.runner.dispatch(count, batch, canary)?;
-            self.runner.read(dispatch, |read| {
-                for result in read.chunks_exact(stride) {
-                    results.extend_from_slice(&result[..words]);
-                }
-            })?;
+            results.extend(self.ready.start(batch, count)?.read()?.words);
             first += count;
         }
         Ok(results)

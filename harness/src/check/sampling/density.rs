@@ -283,7 +283,7 @@ impl Sampled<'_, '_> {
     /// Compares the signatures of sampler and density with the support. `given` is the type of the
     /// points that the density's arguments are made of.
     fn expect_density(self, functions: &Functions<'_>, given: &Shape) -> Result<(), Failure> {
-        functions.sampler(0, 0).expect_random(self.random)?;
+        functions.sampler(0).expect_random(self.random)?;
         let support = self.settings.support;
         let point = match support.components() {
             1 => Shape::Scalar(Scalar::F32),
@@ -412,11 +412,11 @@ impl Run<'_> {
     }
 
     fn calls(&self) -> Calls<'_> {
-        self.functions.sampler(self.configuration.path, self.configuration.seed)
+        self.functions.sampler(self.configuration.path)
     }
 
     fn other(&self, which: usize) -> Calls<'_> {
-        self.functions.other(which, self.configuration.path, self.configuration.seed)
+        self.functions.other(which, self.configuration.path)
     }
 
     /// The results of another function at points, with the lanes of its arguments.
@@ -437,7 +437,7 @@ impl Run<'_> {
     /// What a function's values are off by, relative, where it reads textures that the path keeps
     /// in half floats: the peak of a lobe may come from one texel.
     fn half_rounding(&self, which: usize) -> f64 {
-        if self.other(which).runner.reads_half_floats() { HALF } else { 0.0 }
+        if self.other(which).ready.reads_half_floats() { HALF } else { 0.0 }
     }
 
     fn evidence(&self, reason: impl std::fmt::Display) -> Failure {

@@ -199,7 +199,7 @@ impl Numbers<'_> {
     ) -> Result<Fit, Failure> {
         let assertion = Assertion { check: self.check, text: self.text.clone(), tests: 1 };
         let expect = |functions: &Functions<'_>| {
-            functions.sampler(0, 0).expect_random(sampler.random)?;
+            functions.sampler(0).expect_random(sampler.random)?;
             functions.sampler.expect_result(&self.shape, "the number is made of")
         };
         conclude(sampler, &assertion, &[], recording, &expect, &mut |functions, configuration| {
@@ -229,7 +229,7 @@ impl Numbers<'_> {
         functions: &Functions<'_>,
         Configuration { value, path, seed, .. }: &Configuration<'_>,
     ) -> Result<(Vec<f64>, Offence), Failure> {
-        let sampler = functions.sampler(*path, *seed);
+        let sampler = functions.sampler(*path);
         let random = random.lanes();
         let samples = usize::try_from(settings.samples).unwrap_or(usize::MAX);
         let (mut numbers, mut not_finite) = (Vec::new(), Offence::default());

@@ -1,0 +1,213 @@
+//! Integrals whose nodes are in memory together: their nodes, their sums, their verdicts.
+
+use super::assertion::Assertion;
+use super::sum::Sum;
+use super::{Integrals, Nodes};
+use crate::check::Failure;
+use crate::check::called::Ready;
+use crate::check::disagreement::{CaseFailure, NodeFailure, arguments};
+use crate::check::parallel;
+use crate::check::path_tally::PathTally;
+use crate::check::session::Session;
+use crate::check::tally::{Class, Judged, Shown, Tally};
+use crate::domain::Held;
+use crate::tolerance::LaneError;
+
+/// Cases whose nodes are in memory together.
+pub(super) struct Group {
+    pub(super) first: u64,
+    pub(super) cases: Vec<Case>,
+}
+
+pub(super) struct Case {
+    pub(super) value: Held,
+    /// Those of the rule, then those of its control.
+    nodes: Nodes,
+    /// How many are the rule's.
+    own: usize,
+    /// The lanes of the expected integral, or of the bound.
+    expected: Vec<f64>,
+}
+
+impl Group {
+    /// Makes the rules of the cases and what their integrals should be. A rule that is empty or
+    /// has a weight that isn't finite is an error, and so is an expectation that isn't finite.
+    pub(super) fn of(
+        session: &Session<'_>,
+        first: u64,
+        values: Vec<Held>,
+        integrals: &Integrals<'_>,
+    ) -> Result<Self, Failure> {
+        let words = session.called.scalars().len();
+        let made = parallel::map(values.len(), |index| {
+            let value = &values[index];
+            let mut lanes = Vec::with_capacity(words);
+            (integrals.expected)(value, &mut lanes);
+            // A bound for all components; other shapes have been compared with the result's.
+            let last = lanes.last().copied().unwrap_or(f64::NAN);
+            lanes.resize(words, last);
+            let mut nodes = Nodes::default();
+            (integrals.rule)(value, &mut nodes);
+            let own = nodes.weights.len();
+            if let Some(control) = integrals.control {
+                control(value, &mut nodes);
+            }
+            (nodes, own, lanes)
+        });
+        let case = |(value, (nodes, own, expected))| Case { value, nodes, own, expected };
+        let cases: Vec<Case> = values.into_iter().zip(made).map(case).collect();
+        // In order, so that of several errors the same one is reported every time.
+        let mut checked = Vec::with_capacity(cases.len());
+        for (index, case) in (first..).zip(cases) {
+            if let Some(reason) = case.unusable() {
+                let function = session.called.function().path.clone();
+                let arguments = case.value.shown();
+                return Err(Failure::Rule { function, reason, case: index, arguments });
+            }
+            let what = integrals.assertion.what();
+            let shown = |_| (index, case.value.shown());
+            session.called.expect_finite(&case.expected, what, shown)?;
+            checked.push(case);
+        }
+        Ok(Self { first, cases: checked })
+    }
+
+    pub(super) fn nodes(&self) -> usize {
+        self.cases.iter().map(|case| case.nodes.weights.len()).sum()
+    }
+
+    /// Evaluates all nodes on every path and judges the sums. An integral whose rules leave it open
+    /// whether it passes isn't counted as one that fails; the first of each path is the second
+    /// result.
+    pub(super) fn integrate(
+        &self,
+        session: &Session<'_>,
+        assertion: &Assertion,
+    ) -> Result<(Vec<PathTally>, Vec<Option<Failure>>), Failure> {
+        let called = &session.called;
+        let scalars = called.scalars();
+        let empty = vec![Sum::new(scalars.len()); self.cases.len()];
+        let mut sums = vec![empty.clone(); called.ready.len()];
+        let mut controls = vec![empty; called.ready.len()];
+        let mut places = (0..self.cases.len()).flat_map(|case| {
+            (0..self.cases[case].nodes.weights.len()).map(move |node| (case, node))
+        });
+        loop {
+            let piece: Vec<(usize, usize)> = places.by_ref().take(called.capacity()).collect();
+            if piece.is_empty() {
+                break;
+            }
+            let mut rows = Vec::with_capacity(piece.len() * called.words);
+            for (case, node) in &piece {
+                rows.extend_from_slice(self.cases[*case].nodes.row(*node, called.words));
+            }
+            for (path, running) in called.start(&rows, piece.len())?.into_iter().enumerate() {
+                let results = running.read()?;
+                for (call, (case, node)) in piece.iter().enumerate() {
+                    let Case { nodes, own, .. } = &self.cases[*case];
+                    let weight = nodes.weights[*node];
+                    let sums = if node < own { &mut sums } else { &mut controls };
+                    sums[path][*case].add(&scalars, *node, weight, results.of(call));
+                }
+            }
+        }
+        let mut undecided = Vec::with_capacity(called.ready.len());
+        let tally = |(ready, (sums, controls)): (&Ready<'_>, (&Vec<Sum>, &Vec<Sum>))| {
+            let bound = assertion.on(ready);
+            let mut tally = Tally::default();
+            let mut first = None;
+            for (case, sum) in sums.iter().enumerate() {
+                let doubt = self.doubt(session, assertion, ready, case, (sum, &controls[case]));
+                let judged = match doubt {
+                    Some(_) => Judged { measure: LaneError::ZERO, lane: 0, class: Class::Other },
+                    None => bound.judge(sum, &self.cases[case].expected),
+                };
+                tally.add(self.first + case as u64, judged);
+                first = first.or(doubt);
+            }
+            undecided.push(first);
+            let show = |shown: Shown| {
+                let case = usize::try_from(shown.case - self.first).expect("in this group");
+                let failure = self.show(session, shown, &self.cases[case], &sums[case]);
+                let (lane, other) = (shown.judged.lane, &controls[case]);
+                let nodes = self.cases[case].nodes.weights.len() - self.cases[case].own;
+                let comparable = nodes > 0 && sums[case].bad.is_none() && other.bad.is_none();
+                let (value, control) = (sums[case].totals()[lane], other.totals()[lane]);
+                let doubt = bound.doubt(lane, value, control);
+                failure
+                    .with_control(Some((control, nodes)).filter(|_| comparable && !doubt.passes()))
+            };
+            PathTally::new(ready, tally, show).with_nodes(self.nodes() as u64)
+        };
+        let sums = sums.iter().zip(&controls);
+        let tallies = called.ready.iter().zip(sums).map(tally).collect();
+        Ok((tallies, undecided))
+    }
+
+    /// Why an integral has no verdict: its two rules differ by more than is allowed, and one of them
+    /// may be right that it passes. A node that isn't finite is a verdict.
+    fn doubt(
+        &self,
+        session: &Session<'_>,
+        assertion: &Assertion,
+        ready: &Ready<'_>,
+        index: usize,
+        (sum, control): (&Sum, &Sum),
+    ) -> Option<Failure> {
+        let (case, path) = (&self.cases[index], ready.path);
+        let bound = assertion.on(ready);
+        let nodes = case.nodes.weights.len() - case.own;
+        if nodes == 0 || sum.bad.is_some() || control.bad.is_some() {
+            return None;
+        }
+        let lanes = || sum.totals().into_iter().zip(control.totals()).enumerate();
+        let refused = |(lane, (value, control)): (usize, (f64, f64))| {
+            bound.refuses_both(lane, [value, control], case.expected[lane])
+        };
+        if lanes().any(refused) {
+            return None;
+        }
+        lanes().find_map(|(lane, (value, control))| {
+            let doubt = bound.doubt(lane, value, control);
+            (!doubt.passes()).then(|| {
+                let expected = case.expected[lane];
+                let reason = format!(
+                    "gives {value} with {} nodes and {control} with {nodes} on {path}, {doubt} \
+                     apart, where {expected} is {}, so that neither is a verdict: use more rings, \
+                     or a rule of your own with `.integral(...)`,",
+                    case.own,
+                    assertion.stated(),
+                );
+                let function = session.called.function().path.clone();
+                let (case, arguments) = (self.first + index as u64, case.value.shown());
+                Failure::Rule { function, reason, case, arguments }
+            })
+        })
+    }
+
+    fn show(&self, session: &Session<'_>, shown: Shown, case: &Case, sum: &Sum) -> CaseFailure {
+        let function = session.called.function();
+        let node = sum.bad.as_ref().map(|bad| NodeFailure {
+            index: bad.node,
+            weight: case.nodes.weights[bad.node],
+            arguments: arguments(function, case.nodes.row(bad.node, session.called.words)),
+            result: function.result.format(&bad.result),
+        });
+        let integral = (&*sum.totals(), case.own, node);
+        let (value, expected) = (case.value.shown(), &case.expected);
+        let (index, judged) = (shown.case, &shown.judged);
+        let failure = CaseFailure::of_integral(function, index, value, integral, expected, judged);
+        CaseFailure { remembered: index >= session.count(), ..failure }
+    }
+}
+
+impl Case {
+    /// Why the rule can't be summed.
+    fn unusable(&self) -> Option<String> {
+        if self.own == 0 {
+            return Some("has no nodes, so nothing would be integrated,".to_owned());
+        }
+        let bad = self.nodes.weights.iter().position(|weight| !weight.is_finite())?;
+        Some(format!("has the weight {} at node {bad}", self.nodes.weights[bad]))
+    }
+}

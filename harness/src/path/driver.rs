@@ -1,0 +1,82 @@
+//! Adapters and the families of their drivers, recognised in this one place.
+
+use std::fmt;
+
+/// An opened path, as reported with each verdict.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Adapter {
+    /// Name of the path.
+    pub path: String,
+    /// Name of the adapter: `llvmpipe (LLVM 15.0.6, 256 bits)`.
+    pub name: String,
+    /// Driver and version: `llvmpipe Mesa 22.3.6`.
+    pub driver: String,
+    /// Whether it is a software rasteriser.
+    pub software: bool,
+}
+
+impl fmt::Display for Adapter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.path, self.name)?;
+        if self.driver.is_empty() { Ok(()) } else { write!(f, ", {}", self.driver) }
+    }
+}
+
+/// Mesa's rasteriser, whose Vulkan is lavapipe.
+const LLVMPIPE: &str = "llvmpipe";
+
+/// What drivers and adapters call themselves, and the family. Software comes first, as the name
+/// of a rasteriser may be followed by that of the processor it runs on.
+const FAMILIES: [(&str, &str); 17] = [
+    ("llvmpipe", LLVMPIPE),
+    ("swiftshader", "swiftshader"),
+    ("basic render", "warp"),
+    ("softpipe", "softpipe"),
+    ("nvidia", "nvidia"),
+    ("geforce", "nvidia"),
+    ("nouveau", "nvidia"),
+    ("radv", "amd"),
+    ("radeon", "amd"),
+    ("amd", "amd"),
+    ("intel", "intel"),
+    ("apple", "apple"),
+    ("adreno", "qualcomm"),
+    ("qualcomm", "qualcomm"),
+    ("mali", "arm"),
+    ("powervr", "imagination"),
+    ("v3d", "broadcom"),
+];
+
+/// The families that have a name.
+pub(super) fn families() -> impl Iterator<Item = &'static str> {
+    FAMILIES.iter().map(|(_, family)| *family)
+}
+
+/// The family of what an adapter and its driver call themselves; without a known one the first word.
+pub(super) fn family(name: &str, driver: &str) -> String {
+    let text = format!("{driver} {name}").to_lowercase();
+    let known = FAMILIES.iter().find(|(mark, _)| text.contains(mark));
+    let first = || text.split(|c: char| !c.is_ascii_alphanumeric()).find(|word| !word.is_empty());
+    known.map(|(_, family)| *family).or_else(first).unwrap_or("unknown").to_owned()
+}
+
+impl Adapter {
+    /// The family of its driver: `llvmpipe`, `nvidia`, `amd`. One of no known family has the first
+    /// word of its name.
+    #[must_use]
+    pub fn family(&self) -> String {
+        family(&self.name, &self.driver)
+    }
+
+    /// Whether it is Mesa's llvmpipe, on whatever API.
+    #[must_use]
+    pub fn is_llvmpipe(&self) -> bool {
+        self.family() == LLVMPIPE
+    }
+
+    /// Whether it is lavapipe, llvmpipe on Vulkan: any machine can have it.
+    #[must_use]
+    pub fn is_lavapipe(&self) -> bool {
+        self.path.split([':', '@']).next() == Some("vulkan") && self.is_llvmpipe()
+    }
+}

@@ -1,0 +1,281 @@
+//! Names of execution paths: an API, a route of translation, and a driver.
+
+use std::collections::BTreeSet;
+use std::fmt;
+use std::str::FromStr;
+use std::sync::Mutex;
+
+use super::{PathError, driver};
+use crate::diagnostic::nearest;
+
+/// What runs a shader.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum Api {
+    /// Vulkan.
+    Vulkan,
+    /// Metal.
+    Metal,
+    /// Direct3D 12.
+    Dx12,
+    /// OpenGL or OpenGL ES.
+    Gl,
+    /// No driver at all: the host's processor.
+    Cpu,
+}
+
+impl Api {
+    const ALL: [Self; 5] = [Self::Vulkan, Self::Metal, Self::Dx12, Self::Gl, Self::Cpu];
+
+    /// The name used on the command line and in the environment.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Vulkan => "vulkan",
+            Self::Metal => "metal",
+            Self::Dx12 => "dx12",
+            Self::Gl => "gl",
+            Self::Cpu => "cpu",
+        }
+    }
+}
+
+/// The language that a shader is translated into on its way, beyond what the API asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum Via {
+    /// None: WGSL as it is written.
+    Direct,
+    /// naga's own WGSL, compiled anew.
+    Wgsl,
+    /// SPIR-V.
+    Spirv,
+    /// GLSL.
+    Glsl,
+    /// HLSL.
+    Hlsl,
+    /// Metal's language.
+    Msl,
+}
+
+impl Via {
+    const ALL: [Self; 6] =
+        [Self::Direct, Self::Wgsl, Self::Spirv, Self::Glsl, Self::Hlsl, Self::Msl];
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Direct => "direct",
+            Self::Wgsl => "wgsl",
+            Self::Spirv => "spirv",
+            Self::Glsl => "glsl",
+            Self::Hlsl => "hlsl",
+            Self::Msl => "msl",
+        }
+    }
+}
+
+/// An execution path: an API, with the route that a shader takes to it and the driver behind it.
+///
+/// Its name says all three: `vulkan`, `vulkan:hlsl`, `vulkan@swiftshader`. A path without a driver
+/// is the first adapter of its API, hardware before software.
+///
+/// ```
+/// use karat::{Path, path::{Api, Via}};
+///
+/// let path: Path = "vulkan:hlsl@llvmpipe".parse().unwrap();
+/// assert_eq!((path.api(), path.via(), path.driver()), (Api::Vulkan, Via::Hlsl, Some("llvmpipe")));
+/// assert_eq!(path.to_string(), "vulkan:hlsl@llvmpipe");
+/// assert_eq!("gl".parse::<Path>().unwrap(), Path::GL);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Path {
+    api: Api,
+    via: Via,
+    driver: Option<&'static str>,
+}
+
+impl Path {
+    /// WGSL to SPIR-V, on Vulkan.
+    pub const VULKAN: Self = Self::of(Api::Vulkan);
+    /// WGSL to MSL, on Metal.
+    pub const METAL: Self = Self::of(Api::Metal);
+    /// WGSL to HLSL, on Direct3D 12.
+    pub const DX12: Self = Self::of(Api::Dx12);
+    /// WGSL to GLSL, on OpenGL or OpenGL ES.
+    pub const GL: Self = Self::of(Api::Gl);
+    /// The host's processor, without a driver.
+    pub const CPU: Self = Self::of(Api::Cpu);
+
+    /// The paths of wgpu's drivers, in the order in which a default is looked for.
+    pub const ALL: [Self; 4] = [Self::VULKAN, Self::METAL, Self::DX12, Self::GL];
+
+    const fn of(api: Api) -> Self {
+        Self { api, via: Via::Direct, driver: None }
+    }
+
+    /// What runs the shader.
+    #[must_use]
+    pub const fn api(self) -> Api {
+        self.api
+    }
+
+    /// The route to it.
+    #[must_use]
+    pub const fn via(self) -> Via {
+        self.via
+    }
+
+    /// The family of drivers that it names: `llvmpipe`. See [`Adapter::family`](super::Adapter::family).
+    #[must_use]
+    pub const fn driver(self) -> Option<&'static str> {
+        self.driver
+    }
+
+    /// Whether this platform can have the path at all.
+    #[must_use]
+    pub fn exists(self) -> bool {
+        super::device::exists(self)
+    }
+
+    /// The name used on the command line, in the environment and in records.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self { via: Via::Direct, driver: None, .. } => self.api.name(),
+            _ => intern(&self.to_string()),
+        }
+    }
+}
+
+impl fmt::Display for Path {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut name = self.api.name().to_owned();
+        if self.via != Via::Direct {
+            name = format!("{name}:{}", self.via.name());
+        }
+        if let Some(driver) = self.driver {
+            name = format!("{name}@{driver}");
+        }
+        f.pad(&name)
+    }
+}
+
+impl FromStr for Path {
+    type Err = PathError;
+
+    fn from_str(name: &str) -> Result<Self, PathError> {
+        let Parts { api, via, driver } = Parts::read(name)?;
+        let api = api.ok_or_else(|| unknown(name, name))?;
+        Ok(Self { api, via: via.unwrap_or(Via::Direct), driver })
+    }
+}
+
+/// What a name says, of a path or of several.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Parts {
+    pub(super) api: Option<Api>,
+    pub(super) via: Option<Via>,
+    pub(super) driver: Option<&'static str>,
+}
+
+impl Parts {
+    /// `api:via@driver`, each of which may be left out.
+    pub(super) fn read(name: &str) -> Result<Self, PathError> {
+        let (rest, driver) = match name.split_once('@') {
+            Some((rest, driver)) => (rest, Some(driver)),
+            None => (name, None),
+        };
+        let (api, via) = match rest.split_once(':') {
+            Some((api, via)) => (api, Some(via)),
+            None => (rest, None),
+        };
+        let nothing = api.is_empty() && via.is_none() && driver.is_none();
+        let api = match Api::ALL.into_iter().find(|known| known.name() == api) {
+            None if nothing || !api.is_empty() => return Err(unknown(name, api)),
+            api => api,
+        };
+        let of_name = |via: &str| Via::ALL.into_iter().find(|known| known.name() == via);
+        let via = via.map(|via| of_name(via).ok_or_else(|| unknown_via(name, via))).transpose()?;
+        let is_family = |driver: &str| {
+            !driver.is_empty()
+                && driver.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit())
+        };
+        match driver {
+            Some(driver) if !is_family(driver) => Err(unknown_driver(name, driver)),
+            driver => Ok(Self { api, via, driver: driver.map(intern) }),
+        }
+    }
+}
+
+fn unknown(name: &str, api: &str) -> PathError {
+    let nearest = nearest(api, Api::ALL.map(Api::name)).map(str::to_owned);
+    PathError::Unknown { name: name.to_owned(), nearest }
+}
+
+fn unknown_via(name: &str, via: &str) -> PathError {
+    let (name, via) = (name.to_owned(), via.to_owned());
+    let nearest = nearest(&via, Via::ALL.map(Via::name)).map(str::to_owned);
+    PathError::UnknownVia { name, via, nearest }
+}
+
+fn unknown_driver(name: &str, driver: &str) -> PathError {
+    let (name, driver) = (name.to_owned(), driver.to_owned());
+    let nearest = nearest(&driver.to_lowercase(), driver::families()).map(str::to_owned);
+    PathError::UnknownDriver { name, driver, nearest }
+}
+
+/// The one copy of a text that lives as long as the process: paths are few, and `Copy`.
+fn intern(text: &str) -> &'static str {
+    static TEXTS: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
+    let mut texts = TEXTS.lock().expect("no thread panics while it holds the lock");
+    if let Some(known) = texts.get(text) {
+        return known;
+    }
+    let text: &'static str = Box::leak(text.to_owned().into_boxed_str());
+    texts.insert(text);
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_says_api_route_and_driver() {
+        for name in ["vulkan", "cpu", "vulkan:hlsl", "gl@llvmpipe", "dx12:msl@warp"] {
+            let path: Path = name.parse().expect(name);
+            assert_eq!((path.to_string().as_str(), path.name()), (name, name));
+            assert_eq!(name.parse::<Path>().ok(), Some(path));
+        }
+        assert_eq!("vulkan:direct".parse::<Path>().ok(), Some(Path::VULKAN));
+        assert_eq!(format!("{:>8}|{:<6}|", Path::GL, Path::VULKAN), "      gl|vulkan|");
+    }
+
+    #[test]
+    fn unknown_names_are_errors_with_the_nearest() {
+        for (name, message) in [
+            (
+                "vulcan",
+                "there is no execution path `vulcan`; a path is vulkan, metal, dx12, gl or cpu; \
+                 did you mean `vulkan`?",
+            ),
+            ("", "there is no execution path ``; a path is vulkan, metal, dx12, gl or cpu"),
+            ("@llvmpipe", "there is no execution path `@llvmpipe`; a path is"),
+            (
+                "vulkan:hlls",
+                "execution path `vulkan:hlls` has no route `hlls`; the routes are wgsl, spirv, glsl, \
+                 hlsl and msl; did you mean `hlsl`?",
+            ),
+            ("vulkan:", "execution path `vulkan:` has no route ``"),
+            (
+                "gl@LLVMpipe",
+                "execution path `gl@LLVMpipe` names no family of drivers: `LLVMpipe` isn't small \
+                 letters and digits; did you mean `llvmpipe`?",
+            ),
+            ("gl@", "execution path `gl@` names no family of drivers: `` isn't"),
+        ] {
+            let error = name.parse::<Path>().expect_err(name).to_string();
+            assert!(error.starts_with(message), "{error}");
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! Which paths a declaration is about.
+
+use std::fmt;
+
+use super::name::{Api, Parts, Via};
+use super::{Adapter, Path, PathError};
+
+/// Paths that a tolerance or a known issue is declared for: by API, by route, by driver, or by
+/// several of these.
+///
+/// What it doesn't name may be anything: `Path::GL` and `"gl"` are OpenGL with whatever driver and
+/// by whatever route, `"vulkan@nvidia"` is one driver's Vulkan, `"@llvmpipe"` is llvmpipe on each
+/// API, `":hlsl"` is every route through HLSL. Where several select a path, the one that names most
+/// holds, and of those the last one declared.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Selector {
+    text: String,
+    /// `None`: the text names no paths.
+    parts: Option<Parts>,
+}
+
+impl From<Path> for Selector {
+    fn from(path: Path) -> Self {
+        let via = Some(path.via()).filter(|via| *via != Via::Direct);
+        let parts = Parts { api: Some(path.api()), via, driver: path.driver() };
+        Self { text: path.to_string(), parts: Some(parts) }
+    }
+}
+
+/// A text that names no path is an error of the check, when it runs.
+impl From<&str> for Selector {
+    fn from(text: &str) -> Self {
+        Self { text: text.to_owned(), parts: Parts::read(text).ok() }
+    }
+}
+
+impl fmt::Display for Selector {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+impl Selector {
+    /// Refuses a text that names no path.
+    pub(crate) fn expect_sound(&self) -> Result<(), PathError> {
+        match self.parts {
+            Some(_) => Ok(()),
+            None => Parts::read(&self.text).map(drop),
+        }
+    }
+
+    /// How much of what it names is so of a path; `None`: something isn't.
+    fn fits(&self, path: Path, adapter: &Adapter) -> Option<usize> {
+        let Parts { api, via, driver } = self.parts?;
+        let family = || adapter.family();
+        let named: [Option<bool>; 3] = [
+            api.map(|api: Api| api == path.api()),
+            via.map(|via| via == path.via()),
+            driver.map(|driver| driver == family()),
+        ];
+        let named: Vec<bool> = named.into_iter().flatten().collect();
+        named.iter().all(|fits| *fits).then_some(named.len())
+    }
+}
+
+/// What was declared for selected paths.
+#[derive(Clone, Debug)]
+pub(crate) struct Selected<T>(Vec<(Selector, T)>);
+
+impl<T> Default for Selected<T> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<T> Selected<T> {
+    pub(crate) fn declare(&mut self, selector: Selector, value: T) {
+        self.0.push((selector, value));
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (&Selector, &T)> {
+        self.0.iter().map(|(selector, value)| (selector, value))
+    }
+
+    pub(crate) fn get_mut(&mut self, selector: &Selector) -> Option<&mut T> {
+        self.0.iter_mut().find(|(known, _)| known == selector).map(|(_, value)| value)
+    }
+
+    /// What holds on a path: of all that select it, the one that names most, and the last of those.
+    pub(crate) fn on(&self, path: Path, adapter: &Adapter) -> Option<&T> {
+        let fitting = self
+            .iter()
+            .filter_map(|(selector, value)| Some((selector.fits(path, adapter)?, value)));
+        fitting.max_by_key(|(named, _)| *named).map(|(_, value)| value)
+    }
+
+    /// Refuses texts that name no path.
+    pub(crate) fn expect_sound(&self) -> Result<(), PathError> {
+        self.iter().try_for_each(|(selector, _)| selector.expect_sound())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn adapter(path: Path, name: &str) -> Adapter {
+        let (path, driver) = (path.to_string(), String::new());
+        Adapter { path, name: name.to_owned(), driver, software: false }
+    }
+
+    #[test]
+    fn the_most_particular_declaration_holds_and_of_equals_the_last() {
+        let mut declared = Selected::default();
+        for (selector, value) in [
+            (Selector::from("vulkan@nvidia"), 1),
+            (Path::VULKAN.into(), 2),
+            ("@llvmpipe".into(), 3),
+            (":hlsl".into(), 4),
+            ("vulkan:hlsl@llvmpipe".into(), 5),
+            ("gl".into(), 6),
+            ("gl".into(), 7),
+        ] {
+            declared.declare(selector, value);
+        }
+        let on = |path: &str, name: &str| {
+            let path = path.parse().expect(path);
+            declared.on(path, &adapter(path, name)).copied()
+        };
+        assert_eq!(on("vulkan", "NVIDIA H200"), Some(1));
+        assert_eq!(on("vulkan", "AMD Radeon"), Some(2));
+        assert_eq!(on("metal", "Apple M2"), None);
+        assert_eq!(on("vulkan", "llvmpipe (LLVM 15)"), Some(3), "two name one thing: the last");
+        assert_eq!(on("dx12:hlsl", "Intel"), Some(4));
+        assert_eq!(on("vulkan:hlsl", "llvmpipe"), Some(5));
+        assert_eq!(on("gl@nvidia", "GeForce"), Some(7));
+    }
+
+    #[test]
+    fn what_names_no_path_is_an_error() {
+        let mut declared = Selected::default();
+        declared.declare(Selector::from("@llvmpipe"), ());
+        assert!(declared.expect_sound().is_ok());
+        declared.declare(Selector::from("gl-llvmpipe"), ());
+        let error = declared.expect_sound().expect_err("a profile's name").to_string();
+        assert!(error.starts_with("there is no execution path `gl-llvmpipe`"), "{error}");
+    }
+}

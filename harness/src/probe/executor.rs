@@ -1,0 +1,60 @@
+//! The seam between checks and what runs shaders.
+
+use std::fmt::Debug;
+
+use super::{ProbeError, Probed};
+use crate::fixture::Fixtures;
+use crate::path::{Adapter, Path};
+
+/// Something that runs functions of WGSL: a driver, or whatever stands in for one.
+///
+/// Checks know executors by this trait alone. wgpu's drivers are those that the environment selects;
+/// [`Probe::on`](crate::check::Probe::on) takes any other one.
+pub trait Executor: Debug + Sync {
+    /// What it is called in verdicts, tolerances and replays.
+    fn path(&self) -> Path;
+
+    /// What it is, as records tell.
+    fn adapter(&self) -> Adapter;
+
+    /// Gets a function ready to be called.
+    ///
+    /// # Errors
+    /// If the function can't be called here, or a fixture isn't what it reads.
+    fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError>;
+}
+
+/// What an executor is to get ready.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct Call<'c> {
+    /// The function, with its signature and its kernel.
+    pub probed: &'c Probed,
+    /// What stands behind the variables that it reads, by name.
+    pub fixtures: &'c Fixtures,
+    /// Cases that one batch may have; an executor may have room for fewer.
+    pub cases: usize,
+}
+
+/// A function that is ready to be called on one executor.
+pub trait Prepared: Sync {
+    /// Cases of one batch, at least 1.
+    fn capacity(&self) -> usize;
+
+    /// Starts a batch of cases, each with the lanes of all its arguments, one 32-bit word a scalar.
+    ///
+    /// What is returned waits for the results: the words of each case's result, in order. Each word
+    /// was written once, by its case; an executor that can't tell says so with an error.
+    ///
+    /// # Errors
+    /// If the batch can't be started.
+    fn start<'p>(&'p self, cases: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError>;
+
+    /// Whether it keeps textures, which the function reads, in 16-bit floats.
+    fn reads_half_floats(&self) -> bool {
+        false
+    }
+}
+
+/// A batch that runs. Calling it waits for its results.
+pub type Started<'p> = Box<dyn FnOnce() -> Result<Vec<u32>, ProbeError> + 'p>;
