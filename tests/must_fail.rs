@@ -162,9 +162,22 @@ fn nothing_to_compare() {
             .try_agrees_with(identity, Ulp(0.0)),
         package.function("f").over(1.0..=0.0).try_agrees_with(identity, Ulp(0.0)),
     ];
-    for (index, found) in found.iter().enumerate() {
-        assert!(matches!(found, Err(Failure::Domain { .. })), "{index}: {found:?}");
+    let reasons = [
+        "is asked for 0 cases",
+        "is empty: its list is empty",
+        "rejects nearly everything that its filter sees",
+        "rejects nearly everything that its filter sees",
+        "is empty: its range starts at 1 and ends at 0",
+    ];
+    for (found, reason) in found.into_iter().zip(reasons) {
+        let Err(error @ Failure::Domain { .. }) = found else { panic!("{found:?}") };
+        let (error, head) = (error.to_string(), format!("the domain of `f` {reason}"));
+        assert!(error.starts_with(&head), "{error}");
     }
+    let package = Package::from_source("planted", "fn g(x: f32, alpha: f32) -> f32 { return x; }");
+    let over = package.function("g").over((0.0..=1.0, 1.0..=f32::NAN));
+    let error = over.try_satisfies("holds", |_, _: f32| true).expect_err("empty").to_string();
+    assert_eq!(error, "the domain of `g` is empty: the range of `alpha` ends at NaN");
 }
 
 /// A transformation that changes nothing, and bounds that bound nothing.
@@ -584,6 +597,11 @@ fn a_replay_of_nothing() {
     }
     let (output, text) = planted(&["two"], &[("KARAT_CASE", "g/agrees_with/65536")]);
     assert!(!output.status.success() && text.contains("none with index 65536"), "{text}");
+    // One case that a transformation leaves as it is says nothing of the others.
+    for case in ["f/invariant_under/0", "f/invariant_under/1"] {
+        let (output, text) = planted(&["mirrored"], &[("KARAT_CASE", case)]);
+        assert!(output.status.success(), "{text}");
+    }
     let (output, text) = planted(&["in_a_thread"], &[("KARAT_CASE", "g/agrees_with/3")]);
     let reason =
         "`f/agrees_with` isn't `g/agrees_with`, which KARAT_CASE selects, and runs in a thread";

@@ -32,6 +32,7 @@ mod shrink;
 mod statement;
 mod tally;
 mod tolerances;
+mod vacuous;
 mod verdict;
 
 pub use disagreement::{
@@ -39,6 +40,7 @@ pub use disagreement::{
 };
 pub use integral::Integral;
 pub use limit::Limit;
+pub use mismatch::Mismatch;
 pub use monotone::Trend;
 pub use parameter::Parameter;
 use plan::Plan;
@@ -49,6 +51,7 @@ pub use sampling::{
 };
 use session::Demand;
 pub use tally::Census;
+pub use vacuous::Vacuous;
 pub use verdict::{Agreement, Failure};
 
 use crate::domain::{Domain, Typed};
@@ -201,6 +204,7 @@ where
         Demand {
             arguments: D::Value::shapes(),
             who: "the domain draws",
+            draws_arguments: true,
             cases: CASES,
             enumerated: ENUMERATED,
             calls: 1,

@@ -33,6 +33,12 @@ impl fmt::Debug for SourceFile {
 }
 
 impl SourceFile {
+    /// The file, unless the text is in memory, whose name is in brackets.
+    pub(crate) fn read(&self) -> Option<FileRead> {
+        let file = Path::new(&self.name);
+        (!self.name.starts_with('<')).then(|| FileRead::of(file, self.text.as_bytes()))
+    }
+
     /// Line and column of a byte offset, both counted from 1; columns count characters.
     #[must_use]
     pub fn line_column(&self, offset: usize) -> (usize, usize) {
@@ -175,6 +181,36 @@ pub fn nearest<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str>) -> O
         .filter(|(distance, _, _)| *distance <= (last(unknown).len() / 3).max(1))
         .min()
         .map(|(_, _, name)| name)
+}
+
+/// A file that something was made of, and what was in it then.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+pub struct FileRead {
+    /// The file, with its folders from the root.
+    pub file: PathBuf,
+    /// BLAKE3 of its bytes, in hexadecimal; empty if it wasn't there.
+    pub hash: String,
+}
+
+impl FileRead {
+    /// A file with these bytes.
+    #[must_use]
+    pub fn of(file: &Path, bytes: &[u8]) -> Self {
+        Self { hash: blake3::hash(bytes).to_hex().to_string(), ..Self::missing(file) }
+    }
+
+    /// A file that isn't there, or can't be read: what depends on it changes when it is.
+    #[must_use]
+    pub fn missing(file: &Path) -> Self {
+        let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
+        Self { file, hash: String::new() }
+    }
+
+    /// A file as it is now.
+    #[must_use]
+    pub fn now(file: &Path) -> Self {
+        std::fs::read(file).map_or_else(|_| Self::missing(file), |bytes| Self::of(file, &bytes))
+    }
 }
 
 /// A path as it is best shown: absolute without `..`, or relative to the working directory, which

@@ -12,6 +12,7 @@
 
 mod direction;
 mod edges;
+mod emptiness;
 mod latin;
 mod product;
 mod range;
@@ -25,6 +26,8 @@ use std::fmt::Debug;
 
 pub use direction::{Hemisphere, UnitRgb, UnitVector};
 pub use edges::{AnyF32, Edges};
+pub use emptiness::Emptiness;
+use emptiness::infinite;
 pub use latin::LatinHypercube;
 pub(crate) use product::Parts;
 pub use range::Integers;
@@ -62,7 +65,13 @@ pub trait Domain: Send + Sync {
     /// Whether the domain has no value, as a range that ends before it starts. A domain whose
     /// filter rejects everything isn't known to be empty.
     fn is_empty(&self) -> bool {
-        self.size() == Some(0)
+        self.emptiness().is_some()
+    }
+
+    /// Why the domain has no value, for the message of a check that would check nothing; `None` if
+    /// it has one.
+    fn emptiness(&self) -> Option<Emptiness> {
+        (self.size() == Some(0)).then(|| Emptiness::of("domain", "has no value"))
     }
 
     /// Number of values of a finite domain.
@@ -130,8 +139,8 @@ impl<D: Domain + ?Sized> Domain for &D {
     fn edges(&self) -> Vec<Self::Value> {
         (**self).edges()
     }
-    fn is_empty(&self) -> bool {
-        (**self).is_empty()
+    fn emptiness(&self) -> Option<Emptiness> {
+        (**self).emptiness()
     }
     fn size(&self) -> Option<u64> {
         (**self).size()
@@ -181,6 +190,9 @@ impl<T: Clone + Debug + Send + Sync + 'static> Domain for OneOf<T> {
     }
     fn edges(&self) -> Vec<T> {
         self.0.iter().take(1).chain(self.0.iter().skip(1).next_back()).cloned().collect()
+    }
+    fn emptiness(&self) -> Option<Emptiness> {
+        self.0.is_empty().then(|| Emptiness::of("list", "is empty"))
     }
     fn size(&self) -> Option<u64> {
         Some(self.0.len() as u64)
@@ -263,13 +275,19 @@ impl Domain for Grid {
     fn edges(&self) -> Vec<f32> {
         if self.count > 1 { vec![self.first, self.last] } else { vec![self.first] }
     }
-    fn is_empty(&self) -> bool {
+    fn emptiness(&self) -> Option<Emptiness> {
         let (first, last) = (self.first, self.last);
         let no_ratio = !(f64::from(first) * f64::from(last) > 0.0);
-        self.count == 0
-            || !first.is_finite()
-            || !last.is_finite()
-            || (self.spacing == Spacing::Logarithmic && no_ratio)
+        if self.count == 0 {
+            return Some(Emptiness::of("grid", "has no points"));
+        }
+        if let Some(fault) = infinite(first, last) {
+            return Some(Emptiness::of("grid", &fault));
+        }
+        (self.spacing == Spacing::Logarithmic && no_ratio).then(|| {
+            let fault = format!("is logarithmic and goes from {first} to {last}, through 0");
+            Emptiness::of("grid", &fault)
+        })
     }
     fn size(&self) -> Option<u64> {
         Some(u64::from(self.count))
@@ -323,8 +341,8 @@ where
     fn edges(&self) -> Vec<T> {
         self.domain.edges().into_iter().map(&self.map).collect()
     }
-    fn is_empty(&self) -> bool {
-        self.domain.is_empty()
+    fn emptiness(&self) -> Option<Emptiness> {
+        self.domain.emptiness().map(Emptiness::apart)
     }
     fn size(&self) -> Option<u64> {
         self.domain.size()
@@ -356,8 +374,8 @@ where
     fn edges(&self) -> Vec<Self::Value> {
         self.domain.edges().into_iter().filter(&self.keep).collect()
     }
-    fn is_empty(&self) -> bool {
-        self.domain.is_empty()
+    fn emptiness(&self) -> Option<Emptiness> {
+        self.domain.emptiness()
     }
     fn admits(&self, value: &Self::Value) -> Option<bool> {
         if (self.keep)(value) { self.domain.admits(value) } else { Some(false) }

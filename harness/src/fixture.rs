@@ -7,7 +7,7 @@ pub use cube_map::{CubeMap, CubeMapError};
 pub(crate) use texture::Level;
 pub use texture::Texture;
 
-use crate::diagnostic::nearest;
+use crate::diagnostic::{FileRead, nearest};
 use crate::path::PathError;
 use crate::reflect::{Binding, BindingKind, LayoutError, Program, bytes_of};
 use crate::value::{Shape, Shareable};
@@ -93,6 +93,14 @@ impl Fixture {
             Self::Sampler(_) => "a Sampler",
             Self::Uniform(_) => "a Uniform",
             Self::Storage(_) => "a Storage",
+        }
+    }
+
+    /// The files that it was made of.
+    pub(crate) fn read(&self) -> &[FileRead] {
+        match self {
+            Self::CubeMap(CubeMap { read, .. }) | Self::Texture(Texture { read, .. }) => read,
+            Self::Sampler(_) | Self::Uniform(_) | Self::Storage(_) => &[],
         }
     }
 

@@ -368,10 +368,10 @@ impl Frame<'_> {
     /// # Errors
     /// If the shader isn't valid, a fixture is missing, or the path doesn't open.
     pub fn render(&self, path: Path) -> Result<Image, FrameError> {
-        self.render_on(path::open(path)?).map(|(image, _)| image)
+        self.render_on(path::open(path)?).map(|drawn| drawn.image)
     }
 
-    fn render_on(&self, device: &'static path::Device) -> Result<(Image, String), FrameError> {
+    fn render_on(&self, device: &'static path::Device) -> Result<renderer::Drawn, FrameError> {
         if self.draws.is_empty() {
             return Err(FrameError::Empty);
         }

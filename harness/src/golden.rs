@@ -34,7 +34,7 @@ pub use tolerance::{Criterion, CriterionMargin, FrameTolerance};
 use self::compare::Terms;
 use self::pending::Against;
 use self::reference::{Reference, ReferenceError};
-use crate::diagnostic::shown;
+use crate::diagnostic::{FileRead, shown};
 use crate::image::{Image, ImageError, Part, Precision};
 use crate::metric::{Gate, Mask, MaskError};
 use crate::path::Adapter;
@@ -220,6 +220,16 @@ impl Goldens {
         let own = self.golden_of(case, profile);
         // A link to nothing is a golden that is missing, and not one that was never made.
         if own.symlink_metadata().is_ok() { (own, true) } else { (self.golden(case), false) }
+    }
+
+    /// The files that a comparison depends on: the golden of the adapter's profile, and the one for
+    /// all, whichever is there.
+    pub(crate) fn files(&self, case: &str, adapter: &Adapter) -> Vec<FileRead> {
+        if !is_name(case) {
+            return Vec::new();
+        }
+        let own = self.golden_of(case, &Profile::of(adapter));
+        [own, self.golden(case)].iter().map(|file| FileRead::now(file)).collect()
     }
 
     /// The golden that a pending frame was compared with.

@@ -13,12 +13,25 @@ pub use self::exr::{ExrFile, Part, Precision};
 pub(crate) use self::file::{Staged, remove_leftover};
 pub use self::file::{is_beside, is_leftover, write_whole};
 
+use std::sync::Arc;
+
+use crate::diagnostic::FileRead;
+
 /// Linear RGBA in 32-bit floats, rows from the top.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Image {
     width: u32,
     height: u32,
     pixels: Vec<[f32; 4]>,
+    /// The file that it was read from, so that a verdict can name it.
+    origin: Option<Arc<FileRead>>,
+}
+
+/// By sides and pixels, wherever they come from.
+impl PartialEq for Image {
+    fn eq(&self, other: &Self) -> bool {
+        (self.width, self.height) == (other.width, other.height) && self.pixels == other.pixels
+    }
 }
 
 /// How many values of an image are no finite numbers.
@@ -41,7 +54,17 @@ impl Image {
     pub fn new(width: u32, height: u32, pixels: Vec<[f32; 4]>) -> Self {
         let expected = width as usize * height as usize;
         assert_eq!(pixels.len(), expected, "a {width} x {height} image has {expected} pixels");
-        Self { width, height, pixels }
+        Self { width, height, pixels, origin: None }
+    }
+
+    /// The same, read from a file.
+    pub(crate) fn read_from(self, file: &std::path::Path, bytes: &[u8]) -> Self {
+        Self { origin: Some(Arc::new(FileRead::of(file, bytes))), ..self }
+    }
+
+    /// The file that it was read from, whatever was done to its pixels since.
+    pub(crate) fn origin(&self) -> Option<&FileRead> {
+        self.origin.as_deref()
     }
 
     /// Width in pixels.

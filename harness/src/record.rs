@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 
 pub use self::folder::Running;
 use self::folder::Turn;
+pub use crate::diagnostic::FileRead;
 use crate::path::Adapter;
 
 /// Version of the format. Lines with another version are refused.
@@ -55,6 +56,10 @@ pub struct Record {
     /// about the package as it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub overlay: Option<String>,
+    /// The files that it depends on, each once: modules, images of fixtures, goldens. Empty if it
+    /// ended before it read any, or if an older Karat wrote the record.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub read: Vec<FileRead>,
     /// When it was made; `None`: an older Karat wrote the record.
     #[serde(flatten)]
     pub time: Option<Time>,
@@ -352,6 +357,7 @@ mod tests {
             paths: Vec::new(),
             message: None,
             overlay: None,
+            read: Vec::new(),
             time,
         }
     }

@@ -24,7 +24,7 @@ pub(crate) use rounds::{COUNTERS, CountedLoop, Watched, count_rounds};
 pub(crate) use validation::validate;
 pub use validation::{Invalid, Validated};
 
-use crate::diagnostic::{Diagnostic, Span};
+use crate::diagnostic::{Diagnostic, FileRead, Span};
 use crate::package::{Linked, Package, PackageError};
 use crate::value::{Scalar, Shape};
 
@@ -157,6 +157,11 @@ pub enum ReflectError {
 }
 
 impl Program {
+    /// The files that it was linked from.
+    pub(crate) fn files(&self) -> &[FileRead] {
+        self.linked.sources.files()
+    }
+
     /// Links and validates the closure of one function.
     ///
     /// # Errors

@@ -29,7 +29,7 @@ impl Executor for Fake {
     }
 
     fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
-        assert_eq!(call.probed.function().path, "s::twice");
+        assert_eq!(call.probed.function().path, "twice");
         Ok(Box::new(self))
     }
 }
@@ -48,7 +48,7 @@ impl Prepared for &Fake {
 
 fn check(fake: &Fake) -> Result<karat::check::Agreement, Failure> {
     let package = Package::from_source("s", SHADER);
-    let over = package.function("s::twice").on(fake).over(-1.0..=1.0).cases(1000);
+    let over = package.function("twice").on(fake).over(-1.0..=1.0).cases(1000);
     over.try_agrees_with(|x: f64| 2.0 * x, Ulp(0.0))
 }
 

@@ -32,6 +32,7 @@ fn main() -> ExitCode {
         // A thread of the test's own has no name, and the test isn't known there.
         "in_a_thread" => std::thread::spawn(two).join().expect("no check panics"),
         "one_path" => one_path(),
+        "mirrored" => mirrored(),
         "records" => Ok(records()),
         "known_issue" => {
             Ok(declared("fn above(x: f32) -> f32 { return x + x * x * 0.001; }", "above"))
@@ -75,6 +76,14 @@ fn two() -> Result<String, String> {
             .map_err(|failure| failure.to_string())?;
     }
     Ok("both agree".to_owned())
+}
+
+/// Of two cases the transformation changes the first.
+fn mirrored() -> Result<String, String> {
+    let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x * x; }");
+    let over = package.function("f").over(OneOf(vec![-1.0, 1.0]));
+    let found = over.try_invariant_under(f32::abs, Ulp(0.0));
+    found.map(|agreement| agreement.to_string()).map_err(|error| error.to_string())
 }
 
 /// A check that fails on the last path alone: the others are granted the fault.

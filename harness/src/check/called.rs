@@ -1,7 +1,7 @@
 //! A function on its executors: calls by rows of words, with no cases and no verdict.
 
-use super::Failure;
-use super::mismatch::signature;
+use super::{Failure, Mismatch, Vacuous};
+use crate::diagnostic::FileRead;
 use crate::fixture::Fixtures;
 use crate::package::Package;
 use crate::path::{Adapter, Path};
@@ -15,12 +15,16 @@ use crate::value::{Scalar, Shape};
 pub(super) struct Fitting(Probed);
 
 impl Fitting {
+    pub(super) fn function(&self) -> &Function {
+        &self.0.function
+    }
+
     /// Finds a function, which has to take these arguments. `who` supplies them: `the domain draws`.
     pub(super) fn find(
         (package, function): (&Package, &str),
         inputs: Inputs,
         supplied: &[Shape],
-        who: &str,
+        who: &'static str,
     ) -> Result<Self, Failure> {
         let probed = Probed::new(package, function)?.with_inputs(inputs)?;
         let declared = probe::parameter_shapes(&probed.function);
@@ -29,14 +33,9 @@ impl Fitting {
         if fits {
             return Ok(Self(probed));
         }
-        let list = |shapes: &[&Shape]| {
-            let names: Vec<String> = shapes.iter().map(ToString::to_string).collect();
-            format!("({})", names.join(", "))
-        };
-        let supplied: Vec<&Shape> = supplied.iter().collect();
-        let (declared, supplied) = (list(&declared), list(&supplied));
-        let mismatch = format!("takes {declared}, {who} {supplied}");
-        Err(signature(&probed.function, mismatch))
+        let declared = declared.into_iter().cloned().collect();
+        let supplied = supplied.to_vec();
+        Err(Mismatch::Arguments { declared, supplied, who }.of(&probed.function))
     }
 
     /// Gets it ready on each executor, with room for so many calls in a batch.
@@ -134,6 +133,12 @@ impl Results {
 }
 
 impl Called<'_> {
+    /// The files that its results depend on: its modules, and what its fixtures were made of.
+    pub(super) fn files(&self, fixtures: &Fixtures) -> Vec<FileRead> {
+        let modules = self.probed.program.files().iter();
+        modules.chain(fixtures.iter().flat_map(|(_, fixture)| fixture.read())).cloned().collect()
+    }
+
     pub(super) fn function(&self) -> &Function {
         &self.probed.function
     }
@@ -174,7 +179,8 @@ impl Called<'_> {
         if host.stands_for(&function.result, true) {
             return Ok(());
         }
-        Err(signature(function, format!("returns {}, {who} {host}", function.result)))
+        let (declared, supplied) = (function.result.clone(), host.clone());
+        Err(Mismatch::Result { declared, supplied, who: who.to_owned() }.of(function))
     }
 
     /// Refuses a reference that isn't finite. `lanes` are those of one case after the other, and
@@ -198,21 +204,19 @@ impl Called<'_> {
     pub(super) fn expect_lanes(&self, tolerance: &Tolerance) -> Result<(), Failure> {
         let lanes = self.scalars().len();
         if let Some(bound) = tolerance.unusable() {
-            let mismatch = format!("is compared to {tolerance}, and {bound} bounds nothing");
-            return Err(signature(self.function(), mismatch));
+            let tolerance = tolerance.clone();
+            return Err(Mismatch::Bound { tolerance, bound }.of(self.function()));
         }
         match tolerance.lanes() {
             Some(declared) if declared != lanes => {
-                let mismatch =
-                    format!("returns {lanes} components, the tolerance is declared for {declared}");
-                Err(signature(self.function(), mismatch))
+                Err(Mismatch::Lanes { lanes, declared }.of(self.function()))
             }
             _ => Ok(()),
         }
     }
 
     /// An error of the domain, which leaves nothing to be judged.
-    pub(super) fn vacuous<T>(&self, reason: impl Into<String>) -> Result<T, Failure> {
-        Err(Failure::Domain { function: self.function().path.clone(), reason: reason.into() })
+    pub(super) fn vacuous<T>(&self, reason: Vacuous) -> Result<T, Failure> {
+        Err(Failure::Domain { function: self.function().path.clone(), reason })
     }
 }

@@ -3,7 +3,7 @@
 //! A companion is drawn after the arguments, from the same stream of random numbers, and travels as
 //! words behind theirs. So it is simplified with them, remembered and replayed.
 
-use crate::domain::{Held, Origin, Parts, Shrinkable, Source, Stream};
+use crate::domain::{Emptiness, Held, Origin, Parts, Shrinkable, Source, Stream};
 
 /// Tells the random numbers of companions of edges and of enumerated values from those of draws.
 const LISTED: u64 = 0x6c69_7374_6564;
@@ -68,8 +68,8 @@ impl Stream for WithCompanion<'_> {
         self.arguments.size()
     }
 
-    fn is_empty(&self) -> bool {
-        self.arguments.is_empty()
+    fn emptiness(&self) -> Option<Emptiness> {
+        self.arguments.emptiness()
     }
 
     fn edges(&self) -> usize {

@@ -2,7 +2,7 @@
 
 use super::path_tally::PathTally;
 use super::session::Session;
-use super::{Agreement, Disagreement, Failure, PathDisagreement, Simplest};
+use super::{Agreement, Disagreement, Failure, PathDisagreement, Simplest, Vacuous};
 use crate::run::{Descent, Replayed};
 use crate::tolerance::LaneError;
 
@@ -12,8 +12,7 @@ impl Session<'_> {
         let compared = tallies.iter().map(|path| path.tally.census.cases).min().unwrap_or(0);
         let declared = self.declared();
         if compared < declared {
-            let reason = format!("declares {declared} cases, but {compared} were compared");
-            return self.called.vacuous(reason);
+            return self.called.vacuous(Vacuous::Uncompared { declared, compared });
         }
         if tallies.iter().any(PathTally::fails) {
             return Err(self.disagreement(tallies));

@@ -10,7 +10,7 @@ use super::plan::{Plan, Recording};
 use super::property::Exhibit;
 use super::session::{Asserted, Demand};
 use super::tally::compare;
-use super::{Agreement, Check, Failure};
+use super::{Agreement, Check, Failure, Vacuous};
 use crate::domain::{Domain, Source, Stream};
 use crate::run::or_panic;
 use crate::tolerance::{Tolerance, significant};
@@ -144,10 +144,7 @@ impl Plan<'_> {
                 };
                 Ok(session.judge_results(batch, &after, judge, exhibit))
             })?;
-            if !changed {
-                return called.vacuous("has no case that a rotation changes");
-            }
-            Ok(tallies)
+            session.expect_tested(changed, tallies, Vacuous::Unrotated)
         })
     }
 }

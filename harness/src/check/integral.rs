@@ -242,6 +242,7 @@ impl Plan<'_> {
         let demand = Demand {
             arguments: integrals.arguments.clone(),
             who: "the quadrature rule supplies",
+            draws_arguments: false,
             cases: CASES,
             enumerated: ENUMERATED,
             calls: BATCH,

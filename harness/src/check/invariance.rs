@@ -6,7 +6,7 @@ use super::plan::{Plan, Recording};
 use super::property::{Exhibit, PRIMED};
 use super::session::{Asserted, Demand};
 use super::tally::compare;
-use super::{Agreement, Check, Failure};
+use super::{Agreement, Check, Failure, Vacuous};
 use crate::domain::{Domain, Stream};
 use crate::run::or_panic;
 use crate::tolerance::Tolerance;
@@ -106,10 +106,7 @@ impl Plan<'_> {
                 };
                 Ok(session.judge_results(batch, &after, judge, exhibit))
             })?;
-            if !changed {
-                return called.vacuous("has no case that the transformation changes");
-            }
-            Ok(tallies)
+            session.expect_tested(changed, tallies, Vacuous::Untransformed)
         })
     }
 }

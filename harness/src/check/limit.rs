@@ -5,14 +5,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::agreement::{Expected, with_reference};
 use super::called::Running;
-use super::mismatch::signature;
 use super::parameter::Parameter;
-use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
 use super::property::Exhibit;
 use super::session::{Asserted, Demand};
 use super::tally::{Judged, compare};
-use super::{Agreement, Check, Failure, Reference};
+use super::{Agreement, Check, Failure, Mismatch, Reference, Vacuous};
 use crate::domain::{Domain, Stream};
 use crate::run::or_panic;
 use crate::tolerance::Tolerance;
@@ -152,12 +150,11 @@ impl Plan<'_> {
             let (scalars, tolerances) = (called.scalars(), tolerances.of_paths(session));
             let varied = argument.scalar(function)?;
             if !matches!(varied.scalar, Scalar::F32) {
-                let mismatch = format!("has `{}`, which isn't f32 and has no limit", varied.name);
-                return Err(signature(function, mismatch));
+                return Err(Mismatch::NoFloat(varied.name).of(function));
             }
             if let Some(reason) = limit.unusable() {
-                let mismatch = format!("is asked for its limit at {limit}, which {reason}");
-                return Err(signature(function, mismatch));
+                let (limit, reason) = (limit.to_string(), reason.into());
+                return Err(Mismatch::Limit { limit, reason }.of(function));
             }
             let approaches = AtomicBool::new(false);
             let tallies = session.run(&mut |batch, dispatches| {
@@ -208,14 +205,8 @@ impl Plan<'_> {
                 let judge = |path, case| decisive(path, case).1;
                 Ok(session.judge_results(batch, last, judge, exhibit))
             })?;
-            let failures = tallies.iter().any(PathTally::fails);
-            if !approaches.into_inner() && !failures && !session.is_replay() {
-                let first = limit.steps[0];
-                return called.vacuous(format!(
-                    "has no case that isn't at its limit from the first step on, {argument} = {first}"
-                ));
-            }
-            Ok(tallies)
+            let otherwise = Vacuous::AtLimit { argument: argument.clone(), step: limit.steps[0] };
+            session.expect_tested(approaches.into_inner(), tallies, otherwise)
         })
     }
 }

@@ -1,14 +1,137 @@
 //! What doesn't fit together: a function, and what a check gives or expects of it.
 
 use super::Failure;
+use crate::path::Selector;
 use crate::reflect::Function;
+use crate::stats::Support;
+use crate::tolerance::Tolerance;
+use crate::value::Shape;
 
-/// The failure of a function's signature, with its place.
-pub(super) fn signature(function: &Function, mismatch: String) -> Failure {
-    Failure::Signature {
-        function: function.path.clone(),
-        mismatch,
-        signature: function.to_string(),
-        location: function.span.to_string(),
+/// How a function and a check don't fit.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Mismatch {
+    /// The function takes other arguments than it is given.
+    #[error("takes {}, {who} {}", list(declared), list(supplied))]
+    Arguments {
+        /// Types of its parameters.
+        declared: Vec<Shape>,
+        /// Types of what it is given.
+        supplied: Vec<Shape>,
+        /// Who gives them: `the domain draws`.
+        who: &'static str,
+    },
+    /// The function returns another type than it is compared with.
+    #[error("returns {declared}, {who} {supplied}")]
+    Result {
+        /// What it returns.
+        declared: Shape,
+        /// What it is compared with.
+        supplied: Shape,
+        /// Whose type that is: `the reference returns`.
+        who: String,
+    },
+    /// The function returns a type that the verb can't use.
+    #[error("returns {result}, {wanted}")]
+    Unsuited {
+        /// What it returns.
+        result: Shape,
+        /// What the verb wants: `not up to three floats`.
+        wanted: &'static str,
+    },
+    /// A tolerance bounds nothing.
+    #[error("is compared to {tolerance}, and {bound} bounds nothing")]
+    Bound {
+        /// The tolerance.
+        tolerance: Tolerance,
+        /// The bound in it.
+        bound: f64,
+    },
+    /// A tolerance is for another number of components.
+    #[error("returns {lanes} components, the tolerance is declared for {declared}")]
+    Lanes {
+        /// Components of the result.
+        lanes: usize,
+        /// Components of the tolerance.
+        declared: usize,
+    },
+    /// A verb without a tolerance has one on some path.
+    #[error("is checked by {check}, which takes no tolerance, but {on} has {tolerance}")]
+    NoTolerance {
+        /// The verb.
+        check: &'static str,
+        /// The paths.
+        on: Selector,
+        /// Their tolerance.
+        tolerance: Tolerance,
+    },
+    /// There is no parameter of this name.
+    #[error("has no parameter `{name}`{}",
+        nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
+    NoParameter {
+        /// What was asked for.
+        name: String,
+        /// The closest parameter.
+        nearest: Option<String>,
+    },
+    /// There is no parameter at this place.
+    #[error("has {count} parameters, none at place {place}")]
+    NoPlace {
+        /// Parameters of the function.
+        count: usize,
+        /// The place, from 0.
+        place: usize,
+    },
+    /// A parameter isn't one number.
+    #[error("has `{name}` of type {shape}, which isn't one number")]
+    NoNumber {
+        /// The parameter.
+        name: String,
+        /// Its type.
+        shape: Shape,
+    },
+    /// A parameter that is to go to a limit isn't a float.
+    #[error("has `{0}`, which isn't f32 and has no limit")]
+    NoFloat(String),
+    /// A limit that can't be approached.
+    #[error("is asked for its limit at {limit}, which {reason}")]
+    Limit {
+        /// The limit with its steps.
+        limit: String,
+        /// Why not.
+        reason: String,
+    },
+    /// Random numbers of a type that has no uniform distribution here.
+    #[error("is sampled with {0}, but random numbers are f32 or u32")]
+    Random(Shape),
+    /// A support that has no directions.
+    #[error("is estimated on {0}, not by directions")]
+    NoDirections(Support),
+    /// A density's points are of another type than those of the support.
+    #[error("is given {given} of {support}, whose points are {point}")]
+    Point {
+        /// What the density is given.
+        given: Shape,
+        /// The support.
+        support: Support,
+        /// The type of its points.
+        point: Shape,
+    },
+}
+
+fn list(shapes: &[Shape]) -> String {
+    let names: Vec<String> = shapes.iter().map(ToString::to_string).collect();
+    format!("({})", names.join(", "))
+}
+
+impl Mismatch {
+    /// The failure of a function's signature, with its place.
+    pub(super) fn of(self, function: &Function) -> Failure {
+        Failure::Signature {
+            function: function.path.clone(),
+            mismatch: self,
+            signature: function.to_string(),
+            location: function.span.to_string(),
+        }
     }
 }

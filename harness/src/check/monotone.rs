@@ -6,12 +6,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::called::Running;
 use super::companion::{Companion, WithCompanion};
 use super::parameter::{Parameter, ScalarParameter};
-use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
 use super::property::{Exhibit, PRIMED};
 use super::session::{Asserted, Demand};
 use super::tally::{Class, Judged, classify};
-use super::{Agreement, Check, Failure};
+use super::{Agreement, Check, Failure, Vacuous};
 use crate::domain::{Domain, Origin, Source, Stream, complexity};
 use crate::probe::Probed;
 use crate::run::or_panic;
@@ -169,17 +168,10 @@ impl Plan<'_> {
                 };
                 Ok(session.judge_results(batch, &after, judge, exhibit))
             })?;
-            if pairs == 0 {
-                return called.vacuous(format!("has one value of {argument} only"));
-            }
-            let fails = tallies.iter().any(PathTally::fails);
-            if !changed.into_inner() && !fails && !session.is_replay() {
-                let reason = format!(
-                    "has no case whose result changes with {argument} by more than the tolerance"
-                );
-                return called.vacuous(reason);
-            }
-            Ok(tallies)
+            let tallies =
+                session.expect_tested(pairs > 0, tallies, Vacuous::OneValue(argument.clone()))?;
+            let otherwise = Vacuous::Constant(argument.clone());
+            session.expect_tested(changed.into_inner(), tallies, otherwise)
         })
     }
 }

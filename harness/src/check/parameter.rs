@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::Failure;
-use super::mismatch::signature;
+use super::Mismatch;
 use crate::diagnostic::nearest;
 use crate::reflect::Function;
 use crate::value::{Scalar, Shape};
@@ -96,22 +96,19 @@ impl Parameter {
         let Some(place) = place else {
             let mismatch = match self {
                 Self::Name(name) => {
-                    let hint = nearest(name, names())
-                        .map_or_else(String::new, |name| format!("; did you mean `{name}`?"));
-                    format!("has no parameter `{name}`{hint}")
+                    let nearest = nearest(name, names()).map(str::to_owned);
+                    Mismatch::NoParameter { name: name.clone(), nearest }
                 }
-                Self::Place(place) => {
-                    format!("has {} parameters, none at place {place}", parameters.len())
-                }
+                Self::Place(place) => Mismatch::NoPlace { count: parameters.len(), place: *place },
             };
-            return Err(signature(function, mismatch));
+            return Err(mismatch.of(function));
         };
         let (name, shape) = &parameters[place];
         let scalar = match shape {
             Shape::Scalar(scalar) if *scalar != Scalar::Bool => *scalar,
             _ => {
-                let mismatch = format!("has `{name}` of type {shape}, which isn't one number");
-                return Err(signature(function, mismatch));
+                let (name, shape) = (name.clone(), shape.clone());
+                return Err(Mismatch::NoNumber { name, shape }.of(function));
             }
         };
         let lane = parameters[..place].iter().map(|(_, shape)| shape.lanes().len()).sum();

@@ -63,7 +63,7 @@ impl<'a> Plan<'a> {
             location: String::new(),
             seed,
         };
-        let mut paths = Vec::new();
+        let (mut paths, mut read) = (Vec::new(), Vec::new());
         let mut run = || {
             self.expect_reasons()?;
             inputs::each(self, &identity, &mut |inputs| {
@@ -79,6 +79,7 @@ impl<'a> Plan<'a> {
                 if let Subject::Function { location, .. } = &mut subject {
                     *location = session.called.function().span.to_string();
                 }
+                read.extend(session.called.files(&self.probe.fixtures));
                 let tallies = verb(&session)?;
                 let text = format!("{text}{}", inputs.remark());
                 paths.extend(tallies.iter().map(|tally| self.record(tally, &text)));
@@ -87,7 +88,7 @@ impl<'a> Plan<'a> {
         };
         let result = run();
         if recording == Recording::On {
-            reporter.record(subject, paths, &result);
+            reporter.record(subject, paths, read, &result);
         }
         result
     }
@@ -151,5 +152,60 @@ impl<'a> Plan<'a> {
         };
         let known_issue = self.known_issue(tally).map(str::to_owned);
         PathRecord { known_issue, ..tally.record(&asserted) }
+    }
+}
+
+/// A verb is a few lines: what it is called, and how it judges a case. All else is the plan's.
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check::Check;
+    use crate::check::tally::finite;
+    use crate::domain::{Domain, Integers};
+    use crate::package::Package;
+    use crate::value::Arguments;
+
+    impl<D: Domain> Check<'_, D>
+    where
+        D::Value: Arguments,
+    {
+        /// Each component of each result is a whole number.
+        fn try_is_whole(&self) -> Result<Agreement, Failure> {
+            let asserted = Asserted { check: "is_whole", text: "a whole number".to_owned() };
+            let (stream, demand) = (&self.stream(), &Self::demand());
+            self.plan.conclude(&asserted, stream, demand, Recording::Off, &mut |session| {
+                let scalars = session.called.scalars();
+                session.run(&mut |batch, running| {
+                    let judge = |_, _, actual: &[u32]| {
+                        let mut judged = finite(&scalars, actual);
+                        let mut lanes = scalars.iter().zip(actual);
+                        let whole = lanes.all(|(scalar, word)| scalar.decode(*word).fract() == 0.0);
+                        if judged.measure.passes() {
+                            judged.measure = LaneError::statement(whole);
+                        }
+                        judged
+                    };
+                    session.judge(batch, running, |_, _| None, judge)
+                })
+            })
+        }
+    }
+
+    #[test]
+    fn a_new_verb_has_what_all_verbs_have() {
+        let check = |body: &str| {
+            let wgsl = format!("fn f(i: i32) -> vec2f {{ return {body}; }}");
+            let package = Package::from_source("s", &wgsl);
+            package.function("f").over(Integers(-1000..=1000_i32)).try_is_whole()
+        };
+        let agreement = check("vec2f(f32(i), f32(i * i))").expect("whole numbers");
+        assert_eq!(agreement.cases, 2001);
+        let error = check("vec2f(f32(i), f32(i) / 4.0)").expect_err("one in four is").to_string();
+        for part in
+            ["`f` fails on", "is_whole", "simplest", "1500 of 2001", "KARAT_CASE=f/is_whole/"]
+        {
+            assert!(error.contains(part), "no `{part}` in:\n{error}");
+        }
+        assert!(check("vec2f(f32(i), 0.0 / f32(i - 1))").is_err(), "NaN is no whole number");
     }
 }

@@ -23,7 +23,7 @@ pub use rejection::{ConfigurationRejection, Finding, PathRejection, Rejection};
 use super::called::{Called, Fitting, Ready};
 use super::plan::{Plan, Recording};
 use super::session::{Asserted, Demand, Session};
-use super::{Failure, Probe};
+use super::{Failure, Probe, Vacuous};
 use crate::domain::{Domain, Held, Source, Stream, Typed};
 use crate::path::{Adapter, Selector};
 use crate::probe::{BATCH, Inputs};
@@ -334,7 +334,7 @@ fn conclude(
         location: String::new(),
         seed,
     };
-    let mut paths = Vec::new();
+    let (mut paths, mut read) = (Vec::new(), Vec::new());
     let result = (|| {
         settings.check(&function)?;
         plan.expect_reasons()?;
@@ -342,6 +342,7 @@ fn conclude(
         let demand = Demand {
             arguments: shapes.to_vec(),
             who: "the sampler is given",
+            draws_arguments: false,
             cases: CONFIGURATIONS,
             enumerated: ENUMERATED,
             calls: BATCH,
@@ -352,14 +353,18 @@ fn conclude(
         if let Subject::Function { location, .. } = &mut subject {
             *location = session.called.function().span.to_string();
         }
+        read.extend(session.called.files(&plan.probe.fixtures));
         let executors = plan.probe.executors()?;
-        let open = |Other { probe, shapes, .. }: &Other<'_>| {
+        let mut open = |Other { probe, shapes, .. }: &Other<'_>| {
             let function = (probe.package, &*probe.path);
             let fitting = Fitting::find(function, inputs, shapes, "it is given")?;
             // Where the sampler runs: what they return is compared with its samples.
-            fitting.on(&executors, &probe.fixtures, BATCH)
+            let called = fitting.on(&executors, &probe.fixtures, BATCH)?;
+            read.extend(called.files(&probe.fixtures));
+            Ok(called)
         };
-        let others: Vec<Called<'_>> = others.iter().map(open).collect::<Result<_, _>>()?;
+        let others: Vec<Called<'_>> =
+            others.iter().map(&mut open).collect::<Result<_, Failure>>()?;
         let functions = Functions { sampler: &session.called, others: &others };
         expect(&functions)?;
         let count = session.count();
@@ -392,7 +397,8 @@ fn conclude(
                 known_issue,
             });
             if sum.configurations < selected.end - selected.start || sum.configurations == 0 {
-                let reason = format!("gave {} configurations, not all", sum.configurations);
+                let declared = selected.end - selected.start;
+                let reason = Vacuous::Uncompared { declared, compared: sum.configurations };
                 return Err(Failure::Domain { function: function.clone(), reason });
             }
             if is_known {
@@ -446,7 +452,7 @@ fn conclude(
         })))
     })();
     if recording == Recording::On {
-        reporter.record(subject, paths, &result);
+        reporter.record(subject, paths, read, &result);
     }
     result
 }
@@ -492,13 +498,13 @@ impl Sum {
 impl Settings {
     fn check(&self, function: &str) -> Result<(), Failure> {
         let reason = if !(self.significance > 0.0 && self.significance < 1.0) {
-            format!("has a significance of {}, which is no probability", self.significance)
+            Vacuous::Significance(self.significance)
         } else if !(self.mass >= 0.0 && self.mass.is_finite()) {
-            format!("has a mass within {}, which bounds nothing", self.mass)
+            Vacuous::Mass(self.mass)
         } else if let Support::Interval(low, high) = self.support
             && !(low < high && low.is_finite() && high.is_finite())
         {
-            format!("is to lie on [{low}, {high}], which isn't an interval of finite length")
+            Vacuous::Interval(low, high)
         } else {
             return Ok(());
         };

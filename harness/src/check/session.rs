@@ -8,9 +8,10 @@ use super::disagreement::arguments;
 use super::path_tally::PathTally;
 use super::shrink::Effort;
 use super::tally::{Judged, Shown, tally};
-use super::{CaseFailure, Failure, Plan, Simplest, parallel};
+use super::{CaseFailure, Failure, Plan, Simplest, Vacuous, parallel};
 use crate::domain::{Held, Numbering, Origin, Stream};
 use crate::probe::{BATCH, CONSTANTS, Inputs};
+use crate::reflect::Function;
 use crate::run::{Descent, Identity, Memory, replay, with_inputs};
 use crate::value::Shape;
 
@@ -26,6 +27,8 @@ pub(super) struct Demand {
     pub(super) arguments: Vec<Shape>,
     /// Who supplies them: `the domain draws`.
     pub(super) who: &'static str,
+    /// Whether the parts of the stream are the function's arguments.
+    pub(super) draws_arguments: bool,
     /// Cases of a domain that isn't enumerated, unless the check says otherwise.
     pub(super) cases: u64,
     /// Values of a finite domain that are all tried unless a number of cases is asked for.
@@ -68,6 +71,7 @@ pub(super) type Expect<'e> = &'e (dyn Fn(Rows<'_>, &mut Vec<f64>) + Sync);
 /// The cases of a check under a seed, as many as its author and its verb want. None is an error.
 pub(super) fn number(
     plan: &Plan<'_>,
+    function: &Function,
     stream: &dyn Stream,
     demand: &Demand,
     seed: u64,
@@ -83,15 +87,17 @@ pub(super) fn number(
         Inputs::Constant => (cases.min(few), enumerated.min(few)),
     };
     let cases = Numbering::of(stream, seed, cases, enumerated);
-    if cases.count == 0 || stream.is_empty() {
-        let reason =
-            "has no value, so nothing would be checked: a range ends before it starts, at \
-                      NaN or at infinity, a logarithmic grid includes 0, a list is empty, or no \
-                      case is asked for"
-                .to_owned();
-        return Err(Failure::Domain { function: plan.probe.path.clone(), reason });
-    }
-    Ok(cases)
+    let reason = match stream.emptiness() {
+        Some(emptiness) => {
+            let parameters = &function.parameters;
+            let named = emptiness.part.filter(|_| demand.draws_arguments);
+            let argument = named.and_then(|part| Some(parameters.get(part)?.0.clone()));
+            Vacuous::Empty { argument, emptiness }
+        }
+        None if cases.count == 0 => Vacuous::NoCases,
+        None => return Ok(cases),
+    };
+    Err(Failure::Domain { function: function.path.clone(), reason })
 }
 
 impl<'a> Session<'a> {
@@ -106,7 +112,7 @@ impl<'a> Session<'a> {
     ) -> Result<Self, Failure> {
         let function = (plan.probe.package, &*plan.probe.path);
         let fitting = Fitting::find(function, inputs, &demand.arguments, demand.who)?;
-        let cases = number(plan, stream, demand, seed, inputs)?;
+        let cases = number(plan, fitting.function(), stream, demand, seed, inputs)?;
         let count = usize::try_from(cases.count).unwrap_or(BATCH);
         let capacity = count.saturating_mul(demand.calls).clamp(SMALLEST, BATCH);
         let executors = plan.probe.executors()?;
@@ -138,9 +144,7 @@ impl<'a> Session<'a> {
         let count = self.count();
         match self.case {
             Some(case) if case < count => Ok(case..case + 1),
-            Some(case) => self
-                .called
-                .vacuous(format!("has {count} cases, none with index {case} (KARAT_CASE)")),
+            Some(case) => self.called.vacuous(Vacuous::NoSuchCase { count, case }),
             None => Ok(0..count),
         }
     }
@@ -159,16 +163,11 @@ impl<'a> Session<'a> {
             return value.map_or_else(|| self.never_drawn(), Ok);
         }
         let descent = Descent { seed: self.cases.seed, case: index, steps: steps.to_vec() };
-        self.descend(&descent).map_or_else(
-            || self.called.vacuous("has no such simpler value any more (steps of KARAT_CASE)"),
-            Ok,
-        )
+        self.descend(&descent).map_or_else(|| self.called.vacuous(Vacuous::NoSuchStep), Ok)
     }
 
     fn never_drawn<T>(&self) -> Result<T, Failure> {
-        self.called.vacuous(
-            "rejects nearly everything that its filter sees: build the values with `map` instead",
-        )
+        self.called.vacuous(Vacuous::Filtered)
     }
 
     /// The steps with which a replay goes on from its case.
@@ -292,8 +291,7 @@ impl<'a> Session<'a> {
         if let Some(words) = self.input() {
             let (expected, found) = (self.stream.width(), words.len());
             if expected != found {
-                let reason = format!("has values of {expected} words, KARAT_INPUT has {found}");
-                return self.called.vacuous(reason);
+                return self.called.vacuous(Vacuous::Words { expected, found });
             }
             let batch = self.batch(self.case.unwrap_or_default(), words.to_vec(), 1);
             let dispatches = self.dispatch(&batch)?;

@@ -1,8 +1,7 @@
 //! The tolerance of a check, and those of single paths.
 
-use super::Failure;
-use super::mismatch::signature;
 use super::session::Session;
+use super::{Failure, Mismatch};
 use crate::path::{Adapter, Path, Selected};
 use crate::tolerance::Tolerance;
 
@@ -35,8 +34,7 @@ impl Tolerances {
 pub(super) fn expect_none(on: &Selected<Tolerance>, session: &Session<'_>) -> Result<(), Failure> {
     on.iter().next().map_or(Ok(()), |(path, tolerance)| {
         let check = session.asserted.check;
-        let mismatch =
-            format!("is checked by {check}, which takes no tolerance, but {path} has {tolerance}");
-        Err(signature(session.called.function(), mismatch))
+        let (on, tolerance) = (path.clone(), tolerance.clone());
+        Err(Mismatch::NoTolerance { check, on, tolerance }.of(session.called.function()))
     })
 }

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::{Disagreement, Fit, Rejection};
+use super::{Mismatch, Vacuous};
 use crate::path::{Adapter, Path, PathError, Selector};
 use crate::probe::ProbeError;
 use crate::record::Verdict;
@@ -83,19 +84,19 @@ pub enum Failure {
         /// The function's path.
         function: String,
         /// What differs.
-        mismatch: String,
+        mismatch: Mismatch,
         /// The function's signature in WGSL.
         signature: String,
         /// Where it is declared.
         location: String,
     },
-    /// The domain draws nothing.
+    /// There is nothing to judge.
     #[error("the domain of `{function}` {reason}")]
     Domain {
         /// The function's path.
         function: String,
-        /// What is wrong with it.
-        reason: String,
+        /// Why.
+        reason: Vacuous,
     },
     /// A quadrature rule sums nothing, or something that isn't a number.
     #[error("the quadrature rule of `{function}` {reason} for case {case}: {arguments}")]

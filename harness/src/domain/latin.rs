@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use super::{Domain, Origin, Parts, Shrinkable, Source};
+use super::{Domain, Emptiness, Origin, Parts, Shrinkable, Source};
 
 /// A Latin hypercube: the corners of a box of float ranges, then `points` points of which each
 /// range has exactly one in each of `points` equal parts (McKay, Beckman and Conover 1979).
@@ -77,8 +77,8 @@ macro_rules! latin {
             fn edges(&self) -> Vec<Self::Value> {
                 (0..1 << $count).filter_map(|index| self.nth(index)).collect()
             }
-            fn is_empty(&self) -> bool {
-                $(self.ranges.$index.is_empty())||+
+            fn emptiness(&self) -> Option<Emptiness> {
+                None$(.or_else(|| Some(Domain::emptiness(&self.ranges.$index)?.in_part($index))))+
             }
             fn size(&self) -> Option<u64> {
                 if Domain::is_empty(self) {

@@ -4,7 +4,7 @@ use std::any::{Any, TypeId};
 use std::rc::Rc;
 
 use super::ties::{self, Tie};
-use super::{Domain, Origin, Shrinkable, Source};
+use super::{Domain, Emptiness, Origin, Shrinkable, Source};
 
 /// Combinations of edges that are tried first. Where there are more, the first edges of each part
 /// are combined, and each of the others comes once.
@@ -66,8 +66,8 @@ macro_rules! product {
                     .collect()
             }
 
-            fn is_empty(&self) -> bool {
-                $(self.$index.is_empty())||+
+            fn emptiness(&self) -> Option<Emptiness> {
+                None$(.or_else(|| Some(self.$index.emptiness()?.in_part($index))))+
             }
 
             fn size(&self) -> Option<u64> {

@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use super::{Domain, Source, shrink};
+use super::{Domain, Emptiness, Source, infinite, shrink};
 
 /// Values inside a range that shaders treat specially.
 const LANDMARKS: [f32; 5] = [0.0, 1.0, -1.0, 0.5, f32::MIN_POSITIVE];
@@ -34,8 +34,10 @@ impl Domain for RangeInclusive<f32> {
         (self.start() <= self.end()).then(|| value.clamp(*self.start(), *self.end()))
     }
 
-    fn is_empty(&self) -> bool {
-        !(self.start() <= self.end() && self.start().is_finite() && self.end().is_finite())
+    fn emptiness(&self) -> Option<Emptiness> {
+        let (low, high) = (*self.start(), *self.end());
+        let reversed = || (low > high).then(|| format!("starts at {low} and ends at {high}"));
+        infinite(low, high).or_else(reversed).map(|fault| Emptiness::of("range", &fault))
     }
 
     fn edges(&self) -> Vec<f32> {
@@ -96,6 +98,12 @@ macro_rules! integer {
                 edges.dedup();
                 edges.retain(|value| self.0.contains(value));
                 edges
+            }
+
+            fn emptiness(&self) -> Option<Emptiness> {
+                let (low, high) = (self.0.start(), self.0.end());
+                let fault = || format!("starts at {low} and ends at {high}");
+                (low > high).then(|| Emptiness::of("range", &fault()))
             }
 
             fn size(&self) -> Option<u64> {

@@ -9,7 +9,7 @@ use std::fmt::Debug;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-use super::{Domain, Origin, Shrinkable, Source};
+use super::{Domain, Emptiness, Origin, Shrinkable, Source};
 use crate::value::{Arguments, Shape};
 
 /// A domain without the type of its values.
@@ -20,8 +20,8 @@ pub(crate) trait Stream: Sync {
     /// Number of values of a finite domain.
     fn size(&self) -> Option<u64>;
 
-    /// See [`Domain::is_empty`].
-    fn is_empty(&self) -> bool;
+    /// See [`Domain::emptiness`].
+    fn emptiness(&self) -> Option<Emptiness>;
 
     /// How many edges there are.
     fn edges(&self) -> usize;
@@ -202,8 +202,8 @@ impl<D: Domain> Stream for Typed<'_, D> {
         self.domain.size()
     }
 
-    fn is_empty(&self) -> bool {
-        self.domain.is_empty()
+    fn emptiness(&self) -> Option<Emptiness> {
+        self.domain.emptiness()
     }
 
     fn edges(&self) -> usize {
@@ -292,8 +292,8 @@ pub(super) mod tests {
         fn size(&self) -> Option<u64> {
             Some(self.0.len() as u64)
         }
-        fn is_empty(&self) -> bool {
-            self.0.is_empty()
+        fn emptiness(&self) -> Option<Emptiness> {
+            self.0.is_empty().then(|| Emptiness::of("list", "is empty"))
         }
         fn edges(&self) -> usize {
             0

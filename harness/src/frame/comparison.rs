@@ -1,6 +1,8 @@
 //! A frame against its golden: on each path, with what was declared of it, as a record.
 
+use super::renderer::Drawn;
 use super::{Frame, FrameAgreement, FrameError};
+use crate::diagnostic::FileRead;
 use crate::golden::{
     COLOR, FrameDifference, FrameTolerance, GoldenError, Goldens, MASK, Rendered, VARIANCE,
 };
@@ -20,10 +22,10 @@ impl Frame<'_> {
     pub fn matches(&self, goldens: &Goldens, case: &str) -> FrameAgreement {
         let reporter = Reporter::start();
         let location = std::panic::Location::caller().to_string();
-        let mut records = Vec::new();
-        let result = self.compare(goldens, case, &mut records);
+        let (mut records, mut read) = (Vec::new(), Vec::new());
+        let result = self.compare(goldens, case, &mut records, &mut read);
         let (golden, folder) = (case.to_owned(), goldens.folder().display().to_string());
-        reporter.record(Subject::Frame { golden, folder, location }, records, &result);
+        reporter.record(Subject::Frame { golden, folder, location }, records, read, &result);
         or_panic(result)
     }
 
@@ -33,7 +35,7 @@ impl Frame<'_> {
     /// # Errors
     /// If it differs or there is nothing to compare with.
     pub fn try_matches(&self, goldens: &Goldens, case: &str) -> Result<FrameAgreement, FrameError> {
-        self.compare(goldens, case, &mut Vec::new())
+        self.compare(goldens, case, &mut Vec::new(), &mut Vec::new())
     }
 
     fn compare(
@@ -41,6 +43,7 @@ impl Frame<'_> {
         goldens: &Goldens,
         case: &str,
         records: &mut Vec<PathRecord>,
+        read: &mut Vec<FileRead>,
     ) -> Result<FrameAgreement, FrameError> {
         replay::begin_frame(case)?;
         let (mut paths, mut known) = (Vec::new(), Vec::new());
@@ -51,7 +54,9 @@ impl Frame<'_> {
         }
         for device in path::devices()? {
             let adapter = device.adapter();
-            let (image, shader) = self.render_on(device)?;
+            let Drawn { image, shader, read: files } = self.render_on(device)?;
+            read.extend(files);
+            read.extend(goldens.files(case, adapter));
             let tolerance = self.tolerance_of(device.path(), adapter);
             let known_issue = self.known_issues.on(device.path(), adapter).map(str::to_owned);
             let frame = Rendered {
@@ -171,7 +176,7 @@ impl Frame<'_> {
     /// What else is kept of the pixels. What can't be drawn is missed by no verdict.
     fn aovs_on(&self, device: &'static path::Device) -> Vec<Part> {
         let drawn = self.aovs.iter().filter_map(|(name, frame)| match frame.render_on(device) {
-            Ok((image, _)) => {
+            Ok(Drawn { image, .. }) => {
                 Some(Part::new(name, Gate::default().precision_for(&image, None), image))
             }
             Err(error) => {

@@ -1,6 +1,8 @@
 //! What a part of a frame should be on average, without a golden.
 
+use super::renderer::Drawn;
 use super::{Frame, FrameError};
+use crate::diagnostic::FileRead;
 use crate::image::Image;
 use crate::metric::{MaskError, Rect};
 use crate::path::{self, Adapter};
@@ -32,10 +34,10 @@ impl Frame<'_> {
     ) -> FrameMean {
         let reporter = Reporter::start();
         let location = std::panic::Location::caller().to_string();
-        let mut records = Vec::new();
-        let result = self.mean(rect, expected, &tolerance.into(), &mut records);
+        let (mut records, mut read) = (Vec::new(), Vec::new());
+        let result = self.mean(rect, expected, &tolerance.into(), &mut records, &mut read);
         let (golden, folder) = (format!("mean of {rect}"), String::new());
-        reporter.record(Subject::Frame { golden, folder, location }, records, &result);
+        reporter.record(Subject::Frame { golden, folder, location }, records, read, &result);
         or_panic(result)
     }
 
@@ -50,7 +52,7 @@ impl Frame<'_> {
         expected: [f64; 3],
         tolerance: impl Into<Tolerance>,
     ) -> Result<FrameMean, FrameError> {
-        self.mean(rect, expected, &tolerance.into(), &mut Vec::new())
+        self.mean(rect, expected, &tolerance.into(), &mut Vec::new(), &mut Vec::new())
     }
 
     fn mean(
@@ -59,6 +61,7 @@ impl Frame<'_> {
         expected: [f64; 3],
         tolerance: &Tolerance,
         records: &mut Vec<PathRecord>,
+        read: &mut Vec<FileRead>,
     ) -> Result<FrameMean, FrameError> {
         if let Some(bound) = tolerance.unusable() {
             return Err(FrameError::Tolerance(format!(
@@ -75,7 +78,8 @@ impl Frame<'_> {
         let (mut paths, mut known) = (Vec::new(), Vec::new());
         for device in path::devices()? {
             let (adapter, path) = (device.adapter(), device.path());
-            let (image, _) = self.render_on(device)?;
+            let Drawn { image, read: files, .. } = self.render_on(device)?;
+            read.extend(files);
             let mean = mean(&image, rect);
             let lanes = (0..).zip(mean.iter().zip(expected));
             let measured = lanes.map(|(lane, (m, e))| tolerance.measure_sum(lane, *m, e));

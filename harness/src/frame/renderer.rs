@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use half::f16;
 
 use super::{Blend, Draw, Frame, FrameError, Mesh};
+use crate::diagnostic::FileRead;
 use crate::fixture::{self, FixtureError};
 use crate::image::Image;
 use crate::path::{Device, MOST_ROUNDS, guard};
@@ -26,11 +27,17 @@ struct Prepared {
     color: (wgpu::RenderPipeline, Vec<wgpu::BindGroup>),
 }
 
-/// The frame, and the hash of the WGSL that drew it.
-pub(super) fn render(
-    device: &'static Device,
-    frame: &Frame<'_>,
-) -> Result<(Image, String), FrameError> {
+/// A frame that was drawn.
+pub(super) struct Drawn {
+    pub(super) image: Image,
+    /// The hash of the WGSL that drew it.
+    pub(super) shader: String,
+    /// The files that it depends on.
+    pub(super) read: Vec<FileRead>,
+}
+
+/// Draws a frame.
+pub(super) fn render(device: &'static Device, frame: &Frame<'_>) -> Result<Drawn, FrameError> {
     let (width, height) = frame.size();
     let mut items: Vec<&str> = Vec::new();
     for draw in frame.draws() {
@@ -70,7 +77,9 @@ pub(super) fn render(
         let rows = bytes.chunks_exact(row.stride as usize);
         rows.flat_map(|bytes| row.pixels(bytes)).collect()
     })?;
-    Ok((Image::new(width, height, pixels), shader))
+    let fixtures = frame.fixtures().iter().flat_map(|(_, fixture)| fixture.read());
+    let read = program.files().iter().chain(fixtures).cloned().collect();
+    Ok(Drawn { image: Image::new(width, height, pixels), shader, read })
 }
 
 /// What each draw of a frame reads.

@@ -175,8 +175,10 @@ impl Image {
     /// # Errors
     /// As for [`ExrFile::read`].
     pub fn read_exr(path: &Path) -> Result<(Self, Option<String>), ImageError> {
-        ExrFile::decode_first(&file::bytes(path)?)
-            .map_err(ImageError::corrupt(path, ImageFormat::OpenExr))
+        let bytes = file::bytes(path)?;
+        let (image, metadata) = ExrFile::decode_first(&bytes)
+            .map_err(ImageError::corrupt(path, ImageFormat::OpenExr))?;
+        Ok((image.read_from(path, &bytes), metadata))
     }
 
     /// Writes an OpenEXR file of one part without a name, as [`ExrFile::write`] does.

@@ -81,11 +81,12 @@ impl Image {
         if bytes.starts_with(&exr::meta::magic_number::BYTES) {
             let (image, _) = ExrFile::decode_first(&bytes)
                 .map_err(ImageError::corrupt(path, ImageFormat::OpenExr))?;
-            return Ok(image);
+            return Ok(image.read_from(path, &bytes));
         }
         if bytes.starts_with(PNG) {
-            return super::png::decode(&bytes, samples)
-                .map_err(ImageError::corrupt(path, ImageFormat::Png));
+            let image = super::png::decode(&bytes, samples)
+                .map_err(ImageError::corrupt(path, ImageFormat::Png))?;
+            return Ok(image.read_from(path, &bytes));
         }
         Err(ImageError::Unknown { path: shown(path), found: found(&bytes) })
     }

@@ -1,7 +1,7 @@
 //! The modules of a package and of what it depends on, read when first needed.
 
 use std::cell::RefCell;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
@@ -11,7 +11,7 @@ use super::conditions::Features;
 use super::overlay::Overlay;
 use super::syntax::Module;
 use super::{Origin, Package, PackageError};
-use crate::diagnostic::{SourceFile, nearest, shown};
+use crate::diagnostic::{FileRead, SourceFile, nearest, shown};
 
 /// File extensions of modules, in the order in which they are looked for.
 pub(super) const EXTENSIONS: [&str; 2] = ["wgsl", "wesl"];
@@ -87,7 +87,10 @@ impl<'a> Library<'a> {
         texts.insert(root.clone(), hash(file));
         let packages = self.packages.borrow();
         let packages = packages.iter().map(|(package, _)| (*package).clone()).collect();
-        Sources { packages, texts }
+        let parsed = modules.values().map(|module| &*module.file);
+        let files = parsed.chain([file]).filter_map(SourceFile::read);
+        let files: BTreeSet<FileRead> = files.collect();
+        Sources { packages, texts, files: files.into_iter().collect() }
     }
 
     fn package(&self, index: usize) -> &'a Package {
@@ -148,9 +151,16 @@ impl<'a> Library<'a> {
 pub(crate) struct Sources {
     packages: Vec<Package>,
     texts: BTreeMap<ModulePath, Hash>,
+    /// Those of them that are files.
+    files: Vec<FileRead>,
 }
 
 impl Sources {
+    /// The files among them.
+    pub(crate) fn files(&self) -> &[FileRead] {
+        &self.files
+    }
+
     /// Whether all of them are as they were.
     pub(crate) fn are_current(&self) -> Result<bool, PackageError> {
         let overlay = Overlay::of(&self.packages[0])?;

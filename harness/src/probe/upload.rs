@@ -31,8 +31,8 @@ pub(crate) fn upload(
     let resource = match fixture {
         Fixture::Uniform(uniform) => buffer(device, binding, &uniform.bytes(program, binding)?)?,
         Fixture::Storage(storage) => buffer(device, binding, &storage.bytes(program, binding)?)?,
-        Fixture::CubeMap(CubeMap { levels }) => upload_texture(device, binding, levels, 6)?,
-        Fixture::Texture(Texture { levels }) => upload_texture(device, binding, levels, 1)?,
+        Fixture::CubeMap(CubeMap { levels, .. }) => upload_texture(device, binding, levels, 6)?,
+        Fixture::Texture(Texture { levels, .. }) => upload_texture(device, binding, levels, 1)?,
         Fixture::Sampler(sampler) => {
             let (filter, mipmap_filter) = match sampler {
                 Sampler::Linear => (wgpu::FilterMode::Linear, wgpu::MipmapFilterMode::Linear),

@@ -1,8 +1,10 @@
 //! From a verdict to its record and to the test that asked for it.
 
+use std::collections::BTreeSet;
 use std::fmt::Display;
 
 use super::{KnownIssue, identity, replay};
+use crate::diagnostic::FileRead;
 use crate::output::visible;
 use crate::record::{self, PathRecord, Record, Stopwatch, Subject, Verdict};
 
@@ -31,11 +33,12 @@ impl Reporter {
         Self { stopwatch: Stopwatch::start() }
     }
 
-    /// Records how it ended.
+    /// Records how it ended, and of which files.
     pub(crate) fn record(
         self,
         subject: Subject,
         paths: Vec<PathRecord>,
+        read: impl IntoIterator<Item = FileRead>,
         concluded: &impl Concluded,
     ) {
         record::write(&Record {
@@ -46,6 +49,7 @@ impl Reporter {
             paths,
             message: concluded.message(),
             overlay: record::overlay(),
+            read: read.into_iter().collect::<BTreeSet<_>>().into_iter().collect(),
             time: Some(self.stopwatch.time()),
         });
     }

@@ -2,12 +2,11 @@
 
 use super::IS_AT_MOST;
 use super::sum::Sum;
-use crate::check::Failure;
 use crate::check::called::Ready;
-use crate::check::mismatch::signature;
 use crate::check::session::Session;
 use crate::check::tally::{Class, Judged, classify};
 use crate::check::tolerances::{self, Tolerances};
+use crate::check::{Failure, Mismatch};
 use crate::path::Selected;
 use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Scalar, Shape};
@@ -60,9 +59,8 @@ impl Assertion {
         let called = &session.called;
         let function = called.function();
         if !called.scalars().into_iter().all(Scalar::is_float) {
-            let mismatch =
-                format!("returns {}, and an integral is a sum of floats", function.result);
-            return Err(signature(function, mismatch));
+            let (result, wanted) = (function.result.clone(), "and an integral is a sum of floats");
+            return Err(Mismatch::Unsuited { result, wanted }.of(function));
         }
         match self {
             Self::AgreesWith(tolerances) => {

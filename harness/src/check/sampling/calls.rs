@@ -1,10 +1,9 @@
 //! Calls of a function on one path, with any number of arguments, and random numbers for them.
 
-use crate::check::Failure;
 use crate::check::called::{Called, Ready};
 use crate::check::disagreement::arguments;
-use crate::check::mismatch::signature;
 use crate::check::parallel;
+use crate::check::{Failure, Mismatch};
 use crate::domain::Source;
 use crate::value::{Arguments, Scalar, Shape, Shareable};
 
@@ -73,8 +72,7 @@ impl Calls<'_> {
         if random.lanes().iter().all(uniform) {
             return Ok(());
         }
-        let mismatch = format!("is sampled with {random}, but random numbers are f32 or u32");
-        Err(signature(self.called.function(), mismatch))
+        Err(Mismatch::Random(random.clone()).of(self.called.function()))
     }
 
     /// The results at points, which follow one another as words, with the lanes of the arguments.

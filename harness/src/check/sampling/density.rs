@@ -7,7 +7,7 @@ use super::{
     SamplingCheck, Settings,
 };
 use super::{conclude, made};
-use crate::check::mismatch::signature;
+use crate::check::Mismatch;
 use crate::check::plan::Recording;
 use crate::check::{Failure, Probe};
 use crate::domain::Domain;
@@ -234,13 +234,11 @@ impl Sampled<'_, '_> {
             let eval = &functions.others[1];
             let scalars = eval.scalars();
             if settings.support.components() != 3 {
-                let mismatch = format!("is estimated on {}, not by directions", settings.support);
-                return Err(signature(eval.function(), mismatch));
+                return Err(Mismatch::NoDirections(settings.support).of(eval.function()));
             }
             if scalars.len() > 3 || !scalars.into_iter().all(Scalar::is_float) {
-                let result = &eval.function().result;
-                let mismatch = format!("returns {result}, not up to three floats");
-                return Err(signature(eval.function(), mismatch));
+                let (result, wanted) = (eval.function().result.clone(), "not up to three floats");
+                return Err(Mismatch::Unsuited { result, wanted }.of(eval.function()));
             }
             functions.others.get(2).map_or(Ok(()), |weight| {
                 weight.expect_result(&eval.function().result, "eval returns")
@@ -291,8 +289,8 @@ impl Sampled<'_, '_> {
         };
         functions.sampler.expect_result(&point, &format!("a point of {support} is"))?;
         if *given != point {
-            let mismatch = format!("is given {given} of {support}, whose points are {point}");
-            return Err(signature(functions.others[0].function(), mismatch));
+            let mismatch = Mismatch::Point { given: given.clone(), support, point };
+            return Err(mismatch.of(functions.others[0].function()));
         }
         expect_scalar(functions, 0)
     }

@@ -195,7 +195,17 @@ mod tests {
         };
         let test = "t".to_owned();
         let (schema, paths) = (record::SCHEMA, vec![path]);
-        Record { schema, test, subject, verdict, paths, message: None, overlay: None, time: None }
+        Record {
+            schema,
+            test,
+            subject,
+            verdict,
+            paths,
+            message: None,
+            overlay: None,
+            read: Vec::new(),
+            time: None,
+        }
     }
 
     fn table(record: Record) -> (usize, String) {

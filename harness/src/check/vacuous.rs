@@ -1,0 +1,112 @@
+//! Why a check has nothing to judge: each cause by itself, so that no message names several.
+
+use super::path_tally::PathTally;
+use super::session::Session;
+use super::{Failure, Parameter};
+use crate::domain::Emptiness;
+
+/// Why nothing could be judged, or nothing could have failed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Vacuous {
+    /// The domain has no value.
+    #[error("is empty: {}", shown(emptiness, argument.as_deref()))]
+    Empty {
+        /// The argument whose part of the domain is empty, where that is known.
+        argument: Option<String>,
+        /// What is wrong with it.
+        emptiness: Emptiness,
+    },
+    /// `.cases(0)`
+    #[error("is asked for 0 cases, so nothing would be checked")]
+    NoCases,
+    /// A filter leaves next to nothing.
+    #[error("rejects nearly everything that its filter sees: build the values with `map` instead")]
+    Filtered,
+    /// A replay selects a case that isn't there.
+    #[error("has {count} cases, none with index {case} (KARAT_CASE)")]
+    NoSuchCase {
+        /// Cases that there are.
+        count: u64,
+        /// The one that is asked for.
+        case: u64,
+    },
+    /// A replay selects a simpler value that isn't there.
+    #[error("has no such simpler value any more (steps of KARAT_CASE)")]
+    NoSuchStep,
+    /// A replay gives arguments of another width.
+    #[error("has values of {expected} words, KARAT_INPUT has {found}")]
+    Words {
+        /// Words of a case.
+        expected: usize,
+        /// Words that are given.
+        found: usize,
+    },
+    /// Fewer cases were compared than there are.
+    #[error("declares {declared} cases, but {compared} were compared")]
+    Uncompared {
+        /// Cases that there are.
+        declared: u64,
+        /// Cases that were compared.
+        compared: u64,
+    },
+    /// A transformation changes no argument of any case.
+    #[error("has no case that the transformation changes")]
+    Untransformed,
+    /// A rotation changes no argument of any case.
+    #[error("has no case that a rotation changes")]
+    Unrotated,
+    /// There are no two values of an argument to compare.
+    #[error("has one value of {0} only")]
+    OneValue(Parameter),
+    /// No result changes with an argument.
+    #[error("has no case whose result changes with {0} by more than the tolerance")]
+    Constant(Parameter),
+    /// Every result is at its limit from the first step on.
+    #[error("has no case that isn't at its limit from the first step on, {argument} = {step}")]
+    AtLimit {
+        /// What goes to the limit.
+        argument: Parameter,
+        /// Its first value.
+        step: f32,
+    },
+    /// All results may be zeros.
+    #[error(
+        "has only cases whose results are below the least normal f32, 1.2e-38: they may be flushed to \
+         0, so that none is told from another"
+    )]
+    Flushed,
+    /// A significance that isn't between 0 and 1.
+    #[error("has a significance of {0}, which is no probability")]
+    Significance(f64),
+    /// A tolerance of the mass of a density that bounds nothing.
+    #[error("has a mass within {0}, which bounds nothing")]
+    Mass(f64),
+    /// Samples on no interval.
+    #[error("is to lie on [{0}, {1}], which isn't an interval of finite length")]
+    Interval(f64, f64),
+}
+
+/// `the range of `alpha` starts at 1 and ends at 0`
+fn shown(Emptiness { what, fault, .. }: &Emptiness, argument: Option<&str>) -> String {
+    match argument {
+        Some(name) => format!("the {what} of `{name}` {fault}"),
+        None => format!("its {what} {fault}"),
+    }
+}
+
+impl Session<'_> {
+    /// Refuses a check that couldn't have failed: one that `tested` nothing. A check that fails has
+    /// tested something, and one case that is replayed needn't be one that could.
+    pub(super) fn expect_tested(
+        &self,
+        tested: bool,
+        tallies: Vec<PathTally>,
+        otherwise: Vacuous,
+    ) -> Result<Vec<PathTally>, Failure> {
+        if tested || self.is_replay() || tallies.iter().any(PathTally::fails) {
+            return Ok(tallies);
+        }
+        self.called.vacuous(otherwise)
+    }
+}

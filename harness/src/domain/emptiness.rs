@@ -1,0 +1,74 @@
+//! Why a domain has no value.
+
+/// What leaves a domain without a value: one cause.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Emptiness {
+    /// Which part of a tuple it is about; `None`: there are no parts, or they aren't told apart.
+    pub part: Option<usize>,
+    /// What has no value: `range`.
+    pub what: &'static str,
+    /// Why: `starts at 1 and ends at 0`.
+    pub fault: String,
+}
+
+impl Emptiness {
+    /// That of a whole domain: `what` names it in a word, and `fault` goes on with a verb.
+    #[must_use]
+    pub fn of(what: &'static str, fault: &str) -> Self {
+        Self { part: None, what, fault: fault.to_owned() }
+    }
+
+    /// That of one part of a tuple, which may have parts itself.
+    pub(super) fn in_part(self, part: usize) -> Self {
+        Self { part: Some(part), ..self }
+    }
+
+    /// That of values which are made of others.
+    pub(super) fn apart(self) -> Self {
+        Self { part: None, ..self }
+    }
+}
+
+/// Why nothing lies between two floats that aren't both finite.
+pub(super) fn infinite(low: f32, high: f32) -> Option<String> {
+    let fault = |verb: &str, value: f32| format!("{verb} at {value}");
+    match (low.is_finite(), high.is_finite()) {
+        (true, true) => None,
+        (false, _) => Some(fault("starts", low)),
+        (true, false) => Some(fault("ends", high)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::domain::{Domain, Grid, Integers, Just, LatinHypercube, OneOf, UnitVector};
+
+    #[test]
+    fn each_cause_is_told_by_itself() {
+        let why = |emptiness: Option<super::Emptiness>| {
+            let super::Emptiness { part, what, fault } = emptiness.expect("it is empty");
+            (part, format!("{what} {fault}"))
+        };
+        for (range, fault) in [
+            (1.0..=0.0, "range starts at 1 and ends at 0"),
+            (f32::NAN..=1.0, "range starts at NaN"),
+            (0.0..=f32::INFINITY, "range ends at inf"),
+            (f32::NEG_INFINITY..=f32::NAN, "range starts at -inf"),
+        ] {
+            assert_eq!(why(Domain::emptiness(&range)), (None, fault.to_owned()));
+        }
+        let tuple = (UnitVector, OneOf::<f32>(vec![]));
+        assert_eq!(why(tuple.emptiness()), (Some(1), "list is empty".to_owned()));
+        let mapped = (Just(0.0_f32), 2.0..=1.0_f32).map(|(x, y)| x + y);
+        assert_eq!(why(mapped.emptiness()).0, None, "what is made of parts has none");
+        let grid = Grid::logarithmic(-1.0..=1.0, 9);
+        let through = "grid is logarithmic and goes from -1 to 1, through 0";
+        assert_eq!(why(grid.emptiness()).1, through);
+        assert_eq!(why(Grid::linear(0.0..=1.0, 0).emptiness()).1, "grid has no points");
+        assert_eq!(why(Integers(3..=2_i32).emptiness()).1, "range starts at 3 and ends at 2");
+        let latin = LatinHypercube::new((0.0..=1.0, 3.0..=2.0), 5);
+        assert_eq!(why(latin.emptiness()), (Some(1), "range starts at 3 and ends at 2".into()));
+        assert!((UnitVector, 0.0..=1.0_f32).emptiness().is_none());
+    }
+}
