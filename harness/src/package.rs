@@ -22,7 +22,6 @@ use std::path::{Path, PathBuf};
 #[cfg(test)]
 pub(crate) use link::KERNEL_WORDS;
 pub(crate) use link::Linked;
-pub(crate) use overlay::folder as overlay;
 
 use library::{Library, ModulePath};
 use syntax::{DeclarationKind, Module};

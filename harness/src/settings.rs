@@ -7,6 +7,7 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
+use std::path::PathBuf;
 use std::sync::OnceLock;
 use std::time::Duration;
 
@@ -15,9 +16,34 @@ use crate::diagnostic::nearest;
 /// What every name of ours begins with.
 const PREFIX: &str = "KARAT_";
 
-/// Every variable that Karat reads.
-const NAMES: [&str; 11] =
-    [PATHS, REQUIRE, ADAPTER, DEADLINE, SEED, CASE, INPUT, FAILURES, OVERLAY, RECORD, BROWSER];
+/// Every variable that Karat reads, and what for.
+const VARIABLES: [(&str, &str); 11] = [
+    (
+        PATHS,
+        "paths that checks run on: `vulkan`, `vulkan,gl`, `gl@llvmpipe`, `all` (the first that opens)",
+    ),
+    (REQUIRE, "paths that must have run: a list as above (none)"),
+    (ADAPTER, "part of the name of the adapter to use (hardware before software)"),
+    (DEADLINE, "seconds that a shader may take before the process gives up (60)"),
+    (SEED, "seed of the selected check, or of all (from the test's name)"),
+    (CASE, "the one case that is run: `function/check/index`, as a failure prints it (all)"),
+    (INPUT, "arguments of that case, as hexadecimal words (its own)"),
+    (FAILURES, "`off`: failing inputs are neither remembered nor tried again (on)"),
+    (OVERLAY, "folder whose files stand in for modules of the same name (none)"),
+    (RECORD, "folder that verdicts are written into, as JSON lines (none; `karat test` sets it)"),
+    (BROWSER, "Chromium for Karat's own tests of the review page (the one that is found)"),
+];
+
+/// Their names.
+const NAMES: [&str; VARIABLES.len()] = {
+    let mut names = [""; VARIABLES.len()];
+    let mut index = 0;
+    while index < names.len() {
+        names[index] = VARIABLES[index].0;
+        index += 1;
+    }
+    names
+};
 
 const PATHS: &str = "KARAT_PATHS";
 const REQUIRE: &str = "KARAT_REQUIRE";
@@ -27,11 +53,8 @@ const SEED: &str = "KARAT_SEED";
 const CASE: &str = "KARAT_CASE";
 const INPUT: &str = "KARAT_INPUT";
 const FAILURES: &str = "KARAT_FAILURES";
-/// A folder of modules: `package/overlay.rs` reads it.
 const OVERLAY: &str = "KARAT_OVERLAY";
-/// A folder for verdicts: `record.rs` writes it.
 const RECORD: &str = "KARAT_RECORD";
-/// The browser of the tests of the review.
 const BROWSER: &str = "KARAT_BROWSER";
 
 /// Long enough for any shader that a test should run on a software rasteriser.
@@ -109,6 +132,45 @@ pub enum SettingsError {
 pub(crate) fn current() -> Result<&'static Settings, SettingsError> {
     static SETTINGS: OnceLock<Result<Settings, SettingsError>> = OnceLock::new();
     SETTINGS.get_or_init(|| Settings::read(std::env::vars_os())).as_ref().map_err(Clone::clone)
+}
+
+/// A variable of Karat's, as the environment has it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Variable {
+    /// `KARAT_PATHS`
+    pub name: &'static str,
+    /// What it is for, and in brackets what holds where it isn't set.
+    pub about: &'static str,
+    /// What it is set to; `None`: it isn't, or to nothing.
+    pub value: Option<String>,
+}
+
+/// Every variable that Karat reads.
+#[must_use]
+pub fn variables() -> Vec<Variable> {
+    let value = |name| Some(set(name)?.to_string_lossy().into_owned());
+    VARIABLES.map(|(name, about)| Variable { name, about, value: value(name) }).to_vec()
+}
+
+/// What a variable is set to, unless to nothing.
+fn set(name: &str) -> Option<OsString> {
+    std::env::var_os(name).filter(|value| !value.is_empty())
+}
+
+/// The folder whose files stand in for modules.
+pub(crate) fn overlay() -> Option<PathBuf> {
+    set(OVERLAY).map(PathBuf::from)
+}
+
+/// The folder for verdicts. One that is about a wrong setting is written there, too.
+pub(crate) fn record() -> Option<PathBuf> {
+    set(RECORD).map(PathBuf::from)
+}
+
+/// The case of a replay, as it was typed.
+pub(crate) fn case_as_typed() -> String {
+    set(CASE).unwrap_or_default().to_string_lossy().into_owned()
 }
 
 /// Whether the environment can be used.

@@ -1,4 +1,4 @@
-//! Checks with a planted fault, run as a process of its own by `must_fail.rs`.
+//! Checks with a planted fault, run as a process of its own by `must_fail/processes.rs`.
 //!
 //! The name of the fault is the argument. The process prints what the check says and exits with 0
 //! if it agrees: a must-fail test wants anything else.

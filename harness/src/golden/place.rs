@@ -15,7 +15,7 @@ impl Goldens {
     pub(super) fn pending_folder(&self) -> PathBuf {
         if self.beside {
             self.folder()
-        } else if crate::package::overlay().is_some() {
+        } else if crate::settings::overlay().is_some() {
             // In what a CI run leaves, too, they aren't found among those that may be accepted.
             build_output().join("karat").join(OVERLAID).join(self.key())
         } else if in_ci() {

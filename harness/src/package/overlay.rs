@@ -13,13 +13,7 @@ use std::sync::{Mutex, PoisonError};
 use super::{Origin, Package, PackageError, library};
 use crate::diagnostic::{nearest, shown};
 use crate::output::visible;
-
-const VARIABLE: &str = "KARAT_OVERLAY";
-
-/// The folder that `KARAT_OVERLAY` names, if it is set.
-pub(crate) fn folder() -> Option<PathBuf> {
-    std::env::var_os(VARIABLE).filter(|folder| !folder.is_empty()).map(PathBuf::from)
-}
+use crate::settings;
 
 /// Which files are read in place of which.
 #[derive(Debug, Default)]
@@ -32,7 +26,7 @@ impl Overlay {
     /// its files must replace a module: a name with a slip would otherwise pass for a run of
     /// the change. Nothing, if no module is in a file.
     pub(super) fn of(package: &Package) -> Result<Self, PackageError> {
-        let Some(folder) = folder() else { return Ok(Self::default()) };
+        let Some(folder) = settings::overlay() else { return Ok(Self::default()) };
         let overlay = Self::read(package, &folder)?;
         overlay.note(&folder);
         Ok(overlay)
@@ -89,7 +83,7 @@ impl Overlay {
         }
         let modules: Vec<String> = self.replaced.keys().map(|module| shown(module)).collect();
         let modules = modules.join(", ");
-        let line = format!("note: {VARIABLE}={} stands in for {modules}\n", folder.display());
+        let line = format!("note: KARAT_OVERLAY={} stands in for {modules}\n", folder.display());
         let mut said = SAID.lock().unwrap_or_else(PoisonError::into_inner);
         if said.insert(line.clone()) {
             // If nobody hears it, the record still says it.

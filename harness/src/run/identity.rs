@@ -125,7 +125,7 @@ impl Identity {
         if let Some(input) = input {
             environment = format!("{environment} KARAT_INPUT={}", write_words(input));
         }
-        if let Some(folder) = crate::package::overlay() {
+        if let Some(folder) = settings::overlay() {
             environment = format!("KARAT_OVERLAY={} {environment}", folder.display());
         }
         let exe = std::env::current_exe().unwrap_or_default();

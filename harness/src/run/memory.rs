@@ -65,7 +65,7 @@ impl Memory {
         let folder = Path::new(&package).join(".karat").join("failures").join(target);
         let ci = crate::golden::in_ci();
         // Under an overlay it is the overlay's module that fails.
-        let writable = !ci && crate::package::overlay().is_none();
+        let writable = !ci && crate::settings::overlay().is_none();
         Some(Self::read(folder.join(format!("{}.txt", file_name(&identity.test))), writable))
     }
 

@@ -82,7 +82,7 @@ impl Drop for Replay {
         if self.done || self.checks.is_empty() {
             return;
         }
-        let selected = std::env::var("KARAT_CASE").unwrap_or_default();
+        let selected = settings::case_as_typed();
         let test = std::thread::current().name().unwrap_or("main").to_owned();
         // Past the test runner's capture, which dies with the process.
         drop(std::io::stderr().write_all(message(&test, &selected, &self.checks).as_bytes()));

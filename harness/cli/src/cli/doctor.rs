@@ -5,6 +5,7 @@ use std::io::Write;
 use karat::Path;
 use karat::golden::Profile;
 use karat::path::Adapter;
+use karat::settings::{Variable, variables};
 use serde::Serialize;
 
 use super::table::{BAD, DIM, GOOD, HEAD};
@@ -29,6 +30,15 @@ struct Report {
     libraries: Vec<(&'static str, &'static str)>,
     system: String,
     paths: Vec<PathReport>,
+    settings: Vec<SettingReport>,
+}
+
+/// A variable of the environment.
+#[derive(Serialize)]
+struct SettingReport {
+    name: &'static str,
+    value: Option<String>,
+    about: &'static str,
 }
 
 #[derive(Serialize)]
@@ -78,6 +88,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         libraries: LIBRARIES.to_vec(),
         system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
         paths,
+        settings: variables()
+            .into_iter()
+            .map(|Variable { name, value, about, .. }| SettingReport { name, value, about })
+            .collect(),
     };
     if args.json {
         write_json(&report, out)?;
@@ -107,6 +121,11 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
                 writeln!(out, "{BAD}{path:<8}{BAD:#} {missing}\n         {remedy}")?;
             }
         }
+    }
+    writeln!(out, "\n{HEAD}settings{HEAD:#}")?;
+    for SettingReport { name, value, about } in &report.settings {
+        let shown = value.as_deref().map_or_else(|| "not set".to_owned(), |v| format!("= {v}"));
+        writeln!(out, "{name:<16} {shown}\n{DIM}                 {about}{DIM:#}")?;
     }
     Ok(())
 }

@@ -1,0 +1,544 @@
+//! One configuration on one path: its cells, their integrals, the counts of its samples.
+
+use crate::check::Failure;
+use crate::check::sampling::calls::{Calls, STRIDE, draw};
+use crate::check::sampling::picture::Histogram;
+use crate::check::sampling::{
+    Configuration, Finding, Functions, Judgement, Other, Sampled, Settings,
+};
+use crate::stats::{
+    CellIntegral, Cells, ChiSquare, CubatureError, Mean, Moments, NoVerdict, Place, accepts,
+    binomial_tail, chi_square_power, integrate, mean_power,
+};
+
+/// Samples that lay the cells; thirty for each of 512.
+const PILOT: usize = 16_384;
+
+/// The pilot's random numbers are none of the judged samples'.
+const PILOT_SEED: u64 = 0x5bf0_3635_dcf8_e1a7;
+
+/// Samples that a cell should get at least, by their number; there are 512 cells at most.
+const PER_CELL: u64 = 64;
+
+/// Fewer samples make fewer cells than a density can be told from another by.
+const FEWEST: u64 = 1024;
+
+/// Error of a cell's integral over the deviation of its count. All cells together shift
+/// chi-square by at most a thousandth of its degrees of freedom.
+const QUADRATURE: f64 = 0.03;
+
+/// Error of a cell's integral of what is estimated; of 512 cells together 2e-5. Of large values,
+/// the relative error: a tenth of what their rounding may be.
+const ESTIMATE: f64 = 1e-6;
+const ESTIMATE_RELATIVE: f64 = 0.1 * ROUNDING;
+
+/// Rounding of what is estimated, relative: a few hundred ulp of eval and pdf.
+const ROUNDING: f64 = 1e-4;
+
+/// Rounding of a texel to a half float, relative: eleven significant bits.
+const HALF: f64 = 1.0 / 2048.0;
+
+/// Weights as small as this are equal: eval and pdf of a lobe's end may be flushed.
+const VANISHED: f64 = 1e-6;
+
+/// One configuration on one path.
+pub(super) struct Run<'r> {
+    pub(super) functions: &'r Functions<'r>,
+    pub(super) sampler: Sampled<'r, 'r>,
+    pub(super) others: &'r [Other<'r>],
+    pub(super) configuration: &'r Configuration<'r>,
+}
+
+/// The density's integrals.
+struct Masses {
+    cells: Cells,
+    mass: Vec<f64>,
+    total: f64,
+    error: f64,
+}
+
+/// What the samples of a configuration came to.
+#[derive(Default)]
+struct Counts {
+    observed: Vec<u64>,
+    inside: u64,
+    left: u64,
+    not_finite: Offence,
+    not_unit: Offence,
+    outside: Offence,
+    impossible: Offence,
+    negative: Offence,
+    weight: Offence,
+    /// Of eval cos / pdf, by component.
+    weights: Vec<Moments>,
+}
+
+impl Run<'_> {
+    fn settings(&self) -> &Settings {
+        self.sampler.settings
+    }
+
+    fn calls(&self) -> Calls<'_> {
+        self.functions.sampler(self.configuration.path)
+    }
+
+    fn other(&self, which: usize) -> Calls<'_> {
+        self.functions.other(which, self.configuration.path)
+    }
+
+    /// The results of another function at points, with the lanes of its arguments.
+    fn at(&self, which: usize, points: &[u32]) -> Result<(Vec<u32>, Vec<u32>), Failure> {
+        let (value, made) = (self.configuration.value, self.others[which].made);
+        let width = self.settings().support.components();
+        self.other(which).at(points, width, &|points, lanes| made(value, points, lanes))
+    }
+
+    /// Arguments of the sampler for some samples of a stream of random numbers.
+    fn draw(&self, seed: u64, first: usize, count: usize) -> Vec<u32> {
+        let Sampled { random, arguments, .. } = self.sampler;
+        let value = self.configuration.value;
+        let given = |random: &[u32], lanes: &mut Vec<u32>| arguments(value, random, lanes);
+        draw(seed, first, count, &random.lanes(), &given)
+    }
+
+    /// What a function's values are off by, relative, where it reads textures that the path keeps
+    /// in half floats: the peak of a lobe may come from one texel.
+    fn half_rounding(&self, which: usize) -> f64 {
+        if self.other(which).ready.reads_half_floats() { HALF } else { 0.0 }
+    }
+
+    fn evidence(&self, reason: impl std::fmt::Display) -> Failure {
+        let Configuration { value, index, .. } = self.configuration;
+        Failure::Evidence {
+            function: self.functions.sampler.function().path.clone(),
+            reason: reason.to_string(),
+            case: *index,
+            configuration: value.shown(),
+        }
+    }
+
+    /// Judges the samples; `estimates` says whether they are to estimate an integral.
+    pub(super) fn judge(&self, estimates: bool) -> Result<Judgement, Failure> {
+        match self.judge_or_stop(estimates) {
+            Ok(judgement) => Ok(judgement),
+            Err(Stop::Finding(finding)) => Ok(Judgement::outright(finding)),
+            Err(Stop::Failure(failure)) => Err(failure),
+        }
+    }
+
+    fn judge_or_stop(&self, estimates: bool) -> Result<Judgement, Stop> {
+        let cells = self.cells()?;
+        let masses = self.masses(cells, 0)?;
+        let counts = self.count(&masses.cells, estimates)?;
+        let integral = estimates.then(|| self.estimate(&masses.cells)).transpose()?;
+        let settings = self.settings();
+        let threshold = self.configuration.threshold;
+        let mut judgement = Judgement::fitting();
+        let Counts { observed, inside, left, .. } = counts;
+        let samples = settings.samples;
+        let note = format!("{inside} of {samples} samples on {}", settings.support);
+        judgement.notes.push(("sampled", note));
+        let Masses { total, error, .. } = masses;
+        let note = format!("{total:.7} +- {error:.1e}, over {} cells", masses.cells.len());
+        judgement.notes.push(("integral of the density", note));
+        let outright = [
+            counts.not_finite.finding(|count, call| Finding::NotFinite { count, call }),
+            counts.not_unit.finding(|count, call| Finding::NotUnit { count, call }),
+            counts.outside.finding(|count, call| Finding::Outside { count, call }),
+            counts.impossible.finding(|count, call| Finding::Impossible { count, call }),
+            counts.negative.finding(|count, call| Finding::Negative { count, call }),
+            counts.weight.finding(|count, call| Finding::Weight { count, call }),
+        ];
+        judgement.findings.extend(outright.into_iter().flatten());
+        let bound = settings.mass + self.half_rounding(0) + error;
+        let off = total - 1.0;
+        // A density that leaves samples out is short of 1 by as much as they are.
+        let right = if settings.may_leave { off <= bound } else { off.abs() <= bound };
+        if !right {
+            judgement.findings.push(Finding::Mass { integral: total, bound });
+        }
+        if !judgement.findings.is_empty() {
+            judgement.p = 0.0;
+        }
+        // A density whose integral is wrong says nothing of how many samples leave.
+        if settings.may_leave && right {
+            // Of all shares within the integral's error, the one that the samples speak for most.
+            let share = left as f64 / samples as f64;
+            let nearest =
+                share.clamp((-off - bound).clamp(0.0, 1.0), (bound - off).clamp(0.0, 1.0));
+            let p = binomial_tail(left, samples, nearest);
+            let expected = (-off).max(0.0) * samples as f64;
+            judgement.test(p, threshold, || Finding::Left { left, expected, p });
+        }
+        // Given how many are on the support, they should be shared out like the density.
+        let expected: Vec<f64> =
+            masses.mass.iter().map(|mass| (mass / total).max(0.0) * inside as f64).collect();
+        let test = match ChiSquare::of(&observed, &expected) {
+            Ok(test) => test,
+            // Of no sample on the support nothing more can be said than was found already.
+            Err(_) if !judgement.findings.is_empty() => return Ok(judgement),
+            Err(none) => return Err(self.evidence(none).into()),
+        };
+        let ChiSquare { statistic, dof, p, .. } = test;
+        judgement.notes.push(("chi-square", format!("{statistic:.1}, {dof} degrees, p {p:.2e}")));
+        judgement.test(p, threshold, || Finding::ChiSquare { statistic, dof, p });
+        judgement.histogram = Some(Histogram { cells: masses.cells, observed, expected });
+        if let Some(CellIntegral { value, error }) = integral {
+            for (component, (moments, expected)) in counts.weights.iter().zip(value).enumerate() {
+                let slack = error + (ROUNDING + self.half_rounding(0)) * expected.abs();
+                let mean = match Mean::of(moments, expected, slack) {
+                    Ok(mean) => mean,
+                    Err(_) if !judgement.findings.is_empty() => continue,
+                    Err(none) => return Err(self.evidence(none).into()),
+                };
+                let Mean { mean, error, p, .. } = mean;
+                let of = format!("component {component} of eval cos / pdf");
+                judgement.test(p, threshold, || Finding::Mean { of, mean, error, expected, p });
+            }
+        }
+        Ok(judgement)
+    }
+
+    /// The power of the histogram's test, or of those of the integral, against the second density.
+    pub(super) fn power(&self) -> Result<f64, Stop> {
+        let claimed = self.masses(self.cells()?, 0)?;
+        let actual = self.masses(claimed.cells.clone(), 1)?;
+        let settings = self.settings();
+        let (samples, threshold) = (settings.samples as f64, self.configuration.threshold);
+        let shares = |masses: &Masses| -> Vec<f64> {
+            masses.mass.iter().map(|mass| (mass / masses.total).max(0.0)).collect()
+        };
+        let inside = samples * actual.total.min(1.0);
+        let shape = chi_square_power(&shares(&claimed), &shares(&actual), inside, threshold)
+            .map_err(|none| self.evidence(none))?;
+        let bound = settings.mass + self.half_rounding(0) + claimed.error;
+        let off = claimed.total - 1.0;
+        if off > bound || !settings.may_leave && off < -bound {
+            return Ok(1.0); // whatever the samples
+        }
+        if !settings.may_leave {
+            return Ok(shape);
+        }
+        let deviation = (actual.total * (1.0 - actual.total) / samples).max(0.0).sqrt();
+        let left = mean_power(claimed.total - actual.total, deviation, bound, threshold)
+            .map_err(|none| self.evidence(none))?;
+        Ok(shape.max(left))
+    }
+
+    /// The cells, laid by samples that are not judged.
+    fn cells(&self) -> Result<Cells, Stop> {
+        let settings = self.settings();
+        if settings.samples < FEWEST {
+            let (found, needed) = (settings.samples, FEWEST);
+            return Err(self.evidence(NoVerdict::TooFew { found, needed }).into());
+        }
+        let sampler = self.calls();
+        let lanes = self.draw(self.configuration.seed ^ PILOT_SEED, 0, PILOT);
+        let results = sampler.call(&lanes, PILOT)?;
+        let located = results.chunks_exact(sampler.words()).filter_map(|result| {
+            match settings.support.locate(point(result)) {
+                Place::Inside(at) => Some(at),
+                Place::Outside | Place::NotUnit => None,
+            }
+        });
+        let (rows, columns) = settings.grid();
+        Ok(Cells::new(settings.support, &located.collect::<Vec<_>>(), rows, columns))
+    }
+
+    /// Integrates a density over the cells.
+    fn masses(&self, cells: Cells, which: usize) -> Result<Masses, Stop> {
+        let settings = self.settings();
+        let samples = settings.samples as f64;
+        // Of an expected count of 0.1 nothing need be known. All cells together are also known four
+        // times better than their sum is judged, however few the samples.
+        let per_root = (QUADRATURE / samples.sqrt()).min(settings.mass.max(1e-6) / 4.0);
+        let tolerance = |mass: &[f64]| per_root * mass[0].max(0.1 / samples).sqrt();
+        let evaluate = |points: &[[f64; 3]]| self.evaluate(which, points);
+        let integrals = integrate(settings.support, &cells, 1, tolerance, evaluate);
+        let integrals = integrals.map_err(|error| self.stop(which, error))?;
+        let mass: Vec<f64> = integrals.iter().map(|cell| cell.value[0]).collect();
+        let error = integrals.iter().map(|cell| cell.error * cell.error).sum::<f64>().sqrt();
+        let total = mass.iter().sum();
+        if !(total > 0.0) {
+            let bound = settings.mass;
+            return Err(Stop::Finding(Finding::Mass { integral: total, bound }));
+        }
+        Ok(Masses { cells, mass, total, error })
+    }
+
+    /// Integrates eval cos over the support.
+    fn estimate(&self, cells: &Cells) -> Result<CellIntegral, Stop> {
+        let components = self.other(1).words();
+        let support = self.settings().support;
+        let integrals = integrate(
+            support,
+            cells,
+            components,
+            |known| known.iter().fold(ESTIMATE, |most, v| most.max(ESTIMATE_RELATIVE * v.abs())),
+            |points| {
+                let mut values = self.evaluate(1, points)?;
+                for (values, point) in values.chunks_exact_mut(components).zip(points) {
+                    values.iter_mut().for_each(|value| *value *= point[2].abs());
+                }
+                Ok(values)
+            },
+        );
+        let integrals = integrals.map_err(|error| self.stop(1, error))?;
+        let mut sum = CellIntegral { value: vec![0.0; components], error: 0.0 };
+        for integral in integrals {
+            sum.error = sum.error.hypot(integral.error);
+            for (sum, value) in sum.value.iter_mut().zip(integral.value) {
+                *sum += value;
+            }
+        }
+        Ok(sum)
+    }
+
+    fn stop(&self, which: usize, error: CubatureError<Stop>) -> Stop {
+        match error {
+            CubatureError::Evaluation(stop) => stop,
+            diverges @ CubatureError::Diverges { .. } => {
+                let function = &self.functions.others[which].function().path;
+                let reason = match diverges {
+                    CubatureError::Diverges { nodes } => {
+                        format!(
+                            "of `{function}` two quadrature rules disagree after {nodes} nodes: it \
+                             jumps along too many edges, or its results are noisy"
+                        )
+                    }
+                    CubatureError::Evaluation(_) => String::new(),
+                };
+                Stop::Failure(self.evidence(reason))
+            }
+        }
+    }
+
+    /// What a function returns at points, which has to be finite and not negative.
+    fn evaluate(&self, which: usize, points: &[[f64; 3]]) -> Result<Vec<f64>, Stop> {
+        let (calls, components) = (self.other(which), self.settings().support.components());
+        let mut flat = Vec::with_capacity(points.len() * components);
+        for point in points {
+            #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
+            let words = point.map(|value| (value as f32).to_bits());
+            flat.extend_from_slice(&words[..components]);
+        }
+        let (lanes, results) = self.at(which, &flat)?;
+        let (words, width) = (calls.words(), lanes.len() / points.len().max(1));
+        let mut values = Vec::with_capacity(results.len());
+        let (mut not_finite, mut negative) = (Offence::default(), Offence::default());
+        for (index, result) in results.chunks_exact(words).enumerate() {
+            let shown = || calls.shown(&lanes[index * width..][..width], result);
+            let decoded = result.iter().map(|word| f64::from(f32::from_bits(*word)));
+            if decoded.clone().any(|value| !value.is_finite()) {
+                not_finite.add(shown);
+            } else if decoded.clone().any(|value| value < 0.0) {
+                negative.add(shown);
+            }
+            values.extend(decoded);
+        }
+        let finding = not_finite
+            .finding(|count, call| Finding::NotFinite { count, call })
+            .or(negative.finding(|count, call| Finding::Negative { count, call }));
+        finding.map_or(Ok(values), |finding| Err(Stop::Finding(finding)))
+    }
+
+    /// Draws the samples, and counts them by cell.
+    fn count(&self, cells: &Cells, estimates: bool) -> Result<Counts, Failure> {
+        let settings = self.settings();
+        let (sampler, pdf) = (self.calls(), self.other(0));
+        let mut counts = Counts { observed: vec![0; cells.len()], ..Counts::default() };
+        let samples = usize::try_from(settings.samples).unwrap_or(usize::MAX);
+        if estimates {
+            counts.weights = vec![Moments::default(); self.other(1).words()];
+        }
+        for first in (0..samples).step_by(STRIDE) {
+            let count = STRIDE.min(samples - first);
+            let lanes = self.draw(self.configuration.seed, first, count);
+            let results = sampler.call(&lanes, count)?;
+            let width = lanes.len() / count;
+            // Points on the support, as words, and their cosines.
+            let mut inside = Vec::with_capacity(results.len());
+            let mut cosines = Vec::with_capacity(count);
+            for (index, result) in results.chunks_exact(sampler.words()).enumerate() {
+                let shown = || sampler.shown(&lanes[index * width..][..width], result);
+                let at = point(result);
+                if at.iter().any(|value| !value.is_finite()) {
+                    counts.not_finite.add(shown);
+                    continue;
+                }
+                match settings.support.locate(at) {
+                    Place::Inside(at) => counts.observed[cells.index(at)] += 1,
+                    Place::NotUnit => {
+                        counts.not_unit.add(shown);
+                        continue;
+                    }
+                    Place::Outside => {
+                        counts.left += 1;
+                        // It reflects nothing, and counts as such.
+                        counts.weights.iter_mut().for_each(|moments| moments.add(0.0));
+                        if !settings.may_leave {
+                            counts.outside.add(shown);
+                        }
+                        continue;
+                    }
+                }
+                inside.extend_from_slice(result);
+                cosines.push(at[2].abs());
+            }
+            counts.inside += cosines.len() as u64;
+            if cosines.is_empty() {
+                continue;
+            }
+            let (lanes, densities) = self.at(0, &inside)?;
+            let width = lanes.len() / cosines.len();
+            for (index, word) in densities.iter().enumerate() {
+                let shown = || pdf.shown(&lanes[index * width..][..width], &[*word]);
+                let value = f32::from_bits(*word);
+                if !value.is_finite() {
+                    counts.not_finite.add(shown);
+                } else if value < 0.0 {
+                    counts.negative.add(shown);
+                } else if value == 0.0 {
+                    counts.impossible.add(shown);
+                }
+            }
+            if estimates {
+                self.weigh(&mut counts, &inside, &densities, &cosines)?;
+            }
+        }
+        Ok(counts)
+    }
+
+    /// Adds eval cos / pdf of samples on the support.
+    fn weigh(
+        &self,
+        counts: &mut Counts,
+        inside: &[u32],
+        densities: &[u32],
+        cosines: &[f64],
+    ) -> Result<(), Failure> {
+        let eval = self.other(1);
+        let (lanes, results) = self.at(1, inside)?;
+        let weighed = (self.others.len() > 2).then(|| self.at(2, inside)).transpose()?;
+        let width = lanes.len() / cosines.len();
+        for (index, result) in results.chunks_exact(eval.words()).enumerate() {
+            let shown = || eval.shown(&lanes[index * width..][..width], result);
+            let density = f64::from(f32::from_bits(densities[index]));
+            let weights = result
+                .iter()
+                .map(|word| f64::from(f32::from_bits(*word)) * cosines[index] / density);
+            if let Some((lanes, results)) = &weighed {
+                let (width, words) = (lanes.len() / cosines.len(), eval.words());
+                let rounding =
+                    ROUNDING + (0..3).map(|which| self.half_rounding(which)).sum::<f64>();
+                let returned = &results[index * words..][..words];
+                let right = weights.clone().zip(returned).all(|(weight, word)| {
+                    let returned = f64::from(f32::from_bits(*word));
+                    (returned - weight).abs() <= rounding * weight + VANISHED
+                });
+                // What is 0 / 0 is an impossible sample already.
+                if !right && density > 0.0 {
+                    counts.weight.add(|| {
+                        let call = self.other(2).shown(&lanes[index * width..][..width], returned);
+                        let weights: Vec<f64> = weights.clone().collect();
+                        format!("{call}, not {weights:?}")
+                    });
+                }
+            }
+            if density > 0.0 && weights.clone().any(|weight| !weight.is_finite()) {
+                counts.not_finite.add(shown);
+            } else if weights.clone().any(|weight| weight < 0.0) {
+                counts.negative.add(shown);
+            } else if density > 0.0 {
+                counts.weights.iter_mut().zip(weights).for_each(|(sum, weight)| sum.add(weight));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Settings {
+    /// Tests of one configuration: the histogram, and the number of samples beside it.
+    pub(super) fn tests(&self) -> u64 {
+        if self.may_leave { 2 } else { 1 }
+    }
+
+    /// Rows and columns of cells.
+    fn grid(&self) -> (usize, usize) {
+        let cells = (self.samples / PER_CELL).clamp(2, 512) as usize;
+        if self.support.is_line() {
+            return (cells, 1);
+        }
+        // Twice as many columns as rows: azimuths go all around.
+        let rows = ((cells as f64 / 2.0).sqrt() as usize).clamp(1, 16);
+        (rows, cells / rows)
+    }
+}
+
+/// Why a configuration isn't judged to its end.
+pub(super) enum Stop {
+    Failure(Failure),
+    Finding(Finding),
+}
+
+impl From<Failure> for Stop {
+    fn from(failure: Failure) -> Self {
+        Self::Failure(failure)
+    }
+}
+
+impl Judgement {
+    /// Nothing to object to.
+    pub(in crate::check::sampling) fn fitting() -> Self {
+        Self { findings: Vec::new(), p: 1.0, notes: Vec::new(), histogram: None }
+    }
+
+    pub(in crate::check::sampling) fn outright(finding: Finding) -> Self {
+        Self { findings: vec![finding], p: 0.0, ..Self::fitting() }
+    }
+
+    /// Adds a test's result.
+    pub(in crate::check::sampling) fn test(
+        &mut self,
+        p: f64,
+        threshold: f64,
+        finding: impl FnOnce() -> Finding,
+    ) {
+        self.p = self.p.min(p);
+        if !accepts(p, threshold) {
+            self.findings.push(finding());
+        }
+    }
+}
+
+/// How many calls offend, and the first of them.
+#[derive(Default)]
+pub(in crate::check::sampling) struct Offence {
+    count: u64,
+    first: String,
+}
+
+impl Offence {
+    pub(in crate::check::sampling) fn add(&mut self, call: impl FnOnce() -> String) {
+        if self.count == 0 {
+            self.first = call();
+        }
+        self.count += 1;
+    }
+
+    pub(in crate::check::sampling) fn finding(
+        self,
+        finding: impl FnOnce(u64, String) -> Finding,
+    ) -> Option<Finding> {
+        (self.count > 0).then(|| finding(self.count, self.first))
+    }
+}
+
+/// The point that a sampler returned.
+fn point(result: &[u32]) -> [f64; 3] {
+    let mut point = [0.0; 3];
+    for (value, word) in point.iter_mut().zip(result) {
+        *value = f64::from(f32::from_bits(*word));
+    }
+    point
+}

@@ -1,0 +1,132 @@
+use super::*;
+use crate::package::Package;
+
+fn probed(change: impl Fn(String) -> String) -> Probed {
+    let package = Package::from_source("s", "fn f(x: f32) -> f32 { return x + 1.0; }");
+    let mut probed = Probed::new(&package, "f").expect("a valid function");
+    probed.kernel.text = change(probed.kernel.text);
+    probed
+}
+
+fn run(probed: &Probed, cases: usize) -> Vec<Result<usize, ProbeError>> {
+    let devices = crate::path::devices().expect("a path opens");
+    let run = |device| {
+        let runner = Runner::new(device, probed, &Vec::new(), cases)?;
+        let arguments: Vec<u32> = (0..cases).map(|i| (i as f32).to_bits()).collect();
+        let dispatch = runner.dispatch(cases, &arguments, 0x1234_5678)?;
+        runner.read(dispatch, |words| {
+            let right = |(i, case): &(usize, &[u32])| case[0] == (*i as f32 + 1.0).to_bits();
+            words.chunks_exact(runner.stride_out()).enumerate().filter(right).count()
+        })
+    };
+    devices.into_iter().map(run).collect()
+}
+
+#[test]
+fn each_case_of_a_batch_is_computed_at_any_size() {
+    for cases in [1, 63, 64, 65, 1000, BATCH] {
+        for computed in run(&probed(|text| text), cases) {
+            assert_eq!(computed.expect("runs"), cases);
+        }
+    }
+}
+
+/// A kernel that returns before it writes: the results are poison, and no verdict.
+#[test]
+fn a_kernel_that_never_writes_is_an_error() {
+    let guard = "if karat_case >= karat_batch.x { return; }";
+    let silent = probed(|text| text.replace(guard, "if karat_batch.x >= 0u { return; }"));
+    for result in run(&silent, 1000) {
+        let error = result.expect_err("nothing was written");
+        let found = matches!(error, ProbeError::NotWritten { count: 1000, cases: 1000, .. });
+        assert!(found, "{error}");
+    }
+}
+
+/// A kernel that skips one case of many.
+#[test]
+fn one_unwritten_case_is_an_error() {
+    let guard = "if karat_case >= karat_batch.x { return; }";
+    let skipping = "if karat_case >= karat_batch.x || karat_case == 777u { return; }";
+    for result in run(&probed(|text| text.replace(guard, skipping)), 1000) {
+        let error = result.expect_err("case 777 was not written");
+        assert!(matches!(error, ProbeError::NotWritten { first: 777, count: 1, .. }), "{error}");
+    }
+}
+
+/// The canary is written and the results aren't, as one driver did: all of them, or one
+/// component of one case.
+#[test]
+fn a_kernel_that_writes_only_its_canary_is_an_error() {
+    let result = "karat_out[karat_to + 0u] = bitcast<u32>(karat_r);";
+    for (guard, first, count) in [("false", 0, 1000), ("karat_case != 777u", 777, 1)] {
+        let guarded = format!("if {guard} {{ {result} }}");
+        let silent = probed(|text| {
+            assert!(text.contains(result), "{text}");
+            text.replace(result, &guarded)
+        });
+        for result in run(&silent, 1000) {
+            let error = result.expect_err("a result was not written");
+            let ProbeError::ResultNotWritten { first: found, count: counted, .. } = &error else {
+                panic!("{error}")
+            };
+            assert_eq!((*found, *counted), (first, count), "{error}");
+        }
+    }
+}
+
+/// A function may return the very word that results are poisoned with.
+#[test]
+fn a_result_that_equals_the_poison_is_a_result() {
+    let wgsl = format!("fn f(x: u32) -> u32 {{ return x ^ {POISON}u; }}");
+    let package = Package::from_source("s", &wgsl);
+    for inputs in Inputs::ALL {
+        let probed = Probed::new(&package, "f").and_then(|probed| probed.with_inputs(inputs));
+        let probed = probed.expect("a valid function");
+        for device in crate::path::devices().expect("a path opens") {
+            let runner = Runner::new(device, &probed, &Vec::new(), 8).expect("it compiles");
+            let arguments: Vec<u32> = (0..8).collect();
+            let dispatch = runner.dispatch(8, &arguments, 0x1234_5678).expect("it runs");
+            let results = runner.read(dispatch, |words| {
+                words.chunks_exact(2).map(|case| case[0]).collect::<Vec<_>>()
+            });
+            let expected: Vec<u32> = (0..8).map(|x| x ^ POISON).collect();
+            assert_eq!(results.expect("each is written"), expected, "{inputs}");
+        }
+    }
+}
+
+/// A kernel of another dispatch: right shape, wrong canary.
+#[test]
+fn a_stale_canary_is_an_error() {
+    let stale = probed(|text| text.replace("karat_batch.y ^ karat_case", "karat_case"));
+    for result in run(&stale, 100) {
+        assert!(matches!(result, Err(ProbeError::NotWritten { count: 100, .. })));
+    }
+}
+
+/// While another thread has its turn nothing of a probe reaches GL's driver, up to its release;
+/// other drivers serve several threads at once.
+#[test]
+fn threads_take_turns_on_gl() {
+    use std::sync::mpsc::channel;
+    use std::time::Duration;
+    for device in crate::path::devices().expect("a path opens") {
+        let probed = probed(|text| text);
+        let turn = device.turn();
+        let (sender, done) = channel();
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let ran = Runner::new(device, &probed, &Vec::new(), 1);
+                sender.send(ran.is_ok()).expect("somebody listens");
+            });
+            let early = done.recv_timeout(Duration::from_millis(300));
+            let serial = device.path() == Path::GL;
+            assert!(!serial || early.is_err(), "it didn't wait for its turn");
+            drop(turn);
+            let late = early.or_else(|_| done.recv_timeout(Duration::from_secs(60)));
+            assert_eq!(late, Ok(true), "on {}", device.path());
+        });
+        assert!(run(&probed, 1).into_iter().all(|ran| ran.is_ok()));
+    }
+}

@@ -1,0 +1,108 @@
+use super::*;
+
+fn record(time: Option<Time>) -> Record {
+    let subject =
+        Subject::Frame { golden: String::new(), folder: String::new(), location: String::new() };
+    Record {
+        schema: SCHEMA,
+        test: "t".to_owned(),
+        subject,
+        verdict: Verdict::Pass,
+        paths: Vec::new(),
+        message: None,
+        overlay: None,
+        read: Vec::new(),
+        time,
+    }
+}
+
+#[test]
+fn records_have_a_time_or_none() {
+    for time in [None, Some(Stopwatch::start().time())] {
+        let line = serde_json::to_string(&record(time.clone())).expect("plain data");
+        assert_eq!(line.contains(r#""seconds":"#), time.is_some(), "{line}");
+        let read: Record = serde_json::from_str(&line).expect("a record");
+        assert_eq!(read, record(time));
+    }
+}
+
+/// A record of one verdict, of a run that has this name.
+fn written(running: &Running, test: &str) -> PathBuf {
+    let line = serde_json::to_string(&Record { test: test.into(), ..record(None) });
+    std::fs::write(running.folder().join("1.jsonl"), line.expect("plain data")).expect("written");
+    let run = Run { schema: SCHEMA, selected: vec![test.into()], passed: true };
+    run.write(running.folder()).expect("written");
+    running.folder().to_owned()
+}
+
+fn last(folder: &Path) -> Option<String> {
+    let Recorded { records, run, .. } = Recorded::read(folder).expect("readable")?;
+    let run = run.expect("it says how it was made");
+    assert_eq!((records.len(), &run.selected), (1, &vec![records[0].test.clone()]));
+    Some(records[0].test.clone())
+}
+
+#[test]
+fn the_last_run_that_ended_is_read() {
+    let temporary = tempfile::tempdir().expect("a temporary folder");
+    let folder = &temporary.path().join("record");
+    assert_eq!(last(folder), None);
+    let [a, b, c] = [(); 3].map(|()| Running::begin(folder).expect("a folder"));
+    let folders = [written(&a, "a"), written(&b, "b"), written(&c, "c")];
+    assert_eq!(last(folder), None, "none has ended");
+    assert!(read(folder).expect("readable").is_empty());
+    b.end().expect("ended");
+    assert_eq!(last(folder).as_deref(), Some("b"));
+    drop(a);
+    assert_eq!(folders.each_ref().map(|folder| folder.exists()), [false, true, true]);
+    c.end().expect("ended");
+    assert_eq!(last(folder).as_deref(), Some("c"));
+    assert_eq!(folders.each_ref().map(|folder| folder.exists()), [false, false, true]);
+}
+
+#[test]
+fn what_a_killed_run_left_is_cleared_away_and_a_live_one_is_not() {
+    let temporary = tempfile::tempdir().expect("a temporary folder");
+    let folder = temporary.path();
+    let live = Running::begin(folder).expect("a folder");
+    written(&live, "live");
+    // Nobody holds the first. The second was made again by tests that outlived their run.
+    let [held, bare, foreign] = ["run-1-0", "run-1-1", "mine"].map(|name| folder.join(name));
+    for folder in [&held, &bare, &foreign] {
+        std::fs::create_dir(folder).expect("a folder");
+    }
+    std::fs::write(held.join("running"), "").expect("written");
+    let next = Running::begin(folder).expect("a folder");
+    assert!(!held.exists() && !bare.exists() && foreign.exists());
+    assert!(live.folder().join("1.jsonl").exists());
+    written(&next, "next");
+    next.end().expect("ended");
+    live.end().expect("its folder is there");
+    assert_eq!(last(folder).as_deref(), Some("live"));
+}
+
+/// `cargo test` with KARAT_RECORD, and what an older Karat left.
+#[test]
+fn a_folder_without_runs_is_a_record_itself() {
+    let temporary = tempfile::tempdir().expect("a temporary folder");
+    let line = serde_json::to_string(&record(None)).expect("plain data");
+    std::fs::write(temporary.path().join("1.jsonl"), line).expect("written");
+    assert_eq!(read(temporary.path()).expect("readable").len(), 1);
+    // A name that leads elsewhere is none.
+    for name in ["../elsewhere", "run-1/../..", "run-", ""] {
+        std::fs::write(temporary.path().join("last"), name).expect("written");
+        assert_eq!(read(temporary.path()).expect("readable").len(), 1, "{name}");
+    }
+    let missing = read(&temporary.path().join("nowhere")).expect_err("no folder");
+    assert!(missing.to_string().starts_with("can't read the record `"), "{missing}");
+}
+
+#[test]
+fn a_stopwatch_measures() {
+    let stopwatch = Stopwatch::start();
+    std::thread::sleep(std::time::Duration::from_millis(20));
+    let time = stopwatch.time();
+    assert!(time.seconds >= 0.02, "{time:?}");
+    let started = humantime::parse_rfc3339(&time.started).expect("RFC 3339");
+    assert!(started <= SystemTime::now(), "{time:?}");
+}

@@ -1,0 +1,44 @@
+use super::*;
+
+/// naga's IR of a text, without places in it.
+fn ir(text: &str) -> String {
+    let module = wgsl::parse_str(text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+    let debug = format!("{module:?}");
+    let mut parts = debug.split("Span { start: ");
+    let mut without: String = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        without.push_str(part.split_once(" }").expect("a span has an end").1);
+    }
+    without
+}
+
+/// Renaming whatever a module declares changes nothing but names: each use of a name is found,
+/// and nothing else is taken for one.
+#[test]
+fn renamed_modules_are_the_same_programs() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut renamed = 0;
+    for folder in [root.join("../shaders"), root.join("examples/shaders")] {
+        let package = Package::open(folder).expect("a folder");
+        for module in package.modules().expect("readable") {
+            let linked = package.link_module(&module).expect("valid");
+            // Linked text imports nothing.
+            let plain = Package::from_source("m", linked.text());
+            let other = plain.link_renamed("").expect("it is plain");
+            assert_ne!(other.text(), linked.text(), "{module}");
+            let mut expected = ir(linked.text());
+            let mut found = ir(other.text());
+            for (name, author) in &other.names {
+                assert_ne!(name, author, "{module}");
+                renamed += 1;
+                found = found.replace(&format!("\"{name}\""), &format!("\"{author}\""));
+            }
+            // A name may stand for another name's place in an order.
+            for text in [&mut expected, &mut found] {
+                text.retain(|c| !c.is_whitespace());
+            }
+            assert!(expected == found, "{module}:\n{}", other.text());
+        }
+    }
+    assert!(renamed > 400, "{renamed}");
+}

@@ -1,0 +1,77 @@
+use super::*;
+
+fn passes(tolerance: impl Into<Tolerance>, actual: f32, expected: f64) -> bool {
+    tolerance.into().measure(0, actual, expected).passes()
+}
+
+#[test]
+fn distance_is_ordered_across_zero_denormals_and_infinity() {
+    let tiny = f32::from_bits(1);
+    assert_eq!(ulp_distance(tiny, -tiny), Some(2));
+    assert_eq!(ulp_distance(0.0, -0.0), Some(0));
+    assert_eq!(ulp_distance(f32::MIN_POSITIVE, f32::MIN_POSITIVE.next_down()), Some(1));
+    assert_eq!(ulp_distance(1.0, 1.0_f32.next_down()), Some(1));
+    assert_eq!(ulp_distance(2.0, 2.0_f32.next_up()), Some(1));
+    assert_eq!(ulp_distance(f32::MAX, f32::INFINITY), Some(1));
+    assert_eq!(ulp_distance(f32::NEG_INFINITY, f32::INFINITY), Some(2 * 0x7f80_0000));
+    assert_eq!(ulp_distance(f32::NAN, 1.0), None);
+}
+
+#[test]
+fn real_references_lie_between_floats() {
+    let half_step = 1.0 + f64::from(f32::EPSILON) / 2.0;
+    assert!((ordinal(half_step) - ordinal(1.0) - 0.5).abs() < 1e-9);
+    assert!(passes(Ulp(0.5), 1.0, half_step));
+    assert!(!passes(Ulp(0.49), 1.0, half_step));
+    assert!(passes(Ulp(1.0), 1.0_f32.next_down(), 1.0));
+    assert!(!passes(Ulp(1.0), 1.0 + 2.0 * f32::EPSILON, 1.0));
+}
+
+#[test]
+fn nothing_that_is_not_a_number_passes() {
+    let everything = Abs(f64::INFINITY).or(Rel(f64::INFINITY)).or(Ulp(f64::INFINITY));
+    for actual in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        for expected in [0.0, 1.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert!(!passes(everything.clone(), actual, expected), "{actual} {expected}");
+        }
+    }
+    assert!(!passes(everything, 1.0, f64::NAN));
+    assert!(!passes(Abs(f64::NAN), 1.5, 1.0), "a bound that is NaN lets nothing pass");
+    assert!(!passes(Tolerance::All(vec![]), 1.0, 1.0), "an empty tolerance checks nothing");
+    assert!(!passes(Tolerance::Any(vec![]), 1.0, 1.0));
+}
+
+#[test]
+fn flushed_denormals_are_equal_and_cancellation_has_its_band() {
+    assert!(passes(Ulp(0.0), 0.0, 1e-39));
+    assert!(!passes(Ulp(4.0), 1e-9, 0.0));
+    assert!(passes(Ulp(4.0).near_zero(1e-2), 1e-9, 0.0));
+    assert!(!passes(Ulp(4.0).near_zero(1e-2), 1e-8, 0.0), "4 steps at 0.01 are 3.7e-9");
+    assert!(!passes(Rel(1e-3), 1e-9, 0.0));
+    assert!(passes(Rel(1e-3).or(Abs(1e-8)), 1e-9, 0.0));
+    assert!(!passes(Rel(1e-3).and(Abs(1e-8)), 1e-9, 0.0));
+}
+
+#[test]
+fn a_value_too_large_for_f32_fails() {
+    assert!(!passes(Ulp(4.0), f32::INFINITY, 1e39));
+    assert!(!passes(Ulp(4.0), f32::MAX, 1e39));
+}
+
+#[test]
+fn the_last_component_has_its_own_bound() {
+    let tolerance = Tolerance::per_lane([Abs(1.0).into(), Abs(1.0).into(), Abs(0.0).into()]);
+    assert!(tolerance.measure(1, 0.5, 0.0).passes());
+    assert!(!tolerance.measure(2, 0.5, 0.0).passes());
+    assert!(!tolerance.measure(3, 0.0, 0.0).passes(), "a lane without a bound fails");
+}
+
+#[test]
+fn display_reads_as_written() {
+    let tolerance = Ulp(4.0).or(Abs(1e-6)).near_zero(0.01);
+    assert_eq!(tolerance.to_string(), "4 ulp (absolute below 0.01) or abs 1e-6");
+    assert_eq!(significant(0.000_123_4), "1.23e-4");
+    assert_eq!(significant(12.345), "12.3");
+    assert_eq!(significant(2.0), "2");
+    assert_eq!(significant(123_456.0), "123456");
+}

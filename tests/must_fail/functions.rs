@@ -1,0 +1,374 @@
+//! Functions against references.
+
+use glam::{DVec3, Vec3};
+use karat::Goldens;
+use karat::check::Failure;
+use karat::prelude::*;
+use karat::probe::ProbeError;
+use shaders::{PBR, geometry};
+
+use crate::{disagreement, mutant, schlick};
+
+#[test]
+fn the_unchanged_library_agrees() {
+    let agreement = schlick(&mutant("fresnel", "abs(1.0 - v_dot_h)", "abs(1.0 - v_dot_h)"));
+    assert_eq!(agreement.expect("no fault is planted").cases, 65_536);
+}
+
+#[test]
+fn a_wrong_constant_in_schlick() {
+    let faults = [
+        ("f0 + (1.0 - f0)", "f0 + (0.999 - f0)"),
+        ("abs(1.0 - v_dot_h)", "abs(1.0001 - v_dot_h)"),
+        ("f0 + (1.0 - f0)", "f0 - (1.0 - f0)"),
+        ("pow5(abs(1.0 - v_dot_h))", "abs(1.0 - v_dot_h)"),
+    ];
+    for (original, fault) in faults {
+        let found = disagreement(schlick(&mutant("fresnel", original, fault)));
+        assert!(found.paths.iter().all(|path| path.census.failures > 0), "{fault}");
+    }
+    let found = disagreement(schlick(&mutant("math", "x2 * x2 * x", "x2 * x2")));
+    assert_eq!(found.function.path, "fresnel::schlick", "a fault in what it calls is seen too");
+}
+
+#[test]
+fn swapped_arguments() {
+    let package = mutant(
+        "geometry",
+        "fn smith_g1(alpha: f32, n_dot_x: f32)",
+        "fn smith_g1(n_dot_x: f32, alpha: f32)",
+    );
+    let swapped = package
+        .function("geometry::smith_g1")
+        .over((1e-4..=1.0, 0.0..=1.0))
+        .try_agrees_with(geometry::smith_g1, Ulp(10.0));
+    disagreement(swapped);
+    let package = mutant("layering", "(environment - base)", "(base - environment)");
+    let coat = package
+        .function("layering::thin_coat")
+        .over((Just(Vec3::ONE), Just(Vec3::ZERO), 0.0..=1.0))
+        .try_agrees_with(shaders::layering::thin_coat, Ulp(14.0).or(Abs(3e-5)));
+    disagreement(coat);
+}
+
+/// 65,536 inputs, one of which gives NaN (or an infinity): found under the loosest tolerance.
+#[test]
+fn one_bad_result_of_65536() {
+    for (bits, nan, infinite) in [("0x7fc00000u", 1, 0), ("0x7f800000u", 0, 1)] {
+        let wgsl = format!(
+            "fn f(i: u32) -> f32 {{ return select(1.0, bitcast<f32>(i - 54321u + {bits}), \
+             i == 54321u); }}"
+        );
+        let package = Package::from_source("planted", wgsl);
+        let over = || package.function("f").over(Integers(0..=65_535_u32));
+        let loose = Abs(1e300).or(Rel(1e300));
+        let found = disagreement(over().try_agrees_with(|_: u32| 1.0, loose));
+        for path in &found.paths {
+            assert_eq!((path.census.cases, path.census.failures), (65_536, 1));
+            assert_eq!((path.census.nan, path.census.infinite), (nan, infinite));
+            assert_eq!(path.worst.arguments, [("i".to_owned(), "54321".to_owned())]);
+        }
+        disagreement(over().try_satisfies("is anything", |_, _: f32| true));
+        disagreement(over().try_invariant_under(|i| i ^ 1, Abs(1e300)));
+    }
+}
+
+/// The tolerance of the last component counts: only `z` is wrong, and only `z` is strict.
+#[test]
+fn a_fault_in_the_last_component() {
+    let wgsl = "fn f(x: f32) -> vec3f { return vec3f(x, x, x * 1.001); }";
+    let package = Package::from_source("planted", wgsl);
+    let tolerance = Tolerance::per_lane([Rel(0.1).into(), Rel(0.1).into(), Ulp(1.0).into()]);
+    let found = package.function("f").over(1.0..=2.0).try_agrees_with(DVec3::splat, tolerance);
+    assert!(disagreement(found).paths.iter().all(|path| path.worst.component == ".z"));
+}
+
+#[test]
+fn a_reference_that_is_not_a_number() {
+    let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");
+    let found = package.function("f").over(-1.0..=1.0).try_agrees_with(f64::sqrt, Abs(10.0));
+    assert!(matches!(found, Err(Failure::Reference { .. })), "{found:?}");
+}
+
+#[test]
+fn nothing_to_compare() {
+    let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");
+    let identity = |x: f64| x;
+    let found = [
+        package.function("f").over(0.0..=1.0).cases(0).try_agrees_with(identity, Ulp(0.0)),
+        package.function("f").over(OneOf::<f32>(vec![])).try_agrees_with(identity, Ulp(0.0)),
+        package
+            .function("f")
+            .over((0.0..=1.0).filter(|_: &f32| false))
+            .try_agrees_with(identity, Ulp(0.0)),
+        package
+            .function("f")
+            .over((0.0..=1.0).filter(|x: &f32| x.to_bits() % 1_000_003 == 1))
+            .try_agrees_with(identity, Ulp(0.0)),
+        package.function("f").over(1.0..=0.0).try_agrees_with(identity, Ulp(0.0)),
+    ];
+    let reasons = [
+        "is asked for 0 cases",
+        "is empty: its list is empty",
+        "rejects nearly everything that its filter sees",
+        "rejects nearly everything that its filter sees",
+        "is empty: its range starts at 1 and ends at 0",
+    ];
+    for (found, reason) in found.into_iter().zip(reasons) {
+        let Err(error @ Failure::Domain { .. }) = found else { panic!("{found:?}") };
+        let (error, head) = (error.to_string(), format!("the domain of `f` {reason}"));
+        assert!(error.starts_with(&head), "{error}");
+    }
+    let package = Package::from_source("planted", "fn g(x: f32, alpha: f32) -> f32 { return x; }");
+    let over = package.function("g").over((0.0..=1.0, 1.0..=f32::NAN));
+    let error = over.try_satisfies("holds", |_, _: f32| true).expect_err("empty").to_string();
+    assert_eq!(error, "the domain of `g` is empty: the range of `alpha` ends at NaN");
+}
+
+/// A transformation that changes nothing, and bounds that bound nothing.
+#[test]
+fn a_check_that_could_not_fail() {
+    let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");
+    let over = || package.function("f").over(0.0..=1.0);
+    let found = over().try_invariant_under(|x| x, Ulp(0.0));
+    assert!(matches!(found, Err(Failure::Domain { .. })), "{found:?}");
+    for bound in [f64::INFINITY, f64::NAN, -1.0] {
+        let tolerances = [Tolerance::from(Ulp(bound)), Rel(1.0).or(Abs(bound))];
+        for tolerance in tolerances {
+            let found = over().try_agrees_with(|_: f64| 5.0, tolerance);
+            assert!(matches!(found, Err(Failure::Signature { .. })), "{bound}: {found:?}");
+        }
+    }
+    let pictures = Package::from_source("gradient", include_str!("../planted/gradient.wgsl"));
+    let goldens = Goldens::open("no such folder".as_ref());
+    for relative in [f32::NAN, f32::INFINITY, -1.0] {
+        let frame = pictures.frame("", 8, 8).fullscreen("corners", "gradient").tolerance(relative);
+        let error = frame.try_matches(&goldens, "gradient").expect_err("a useless tolerance");
+        assert!(error.to_string().contains("the tolerance of the frame is"), "{error}");
+    }
+}
+
+/// A shader's own functions are called, also where they are named as WGSL's that the kernel uses: what
+/// they return is seen.
+#[test]
+fn shaders_that_redefine_what_the_kernel_uses() {
+    let shadows = [
+        "fn select(a: u32, b: u32, c: bool) -> u32 { return b; }\n\
+         fn f(x: f32) -> bool { return select(0u, 1u, x > 0.0) == 7u; }",
+        "fn clamp(x: f32, a: f32, b: f32) -> f32 { return x; }\n\
+         fn f(x: f32) -> bool { return clamp(x, 2.0, 3.0) > 1.0; }",
+        "fn karat_case(x: f32) -> f32 { return -x; }\n\
+         fn f(x: f32) -> bool { return karat_case(x) > 0.0; }",
+    ];
+    for wgsl in shadows {
+        let package = Package::from_source("planted", wgsl);
+        let check = || package.function("f").over(0.0..=1.0);
+        check().try_agrees_with(|_: f64| false, Ulp(0.0)).expect("each returns false");
+        let found = check().try_agrees_with(|_: f64| true, Ulp(0.0));
+        let error = found.expect_err("none returns true").to_string();
+        assert!(error.contains("65536 of 65536 cases fail"), "{error}");
+    }
+}
+
+/// A result that depends on other cases of its dispatch is no function of its arguments.
+#[test]
+fn functions_that_share_state_between_cases() {
+    let shared = [
+        ("var<workgroup> w: array<f32, 1>;\nfn f(x: f32) -> f32 { w[0] = x; return w[0]; }", "w"),
+        (
+            "@group(0) @binding(0) var<storage, read_write> s: array<f32, 4>;\n\
+          fn f(x: f32) -> f32 { s[0] += x; return s[0]; }",
+            "s",
+        ),
+    ];
+    for (wgsl, name) in shared {
+        let package = Package::from_source("planted", wgsl);
+        let found = package.function("f").over(0.0..=1.0).try_agrees_with(|x: f64| x, Ulp(0.0));
+        let error = found.expect_err("state is shared").to_string();
+        assert!(error.contains("which other cases of the same dispatch see"), "{error}");
+        assert!(error.contains(&format!("`{name}`")), "{error}");
+    }
+}
+
+/// Functions that are NaN or infinite only where two arguments meet, off the axes and inside of
+/// ranges: like components of a tuple do.
+#[test]
+fn arguments_that_meet() {
+    let slanted = "all(abs(a) > vec3f(0.1))";
+    let directions = |body: &str| {
+        let wgsl = format!(
+            "fn f(n: vec3f, a: vec3f, b: vec3f) -> f32 {{\n    \
+                 return select(1.0, length({body}), {slanted});\n}}"
+        );
+        Package::from_source("planted", wgsl)
+    };
+    let bounded = |_: (Vec3, Vec3, Vec3), length: f32| length < 1e3;
+    let sound = directions("a + 2.0 * b");
+    let sphere = || (UnitVector, UnitVector, UnitVector);
+    sound.function("f").over(sphere()).try_satisfies("is bounded", bounded).expect("no fault");
+    for body in [
+        "normalize(a - b)",
+        "normalize(a + b)",
+        "normalize(n - a)",
+        "normalize(a + n)",
+        "a / f32(!(all(n == a) && all(a == b)))",
+        // Close, but not equal.
+        "a / f32(!(distance(a, b) > 0.0 && distance(a, b) < 1e-5))",
+        "a / f32(!(distance(a, -b) > 0.0 && distance(a, -b) < 1e-5))",
+    ] {
+        let package = directions(body);
+        let found = package.function("f").over(sphere()).try_satisfies("is bounded", bounded);
+        let found = disagreement(found);
+        assert!(found.paths.iter().all(|path| path.census.failures > 3), "{body}: {found}");
+    }
+    let upper = || (Hemisphere, Hemisphere, Hemisphere.filter(|l| l.z > 0.0));
+    let package = directions("normalize(a - b)");
+    let found = package.function("f").over(upper()).try_satisfies("is bounded", bounded);
+    let found = disagreement(found);
+    // Reduced together, or they would not meet.
+    for path in &found.paths {
+        let simplest = path.simplest.as_ref().unwrap_or_else(|| panic!("it is reduced: {found}"));
+        let arguments = &simplest.failure.arguments;
+        assert_eq!(arguments[1].1, arguments[2].1, "{found}");
+        assert!(arguments[1].1.len() < path.worst.arguments[1].1.len(), "{found}");
+    }
+    let numbers = |body: &str| {
+        let wgsl = format!(
+            "fn f(a: f32, b: f32) -> f32 {{ return select(1.0, {body}, a > 0.2 && a < 0.4); }}"
+        );
+        Package::from_source("planted", wgsl)
+    };
+    for body in ["1.0 / (a - b)", "1.0 / f32(a == b || abs(a - b) > 1e-5)", "1.0 / (a + b)"] {
+        let package = numbers(body);
+        let over = package.function("f").over((0.0..=1.0, -1.0..=1.0));
+        disagreement(over.try_satisfies("is any number", |_, _: f32| true));
+    }
+}
+
+/// Many threads share a device: each gets its own results, every time.
+#[test]
+fn many_threads_on_one_device() {
+    let package = Package::from_source("s", "fn f(x: f32, k: f32) -> f32 { return x + k; }");
+    std::thread::scope(|scope| {
+        for thread in 0..8_u8 {
+            let package = &package;
+            scope.spawn(move || {
+                for round in 0..25_u8 {
+                    let k = f32::from(thread) + f32::from(round);
+                    package
+                        .function("f")
+                        .over((0.0..=1.0, Just(k)))
+                        .cases(257)
+                        .try_agrees_with(|x: f64, k: f64| x + k, Ulp(1.0))
+                        .expect("each thread reads its own results");
+                }
+            });
+        }
+    });
+}
+
+#[test]
+fn a_domain_or_reference_of_other_types() {
+    let package = Package::from_source("planted", "fn f(x: f32, n: u32) -> f32 { return x; }");
+    let mismatches = [
+        package.function("f").over(0.0..=1.0).try_agrees_with(|x: f64| x, Ulp(0.0)),
+        package
+            .function("f")
+            .over((0.0..=1.0, Integers(0..=7_i32)))
+            .try_agrees_with(|x: f64, _: i32| x, Ulp(0.0)),
+        package
+            .function("f")
+            .over((0.0..=1.0, Integers(0..=7_u32)))
+            .try_agrees_with(|x: f64, _: u32| DVec3::splat(x), Ulp(0.0)),
+        package.function("f").over((0.0..=1.0, Integers(0..=7_u32))).try_agrees_with(
+            |x: f64, _: u32| x,
+            Tolerance::per_lane([Ulp(0.0).into(), Ulp(0.0).into()]),
+        ),
+    ];
+    let texts = mismatches.map(|found| match found {
+        Err(failure @ Failure::Signature { .. }) => failure.to_string(),
+        other => panic!("not a mismatch of signatures: {other:?}"),
+    });
+    assert_eq!(
+        texts[0],
+        "`f` takes (f32, u32), the domain draws (f32)\n  f(x: f32, n: u32) -> f32\n  at <planted>:1:1"
+    );
+    assert!(texts[1].contains("takes (f32, u32), the domain draws (f32, i32)"), "{}", texts[1]);
+    assert!(texts[2].contains("returns f32, the reference returns vec3<f32>"), "{}", texts[2]);
+    assert!(texts[3].contains("returns 1 components, the tolerance is declared for 2"));
+}
+
+#[test]
+fn an_unknown_function_and_a_missing_fixture() {
+    let error =
+        PBR.function("fresnel::schlik").over(0.0..=1.0).try_agrees_with(|x: f64| x, Ulp(0.0));
+    assert!(error.expect_err("unknown").to_string().contains("did you mean `fresnel::schlick`?"));
+
+    let radiance = || PBR.function("environment::radiance");
+    let constant = |_: DVec3| DVec3::ONE;
+    let message = |result: Result<karat::check::Agreement, Failure>| match result {
+        Err(Failure::Probe(ProbeError::Fixture(error))) => error.to_string(),
+        other => panic!("not an error of fixtures: {other:?}"),
+    };
+    let cube = || CubeMap::constant(Vec3::ONE);
+    assert_eq!(
+        message(radiance().over(UnitVector).try_agrees_with(constant, Ulp(0.0))),
+        "`environment::environment` (texture_cube<f32>) has no fixture; add \
+         `.with(\"environment::environment\", ...)`"
+    );
+    let misspelt =
+        radiance().with("enviroment", cube()).with("environment_sampler", Sampler::Linear);
+    assert!(
+        message(misspelt.over(UnitVector).try_agrees_with(constant, Ulp(0.0)))
+            .contains("did you mean `environment`?")
+    );
+    let wrong = radiance()
+        .with("environment", Texture::constant(glam::Vec4::ONE))
+        .with("environment_sampler", Sampler::Linear);
+    assert!(
+        message(wrong.over(UnitVector).try_agrees_with(constant, Ulp(0.0)))
+            .contains("is a texture_cube<f32>, the fixture is a Texture")
+    );
+}
+
+/// A fault at one of many edge cases, in one of three arguments.
+#[test]
+fn every_edge_of_a_tuple_is_tried() {
+    let wgsl = "fn f(x: f32, y: f32, z: f32) -> f32 {\n    \
+                return select(x, 0.0 * x, bitcast<u32>(x) == 0x4b000001u);\n}"; // 2^23 + 1
+    let package = Package::from_source("planted", wgsl);
+    for seed in 0..5 {
+        let over = package.function("f").over((Edges::f32(), 0.0..=1.0, 0.0..=1.0)).seed(seed);
+        let same = over.try_agrees_with(|x: f64, _: f64, _: f64| x, Ulp(0.0));
+        disagreement(same);
+    }
+}
+
+/// What may be flushed is no relative error, and what bounds nothing no tolerance.
+#[test]
+fn bounds_near_zero() {
+    let package = Package::from_source("planted", "fn f(x: f32, y: f32) -> f32 { return x * y; }");
+    let over = || package.function("f").over((0.0..=1.0, 0.0..=1.0));
+    over().try_agrees_with(|x: f64, y: f64| x * y, Rel(1e-6)).expect("products of edges vanish");
+    for band in [f64::NAN, f64::INFINITY, -1.0] {
+        let found = over().try_agrees_with(|x: f64, _: f64| 7.0 * x, Ulp(4.0).near_zero(band));
+        assert!(matches!(found, Err(Failure::Signature { .. })), "{band}: {found:?}");
+    }
+    let none = over().try_agrees_with(|x: f64, _: f64| 7.0 * x, Tolerance::Any(Vec::new()));
+    assert!(matches!(none, Err(Failure::Signature { .. })), "{none:?}");
+}
+
+/// Where every result may be flushed to 0, and its reference, too, nothing is compared.
+#[test]
+fn results_that_may_all_be_flushed() {
+    let package = Package::from_source("s", "fn f(d: f32) -> f32 { return exp(-2.0 * d); }");
+    let check = |low: f32, tolerance: Tolerance| {
+        let check = package.function("f").over(low..=200.0);
+        check.try_agrees_with(|d: f64| (-d).exp(), tolerance)
+    };
+    for tolerance in [Rel(1e-3).into(), Ulp(4.0).into()] {
+        let failure = check(90.0, tolerance).expect_err("nothing is compared").to_string();
+        assert!(failure.contains("below the least normal f32"), "{failure}");
+    }
+    assert!(matches!(check(0.5, Rel(1e-3).into()), Err(Failure::Disagreement(_))));
+}

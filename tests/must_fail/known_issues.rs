@@ -1,0 +1,204 @@
+//! What is declared to fail, and what holds on one path.
+
+use karat::Goldens;
+use karat::check::Failure;
+use karat::image::Precision;
+use karat::prelude::*;
+
+use crate::disagreement;
+use crate::processes::planted;
+
+/// The paths on which a function that is wrong everywhere is checked.
+pub(crate) fn selected() -> Vec<Path> {
+    let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x + 1.0; }");
+    let found =
+        disagreement(package.function("f").over(0.0..=1.0).try_agrees_with(|x: f64| x, Abs(0.5)));
+    let paths = found.paths.iter().map(|path| path.adapter.path.parse());
+    paths.collect::<Result<_, _>>().expect("a path has its own name")
+}
+
+/// What is declared to fail, fails, and isn't counted among the paths that agree.
+#[test]
+fn a_known_issue_is_no_agreement() {
+    let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x + 1.0; }");
+    let over = || package.function("f").over(0.0..=1.0);
+    let paths = selected();
+    let everywhere = paths.iter().fold(over(), |check, path| check.fails_on(*path, "bug 1"));
+    let agreement = everywhere.try_agrees_with(|x: f64| x, Abs(0.5)).expect("it fails as declared");
+    assert!(agreement.paths.is_empty(), "{agreement}");
+    assert_eq!(agreement.known_issues.len(), paths.len());
+    for issue in &agreement.known_issues {
+        assert_eq!((&*issue.reason, issue.cases, issue.failures), ("bug 1", 65_536, 65_536));
+    }
+    assert!(agreement.to_string().contains("fails 65536 as declared: bug 1"), "{agreement}");
+    // Other paths are judged as ever.
+    for path in &paths {
+        let found = over().fails_on(*path, "bug 1").try_agrees_with(|x: f64| x, Abs(0.5));
+        if paths.len() == 1 {
+            assert!(found.is_ok(), "{found:?}");
+            continue;
+        }
+        let found = disagreement(found);
+        assert_eq!(found.paths.len(), paths.len() - 1);
+        assert!(found.paths.iter().all(|other| other.adapter.path != path.name()), "{found}");
+    }
+}
+
+#[test]
+fn an_issue_that_is_gone_or_has_no_reason() {
+    let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");
+    let path = selected()[0];
+    let over = || package.function("f").over(0.0..=1.0);
+    let found = over().fails_on(path, "bug 1").try_agrees_with(|x: f64| x, Ulp(0.0));
+    let text = found.expect_err("it passes").to_string();
+    let expected = format!(
+        "`f` passes on {path}, where it is declared to fail: bug 1\n\
+         the bug is gone, or hidden: remove `.fails_on(...)`"
+    );
+    assert_eq!(text, expected);
+    for reason in ["", " "] {
+        let found = over().fails_on(path, reason).try_satisfies("is not", |_, _: f32| false);
+        let text = found.expect_err("no reason").to_string();
+        let expected = format!("`f` is declared to fail on {path} without a reason: name the bug");
+        assert_eq!(text, expected);
+    }
+    let integral = package.function("f").integral(0.0..=1.0_f32, |x| vec![(*x, 1.0)]);
+    let found = integral.fails_on(path, "bug 1").try_is_at_most(|_| 1.0, 0.0);
+    assert!(matches!(found, Err(Failure::UnexpectedPass { .. })), "{found:?}");
+}
+
+/// A frame that is declared to differ from its golden must differ, and no declaration makes up for
+/// a golden that is missing.
+#[test]
+fn a_frame_that_is_declared_to_fail() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let goldens = Goldens::open(folder.path());
+    let pictures = Package::from_source("gradient", include_str!("../planted/gradient.wgsl"));
+    let frame = || pictures.frame("", 32, 16).fullscreen("corners", "gradient").tolerance(1e-3);
+    let paths = selected();
+    let declared = || paths.iter().fold(frame(), |frame, path| frame.fails_on(*path, "bug 1"));
+    let error = declared().try_matches(&goldens, "gradient").expect_err("no golden");
+    assert!(error.to_string().contains("has no golden"), "{error}");
+    let golden = folder.path().join("gradient.exr");
+    let mut image = frame().render(paths[0]).expect("rendered");
+    image.write_exr(&golden, Precision::Half, None).expect("written");
+    let error = declared().try_matches(&goldens, "gradient").expect_err("it matches");
+    assert!(error.to_string().contains("where it is declared to fail: bug 1"), "{error}");
+    let error = frame().fails_on(paths[0], "").try_matches(&goldens, "gradient");
+    assert!(error.expect_err("no reason").to_string().contains("without a reason"));
+
+    // Another size and NaN are other bugs than the one that is known.
+    let mut small = pictures.frame("", 16, 16).fullscreen("corners", "gradient");
+    small = paths.iter().fold(small, |frame, path| frame.fails_on(*path, "bug 1"));
+    let error = small.try_matches(&goldens, "gradient").expect_err("another size");
+    assert!(matches!(error, karat::frame::FrameError::Golden { .. }), "{error}");
+    // Not a constant: WGSL refuses those.
+    let nan = include_str!("../planted/gradient.wgsl").replace("0.5, 1.0)", "sqrt(-at.x), 1.0)");
+    let nan = Package::from_source("gradient", nan);
+    let nan = nan.frame("", 32, 16).fullscreen("corners", "gradient").tolerance(1e-3);
+    let nan = paths.iter().fold(nan, |frame, path| frame.fails_on(*path, "bug 1"));
+    let error = nan.try_matches(&goldens, "gradient").expect_err("NaN");
+    assert!(matches!(error, karat::frame::FrameError::Golden { .. }), "{error}");
+
+    image.pixels_mut()[300][2] *= 1.01;
+    image.write_exr(&golden, Precision::Half, None).expect("written");
+    let agreement = declared().try_matches(&goldens, "gradient").expect("it fails as declared");
+    assert!(agreement.paths.is_empty());
+    assert!(agreement.known_issues.iter().all(|issue| (issue.cases, issue.failures) == (512, 1)));
+}
+
+/// Samples and means may be declared to fail, and have to, then.
+#[test]
+fn samples_and_means_that_are_declared_to_fail() {
+    let wgsl = "fn same(u: f32) -> f32 { return u; }\nfn squared(u: f32) -> f32 { return u * u; }\n\
+                fn one(x: f32) -> f32 { return 1.0; }";
+    let package = Package::from_source("planted", wgsl);
+    let paths = selected();
+    let declared = |sampler: &str, reason: &str| {
+        let samples = package.function(sampler).sampled_over(Just(()), |(), u: f32| u);
+        let samples = samples.on(Support::Interval(0.0, 1.0)).samples(16_384);
+        let samples = paths.iter().fold(samples, |samples, path| samples.fails_on(*path, reason));
+        samples.try_follows(package.function("one"), |(), x: f32| x)
+    };
+    let fit = declared("squared", "bug 1").expect("it fails as declared");
+    assert_eq!((fit.paths.len(), fit.known_issues.len()), (0, paths.len()));
+    let failure = declared("same", "bug 1").expect_err("it passes").to_string();
+    assert!(failure.contains("where it is declared to fail: bug 1"), "{failure}");
+    let failure = declared("squared", " ").expect_err("no reason").to_string();
+    assert!(failure.contains("without a reason"), "{failure}");
+
+    let pictures = Package::from_source("gradient", include_str!("../planted/gradient.wgsl"));
+    let frame = || pictures.frame("", 32, 16).fullscreen("corners", "gradient");
+    let frame = paths.iter().fold(frame(), |frame, path| frame.fails_on(*path, "bug 1"));
+    let whole = karat::metric::Rect { left: 0, top: 0, width: 32, height: 16 };
+    let mean = frame.try_expect_mean(whole, [9.0; 3], Abs(0.1)).expect("it fails as declared");
+    assert_eq!((mean.paths.len(), mean.known_issues.len()), (0, paths.len()));
+    let error = frame.try_expect_mean(whole, [0.0; 3], Abs(9.0)).expect_err("it is right");
+    assert!(error.to_string().contains("where it is declared to fail: bug 1"), "{error}");
+}
+
+/// The record says what is known, and doesn't call it a pass.
+#[test]
+fn known_issues_are_recorded() {
+    for (fault, verdict) in [
+        ("known_issue", karat::record::Verdict::KnownIssue),
+        ("unexpected_pass", karat::record::Verdict::Fail),
+    ] {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let folder_name = folder.path().display().to_string();
+        let (output, text) = planted(&[fault], &[("KARAT_RECORD", &folder_name)]);
+        assert_eq!(
+            output.status.success(),
+            verdict == karat::record::Verdict::KnownIssue,
+            "{text}"
+        );
+        let records = karat::record::read(folder.path()).expect("the verdict was recorded");
+        let [record] = &*records else { panic!("one check, {} records", records.len()) };
+        assert_eq!(record.verdict, verdict);
+        for path in &record.paths {
+            assert_eq!(path.known_issue.as_deref(), Some("bug 1234"));
+            assert_eq!(path.failures > 0, fault == "known_issue");
+        }
+    }
+}
+
+/// Every verdict under an overlay says so in the record: of values, samples and frames.
+#[test]
+fn records_name_the_overlay() {
+    let (folder, overlay) = (tempfile::tempdir(), tempfile::tempdir());
+    let [folder, overlay] = [folder, overlay].map(|folder| folder.expect("a temporary folder"));
+    let names = [&folder, &overlay].map(|folder| folder.path().display().to_string());
+    for named in [None, Some(&*names[1])] {
+        let mut environment = vec![("KARAT_RECORD", &*names[0])];
+        environment.extend(named.map(|overlay| ("KARAT_OVERLAY", overlay)));
+        let (output, text) = planted(&["records"], &environment);
+        assert!(output.status.success(), "{text}");
+        let records = karat::record::read(folder.path()).expect("the verdicts were recorded");
+        let own: Vec<_> = records.iter().filter(|r| r.overlay.as_deref() == named).collect();
+        assert_eq!(own.len(), 3, "{records:?}");
+    }
+}
+
+/// A path's own tolerance is its own, and as strict as any.
+#[test]
+fn a_tolerance_of_one_path() {
+    let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x + 0.25; }");
+    let over = || package.function("f").over(0.0..=1.0);
+    let paths = selected();
+    let loose = paths.iter().fold(over(), |check, path| check.tolerance_on(*path, Abs(0.26)));
+    loose.clone().try_agrees_with(|x: f64| x, Ulp(1.0)).expect("each path has its own");
+    let halves = loose.try_invariant_under(|x| 0.5 * x, Ulp(1.0));
+    assert!(halves.is_err(), "the difference is up to 0.5");
+    for path in &paths {
+        let strict = over().tolerance_on(*path, Abs(0.24)).try_agrees_with(|x: f64| x, Abs(0.26));
+        let found = disagreement(strict);
+        assert!(found.paths.iter().all(|other| other.adapter.path == path.name()), "{found}");
+        let refused = [
+            over().tolerance_on(*path, Abs(f64::NAN)).try_agrees_with(|x: f64| x, Abs(1.0)),
+            over().tolerance_on(*path, Abs(1.0)).try_satisfies("is anything", |_, _: f32| true),
+        ];
+        for found in refused {
+            assert!(matches!(found, Err(Failure::Signature { .. })), "{found:?}");
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! What a failure says.
+
+use karat::prelude::*;
+
+use crate::{disagreement, mutant, schlick};
+
+/// What a failure says, with what differs between machines taken out.
+#[test]
+fn the_message_shows_line_inputs_values_error_census_and_replay() {
+    let fault = "abs(1.0 - v_dot_h) * 1.01";
+    let found = disagreement(schlick(&mutant("fresnel", "abs(1.0 - v_dot_h)", fault)));
+    let text = found.to_string();
+    let at = found.function.span.to_string();
+    for part in [
+        "error: `fresnel::schlick` fails agrees_with: 11 ulp",
+        &at,
+        "fn schlick(f0: vec3f, v_dot_h: f32) -> vec3f {",
+        "of 65536 cases fail (",
+        "too high",
+        "worst (case ",
+        "     f0 = (",
+        "v_dot_h = ",
+        " (0x1.",
+        "error = ",
+        " ulp (11 allowed)",
+        "first (case ",
+        "replay: KARAT_PATHS=",
+        "KARAT_SEED=0x",
+        "KARAT_CASE=",
+        "cargo test -p tests --test must_fail -- --exact \
+         the_message_shows_line_inputs_values_error_census_and_replay",
+    ] {
+        assert!(text.contains(part), "`{part}` is missing in:\n{text}");
+    }
+}
+
+/// A function that is checked twice by one verb: each has its own cases, name and replay.
+#[test]
+fn two_checks_of_one_function_are_told_apart() {
+    let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return sqrt(x); }");
+    let over = |low: f32| package.function("f").over(low..=1.0);
+    let is_number = |_, x: f32| x >= 0.0;
+    over(0.0).try_satisfies("is a number", is_number).expect("it is");
+    let found = disagreement(over(-1.0).try_satisfies("is a number", is_number));
+    assert!(found.paths.iter().all(|path| path.replay.contains("KARAT_CASE=f/satisfies#2/")));
+}

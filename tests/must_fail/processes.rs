@@ -1,0 +1,177 @@
+//! Faults that need a process of their own: hangs, missing adapters, replays, settings.
+
+use karat::prelude::*;
+use std::process::{Command, Output};
+use std::time::{Duration, Instant};
+
+use crate::goldens::golden_fault;
+
+/// Runs a planted fault in a process of its own.
+pub(crate) fn planted(fault: &[&str], environment: &[(&str, &str)]) -> (Output, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_planted"));
+    for name in ["CI", "KARAT_PATHS", "KARAT_REQUIRE", "KARAT_RECORD"] {
+        command.env_remove(name);
+    }
+    command.env("KARAT_FAILURES", "off");
+    let output = command
+        .args(fault)
+        .envs(environment.iter().copied())
+        .output()
+        .expect("the planted program was built with this test");
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    (output, text)
+}
+
+#[test]
+fn no_fault_succeeds() {
+    let (output, text) = planted(&["none"], &[]);
+    assert!(output.status.success(), "{text}");
+}
+
+/// A replay that replays nothing is red, and says which check was likely meant. One that replays
+/// the second check of a program is not.
+#[test]
+fn a_replay_of_nothing() {
+    let (output, text) = planted(&["two"], &[("KARAT_CASE", "g/agrees_with/3")]);
+    assert!(output.status.success() && text.contains("both agree"), "{text}");
+    for case in
+        ["f/agree_with/3", "h/agrees_with/3", "f/agrees_with#2/3", "f/agrees_with@uniform/3"]
+    {
+        let (output, text) = planted(&["two"], &[("KARAT_CASE", case)]);
+        assert!(!output.status.success(), "{case}: {text}");
+        assert!(
+            text.contains(&format!(
+                "test `main` replays nothing: KARAT_CASE={case} is none of its"
+            )),
+            "{text}"
+        );
+        assert!(text.contains("; did you mean `f/agrees_with`?"), "{text}");
+    }
+    let (output, text) = planted(&["two"], &[("KARAT_CASE", "g/agrees_with/65536")]);
+    assert!(!output.status.success() && text.contains("none with index 65536"), "{text}");
+    // One case that a transformation leaves as it is says nothing of the others.
+    for case in ["f/invariant_under/0", "f/invariant_under/1"] {
+        let (output, text) = planted(&["mirrored"], &[("KARAT_CASE", case)]);
+        assert!(output.status.success(), "{text}");
+    }
+    let (output, text) = planted(&["in_a_thread"], &[("KARAT_CASE", "g/agrees_with/3")]);
+    let reason =
+        "`f/agrees_with` isn't `g/agrees_with`, which KARAT_CASE selects, and runs in a thread";
+    assert!(!output.status.success() && text.contains(reason), "{text}");
+    // A frame has no cases.
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let picture = ["golden", &folder.path().display().to_string()];
+    let (output, text) = planted(&picture, &[("KARAT_CASE", "gradient/matches/0")]);
+    assert!(!output.status.success(), "{text}");
+    assert!(text.contains("is none of its checks, `frame gradient`"), "{text}");
+}
+
+/// The same in the threads of Rust's test runner: this program runs one of its own tests.
+#[test]
+fn a_test_that_replays_nothing() {
+    let run = |case: &str| {
+        let program = std::env::current_exe().expect("a test program");
+        let mut command = Command::new(program);
+        command.args(["--exact", "the_unchanged_library_agrees"]).env("KARAT_CASE", case);
+        command.env_remove("KARAT_RECORD").env("KARAT_FAILURES", "off");
+        let output = command.output().expect("it runs");
+        (output.status.success(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    // The test wants all cases, so it fails by itself where one is replayed.
+    let (passed, text) = run("fresnel::schlick/agrees_with/7");
+    assert!(!passed && !text.contains("replays nothing"), "{text}");
+    let (passed, text) = run("fresnel::schlik/agrees_with/7");
+    assert!(!passed, "{text}");
+    assert!(text.contains("test `the_unchanged_library_agrees` replays nothing"), "{text}");
+    assert!(text.contains("; did you mean `fresnel::schlick/agrees_with`?"), "{text}");
+}
+
+/// Each name and value of the environment is read, or refused.
+#[test]
+fn settings_with_a_slip() {
+    for (name, value, message) in [
+        ("KARAT_FAILURES", "banana", "KARAT_FAILURES=banana isn't `on` or `off`"),
+        ("KARAT_REQUIER", "vulkan", "did you mean `KARAT_REQUIRE`?"),
+        ("KARAT_SEED", "1e9", "KARAT_SEED=1e9 isn't a number"),
+        ("KARAT_DEADLINE", "soon", "KARAT_DEADLINE=soon isn't a number of seconds above 0"),
+        ("KARAT_CASE", "id", "KARAT_CASE=id isn't a case, `function/check/index`"),
+        ("KARAT_INPUT", "3f800000", "KARAT_INPUT needs KARAT_CASE"),
+        ("KARAT_PATHS", "all,vulcan", "did you mean `vulkan`?"),
+        ("KARAT_PATHS", "gl,gl", "KARAT_PATHS=gl,gl names `gl` twice"),
+        ("KARAT_REQUIRE", "vulkan,", "there is no execution path ``"),
+    ] {
+        let (output, text) = planted(&["none"], &[(name, value)]);
+        assert!(!output.status.success() && text.contains(message), "{name}={value}: {text}");
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let (passed, text) = golden_fault(folder.path(), &[(name, value)]);
+        assert!(!passed && text.contains(message), "of a frame, {name}={value}: {text}");
+    }
+}
+
+/// A fault that is seen on the last path alone is reduced on that path.
+#[test]
+fn a_fault_of_the_last_path_is_reduced_there() {
+    let (output, text) = planted(&["one_path"], &[("KARAT_PATHS", "all")]);
+    assert!(!output.status.success(), "{text}");
+    let simplest = text.find("simplest (reduced from").expect("the worst case can be reduced");
+    assert!(text[simplest..].contains("x = 1\n") && text[simplest..].contains("n = 3\n"), "{text}");
+    let agree = text.matches("  all cases agree").count();
+    let open = Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok()).count();
+    assert_eq!(agree, open - 1, "{text}");
+}
+
+/// The replay command runs the failing case alone, with the same inputs.
+#[test]
+fn replay() {
+    let (_, text) = planted(&["too_large"], &[]);
+    let line = text.lines().find_map(|line| line.trim().strip_prefix("replay: "));
+    let words = line.expect("a failure says how to replay it").split(' ');
+    let environment: Vec<(&str, &str)> = words.map_while(|word| word.split_once('=')).collect();
+    assert_eq!(environment.len(), 3, "path, seed and case: {environment:?}");
+    let (output, again) = planted(&["too_large"], &environment);
+    assert!(!output.status.success(), "{again}");
+    assert!(again.contains("1 of 1 cases fail"), "{again}");
+    let worst = |text: &str| {
+        let from = text.find("  worst (case").expect("a failure shows the worst case");
+        text[from..].lines().take(6).collect::<Vec<_>>().join("\n")
+    };
+    assert_eq!(worst(&text), worst(&again));
+    let (output, text) = planted(&["too_large"], &[("KARAT_CASE", "99999999")]);
+    assert!(!output.status.success() && text.contains("none with index 99999999"), "{text}");
+}
+
+/// Mesa and the loader find no driver: what is required must run, and something must run at all.
+#[test]
+fn no_adapter() {
+    let hidden = [
+        ("VK_DRIVER_FILES", "/dev/null"),
+        ("VK_ICD_FILENAMES", "/dev/null"),
+        ("KARAT_REQUIRE", "vulkan"),
+    ];
+    let (output, text) = planted(&["none"], &hidden);
+    assert!(!output.status.success(), "{text}");
+    assert!(text.contains("execution path `vulkan` is required, but unavailable"), "{text}");
+    let (output, text) = planted(&["none"], &[("KARAT_ADAPTER", "no such adapter")]);
+    assert!(!output.status.success(), "{text}");
+    assert!(text.contains("no execution path opens on this machine"), "{text}");
+    let (output, text) = planted(&["none"], &[("KARAT_PATHS", "vulcan")]);
+    assert!(!output.status.success() && text.contains("did you mean `vulkan`?"), "{text}");
+}
+
+/// A shader that never ends is reported within the deadline, and nothing stays behind.
+#[test]
+fn an_endless_loop() {
+    let open = Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok());
+    let open: Vec<Path> = open.collect();
+    assert!(!open.is_empty(), "no execution path opens, so nothing would be checked");
+    for path in open {
+        let start = Instant::now();
+        let environment = [("KARAT_DEADLINE", "1.5"), ("KARAT_PATHS", path.name())];
+        let (output, text) = planted(&["endless_loop"], &environment);
+        assert!(!output.status.success(), "{text}");
+        assert!(text.contains(&format!("`endless` on path {path}")), "{text}");
+        assert!(text.contains("did not finish within 1.5 s"), "{text}");
+        // Collecting its output has waited for the process: it is gone, not a zombie.
+        assert!(start.elapsed() < Duration::from_secs(30), "on {path}: {:?}", start.elapsed());
+    }
+}
