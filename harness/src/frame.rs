@@ -334,7 +334,7 @@ impl Frame<'_> {
     /// Declares that the frame is noisy, with the variance of each pixel's mean in linear RGB: of
     /// `n` samples a pixel, that of the samples over `n`. It is kept with the golden. A frame that
     /// fails its tolerance still passes if the noise of both explains the difference, as
-    /// [`Noise`](crate::Noise) tells: by the means and the scatter of tiles, of each channel. One frame
+    /// [`Noise`](crate::metric::Noise) tells: by the means and the scatter of tiles, of each channel. One frame
     /// in a hundred is rejected by chance. HDR-FLIP takes no part, unless it is asked for.
     pub fn noise(mut self, variance: Image) -> Self {
         self.variance = Some(variance);

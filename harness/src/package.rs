@@ -194,7 +194,7 @@ fn did_you_mean(nearest: &Option<String>) -> String {
 }
 
 impl Package {
-    /// A folder relative to `base`. [`package!`](crate::package) fills in the manifest's folder.
+    /// A folder relative to `base`. [`package!`](crate::package!) fills in the manifest's folder.
     #[must_use]
     pub const fn relative(base: &'static str, folder: &'static str) -> Self {
         let origin = Origin::Folder { base: Cow::Borrowed(base), path: Cow::Borrowed(folder) };

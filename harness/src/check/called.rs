@@ -217,6 +217,6 @@ impl Called<'_> {
 
     /// An error of the domain, which leaves nothing to be judged.
     pub(super) fn vacuous<T>(&self, reason: Vacuous) -> Result<T, Failure> {
-        Err(Failure::Domain { function: self.function().path.clone(), reason })
+        Err(Failure::Domain { function: self.function().path.clone(), reason: Box::new(reason) })
     }
 }

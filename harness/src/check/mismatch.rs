@@ -129,7 +129,7 @@ impl Mismatch {
     pub(super) fn of(self, function: &Function) -> Failure {
         Failure::Signature {
             function: function.path.clone(),
-            mismatch: self,
+            mismatch: Box::new(self),
             signature: function.to_string(),
             location: function.span.to_string(),
         }

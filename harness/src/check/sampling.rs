@@ -399,7 +399,10 @@ fn conclude(
             if sum.configurations < selected.end - selected.start || sum.configurations == 0 {
                 let declared = selected.end - selected.start;
                 let reason = Vacuous::Uncompared { declared, compared: sum.configurations };
-                return Err(Failure::Domain { function: function.clone(), reason });
+                return Err(Failure::Domain {
+                    function: function.clone(),
+                    reason: Box::new(reason),
+                });
             }
             if is_known {
                 let failures = sum.rejected;
@@ -508,6 +511,6 @@ impl Settings {
         } else {
             return Ok(());
         };
-        Err(Failure::Domain { function: function.to_owned(), reason })
+        Err(Failure::Domain { function: function.to_owned(), reason: Box::new(reason) })
     }
 }

@@ -97,7 +97,7 @@ pub(super) fn number(
         None if cases.count == 0 => Vacuous::NoCases,
         None => return Ok(cases),
     };
-    Err(Failure::Domain { function: function.path.clone(), reason })
+    Err(Failure::Domain { function: function.path.clone(), reason: Box::new(reason) })
 }
 
 impl<'a> Session<'a> {

@@ -84,7 +84,7 @@ pub enum Failure {
         /// The function's path.
         function: String,
         /// What differs.
-        mismatch: Mismatch,
+        mismatch: Box<Mismatch>,
         /// The function's signature in WGSL.
         signature: String,
         /// Where it is declared.
@@ -96,7 +96,7 @@ pub enum Failure {
         /// The function's path.
         function: String,
         /// Why.
-        reason: Vacuous,
+        reason: Box<Vacuous>,
     },
     /// A quadrature rule sums nothing, or something that isn't a number.
     #[error("the quadrature rule of `{function}` {reason} for case {case}: {arguments}")]

@@ -66,7 +66,8 @@ mod tests {
         let through = "grid is logarithmic and goes from -1 to 1, through 0";
         assert_eq!(why(grid.emptiness()).1, through);
         assert_eq!(why(Grid::linear(0.0..=1.0, 0).emptiness()).1, "grid has no points");
-        assert_eq!(why(Integers(3..=2_i32).emptiness()).1, "range starts at 3 and ends at 2");
+        let (low, high) = (3_i32, 2);
+        assert_eq!(why(Integers(low..=high).emptiness()).1, "range starts at 3 and ends at 2");
         let latin = LatinHypercube::new((0.0..=1.0, 3.0..=2.0), 5);
         assert_eq!(why(latin.emptiness()), (Some(1), "range starts at 3 and ends at 2".into()));
         assert!((UnitVector, 0.0..=1.0_f32).emptiness().is_none());

@@ -67,7 +67,7 @@ impl Image {
     }
 
     /// [`read`](Self::read) without making a PNG linear: its values over the largest that its
-    /// samples have. So is read what isn't a colour, a [`Mask`](crate::Mask) that was painted: half
+    /// samples have. So is read what isn't a colour, a [`Mask`](crate::metric::Mask) that was painted: half
     /// of what a paint program shows is a half.
     ///
     /// # Errors
