@@ -78,7 +78,7 @@ fn known() -> Known {
     let mistakes = (3..=20).map(|i| format!("E{i}"));
     Known::from([
         (Kind::Module, PBR.modules().expect("the library is readable").into_iter().collect()),
-        (Kind::Function, functions.into_iter().map(|function| function.path).collect()),
+        (Kind::Function, functions.into_iter().map(|function| function.name).collect()),
         (Kind::Test, tests),
         (Kind::Frame, frames::FRAMES.map(|(name, _)| name.to_owned()).into()),
         (Kind::Mistake, mistakes.chain([1, 2, 3, 4, 6].map(|i| format!("P{i}"))).collect()),

@@ -106,20 +106,20 @@ fn read(file: &Path) -> Result<Found, String> {
     let functions = package.functions().map_err(|error| error.to_string())?;
     for item in functions.into_iter().filter(|item| !item.entry_point) {
         found.functions += 1;
-        match Probed::new(&package, &item.path) {
+        match Probed::new(&package, &item.name) {
             Ok(probed) => {
                 found.callable += 1;
                 let span = &probed.function().span;
                 let author = span.file.text.get(span.range.clone()).unwrap_or_default();
-                if !author.contains(&format!("fn {}", item.path)) && !author.contains(&item.path) {
-                    return Err(format!("`{}` isn't at {span}", item.path));
+                if !author.contains(&format!("fn {}", item.name)) && !author.contains(&item.name) {
+                    return Err(format!("`{}` isn't at {span}", item.name));
                 }
                 if naga && !probed.kernel().contains(author) {
-                    return Err(format!("`{}` is linked with other bytes", item.path));
+                    return Err(format!("`{}` is linked with other bytes", item.name));
                 }
             }
             Err(ProbeError::Reflect(ReflectError::Unprobeable(_))) => {}
-            Err(error) => return Err(format!("`{}`: {error}", item.path)),
+            Err(error) => return Err(format!("`{}`: {error}", item.name)),
         }
     }
     Ok(found)

@@ -84,7 +84,7 @@ const ENUMERATED: u64 = 1 << 20;
 #[must_use = "a probe checks nothing until `.over(...)` and a verb such as `.agrees_with(...)`"]
 pub struct Probe<'a> {
     package: &'a Package,
-    path: String,
+    name: String,
     fixtures: Fixtures,
     /// Where arguments come from; none: from a storage buffer.
     inputs: Vec<Inputs>,
@@ -93,10 +93,10 @@ pub struct Probe<'a> {
 }
 
 impl Package {
-    /// Selects a function by its path: `module::name`, or `name` in a package of one module.
-    pub fn function(&self, path: &str) -> Probe<'_> {
+    /// Selects a function: `module::name`, or `name` in a package of one module.
+    pub fn function(&self, name: &str) -> Probe<'_> {
         let (fixtures, inputs, executors) = Default::default();
-        Probe { package: self, path: path.to_owned(), fixtures, inputs, executors }
+        Probe { package: self, name: name.to_owned(), fixtures, inputs, executors }
     }
 }
 

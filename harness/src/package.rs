@@ -35,7 +35,7 @@ use crate::diagnostic::{Diagnostic, Span, nearest, shown};
 ///
 /// static SHADERS: Package = karat::package!("examples/shaders"); // relative to Cargo.toml
 /// let inline = Package::from_source("inline", "fn double(x: f32) -> f32 { return 2.0 * x; }");
-/// assert_eq!(inline.functions().unwrap()[0].path, "double");
+/// assert_eq!(inline.functions().unwrap()[0].name, "double");
 /// # let _ = &SHADERS;
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -58,7 +58,7 @@ enum Origin {
 #[derive(Clone, Debug)]
 pub struct FunctionItem {
     /// `module::name`, or `name` in a package of one module.
-    pub path: String,
+    pub name: String,
     /// Where its name stands.
     pub span: Span,
     /// Whether it is a shader entry point, which can't be called.
@@ -386,11 +386,11 @@ impl Package {
     fn functions_of(&self, name: &str, module: &Module) -> Vec<FunctionItem> {
         let functions = module.declarations.iter().filter_map(|declaration| {
             let item = declaration.name.as_ref()?;
-            let path = if name.is_empty() { item.clone() } else { format!("{name}::{item}") };
+            let name = if name.is_empty() { item.clone() } else { format!("{name}::{item}") };
             let (span, entry_point) =
                 (module.span(declaration.name_token), declaration.entry_point);
             (declaration.kind == DeclarationKind::Function).then_some(FunctionItem {
-                path,
+                name,
                 span,
                 entry_point,
             })

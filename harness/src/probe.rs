@@ -58,7 +58,7 @@ impl Probed {
         let kernel = Kernel::with_inputs(&self.program, &self.function, inputs);
         if kernel.largest_batch() == Some(0) {
             let reason = "one case's arguments are larger than 16 KiB".to_owned();
-            return Err(ProbeError::Inputs { function: self.function.path, inputs, reason });
+            return Err(ProbeError::Inputs { function: self.function.name, inputs, reason });
         }
         Ok(Self { kernel, ..self })
     }

@@ -40,10 +40,10 @@ pub struct Program {
 /// A function as a probe sees it.
 #[derive(Clone, Debug)]
 pub struct Function {
-    /// Author's path: `fresnel::schlick`.
-    pub path: String,
-    /// Name in the linked text.
-    pub(crate) name: String,
+    /// As its author calls it: `fresnel::schlick`.
+    pub name: String,
+    /// Its name in the linked text.
+    pub(crate) linked: String,
     /// From `fn` to the closing brace, in the author's file.
     pub span: Span,
     /// The comment lines (`///`) above it.
@@ -59,7 +59,7 @@ pub struct Function {
 impl fmt::Display for Function {
     /// The signature: `fresnel::schlick(f0: vec3<f32>, v_dot_h: f32) -> vec3<f32>`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}(", self.path)?;
+        write!(f, "{}(", self.name)?;
         for (index, (name, shape)) in self.parameters.iter().enumerate() {
             let separator = if index > 0 { ", " } else { "" };
             write!(f, "{separator}{name}: {shape}")?;
@@ -320,8 +320,8 @@ impl Program {
             refuse(format!("its result is {reason}"), "pass values, return values")
         })?;
         Ok(Function {
-            path: path.to_owned(),
-            name: name.to_owned(),
+            name: path.to_owned(),
+            linked: name.to_owned(),
             doc: doc_above(&span),
             parameters,
             result,

@@ -29,7 +29,7 @@ impl Executor for Fake {
     }
 
     fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
-        assert_eq!(call.probed.function().path, "twice");
+        assert_eq!(call.probed.function().name, "twice");
         Ok(Box::new(self))
     }
 }

@@ -59,7 +59,7 @@ fn imports_are_followed_through_modules_and_packages() {
     .depends_on("textures", &textures);
     for function in ["area::disk", "inline::ball", "wall::wall"] {
         let probed = Probed::new(&package, function).unwrap_or_else(|e| panic!("{function}: {e}"));
-        assert_eq!(probed.function().path, function);
+        assert_eq!(probed.function().name, function);
     }
     // Only the closure is linked.
     let kernel = Probed::new(&package, "inline::ball").expect("linked").kernel().to_owned();

@@ -144,8 +144,8 @@ fn linked_functions_are_the_authors_bytes_but_for_names() {
     let mut functions = 0;
     for package in own_shaders() {
         for item in package.functions().expect("readable") {
-            let Ok(program) = Program::of_function(&package, &item.path) else {
-                panic!("`{}` doesn't link", item.path)
+            let Ok(program) = Program::of_function(&package, &item.name) else {
+                panic!("`{}` doesn't link", item.name)
             };
             for (handle, _) in program.module().functions.iter() {
                 let range = program.module().functions.get_span(handle).to_range().expect("a span");
@@ -162,7 +162,7 @@ fn linked_functions_are_the_authors_bytes_but_for_names() {
                     // Back to the start of the word, then over it on both sides. The author's may
                     // be a path, of which all but the first word is blanked.
                     let started = (0..a).rev().take_while(|i| is_word(&linked[*i])).count();
-                    assert!(started <= b, "{}", item.path);
+                    assert!(started <= b, "{}", item.name);
                     let (from_a, from_b) = (a - started, b - started);
                     let word = |text: &[char]| text.iter().take_while(|c| is_word(c)).count();
                     let (name, first) = (word(&linked[from_a..]), word(&author[from_b..]));
@@ -174,7 +174,7 @@ fn linked_functions_are_the_authors_bytes_but_for_names() {
                     assert!(
                         name > 0 && first > 0 && blank,
                         "{}: {} is not {}",
-                        item.path,
+                        item.name,
                         linked.iter().collect::<String>(),
                         author.iter().collect::<String>()
                     );
@@ -324,9 +324,9 @@ fn compare(text: &str, number: usize) -> bool {
     if naga {
         // What a test would call is linked, too, and is the whole file's function.
         for item in package.functions().expect("naga accepts it").iter().take(3) {
-            match Probed::new(&package, &item.path) {
+            match Probed::new(&package, &item.name) {
                 Ok(_) | Err(ProbeError::Reflect(ReflectError::Unprobeable(_))) => {}
-                Err(error) => panic!("damage {number}: `{}`: {error}\n{text}", item.path),
+                Err(error) => panic!("damage {number}: `{}`: {error}\n{text}", item.name),
             }
         }
     }
@@ -394,7 +394,7 @@ fn five_thousand_functions_are_listed() {
         Package::from_source("many", functions + "fn at5000(x: f32) -> f32 { return x; }");
     let program = Program::of_module(&package, "").unwrap_or_else(|error| panic!("{error}"));
     for item in package.functions().expect("valid") {
-        let function = program.function(&item.path).unwrap_or_else(|error| panic!("{error}"));
+        let function = program.function(&item.name).unwrap_or_else(|error| panic!("{error}"));
         assert!(function.span.range.start < item.span.range.start);
     }
 }

@@ -28,7 +28,7 @@ fn a_wrong_constant_in_schlick() {
         assert!(found.paths.iter().all(|path| path.census.failures > 0), "{fault}");
     }
     let found = disagreement(schlick(&mutant("math", "x2 * x2 * x", "x2 * x2")));
-    assert_eq!(found.function.path, "fresnel::schlick", "a fault in what it calls is seen too");
+    assert_eq!(found.function.name, "fresnel::schlick", "a fault in what it calls is seen too");
 }
 
 #[test]

@@ -79,10 +79,10 @@ impl Candidate {
             Err(error) => return Some(error.to_string()),
         };
         let own = format!("{}::{}", self.module, self.mutant.item);
-        let in_function = functions.iter().any(|function| function.path == own);
-        let touched = functions.iter().filter(|function| !in_function || function.path == own);
+        let in_function = functions.iter().any(|function| function.name == own);
+        let touched = functions.iter().filter(|function| !in_function || function.name == own);
         touched
-            .map(|function| Program::of_function(&package, &function.path))
+            .map(|function| Program::of_function(&package, &function.name))
             .find_map(|program| program.err().map(|error| error.to_string()))
     }
 }

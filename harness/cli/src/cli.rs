@@ -36,23 +36,23 @@ use karat::image::ImageError;
 use karat::output::{Output, tell, trusted, visible, visible_json};
 
 /// The exit code of a command that did its work: whether all was well.
-type Outcome = anyhow::Result<Verdict>;
+type Outcome = anyhow::Result<Ending>;
 
 /// Whether what a command looked at is as it should be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Verdict {
+enum Ending {
     Good,
     Bad,
     /// What it should be compared with isn't there.
     Missing,
 }
 
-impl From<Verdict> for ExitCode {
-    fn from(verdict: Verdict) -> Self {
+impl From<Ending> for ExitCode {
+    fn from(verdict: Ending) -> Self {
         Self::from(match verdict {
-            Verdict::Good => 0,
-            Verdict::Bad => 1,
-            Verdict::Missing => 3,
+            Ending::Good => 0,
+            Ending::Bad => 1,
+            Ending::Missing => 3,
         })
     }
 }
@@ -244,7 +244,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
             // The generator panics where it can't write, so it writes to memory.
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "karat", &mut script);
-            out.write_all(&script).map(|()| Verdict::Good).map_err(Into::into)
+            out.write_all(&script).map(|()| Ending::Good).map_err(Into::into)
         }
     }
 }

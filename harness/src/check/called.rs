@@ -196,7 +196,7 @@ impl Called<'_> {
         let names = function.result.lane_names();
         let place = format!("{what}{}", names[at % names.len()]);
         let (case, arguments) = case(at / names.len());
-        let (function, value) = (function.path.clone(), lanes[at]);
+        let (function, value) = (function.name.clone(), lanes[at]);
         Err(Failure::Reference { function, value, place, case, arguments })
     }
 
@@ -217,6 +217,6 @@ impl Called<'_> {
 
     /// An error of the domain, which leaves nothing to be judged.
     pub(super) fn vacuous<T>(&self, reason: Vacuous) -> Result<T, Failure> {
-        Err(Failure::Domain { function: self.function().path.clone(), reason: Box::new(reason) })
+        Err(Failure::Domain { function: self.function().name.clone(), reason: Box::new(reason) })
     }
 }

@@ -22,7 +22,7 @@ impl Session<'_> {
         };
         let worst = tallies.iter().map(worst_of).max_by(|a, b| a.ratio.total_cmp(&b.ratio));
         Ok(Agreement {
-            function: self.called.function().path.clone(),
+            function: self.called.function().name.clone(),
             cases: compared,
             paths: tallies.iter().map(|path| (path.adapter.clone(), worst_of(path))).collect(),
             worst: worst.unwrap_or(LaneError::ZERO),
@@ -54,7 +54,7 @@ impl Session<'_> {
         let PathTally { adapter, path, tally, worst, first, simplest, .. } = tally;
         let worst = worst?;
         let replay = |seed: u64, replayed: Replayed<'_>| {
-            let (function, check) = (&self.called.function().path, &self.name());
+            let (function, check) = (&self.called.function().name, &self.name());
             self.identity.replay(path, seed, function, check, replayed)
         };
         let replay_of = |simplest: &Simplest| match &*simplest.input {

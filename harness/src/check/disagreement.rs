@@ -300,7 +300,7 @@ impl fmt::Display for Disagreement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let span = first_line(&self.function);
         let Self { check, assertion, .. } = self;
-        let message = format!("`{}` fails {check}: {assertion}", self.function.path);
+        let message = format!("`{}` fails {check}: {assertion}", self.function.name);
         let diagnostic = Diagnostic::new(message).at(span, "");
         writeln!(f, "{diagnostic}")?;
         let expectation = if *check == integral::IS_AT_MOST { "at most" } else { "expected" };

@@ -44,7 +44,7 @@ pub(super) fn each(
         [] => &[Inputs::Storage],
         asked => asked,
     };
-    let replayed = identity.inputs(&plan.probe.path, &identity.check);
+    let replayed = identity.inputs(&plan.probe.name, &identity.check);
     let replayed = replayed.filter(|inputs| asked.contains(inputs));
     let chosen = asked.iter().copied();
     let chosen = chosen.filter(|inputs| replayed.is_none_or(|replayed| replayed == *inputs));

@@ -128,7 +128,7 @@ impl Mismatch {
     /// The failure of a function's signature, with its place.
     pub(super) fn of(self, function: &Function) -> Failure {
         Failure::Signature {
-            function: function.path.clone(),
+            function: function.name.clone(),
             mismatch: Box::new(self),
             signature: function.to_string(),
             location: function.span.to_string(),

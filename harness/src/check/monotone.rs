@@ -117,7 +117,7 @@ impl Plan<'_> {
         let tolerances = self.tolerances(tolerance);
         let text = format!("{trend} in {argument}, {}", tolerances.general);
         let asserted = Asserted { check: NAME, text };
-        let probed = Probed::new(self.probe.package, &self.probe.path);
+        let probed = Probed::new(self.probe.package, &self.probe.name);
         let varied = probed.ok().and_then(|probed| argument.scalar(&probed.function).ok());
         let Some(varied) = varied else {
             // The session finds the same fault, and records it.

@@ -52,7 +52,7 @@ impl<'a> Plan<'a> {
     ) -> Result<Agreement, Failure> {
         let reporter = Reporter::start();
         let Asserted { check, text } = asserted;
-        let function = self.probe.path.clone();
+        let function = self.probe.name.clone();
         let identity = Identity::of(&function, check)?;
         let seed = self.seed.unwrap_or_else(|| identity.seed(&function, &identity.check));
         let mut subject = Subject::Function {
@@ -98,7 +98,7 @@ impl<'a> Plan<'a> {
         self.known_issues.expect_sound()?;
         self.tolerance_on.expect_sound()?;
         self.known_issues.unexplained().map_or(Ok(()), |on| {
-            let (function, on) = (self.probe.path.clone(), on.clone());
+            let (function, on) = (self.probe.name.clone(), on.clone());
             Err(Failure::UnexplainedIssue { function, on })
         })
     }
@@ -110,7 +110,7 @@ impl<'a> Plan<'a> {
         replays: bool,
     ) -> Result<Vec<KnownIssue>, Failure> {
         self.known_issues.judge(seen, replays).map_err(|passes| Failure::UnexpectedPass {
-            function: self.probe.path.clone(),
+            function: self.probe.name.clone(),
             path: passes.path,
             reason: passes.reason,
         })
@@ -126,7 +126,7 @@ impl<'a> Plan<'a> {
             tallies.into_iter().partition(|tally| self.known_issue(tally).is_some());
         let mut agreement = if judged.is_empty() && !known.is_empty() {
             let cases = known.iter().map(|tally| tally.tally.census.cases).min().unwrap_or(0);
-            let (function, paths) = (self.probe.path.clone(), Vec::new());
+            let (function, paths) = (self.probe.name.clone(), Vec::new());
             Agreement { function, cases, paths, worst: LaneError::ZERO, known_issues: Vec::new() }
         } else {
             session.conclude(judged)?

@@ -11,7 +11,7 @@ impl Session<'_> {
     pub(super) fn remembered(&self) -> Vec<Vec<u32>> {
         let Some(memory) = &self.memory else { return Vec::new() };
         let mut rows = Vec::new();
-        for entry in memory.of(&self.called.function().path, &self.identity.check) {
+        for entry in memory.of(&self.called.function().name, &self.identity.check) {
             if self.inputs == Inputs::Constant && !self.is_constant(&entry.words) {
                 continue; // WGSL has no such constant
             }
@@ -37,7 +37,7 @@ impl Session<'_> {
     pub(super) fn remembered_integrals(&self) -> Vec<(Descent, Held)> {
         let Some(memory) = &self.memory else { return Vec::new() };
         let mut found = Vec::new();
-        for entry in memory.of(&self.called.function().path, &self.identity.check) {
+        for entry in memory.of(&self.called.function().name, &self.identity.check) {
             match self.descend(&entry.descent) {
                 Some(value) if entry.comment == format!("case = {}", value.shown()) => {
                     found.push((entry.descent.clone(), value));
@@ -64,7 +64,7 @@ impl Session<'_> {
                 .map(|(name, value)| format!("{name} = {value}"))
                 .collect();
             memory.keep(&Entry {
-                function: self.called.function().path.clone(),
+                function: self.called.function().name.clone(),
                 check: self.identity.check.clone(),
                 path: path.name().to_owned(),
                 words: simplest.input.clone(),

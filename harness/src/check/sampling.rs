@@ -207,7 +207,7 @@ impl std::fmt::Display for Fit {
 }
 
 /// What a verb asserts of a sampler.
-struct Assertion {
+struct Hypothesis {
     /// The verb.
     check: &'static str,
     /// What it says, for records and messages.
@@ -313,16 +313,16 @@ impl Functions<'_> {
 /// `judge`.
 fn conclude(
     sampler: Sampled<'_, '_>,
-    assertion: &Assertion,
+    hypothesis: &Hypothesis,
     others: &[Other<'_>],
     recording: Recording,
     expect: &dyn Fn(&Functions<'_>) -> Result<(), Failure>,
     judge: &mut dyn FnMut(&Functions<'_>, &Configuration<'_>) -> Result<Judgement, Failure>,
 ) -> Result<Fit, Failure> {
     let Sampled { plan, settings, configurations, shapes, .. } = sampler;
-    let function = plan.probe.path.clone();
+    let function = plan.probe.name.clone();
     let reporter = Reporter::start();
-    let check = assertion.check;
+    let check = hypothesis.check;
     let identity = Identity::of(&function, check)?;
     let seed = plan.seed.unwrap_or_else(|| identity.seed(&function, &identity.check));
     let package = plan.probe.package.root().display().to_string();
@@ -330,7 +330,7 @@ fn conclude(
         package,
         function: function.clone(),
         check: check.to_owned(),
-        assertion: assertion.text.clone(),
+        assertion: hypothesis.text.clone(),
         location: String::new(),
         seed,
     };
@@ -338,7 +338,7 @@ fn conclude(
     let result = (|| {
         settings.check(&function)?;
         plan.expect_reasons()?;
-        let asserted = Asserted { check, text: assertion.text.clone() };
+        let asserted = Asserted { check, text: hypothesis.text.clone() };
         let demand = Demand {
             arguments: shapes.to_vec(),
             who: "the sampler is given",
@@ -356,7 +356,7 @@ fn conclude(
         read.extend(session.called.files(&plan.probe.fixtures));
         let executors = plan.probe.executors()?;
         let mut open = |Other { probe, shapes, .. }: &Other<'_>| {
-            let function = (probe.package, &*probe.path);
+            let function = (probe.package, &*probe.name);
             let fitting = Fitting::find(function, inputs, shapes, "it is given")?;
             // Where the sampler runs: what they return is compared with its samples.
             let called = fitting.on(&executors, &probe.fixtures, BATCH)?;
@@ -368,7 +368,7 @@ fn conclude(
         let functions = Functions { sampler: &session.called, others: &others };
         expect(&functions)?;
         let count = session.count();
-        let threshold = sidak(settings.significance, count * assertion.tests);
+        let threshold = sidak(settings.significance, count * hypothesis.tests);
         let selected = session.selected()?;
         let ready = &session.called.ready;
         let mut sums: Vec<Sum> = ready.iter().map(|_| Sum::default()).collect();
@@ -393,7 +393,7 @@ fn conclude(
                 failures: sum.rejected,
                 worst: format!("p {:.2e}", sum.p),
                 ratio: Some(threshold / sum.p).filter(|ratio| ratio.is_finite()),
-                asserted: assertion.text.clone(),
+                asserted: hypothesis.text.clone(),
                 known_issue,
             });
             if sum.configurations < selected.end - selected.start || sum.configurations == 0 {
@@ -446,7 +446,7 @@ fn conclude(
         Err(Failure::Rejection(Box::new(Rejection {
             function: session.called.function().clone(),
             check,
-            assertion: assertion.text.clone(),
+            assertion: hypothesis.text.clone(),
             significance: settings.significance,
             threshold,
             paths: rejections,

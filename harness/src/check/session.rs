@@ -97,7 +97,7 @@ pub(super) fn number(
         None if cases.count == 0 => Vacuous::NoCases,
         None => return Ok(cases),
     };
-    Err(Failure::Domain { function: function.path.clone(), reason: Box::new(reason) })
+    Err(Failure::Domain { function: function.name.clone(), reason: Box::new(reason) })
 }
 
 impl<'a> Session<'a> {
@@ -110,14 +110,14 @@ impl<'a> Session<'a> {
         asserted: Asserted,
         inputs: Inputs,
     ) -> Result<Self, Failure> {
-        let function = (plan.probe.package, &*plan.probe.path);
+        let function = (plan.probe.package, &*plan.probe.name);
         let fitting = Fitting::find(function, inputs, &demand.arguments, demand.who)?;
         let cases = number(plan, fitting.function(), stream, demand, seed, inputs)?;
         let count = usize::try_from(cases.count).unwrap_or(BATCH);
         let capacity = count.saturating_mul(demand.calls).clamp(SMALLEST, BATCH);
         let executors = plan.probe.executors()?;
         let called = fitting.on(&executors, &plan.probe.fixtures, capacity)?;
-        let case = identity.case(&plan.probe.path, &with_inputs(&identity.check, inputs));
+        let case = identity.case(&plan.probe.name, &with_inputs(&identity.check, inputs));
         if case.is_some() {
             replay::done();
         }
@@ -172,7 +172,7 @@ impl<'a> Session<'a> {
 
     /// The steps with which a replay goes on from its case.
     pub(super) fn steps(&self) -> &[usize] {
-        self.identity.steps(&self.called.function().path, &self.name())
+        self.identity.steps(&self.called.function().name, &self.name())
     }
 
     /// The value that comes about in this way, if it still does.
@@ -202,7 +202,7 @@ impl<'a> Session<'a> {
 
     /// The arguments with which a replay replaces those of its case.
     pub(super) fn input(&self) -> Option<&[u32]> {
-        self.identity.input(&self.called.function().path, &self.name())
+        self.identity.input(&self.called.function().name, &self.name())
     }
 
     /// Draws batch after batch, dispatches it on every path and hands it to `judge`. The worst case

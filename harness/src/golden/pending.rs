@@ -97,7 +97,7 @@ impl PendingFrames {
         self.frames.is_empty() && self.unusable.is_empty()
     }
 
-    /// Of two files in a folder that say they are the same frame of the same goldens, neither is one.
+    /// Rejects both of two files in a folder that say they are the same frame of the same goldens.
     fn without_doubles(mut self, folder: &Path) -> Self {
         fn name(pending: &Pending) -> (&str, &str) {
             (&pending.case, &pending.provenance.folder)

@@ -152,8 +152,7 @@ impl Gate {
             for (index, (golden, actual)) in (start..).zip(golden.iter().zip(actual)) {
                 let ratio = ratio(*golden, *actual, relative, floor);
                 if !ratio.cmple(Vec4::ONE).all() {
-                    // What isn't a ratio comes of a tolerance that isn't one, and lets nothing
-                    // pass.
+                    // An invalid tolerance gives a NaN ratio: the pixel fails.
                     let sound = |r: f32| if r >= 0.0 { r } else { f32::INFINITY };
                     out(index, *golden, *actual, ratio.to_array().map(sound));
                 }

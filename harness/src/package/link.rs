@@ -155,7 +155,7 @@ impl Package {
         if let (Ok(modules), Ok(library)) = (self.modules(), Library::open(self)) {
             for name in modules {
                 let Ok(parsed) = library.module(&ModulePath::root(&name)) else { continue };
-                known.extend(self.functions_of(&name, &parsed).into_iter().map(|item| item.path));
+                known.extend(self.functions_of(&name, &parsed).into_iter().map(|item| item.name));
                 if name == module {
                     let inactive = parsed.inactive.iter().find(|inactive| inactive.name == item);
                     condition = inactive.map(|inactive| inactive.condition.clone());

@@ -198,7 +198,7 @@ impl Kernel {
         let arguments: Vec<String> =
             (0..function.parameters.len()).map(|index| format!("karat_a{index}")).collect();
         // A variable: a value of array type can't be indexed otherwise on all translations.
-        writeln!(text, "    var karat_r = {}({});", function.name, arguments.join(", "))?;
+        writeln!(text, "    var karat_r = {}({});", function.linked, arguments.join(", "))?;
         if let Some(loops) = self.counted {
             for index in 0..loops {
                 writeln!(text, "    karat_out[karat_to + {index}u] = {COUNTERS}[{index}];")?;

@@ -31,7 +31,7 @@ impl<'d> Rounds<'d> {
     ) -> Result<Self, ProbeError> {
         let kernel = probed.kernel.counting(probed.program.loops());
         let counting = count_rounds(&probed.program, &kernel.text);
-        let function = probed.function.path.clone();
+        let function = probed.function.name.clone();
         let pipeline = device
             .pipeline_of_ir(counting.module, super::kernel::ENTRY_POINT)
             .map_err(|error| ProbeError::Compile { function: function.clone(), error })?;

@@ -136,18 +136,18 @@ impl<'d> Runner<'d> {
         let needs_f16 = function.result.needs_f16()
             || function.parameters.iter().any(|(_, shape)| shape.needs_f16());
         if needs_f16 && !device.has_f16() {
-            let (function, path) = (function.path.clone(), device.path());
+            let (function, path) = (function.name.clone(), device.path());
             return Err(ProbeError::F16 { function, path });
         }
         let path = device.path();
-        let name = function.path.clone();
+        let name = function.name.clone();
         let _turn = device.turn();
         let _deadline = guard(move || format!("compiling the probe of `{name}` on path {path}"));
         let rounds = (kernel.apart && device.leaves_loops())
             .then(|| Rounds::new(device, probed, fixtures, cases))
             .transpose()?;
         let pipeline = (kernel.inputs != Inputs::Constant)
-            .then(|| compile(device, &function.path, &kernel.text))
+            .then(|| compile(device, &function.name, &kernel.text))
             .transpose()?;
         Self::with_pipeline(device, probed, kernel, fixtures, cases, pipeline, rounds)
     }
@@ -218,7 +218,7 @@ impl<'d> Runner<'d> {
             words_in: kernel.words_in,
             stride_out,
             lane_names: function.result.lane_names(),
-            function: function.path.clone(),
+            function: function.name.clone(),
             rounds,
             last: None,
         })

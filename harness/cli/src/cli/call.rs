@@ -14,7 +14,7 @@ use karat::value::{Scalar, Shape, format_lane, hexfloat};
 
 use super::project::Project;
 use super::table::{DIM, HEAD};
-use super::{Outcome, PackageArgs, Verdict, spare};
+use super::{Ending, Outcome, PackageArgs, spare};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -70,7 +70,7 @@ fn paths(probed: &Probed, names: &[String]) -> anyhow::Result<Vec<Path>> {
             !matches!(karat::probe::call(probed, *path, &[]), Err(ProbeError::F16 { .. }))
         };
         let able: Vec<_> = open.into_iter().filter(able).collect();
-        ensure!(!able.is_empty(), "`{}` needs f16, which no path has", probed.function().path);
+        ensure!(!able.is_empty(), "`{}` needs f16, which no path has", probed.function().name);
         return Ok(able);
     }
     names.iter().map(|name| Ok(name.parse()?)).collect()
@@ -82,7 +82,7 @@ fn single(probed: &Probed, paths: &[Path], arguments: &[String], out: &mut dyn W
     ensure!(
         arguments.len() == expected,
         "`{}` takes {expected} arguments, not {}\n  {function}",
-        function.path,
+        function.name,
         arguments.len()
     );
     let mut lanes = Vec::new();
@@ -115,7 +115,7 @@ fn single(probed: &Probed, paths: &[Path], arguments: &[String], out: &mut dyn W
         }
         writeln!(out)?;
     }
-    Ok(Verdict::Good)
+    Ok(Ending::Good)
 }
 
 fn table(
@@ -130,7 +130,7 @@ fn table(
     ensure!(
         !columns.is_empty(),
         "`{}` takes no arguments, so a table has no columns",
-        function.path
+        function.name
     );
     let rows = read(input, &columns)?;
     ensure!(!rows.is_empty(), "`{}` holds no case", input.display());
@@ -173,7 +173,7 @@ fn table(
             .with_context(|| format!("can't write `{}`", path.display()))?,
         None => out.write_all(&bytes)?,
     }
-    Ok(Verdict::Good)
+    Ok(Ending::Good)
 }
 
 /// Name and type of each scalar that a case consists of.

@@ -7,7 +7,7 @@ use karat::reflect::Invalid;
 
 use super::project::Project;
 use super::table::{GOOD, HEAD};
-use super::{Outcome, PackageArgs, Verdict};
+use super::{Ending, Outcome, PackageArgs};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -18,7 +18,7 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let packages = Project::find()?.packages(&args.package)?;
     anyhow::ensure!(!packages.is_empty(), "`metadata.karat` lists no shader package");
-    Ok(if validate(&packages, true, out)? { Verdict::Good } else { Verdict::Bad })
+    Ok(if validate(&packages, true, out)? { Ending::Good } else { Ending::Bad })
 }
 
 /// Validates packages and prints each module that isn't valid; whether all are. With `all` valid

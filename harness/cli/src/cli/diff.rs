@@ -15,7 +15,7 @@ use karat::metric::{ExposureRange, Mask, Pair, PairError};
 use self::comparison::{Bounds, Comparison, LdrResult, Reason, Side};
 use super::heatmap::{self, Heatmap};
 use super::patience::patiently;
-use super::{Outcome, Verdict, spare, write_json};
+use super::{Ending, Outcome, spare, write_json};
 
 pub(super) const EXAMPLES: &str = "\
 Examples:
@@ -141,7 +141,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if args.heatmap.is_some() && comparison.heatmap.is_none() {
         super::complain("there is no heatmap of images that can't be compared pixel by pixel");
     }
-    Ok(if comparison.passes() { Verdict::Good } else { Verdict::Bad })
+    Ok(if comparison.passes() { Ending::Good } else { Ending::Bad })
 }
 
 /// The mask of a file: its part of that name, as goldens have it, or else what it shows.

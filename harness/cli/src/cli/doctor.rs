@@ -9,7 +9,7 @@ use karat::settings::{Variable, variables};
 use serde::Serialize;
 
 use super::table::{BAD, DIM, GOOD, HEAD};
-use super::{Outcome, Verdict, write_json};
+use super::{Ending, Outcome, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -98,7 +98,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     } else {
         write_text(&report, out)?;
     }
-    Ok(if good { Verdict::Good } else { Verdict::Bad })
+    Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
 fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {

@@ -13,7 +13,7 @@ use serde::Serialize;
 use super::artefact::Artefact;
 use super::project::Project;
 use super::table::{DIM, Table};
-use super::{Outcome, Reported, Verdict, complain, write_json};
+use super::{Ending, Outcome, Reported, complain, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct FolderArgs {
@@ -192,11 +192,11 @@ pub(super) fn pending(args: &PendingArgs, out: &mut dyn Write) -> Outcome {
     }
     report(&unusable)?;
     Ok(if frames.iter().any(|pending| Status::of(pending) == Status::Differs) {
-        Verdict::Bad
+        Ending::Bad
     } else if frames.is_empty() {
-        Verdict::Good
+        Ending::Good
     } else {
-        Verdict::Missing
+        Ending::Missing
     })
 }
 
@@ -306,7 +306,7 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
         return Err(Reported.into());
     }
     let refused = entries.iter().any(|entry| !entry.accepted);
-    Ok(if refused { Verdict::Bad } else { Verdict::Good })
+    Ok(if refused { Ending::Bad } else { Ending::Good })
 }
 
 fn write_accepted(entry: &AcceptEntry, out: &mut dyn Write) -> std::io::Result<()> {
@@ -350,5 +350,5 @@ pub(super) fn reject(args: &RejectArgs, out: &mut dyn Write) -> Outcome {
         write_json(&entries, out)?;
     }
     report(&unusable)?;
-    Ok(Verdict::Good)
+    Ok(Ending::Good)
 }

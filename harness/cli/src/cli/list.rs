@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD, Table};
-use super::{Outcome, PackageArgs, Verdict, write_json};
+use super::{Ending, Outcome, PackageArgs, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -64,7 +64,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         }
     }
     anyhow::ensure!(!entries.is_empty(), "the packages hold no function");
-    let verdict = if valid { Verdict::Good } else { Verdict::Bad };
+    let verdict = if valid { Ending::Good } else { Ending::Bad };
     if args.json {
         write_json(&entries, out)?;
         return Ok(verdict);
@@ -100,7 +100,7 @@ fn entry(
     item: FunctionItem,
     tested: &BTreeSet<String>,
 ) -> Entry {
-    let function = program.function(&item.path);
+    let function = program.function(&item.name);
     of_function(package, item, function, tested)
 }
 
@@ -117,8 +117,8 @@ fn of_function(
     Entry {
         package: package.name(),
         location: item.span.to_string(),
-        tested: tested.contains(&item.path),
-        function: item.path,
+        tested: tested.contains(&item.name),
+        function: item.name,
         signature,
         doc,
         error,
@@ -134,8 +134,8 @@ fn sound(package: &Package, module: &str, tested: &BTreeSet<String>) -> Vec<Entr
         return Vec::new();
     }
     let alone = |item: FunctionItem| {
-        let program = Program::of_function(package, &item.path);
-        let function = program.and_then(|program| program.function(&item.path));
+        let program = Program::of_function(package, &item.name);
+        let function = program.and_then(|program| program.function(&item.name));
         of_function(package, item, function, tested)
     };
     items.into_iter().map(alone).collect()

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use karat::Image;
 use karat_gallery::ExposureArguments;
 
-use super::{Outcome, Verdict, spare};
+use super::{Ending, Outcome, spare};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -25,5 +25,5 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let (image, _) = Image::read_exr(&args.image)?;
     image.write_png_exposed(&path, args.exposure.stops)?;
     writeln!(out, "{}", path.display())?;
-    Ok(Verdict::Good)
+    Ok(Ending::Good)
 }

@@ -110,7 +110,7 @@ impl Project {
     pub(super) fn package_of(&self, args: &PackageArgs, path: &str) -> anyhow::Result<Package> {
         let mut packages = self.packages(args)?;
         let holds = |package: &Package| {
-            package.functions().is_ok_and(|known| known.iter().any(|item| item.path == path))
+            package.functions().is_ok_and(|known| known.iter().any(|item| item.name == path))
         };
         let index = packages.iter().position(holds).unwrap_or(0);
         anyhow::ensure!(!packages.is_empty(), "`metadata.karat` lists no shader package");

@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use karat_gallery::RenderArguments;
 
 use super::project::Project;
-use super::{Outcome, Reported, Verdict, child};
+use super::{Ending, Outcome, Reported, child};
 
 const HOW_TO_DECLARE: &str = "\
 this project declares no gallery, which is a cargo binary that lists its frames
@@ -55,8 +55,8 @@ pub(super) fn run(arguments: RenderArguments, out: &mut dyn Write) -> Outcome {
     run.arg("--quiet").arg("--").args(arguments.words());
     let status = child::pass_on(&mut run, out)?;
     match status.code() {
-        Some(0) => Ok(Verdict::Good),
-        Some(1) => Ok(Verdict::Bad),
+        Some(0) => Ok(Ending::Good),
+        Some(1) => Ok(Ending::Bad),
         Some(2) => Err(Reported.into()),
         _ => bail!("the gallery `{gallery}` ended early ({status}), see above"),
     }

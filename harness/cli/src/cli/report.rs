@@ -15,7 +15,7 @@ use karat::output::visible;
 use karat::record::{PathRecord, Record, Recorded, Run, Subject};
 
 use super::project::Project;
-use super::{NotThere, Outcome, Verdict, spare};
+use super::{Ending, NotThere, Outcome, spare};
 
 /// What is written besides the tables.
 #[derive(clap::Args)]
@@ -56,7 +56,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         writeln!(out, "the record doesn't say that its run ended")?;
     }
     args.output.write(&records, run.as_ref(), &project, out)?;
-    Ok(if passed && failed == 0 { Verdict::Good } else { Verdict::Bad })
+    Ok(if passed && failed == 0 { Ending::Good } else { Ending::Bad })
 }
 
 impl OutputArgs {

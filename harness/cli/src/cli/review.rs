@@ -8,7 +8,7 @@ use anyhow::Context;
 use karat::golden::PendingFrames;
 
 use super::goldens::{FolderArgs, FromArgs, report};
-use super::{Outcome, Verdict};
+use super::{Ending, Outcome};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -39,12 +39,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         let page = folder.join("index.html");
         writeln!(out, "{}: {}", page.display(), frames_pending(frames.len()))?;
         report(&unusable)?;
-        return Ok(Verdict::Good);
+        return Ok(Ending::Good);
     }
     let pending = review.pending();
     if pending.is_empty() {
         writeln!(out, "no frame is pending")?;
-        return Ok(Verdict::Good);
+        return Ok(Ending::Good);
     }
     let server = review.serve(args.port)?;
     let stop = server.stop();
@@ -69,7 +69,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if !unusable.is_empty() {
         told?;
     }
-    Ok(if frames.is_empty() { Verdict::Good } else { Verdict::Bad })
+    Ok(if frames.is_empty() { Ending::Good } else { Ending::Bad })
 }
 
 /// What the commands on the page need to find the same folders.

@@ -5,7 +5,7 @@ use std::io::Write;
 use karat::probe::Probed;
 
 use super::project::Project;
-use super::{Outcome, PackageArgs, Verdict};
+use super::{Ending, Outcome, PackageArgs};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -24,5 +24,5 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         writeln!(out, "// reads `{}`, {}", binding.path, binding.kind)?;
     }
     writeln!(out, "\n{}", probed.kernel().trim_end())?;
-    Ok(Verdict::Good)
+    Ok(Ending::Good)
 }

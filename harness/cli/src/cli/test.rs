@@ -14,7 +14,7 @@ use super::list::callable;
 use super::project::Project;
 use super::report::{OutputArgs, tables};
 use super::table::{DIM, HEAD};
-use super::{Outcome, PackageArgs, Verdict, check, child};
+use super::{Ending, Outcome, PackageArgs, check, child};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -61,7 +61,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     out.write_all(&invalid)?;
     tables::write_sum(&records, failed, passed, &folder, out)?;
     args.output.write(&records, Some(&run), &project, out)?;
-    Ok(if passed && valid && failed == 0 { Verdict::Good } else { Verdict::Bad })
+    Ok(if passed && valid && failed == 0 { Ending::Good } else { Ending::Bad })
 }
 
 impl Args {
@@ -154,14 +154,14 @@ fn write_untested(
     let mut untested = Vec::new();
     for package in packages {
         let items = callable(package)?;
-        untested.extend(items.into_iter().filter(|item| !tested.contains(item.path.as_str())));
+        untested.extend(items.into_iter().filter(|item| !tested.contains(item.name.as_str())));
     }
     if untested.is_empty() {
         return Ok(());
     }
     writeln!(out, "\n{HEAD}functions with no test of their own{HEAD:#}")?;
     for item in untested {
-        writeln!(out, "{DIM}{}  {}{DIM:#}", item.path, item.span)?;
+        writeln!(out, "{DIM}{}  {}{DIM:#}", item.name, item.span)?;
     }
     Ok(())
 }

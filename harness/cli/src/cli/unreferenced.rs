@@ -20,7 +20,7 @@ use self::files::{Files, Golden, Stray};
 use super::goldens::FolderArgs;
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD};
-use super::{NotThere, Outcome, Verdict, write_json};
+use super::{Ending, NotThere, Outcome, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -135,7 +135,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     } else if args.delete {
         write_deleted(&report, out)?;
     }
-    Ok(if report.is_good() { Verdict::Good } else { Verdict::Bad })
+    Ok(if report.is_good() { Ending::Good } else { Ending::Bad })
 }
 
 impl Report {

@@ -60,7 +60,7 @@ impl Group {
         let mut checked = Vec::with_capacity(cases.len());
         for (index, case) in (first..).zip(cases) {
             if let Some(reason) = case.unusable() {
-                let function = session.called.function().path.clone();
+                let function = session.called.function().name.clone();
                 let arguments = case.value.shown();
                 return Err(Failure::Rule { function, reason, case: index, arguments });
             }
@@ -178,7 +178,7 @@ impl Group {
                     case.own,
                     assertion.stated(),
                 );
-                let function = session.called.function().path.clone();
+                let function = session.called.function().name.clone();
                 let (case, arguments) = (self.first + index as u64, case.value.shown());
                 Failure::Rule { function, reason, case, arguments }
             })

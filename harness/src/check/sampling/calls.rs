@@ -63,7 +63,7 @@ impl Calls<'_> {
             .into_iter()
             .map(|(name, value)| format!("{name} = {value}"))
             .collect();
-        format!("{}({}) = {}", function.path, list.join(", "), function.result.format(result))
+        format!("{}({}) = {}", function.name, list.join(", "), function.result.format(result))
     }
 
     /// Refuses random numbers of a type that has no uniform distribution here.

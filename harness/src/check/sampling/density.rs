@@ -3,7 +3,7 @@
 mod run;
 
 use super::{
-    Assertion, Configuration, Fit, Functions, Judgement, Other, Power, Sampled, SamplingCheck,
+    Configuration, Fit, Functions, Hypothesis, Judgement, Other, Power, Sampled, SamplingCheck,
 };
 use super::{conclude, made};
 use crate::check::Mismatch;
@@ -175,10 +175,10 @@ impl Sampled<'_, '_> {
         recording: Recording,
     ) -> Result<Fit, Failure> {
         let settings = self.settings;
-        let text = format!("{} on {}", others[0].probe.path, settings.support);
-        let assertion = Assertion { check: "follows", text, tests: settings.tests() };
+        let text = format!("{} on {}", others[0].probe.name, settings.support);
+        let hypothesis = Hypothesis { check: "follows", text, tests: settings.tests() };
         let expect = |functions: &Functions<'_>| self.expect_density(functions, point);
-        conclude(self, &assertion, others, recording, &expect, &mut |functions, configuration| {
+        conclude(self, &hypothesis, others, recording, &expect, &mut |functions, configuration| {
             Run { functions, sampler: self, others, configuration }.judge(false)
         })
     }
@@ -192,10 +192,10 @@ impl Sampled<'_, '_> {
         recording: Recording,
     ) -> Result<Fit, Failure> {
         let settings = self.settings;
-        let (density, eval) = (&others[0].probe.path, &others[1].probe.path);
+        let (density, eval) = (&others[0].probe.name, &others[1].probe.name);
         let text = format!("{eval} by {density} on {}", settings.support);
         // A reflectance has up to three components, whose means are tests of their own.
-        let assertion = Assertion { check: "estimates", text, tests: settings.tests() + 3 };
+        let hypothesis = Hypothesis { check: "estimates", text, tests: settings.tests() + 3 };
         let expect = |functions: &Functions<'_>| {
             self.expect_density(functions, point)?;
             let eval = &functions.others[1];
@@ -211,16 +211,16 @@ impl Sampled<'_, '_> {
                 weight.expect_result(&eval.function().result, "eval returns")
             })
         };
-        conclude(self, &assertion, others, recording, &expect, &mut |functions, configuration| {
+        conclude(self, &hypothesis, others, recording, &expect, &mut |functions, configuration| {
             Run { functions, sampler: self, others, configuration }.judge(true)
         })
     }
 
     /// The least power of [`follows`](Self::follows) against the density of the second.
     fn power(self, others: &[Other<'_>], point: &Shape) -> Result<Power, Failure> {
-        let (density, alternative) = (&others[0].probe.path, &others[1].probe.path);
+        let (density, alternative) = (&others[0].probe.name, &others[1].probe.name);
         let text = format!("{density} against {alternative}");
-        let assertion = Assertion { check: "power_against", text, tests: self.settings.tests() };
+        let hypothesis = Hypothesis { check: "power_against", text, tests: self.settings.tests() };
         let expect = |functions: &Functions<'_>| {
             self.expect_density(functions, point)?;
             expect_scalar(functions, 1)
@@ -241,7 +241,7 @@ impl Sampled<'_, '_> {
             Err(Stop::Failure(failure)) => Err(failure),
             Err(Stop::Finding(finding)) => Ok(Judgement::outright(finding)),
         };
-        conclude(self, &assertion, others, Recording::Off, &expect, &mut judge)?;
+        conclude(self, &hypothesis, others, Recording::Off, &expect, &mut judge)?;
         Ok(power)
     }
 

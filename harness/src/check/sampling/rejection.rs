@@ -236,7 +236,7 @@ impl Worst {
 impl fmt::Display for Rejection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { check, assertion, significance, threshold, .. } = self;
-        let message = format!("`{}` fails {check}: {assertion}", self.function.path);
+        let message = format!("`{}` fails {check}: {assertion}", self.function.name);
         let mut span = self.function.span.clone();
         let text = span.file.text.get(span.range.clone()).unwrap_or_default();
         let head = text.find('\n').unwrap_or(text.len());

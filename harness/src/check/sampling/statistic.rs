@@ -3,7 +3,9 @@
 use super::calls::{STRIDE, draw};
 use super::conclude;
 use super::density::Offence;
-use super::{Assertion, Configuration, Finding, Fit, Functions, Judgement, Sampled, SamplingCheck};
+use super::{
+    Configuration, Finding, Fit, Functions, Hypothesis, Judgement, Sampled, SamplingCheck,
+};
 use crate::check::Failure;
 use crate::check::plan::Recording;
 use crate::domain::{Domain, Held};
@@ -197,12 +199,12 @@ impl Numbers<'_> {
         recording: Recording,
         judge: JudgeNumbers<'_>,
     ) -> Result<Fit, Failure> {
-        let assertion = Assertion { check: self.check, text: self.text.clone(), tests: 1 };
+        let hypothesis = Hypothesis { check: self.check, text: self.text.clone(), tests: 1 };
         let expect = |functions: &Functions<'_>| {
             functions.sampler(0).expect_random(sampler.random)?;
             functions.sampler.expect_result(&self.shape, "the number is made of")
         };
-        conclude(sampler, &assertion, &[], recording, &expect, &mut |functions, configuration| {
+        conclude(sampler, &hypothesis, &[], recording, &expect, &mut |functions, configuration| {
             let Configuration { value, index, threshold, .. } = *configuration;
             let (numbers, not_finite) = self.of_samples(sampler, functions, configuration)?;
             let finding = not_finite.finding(|count, call| Finding::NotFinite { count, call });
@@ -213,7 +215,7 @@ impl Numbers<'_> {
                 let mut judgement = Judgement::fitting();
                 let judged = verdict(&numbers, &mut judgement, threshold);
                 judged.map(|()| judgement).map_err(|none| Failure::Evidence {
-                    function: functions.sampler.function().path.clone(),
+                    function: functions.sampler.function().name.clone(),
                     reason: none.to_string(),
                     case: index,
                     configuration: value.shown(),

@@ -48,7 +48,7 @@ impl Bounds {
 pub(super) struct Comparison {
     pub(super) a: Side,
     pub(super) b: Side,
-    pub(super) verdict: Verdict,
+    pub(super) verdict: Ending,
     /// Why they differ.
     pub(super) reason: Option<Reason>,
     /// What they may differ by.
@@ -88,7 +88,7 @@ pub(super) struct Side {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub(super) enum Verdict {
+pub(super) enum Ending {
     /// Every bit that is compared is equal.
     Equal,
     Within,
@@ -183,7 +183,7 @@ impl Side {
 impl Comparison {
     /// Images that can't be measured.
     pub(super) fn impossible([a, b]: [Side; 2], bounds: &Bounds, reason: Reason) -> Self {
-        let (verdict, reason) = (Verdict::Differs, Some(reason));
+        let (verdict, reason) = (Ending::Differs, Some(reason));
         let tolerance = bounds.tolerance.to_string();
         Self {
             a,
@@ -205,17 +205,17 @@ impl Comparison {
         let gate = GateResult::of(bounds.gate, pair);
         let flip = FlipResult::of(bounds, pair);
         let verdict = if pair.is_identical() {
-            Verdict::Equal
+            Ending::Equal
         } else if gate.off == 0 || flip.passes() {
-            Verdict::Within
+            Ending::Within
         } else {
-            Verdict::Differs
+            Ending::Differs
         };
         Self {
             a,
             b,
             verdict,
-            reason: (verdict == Verdict::Differs).then_some(Reason::Values),
+            reason: (verdict == Ending::Differs).then_some(Reason::Values),
             tolerance: bounds.tolerance.to_string(),
             compared: pair.compared(),
             own_mask: false,
@@ -234,7 +234,7 @@ impl Comparison {
     }
 
     pub(super) fn passes(&self) -> bool {
-        self.verdict != Verdict::Differs
+        self.verdict != Ending::Differs
     }
 }
 

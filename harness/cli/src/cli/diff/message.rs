@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use karat::value::format_f32;
 
-use super::comparison::{Comparison, FlipResult, GateResult, LdrResult, Reason, Side, Verdict};
+use super::comparison::{Comparison, Ending, FlipResult, GateResult, LdrResult, Reason, Side};
 use crate::cli::table::{BAD, GOOD};
 
 pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<()> {
@@ -23,7 +23,7 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
             primaries(b)
         )?;
     }
-    let equal = comparison.verdict == Verdict::Equal;
+    let equal = comparison.verdict == Ending::Equal;
     if let (Some(gate), Some(flip), false) = (&comparison.gate, &comparison.flip, equal) {
         write_gate(gate, comparison.compared, out)?;
         write_flip(flip, out)?;
@@ -41,8 +41,8 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
         writeln!(out, "heatmap: {file}{}{unseen}", scale.unwrap_or_default())?;
     }
     match (comparison.verdict, comparison.reason) {
-        (Verdict::Equal, _) => writeln!(out, "{GOOD}equal, bit for bit{GOOD:#}"),
-        (Verdict::Within, _) => writeln!(out, "{GOOD}within {tolerance}{GOOD:#}"),
+        (Ending::Equal, _) => writeln!(out, "{GOOD}equal, bit for bit{GOOD:#}"),
+        (Ending::Within, _) => writeln!(out, "{GOOD}within {tolerance}{GOOD:#}"),
         (_, Some(Reason::Size)) => writeln!(out, "{BAD}they differ in size{BAD:#}"),
         (_, Some(Reason::NonFinite)) => {
             writeln!(out, "{BAD}they differ: nothing agrees with NaN or an infinity{BAD:#}")

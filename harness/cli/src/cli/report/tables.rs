@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::Path;
 
 use anyhow::bail;
-use karat::record::{PathRecord, Record, Subject, Verdict as Recorded};
+use karat::record::{PathRecord, Record, Subject, Verdict};
 
 use crate::cli::table::{BAD, DIM, GOOD, KNOWN, Table};
 
@@ -75,7 +75,7 @@ pub(in crate::cli) fn expect_some(records: &[Record], filter: Option<&str>) -> a
 
 /// How many of the records are of known issues, for the last line.
 fn known_issues(records: &[Record]) -> String {
-    match records.iter().filter(|record| record.verdict == Recorded::KnownIssue).count() {
+    match records.iter().filter(|record| record.verdict == Verdict::KnownIssue).count() {
         0 => String::new(),
         1 => ", 1 known issue".to_owned(),
         count => format!(", {count} known issues"),
@@ -117,7 +117,7 @@ fn write_frames(records: &[Record], out: &mut dyn Write) -> anyhow::Result<usize
 }
 
 pub(super) fn is_failure(record: &Record) -> bool {
-    !matches!(record.verdict, Recorded::Pass | Recorded::KnownIssue)
+    !matches!(record.verdict, Verdict::Pass | Verdict::KnownIssue)
 }
 
 /// A row for each path of a record, or one that says that none ran.
@@ -169,7 +169,7 @@ mod tests {
 
     use super::*;
 
-    fn record(verdict: Recorded, failures: u64, known_issue: Option<&str>) -> Record {
+    fn record(verdict: Verdict, failures: u64, known_issue: Option<&str>) -> Record {
         let adapter = Adapter {
             path: "gl".to_owned(),
             name: "llvmpipe".to_owned(),
@@ -216,7 +216,7 @@ mod tests {
 
     #[test]
     fn a_known_issue_is_shown_with_its_reason_and_neither_passes_nor_fails() {
-        let known = record(Recorded::KnownIssue, 9, Some("mesa#1: mix cancels"));
+        let known = record(Verdict::KnownIssue, 9, Some("mesa#1: mix cancels"));
         assert_eq!(known_issues(&[known.clone(), known.clone()]), ", 2 known issues");
         let (failed, text) = table(known);
         assert_eq!(failed, 0);
@@ -227,18 +227,18 @@ mod tests {
 
     #[test]
     fn an_unexpected_pass_fails() {
-        let (failed, text) = table(record(Recorded::Fail, 0, Some("mesa#1: mix cancels")));
+        let (failed, text) = table(record(Verdict::Fail, 0, Some("mesa#1: mix cancels")));
         assert_eq!(failed, 1);
         assert!(text.contains("UNEXPECTED PASS") && !text.contains(&GOOD.to_string()), "{text}");
-        assert_eq!(known_issues(&[record(Recorded::Pass, 0, None)]), "");
-        let (failed, text) = table(record(Recorded::Fail, 3, None));
+        assert_eq!(known_issues(&[record(Verdict::Pass, 0, None)]), "");
+        let (failed, text) = table(record(Verdict::Fail, 3, None));
         assert!(failed == 1 && text.contains("FAIL 7 ulp"), "{text}");
     }
 
     #[test]
     fn a_frame_that_fails_says_how_far_and_of_what() {
         let failing = |ratio: Option<f64>| {
-            let mut frame = record(Recorded::Fail, 3, None);
+            let mut frame = record(Verdict::Fail, 3, None);
             let (golden, folder, location) = ("scene".to_owned(), String::new(), String::new());
             frame.subject = Subject::Frame { golden, folder, location };
             frame.paths[0] =
@@ -259,7 +259,7 @@ mod tests {
             let text = failing(ratio);
             assert!(text.contains("FAIL rel 0.5 ") && text.contains(told), "{ratio:?}: {text}");
         }
-        let known = record(Recorded::Pass, 0, None).paths.remove(0);
+        let known = record(Verdict::Pass, 0, None).paths.remove(0);
         let path = |ratio| PathRecord { ratio: Some(ratio), ..known.clone() };
         assert_eq!(["48%", "100%", "0%"], [0.48, 1.0, 0.0].map(|ratio| share(&path(ratio))));
         assert_eq!(share(&PathRecord { ratio: None, ..known }), "", "it passes, without a bound");
@@ -269,9 +269,9 @@ mod tests {
     fn the_slowest_are_named_where_something_is_slow() {
         let took = |seconds: f64| {
             let time = record::Time { started: String::new(), seconds };
-            Record { time: Some(time), ..record(Recorded::Pass, 0, None) }
+            Record { time: Some(time), ..record(Verdict::Pass, 0, None) }
         };
-        assert_eq!(slowest(&[record(Recorded::Pass, 0, None), took(0.99)]), None);
+        assert_eq!(slowest(&[record(Verdict::Pass, 0, None), took(0.99)]), None);
         let records = [took(1.04), took(0.5), took(30.0), took(2.0), took(1.5)];
         let expected = "m::f agrees_with 30.0 s, m::f agrees_with 2.0 s, m::f agrees_with 1.5 s";
         assert_eq!(slowest(&records).as_deref(), Some(expected));
@@ -283,6 +283,6 @@ mod tests {
             let error = expect_some(&[], filter).expect_err("nothing ran").to_string();
             assert!(error.contains("a run that compared nothing is no success"), "{error}");
         }
-        assert!(expect_some(&[record(Recorded::Pass, 0, None)], None).is_ok());
+        assert!(expect_some(&[record(Verdict::Pass, 0, None)], None).is_ok());
     }
 }

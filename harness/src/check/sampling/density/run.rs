@@ -110,7 +110,7 @@ impl Run<'_> {
     fn evidence(&self, reason: impl std::fmt::Display) -> Failure {
         let Configuration { value, index, .. } = self.configuration;
         Failure::Evidence {
-            function: self.functions.sampler.function().path.clone(),
+            function: self.functions.sampler.function().name.clone(),
             reason: reason.to_string(),
             case: *index,
             configuration: value.shown(),
@@ -298,7 +298,7 @@ impl Run<'_> {
         match error {
             CubatureError::Evaluation(stop) => stop,
             diverges @ CubatureError::Diverges { .. } => {
-                let function = &self.functions.others[which].function().path;
+                let function = &self.functions.others[which].function().name;
                 let reason = match diverges {
                     CubatureError::Diverges { nodes } => {
                         format!(
