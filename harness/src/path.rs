@@ -194,6 +194,7 @@ fn select(paths: Option<&str>, required: Option<&str>) -> Result<Vec<&'static De
     }
     devices.sort_by_key(|device| device.path());
     devices.dedup_by_key(|device| device.path());
+    let devices = distinct(&devices);
     if devices.is_empty() {
         let reasons = Path::ALL
             .iter()
@@ -203,6 +204,22 @@ fn select(paths: Option<&str>, required: Option<&str>) -> Result<Vec<&'static De
         return Err(PathError::None { reasons });
     }
     Ok(devices)
+}
+
+/// Each adapter of an API once: `vulkan` is dropped beside `vulkan@llvmpipe`, if that is what it is.
+fn distinct(devices: &[&'static Device]) -> Vec<&'static Device> {
+    let same = |one: &Device, other: &Device| {
+        let route = |device: &Device| (device.path().api(), device.path().via());
+        let named =
+            |device: &Device| (device.adapter().name.clone(), device.adapter().driver.clone());
+        route(one) == route(other) && named(one) == named(other)
+    };
+    let named_by_driver = |device: &Device| {
+        let mut others = devices.iter().filter(|other| other.path().driver().is_some());
+        others.any(|other| same(device, other))
+    };
+    let kept = devices.iter().copied();
+    kept.filter(|device| device.path().driver().is_some() || !named_by_driver(device)).collect()
 }
 
 /// What stands for every path that opens.
@@ -277,6 +294,15 @@ mod tests {
             let same = open(named).expect("it is here");
             assert_eq!(same.adapter().name, device.adapter().name);
             assert_eq!(same.adapter().path, named.to_string());
+            // It runs once, whether it is required, one of all, or listed.
+            for (paths, required) in
+                [(format!("all,{named}"), None), (named.to_string(), Some(device.path()))]
+            {
+                let required = required.map(Path::name);
+                let selected = select(Some(&paths), required).expect("they open");
+                let paths: Vec<Path> = selected.iter().map(|device| device.path()).collect();
+                assert!(paths.contains(&named) && !paths.contains(&device.path()), "{paths:?}");
+            }
             let nobody: Path = format!("{}@nobody", device.path()).parse().expect("a name");
             let error = open(nobody).expect_err("no such driver").to_string();
             assert!(error.contains("no adapter of the family `nobody`"), "{error}");

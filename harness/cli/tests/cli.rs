@@ -416,6 +416,20 @@ fn a_project_says_where_its_shaders_are() {
     assert!(karat(folder, &["list"]).error().contains("unknown field `shaders`"));
 }
 
+/// `cargo karat test` is `karat test`: Cargo calls the program with its own name first.
+#[test]
+fn cargo_karat_is_karat() {
+    let project = project();
+    for (arguments, code) in [(&["--version"][..], 0), (&["list"], 0), (&["tset"], 2)] {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_cargo-karat"));
+        program.env("NO_COLOR", "1").current_dir(project.path()).arg("karat").args(arguments);
+        let ran = output(&mut program);
+        let own = karat(project.path(), arguments);
+        assert_eq!((ran.code, &ran.out), (Some(code), &own.out), "{arguments:?}: {ran:?}");
+        assert!(code == 2 || !ran.out.is_empty(), "{ran:?}");
+    }
+}
+
 #[test]
 fn doctor_tells_which_paths_open() {
     let project = project();
