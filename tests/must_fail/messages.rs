@@ -28,7 +28,7 @@ fn the_message_shows_line_inputs_values_error_census_and_replay() {
         "KARAT_SEED=0x",
         "KARAT_CASE=",
         "cargo test -p tests --test must_fail -- --exact \
-         the_message_shows_line_inputs_values_error_census_and_replay",
+         messages::the_message_shows_line_inputs_values_error_census_and_replay",
     ] {
         assert!(text.contains(part), "`{part}` is missing in:\n{text}");
     }
