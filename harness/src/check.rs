@@ -54,6 +54,7 @@ pub use tally::Census;
 pub use vacuous::Vacuous;
 pub use verdict::{Agreement, Failure};
 
+use crate::diagnostic::FileRead;
 use crate::domain::{Domain, Typed};
 use crate::fixture::{Fixture, Fixtures};
 use crate::package::Package;
@@ -107,17 +108,26 @@ impl<'a> Probe<'a> {
         self
     }
 
-    /// Runs the function on this executor, and on others that are added in the same way, instead of
-    /// those that the environment selects. What a verb takes beside the function, such as the density
-    /// of a sampler, runs there, too.
+    /// Runs the function on this executor, and on others that are added in the same way, and on no
+    /// path of the environment's: `KARAT_PATHS` and `KARAT_REQUIRE` are about drivers, and are read
+    /// only for slips. What a verb takes beside the function, such as the density of a sampler, runs
+    /// where the function runs, and can't have an executor of its own. An executor's path may not be
+    /// that of a driver, such as `vulkan`: call it `cpu`, or name its maker, `vulkan@mine`.
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self
     }
 
+    /// The file of the module that has the function, if it is one.
+    fn module_file(&self) -> Option<FileRead> {
+        let module = self.name.rsplit_once("::").map_or("", |(module, _)| module);
+        self.package.file_of(module)
+    }
+
     /// What runs the function. Never empty.
     fn executors(&self) -> Result<Vec<&'a dyn Executor>, PathError> {
         if !self.executors.is_empty() {
+            path::expect_own(self.executors.iter().map(|executor| executor.path()))?;
             return Ok(self.executors.clone());
         }
         Ok(path::devices()?.into_iter().map(|device| device as &dyn Executor).collect())

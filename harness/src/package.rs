@@ -24,9 +24,10 @@ pub(crate) use link::KERNEL_WORDS;
 pub(crate) use link::Linked;
 
 use library::{Library, ModulePath};
+use overlay::Overlay;
 use syntax::{DeclarationKind, Module};
 
-use crate::diagnostic::{Diagnostic, Span, nearest, shown};
+use crate::diagnostic::{Diagnostic, FileRead, Span, nearest, shown};
 
 /// A set of WGSL modules.
 ///
@@ -381,6 +382,12 @@ impl Package {
     pub fn functions_in(&self, module: &str) -> Result<Vec<FunctionItem>, PackageError> {
         let module_of = Library::open(self)?.module(&ModulePath::root(module))?;
         Ok(self.functions_of(module, &module_of))
+    }
+
+    /// The file of a module, if it is one that can be read.
+    pub(crate) fn file_of(&self, module: &str) -> Option<FileRead> {
+        let overlay = Overlay::of(self).ok()?;
+        self.load(&ModulePath::root(module).components, &overlay).ok()?.read()
     }
 
     fn functions_of(&self, name: &str, module: &Module) -> Vec<FunctionItem> {

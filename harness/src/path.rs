@@ -58,8 +58,7 @@ pub enum PathError {
     },
     /// No family of drivers.
     #[error(
-        "execution path `{name}` names no family of drivers: `{driver}` isn't small letters and \
-         digits{}",
+        "execution path `{name}` names no family of drivers: `{driver}` isn't one{}",
         guess(nearest.as_deref())
     )]
     UnknownDriver {
@@ -77,6 +76,15 @@ pub enum PathError {
         variable: &'static str,
         /// What it is set to.
         names: String,
+        /// The path.
+        path: Path,
+    },
+    /// An executor of one's own is called as another one, or as a driver of wgpu's.
+    #[error(
+        "another executor is called `{path}` already: name this one by its maker, such as \
+         `{}@mine`, or `cpu`", path.api().name()
+    )]
+    Taken {
         /// The path.
         path: Path,
     },
@@ -220,6 +228,38 @@ fn distinct(devices: &[&'static Device]) -> Vec<&'static Device> {
     };
     let kept = devices.iter().copied();
     kept.filter(|device| device.path().driver().is_some() || !named_by_driver(device)).collect()
+}
+
+/// Wants names for executors that aren't wgpu's: none that a driver has, and each once. What the
+/// environment says of drivers is read for slips.
+pub(crate) fn expect_own(paths: impl Iterator<Item = Path>) -> Result<(), PathError> {
+    let settings = settings::current()?;
+    for (variable, names) in
+        [("KARAT_PATHS", &settings.paths), ("KARAT_REQUIRE", &settings.require)]
+    {
+        names.as_deref().map_or(Ok(Vec::new()), |names| list(variable, names))?;
+    }
+    let mut known = Vec::new();
+    for path in paths {
+        if Path::ALL.contains(&path) || known.contains(&path) {
+            return Err(PathError::Taken { path });
+        }
+        known.push(path);
+    }
+    Ok(())
+}
+
+/// The paths that a list names, as `KARAT_PATHS` has it: `all` is those that open.
+///
+/// # Errors
+/// If a name is no path, or stands twice.
+pub fn named(variable: &'static str, names: &str) -> Result<Vec<Path>, PathError> {
+    let mut paths = list(variable, names)?;
+    if names.split(',').any(|name| name.trim() == ALL) {
+        let open = Path::ALL.into_iter().filter(|path| open(*path).is_ok());
+        paths.extend(open.filter(|path| !paths.contains(path)).collect::<Vec<_>>());
+    }
+    Ok(paths)
 }
 
 /// What stands for every path that opens.

@@ -160,9 +160,19 @@ pub enum ProbeError {
         /// Of how many.
         words: usize,
     },
+    /// An executor has room for no case.
+    #[error("the executor of path `{path}` has room for no case of `{function}`")]
+    NoRoom {
+        /// The function.
+        function: String,
+        /// The path.
+        path: Path,
+    },
     /// The read-back has the wrong length.
-    #[error("the device returned {found} words instead of {expected}")]
+    #[error("path `{path}` returned {found} words instead of {expected}")]
     Length {
+        /// The path.
+        path: Path,
         /// Words that were asked for.
         expected: usize,
         /// Words that came.

@@ -56,8 +56,10 @@ pub struct Record {
     /// about the package as it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub overlay: Option<String>,
-    /// The files that it depends on, each once: modules, images of fixtures, goldens. Empty if it
-    /// ended before it read any, or if an older Karat wrote the record.
+    /// The files that it depends on, each once: modules, images that fixtures, masks and variances
+    /// were read from, goldens. An image whose pixels were copied into another one isn't among them,
+    /// nor what a reference reads. Of a verdict that ended before its function was compiled it is the
+    /// function's module alone. Empty if an older Karat wrote the record.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub read: Vec<FileRead>,
     /// When it was made; `None`: an older Karat wrote the record.

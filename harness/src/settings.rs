@@ -22,7 +22,7 @@ const VARIABLES: [(&str, &str); 11] = [
         PATHS,
         "paths that checks run on: `vulkan`, `vulkan,gl`, `gl@llvmpipe`, `all` (the first that opens)",
     ),
-    (REQUIRE, "paths that must have run: a list as above (none)"),
+    (REQUIRE, "paths that must have run: a list as above, without `all` (none)"),
     (ADAPTER, "part of the name of the adapter to use (hardware before software)"),
     (DEADLINE, "seconds that a shader may take before the process gives up (60)"),
     (SEED, "seed of the selected check, or of all (from the test's name)"),

@@ -72,7 +72,9 @@ fn a_test_that_replays_nothing() {
     let run = |case: &str| {
         let program = std::env::current_exe().expect("a test program");
         let mut command = Command::new(program);
-        command.args(["--exact", "functions::the_unchanged_library_agrees"]).env("KARAT_CASE", case);
+        command
+            .args(["--exact", "functions::the_unchanged_library_agrees"])
+            .env("KARAT_CASE", case);
         command.env_remove("KARAT_RECORD").env("KARAT_FAILURES", "off");
         let output = command.output().expect("it runs");
         (output.status.success(), String::from_utf8_lossy(&output.stderr).into_owned())
@@ -82,7 +84,10 @@ fn a_test_that_replays_nothing() {
     assert!(!passed && !text.contains("replays nothing"), "{text}");
     let (passed, text) = run("fresnel::schlik/agrees_with/7");
     assert!(!passed, "{text}");
-    assert!(text.contains("test `functions::the_unchanged_library_agrees` replays nothing"), "{text}");
+    assert!(
+        text.contains("test `functions::the_unchanged_library_agrees` replays nothing"),
+        "{text}"
+    );
     assert!(text.contains("; did you mean `fresnel::schlick/agrees_with`?"), "{text}");
 }
 

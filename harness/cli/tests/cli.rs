@@ -449,6 +449,24 @@ fn doctor_tells_which_paths_open() {
     let paths = open_paths(folder);
     let out = karat(folder, &["doctor", "--require", &paths.join(",")]).good();
     assert!(paths.iter().all(|path| out.contains(&format!("\n{path:<8} "))), "{out}");
+    // A path of one driver is told of like others, and so is one that nothing provides.
+    let family = report["paths"]
+        .as_array()
+        .and_then(|all| all.iter().find(|path| path["path"] == *paths[0])?["family"].as_str());
+    let driver = format!("{}@{}", paths[0], family.expect("it opens"));
+    let out = karat(folder, &["doctor", "--require", &driver]).good();
+    assert!(out.contains(&format!("\n{driver} ")), "{out}");
+    for missing in ["vulkan@nobody", "vulkan:hlsl", "cpu"] {
+        let ran = karat(folder, &["doctor", "--require", missing]);
+        assert_eq!(ran.code, Some(1), "{ran:?}");
+        assert!(ran.out.contains(&format!("`{missing}` is unavailable")), "{ran:?}");
+    }
+    // Checks would run on no path.
+    for wrong in ["nonsense", "vulkan@nobody"] {
+        let ran = output(command(folder, &["doctor"]).env("KARAT_PATHS", wrong));
+        assert_eq!(ran.code, Some(1), "{ran:?}");
+        assert!(ran.out.contains("checks run on no path:") && ran.out.contains(wrong), "{ran:?}");
+    }
     let foreign = if cfg!(target_os = "macos") { "dx12" } else { "metal" };
     let ran = karat(folder, &["doctor", "--require", &format!("{},{foreign}", paths[0])]);
     assert_eq!(ran.code, Some(1), "{ran:?}");

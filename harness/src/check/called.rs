@@ -51,8 +51,14 @@ impl Fitting {
         let width = probed.function.result.lanes().len();
         let call = Call { probed: &probed, fixtures, cases: calls };
         let ready = |executor: &&'e dyn Executor| {
-            let prepared = executor.prepare(&call)?;
-            Ok(Ready { path: executor.path(), adapter: executor.adapter(), prepared, width })
+            let (path, prepared) = (executor.path(), executor.prepare(&call)?);
+            if prepared.capacity() == 0 {
+                let function = probed.function.name.clone();
+                return Err(ProbeError::NoRoom { function, path });
+            }
+            // Verdict and replay have one name for it.
+            let adapter = Adapter { path: path.to_string(), ..executor.adapter() };
+            Ok(Ready { path, adapter, prepared, width })
         };
         let ready = executors.iter().map(ready).collect::<Result<_, ProbeError>>()?;
         Ok(Called { probed, ready, words })
@@ -79,7 +85,7 @@ pub(super) struct Ready<'e> {
 impl Ready<'_> {
     /// Calls of one batch.
     pub(super) fn capacity(&self) -> usize {
-        self.prepared.capacity().max(1)
+        self.prepared.capacity()
     }
 
     pub(super) fn reads_half_floats(&self) -> bool {
@@ -89,7 +95,7 @@ impl Ready<'_> {
     /// Starts calls, whose arguments follow one another in `rows`.
     pub(super) fn start(&self, rows: &[u32], calls: usize) -> Result<Running<'_>, Failure> {
         let started = self.prepared.start(calls, rows)?;
-        Ok(Running { started, calls, width: self.width })
+        Ok(Running { started, calls, width: self.width, path: self.path })
     }
 }
 
@@ -99,6 +105,7 @@ pub(super) struct Running<'p> {
     started: Started<'p>,
     calls: usize,
     width: usize,
+    path: Path,
 }
 
 impl Running<'_> {
@@ -109,11 +116,11 @@ impl Running<'_> {
 
     /// Waits for the results.
     pub(super) fn read(self) -> Result<Results, Failure> {
-        let Self { started, calls, width } = self;
+        let Self { started, calls, width, path } = self;
         let words = started()?;
         let (expected, found) = (calls * width, words.len());
         if found != expected {
-            return Err(ProbeError::Length { expected, found }.into());
+            return Err(ProbeError::Length { path, expected, found }.into());
         }
         Ok(Results { words, stride: width })
     }

@@ -55,7 +55,7 @@ impl Session<'_> {
         let worst = worst?;
         let replay = |seed: u64, replayed: Replayed<'_>| {
             let (function, check) = (&self.called.function().name, &self.name());
-            self.identity.replay(path, seed, function, check, replayed)
+            self.identity.replay(self.selectable(path), seed, function, check, replayed)
         };
         let replay_of = |simplest: &Simplest| match &*simplest.input {
             [] => {

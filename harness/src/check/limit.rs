@@ -53,6 +53,9 @@ impl Limit {
 
 impl fmt::Display for Limit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.steps.is_empty() {
+            return write!(f, "{} through nothing", self.target);
+        }
         write!(f, "{} through ", self.target)?;
         for (index, step) in self.steps.iter().enumerate() {
             write!(f, "{}{step}", if index > 0 { ", " } else { "" })?;

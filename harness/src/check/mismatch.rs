@@ -101,6 +101,9 @@ pub enum Mismatch {
         /// Why not.
         reason: String,
     },
+    /// What runs beside a sampler has an executor of its own.
+    #[error("runs where the sampler runs: say `.on(..)` of the sampler alone")]
+    Executor,
     /// Random numbers of a type that has no uniform distribution here.
     #[error("is sampled with {0}, but random numbers are f32 or u32")]
     Random(Shape),

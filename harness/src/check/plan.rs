@@ -63,7 +63,8 @@ impl<'a> Plan<'a> {
             location: String::new(),
             seed,
         };
-        let (mut paths, mut read) = (Vec::new(), Vec::new());
+        let mut paths = Vec::new();
+        let mut read: Vec<_> = self.probe.module_file().into_iter().collect();
         let mut run = || {
             self.expect_reasons()?;
             inputs::each(self, &identity, &mut |inputs| {

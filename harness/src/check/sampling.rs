@@ -23,7 +23,7 @@ pub use rejection::{ConfigurationRejection, Finding, PathRejection, Rejection};
 use super::called::{Called, Fitting, Ready};
 use super::plan::{Plan, Recording};
 use super::session::{Asserted, Demand, Session};
-use super::{Failure, Probe, Vacuous};
+use super::{Failure, Mismatch, Probe, Vacuous};
 use crate::domain::{Domain, Held, Source, Stream, Typed};
 use crate::path::{Adapter, Selector};
 use crate::probe::{BATCH, Inputs};
@@ -334,7 +334,8 @@ fn conclude(
         location: String::new(),
         seed,
     };
-    let (mut paths, mut read) = (Vec::new(), Vec::new());
+    let mut paths = Vec::new();
+    let mut read: Vec<_> = plan.probe.module_file().into_iter().collect();
     let result = (|| {
         settings.check(&function)?;
         plan.expect_reasons()?;
@@ -358,6 +359,9 @@ fn conclude(
         let mut open = |Other { probe, shapes, .. }: &Other<'_>| {
             let function = (probe.package, &*probe.name);
             let fitting = Fitting::find(function, inputs, shapes, "it is given")?;
+            if !probe.executors.is_empty() {
+                return Err(Mismatch::Executor.of(fitting.function()));
+            }
             // Where the sampler runs: what they return is compared with its samples.
             let called = fitting.on(&executors, &probe.fixtures, BATCH)?;
             read.extend(called.files(&probe.fixtures));
@@ -416,7 +420,8 @@ fn conclude(
             };
             let replayed = Replayed { case: worst.configuration, steps: &[], input: None };
             let label = &identity.check;
-            let replay = identity.replay(path, seed, &function, label, replayed);
+            let replay =
+                identity.replay(session.selectable(path), seed, &function, label, replayed);
             let check = format!("{}-{function}-{label}", identity.test);
             let place = (check, path.to_string());
             let worst = worst.reported(settings.support, place);

@@ -10,6 +10,7 @@ use super::shrink::Effort;
 use super::tally::{Judged, Shown, tally};
 use super::{CaseFailure, Failure, Plan, Simplest, Vacuous, parallel};
 use crate::domain::{Held, Numbering, Origin, Stream};
+use crate::path::Path;
 use crate::probe::{BATCH, CONSTANTS, Inputs};
 use crate::reflect::Function;
 use crate::run::{Descent, Identity, Memory, replay, with_inputs};
@@ -57,6 +58,8 @@ pub(super) struct Session<'a> {
     /// Where the arguments come from.
     pub(super) inputs: Inputs,
     pub(super) asserted: Asserted,
+    /// Whether it runs on executors that its author made.
+    own_executors: bool,
     /// Inputs on which the test has failed before; `None`: nothing is remembered.
     pub(super) memory: Option<Memory>,
 }
@@ -121,7 +124,9 @@ impl<'a> Session<'a> {
         if case.is_some() {
             replay::done();
         }
-        Ok(Self { called, stream, cases, case, identity, inputs, asserted, memory: None })
+        let own_executors = !plan.probe.executors.is_empty();
+        let memory = None;
+        Ok(Self { called, stream, cases, case, identity, inputs, asserted, own_executors, memory })
     }
 
     /// Tries what the test has failed on before, and remembers what it fails on.
@@ -132,6 +137,11 @@ impl<'a> Session<'a> {
     /// How many cases the check declares, whether or not a replay selects one.
     pub(super) fn count(&self) -> u64 {
         self.cases.count
+    }
+
+    /// A path that the environment can select: not that of an executor of one's own.
+    pub(super) fn selectable(&self, path: Path) -> Option<Path> {
+        (!self.own_executors).then_some(path)
     }
 
     /// How many cases run.

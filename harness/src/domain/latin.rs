@@ -78,7 +78,8 @@ macro_rules! latin {
                 (0..1 << $count).filter_map(|index| self.nth(index)).collect()
             }
             fn emptiness(&self) -> Option<Emptiness> {
-                None$(.or_else(|| Some(Domain::emptiness(&self.ranges.$index)?.in_part($index))))+
+                let none = (self.points == 0).then(|| Emptiness::of("design", "has no points"));
+                none$(.or_else(|| Some(Domain::emptiness(&self.ranges.$index)?.in_part($index))))+
             }
             fn size(&self) -> Option<u64> {
                 if Domain::is_empty(self) {

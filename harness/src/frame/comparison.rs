@@ -6,8 +6,8 @@ use crate::diagnostic::FileRead;
 use crate::golden::{
     COLOR, FrameDifference, FrameTolerance, GoldenError, Goldens, MASK, Rendered, VARIANCE,
 };
-use crate::image::Part;
-use crate::metric::Gate;
+use crate::image::{Image, Part};
+use crate::metric::{Gate, Mask};
 use crate::output::visible;
 use crate::path::{self, Adapter, Path};
 use crate::record::{PathRecord, Subject};
@@ -57,6 +57,8 @@ impl Frame<'_> {
             let Drawn { image, shader, read: files } = self.render_on(device)?;
             read.extend(files);
             read.extend(goldens.files(case, adapter));
+            read.extend(self.variance.as_ref().and_then(Image::origin).cloned());
+            read.extend(self.mask.as_ref().and_then(Mask::origin).cloned());
             let tolerance = self.tolerance_of(device.path(), adapter);
             let known_issue = self.known_issues.on(device.path(), adapter).map(str::to_owned);
             let frame = Rendered {

@@ -1,5 +1,6 @@
 //! Frames that wait to be accepted or rejected.
 
+use std::collections::BTreeSet;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -155,7 +156,7 @@ impl Goldens {
     pub fn pending(&self) -> PendingFrames {
         let mut found = PendingFrames::default();
         let mut files = Vec::new();
-        find(&self.folder(), &mut files, &mut found.unusable);
+        find(&self.folder(), &mut BTreeSet::new(), &mut files, &mut found.unusable);
         for path in files {
             match named(&path) {
                 Ok(pending) => found.frames.push(pending),
@@ -221,10 +222,19 @@ impl Goldens {
     }
 }
 
-/// Finds `*.new.exr` in a folder and the folders below it, sorted. Links to folders aren't followed,
-/// as they may lead in circles. Frames of overlaid shaders are nobody's to accept.
-fn find(folder: &Path, files: &mut Vec<PathBuf>, unusable: &mut Vec<Unusable>) {
-    let entries = match std::fs::read_dir(folder) {
+/// Finds `*.new.exr` in a folder and the folders below it, sorted. Each folder is entered once, however
+/// many links lead there. Frames of overlaid shaders are nobody's to accept.
+fn find(
+    folder: &Path,
+    entered: &mut BTreeSet<PathBuf>,
+    files: &mut Vec<PathBuf>,
+    unusable: &mut Vec<Unusable>,
+) {
+    let entries = folder.canonicalize().and_then(|place| {
+        let first = entered.insert(place);
+        first.then(|| std::fs::read_dir(folder)).transpose()
+    });
+    let entries = match entries {
         Ok(entries) => entries,
         Err(error) if error.kind() == ErrorKind::NotFound => return,
         Err(source) => {
@@ -232,16 +242,15 @@ fn find(folder: &Path, files: &mut Vec<PathBuf>, unusable: &mut Vec<Unusable>) {
             return unusable.push(Unusable { path: folder.to_owned(), reason });
         }
     };
-    let mut entries: Vec<_> = entries.flatten().collect();
+    let mut entries: Vec<_> = entries.into_iter().flatten().flatten().collect();
     entries.sort_by_key(std::fs::DirEntry::file_name);
     for entry in entries {
         let path = entry.path();
         // A folder of such a name is in the way, and is told of.
         if entry.file_name().to_string_lossy().ends_with(".new.exr") {
             files.push(path);
-        } else if entry.file_name() != OVERLAID && entry.file_type().is_ok_and(|kind| kind.is_dir())
-        {
-            find(&path, files, unusable);
+        } else if entry.file_name() != OVERLAID && path.is_dir() {
+            find(&path, entered, files, unusable);
         }
     }
 }

@@ -743,6 +743,22 @@ fn facts_that_cannot_be_used_are_errors() {
     project.check("vulkan", &ramp(), None, None).expect("another tool's");
 }
 
+/// A folder that is reached by a link is looked into, once.
+#[cfg(unix)]
+#[test]
+fn frames_behind_a_link_to_a_folder_are_found() {
+    let project = Project::new();
+    project.check("vulkan", &ramp(), None, None).expect_err("no golden");
+    let folder = project.folder.path();
+    let elsewhere = tempfile::tempdir().expect("a temporary folder");
+    std::fs::rename(folder.join("room"), elsewhere.path().join("room")).expect("moved");
+    std::os::unix::fs::symlink(elsewhere.path().join("room"), folder.join("room")).expect("a link");
+    std::os::unix::fs::symlink(folder, folder.join("circle")).expect("a link");
+    let PendingFrames { frames, unusable } = project.goldens.pending();
+    assert_eq!(frames.iter().map(|frame| &*frame.case).collect::<Vec<_>>(), ["room/ramp"]);
+    assert!(unusable.is_empty(), "{unusable:?}");
+}
+
 /// One bad file is in nobody's way.
 #[test]
 fn files_that_cannot_be_used_are_named_beside_the_others() {

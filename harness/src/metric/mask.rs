@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use crate::diagnostic::FileRead;
 use crate::image::Image;
 
 /// A rectangle of pixels.
@@ -100,6 +101,14 @@ impl Mask {
     #[must_use]
     pub fn wherever(compared: impl Fn(u32, u32) -> bool + Send + Sync + 'static) -> Self {
         Self(Kind::Where(Arc::new(compared)))
+    }
+
+    /// The file that it was painted in.
+    pub(crate) fn origin(&self) -> Option<&FileRead> {
+        match &self.0 {
+            Kind::Image(image) => image.origin(),
+            _ => None,
+        }
     }
 
     /// The mask of a frame of this size as an image: 1 where pixels are compared, else 0.

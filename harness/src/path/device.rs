@@ -71,7 +71,11 @@ impl Device {
         candidates.sort_by_key(|adapter| preference(adapter.get_info().device_type));
         let adapter = candidates.into_iter().next().ok_or_else(|| {
             unavailable(match (wanted, path.driver()) {
-                (_, Some(family)) => format!("no adapter of the family `{family}` found"),
+                (None, Some(family)) => format!("no adapter of the family `{family}` found"),
+                (Some(wanted), Some(family)) => format!(
+                    "no adapter of the family `{family}` has a name that contains `{wanted}` \
+                     (KARAT_ADAPTER)"
+                ),
                 (Some(wanted), None) => {
                     format!("no adapter's name contains `{wanted}` (KARAT_ADAPTER)")
                 }

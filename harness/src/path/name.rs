@@ -202,6 +202,13 @@ impl Parts {
         };
         match driver {
             Some(driver) if !is_family(driver) => Err(unknown_driver(name, driver)),
+            // Families of drivers that nobody here knows are as good, but a slip isn't.
+            Some(driver)
+                if !driver::families().any(|known| known == driver)
+                    && nearest(driver, driver::families()).is_some() =>
+            {
+                Err(unknown_driver(name, driver))
+            }
             driver => Ok(Self { api, via, driver: driver.map(intern) }),
         }
     }
@@ -269,10 +276,15 @@ mod tests {
             ("vulkan:", "execution path `vulkan:` has no route ``"),
             (
                 "gl@LLVMpipe",
-                "execution path `gl@LLVMpipe` names no family of drivers: `LLVMpipe` isn't small \
-                 letters and digits; did you mean `llvmpipe`?",
+                "execution path `gl@LLVMpipe` names no family of drivers: `LLVMpipe` isn't one; did \
+                 you mean `llvmpipe`?",
             ),
             ("gl@", "execution path `gl@` names no family of drivers: `` isn't"),
+            (
+                "vulkan@lavapipe",
+                "execution path `vulkan@lavapipe` names no family of drivers: `lavapipe` isn't one; \
+                 did you mean `llvmpipe`?",
+            ),
         ] {
             let error = name.parse::<Path>().expect_err(name).to_string();
             assert!(error.starts_with(message), "{error}");

@@ -398,7 +398,8 @@ impl<'d> Runner<'d> {
             let words: &[u32] = bytemuck::cast_slice(bytes);
             let expected = cases * self.stride_out;
             if words.len() != expected {
-                return Err(ProbeError::Length { expected, found: words.len() });
+                let (path, found) = (self.device.path(), words.len());
+                return Err(ProbeError::Length { path, expected, found });
             }
             let unwritten = || {
                 (0_u32..).zip(words.chunks_exact(self.stride_out)).filter(|(case, result)| {

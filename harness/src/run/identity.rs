@@ -110,15 +110,16 @@ impl Identity {
     /// The command that runs a check again, on one path and one case.
     pub(crate) fn replay(
         &self,
-        path: Path,
+        path: Option<Path>,
         seed: u64,
         function: &str,
         check: &str,
         replayed: Replayed<'_>,
     ) -> String {
         let Replayed { case, steps, input } = replayed;
+        let path = path.map_or_else(String::new, |path| format!("KARAT_PATHS={path} "));
         let mut environment =
-            format!("KARAT_PATHS={path} KARAT_SEED={seed:#x} KARAT_CASE={function}/{check}/{case}");
+            format!("{path}KARAT_SEED={seed:#x} KARAT_CASE={function}/{check}/{case}");
         if !steps.is_empty() {
             environment = format!("{environment}:{}", write_steps(steps));
         }

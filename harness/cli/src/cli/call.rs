@@ -61,19 +61,19 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 }
 
 fn paths(probed: &Probed, names: &[String]) -> anyhow::Result<Vec<Path>> {
-    if names.is_empty() || names.iter().any(|name| name == "all") {
-        let open: Vec<_> =
-            Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok()).collect();
-        ensure!(!open.is_empty(), "no execution path opens; `karat doctor` tells why");
-        // Unless they are asked for, paths without f16 are left out where it is needed.
-        let able = |path: &Path| {
-            !matches!(karat::probe::call(probed, *path, &[]), Err(ProbeError::F16 { .. }))
-        };
-        let able: Vec<_> = open.into_iter().filter(able).collect();
-        ensure!(!able.is_empty(), "`{}` needs f16, which no path has", probed.function().name);
-        return Ok(able);
+    let names = if names.is_empty() { "all".to_owned() } else { names.join(",") };
+    let paths = karat::path::named("--path", &names)?;
+    ensure!(!paths.is_empty(), "no execution path opens; `karat doctor` tells why");
+    if names.trim() != "all" {
+        return Ok(paths);
     }
-    names.iter().map(|name| Ok(name.parse()?)).collect()
+    // Unless they are asked for, paths without f16 are left out where it is needed.
+    let able = |path: &Path| {
+        !matches!(karat::probe::call(probed, *path, &[]), Err(ProbeError::F16 { .. }))
+    };
+    let able: Vec<_> = paths.into_iter().filter(able).collect();
+    ensure!(!able.is_empty(), "`{}` needs f16, which no path has", probed.function().name);
+    Ok(able)
 }
 
 fn single(probed: &Probed, paths: &[Path], arguments: &[String], out: &mut dyn Write) -> Outcome {

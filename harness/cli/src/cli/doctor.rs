@@ -4,7 +4,7 @@ use std::io::Write;
 
 use karat::Path;
 use karat::golden::Profile;
-use karat::path::Adapter;
+use karat::path::{Adapter, Api, Via};
 use karat::settings::{Variable, variables};
 use serde::Serialize;
 
@@ -30,7 +30,15 @@ struct Report {
     libraries: Vec<(&'static str, &'static str)>,
     system: String,
     paths: Vec<PathReport>,
+    /// The paths that checks run on.
+    selected: Vec<&'static str>,
+    /// Why they run on none.
+    unusable: Option<String>,
     settings: Vec<SettingReport>,
+}
+
+fn names(paths: &[Path]) -> Vec<&'static str> {
+    paths.iter().map(|path| path.name()).collect()
 }
 
 /// A variable of the environment.
@@ -46,6 +54,8 @@ struct PathReport {
     path: &'static str,
     /// What goldens of this path and driver alone are filed under.
     profile: Option<String>,
+    /// What its driver is called behind the `@` of a path.
+    family: Option<String>,
     adapter: Option<Adapter>,
     missing: Option<String>,
     remedy: Option<String>,
@@ -59,13 +69,21 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         .filter(|name| !name.is_empty())
         .map(str::parse)
         .collect::<Result<_, _>>()?;
-    // A required path is looked at even where the platform can't have it.
-    let paths = Path::ALL.into_iter().filter(|path| path.exists() || required.contains(path));
-    let paths: Vec<PathReport> = paths
+    // A required path is looked at even where the platform can't have it, and so is one of a driver.
+    let usual = Path::ALL.into_iter().filter(|path| path.exists() || required.contains(path));
+    let mut all: Vec<Path> = usual.collect();
+    for path in &required {
+        if !all.contains(path) {
+            all.push(*path);
+        }
+    }
+    let paths: Vec<PathReport> = all
+        .into_iter()
         .map(|path| match karat::path::adapter(path) {
             Ok(adapter) => PathReport {
                 path: path.name(),
                 profile: Some(Profile::of(&adapter).to_string()),
+                family: Some(adapter.family()),
                 adapter: Some(adapter),
                 missing: None,
                 remedy: None,
@@ -73,6 +91,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             Err(error) => PathReport {
                 path: path.name(),
                 profile: None,
+                family: None,
                 adapter: None,
                 missing: Some(error.to_string()),
                 remedy: Some(remedy(path).to_owned()),
@@ -82,12 +101,15 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let opens = |path: &Path| {
         paths.iter().any(|report| report.path == path.name() && report.adapter.is_some())
     };
-    let good = paths.iter().any(|report| report.adapter.is_some()) && required.iter().all(opens);
+    let selected = karat::path::selected();
+    let good = selected.is_ok() && required.iter().all(opens);
     let report = Report {
         karat: env!("CARGO_PKG_VERSION"),
         libraries: LIBRARIES.to_vec(),
         system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
         paths,
+        selected: selected.as_ref().map_or_else(|_| Vec::new(), |paths| names(paths)),
+        unusable: selected.err().map(|error| error.to_string()),
         settings: variables()
             .into_iter()
             .map(|Variable { name, value, about, .. }| SettingReport { name, value, about })
@@ -107,13 +129,15 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
         write!(out, ", {library} {version}")?;
     }
     writeln!(out, "\n")?;
-    for PathReport { path, profile, adapter, missing, remedy } in &report.paths {
+    for PathReport { path, profile, family, adapter, missing, remedy } in &report.paths {
         match adapter {
             Some(adapter) => {
                 let kind = if adapter.software { "software" } else { "hardware" };
                 writeln!(out, "{GOOD}{path:<8}{GOOD:#} {} ({kind})", adapter.name)?;
                 let profile = profile.as_deref().unwrap_or_default();
-                writeln!(out, "{DIM}         {}, profile {profile}{DIM:#}", adapter.driver)?;
+                let family = family.as_deref().unwrap_or_default();
+                let driver = &adapter.driver;
+                writeln!(out, "{DIM}         {driver}, family {family}, profile {profile}{DIM:#}")?;
             }
             None => {
                 let missing = missing.as_deref().unwrap_or_default();
@@ -121,6 +145,10 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
                 writeln!(out, "{BAD}{path:<8}{BAD:#} {missing}\n         {remedy}")?;
             }
         }
+    }
+    match &report.unusable {
+        Some(error) => writeln!(out, "\n{BAD}checks run on no path:{BAD:#} {error}")?,
+        None => writeln!(out, "\nchecks run on {}", report.selected.join(", "))?,
     }
     writeln!(out, "\n{HEAD}settings{HEAD:#}")?;
     for SettingReport { name, value, about } in &report.settings {
@@ -132,7 +160,11 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
 
 /// How to get a path on this platform.
 fn remedy(path: Path) -> &'static str {
-    match path {
+    if path.api() == Api::Cpu || path.via() != Via::Direct {
+        return "nothing provides it yet";
+    }
+    let usual = Path::ALL.into_iter().find(|usual| usual.api() == path.api());
+    match usual.unwrap_or(path) {
         Path::VULKAN if cfg!(target_os = "linux") => {
             "install your GPU's Vulkan driver, or Mesa's software one and the loader \
              (Debian: mesa-vulkan-drivers libvulkan1; Fedora: mesa-vulkan-drivers vulkan-loader; \

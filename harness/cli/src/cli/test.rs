@@ -80,6 +80,10 @@ fn run_cargo(
     folder: &Path,
     out: &mut dyn Write,
 ) -> anyhow::Result<bool> {
+    // A slip is told before minutes go into building.
+    for (option, names) in [("--paths", &args.paths), ("--require", &args.require)] {
+        names.as_deref().map_or(Ok(Vec::new()), |names| karat::path::named(option, names))?;
+    }
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(cargo);
     command.current_dir(project.root()).args(["test", "--no-fail-fast"]);
