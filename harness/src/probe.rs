@@ -12,7 +12,7 @@ mod rounds;
 mod runner;
 mod upload;
 
-pub use executor::{Call, Executor, Prepared, Started};
+pub use executor::{Call, Executor, Prepared, Reader, Started};
 pub use inputs::Inputs;
 pub(crate) use kernel::{CONSTANTS, Kernel};
 pub(crate) use runner::BATCH;
@@ -192,8 +192,10 @@ pub fn call(probed: &Probed, path: Path, cases: &[Vec<u32>]) -> Result<Vec<Vec<u
     let width = probed.function.result.lanes().len();
     let mut results = Vec::with_capacity(cases.len());
     for batch in cases.chunks(prepared.capacity()) {
-        let words = prepared.start(batch.len(), &batch.concat())?()?;
-        results.extend(words.chunks_exact(width).map(<[u32]>::to_vec));
+        let started = prepared.start(batch.len(), &batch.concat())?;
+        started(&mut |words, stride| {
+            results.extend(words.chunks_exact(stride).map(|case| case[..width].to_vec()));
+        })?;
     }
     Ok(results)
 }

@@ -109,33 +109,64 @@ pub(super) struct Running<'p> {
 }
 
 impl Running<'_> {
+    /// Waits for the results, and lends them to `read`.
+    pub(super) fn view<T>(self, mut read: impl FnMut(View<'_>) -> T) -> Result<T, Failure> {
+        let Self { started, calls, width, path } = self;
+        let mut value = None;
+        started(&mut |words, stride| {
+            let (expected, found) = (calls * stride.max(width), words.len());
+            value = Some(match found == expected && stride >= width {
+                true => Ok(read(View { words, stride, width })),
+                false => Err(ProbeError::Length { path, expected, found }),
+            });
+        })?;
+        let none = || Err(ProbeError::Length { path, expected: calls * width, found: 0 });
+        Ok(value.unwrap_or_else(none)?)
+    }
+
     /// Waits for the results of each executor.
     pub(super) fn read_all(running: Vec<Self>) -> Result<Vec<Results>, Failure> {
         running.into_iter().map(Self::read).collect()
     }
 
-    /// Waits for the results.
-    pub(super) fn read(self) -> Result<Results, Failure> {
-        let Self { started, calls, width, path } = self;
-        let words = started()?;
-        let (expected, found) = (calls * width, words.len());
-        if found != expected {
-            return Err(ProbeError::Length { path, expected, found }.into());
-        }
-        Ok(Results { words, stride: width })
+    /// Waits for the results, and keeps them.
+    fn read(self) -> Result<Results, Failure> {
+        self.view(|View { words, stride, width }| Results { words: words.to_vec(), stride, width })
+    }
+}
+
+/// The results of one batch on one executor, as long as they are lent.
+#[derive(Clone, Copy)]
+pub(super) struct View<'r> {
+    pub(super) words: &'r [u32],
+    /// Words from one case to the next.
+    pub(super) stride: usize,
+    /// Words of a result.
+    pub(super) width: usize,
+}
+
+impl<'r> View<'r> {
+    /// The words of one case.
+    pub(super) fn of(self, case: usize) -> &'r [u32] {
+        &self.words[case * self.stride..][..self.width]
     }
 }
 
 /// The results of one batch on one executor.
 pub(super) struct Results {
-    pub(super) words: Vec<u32>,
-    pub(super) stride: usize,
+    words: Vec<u32>,
+    stride: usize,
+    width: usize,
 }
 
 impl Results {
+    pub(super) fn view(&self) -> View<'_> {
+        View { words: &self.words, stride: self.stride, width: self.width }
+    }
+
     /// The words of one case.
     pub(super) fn of(&self, case: usize) -> &[u32] {
-        &self.words[case * self.stride..][..self.stride]
+        self.view().of(case)
     }
 }
 

@@ -36,8 +36,8 @@ impl Session<'_> {
         let function = self.called.function();
         let paths = self.called.ready.iter().zip(results).enumerate();
         let tally = paths.map(|(path, (ready, results))| {
-            let sum =
-                tally(batch.first, &results.words, results.stride, &|case, _| judge(path, case));
+            let view = results.view();
+            let sum = tally(batch.first, view.words, view.stride, &|case, _| judge(path, case));
             PathTally::new(ready, sum, |shown: Shown| {
                 let case = usize::try_from(shown.case - batch.first).expect("in this batch");
                 let Exhibit { lanes, varied, compared, actual, expected, judged } =

@@ -354,24 +354,26 @@ impl<'a> Session<'a> {
     ) -> Result<Vec<PathTally>, Failure> {
         let mut tallies = Vec::with_capacity(self.called.ready.len());
         for (path, (ready, running)) in self.called.ready.iter().zip(running).enumerate() {
-            let results = running.read()?;
-            let sum = tally(batch.first, &results.words, results.stride, &|case, result| {
-                judge(path, case, result)
-            });
-            tallies.push(PathTally::new(ready, sum, |shown: Shown| {
-                let case = usize::try_from(shown.case - batch.first).expect("in this batch");
-                let actual = results.of(case);
-                let (judged, expected) = (judge(path, case, actual), expect(path, case));
-                let function = self.called.function();
-                let arguments = arguments(function, batch.arguments(case));
-                let expected = expected.as_deref();
-                let remembered = shown.case >= self.count();
-                let case = shown.case;
-                CaseFailure {
-                    remembered,
-                    ..CaseFailure::new(function, case, arguments, actual, expected, &judged)
-                }
-            }));
+            let tally = running.view(|results| {
+                let sum = tally(batch.first, results.words, results.stride, &|case, result| {
+                    judge(path, case, &result[..results.width])
+                });
+                PathTally::new(ready, sum, |shown: Shown| {
+                    let case = usize::try_from(shown.case - batch.first).expect("in this batch");
+                    let actual = results.of(case);
+                    let (judged, expected) = (judge(path, case, actual), expect(path, case));
+                    let function = self.called.function();
+                    let arguments = arguments(function, batch.arguments(case));
+                    let expected = expected.as_deref();
+                    let remembered = shown.case >= self.count();
+                    let case = shown.case;
+                    CaseFailure {
+                        remembered,
+                        ..CaseFailure::new(function, case, arguments, actual, expected, &judged)
+                    }
+                })
+            })?;
+            tallies.push(tally);
         }
         Ok(tallies)
     }

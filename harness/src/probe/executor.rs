@@ -43,8 +43,8 @@ pub trait Prepared: Sync {
 
     /// Starts a batch of cases, each with the lanes of all its arguments, one 32-bit word a scalar.
     ///
-    /// What is returned waits for the results: the words of each case's result, in order. Each word
-    /// was written once, by its case; an executor that can't tell says so with an error.
+    /// What is returned waits for the results, and lends them to its reader, once. Each word was
+    /// written once, by its case; an executor that can't tell says so with an error.
     ///
     /// # Errors
     /// If the batch can't be started.
@@ -57,4 +57,8 @@ pub trait Prepared: Sync {
 }
 
 /// A batch that runs. Calling it waits for its results.
-pub type Started<'p> = Box<dyn FnOnce() -> Result<Vec<u32>, ProbeError> + 'p>;
+pub type Started<'p> = Box<dyn FnOnce(Reader<'_>) -> Result<(), ProbeError> + 'p>;
+
+/// What takes the results of a batch: the words of all cases, and how many there are from the first
+/// word of one case to that of the next. Words behind a case's result are the executor's own.
+pub type Reader<'r> = &'r mut dyn FnMut(&[u32], usize);

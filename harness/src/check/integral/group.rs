@@ -102,13 +102,14 @@ impl Group {
                 rows.extend_from_slice(self.cases[*case].nodes.row(*node, called.words));
             }
             for (path, running) in called.start(&rows, piece.len())?.into_iter().enumerate() {
-                let results = running.read()?;
-                for (call, (case, node)) in piece.iter().enumerate() {
-                    let Case { nodes, own, .. } = &self.cases[*case];
-                    let weight = nodes.weights[*node];
-                    let sums = if node < own { &mut sums } else { &mut controls };
-                    sums[path][*case].add(&scalars, *node, weight, results.of(call));
-                }
+                running.view(|results| {
+                    for (call, (case, node)) in piece.iter().enumerate() {
+                        let Case { nodes, own, .. } = &self.cases[*case];
+                        let weight = nodes.weights[*node];
+                        let sums = if node < own { &mut sums } else { &mut controls };
+                        sums[path][*case].add(&scalars, *node, weight, results.of(call));
+                    }
+                })?;
             }
         }
         let mut undecided = Vec::with_capacity(called.ready.len());

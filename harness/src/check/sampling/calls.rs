@@ -50,7 +50,9 @@ impl Calls<'_> {
         while first < calls {
             let count = (calls - first).min(self.ready.capacity());
             let batch = &lanes[first * per_call..(first + count) * per_call];
-            results.extend(self.ready.start(batch, count)?.read()?.words);
+            self.ready.start(batch, count)?.view(|read| {
+                (0..count).for_each(|call| results.extend_from_slice(read.of(call)));
+            })?;
             first += count;
         }
         Ok(results)
