@@ -23,7 +23,7 @@ pub enum Sampler {
 
 /// A value for a `var<uniform>`, or for a `var<storage>` that holds one value.
 #[derive(Clone, Debug)]
-pub struct Uniform(Values);
+pub struct Uniform(pub(crate) Values);
 
 impl Uniform {
     /// The value, laid out as the variable's type.
@@ -36,7 +36,7 @@ impl Uniform {
 
 /// Elements for a `var<storage>` array.
 #[derive(Clone, Debug)]
-pub struct Storage(Values);
+pub struct Storage(pub(crate) Values);
 
 impl Storage {
     /// The elements, laid out as the variable's type.
@@ -51,7 +51,7 @@ impl Storage {
 
 /// The lanes of a value, or of the elements of an array.
 #[derive(Clone, Debug)]
-struct Values {
+pub(crate) struct Values {
     /// The type of the value or element.
     shape: Shape,
     lanes: Vec<u32>,
@@ -255,31 +255,13 @@ pub(crate) fn resolve<'a>(
         .collect()
 }
 
-impl Uniform {
-    /// The bytes of the value in a variable.
-    pub(crate) fn bytes(
-        &self,
-        program: &Program,
-        binding: &Binding,
-    ) -> Result<Vec<u8>, FixtureError> {
-        self.0.bytes(program, binding)
-    }
-}
-
-impl Storage {
-    /// The bytes of the elements in a variable.
-    pub(crate) fn bytes(
-        &self,
-        program: &Program,
-        binding: &Binding,
-    ) -> Result<Vec<u8>, FixtureError> {
-        self.0.bytes(program, binding)
-    }
-}
-
 impl Values {
     /// Laid out as the variable's type, which they have to fit.
-    fn bytes(&self, program: &Program, binding: &Binding) -> Result<Vec<u8>, FixtureError> {
+    pub(crate) fn bytes(
+        &self,
+        program: &Program,
+        binding: &Binding,
+    ) -> Result<Vec<u8>, FixtureError> {
         let variable = || binding.path.clone();
         let wgsl = program.buffer_shape(binding.ty);
         if let Some(wgsl) = wgsl.filter(|wgsl| !self.fit(wgsl)) {

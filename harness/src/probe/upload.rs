@@ -1,6 +1,6 @@
 //! Fixtures on a device: textures, samplers and buffers.
 
-use crate::fixture::{CubeMap, Fixture, FixtureError, Level, Sampler, Texture};
+use crate::fixture::{CubeMap, Fixture, FixtureError, Level, Sampler, Storage, Texture, Uniform};
 use crate::path::Device;
 use crate::reflect::{Binding, BindingKind, Program};
 
@@ -29,8 +29,9 @@ pub(crate) fn upload(
     fixture: &Fixture,
 ) -> Result<Resource, FixtureError> {
     let resource = match fixture {
-        Fixture::Uniform(uniform) => buffer(device, binding, &uniform.bytes(program, binding)?)?,
-        Fixture::Storage(storage) => buffer(device, binding, &storage.bytes(program, binding)?)?,
+        Fixture::Uniform(Uniform(values)) | Fixture::Storage(Storage(values)) => {
+            buffer(device, binding, &values.bytes(program, binding)?)?
+        }
         Fixture::CubeMap(CubeMap { levels, .. }) => upload_texture(device, binding, levels, 6)?,
         Fixture::Texture(Texture { levels, .. }) => upload_texture(device, binding, levels, 1)?,
         Fixture::Sampler(sampler) => {
