@@ -56,10 +56,11 @@ pub use verdict::{Agreement, Failure};
 
 use crate::diagnostic::FileRead;
 use crate::domain::{Domain, Typed};
+use crate::executor::{self, Executor};
 use crate::fixture::{Fixture, Fixtures};
 use crate::package::Package;
-use crate::path::{self, PathError, Selector};
-use crate::probe::{Executor, Inputs};
+use crate::path::{PathError, Selector};
+use crate::probe::Inputs;
 use crate::tolerance::Tolerance;
 use crate::value::Arguments;
 
@@ -126,11 +127,7 @@ impl<'a> Probe<'a> {
 
     /// What runs the function. Never empty.
     fn executors(&self) -> Result<Vec<&'a dyn Executor>, PathError> {
-        if !self.executors.is_empty() {
-            path::expect_own(self.executors.iter().map(|executor| executor.path()))?;
-            return Ok(self.executors.clone());
-        }
-        Ok(path::devices()?.into_iter().map(|device| device as &dyn Executor).collect())
+        executor::or_selected(&self.executors)
     }
 
     /// Chooses the arguments: one domain for a function of one parameter, a tuple of domains for

@@ -1,64 +1,35 @@
-//! Frames: a scene drawn off-screen into linear float colour.
+//! Frames: a scene drawn off-screen into linear float colour, and what is expected of it.
 //!
 //! A frame is a list of draws over one module's resources: meshes with a vertex and a fragment
-//! function, and full-screen triangles. With a depth pre-pass, depth alone is drawn first and the
-//! colour pass tests for equality, so each fragment is shaded once.
+//! function, and full-screen triangles.
 
 mod comparison;
 mod expectation;
-mod mesh;
-mod renderer;
 
 use std::collections::BTreeMap;
 
 pub use expectation::FrameMean;
-pub use mesh::{Attribute, Mesh};
 
-use crate::diagnostic::Diagnostic;
-use crate::fixture::{Fixture, FixtureError, Fixtures};
+use crate::draw::{Blend, Draw, DrawError, Drawing, Mesh, Scene};
+use crate::executor::{self, Executor};
+use crate::fixture::Fixture;
 use crate::golden::{FrameMargin, FrameTolerance, GoldenError};
 use crate::image::Image;
 use crate::metric::{Mask, MaskError, Rect};
 use crate::package::Package;
 use crate::path::{self, Adapter, Path, PathError, Selected, Selector};
 use crate::record::Verdict;
-use crate::reflect::{ReflectError, Stage};
 use crate::run::{Concluded, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passed, Passes};
 use crate::settings::SettingsError;
 use crate::tolerance::LaneError;
-
-/// What becomes of a pixel that is drawn again.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Blend {
-    /// The new value stays.
-    #[default]
-    Replace,
-    /// Values add up. A fragment function that returns 1 counts how often a pixel is shaded.
-    Add,
-}
-
-#[derive(Clone, Debug)]
-pub(crate) struct Draw {
-    pub(crate) vertex: String,
-    pub(crate) fragment: String,
-    /// What the depth pre-pass runs; `None`: depth comes from the triangles alone.
-    pub(crate) depth_fragment: Option<String>,
-    /// `None`: one triangle that covers the frame, from `@builtin(vertex_index)`.
-    pub(crate) mesh: Option<(Mesh, u32)>,
-}
 
 /// A frame to be drawn.
 #[derive(Clone, Debug)]
 #[must_use = "a frame draws nothing until `.render(...)` or `.matches(...)`"]
 pub struct Frame<'a> {
-    package: &'a Package,
-    module: String,
-    width: u32,
-    height: u32,
-    fixtures: Fixtures,
-    draws: Vec<Draw>,
-    prepass: bool,
-    blend: Blend,
+    scene: Scene<'a>,
+    /// What draws it; none: what the environment selects.
+    executors: Vec<&'a dyn Executor>,
     /// `None`: the default for the golden and the adapter.
     tolerance: Option<FrameTolerance>,
     tolerance_on: Selected<FrameTolerance>,
@@ -84,34 +55,15 @@ pub struct FrameAgreement {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FrameError {
-    /// The shader is at fault.
+    /// Nothing could be drawn.
     #[error(transparent)]
-    Reflect(#[from] ReflectError),
-    /// Fixtures and variables don't match.
-    #[error(transparent)]
-    Fixture(#[from] FixtureError),
-    /// A path can't be used.
-    #[error(transparent)]
-    Path(#[from] PathError),
-    /// Loops go round more often than the driver lets them.
-    #[error("{0}")]
-    Rounds(Box<Diagnostic>),
+    Draw(#[from] DrawError),
     /// The environment has a setting that can't be used.
     #[error(transparent)]
     Settings(#[from] SettingsError),
     /// A check is to be replayed, and not here.
     #[error(transparent)]
     NotReplayed(#[from] NotReplayed),
-    /// No such entry point.
-    #[error("module `{module}` has no {stage} entry point `{name}`")]
-    EntryPoint {
-        /// The module.
-        module: String,
-        /// The stage that it should belong to.
-        stage: Stage,
-        /// What was asked for.
-        name: String,
-    },
     /// A bound that bounds nothing.
     #[error("the tolerance of the frame is {0}")]
     Tolerance(String),
@@ -155,21 +107,6 @@ pub enum FrameError {
     /// A path is declared to fail, and nobody says why.
     #[error("the frame is declared to fail on {0} without a reason: name the bug")]
     UnexplainedIssue(Selector),
-    /// A side of 0 pixels, or more than the device can draw.
-    #[error("the frame is {width} x {height}; path `{path}` draws 1 to {limit} pixels a side")]
-    Size {
-        /// Pixels across.
-        width: u32,
-        /// Pixels down.
-        height: u32,
-        /// The path.
-        path: Path,
-        /// Longest side.
-        limit: u32,
-    },
-    /// Nothing is drawn.
-    #[error("the frame draws nothing; add `.mesh(...)` or `.fullscreen(...)`")]
-    Empty,
     /// The golden differs, is missing or can't be used.
     #[error("on {adapter}\n{source}")]
     Golden {
@@ -183,6 +120,12 @@ pub enum FrameError {
 impl FrameError {
     fn passes(case: &str, Passes { path, reason }: Passes) -> Self {
         Self::UnexpectedPass { case: case.to_owned(), path, reason }
+    }
+}
+
+impl From<PathError> for FrameError {
+    fn from(error: PathError) -> Self {
+        Self::Draw(error.into())
     }
 }
 
@@ -233,7 +176,7 @@ impl<T: Passed> Concluded for Result<T, FrameError> {
 impl Package {
     /// Starts a frame of `width` x `height` pixels, drawn with entry points of `module`.
     pub fn frame(&self, module: &str, width: u32, height: u32) -> Frame<'_> {
-        Frame {
+        let scene = Scene {
             package: self,
             module: module.to_owned(),
             width,
@@ -242,6 +185,10 @@ impl Package {
             draws: Vec::new(),
             prepass: false,
             blend: Blend::Replace,
+        };
+        Frame {
+            scene,
+            executors: Vec::new(),
             tolerance: None,
             tolerance_on: Selected::default(),
             mask: None,
@@ -253,17 +200,17 @@ impl Package {
     }
 }
 
-impl Frame<'_> {
+impl<'a> Frame<'a> {
     /// Supplies a texture, sampler or buffer for the resource variable `name`.
     pub fn with(mut self, name: &str, fixture: impl Into<Fixture>) -> Self {
-        self.fixtures.push((name.to_owned(), fixture.into()));
+        self.scene.fixtures.push((name.to_owned(), fixture.into()));
         self
     }
 
     /// Draws `instances` copies of a mesh.
     pub fn mesh(mut self, vertex: &str, fragment: &str, mesh: Mesh, instances: u32) -> Self {
         let (vertex, fragment) = (vertex.to_owned(), fragment.to_owned());
-        self.draws.push(Draw {
+        self.scene.draws.push(Draw {
             vertex,
             fragment,
             depth_fragment: None,
@@ -276,13 +223,13 @@ impl Frame<'_> {
     /// `@builtin(vertex_index)`. At depth 1 it is seen where no mesh is.
     pub fn fullscreen(mut self, vertex: &str, fragment: &str) -> Self {
         let (vertex, fragment) = (vertex.to_owned(), fragment.to_owned());
-        self.draws.push(Draw { vertex, fragment, depth_fragment: None, mesh: None });
+        self.scene.draws.push(Draw { vertex, fragment, depth_fragment: None, mesh: None });
         self
     }
 
     /// Draws depth alone first, then colour where the depth is equal.
     pub fn depth_prepass(mut self) -> Self {
-        self.prepass = true;
+        self.scene.prepass = true;
         self
     }
 
@@ -292,7 +239,7 @@ impl Frame<'_> {
     /// # Panics
     /// If no mesh was added.
     pub fn depth_fragment(mut self, fragment: &str) -> Self {
-        let mesh = self.draws.iter_mut().rev().find(|draw| draw.mesh.is_some());
+        let mesh = self.scene.draws.iter_mut().rev().find(|draw| draw.mesh.is_some());
         mesh.expect("a mesh comes before its `.depth_fragment(...)`").depth_fragment =
             Some(fragment.to_owned());
         self
@@ -300,7 +247,7 @@ impl Frame<'_> {
 
     /// Sets what becomes of a pixel that is drawn again (default: the new value stays).
     pub fn blend(mut self, blend: Blend) -> Self {
-        self.blend = blend;
+        self.scene.blend = blend;
         self
     }
 
@@ -363,47 +310,38 @@ impl Frame<'_> {
         self
     }
 
+    /// Draws the frame on this executor, and on others that are added in the same way, and on no
+    /// path of the environment's, as [`Probe::on`](crate::check::Probe::on) has it.
+    pub fn on(mut self, executor: &'a dyn Executor) -> Self {
+        self.executors.push(executor);
+        self
+    }
+
     /// Draws the frame on one path.
     ///
     /// # Errors
     /// If the shader isn't valid, a fixture is missing, or the path doesn't open.
     pub fn render(&self, path: Path) -> Result<Image, FrameError> {
-        self.render_on(path::open(path)?).map(|drawn| drawn.image)
+        Ok(drawn(path::open(path)?, &self.scene.drawing()?)?)
     }
 
-    fn render_on(&self, device: &'static path::Device) -> Result<renderer::Drawn, FrameError> {
-        if self.draws.is_empty() {
-            return Err(FrameError::Empty);
-        }
-        let (width, height) = (self.width, self.height);
-        let limit = device.device.limits().max_texture_dimension_2d;
-        if width.min(height) == 0 || width.max(height) > limit {
-            return Err(FrameError::Size { width, height, path: device.path(), limit });
-        }
-        renderer::render(device, self)
+    /// What draws the frame. Never empty.
+    fn executors(&self) -> Result<Vec<&'a dyn Executor>, PathError> {
+        executor::or_selected(&self.executors)
     }
 }
 
-impl Frame<'_> {
-    pub(crate) fn package(&self) -> &Package {
-        self.package
+/// What an executor draws, as large as it should be.
+fn drawn(executor: &dyn Executor, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
+    let image = executor.draw(drawing)?;
+    let (expected, found) = (drawing.size(), (image.width(), image.height()));
+    if found == expected {
+        return Ok(image);
     }
-    pub(crate) fn module(&self) -> &str {
-        &self.module
-    }
-    pub(crate) fn size(&self) -> (u32, u32) {
-        (self.width, self.height)
-    }
-    pub(crate) fn fixtures(&self) -> &Fixtures {
-        &self.fixtures
-    }
-    pub(crate) fn draws(&self) -> &[Draw] {
-        &self.draws
-    }
-    pub(crate) fn has_prepass(&self) -> bool {
-        self.prepass
-    }
-    pub(crate) fn blending(&self) -> Blend {
-        self.blend
-    }
+    Err(DrawError::OtherSize { path: executor.path(), expected, found })
+}
+
+/// Its adapter, called as verdict and replay call it.
+fn adapter(executor: &dyn Executor) -> Adapter {
+    Adapter { path: executor.path().to_string(), ..executor.adapter() }
 }

@@ -29,6 +29,8 @@
 pub mod check;
 pub mod diagnostic;
 pub mod domain;
+pub mod draw;
+pub mod executor;
 pub mod fixture;
 pub mod frame;
 pub mod golden;

@@ -3,19 +3,19 @@
 //! The kernel is ordinary WGSL (`karat show` prints it). Results are poisoned before a dispatch
 //! and each invocation writes back a canary that only this dispatch knows, so a kernel that
 //! doesn't run, or runs on other data, is an error and never a verdict. What runs it is an
-//! [`Executor`].
+//! [`Executor`](crate::executor::Executor).
 
-mod executor;
 mod inputs;
 mod kernel;
+mod prepared;
 mod rounds;
 mod runner;
 mod upload;
 
-pub use executor::{Call, Executor, Prepared, Reader, Started};
 pub use inputs::Inputs;
 pub(crate) use kernel::{CONSTANTS, Kernel};
-pub(crate) use runner::BATCH;
+pub use prepared::{Call, Prepared, Reader, Started};
+pub(crate) use runner::{BATCH, Runner};
 pub(crate) use upload::{Resource, upload};
 
 use std::sync::Arc;
@@ -187,8 +187,8 @@ pub enum ProbeError {
 /// If the path doesn't open, a fixture is missing, or the kernel gives no results.
 pub fn call(probed: &Probed, path: Path, cases: &[Vec<u32>]) -> Result<Vec<Vec<u32>>, ProbeError> {
     let fixtures = Vec::new();
-    let call = Call { probed, fixtures: &fixtures, cases: cases.len().min(BATCH) };
-    let prepared = crate::path::open(path)?.prepare(&call)?;
+    let device = crate::path::open(path)?;
+    let prepared = Runner::new(device, probed, &fixtures, cases.len().min(BATCH))?;
     let width = probed.function.result.lanes().len();
     let mut results = Vec::with_capacity(cases.len());
     for batch in cases.chunks(prepared.capacity()) {

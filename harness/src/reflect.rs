@@ -5,6 +5,7 @@
 
 mod kept;
 mod layout;
+mod parsed;
 mod rounds;
 mod validation;
 
@@ -20,6 +21,7 @@ use naga::valid::{Capabilities, GlobalUse, ModuleInfo, ShaderStages, ValidationF
 use kept::Wanted;
 pub use layout::LayoutError;
 pub(crate) use layout::bytes_of;
+pub(crate) use parsed::parsed;
 pub(crate) use rounds::{COUNTERS, CountedLoop, Watched, count_rounds};
 pub(crate) use validation::validate;
 pub use validation::{Invalid, Validated};

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// The modules of the library from the bottom up: a module uses only those before it.
-const ORDER: [&str; 19] = [
+const ORDER: [&str; 21] = [
     "output",
     "diagnostic",
     "settings",
@@ -24,6 +24,8 @@ const ORDER: [&str; 19] = [
     "path",
     "fixture",
     "probe",
+    "draw",
+    "executor",
     "golden",
     "record",
     "run",
@@ -33,7 +35,7 @@ const ORDER: [&str; 19] = [
 
 /// Crates that only these modules may name.
 const OWNERS: [(&str, &[&str]); 8] = [
-    ("wgpu", &["path", "probe", "frame"]),
+    ("wgpu", &["path", "probe", "draw"]),
     ("naga", &["reflect"]),
     ("exr", &["image"]),
     ("png", &["image"]),

@@ -1,10 +1,13 @@
 //! A check on an executor of one's own: the seam between checks and what runs shaders.
 
-use karat::Path;
 use karat::check::Failure;
+use karat::draw::{DrawError, Drawing};
+use karat::executor::Executor;
+use karat::metric::Rect;
 use karat::path::Adapter;
 use karat::prelude::*;
-use karat::probe::{Call, Executor, Prepared, ProbeError, Started};
+use karat::probe::{Call, Prepared, ProbeError, Started};
+use karat::{Image, Path};
 
 const SHADER: &str = "fn twice(x: f32) -> f32 { return 2.0 * x; }";
 
@@ -29,6 +32,18 @@ impl Executor for Fake {
     fn adapter(&self) -> Adapter {
         let (path, name) = (Path::CPU.to_string(), "Fake 3000".to_owned());
         Adapter { path, name, driver: String::new(), software: true }
+    }
+
+    /// One colour: half of what it multiplies by.
+    fn draw(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
+        assert_eq!((drawing.module(), drawing.fixtures().len()), ("", 0));
+        let (width, height) = drawing.size();
+        let pixels = (width * height) as usize;
+        let gray = self.factor / 2.0;
+        match self.missing {
+            0 => Ok(Image::new(width, height, vec![[gray, gray, gray, 1.0]; pixels])),
+            _ => Ok(Image::new(1, 1, vec![[1.0; 4]])),
+        }
     }
 
     fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
@@ -119,4 +134,53 @@ fn a_density_has_no_executor_of_its_own() {
     let found = sampled.on(Support::Interval(0.0, 1.0)).try_follows(density, |(), x: f32| x);
     let error = found.expect_err("the executor would be passed over").to_string();
     assert!(error.contains("`twice` runs where the sampler runs"), "{error}");
+}
+
+const FRAME: &str = "\
+@vertex
+fn cover(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
+    return vec4f(f32(index & 1u) * 4.0 - 1.0, f32(index >> 1u) * 4.0 - 1.0, 1.0, 1.0);
+}
+@fragment
+fn white() -> @location(0) vec4f { return vec4f(1.0); }
+";
+
+/// An executor that calls functions only.
+#[derive(Debug)]
+struct Calls;
+
+impl Executor for Calls {
+    fn path(&self) -> Path {
+        Path::CPU
+    }
+
+    fn adapter(&self) -> Adapter {
+        RIGHT.adapter()
+    }
+
+    fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
+        RIGHT.prepare(call)
+    }
+}
+
+/// What it draws is judged as what a driver draws is.
+#[test]
+fn an_executor_draws_frames_or_says_that_it_does_not() {
+    let package = Package::from_source("s", FRAME);
+    let mean = |executor: &dyn Executor| {
+        let frame = package.frame("", 3, 2).fullscreen("cover", "white").on(executor);
+        let whole = Rect { left: 0, top: 0, width: 3, height: 2 };
+        frame.try_expect_mean(whole, [1.0; 3], Rel(1e-3)).map_err(|error| error.to_string())
+    };
+    let right = mean(&RIGHT).expect("it is white");
+    let paths: Vec<_> = right.paths.iter().map(|(adapter, _)| adapter.to_string()).collect();
+    assert_eq!(paths, ["cpu: Fake 3000"]);
+    let gray = mean(&Fake { factor: 1.0, ..RIGHT }).expect_err("it is gray");
+    assert!(gray.starts_with("on cpu: Fake 3000\nthe mean of"), "{gray}");
+    let small = mean(&Fake { missing: 1, ..RIGHT }).expect_err("it is small");
+    assert_eq!(small, "path `cpu` drew 1 x 1 pixels instead of 3 x 2");
+    let driver = mean(&Fake { path: Path::VULKAN, ..RIGHT }).expect_err("a driver's");
+    assert!(driver.contains("another executor is called `vulkan` already"), "{driver}");
+    let none = mean(&Calls).expect_err("it draws nothing");
+    assert_eq!(none, "path `cpu` draws no frames; it calls functions only");
 }

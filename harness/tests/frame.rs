@@ -1,7 +1,8 @@
 //! What frames are drawn from reaches the shader: vertex attributes, and mip levels of textures.
 
 use glam::{Vec2, Vec3, Vec4};
-use karat::frame::{FrameError, Mesh};
+use karat::draw::Mesh;
+use karat::frame::FrameError;
 use karat::golden::{FrameTolerance, GoldenError, Provenance};
 use karat::image::{ExrFile, Precision};
 use karat::metric::Rect;

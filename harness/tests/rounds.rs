@@ -1,5 +1,6 @@
 //! Loops that a driver leaves before they end are errors and no results.
 
+use karat::draw::DrawError;
 use karat::frame::FrameError;
 use karat::path::adapter;
 use karat::probe::{ProbeError, Probed, call};
@@ -132,7 +133,7 @@ fn loops_of_frames_are_watched() {
             assert_eq!(image.pixels()[36][0], expected, "on {path}");
             match render(path, 70_000) {
                 Ok(_) => assert!(!leaves(path), "on {path}"),
-                Err(FrameError::Rounds(diagnostic)) => {
+                Err(FrameError::Draw(DrawError::Rounds(diagnostic))) => {
                     let text = diagnostic.to_string();
                     assert!(text.contains("<frame>:4:5") && text.contains("65535"), "{text}");
                 }

@@ -5,7 +5,7 @@ use std::error::Error;
 
 use glam::Vec3;
 use karat::Frame;
-use karat::frame::Mesh;
+use karat::draw::Mesh;
 use karat::prelude::*;
 use shaders::camera::Camera;
 use shaders::maps::{self, MapSettings};

@@ -58,7 +58,7 @@ fn a_fixture_that_another_one_hides() {
             .frame("", 4, 4)
             .fullscreen("corners", "first")
             .fullscreen(vertex, "second")
-            .blend(karat::frame::Blend::Add)
+            .blend(karat::draw::Blend::Add)
             .with("near", Uniform::new(glam::Vec4::splat(0.25)))
             .with("far", Uniform::new(glam::Vec4::ONE))
     };

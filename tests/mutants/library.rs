@@ -76,7 +76,9 @@ impl Library {
         let folder = FilePath::new(env!("CARGO_BIN_EXE_planted")).parent().expect("in a folder");
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
         let mut command = Command::new(cargo);
-        command.args(["test", "--no-run", "--offline", "--package", "tests"]);
+        // Of the whole workspace, as this one is: for one package Cargo would choose other features
+        // of shared dependencies, and compile most of them once more.
+        command.args(["test", "--no-run", "--offline", "--workspace"]);
         command.args(["--message-format", "json-render-diagnostics"]);
         match folder.file_name().and_then(|name| name.to_str()) {
             Some("debug") | None => {}

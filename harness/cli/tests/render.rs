@@ -37,6 +37,13 @@ fn main() -> std::process::ExitCode {
 }
 "#;
 
+/// Features that the workspace has of common libraries, so that none is compiled once more.
+const SHARED: &str = "\
+    indexmap = \"2\"\n\
+    libc = { version = \"0.2\", features = [\"extra_traits\"] }\n\
+    serde_core = \"1\"\n\
+    serde_json = { version = \"1\", features = [\"unbounded_depth\"] }\n";
+
 const DECLARED: &str = "[workspace.metadata.karat]\ngallery = \"gallery\"\n";
 
 fn read(path: &FilePath) -> String {
@@ -55,14 +62,14 @@ impl Project {
         let gallery = karat.join("gallery");
         let repository = karat.parent().expect("it is in the workspace");
         let root = read(&repository.join("Cargo.toml"));
-        // With our profiles, our lock file and our folder of intermediate output, the libraries
-        // that Karat needs are those that were compiled for this test. Karat itself is compiled
-        // once more, without optimisation to save time: as `tests/stranger.rs` does.
+        // With our profiles, our lock file, our features and our folder of intermediate output,
+        // Karat alone is compiled once more, without optimisation to save time: as
+        // `tests/stranger.rs` does.
         let profiles = root.find("[profile.dev]").map(|at| &root[at..]).expect("it has profiles");
         let manifest = format!(
             "[package]\nname = \"pictures\"\nedition = \"2024\"\n\n[workspace]\n\n\
              [dependencies]\nkarat = {{ path = {karat:?} }}\n\
-             karat-gallery = {{ path = {gallery:?} }}\n\n\
+             karat-gallery = {{ path = {gallery:?} }}\n{SHARED}\n\
              [[bin]]\nname = \"gallery\"\npath = \"frames/main.rs\"\n\n\
              {profiles}\n[profile.dev.package.karat]\nopt-level = 0\n\n"
         );

@@ -2,10 +2,11 @@
 
 use super::{Failure, Mismatch, Vacuous};
 use crate::diagnostic::FileRead;
+use crate::executor::Executor;
 use crate::fixture::Fixtures;
 use crate::package::Package;
 use crate::path::{Adapter, Path};
-use crate::probe::{self, BATCH, Call, Executor, Inputs, Prepared, ProbeError, Probed, Started};
+use crate::probe::{self, BATCH, Call, Inputs, Prepared, ProbeError, Probed, Started};
 use crate::reflect::Function;
 use crate::tolerance::Tolerance;
 use crate::value::{Scalar, Shape};

@@ -1,15 +1,15 @@
 //! A frame against its golden: on each path, with what was declared of it, as a record.
 
-use super::renderer::Drawn;
 use super::{Frame, FrameAgreement, FrameError};
 use crate::diagnostic::FileRead;
+use crate::executor::Executor;
 use crate::golden::{
     COLOR, FrameDifference, FrameTolerance, GoldenError, Goldens, MASK, Rendered, VARIANCE,
 };
 use crate::image::{Image, Part};
 use crate::metric::{Gate, Mask};
 use crate::output::visible;
-use crate::path::{self, Adapter, Path};
+use crate::path::{Adapter, Path};
 use crate::record::{PathRecord, Subject};
 use crate::run::{Reporter, Seen, or_panic, replay};
 
@@ -52,24 +52,26 @@ impl Frame<'_> {
         if let Some((name, reason)) = self.unusable_aov() {
             return Err(FrameError::Aov(name.to_owned(), reason));
         }
-        for device in path::devices()? {
-            let adapter = device.adapter();
-            let Drawn { image, shader, read: files } = self.render_on(device)?;
-            read.extend(files);
-            read.extend(goldens.files(case, adapter));
-            read.extend(self.variance.as_ref().and_then(Image::origin).cloned());
-            read.extend(self.mask.as_ref().and_then(Mask::origin).cloned());
-            let tolerance = self.tolerance_of(device.path(), adapter);
-            let known_issue = self.known_issues.on(device.path(), adapter).map(str::to_owned);
+        let executors = self.executors()?;
+        let drawing = self.scene.drawing()?;
+        read.extend(drawing.read());
+        read.extend(self.variance.as_ref().and_then(Image::origin).cloned());
+        read.extend(self.mask.as_ref().and_then(Mask::origin).cloned());
+        for executor in executors {
+            let (adapter, path) = (super::adapter(executor), executor.path());
+            let image = super::drawn(executor, &drawing)?;
+            read.extend(goldens.files(case, &adapter));
+            let tolerance = self.tolerance_of(path, &adapter);
+            let known_issue = self.known_issues.on(path, &adapter).map(str::to_owned);
             let frame = Rendered {
                 image: &image,
-                adapter,
-                shader,
+                adapter: &adapter,
+                shader: drawing.shader(),
                 tolerance,
                 mask: self.mask.as_ref(),
                 variance: self.variance.as_ref(),
                 facts: &self.facts,
-                aovs: &|| self.aovs_on(device),
+                aovs: &|| self.aovs_on(executor),
                 known_issue: known_issue.is_some(),
             };
             let compared = goldens.check(case, &frame);
@@ -79,7 +81,7 @@ impl Frame<'_> {
             };
             let mut entry = PathRecord {
                 adapter: adapter.clone(),
-                cases: u64::from(self.width) * u64::from(self.height),
+                cases: u64::from(self.scene.width) * u64::from(self.scene.height),
                 failures: 0,
                 worst: String::new(),
                 ratio: None,
@@ -96,7 +98,7 @@ impl Frame<'_> {
                         None => margin.tolerance.clone(),
                     };
                     match entry.known_issue {
-                        Some(_) => known.push(seen(&entry, device.path())),
+                        Some(_) => known.push(seen(&entry, path)),
                         None => paths.push((adapter.clone(), margin)),
                     }
                     records.push(entry);
@@ -107,7 +109,7 @@ impl Frame<'_> {
                         && matches!(*difference, FrameDifference::Values(_)) =>
                 {
                     entry.failures = outliers(&difference);
-                    known.push(seen(&entry, device.path()));
+                    known.push(seen(&entry, path));
                     records.push(entry);
                 }
                 Err(source) => {
@@ -176,11 +178,10 @@ impl Frame<'_> {
     }
 
     /// What else is kept of the pixels. What can't be drawn is missed by no verdict.
-    fn aovs_on(&self, device: &'static path::Device) -> Vec<Part> {
-        let drawn = self.aovs.iter().filter_map(|(name, frame)| match frame.render_on(device) {
-            Ok(Drawn { image, .. }) => {
-                Some(Part::new(name, Gate::default().precision_for(&image, None), image))
-            }
+    fn aovs_on(&self, executor: &dyn Executor) -> Vec<Part> {
+        let draw = |frame: &Self| super::drawn(executor, &frame.scene.drawing()?);
+        let drawn = self.aovs.iter().filter_map(|(name, frame)| match draw(frame) {
+            Ok(image) => Some(Part::new(name, Gate::default().precision_for(&image, None), image)),
             Err(error) => {
                 eprintln!("note: the AOV `{name}` isn't kept: {}", visible(&error.to_string()));
                 None

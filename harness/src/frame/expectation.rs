@@ -1,11 +1,10 @@
 //! What a part of a frame should be on average, without a golden.
 
-use super::renderer::Drawn;
 use super::{Frame, FrameError};
 use crate::diagnostic::FileRead;
 use crate::image::Image;
 use crate::metric::{MaskError, Rect};
-use crate::path::{self, Adapter};
+use crate::path::Adapter;
 use crate::record::{PathRecord, Subject};
 use crate::run::{KnownIssue, Reporter, Seen, or_panic, replay};
 use crate::tolerance::{LaneError, Tolerance};
@@ -71,22 +70,24 @@ impl Frame<'_> {
         let name = format!("mean of {rect}");
         replay::begin_frame(&name)?;
         self.expect_reasons()?;
-        let (width, height) = (self.width, self.height);
+        let (width, height) = (self.scene.width, self.scene.height);
         if !rect.fits(width, height) {
             return Err(FrameError::Rectangle(MaskError::Outside { rect, width, height }));
         }
         let (mut paths, mut known) = (Vec::new(), Vec::new());
-        for device in path::devices()? {
-            let (adapter, path) = (device.adapter(), device.path());
-            let Drawn { image, read: files, .. } = self.render_on(device)?;
-            read.extend(files);
+        let executors = self.executors()?;
+        let drawing = self.scene.drawing()?;
+        read.extend(drawing.read());
+        for executor in executors {
+            let (adapter, path) = (super::adapter(executor), executor.path());
+            let image = super::drawn(executor, &drawing)?;
             let mean = mean(&image, rect);
             let lanes = (0..).zip(mean.iter().zip(expected));
             let measured = lanes.map(|(lane, (m, e))| tolerance.measure_sum(lane, *m, e));
             let worst = measured.fold(LaneError::ZERO, |worst, measure| {
                 if measure.ratio <= worst.ratio { worst } else { measure }
             });
-            let known_issue = self.known_issues.on(path, adapter).map(str::to_owned);
+            let known_issue = self.known_issues.on(path, &adapter).map(str::to_owned);
             let cases = u64::from(rect.width) * u64::from(rect.height);
             let failures = u64::from(!worst.passes());
             records.push(PathRecord {

@@ -9,7 +9,7 @@ use std::time::Duration;
 use parking_lot::{ReentrantMutex, ReentrantMutexGuard};
 
 use crate::diagnostic::{Diagnostic, Span};
-use crate::reflect::Ir;
+use crate::reflect::{self, Ir};
 
 use super::{Adapter, Api, Path, PathError, Via, driver, guard};
 use crate::settings;
@@ -203,8 +203,9 @@ impl Device {
         if let Some(pipeline) = lock().get(&key) {
             return Ok(Arc::clone(pipeline));
         }
-        let source = wgpu::ShaderSource::Wgsl(wgsl.into());
-        let pipeline = self.compile(source, entry_point)?;
+        let module = reflect::parsed(wgsl)
+            .map_err(|message| PathError::Driver { path: self.path, message })?;
+        let pipeline = self.pipeline_of_ir(Ir::clone(&module), entry_point)?;
         lock().insert(key, Arc::clone(&pipeline));
         Ok(pipeline)
     }
@@ -215,16 +216,9 @@ impl Device {
         module: Ir,
         entry_point: &str,
     ) -> Result<Arc<wgpu::ComputePipeline>, PathError> {
-        self.compile(wgpu::ShaderSource::Naga(Cow::Owned(module)), entry_point)
-    }
-
-    fn compile(
-        &self,
-        source: wgpu::ShaderSource<'_>,
-        entry_point: &str,
-    ) -> Result<Arc<wgpu::ComputePipeline>, PathError> {
+        let source = wgpu::ShaderSource::Naga(Cow::Owned(module));
         // Translators and drivers recurse as deep as the shader nests.
-        crate::reflect::on_deep_stack(|| {
+        reflect::on_deep_stack(|| {
             self.checked(|| {
                 let module = self
                     .device

@@ -82,7 +82,7 @@ impl<'d> Rounds<'d> {
         canary: u32,
         invocations: u32,
     ) -> Result<Vec<u32>, ProbeError> {
-        let dispatch = self.runner.start(cases, arguments, canary, invocations)?;
+        let dispatch = self.runner.dispatch_with(cases, arguments, canary, invocations)?;
         let stride = self.runner.stride_out();
         self.runner.read(dispatch, |words| {
             words.chunks_exact(stride).flat_map(|case| &case[..stride - 1]).copied().collect()

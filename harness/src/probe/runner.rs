@@ -1,6 +1,6 @@
 //! A kernel on a device: buffers, bind groups, dispatch and read-back.
 //!
-//! This is the GPU's executor. It keeps the contract that each word is written once, by its case, by
+//! A driver keeps the contract that each word is written once, by its case, by
 //! poison and canaries.
 
 use std::collections::BTreeMap;
@@ -8,11 +8,10 @@ use std::sync::Arc;
 
 use super::kernel::{ENTRY_POINT, Kernel, UNIFORM_WORDS, WORKGROUP};
 use super::rounds::{Rounds, VECTOR};
-use super::{Call, Executor, Prepared, Resource, Started, upload};
-use super::{Inputs, ProbeError, Probed};
+use super::{Inputs, Prepared, ProbeError, Probed, Resource, Started, upload};
 use crate::domain::Source;
 use crate::fixture::{self, Fixtures};
-use crate::path::{Adapter, Device, Path, Turn, guard};
+use crate::path::{Device, Turn, guard};
 
 /// Results are set to this before a dispatch: a quiet NaN that hardly a function returns. A result
 /// that still is this word is computed again over another one, [`OTHER_POISON`]: it is the
@@ -74,20 +73,6 @@ pub(crate) struct Dispatch {
     /// The kernel with the arguments as constants, if they are.
     constants: Option<Bound>,
     _deadline: crate::path::Guard,
-}
-
-impl Executor for Device {
-    fn path(&self) -> Path {
-        Self::path(self)
-    }
-
-    fn adapter(&self) -> Adapter {
-        Self::adapter(self).clone()
-    }
-
-    fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
-        Ok(Box::new(Runner::new(self, call.probed, call.fixtures, call.cases)?))
-    }
 }
 
 impl Prepared for Runner<'_> {
@@ -256,11 +241,11 @@ impl<'d> Runner<'d> {
             Some(rounds) => rounds.apart(cases, arguments, canary)?,
             None => false,
         };
-        self.start(cases, arguments, canary, if apart { VECTOR } else { 1 })
+        self.dispatch_with(cases, arguments, canary, if apart { VECTOR } else { 1 })
     }
 
     /// Starts a dispatch with so many invocations a case, of which the first one calls the function.
-    pub(super) fn start(
+    pub(super) fn dispatch_with(
         &self,
         cases: usize,
         arguments: &[u32],

@@ -10,6 +10,8 @@ use naga::{
     LocalVariable, Module, Scalar, Statement, Type, TypeInner,
 };
 
+use std::sync::Arc;
+
 use super::Program;
 use crate::diagnostic::Span;
 
@@ -61,8 +63,8 @@ pub(crate) struct CountedLoop {
 /// # Panics
 /// If the kernel doesn't parse: it is the verdict's but for the counters.
 pub(crate) fn count_rounds(program: &Program, text: &str) -> Counting {
-    let mut module = super::on_deep_stack(|| naga::front::wgsl::parse_str(text))
-        .expect("it is the verdict's kernel but for the counters");
+    let module = super::parsed(text).expect("it is the verdict's kernel but for the counters");
+    let mut module = Arc::unwrap_or_clone(module);
     let counters = global(&module, COUNTERS);
     let mut loops = Vec::new();
     for (_, function) in module.functions.iter() {

@@ -121,7 +121,7 @@ fn threads_take_turns_on_gl() {
                 sender.send(ran.is_ok()).expect("somebody listens");
             });
             let early = done.recv_timeout(Duration::from_millis(300));
-            let serial = device.path() == Path::GL;
+            let serial = device.path() == crate::path::Path::GL;
             assert!(!serial || early.is_err(), "it didn't wait for its turn");
             drop(turn);
             let late = early.or_else(|_| done.recv_timeout(Duration::from_secs(60)));

@@ -1,28 +1,7 @@
-//! The seam between checks and what runs shaders.
-
-use std::fmt::Debug;
+//! A function that is ready to be called.
 
 use super::{ProbeError, Probed};
 use crate::fixture::Fixtures;
-use crate::path::{Adapter, Path};
-
-/// Something that runs functions of WGSL: a driver, or whatever stands in for one.
-///
-/// Checks know executors by this trait alone. wgpu's drivers are those that the environment selects;
-/// [`Probe::on`](crate::check::Probe::on) takes any other one.
-pub trait Executor: Debug + Sync {
-    /// What it is called in verdicts, tolerances and replays.
-    fn path(&self) -> Path;
-
-    /// What it is, as records tell.
-    fn adapter(&self) -> Adapter;
-
-    /// Gets a function ready to be called.
-    ///
-    /// # Errors
-    /// If the function can't be called here, or a fixture isn't what it reads.
-    fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError>;
-}
 
 /// What an executor is to get ready.
 #[derive(Clone, Copy, Debug)]

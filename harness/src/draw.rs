@@ -1,0 +1,90 @@
+//! What a frame draws: meshes and full-screen triangles, with entry points of one module and the
+//! resources that they read.
+//!
+//! A [`Drawing`] is data, linked and validated, which an [`Executor`](crate::executor::Executor)
+//! draws. With a depth pre-pass, depth alone is drawn first and the colour pass tests for equality,
+//! so each fragment is shaded once.
+
+mod drawing;
+mod mesh;
+mod painter;
+mod pipeline;
+mod renderer;
+
+pub use drawing::Drawing;
+pub(crate) use drawing::{Draw, Scene};
+pub use mesh::{Attribute, Mesh};
+
+use crate::diagnostic::Diagnostic;
+use crate::fixture::FixtureError;
+use crate::path::{Path, PathError};
+use crate::reflect::{ReflectError, Stage};
+
+/// What becomes of a pixel that is drawn again.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Blend {
+    /// The new value stays.
+    #[default]
+    Replace,
+    /// Values add up. A fragment function that returns 1 counts how often a pixel is shaded.
+    Add,
+}
+
+/// Why nothing could be drawn.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DrawError {
+    /// The shader is at fault.
+    #[error(transparent)]
+    Reflect(#[from] ReflectError),
+    /// Fixtures and variables don't match.
+    #[error(transparent)]
+    Fixture(#[from] FixtureError),
+    /// A path can't be used.
+    #[error(transparent)]
+    Path(#[from] PathError),
+    /// Loops go round more often than the driver lets them.
+    #[error("{0}")]
+    Rounds(Box<Diagnostic>),
+    /// No such entry point.
+    #[error("module `{module}` has no {stage} entry point `{name}`")]
+    EntryPoint {
+        /// The module.
+        module: String,
+        /// The stage that it should belong to.
+        stage: Stage,
+        /// What was asked for.
+        name: String,
+    },
+    /// A side of 0 pixels, or more than the device can draw.
+    #[error("the frame is {width} x {height}; path `{path}` draws 1 to {limit} pixels a side")]
+    Size {
+        /// Pixels across.
+        width: u32,
+        /// Pixels down.
+        height: u32,
+        /// The path.
+        path: Path,
+        /// Longest side.
+        limit: u32,
+    },
+    /// Nothing is drawn.
+    #[error("the frame draws nothing; add `.mesh(...)` or `.fullscreen(...)`")]
+    Empty,
+    /// An executor that calls functions only.
+    #[error("path `{path}` draws no frames; it calls functions only")]
+    Unable {
+        /// The path.
+        path: Path,
+    },
+    /// An image of another size than was asked for.
+    #[error("path `{path}` drew {} x {} pixels instead of {} x {}", found.0, found.1, expected.0, expected.1)]
+    OtherSize {
+        /// The path.
+        path: Path,
+        /// Width and height that were asked for.
+        expected: (u32, u32),
+        /// Width and height of what came.
+        found: (u32, u32),
+    },
+}

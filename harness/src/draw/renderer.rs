@@ -1,0 +1,139 @@
+//! Draws a frame on a device and reads it back.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+
+use half::f16;
+
+use super::drawing::{Drawing, Scene};
+use super::painter::Painter;
+use super::{Blend, DrawError};
+use crate::fixture;
+use crate::image::Image;
+use crate::path::{Device, MOST_ROUNDS, guard};
+use crate::probe::{Resource, upload};
+use crate::reflect::{Program, Watched};
+
+/// Channels of a pixel: RGBA.
+const CHANNELS: u32 = 4;
+
+impl Device {
+    /// Draws a frame.
+    pub(crate) fn render(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
+        let Drawing { scene, program, bindings } = drawing;
+        let Scene { width, height, .. } = **scene;
+        let limit = self.device.limits().max_texture_dimension_2d;
+        if width.min(height) == 0 || width.max(height) > limit {
+            return Err(DrawError::Size { width, height, path: self.path(), limit });
+        }
+        let _turn = self.turn();
+        // By variable: draws may use one binding number for several.
+        let mut resources: BTreeMap<&str, Resource> = BTreeMap::new();
+        let all = bindings.iter().flat_map(|bindings| bindings.depth.iter().chain(&bindings.color));
+        let all: Vec<_> = all.cloned().collect();
+        for (binding, fixture) in fixture::resolve(&all, &scene.fixtures)? {
+            if let Entry::Vacant(entry) = resources.entry(&binding.path) {
+                entry.insert(upload(self, program, binding, fixture)?);
+            }
+        }
+
+        let (module, path) = (scene.module.clone(), self.path());
+        let _deadline = guard(move || {
+            format!("the {width} x {height} frame of module `{module}` on path {path}")
+        });
+        let unbounded = program.most_rounds().is_none_or(|rounds| rounds >= MOST_ROUNDS);
+        if unbounded && self.leaves_loops() {
+            watch_rounds(self, scene, program, &mut resources)?;
+        }
+        let format = color_format(self, scene.blend);
+        let painter = Painter { device: self, scene, program, format, resources: &resources };
+        let image = painter.draw(bindings)?;
+        let row = Row::new(format, width);
+        let pixels = self.read_back(&image, row.stride * u64::from(height), |bytes| {
+            let rows = bytes.chunks_exact(row.stride as usize);
+            rows.flat_map(|bytes| row.pixels(bytes)).collect()
+        })?;
+        Ok(Image::new(width, height, pixels))
+    }
+}
+
+/// Draws the frame with loops that count, where the driver would leave them without a word.
+fn watch_rounds(
+    device: &Device,
+    scene: &Scene<'_>,
+    program: &Program,
+    resources: &mut BTreeMap<&str, Resource>,
+) -> Result<(), DrawError> {
+    let binding = program.free_binding();
+    let limit = u32::try_from(MOST_ROUNDS).expect("it fits");
+    let Watched { program, loops } = program.watching_rounds(binding, limit);
+    let size = 4 * loops.len() as u64;
+    let buffer = |usage| {
+        device.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("rounds"),
+            size,
+            usage,
+            mapped_at_creation: false,
+        })
+    };
+    use wgpu::BufferUsages as Usage;
+    let counts = device.checked(|| buffer(Usage::STORAGE | Usage::COPY_SRC))?;
+    resources.insert(Watched::VARIABLE, Resource::Buffer(counts.clone()));
+    let format = color_format(device, scene.blend);
+    let painter = Painter { device, scene, program: &program, format, resources };
+    drop(painter.draw(&scene.bindings(&program)?)?);
+    let staging = device.checked(|| {
+        let staging = buffer(Usage::MAP_READ | Usage::COPY_DST);
+        let mut encoder = device.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(&counts, 0, &staging, 0, size);
+        device.queue.submit([encoder.finish()]);
+        staging
+    })?;
+    resources.remove(Watched::VARIABLE);
+    let counts: Vec<u32> = device.read_back(&staging, size, bytemuck::pod_collect_to_vec)?;
+    let most = loops.iter().zip(counts).max_by_key(|(_, count)| *count);
+    match most.filter(|(_, count)| *count > 0) {
+        None => Ok(()),
+        Some((place, count)) => {
+            let of = format!("the frame of module `{}`", scene.module);
+            Err(DrawError::Rounds(Box::new(device.left_loop(&of, count, place.as_ref()))))
+        }
+    }
+}
+
+/// The path's format of frames; where it can't be blended, half floats can everywhere.
+fn color_format(device: &Device, blend: Blend) -> wgpu::TextureFormat {
+    let blendable = device.device.features().contains(wgpu::Features::FLOAT32_BLENDABLE);
+    if blend == Blend::Replace || blendable {
+        device.color_format()
+    } else {
+        wgpu::TextureFormat::Rgba16Float
+    }
+}
+
+/// A row of pixels in a buffer that a texture is copied to.
+pub(super) struct Row {
+    width: usize,
+    half: bool,
+    /// Bytes from one row to the next.
+    pub(super) stride: u64,
+}
+
+impl Row {
+    pub(super) fn new(format: wgpu::TextureFormat, width: u32) -> Self {
+        let half = format == wgpu::TextureFormat::Rgba16Float;
+        let bytes = width * CHANNELS * if half { 2 } else { 4 };
+        let stride = u64::from(bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT));
+        Self { width: width as usize, half, stride }
+    }
+
+    fn pixels(&self, bytes: &[u8]) -> Vec<[f32; 4]> {
+        if self.half {
+            let pixels = &bytes[..self.width * 8];
+            let halves: Vec<[u16; 4]> = bytemuck::pod_collect_to_vec(pixels);
+            halves.into_iter().map(|p| p.map(|bits| f16::from_bits(bits).to_f32())).collect()
+        } else {
+            bytemuck::pod_collect_to_vec(&bytes[..self.width * 16])
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! Kernels that a process has parsed: each path compiles the same one.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use naga::Module;
+use naga::front::wgsl;
+
+/// Kernels that are kept: those that all threads compile at a time, for path after path.
+const MOST_KEPT: usize = 64;
+
+/// naga's IR of a kernel, which is parsed once for all paths; or what is wrong with it.
+pub(crate) fn parsed(text: &str) -> Result<Arc<Module>, String> {
+    static KEPT: Mutex<VecDeque<(blake3::Hash, Arc<Module>)>> = Mutex::new(VecDeque::new());
+    let lock = || KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+    let key = blake3::hash(text.as_bytes());
+    if let Some((_, module)) = lock().iter().find(|(known, _)| *known == key) {
+        return Ok(Arc::clone(module));
+    }
+    let module = super::on_deep_stack(|| wgsl::parse_str(text));
+    let module = Arc::new(module.map_err(|error| error.emit_to_string(text))?);
+    let mut kept = lock();
+    kept.truncate(MOST_KEPT - 1);
+    kept.push_front((key, Arc::clone(&module)));
+    Ok(module)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_text_is_parsed_once() {
+        let text = |value: usize| format!("const VALUE = {value};");
+        let first = parsed(&text(0)).expect("valid");
+        assert!(Arc::ptr_eq(&first, &parsed(&text(0)).expect("valid")));
+        assert_eq!(parsed(&text(1)).expect("valid").constants.len(), 1);
+        assert!(parsed("const VALUE = ;").expect_err("not WGSL").contains("const VALUE = ;"));
+    }
+}
