@@ -5,11 +5,17 @@
 //! test needs from the author's files into one WGSL text, byte for byte but for names, so each place
 //! in it is a line and column of the author's. [`Package::is_valid`] validates what no test needs.
 
+mod cargo;
 mod conditions;
+mod directives;
+mod error;
+mod feature;
 mod imports;
 mod lexer;
 mod library;
 mod link;
+mod linker;
+mod manifest;
 mod overlay;
 mod scope;
 mod splice;
@@ -19,15 +25,18 @@ use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+pub use error::PackageError;
+pub use feature::Feature;
 #[cfg(test)]
 pub(crate) use link::KERNEL_WORDS;
 pub(crate) use link::Linked;
 
+use cargo::Found;
 use library::{Library, ModulePath};
 use overlay::Overlay;
 use syntax::{DeclarationKind, Module};
 
-use crate::diagnostic::{Diagnostic, FileRead, Span, nearest, shown};
+use crate::diagnostic::{FileRead, Span, nearest, shown};
 
 /// A set of WGSL modules.
 ///
@@ -43,16 +52,32 @@ use crate::diagnostic::{Diagnostic, FileRead, Span, nearest, shown};
 pub struct Package {
     origin: Origin,
     dependencies: Vec<(Cow<'static, str>, Package)>,
-    features: Vec<(Cow<'static, str>, bool)>,
+    features: Vec<(Cow<'static, str>, Feature)>,
     /// Features of modules that are validated with them.
     validated_with: Vec<(String, Vec<String>)>,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Origin {
-    Folder { base: Cow<'static, str>, path: Cow<'static, str> },
-    File { path: PathBuf, name: String },
-    Memory { name: String, modules: Vec<(String, String)> },
+    Folder {
+        base: Cow<'static, str>,
+        path: Cow<'static, str>,
+    },
+    File {
+        path: PathBuf,
+        name: String,
+    },
+    Memory {
+        name: String,
+        modules: Vec<(String, String)>,
+    },
+    /// A crate that hasn't been looked for.
+    Crate {
+        base: Cow<'static, str>,
+        name: Cow<'static, str>,
+        root: Option<Cow<'static, str>>,
+    },
+    Found(Found),
 }
 
 /// A function of a package, as found in its file.
@@ -66,140 +91,73 @@ pub struct FunctionItem {
     pub entry_point: bool,
 }
 
-/// Declares a [`Package`] for a folder, relative to the manifest of the crate that calls it.
+/// Declares a [`Package`]: a folder, relative to the manifest of the crate that calls it, or the
+/// shaders of another crate.
 ///
-/// Usable in a `static`.
+/// ```no_run
+/// use karat::Package;
+///
+/// static OURS: Package = karat::package!("shaders");
+/// // A crate that the project builds, at the version that it builds.
+/// static PBR: Package = karat::package!(crate = "bevy_pbr");
+/// // Any crate at an exact version: cargo fetches it, and compiles nothing of it.
+/// static FIXED: Package = karat::package!(crate = "bevy_pbr@0.20.1");
+/// // One whose modules don't lie where karat finds them.
+/// static OTHER: Package = karat::package!(crate = "vello_shaders@0.11.0", root = "shader");
+/// ```
 #[macro_export]
 macro_rules! package {
+    (crate = $name:expr) => {
+        $crate::Package::of_crate(env!("CARGO_MANIFEST_DIR"), $name)
+    };
+    (crate = $name:expr, root = $root:expr) => {
+        $crate::Package::of_crate_in(env!("CARGO_MANIFEST_DIR"), $name, $root)
+    };
     ($folder:expr) => {
         $crate::Package::relative(env!("CARGO_MANIFEST_DIR"), $folder)
     };
-}
-
-/// What can be wrong with a package.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum PackageError {
-    /// The folder or file isn't there.
-    #[error(
-        "the shader folder `{0}` doesn't exist; `karat::package!` takes a path relative to Cargo.toml"
-    )]
-    Missing(String),
-    /// The folder has no module.
-    #[error("the shader folder `{0}` has no .wgsl or .wesl file")]
-    Empty(String),
-    /// A module can't be read.
-    #[error("can't read `{file}`: {source}")]
-    Unreadable {
-        /// The file.
-        file: String,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// A module isn't UTF-8.
-    #[error("`{file}` isn't UTF-8 text: line {line} has an invalid byte; save the file as UTF-8")]
-    NotUtf8 {
-        /// The file.
-        file: String,
-        /// First line that can't be decoded, from 1.
-        line: usize,
-    },
-    /// An import names a package that isn't a dependency.
-    #[error(
-        "package `{package}` has no dependency `{name}`{}; declare it with `depends_on`",
-        did_you_mean(nearest)
-    )]
-    UnknownPackage {
-        /// What was asked for.
-        name: String,
-        /// Where.
-        package: String,
-        /// The closest name there is.
-        nearest: Option<String>,
-    },
-    /// A path names a module that the package hasn't.
-    #[error("package `{package}` has no module `{module}`{}", did_you_mean(nearest))]
-    UnknownModule {
-        /// What was asked for.
-        module: String,
-        /// Where.
-        package: String,
-        /// The closest name there is.
-        nearest: Option<String>,
-    },
-    /// A path names a function that the package hasn't.
-    #[error(
-        "package `{package}` has no function `{path}` among its {count}{}",
-        did_you_mean(nearest)
-    )]
-    UnknownFunction {
-        /// What was asked for.
-        path: String,
-        /// Where.
-        package: String,
-        /// The closest name there is.
-        nearest: Option<String>,
-        /// How many functions it has.
-        count: usize,
-    },
-    /// A function is under a condition of WESL's that doesn't hold.
-    #[error(
-        "`{path}` of package `{package}` is declared under `{condition}`, which doesn't hold: set \
-         the feature with `.feature(..)`"
-    )]
-    Inactive {
-        /// What was asked for.
-        path: String,
-        /// Where.
-        package: String,
-        /// As the author wrote it.
-        condition: String,
-    },
-    /// A path that goes up from the root.
-    #[error("`super` leads above the root of package `{package}`")]
-    AboveRoot {
-        /// The package.
-        package: String,
-    },
-    /// Two modules, or two dependencies, have one name.
-    #[error("package `{package}` has two {what}: give one of them another name")]
-    Twice {
-        /// The package.
-        package: String,
-        /// What there are two of.
-        what: String,
-    },
-    /// A file that looks like a module and can't be one.
-    #[error("`{file}` can't be a module: {reason}")]
-    NoModule {
-        /// The file.
-        file: String,
-        /// Why.
-        reason: &'static str,
-    },
-    /// The folder that `KARAT_OVERLAY` names can't stand in for modules of the package.
-    #[error("the overlay `{folder}` (KARAT_OVERLAY) {reason}")]
-    Overlay {
-        /// The folder.
-        folder: String,
-        /// Why.
-        reason: String,
-    },
-    /// A syntax error, a failed import or an import cycle, shown in the author's file.
-    #[error("{0}")]
-    Shader(Box<Diagnostic>),
-}
-
-fn did_you_mean(nearest: &Option<String>) -> String {
-    nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?"))
 }
 
 impl Package {
     /// A folder relative to `base`. [`package!`](crate::package!) fills in the manifest's folder.
     #[must_use]
     pub const fn relative(base: &'static str, folder: &'static str) -> Self {
-        let origin = Origin::Folder { base: Cow::Borrowed(base), path: Cow::Borrowed(folder) };
+        Self::of_origin(Origin::Folder { base: Cow::Borrowed(base), path: Cow::Borrowed(folder) })
+    }
+
+    /// The shaders of a crate that the project in the folder `base` builds (`bevy_pbr`), or of any
+    /// crate at an exact version (`bevy_pbr@0.20.1`), which cargo fetches and doesn't compile.
+    /// [`package!`](crate::package!) fills in the manifest's folder.
+    ///
+    /// Modules are the files below the folder that the crate's metadata declares (`root` of
+    /// `package.metadata.karat`, of `package.metadata.wgsl-analyzer` or of `wesl.toml`), or else below
+    /// `src`, or else below the innermost folder that has all of the crate's shaders. They import from
+    /// the other crates of the same graph of dependencies by their names.
+    ///
+    /// The crate is looked for when the package is first used.
+    #[must_use]
+    pub const fn of_crate(base: &'static str, name: &'static str) -> Self {
+        let (base, name) = (Cow::Borrowed(base), Cow::Borrowed(name));
+        Self::of_origin(Origin::Crate { base, name, root: None })
+    }
+
+    /// [`of_crate`](Self::of_crate) with another folder of its modules, relative to the crate's own.
+    #[must_use]
+    pub const fn of_crate_in(base: &'static str, name: &'static str, root: &'static str) -> Self {
+        let (base, name) = (Cow::Borrowed(base), Cow::Borrowed(name));
+        Self::of_origin(Origin::Crate { base, name, root: Some(Cow::Borrowed(root)) })
+    }
+
+    const fn of_origin(origin: Origin) -> Self {
         Self { origin, dependencies: Vec::new(), features: Vec::new(), validated_with: Vec::new() }
+    }
+
+    /// [`of_crate`](Self::of_crate), looked for at once.
+    ///
+    /// # Errors
+    /// If there is no such crate, or it ships no shader.
+    pub fn open_crate(base: &Path, name: &str, root: Option<&str>) -> Result<Self, PackageError> {
+        Ok(Self::of_origin(Origin::Found(cargo::find(base, name, root)?)))
     }
 
     /// A folder of modules, or one file as a package of one module.
@@ -215,12 +173,7 @@ impl Package {
             let path = Cow::Owned(path.to_string_lossy().into_owned());
             Origin::Folder { base: Cow::Borrowed(""), path }
         };
-        let package = Self {
-            origin,
-            dependencies: Vec::new(),
-            features: Vec::new(),
-            validated_with: Vec::new(),
-        };
+        let package = Self::of_origin(origin);
         package.check_exists()?;
         Ok(package)
     }
@@ -236,8 +189,7 @@ impl Package {
         modules: impl IntoIterator<Item = (N, T)>,
     ) -> Self {
         let modules = modules.into_iter().map(|(n, t)| (n.into(), t.into())).collect();
-        let origin = Origin::Memory { name: name.to_owned(), modules };
-        Self { origin, dependencies: Vec::new(), features: Vec::new(), validated_with: Vec::new() }
+        Self::of_origin(Origin::Memory { name: name.to_owned(), modules })
     }
 
     /// Lets modules import from `package` under `name`: `import noise::value::perlin;`.
@@ -247,10 +199,12 @@ impl Package {
         self
     }
 
-    /// Sets a feature of WESL's conditional translation: `@if(name)`. Features not set are off.
+    /// Sets what conditions ask about, `@if(name)` or `#ifdef name`: on, off, or a number, which is on
+    /// and has a value. Features that aren't set are off. They hold in the packages that this one
+    /// imports from, too. A name that nothing in them asks about is an error of the check.
     #[must_use]
-    pub fn feature(mut self, name: &'static str, enabled: bool) -> Self {
-        self.features.push((Cow::Borrowed(name), enabled));
+    pub fn feature(mut self, name: &str, value: impl Into<Feature>) -> Self {
+        self.features.push((Cow::Owned(name.to_owned()), value.into()));
         self
     }
 
@@ -279,13 +233,14 @@ impl Package {
     pub(crate) fn for_validating(&self, module: &str) -> Self {
         let mut package = self.clone();
         for (_, features) in self.validated_with.iter().filter(|(name, _)| name == module) {
-            let on = features.iter().map(|feature| (Cow::Owned(feature.clone()), true));
+            let on = Feature::Flag(true);
+            let on = features.iter().map(|feature| (Cow::Owned(feature.clone()), on));
             package.features.extend(on);
         }
         package
     }
 
-    /// The name of the folder or file, or the one given to text in memory.
+    /// The name of the folder, file or crate, or the one given to text in memory.
     #[must_use]
     pub fn name(&self) -> String {
         match &self.origin {
@@ -295,25 +250,46 @@ impl Package {
                 root.file_name().unwrap_or_default().to_string_lossy().into_owned()
             }
             Origin::File { name, .. } | Origin::Memory { name, .. } => name.clone(),
+            Origin::Found(found) => found.library().to_owned(),
+            Origin::Crate { name, .. } => {
+                name.split('@').next().unwrap_or_default().replace('-', "_")
+            }
         }
     }
 
-    /// The folder or file; empty for text in memory.
+    /// The folder or file; empty for text in memory, and for a crate that isn't found.
     #[must_use]
     pub fn root(&self) -> PathBuf {
         match &self.origin {
             Origin::Folder { base, path } if path == "." => PathBuf::from(base.as_ref()),
             Origin::Folder { base, path } => Path::new(base.as_ref()).join(path.as_ref()),
             Origin::File { path, .. } => path.clone(),
+            Origin::Found(found) => found.root().to_owned(),
             Origin::Memory { .. } => PathBuf::new(),
+            Origin::Crate { .. } => self.found().map(|package| package.root()).unwrap_or_default(),
         }
+    }
+
+    /// The package with its crate, if it is one, where cargo has it.
+    fn found(&self) -> Result<Cow<'_, Self>, PackageError> {
+        let Origin::Crate { base, name, root } = &self.origin else {
+            return Ok(Cow::Borrowed(self));
+        };
+        let origin = Origin::Found(cargo::find(Path::new(&**base), name, root.as_deref())?);
+        Ok(Cow::Owned(Self { origin, ..self.clone() }))
+    }
+
+    /// Whether it is a crate's.
+    pub(crate) fn is_crate(&self) -> bool {
+        matches!(self.origin, Origin::Crate { .. } | Origin::Found(_))
     }
 
     fn check_exists(&self) -> Result<(), PackageError> {
         let there = match &self.origin {
-            Origin::Folder { .. } => self.root().is_dir(),
+            Origin::Folder { .. } | Origin::Found(_) => self.root().is_dir(),
             Origin::File { path, .. } => path.is_file(),
             Origin::Memory { .. } => true,
+            Origin::Crate { .. } => return self.found().map(drop),
         };
         if there { Ok(()) } else { Err(PackageError::Missing(shown(&self.root()))) }
     }
@@ -325,7 +301,8 @@ impl Package {
     pub fn modules(&self) -> Result<Vec<String>, PackageError> {
         self.check_exists()?;
         let mut modules = match &self.origin {
-            Origin::Folder { .. } => {
+            Origin::Crate { .. } => return self.found()?.modules(),
+            Origin::Folder { .. } | Origin::Found(_) => {
                 let mut found = Vec::new();
                 scan(&self.root(), "", &mut BTreeSet::new(), &mut found)?;
                 if found.is_empty() {

@@ -5,6 +5,11 @@
 //! infinite results have an infinite ratio under every tolerance, and only `ratio <= 1` passes, so
 //! no comparison with NaN can be mistaken for agreement.
 
+mod line;
+
+pub use line::ulp_distance;
+use line::{ordinal, spacing};
+
 use std::fmt;
 
 /// Units in the last place: the number of `f32` steps between the result and the reference.
@@ -362,49 +367,6 @@ impl Ulp {
     pub fn near_zero(self, magnitude: f64) -> Tolerance {
         Tolerance::from(self).near_zero(magnitude)
     }
-}
-
-/// The number of `f32` steps between two values: `None` if either is NaN.
-///
-/// `-0` and `+0` are the same point, and the line has no gap at zero or at a binade's end.
-///
-/// ```
-/// assert_eq!(karat::tolerance::ulp_distance(-0.0, 0.0), Some(0));
-/// assert_eq!(karat::tolerance::ulp_distance(-f32::from_bits(1), f32::from_bits(1)), Some(2));
-/// assert_eq!(karat::tolerance::ulp_distance(f32::MAX, f32::INFINITY), Some(1));
-/// assert_eq!(karat::tolerance::ulp_distance(f32::NAN, f32::NAN), None);
-/// ```
-#[must_use]
-pub fn ulp_distance(a: f32, b: f32) -> Option<u64> {
-    let ordered = |value: f32| {
-        let magnitude = i64::from(value.to_bits() & 0x7fff_ffff);
-        if value.is_sign_negative() { -magnitude } else { magnitude }
-    };
-    (!a.is_nan() && !b.is_nan()).then(|| ordered(a).abs_diff(ordered(b)))
-}
-
-/// The position of a real number on the ordered line of `f32`: the index of the `f32` at or below
-/// it (by magnitude) plus the fraction of the step to the next. Values beyond `f32::MAX` continue
-/// with the last spacing.
-fn ordinal(value: f64) -> f64 {
-    let magnitude = value.abs();
-    #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32, by design")]
-    let mut below = (magnitude as f32).min(f32::MAX);
-    if f64::from(below) > magnitude {
-        below = below.next_down();
-    }
-    let step = spacing(f64::from(below));
-    let index = f64::from(below.to_bits()) + (magnitude - f64::from(below)) / step;
-    if value < 0.0 { -index } else { index }
-}
-
-/// Distance from the `f32` at `magnitude` to the next larger one.
-fn spacing(magnitude: f64) -> f64 {
-    #[expect(clippy::cast_possible_truncation, reason = "the binade of the nearest f32 is meant")]
-    let value = (magnitude.abs() as f32).min(f32::MAX);
-    // The exponent field holds e + 127; a normal's step is 2^(e - 23), a denormal's 2^-149.
-    let exponent = (value.to_bits() >> 23).max(1);
-    f64::from(exponent.cast_signed() - 150).exp2()
 }
 
 #[cfg(test)]

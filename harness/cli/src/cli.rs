@@ -34,6 +34,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use karat::golden::AcceptError;
 use karat::image::ImageError;
 use karat::output::{Output, tell, trusted, visible, visible_json};
+use karat::package::Feature;
 
 /// The exit code of a command that did its work: whether all was well.
 type Outcome = anyhow::Result<Ending>;
@@ -192,6 +193,34 @@ struct PackageArgs {
     /// `shaders`]
     #[arg(long, value_name = "DIR")]
     package: Option<PathBuf>,
+    /// Shaders of a crate that the project builds (`bevy_pbr`), or of any at an exact version
+    /// (`bevy_pbr@0.20.1`), which cargo fetches and doesn't compile
+    #[arg(long = "crate", value_name = "NAME[@VERSION]", conflicts_with = "package")]
+    krate: Option<String>,
+    /// Folder of the crate's modules, if it isn't the one that karat finds
+    #[arg(long, value_name = "DIR", requires = "krate")]
+    root: Option<String>,
+    /// Feature of conditions (`@if(NAME)`, `#ifdef NAME`), or its value; may be repeated
+    #[arg(long = "feature", value_name = "NAME[=VALUE]", value_parser = feature)]
+    features: Vec<(String, Feature)>,
+}
+
+/// `NAME`, `NAME=false`, `NAME=3`.
+fn feature(text: &str) -> Result<(String, Feature), String> {
+    let (name, value) = text.split_once('=').unwrap_or((text, "true"));
+    let is_name = |c: char| c.is_alphanumeric() || c == '_';
+    if name.is_empty() || !name.chars().all(is_name) {
+        return Err("a feature has a name of letters, digits and `_`".to_owned());
+    }
+    let value =
+        match value {
+            "true" => Feature::Flag(true),
+            "false" => Feature::Flag(false),
+            number => Feature::Number(number.parse().map_err(|_| {
+                "a feature's value is a whole number, `true` or `false`".to_owned()
+            })?),
+        };
+    Ok((name.to_owned(), value))
 }
 
 /// Runs the command of the process's arguments.

@@ -9,12 +9,10 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::PackageError;
+use super::feature::{Features, is_on};
 use super::lexer::{Kind, Token};
 use super::syntax::{after_attribute, end_of, end_of_item, syntax_error};
 use crate::diagnostic::SourceFile;
-
-/// Which features are set; those that aren't named are off.
-pub(super) type Features = BTreeMap<String, bool>;
 
 /// Brackets in brackets of a condition: far more than anybody writes, and no danger to the stack.
 const MOST_BRACKETS: usize = 64;
@@ -293,7 +291,7 @@ impl Reader<'_> {
             match name {
                 "true" => true,
                 "false" => false,
-                _ => self.features.get(name).copied().unwrap_or(false),
+                _ => is_on(self.features, name),
             }
         } else {
             let message = format!("`{}` isn't a feature", self.text(*at));

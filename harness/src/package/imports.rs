@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 
 use super::PackageError;
-use super::library::{Library, ModulePath};
+use super::library::{CONSTANTS, Library, ModulePath};
 use super::syntax::{Module, syntax_error};
 use crate::diagnostic::{Diagnostic, Span, nearest};
 
@@ -42,7 +42,7 @@ pub(super) enum Target {
 }
 
 /// Follows each import of `root`, and of the modules that it reaches.
-pub(super) fn check(library: &Library<'_>, root: &ModulePath) -> Result<(), PackageError> {
+pub(super) fn check(library: &Library, root: &ModulePath) -> Result<(), PackageError> {
     let mut seen = BTreeSet::from([root.clone()]);
     let mut queue = vec![root.clone()];
     while let Some(path) = queue.pop() {
@@ -165,7 +165,7 @@ enum Problem {
 
 /// What an import of a module leads to, through those that import it again.
 pub(super) fn follow(
-    library: &Library<'_>,
+    library: &Library,
     path: &ModulePath,
     module: &Module,
     import: &Import,
@@ -195,7 +195,7 @@ pub(super) fn follow(
 
 /// `None` if a module declares a name itself, or else what its own import of that name leads to.
 fn declared_or_imported(
-    library: &Library<'_>,
+    library: &Library,
     path: &ModulePath,
     name: &str,
 ) -> Result<Option<Target>, Problem> {
@@ -216,11 +216,21 @@ fn declared_or_imported(
 }
 
 /// The module or the item that the words of a path name, seen from a module.
-fn locate(
-    library: &Library<'_>,
-    from: &ModulePath,
-    words: &[String],
-) -> Result<Target, PackageError> {
+fn locate(library: &Library, from: &ModulePath, words: &[String]) -> Result<Target, PackageError> {
+    // What modules call themselves has no order of packages.
+    if library.module(from)?.composes
+        && let Some((owner, count)) = library.composed(words)
+    {
+        return match &words[count..] {
+            [] => Ok(Target::Module(owner)),
+            [item] => Ok(Target::Item(owner, item.clone())),
+            _ => Err(PackageError::UnknownModule {
+                module: words[..words.len() - 1].join("::"),
+                package: library.name(owner.package),
+                nearest: None,
+            }),
+        };
+    }
     let supers = words.iter().take_while(|word| *word == "super").count();
     let (package, mut components, rest) = match words[0].as_str() {
         "package" => (from.package, Vec::new(), &words[1..]),
@@ -251,7 +261,7 @@ fn locate(
 
 /// What a path with colons in an expression leads to.
 pub(super) fn resolve_path(
-    library: &Library<'_>,
+    library: &Library,
     path: &ModulePath,
     module: &Module,
     imports: &[Import],
@@ -298,7 +308,7 @@ pub(super) fn resolve_path(
     }
 }
 
-fn failed(problem: Problem, span: Span, library: &Library<'_>, import: &Import) -> PackageError {
+fn failed(problem: Problem, span: Span, library: &Library, import: &Import) -> PackageError {
     let item = import.item();
     match problem {
         Problem::Module(error @ (PackageError::Shader(_) | PackageError::NotUtf8 { .. })) => error,
@@ -324,7 +334,11 @@ fn hinted(
     nearest: Option<String>,
     condition: Option<String>,
 ) -> PackageError {
+    let of_constants = diagnostic.message.contains(&format!("`{CONSTANTS}`"));
     let diagnostic = match (condition, nearest) {
+        (None, _) if of_constants => diagnostic.note(format!(
+            "it is a feature with a value: `.feature(\"{name}\", 3)`, or `--feature {name}=3`"
+        )),
         (Some(condition), _) => diagnostic
             .note(format!("`{name}` is declared under `{condition}`, which doesn't hold here")),
         (None, Some(name)) => diagnostic.note(format!("did you mean `{name}`?")),
@@ -334,7 +348,7 @@ fn hinted(
 }
 
 fn cycle(
-    library: &Library<'_>,
+    library: &Library,
     chain: &[(ModulePath, String)],
     last: &(ModulePath, String),
     span: Span,

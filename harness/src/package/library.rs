@@ -1,20 +1,26 @@
 //! The modules of a package and of what it depends on, read when first needed.
 
-use std::cell::RefCell;
+use std::cell::{OnceCell, RefCell};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 use blake3::Hash;
 
-use super::conditions::Features;
+use super::directives::{self, Include};
+use super::feature::{Feature, Features};
+use super::manifest::Manifest;
 use super::overlay::Overlay;
 use super::syntax::Module;
 use super::{Origin, Package, PackageError};
-use crate::diagnostic::{FileRead, SourceFile, nearest, shown};
+use crate::diagnostic::{Diagnostic, FileRead, SourceFile, Span, nearest, shown};
 
 /// File extensions of modules, in the order in which they are looked for.
 pub(super) const EXTENSIONS: [&str; 2] = ["wgsl", "wesl"];
+
+/// The package that Bevy makes of the values of its shader definitions.
+pub(super) const CONSTANTS: &str = "constants";
 
 /// Parsed modules that a process keeps: more than any package has, and a bound for long-lived ones.
 const MOST_KEPT: usize = 10_000;
@@ -36,18 +42,25 @@ impl ModulePath {
 
 /// The packages of one link and their modules, read when first needed. The package that is linked
 /// is the first; the others are reached from it.
-pub(super) struct Library<'a> {
-    packages: RefCell<Vec<(&'a Package, String)>>,
+pub(super) struct Library {
+    packages: RefCell<Vec<(Rc<Package>, String)>>,
     overlay: Overlay,
     modules: RefCell<BTreeMap<ModulePath, Arc<Module>>>,
+    /// Modules by the paths that they give themselves.
+    composed: OnceCell<BTreeMap<String, ModulePath>>,
 }
 
-impl<'a> Library<'a> {
-    pub(super) fn open(package: &'a Package) -> Result<Self, PackageError> {
+impl Library {
+    pub(super) fn open(package: &Package) -> Result<Self, PackageError> {
         package.expect_distinct()?;
-        let overlay = Overlay::of(package)?;
-        let packages = RefCell::new(vec![(package, String::new())]);
-        Ok(Self { packages, overlay, modules: RefCell::default() })
+        let package = package.found()?.into_owned();
+        let overlay = Overlay::of(&package)?;
+        Manifest::of(&package)?;
+        let packages = RefCell::new(vec![(Rc::new(package), String::new())]);
+        let (modules, composed) = Default::default();
+        let library = Self { packages, overlay, modules, composed };
+        library.expect_features()?;
+        Ok(library)
     }
 
     /// The text of a module.
@@ -86,15 +99,15 @@ impl<'a> Library<'a> {
             modules.iter().map(|(path, module)| (path.clone(), hash(&module.file))).collect();
         texts.insert(root.clone(), hash(file));
         let packages = self.packages.borrow();
-        let packages = packages.iter().map(|(package, _)| (*package).clone()).collect();
+        let packages = packages.iter().map(|(package, _)| Package::clone(package)).collect();
         let parsed = modules.values().map(|module| &*module.file);
         let files = parsed.chain([file]).filter_map(SourceFile::read);
         let files: BTreeSet<FileRead> = files.collect();
         Sources { packages, texts, files: files.into_iter().collect() }
     }
 
-    fn package(&self, index: usize) -> &'a Package {
-        self.packages.borrow()[index].0
+    fn package(&self, index: usize) -> Rc<Package> {
+        Rc::clone(&self.packages.borrow()[index].0)
     }
 
     pub(super) fn name(&self, package: usize) -> String {
@@ -117,12 +130,17 @@ impl<'a> Library<'a> {
     /// The package that `package` knows as `name`.
     pub(super) fn dependency(&self, package: usize, name: &str) -> Result<usize, PackageError> {
         let of = self.package(package);
-        let Some((_, found)) = of.dependencies.iter().find(|(known, _)| known == name) else {
-            let known = of.dependencies.iter().map(|(name, _)| name.as_ref());
+        let constants = || (name == CONSTANTS).then(|| self.constants());
+        let Some(found) = of.dependency(name)?.or_else(constants) else {
+            let own = of.dependencies.iter().map(|(name, _)| name.as_ref());
+            let crates = match &of.origin {
+                Origin::Found(found) => found.known().collect(),
+                _ => Vec::new(),
+            };
             return Err(PackageError::UnknownPackage {
                 name: name.to_owned(),
                 package: of.name(),
-                nearest: nearest(name, known).map(str::to_owned),
+                nearest: nearest(name, own.chain(crates)).map(str::to_owned),
             });
         };
         found.expect_distinct()?;
@@ -135,15 +153,172 @@ impl<'a> Library<'a> {
             return Ok(index);
         }
         let name = if route.is_empty() { name.to_owned() } else { format!("{route}/{name}") };
-        packages.push((found, name));
+        packages.push((Rc::new(found), name));
         Ok(packages.len() - 1)
+    }
+
+    /// The values of features, as Bevy's shaders import them.
+    fn constants(&self) -> Package {
+        let features = self.features(0);
+        let values = features.iter().filter_map(|(name, value)| match value {
+            Feature::Number(value) => Some(format!("const {name} = {value};\n")),
+            Feature::Flag(_) => None,
+        });
+        Package::from_modules(CONSTANTS, [("", values.collect::<String>())])
+    }
+
+    /// All packages that the one that is linked can reach.
+    fn all(&self) -> Vec<usize> {
+        let (mut all, mut at) = (vec![0], 0);
+        while let Some(package) = all.get(at).copied() {
+            let of = self.package(package);
+            let own = of.dependencies.iter().map(|(name, _)| name.to_string());
+            let crates = match &of.origin {
+                Origin::Found(found) => found.known().map(str::to_owned).collect(),
+                _ => Vec::new(),
+            };
+            // What can't be found is an error where it is imported.
+            let found = own.chain(crates).filter_map(|name| self.dependency(package, &name).ok());
+            let new: BTreeSet<usize> = found.filter(|index| !all.contains(index)).collect();
+            all.extend(new);
+            at += 1;
+        }
+        all
+    }
+
+    /// The module that calls itself by the first of these words, as many as there are, and how many.
+    pub(super) fn composed(&self, words: &[String]) -> Option<(ModulePath, usize)> {
+        let known = self.composed.get_or_init(|| {
+            let mut known = BTreeMap::new();
+            for package in self.all() {
+                for (path, components) in &*self.package(package).composed() {
+                    let module = ModulePath { package, components: components.clone() };
+                    known.entry(path.clone()).or_insert(module);
+                }
+            }
+            known
+        });
+        (1..=words.len())
+            .rev()
+            .find_map(|count| Some((known.get(&words[..count].join("::"))?.clone(), count)))
+    }
+
+    /// The modules that share a name space with this one, as it includes them, and they others.
+    pub(super) fn included(&self, root: &ModulePath) -> Result<Vec<ModulePath>, PackageError> {
+        let (mut found, mut queue) = (Vec::new(), vec![root.clone()]);
+        while let Some(path) = queue.pop() {
+            let module = self.module(&path)?;
+            for (include, range) in &module.includes {
+                let Some(included) = self.include(&path, include) else {
+                    let span = Span { file: Arc::clone(&module.file), range: range.clone() };
+                    let name = include.name();
+                    let known = self.package(path.package).modules().unwrap_or_default();
+                    let last = known.iter().filter_map(|module| module.rsplit("::").next());
+                    let diagnostic =
+                        Diagnostic::new(format!("there is no module `{name}` to include"));
+                    let diagnostic = diagnostic.at(span, "");
+                    let diagnostic = match nearest(name, last) {
+                        Some(near) => diagnostic.note(format!("did you mean `{near}`?")),
+                        None => diagnostic,
+                    };
+                    return Err(PackageError::Shader(Box::new(diagnostic)));
+                };
+                if included != *root && !found.contains(&included) {
+                    found.push(included.clone());
+                    queue.push(included);
+                }
+            }
+        }
+        Ok(found)
+    }
+
+    fn include(&self, from: &ModulePath, include: &Include) -> Option<ModulePath> {
+        let package = from.package;
+        match include {
+            Include::File(file) => {
+                let stem = EXTENSIONS.iter().find_map(|e| file.strip_suffix(&format!(".{e}")));
+                let folder = &from.components[..from.components.len().saturating_sub(1)];
+                // From the file, or from the root.
+                [folder, &[]].into_iter().find_map(|folder| {
+                    let mut components = folder.to_vec();
+                    for part in stem.unwrap_or(file).split('/') {
+                        match part {
+                            "" | "." => {}
+                            ".." => drop(components.pop()?),
+                            _ => components.push(part.to_owned()),
+                        }
+                    }
+                    let path = ModulePath { package, components };
+                    self.has(&path).then_some(path)
+                })
+            }
+            Include::Name(name) => {
+                let known = self.package(package).modules().unwrap_or_default();
+                let is_it = |module: &&String| module.rsplit("::").next() == Some(name);
+                let module = known.iter().find(is_it)?;
+                let components = module.split("::").map(str::to_owned).collect();
+                Some(ModulePath { package, components })
+            }
+        }
+    }
+
+    /// Whether something asks about each feature that is set.
+    fn expect_features(&self) -> Result<(), PackageError> {
+        static ASKED: Mutex<BTreeSet<(PathBuf, String)>> = Mutex::new(BTreeSet::new());
+        let package = self.package(0);
+        let lock = || ASKED.lock().unwrap_or_else(PoisonError::into_inner);
+        for name in self.features(0).keys() {
+            let key = (package.root(), name.clone());
+            if lock().contains(&key) {
+                continue;
+            }
+            let texts = |package: usize| -> Vec<String> {
+                let package = self.package(package);
+                let modules = package.modules().unwrap_or_default();
+                let load = |module: String| {
+                    let file = package.load(&ModulePath::root(&module).components, &self.overlay);
+                    Some(file.ok()?.text)
+                };
+                modules.into_iter().filter_map(load).collect()
+            };
+            if !self.all().into_iter().any(|of| texts(of).iter().any(|text| has_word(text, name))) {
+                let mut known = BTreeSet::new();
+                texts(0).iter().for_each(|text| known.extend(directives::asked(text)));
+                return Err(PackageError::UnknownFeature {
+                    feature: name.clone(),
+                    package: package.name(),
+                    nearest: nearest(name, known.iter().map(String::as_str)).map(str::to_owned),
+                    known: known.into_iter().collect::<Vec<_>>().join(", "),
+                });
+            }
+            // A text in memory has no place of its own.
+            if !key.0.as_os_str().is_empty() {
+                lock().insert(key);
+            }
+        }
+        Ok(())
     }
 
     /// The features that hold in a package: its own, then those of the one that is linked.
     fn features(&self, package: usize) -> Features {
-        let all = self.package(package).features.iter().chain(&self.package(0).features);
-        all.map(|(name, enabled)| (name.to_string(), *enabled)).collect()
+        let (own, linked) = (self.package(package), self.package(0));
+        // Read before; what is wrong with it was said then.
+        let declared = [&own, &linked].map(|of| Manifest::of(of).unwrap_or_default().features());
+        let set = own.features.iter().chain(&linked.features);
+        let set = set.map(|(name, value)| (name.to_string(), *value));
+        declared.into_iter().flatten().chain(set).collect()
     }
+}
+
+/// Paths that modules give themselves, each with its components in the package.
+type Composed = Vec<(String, Vec<String>)>;
+
+/// Whether a text has a word.
+fn has_word(text: &str, word: &str) -> bool {
+    let is_part = |c: char| c.is_alphanumeric() || c == '_';
+    text.match_indices(word).any(|(at, _)| {
+        !text[..at].ends_with(is_part) && !text[at + word.len()..].starts_with(is_part)
+    })
 }
 
 /// The texts that a link was made of.
@@ -198,10 +373,47 @@ pub(super) enum Place<'a> {
 }
 
 impl Package {
+    /// The package that this one knows by a name.
+    fn dependency(&self, name: &str) -> Result<Option<Self>, PackageError> {
+        if let Some((_, found)) = self.dependencies.iter().find(|(known, _)| known == name) {
+            return Ok(Some(found.found()?.into_owned()));
+        }
+        if let Origin::Found(own) = &self.origin
+            && let Some(found) = own.reach(name)
+        {
+            return Ok(Some(Self::of_origin(Origin::Found(found))));
+        }
+        Ok(None)
+    }
+
+    /// Paths that modules give themselves, each with its place in the package.
+    fn composed(&self) -> Arc<Composed> {
+        static KNOWN: LazyLock<Mutex<HashMap<PathBuf, Arc<Composed>>>> =
+            LazyLock::new(Mutex::default);
+        let lock = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+        // Files of a crate don't change.
+        let fixed = matches!(self.origin, Origin::Found(_)).then(|| self.root());
+        if let Some(known) = fixed.as_ref().and_then(|root| lock().get(root).cloned()) {
+            return known;
+        }
+        let mut found = Vec::new();
+        for module in self.modules().unwrap_or_default() {
+            let components = ModulePath::root(&module).components;
+            let Ok(file) = self.load(&components, &Overlay::default()) else { continue };
+            found.extend(directives::path(&file.text).map(|path| (path, components)));
+        }
+        let found = Arc::new(found);
+        if let Some(root) = fixed {
+            lock().insert(root, Arc::clone(&found));
+        }
+        found
+    }
+
     /// Finds a module by its path inside the package.
     pub(super) fn find(&self, components: &[String]) -> Option<Place<'_>> {
         match &self.origin {
-            Origin::Folder { .. } => {
+            Origin::Crate { .. } => None,
+            Origin::Folder { .. } | Origin::Found(_) => {
                 let mut stem = self.root();
                 stem.extend(components);
                 EXTENSIONS
@@ -228,7 +440,10 @@ impl Package {
                 let name = if name.is_empty() { self.name() } else { name.to_owned() };
                 Ok(SourceFile { name: format!("<{name}>"), text: text.to_owned() })
             }
-            Some(Place::File(path)) => read_utf8(&overlay.file(path)),
+            Some(Place::File(path)) => {
+                let path = overlay.file(path);
+                Manifest::of(self)?.expanded(&self.root(), &path, read_utf8(&path)?)
+            }
             None => {
                 self.check_exists()?;
                 let module = components.join("::");

@@ -31,7 +31,8 @@ struct Piece {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Edit {
     pub(super) from: Range<usize>,
-    /// The name that replaces a name; `None` where text is blanked.
+    /// The name that replaces a name, or the value that `#{NAME}` stands for; `None` where text is
+    /// blanked.
     pub(super) name: Option<String>,
 }
 
@@ -112,6 +113,14 @@ impl Spliced {
                 let author = author.ok_or_else(|| fault("an edit isn't in the file", here()))?;
                 let now = self.text.get(placed.clone()).unwrap_or_default();
                 let sound = match &edit.name {
+                    // `#{NAME}` of a value.
+                    Some(value) if author.starts_with("#{") => {
+                        now == value
+                            && author.ends_with('}')
+                            && value
+                                .bytes()
+                                .all(|byte| byte.is_ascii_alphanumeric() || byte == b'-')
+                    }
                     Some(name) => {
                         now == name
                             && is_name(name)

@@ -8,9 +8,12 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::PackageError;
-use super::conditions::{Conditions, Features, Inactive};
+use super::conditions::{Conditions, Inactive};
+use super::directives::{self, Directed, Include};
+use super::feature::Features;
 use super::lexer::{Kind, Token, lex};
 use super::scope::{Reference, references};
+use super::splice::Edit;
 use crate::diagnostic::{Diagnostic, SourceFile, Span};
 
 /// A declaration of a module.
@@ -41,8 +44,14 @@ pub(super) struct Module {
     pub(super) file: Arc<SourceFile>,
     /// The tokens that conditions leave.
     pub(super) tokens: Vec<Token>,
-    /// What conditions remove from the text, in order.
-    pub(super) removed: Vec<Range<usize>>,
+    /// What conditions and directives remove from the text, in order.
+    removed: Vec<Range<usize>>,
+    /// What values stand for, in order.
+    replaced: Vec<(Range<usize>, String)>,
+    /// Files that share a name space with this one, and where they are named.
+    pub(super) includes: Vec<(Include, Range<usize>)>,
+    /// Whether paths are those that modules give themselves.
+    pub(super) composes: bool,
     /// Tokens of each import statement, with attributes and `;`.
     pub(super) imports: Vec<Range<usize>>,
     /// Tokens of each directive: `enable`, `requires`, `diagnostic`.
@@ -60,7 +69,8 @@ pub(super) struct Module {
 impl Module {
     /// Reads a file under conditions.
     pub(super) fn parse(file: &Arc<SourceFile>, features: &Features) -> Result<Self, PackageError> {
-        let tokens = lex(&file.text);
+        let directed = directives::read(file, features)?;
+        let tokens = lex(directed.as_ref().map_or(&file.text, |directed| &directed.text));
         if let Some(token) = tokens.iter().find(|token| token.kind == Kind::Unknown) {
             let what = &file.text[token.range()];
             let message = if what.starts_with("/*") {
@@ -71,9 +81,17 @@ impl Module {
             return Err(syntax_error(file, token.range().start..token.range().start + 1, &message));
         }
         let brackets = partners(file, &tokens)?;
-        let Conditions { live, removed, inactive, .. } =
+        let Conditions { live, mut removed, mut inactive, .. } =
             Conditions::apply(file, &tokens, &brackets, features)?;
+        let directed = directed.unwrap_or_default();
+        let Directed { replaced, includes, composes, .. } = directed;
+        removed.extend(directed.removed);
+        removed.sort_by_key(|range| range.start);
+        inactive.extend(directed.inactive);
         let mut module = Self {
+            replaced,
+            includes,
+            composes,
             file: Arc::clone(file),
             tokens: live,
             removed,
@@ -95,6 +113,16 @@ impl Module {
         let declarations = module.declarations.iter();
         module.references = declarations.map(|d| references(&module, d)).collect();
         Ok(module)
+    }
+
+    /// What conditions and directives change among some bytes.
+    pub(super) fn changes(&self, from: &Range<usize>) -> impl Iterator<Item = Edit> {
+        let from = from.clone();
+        let inside = move |range: &Range<usize>| from.start <= range.start && range.end <= from.end;
+        let replaced = self.replaced.iter().map(|(range, text)| (range, Some(text.clone())));
+        let all = self.removed.iter().map(|range| (range, None)).chain(replaced);
+        all.filter(move |(range, _)| inside(range))
+            .map(|(range, name)| Edit { from: range.clone(), name })
     }
 
     pub(super) fn text(&self, token: usize) -> &str {
@@ -211,6 +239,10 @@ impl Module {
 /// Whether nothing in a text, well formed or not, asks the linker to change it.
 pub(super) fn asks_for_nothing(text: &str) -> bool {
     let tokens = lex(text);
+    let is_mark = |token: &Token| token.kind == Kind::Unknown && &text[token.range()] == "#";
+    if tokens.iter().any(is_mark) {
+        return false;
+    }
     let word = |index: usize| tokens.get(index).map_or("", |token| &text[token.range()]);
     !(0..tokens.len()).any(|index| {
         (tokens[index].is(b':') && word(index + 1) == ":")

@@ -72,6 +72,18 @@ impl Project {
 
     /// The shader packages: the one given, or the project's.
     pub(super) fn packages(&self, args: &PackageArgs) -> anyhow::Result<Vec<Package>> {
+        let packages = self.opened(args)?;
+        let with = |package: Package| {
+            let set = args.features.iter();
+            set.fold(package, |package, (name, value)| package.feature(name, *value))
+        };
+        Ok(packages.into_iter().map(with).collect())
+    }
+
+    fn opened(&self, args: &PackageArgs) -> anyhow::Result<Vec<Package>> {
+        if let Some(name) = &args.krate {
+            return Ok(vec![Package::open_crate(&self.root, name, args.root.as_deref())?]);
+        }
         let folders = match (&args.package, &self.settings.packages) {
             (Some(folder), _) => vec![folder.clone()],
             (None, Some(folders)) => folders.iter().map(|folder| self.root.join(folder)).collect(),
@@ -98,7 +110,8 @@ impl Project {
     /// [`packages`](Self::packages); none where nothing is declared and there is no `shaders`, as in
     /// a project whose tests hold their shaders.
     pub(super) fn packages_if_any(&self, args: &PackageArgs) -> anyhow::Result<Vec<Package>> {
-        let declared = args.package.is_some() || self.settings.packages.is_some();
+        let declared =
+            args.package.is_some() || args.krate.is_some() || self.settings.packages.is_some();
         if declared || self.root.join("shaders").exists() {
             self.packages(args)
         } else {

@@ -1,19 +1,19 @@
 //! Samples against the density that they should have, and what they estimate.
 
+mod masses;
 mod run;
 
-use super::{
-    Configuration, Fit, Functions, Hypothesis, Judgement, Other, Power, Sampled, SamplingCheck,
-};
-use super::{conclude, made};
+use super::conclude::{Functions, conclude};
+use super::judgement::Judgement;
+use super::{Configuration, Fit, Hypothesis, Other, Power, Sampled, SamplingCheck, made};
 use crate::check::Mismatch;
 use crate::check::plan::Recording;
 use crate::check::{Failure, Probe};
 use crate::domain::Domain;
 use crate::run::or_panic;
 use crate::value::{Arguments, Scalar, Shape, Shareable};
-pub(super) use run::Offence;
-use run::{Run, Stop};
+use masses::Stop;
+use run::Run;
 
 impl<D, U, A, F> SamplingCheck<'_, D, U, A, F>
 where

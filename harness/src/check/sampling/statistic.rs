@@ -1,11 +1,9 @@
 //! Numbers made of samples: their mean, and their distribution in one dimension.
 
 use super::calls::{STRIDE, draw};
-use super::conclude;
-use super::density::Offence;
-use super::{
-    Configuration, Finding, Fit, Functions, Hypothesis, Judgement, Sampled, SamplingCheck,
-};
+use super::conclude::{Functions, conclude};
+use super::judgement::{Judgement, Offence};
+use super::{Configuration, Finding, Fit, Hypothesis, Sampled, SamplingCheck};
 use crate::check::Failure;
 use crate::check::plan::Recording;
 use crate::domain::{Domain, Held};

@@ -3,7 +3,11 @@
 //! The header is read here and not by the `exr` crate, which reserves what a header announces
 //! before it has looked at the rest, and doesn't keep where the tables of chunks begin.
 
+mod bytes;
+
 use exr::prelude::Compression;
+
+pub(super) use bytes::Bytes;
 
 use crate::image::file::{self, LARGEST_DECODED, LARGEST_RATIO, LONGEST_SIDE};
 
@@ -339,54 +343,6 @@ impl Tiles {
                 columns * (0..=last(height)).map(down).sum::<u64>()
             }
         }
-    }
-}
-
-/// What is left to read.
-pub(super) struct Bytes<'a> {
-    pub(super) rest: &'a [u8],
-}
-
-impl<'a> Bytes<'a> {
-    pub(super) fn take(&mut self, count: usize) -> Result<&'a [u8], String> {
-        let (taken, rest) =
-            self.rest.split_at_checked(count).ok_or("it ends in the middle of its header")?;
-        self.rest = rest;
-        Ok(taken)
-    }
-
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], String> {
-        Ok(self.take(N)?.try_into().expect("as many as were taken"))
-    }
-
-    fn u8(&mut self) -> Result<u8, String> {
-        Ok(self.array::<1>()?[0])
-    }
-
-    fn u32(&mut self) -> Result<u32, String> {
-        Ok(u32::from_le_bytes(self.array()?))
-    }
-
-    pub(super) fn i32(&mut self) -> Result<i32, String> {
-        Ok(i32::from_le_bytes(self.array()?))
-    }
-
-    /// Whether a list ends here. The zero that says so is taken.
-    fn ends(&mut self) -> Result<bool, String> {
-        let ends = self.rest.first() == Some(&0);
-        if ends || self.rest.is_empty() {
-            self.take(1)?;
-        }
-        Ok(ends)
-    }
-
-    /// A name and the zero behind it.
-    fn name(&mut self) -> Result<&'a [u8], String> {
-        // The format allows 255 bytes.
-        let end = self.rest.iter().take(256).position(|byte| *byte == 0);
-        let name = self.take(end.ok_or("it has a name that doesn't end")?)?;
-        self.take(1)?;
-        Ok(name)
     }
 }
 

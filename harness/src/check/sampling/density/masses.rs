@@ -1,0 +1,197 @@
+//! The cells of a configuration, and the integrals of densities over them.
+
+use super::run::Run;
+use crate::check::Failure;
+use crate::check::sampling::judgement::Offence;
+use crate::check::sampling::{Finding, Settings};
+use crate::stats::{CellIntegral, Cells, CubatureError, NoVerdict, Place, integrate};
+
+/// Samples that lay the cells; thirty for each of 512.
+const PILOT: usize = 16_384;
+
+/// The pilot's random numbers are none of the judged samples'.
+const PILOT_SEED: u64 = 0x5bf0_3635_dcf8_e1a7;
+
+/// Samples that a cell should get at least, by their number; there are 512 cells at most.
+const PER_CELL: u64 = 64;
+
+/// Fewer samples make fewer cells than a density can be told from another by.
+const FEWEST: u64 = 1024;
+
+/// Error of a cell's integral over the deviation of its count. All cells together shift
+/// chi-square by at most a thousandth of its degrees of freedom.
+const QUADRATURE: f64 = 0.03;
+
+/// Error of a cell's integral of what is estimated; of 512 cells together 2e-5. Of large values,
+/// the relative error: a tenth of what their rounding may be.
+const ESTIMATE: f64 = 1e-6;
+const ESTIMATE_RELATIVE: f64 = 0.1 * ROUNDING;
+
+/// Rounding of what is estimated, relative: a few hundred ulp of eval and pdf.
+pub(super) const ROUNDING: f64 = 1e-4;
+
+/// The density's integrals.
+pub(super) struct Masses {
+    pub(super) cells: Cells,
+    pub(super) mass: Vec<f64>,
+    pub(super) total: f64,
+    pub(super) error: f64,
+}
+
+impl Run<'_> {
+    /// The cells, laid by samples that are not judged.
+    pub(super) fn cells(&self) -> Result<Cells, Stop> {
+        let settings = self.settings();
+        if settings.samples < FEWEST {
+            let (found, needed) = (settings.samples, FEWEST);
+            return Err(self.evidence(NoVerdict::TooFew { found, needed }).into());
+        }
+        let sampler = self.calls();
+        let lanes = self.draw(self.configuration.seed ^ PILOT_SEED, 0, PILOT);
+        let results = sampler.call(&lanes, PILOT)?;
+        let located = results.chunks_exact(sampler.words()).filter_map(|result| {
+            match settings.support.locate(point(result)) {
+                Place::Inside(at) => Some(at),
+                Place::Outside | Place::NotUnit => None,
+            }
+        });
+        let (rows, columns) = settings.grid();
+        Ok(Cells::new(settings.support, &located.collect::<Vec<_>>(), rows, columns))
+    }
+
+    /// Integrates a density over the cells.
+    pub(super) fn masses(&self, cells: Cells, which: usize) -> Result<Masses, Stop> {
+        let settings = self.settings();
+        let samples = settings.samples as f64;
+        // Of an expected count of 0.1 nothing need be known. All cells together are also known four
+        // times better than their sum is judged, however few the samples.
+        let per_root = (QUADRATURE / samples.sqrt()).min(settings.mass.max(1e-6) / 4.0);
+        let tolerance = |mass: &[f64]| per_root * mass[0].max(0.1 / samples).sqrt();
+        let evaluate = |points: &[[f64; 3]]| self.evaluate(which, points);
+        let integrals = integrate(settings.support, &cells, 1, tolerance, evaluate);
+        let integrals = integrals.map_err(|error| self.stop(which, error))?;
+        let mass: Vec<f64> = integrals.iter().map(|cell| cell.value[0]).collect();
+        let error = integrals.iter().map(|cell| cell.error * cell.error).sum::<f64>().sqrt();
+        let total = mass.iter().sum();
+        if !(total > 0.0) {
+            let bound = settings.mass;
+            return Err(Stop::Finding(Finding::Mass { integral: total, bound }));
+        }
+        Ok(Masses { cells, mass, total, error })
+    }
+
+    /// Integrates eval cos over the support.
+    pub(super) fn estimate(&self, cells: &Cells) -> Result<CellIntegral, Stop> {
+        let components = self.other(1).words();
+        let support = self.settings().support;
+        let integrals = integrate(
+            support,
+            cells,
+            components,
+            |known| known.iter().fold(ESTIMATE, |most, v| most.max(ESTIMATE_RELATIVE * v.abs())),
+            |points| {
+                let mut values = self.evaluate(1, points)?;
+                for (values, point) in values.chunks_exact_mut(components).zip(points) {
+                    values.iter_mut().for_each(|value| *value *= point[2].abs());
+                }
+                Ok(values)
+            },
+        );
+        let integrals = integrals.map_err(|error| self.stop(1, error))?;
+        let mut sum = CellIntegral { value: vec![0.0; components], error: 0.0 };
+        for integral in integrals {
+            sum.error = sum.error.hypot(integral.error);
+            for (sum, value) in sum.value.iter_mut().zip(integral.value) {
+                *sum += value;
+            }
+        }
+        Ok(sum)
+    }
+
+    pub(super) fn stop(&self, which: usize, error: CubatureError<Stop>) -> Stop {
+        match error {
+            CubatureError::Evaluation(stop) => stop,
+            diverges @ CubatureError::Diverges { .. } => {
+                let function = &self.functions.others[which].function().name;
+                let reason = match diverges {
+                    CubatureError::Diverges { nodes } => {
+                        format!(
+                            "of `{function}` two quadrature rules disagree after {nodes} nodes: it \
+                             jumps along too many edges, or its results are noisy"
+                        )
+                    }
+                    CubatureError::Evaluation(_) => String::new(),
+                };
+                Stop::Failure(self.evidence(reason))
+            }
+        }
+    }
+
+    /// What a function returns at points, which has to be finite and not negative.
+    pub(super) fn evaluate(&self, which: usize, points: &[[f64; 3]]) -> Result<Vec<f64>, Stop> {
+        let (calls, components) = (self.other(which), self.settings().support.components());
+        let mut flat = Vec::with_capacity(points.len() * components);
+        for point in points {
+            #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
+            let words = point.map(|value| (value as f32).to_bits());
+            flat.extend_from_slice(&words[..components]);
+        }
+        let (lanes, results) = self.at(which, &flat)?;
+        let (words, width) = (calls.words(), lanes.len() / points.len().max(1));
+        let mut values = Vec::with_capacity(results.len());
+        let (mut not_finite, mut negative) = (Offence::default(), Offence::default());
+        for (index, result) in results.chunks_exact(words).enumerate() {
+            let shown = || calls.shown(&lanes[index * width..][..width], result);
+            let decoded = result.iter().map(|word| f64::from(f32::from_bits(*word)));
+            if decoded.clone().any(|value| !value.is_finite()) {
+                not_finite.add(shown);
+            } else if decoded.clone().any(|value| value < 0.0) {
+                negative.add(shown);
+            }
+            values.extend(decoded);
+        }
+        let finding = not_finite
+            .finding(|count, call| Finding::NotFinite { count, call })
+            .or(negative.finding(|count, call| Finding::Negative { count, call }));
+        finding.map_or(Ok(values), |finding| Err(Stop::Finding(finding)))
+    }
+}
+
+impl Settings {
+    /// Tests of one configuration: the histogram, and the number of samples beside it.
+    pub(super) fn tests(&self) -> u64 {
+        if self.may_leave { 2 } else { 1 }
+    }
+
+    /// Rows and columns of cells.
+    fn grid(&self) -> (usize, usize) {
+        let cells = (self.samples / PER_CELL).clamp(2, 512) as usize;
+        if self.support.is_line() {
+            return (cells, 1);
+        }
+        // Twice as many columns as rows: azimuths go all around.
+        let rows = ((cells as f64 / 2.0).sqrt() as usize).clamp(1, 16);
+        (rows, cells / rows)
+    }
+}
+
+/// Why a configuration isn't judged to its end.
+pub(super) enum Stop {
+    Failure(Failure),
+    Finding(Finding),
+}
+
+impl From<Failure> for Stop {
+    fn from(failure: Failure) -> Self {
+        Self::Failure(failure)
+    }
+}
+
+/// The point that a sampler returned.
+pub(super) fn point(result: &[u32]) -> [f64; 3] {
+    let mut point = [0.0; 3];
+    for (value, word) in point.iter_mut().zip(result) {
+        *value = f64::from(f32::from_bits(*word));
+    }
+    point
+}

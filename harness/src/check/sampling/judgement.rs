@@ -1,0 +1,55 @@
+//! What one configuration gave, and what offends in it.
+
+use super::picture::Histogram;
+use super::rejection::Finding;
+use crate::stats::accepts;
+
+/// What one configuration gave.
+pub(super) struct Judgement {
+    /// What is wrong; nothing if it fits.
+    pub(super) findings: Vec<Finding>,
+    /// The least p-value; 0 if something is wrong outright.
+    pub(super) p: f64,
+    /// Facts, for the message.
+    pub(super) notes: Vec<(&'static str, String)>,
+    pub(super) histogram: Option<Histogram>,
+}
+
+impl Judgement {
+    /// Nothing to object to.
+    pub(super) fn fitting() -> Self {
+        Self { findings: Vec::new(), p: 1.0, notes: Vec::new(), histogram: None }
+    }
+
+    pub(super) fn outright(finding: Finding) -> Self {
+        Self { findings: vec![finding], p: 0.0, ..Self::fitting() }
+    }
+
+    /// Adds a test's result.
+    pub(super) fn test(&mut self, p: f64, threshold: f64, finding: impl FnOnce() -> Finding) {
+        self.p = self.p.min(p);
+        if !accepts(p, threshold) {
+            self.findings.push(finding());
+        }
+    }
+}
+
+/// How many calls offend, and the first of them.
+#[derive(Default)]
+pub(super) struct Offence {
+    count: u64,
+    first: String,
+}
+
+impl Offence {
+    pub(super) fn add(&mut self, call: impl FnOnce() -> String) {
+        if self.count == 0 {
+            self.first = call();
+        }
+        self.count += 1;
+    }
+
+    pub(super) fn finding(self, finding: impl FnOnce(u64, String) -> Finding) -> Option<Finding> {
+        (self.count > 0).then(|| finding(self.count, self.first))
+    }
+}

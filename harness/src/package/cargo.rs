@@ -1,0 +1,433 @@
+//! Shaders of crates, found through cargo: no table of folders that an update makes wrong.
+//!
+//! Cargo's metadata says where the sources of each crate lie that a project builds. A crate at an
+//! exact version needs no project: cargo fetches it, and nothing of it is compiled. What cargo said is
+//! kept in cargo's home by the hash of what it depends on, so that a test program asks once a lock
+//! file.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
+
+use serde::{Deserialize, Serialize};
+
+use super::PackageError;
+use super::library::EXTENSIONS;
+use crate::diagnostic::{nearest, shown};
+
+/// Grows when what is kept changes its form or its meaning.
+const SCHEMA: u32 = 1;
+
+/// Folders in folders of a crate that are looked at: far more than any has.
+const DEEPEST: usize = 16;
+
+/// Rounds in which crates are added that shaders import without their crate depending on them.
+const ROUNDS: usize = 4;
+
+/// The crates that one graph of dependencies has.
+#[derive(Debug, Deserialize, Serialize)]
+pub(super) struct Graph {
+    /// Those with shaders.
+    crates: Vec<Crate>,
+    /// Names of those without.
+    others: BTreeSet<String>,
+}
+
+/// A crate that ships shaders.
+#[derive(Debug, Deserialize, Serialize)]
+pub(super) struct Crate {
+    name: String,
+    version: String,
+    /// What code calls it: `bevy_pbr`.
+    library: String,
+    /// The folder of Cargo.toml.
+    folder: PathBuf,
+    /// The folder whose files are the modules.
+    root: PathBuf,
+    /// Crates with shaders that it depends on, by the names that it gives them.
+    dependencies: BTreeMap<String, usize>,
+    /// Packages that its shaders import, as it declares them for wgsl-analyzer.
+    imports: BTreeSet<String>,
+}
+
+/// A crate of a graph.
+#[derive(Clone, Debug)]
+pub(super) struct Found {
+    graph: Arc<Graph>,
+    index: usize,
+    /// Another folder for the modules than the crate's own.
+    root: Option<PathBuf>,
+}
+
+impl PartialEq for Found {
+    fn eq(&self, other: &Self) -> bool {
+        self.root() == other.root()
+    }
+}
+
+impl Eq for Found {}
+
+impl Found {
+    fn krate(&self) -> &Crate {
+        &self.graph.crates[self.index]
+    }
+
+    /// What shaders call it.
+    pub(super) fn library(&self) -> &str {
+        &self.krate().library
+    }
+
+    /// The folder of its modules.
+    pub(super) fn root(&self) -> &Path {
+        self.root.as_deref().unwrap_or(&self.krate().root)
+    }
+
+    /// The crate that it knows by this name: one that it depends on, or else the only one of that
+    /// name, since an engine gives its shaders one name space.
+    pub(super) fn reach(&self, name: &str) -> Option<Self> {
+        let of = |index| Self { graph: Arc::clone(&self.graph), index, root: None };
+        if let Some(index) = self.krate().dependencies.get(name) {
+            return Some(of(*index));
+        }
+        let named = |krate: &Crate| krate.library == name;
+        let mut found = (0..).zip(&self.graph.crates).filter(|(_, krate)| named(krate));
+        match (found.next(), found.next()) {
+            (Some((index, _)), None) => Some(of(index)),
+            _ => None,
+        }
+    }
+
+    /// Names of all crates that it may import from.
+    pub(super) fn known(&self) -> impl Iterator<Item = &str> {
+        self.graph.crates.iter().map(|krate| &*krate.library)
+    }
+}
+
+/// A crate as it is asked for: `bevy_pbr`, `bevy_pbr@0.20.1`.
+#[derive(Clone, Copy)]
+struct Wanted<'w> {
+    name: &'w str,
+    version: Option<&'w str>,
+}
+
+/// Finds a crate for the project that has this folder; `root` is the folder of its modules, if it
+/// isn't the one that the crate says or that its files lie in.
+pub(super) fn find(base: &Path, wanted: &str, root: Option<&str>) -> Result<Found, PackageError> {
+    type Known = HashMap<(PathBuf, String), Result<Arc<Graph>, String>>;
+    static KNOWN: LazyLock<Mutex<Known>> = LazyLock::new(Mutex::default);
+    let error = |reason: String| PackageError::Crate { name: wanted.to_owned(), reason };
+    let (name, version) = match wanted.split_once('@') {
+        Some((name, version)) => (name, Some(version)),
+        None => (wanted, None),
+    };
+    let sound = |text: &str, more: &str| {
+        let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_' || more.contains(c);
+        !text.is_empty() && text.chars().all(fits)
+    };
+    if !sound(name, "") || version.is_some_and(|version| !sound(version, ".+")) {
+        return Err(error("write a name, or a name and a version: `bevy_pbr@0.20.1`".to_owned()));
+    }
+    let wanted = Wanted { name, version };
+    // A version needs no project, but its registries may be those of one.
+    let key = (base.to_owned(), version.map_or_else(String::new, |v| format!("{name}@{v}")));
+    let graph = {
+        // Whoever comes second waits for what cargo says to the first.
+        let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+        let ask = || match version {
+            Some(version) => fetched(base, name, version),
+            None => of_project(base),
+        };
+        known.entry(key).or_insert_with(|| ask().map(Arc::new)).clone().map_err(error)?
+    };
+    let index = graph.index_of(wanted).map_err(error)?;
+    let root = root.map(|root| graph.crates[index].folder.join(root));
+    if let Some(root) = root.as_ref().filter(|root| !root.is_dir()) {
+        return Err(error(format!("it has no folder `{}`", shown(root))));
+    }
+    Ok(Found { graph, index, root })
+}
+
+impl Graph {
+    fn index_of(&self, Wanted { name, version }: Wanted<'_>) -> Result<usize, String> {
+        let is_it = |krate: &Crate| {
+            (krate.name == name || krate.library == name)
+                && version.is_none_or(|version| krate.version == version)
+        };
+        let found: Vec<usize> =
+            (0..).zip(&self.crates).filter(|(_, krate)| is_it(krate)).map(|(i, _)| i).collect();
+        match *found {
+            [index] => Ok(index),
+            [] if self.others.contains(name) => Err("it ships no .wgsl or .wesl file".to_owned()),
+            [] => {
+                let near = nearest(name, self.crates.iter().map(|krate| &*krate.name));
+                let near =
+                    near.map_or_else(|| ".".to_owned(), |near| format!("; did you mean `{near}`?"));
+                Err(format!(
+                    "the project doesn't depend on it{near} With a version, such as `{name}@1.2.3`, \
+                     cargo fetches it"
+                ))
+            }
+            ref several => {
+                let versions: Vec<&str> =
+                    several.iter().map(|index| &*self.crates[*index].version).collect();
+                Err(format!(
+                    "the project has several: name one with its version, `{name}@{}`",
+                    versions.join("` or `@")
+                ))
+            }
+        }
+    }
+}
+
+/// The crates that the project of this folder builds, and all that it might.
+fn of_project(base: &Path) -> Result<Graph, String> {
+    let base = if base.as_os_str().is_empty() { Path::new(".") } else { base };
+    let base = base.canonicalize().map_err(|error| format!("`{}`: {error}", shown(base)))?;
+    let Some(manifest) = base.ancestors().map(|f| f.join("Cargo.toml")).find(|f| f.is_file())
+    else {
+        let base = shown(&base);
+        return Err(format!(
+            "there is no Cargo.toml in or above `{base}`: name a version, and cargo fetches it"
+        ));
+    };
+    let lock = base.ancestors().map(|folder| folder.join("Cargo.lock")).find(|file| file.is_file());
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&SCHEMA.to_le_bytes()).update(base.as_os_str().as_encoded_bytes());
+    for file in [Some(&manifest), lock.as_ref()].into_iter().flatten() {
+        hasher.update(&std::fs::read(file).map_err(|error| format!("`{}`: {error}", shown(file)))?);
+    }
+    let kept = kept(&format!("graph-{}.json", hasher.finalize().to_hex()));
+    let ask = || Metadata::of(&base, &manifest, false)?.graph();
+    // Without a lock file, each run may find other crates.
+    lock.and(kept).map_or_else(ask, |kept| remembered(&kept, ask))
+}
+
+/// A crate at its version, with what it depends on.
+fn fetched(base: &Path, name: &str, version: &str) -> Result<Graph, String> {
+    let none = "there is no home folder for what cargo fetches: set CARGO_HOME";
+    let kept = kept(&format!("{name}-{version}.{SCHEMA}.json")).ok_or(none)?;
+    remembered(&kept, || {
+        let folder = kept.with_extension(format!("{}.tmp", std::process::id()));
+        let graph = fetch(base, &folder, name, version);
+        drop(std::fs::remove_dir_all(&folder));
+        graph
+    })
+}
+
+fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph, String> {
+    let failed = |error: std::io::Error| format!("can't write `{}`: {error}", shown(folder));
+    std::fs::create_dir_all(folder.join("src")).map_err(failed)?;
+    std::fs::write(folder.join("src/lib.rs"), "").map_err(failed)?;
+    let manifest = folder.join("Cargo.toml");
+    let mut wanted = BTreeSet::from([name.to_owned()]);
+    for round in 1.. {
+        let mut text =
+            "[package]\nname = \"shaders-of\"\nversion = \"0.0.0\"\nedition = \"2024\"\n\
+                        \n[workspace]\n\n[dependencies]\n"
+                .to_owned();
+        for name in &wanted {
+            text += &format!("{name} = {{ version = \"={version}\", default-features = false }}\n");
+        }
+        std::fs::write(&manifest, text).map_err(failed)?;
+        let graph = Metadata::of(base, &manifest, true)?.graph()?;
+        // Crates of one engine, with one version, may import from each other whoever depends on whom.
+        let missing = graph.missing(version);
+        if round == ROUNDS || missing.is_subset(&wanted) {
+            return Ok(graph);
+        }
+        wanted.extend(missing);
+    }
+    unreachable!("rounds have an end")
+}
+
+impl Graph {
+    /// Crates that shaders of this version import, and that nothing depends on.
+    fn missing(&self, version: &str) -> BTreeSet<String> {
+        let of_version = self.crates.iter().filter(|krate| krate.version == version);
+        let imports = of_version.flat_map(|krate| &krate.imports);
+        let known = |name: &str| {
+            self.crates.iter().any(|krate| krate.name == name) || self.others.contains(name)
+        };
+        imports.filter(|name| !known(name)).cloned().collect()
+    }
+}
+
+/// Where what cargo said is kept.
+fn kept(file: &str) -> Option<PathBuf> {
+    let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
+    let home = home.or_else(|| Some(std::env::home_dir()?.join(".cargo")))?;
+    Some(home.join("karat").join(file))
+}
+
+/// What was kept, if its folders are still there, or else what `ask` says now.
+fn remembered(kept: &Path, ask: impl FnOnce() -> Result<Graph, String>) -> Result<Graph, String> {
+    let known = std::fs::read(kept).ok();
+    let known = known.and_then(|bytes| serde_json::from_slice::<Graph>(&bytes).ok());
+    let whole = |graph: &Graph| graph.crates.iter().all(|krate| krate.root.is_dir());
+    if let Some(graph) = known.filter(whole) {
+        return Ok(graph);
+    }
+    let graph = ask()?;
+    // What can't be kept is asked for again.
+    let text = serde_json::to_vec(&graph).unwrap_or_default();
+    let new = kept.with_extension(format!("{}.new", std::process::id()));
+    let folder = kept.parent().map_or(Ok(()), std::fs::create_dir_all);
+    if folder.and_then(|()| std::fs::write(&new, text)).is_ok() {
+        drop(std::fs::rename(&new, kept));
+    }
+    Ok(graph)
+}
+
+/// What is read of `cargo metadata`.
+#[derive(Deserialize)]
+struct Metadata {
+    packages: Vec<CargoPackage>,
+    resolve: Option<Resolve>,
+}
+
+#[derive(Deserialize)]
+struct CargoPackage {
+    name: String,
+    version: String,
+    id: String,
+    manifest_path: PathBuf,
+    targets: Vec<Target>,
+    #[serde(default)]
+    metadata: serde_json::Value,
+}
+
+#[derive(Deserialize)]
+struct Target {
+    kind: Vec<String>,
+    name: String,
+}
+
+#[derive(Deserialize)]
+struct Resolve {
+    nodes: Vec<Node>,
+}
+
+#[derive(Deserialize)]
+struct Node {
+    id: String,
+    deps: Vec<Dependency>,
+}
+
+#[derive(Deserialize)]
+struct Dependency {
+    name: String,
+    pkg: String,
+}
+
+impl Metadata {
+    fn of(base: &Path, manifest: &Path, fetches: bool) -> Result<Self, String> {
+        let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+        let mut command = Command::new(&cargo);
+        command.args(["metadata", "--format-version", "1", "--manifest-path"]).arg(manifest);
+        if base.is_dir() {
+            command.current_dir(base); // where its registries are configured
+        }
+        if fetches {
+            // A crate that declares a newer Rust is read all the same: it isn't compiled.
+            command.env("CARGO_RESOLVER_INCOMPATIBLE_RUST_VERSIONS", "allow");
+        }
+        let output = command.output();
+        let output =
+            output.map_err(|error| format!("`{}` doesn't run: {error}", cargo.display()))?;
+        if !output.status.success() {
+            let said = String::from_utf8_lossy(&output.stderr);
+            return Err(format!("cargo says:\n{}", said.trim_end()));
+        }
+        serde_json::from_slice(&output.stdout)
+            .map_err(|error| format!("cargo's metadata can't be read: {error}"))
+    }
+
+    fn graph(self) -> Result<Graph, String> {
+        let nodes = self.resolve.ok_or("cargo resolves no dependencies")?.nodes;
+        let (mut crates, mut others) = (Vec::new(), BTreeSet::new());
+        let mut indices: HashMap<&str, usize> = HashMap::new();
+        for package in &self.packages {
+            let Some(folder) = package.manifest_path.parent() else { continue };
+            let Some(root) = package.root_of_modules(folder) else {
+                others.insert(package.name.clone());
+                continue;
+            };
+            indices.insert(&package.id, crates.len());
+            crates.push(Crate {
+                name: package.name.clone(),
+                version: package.version.clone(),
+                library: package.library(),
+                folder: folder.to_owned(),
+                root,
+                dependencies: BTreeMap::new(),
+                imports: package.imports(),
+            });
+        }
+        for node in &nodes {
+            let Some(index) = indices.get(&*node.id) else { continue };
+            let known = node.deps.iter().filter_map(|dependency| {
+                Some((dependency.name.clone(), *indices.get(&*dependency.pkg)?))
+            });
+            crates[*index].dependencies = known.collect();
+        }
+        Ok(Graph { crates, others })
+    }
+}
+
+impl CargoPackage {
+    /// What code calls it.
+    fn library(&self) -> String {
+        let is_library = |kind: &String| kind.contains("lib") || kind == "proc-macro";
+        let library = self.targets.iter().find(|target| target.kind.iter().any(is_library));
+        library.map_or(&self.name, |target| &target.name).replace('-', "_")
+    }
+
+    fn imports(&self) -> BTreeSet<String> {
+        let declared = self.metadata["wgsl-analyzer"]["dependencies"].as_object();
+        let path = |value: &serde_json::Value| Some(value.get("path")?.as_str()?.to_owned());
+        // `../bevy_render` is beside it, where its repository has its crates.
+        let beside = |(name, value): &(&String, &serde_json::Value)| {
+            path(value).is_some_and(|path| path == format!("../{name}"))
+        };
+        let named = declared.into_iter().flatten().filter(beside);
+        named.map(|(name, _)| name.clone()).collect()
+    }
+
+    /// The folder of its modules: what it declares, or `src`, or where all of its shaders lie.
+    fn root_of_modules(&self, folder: &Path) -> Option<PathBuf> {
+        let declared = ["karat", "wgsl-analyzer"].map(|tool| self.metadata[tool]["root"].as_str());
+        let wesl = std::fs::read_to_string(folder.join("wesl.toml")).ok();
+        let wesl = wesl.and_then(|text| toml::from_str::<toml::Table>(&text).ok());
+        let wesl = wesl.as_ref().and_then(|table| table.get("root")?.as_str());
+        let declared = declared.into_iter().chain([wesl]).flatten().map(|root| folder.join(root));
+        let src = std::iter::once(folder.join("src"));
+        let has = |root: &PathBuf| common(root, 0).is_some();
+        declared.chain(src).find(has).or_else(|| common(folder, 0))
+    }
+}
+
+/// The innermost folder that has all shaders below a folder.
+fn common(folder: &Path, depth: usize) -> Option<PathBuf> {
+    if depth == DEEPEST {
+        return None;
+    }
+    let (mut below, mut here) = (Vec::new(), false);
+    for entry in std::fs::read_dir(folder).ok()?.flatten() {
+        let (path, name) = (entry.path(), entry.file_name());
+        let name = name.to_string_lossy();
+        if path.is_dir() {
+            if !name.starts_with('.') && (depth > 0 || name != "target") {
+                below.extend(common(&path, depth + 1));
+            }
+        } else {
+            here |= EXTENSIONS.iter().any(|known| path.extension().is_some_and(|e| e == *known));
+        }
+    }
+    match &mut *below {
+        _ if here => Some(folder.to_owned()),
+        [] => None,
+        [only] => Some(std::mem::take(only)),
+        _ => Some(folder.to_owned()),
+    }
+}

@@ -1,0 +1,472 @@
+//! Lines that begin with `#`: modules as `naga_oil` reads them, and files that include others.
+//!
+//! A directive isn't WGSL. What it leaves out is blanked, and an `#import` becomes an import statement
+//! of the same length, so each token keeps its place in the author's file. `naga_oil` itself isn't
+//! used: it composes naga's IR under names of its own, and the way back to the author's line would be
+//! lost.
+//!
+//! - `naga_oil`, for Bevy up to 0.19: `#define_import_path`, `#import a::b::{c, d as e}`, `#ifdef`,
+//!   `#ifndef`, `#if A >= 3`, `#else`, `#else ifdef`, `#endif`, `#define`, `#{A}`.
+//! - Inclusion, for vello (`#import bbox`), `re_renderer` (`#import <./plane.wgsl>`) and blade
+//!   (`#include "quaternion.inc.wgsl"`): what a file includes shares one name space with it.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::PackageError;
+use super::conditions::Inactive;
+use super::feature::{Feature, Features, is_on};
+use super::lexer::{Kind, Token, lex};
+use crate::diagnostic::{Diagnostic, SourceFile, Span, nearest};
+
+/// What directives leave of a text.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Directed {
+    /// The text without directives; what stays has its place.
+    pub(super) text: String,
+    /// What they remove, in order.
+    pub(super) removed: Vec<Range<usize>>,
+    /// What values stand for: `#{A}`.
+    pub(super) replaced: Vec<(Range<usize>, String)>,
+    /// Declarations that a condition leaves out.
+    pub(super) inactive: Vec<Inactive>,
+    /// Other files that share a name space with this one, and where they are named.
+    pub(super) includes: Vec<(Include, Range<usize>)>,
+    /// Whether it imports as `naga_oil` does.
+    pub(super) composes: bool,
+}
+
+/// What a file includes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Include {
+    /// By a path from the file: `./plane.wgsl`.
+    File(String),
+    /// By a name: `bbox`.
+    Name(String),
+}
+
+impl Include {
+    /// The name of the module, without folders.
+    pub(super) fn name(&self) -> &str {
+        match self {
+            Self::File(name) | Self::Name(name) => {
+                let file = name.rsplit('/').next().unwrap_or_default();
+                file.strip_suffix(".wgsl").unwrap_or(file)
+            }
+        }
+    }
+}
+
+/// Directives of `naga_oil` and of those that include files.
+const KNOWN: [&str; 9] =
+    ["define", "define_import_path", "else", "endif", "if", "ifdef", "ifndef", "import", "include"];
+
+/// A condition around lines.
+struct Open {
+    /// Where it begins.
+    at: Range<usize>,
+    /// Whether what is around it holds.
+    outer: bool,
+    /// Whether one of its branches held.
+    taken: bool,
+    /// Whether its branch holds that is being read.
+    holds: bool,
+    /// The branch as its author wrote it.
+    shown: String,
+}
+
+impl Open {
+    fn is_live(&self) -> bool {
+        self.outer && self.holds
+    }
+}
+
+/// Reads the directives of a file, if it has any.
+pub(super) fn read(
+    file: &Arc<SourceFile>,
+    features: &Features,
+) -> Result<Option<Directed>, PackageError> {
+    let text = &file.text;
+    let marks: Vec<usize> = if text.contains('#') || text.contains("{%") || text.contains("{{") {
+        let tokens = lex(text);
+        if let Some(template) = template(text, &tokens) {
+            return Err(unknown(file, template, "a template's placeholder", "a template engine"));
+        }
+        let is_mark = |token: &&Token| token.kind == Kind::Unknown && &text[token.range()] == "#";
+        tokens.iter().filter(is_mark).map(|token| token.range().start).collect()
+    } else {
+        Vec::new()
+    };
+    if marks.is_empty() {
+        return Ok(None);
+    }
+    let mut reader = Reader {
+        file,
+        features: features.clone(),
+        bytes: text.clone().into_bytes(),
+        open: Vec::new(),
+        done: 0,
+        found: Directed::default(),
+    };
+    for mark in marks {
+        if mark >= reader.done {
+            reader.mark(mark)?;
+        }
+    }
+    reader.blank_dead(text.len());
+    if let Some(open) = reader.open.last() {
+        return Err(reader.error(open.at.clone(), "this condition has no `#endif`"));
+    }
+    let mut found = reader.found;
+    found.removed.sort_by_key(|range| range.start);
+    found.text = String::from_utf8(reader.bytes).expect("whole characters are blanked");
+    Ok(Some(found))
+}
+
+/// The path that a module gives itself.
+pub(super) fn path(text: &str) -> Option<String> {
+    let line = text.lines().find_map(|line| line.trim().strip_prefix("#define_import_path"))?;
+    Some(without_comment(line).trim().trim_end_matches(';').trim().to_owned())
+}
+
+/// The features that a text asks about, in conditions of either kind.
+pub(super) fn asked(text: &str) -> BTreeSet<String> {
+    let tokens = lex(text);
+    let word = |index: usize| tokens.get(index).map_or("", |t: &Token| &text[t.range()]);
+    let mut found = BTreeSet::new();
+    for index in 0..tokens.len() {
+        let condition = word(index) == "@" && matches!(word(index + 1), "if" | "elif");
+        let directive = word(index) == "#"
+            && matches!(word(index + 1), "if" | "ifdef" | "ifndef" | "else" | "{");
+        let end = match (condition, directive) {
+            (true, _) => text[tokens[index].range().start..].find(')'),
+            (_, true) => text[tokens[index].range().start..].find(['\n', '}']),
+            _ => None,
+        };
+        let Some(end) = end.map(|end| tokens[index].range().start + end) else { continue };
+        let inside = tokens[index + 2 - usize::from(word(index + 1) == "{")..].iter();
+        let inside = inside.take_while(|token| token.range().start < end);
+        let names = inside.filter(|t| t.kind == Kind::Word).map(|t| &text[t.range()]);
+        let names = names.filter(|n| !matches!(*n, "if" | "ifdef" | "ifndef" | "true" | "false"));
+        found.extend(names.map(str::to_owned));
+    }
+    found
+}
+
+struct Reader<'f> {
+    file: &'f Arc<SourceFile>,
+    features: Features,
+    bytes: Vec<u8>,
+    open: Vec<Open>,
+    /// Up to here all is read.
+    done: usize,
+    found: Directed,
+}
+
+impl Reader<'_> {
+    fn text(&self) -> &str {
+        &self.file.text
+    }
+
+    fn error(&self, range: Range<usize>, message: &str) -> PackageError {
+        super::syntax::syntax_error(self.file, range, message)
+    }
+
+    fn is_live(&self) -> bool {
+        self.open.last().is_none_or(Open::is_live)
+    }
+
+    fn blank(&mut self, range: Range<usize>) {
+        for byte in &mut self.bytes[range.clone()] {
+            if !matches!(byte, b'\n' | b'\r') {
+                *byte = b' ';
+            }
+        }
+        if !range.is_empty() {
+            self.found.removed.push(range);
+        }
+    }
+
+    /// Blanks what lies before `end`, if its condition doesn't hold.
+    fn blank_dead(&mut self, end: usize) {
+        let from = self.done;
+        if !self.is_live() && from < end {
+            let text = &self.text()[from..end];
+            let condition = self.open.last().map(|open| open.shown.clone()).unwrap_or_default();
+            let tokens = lex(text);
+            let word = |index: usize| tokens.get(index).map_or("", |t: &Token| &text[t.range()]);
+            let mut inactive = Vec::new();
+            for index in 0..tokens.len() {
+                let declares = matches!(word(index), "fn" | "struct" | "alias" | "const");
+                if declares && tokens.get(index + 1).is_some_and(|t| t.kind == Kind::Word) {
+                    let range =
+                        from + tokens[index].range().start..from + tokens[index].range().end;
+                    let (name, condition) = (word(index + 1).to_owned(), condition.clone());
+                    inactive.push(Inactive { name, condition, range });
+                }
+            }
+            self.found.inactive.extend(inactive);
+            self.blank(from..end);
+        }
+        self.done = end;
+    }
+
+    /// Reads what a `#` begins.
+    fn mark(&mut self, at: usize) -> Result<(), PackageError> {
+        let text = Arc::clone(self.file);
+        let text = &text.text;
+        let line_start = text[..at].rfind(['\n', '\r']).map_or(0, |end| end + 1);
+        let first = text[line_start..at].trim().is_empty();
+        if text[at + 1..].starts_with('{') {
+            return if self.is_live() { self.value(at) } else { Ok(()) };
+        }
+        let line_end = text[at..].find(['\n', '\r']).map_or(text.len(), |end| at + end);
+        let line = without_comment(&text[at + 1..line_end]);
+        let word_end =
+            line.find(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).unwrap_or(line.len());
+        let (word, rest) = line.split_at(word_end);
+        let whole = at..at + 1 + line.trim_end().len();
+        if !first || !KNOWN.contains(&word) {
+            if !self.is_live() {
+                return Ok(());
+            }
+            let shown = &text[at..at + 1 + word_end];
+            let mut error = unknown(self.file, whole, &format!("`{shown}`"), "a preprocessor");
+            if let (PackageError::Shader(diagnostic), Some(near)) =
+                (&mut error, nearest(word, KNOWN).filter(|_| first))
+            {
+                diagnostic.notes.insert(0, format!("did you mean `#{near}`?"));
+            }
+            return Err(error);
+        }
+        self.blank_dead(at);
+        let rest = rest.trim();
+        match word {
+            "ifdef" | "ifndef" | "if" => {
+                let outer = self.is_live();
+                let holds = outer && self.holds(word, rest, &whole)?;
+                let shown = text[whole.clone()].to_owned();
+                self.open.push(Open { at: whole.clone(), outer, taken: holds, holds, shown });
+            }
+            "else" => {
+                let (word, condition) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
+                let Some(open) = self.open.last() else {
+                    return Err(self.error(whole, "this `#else` follows no `#if`"));
+                };
+                let (outer, taken) = (open.outer, open.taken);
+                let holds = outer
+                    && !taken
+                    && match word {
+                        "" => true,
+                        "if" | "ifdef" | "ifndef" => self.holds(word, condition.trim(), &whole)?,
+                        _ => {
+                            return Err(self.error(
+                                whole,
+                                "an `#else` is followed by nothing, `if`, \
+                                                           `ifdef` or `ifndef`",
+                            ));
+                        }
+                    };
+                let shown = text[whole.clone()].to_owned();
+                self.open.pop();
+                let taken = taken || holds;
+                self.open.push(Open { at: whole.clone(), outer, taken, holds, shown });
+            }
+            "endif" => {
+                if self.open.pop().is_none() {
+                    return Err(self.error(whole, "this `#endif` follows no `#if`"));
+                }
+            }
+            _ if !self.is_live() => {
+                self.done = at;
+                return Ok(());
+            }
+            "define" => {
+                let (name, value) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
+                let value = self.parsed(value.trim(), &whole)?;
+                self.features.insert(name.to_owned(), value);
+            }
+            "define_import_path" => self.found.composes = true,
+            "include" => {
+                let named = rest.strip_prefix('"').and_then(|rest| rest.split_once('"'));
+                let Some((name, _)) = named else {
+                    return Err(
+                        self.error(whole, "an `#include` names a file: `#include \"a.wgsl\"`")
+                    );
+                };
+                self.found.includes.push((Include::File(name.to_owned()), whole.clone()));
+            }
+            _ => return self.import(at, word_end, &whole),
+        }
+        self.blank(whole.clone());
+        self.done = whole.end;
+        Ok(())
+    }
+
+    /// `#import`, which ends with its line, or with its braces.
+    fn import(
+        &mut self,
+        at: usize,
+        word_end: usize,
+        line: &Range<usize>,
+    ) -> Result<(), PackageError> {
+        let start = at + 1 + word_end;
+        let rest = self.text()[start..line.end].trim().trim_end_matches(';').trim().to_owned();
+        let file = rest.strip_prefix('<').and_then(|rest| rest.strip_suffix('>'));
+        let include = match file {
+            Some(file) => Some(Include::File(file.to_owned())),
+            None if !rest.is_empty()
+                && rest.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_') =>
+            {
+                Some(Include::Name(rest.clone()))
+            }
+            None => None,
+        };
+        if let Some(include) = include {
+            self.found.includes.push((include, line.clone()));
+            self.blank(line.clone());
+            self.done = line.end;
+            return Ok(());
+        }
+        if rest.contains('"') {
+            return Err(unknown(
+                self.file,
+                line.clone(),
+                "an import by an asset's path",
+                "an engine's asset server",
+            ));
+        }
+        // A statement of WESL's, byte for byte: a blank for `#`, and `;` where the line ends.
+        let (mut depth, mut end) = (0_i32, line.end);
+        for (offset, byte) in self.text().bytes().enumerate().skip(start) {
+            match byte {
+                b'{' => depth += 1,
+                b'}' => depth -= 1,
+                b'\n' | b'\r' if depth <= 0 => {
+                    end = offset;
+                    break;
+                }
+                _ => {}
+            }
+            end = offset + 1;
+        }
+        let statement = without_comment(&self.text()[start..end]).trim_end();
+        let last = start + if depth > 0 { 0 } else { statement.len() };
+        let last = if self.text()[start..end].matches('\n').count() > 0 { end } else { last };
+        self.bytes[at] = b' ';
+        self.found.removed.push(at..at + 1);
+        self.found.composes = true;
+        match self.bytes.get_mut(last) {
+            Some(byte) => *byte = b';',
+            None => self.bytes.push(b';'),
+        }
+        self.done = last.max(start);
+        Ok(())
+    }
+
+    /// `#{NAME}`: the value of a feature.
+    fn value(&mut self, at: usize) -> Result<(), PackageError> {
+        let rest = &self.text()[at..];
+        let Some(length) = rest.find('}') else {
+            return Err(self.error(at..at + 2, "`#{` has no `}`"));
+        };
+        let (range, name) = (at..at + length + 1, rest[2..length].trim().to_owned());
+        let Some(value) = self.features.get(&name).copied() else {
+            let span = Span { file: Arc::clone(self.file), range };
+            let diagnostic = Diagnostic::new(format!("`{name}` has no value"))
+                .at(span, "")
+                .note(format!("set it: `.feature(\"{name}\", 3)`, or `--feature {name}=3`"));
+            return Err(PackageError::Shader(Box::new(diagnostic)));
+        };
+        let value = value.to_string();
+        self.blank(range.clone());
+        self.found.removed.pop();
+        // Tokens of the value, for what looks at tokens; the text gets all of it.
+        for (byte, new) in self.bytes[range.clone()].iter_mut().zip(value.bytes()) {
+            *byte = new;
+        }
+        self.found.replaced.push((range, value));
+        Ok(())
+    }
+
+    /// Whether a condition holds.
+    fn holds(&self, word: &str, rest: &str, whole: &Range<usize>) -> Result<bool, PackageError> {
+        if word != "if" {
+            if rest.is_empty() || rest.contains(char::is_whitespace) {
+                return Err(self.error(whole.clone(), &format!("`#{word}` names one feature")));
+            }
+            return Ok(is_on(&self.features, rest) == (word == "ifdef"));
+        }
+        let wrong = "conditions compare a feature with a value: `#if NAME >= 3`";
+        let at = rest.find(['=', '!', '<', '>']);
+        let at = at.ok_or_else(|| self.error(whole.clone(), wrong))?;
+        let (name, rest) = (rest[..at].trim(), &rest[at..]);
+        let length = rest.find(|c| !matches!(c, '=' | '!' | '<' | '>')).unwrap_or(rest.len());
+        let (operator, value) = (&rest[..length], rest[length..].trim());
+        let value = self.parsed(value, whole)?;
+        let Some(own) = self.features.get(name).copied() else {
+            // A condition on what isn't set doesn't hold.
+            return Ok(false);
+        };
+        let number = |feature: Feature| match feature {
+            Feature::Flag(on) => i64::from(on),
+            Feature::Number(value) => value,
+        };
+        let order = number(own).cmp(&number(value));
+        Ok(match operator {
+            "==" => order.is_eq(),
+            "!=" => order.is_ne(),
+            ">" => order.is_gt(),
+            ">=" => order.is_ge(),
+            "<" => order.is_lt(),
+            "<=" => order.is_le(),
+            _ => return Err(self.error(whole.clone(), wrong)),
+        })
+    }
+
+    /// A value as a directive has it; none: on.
+    fn parsed(&self, value: &str, whole: &Range<usize>) -> Result<Feature, PackageError> {
+        let digits = value.strip_suffix(['u', 'i']).unwrap_or(value);
+        match value {
+            "" | "true" => Ok(Feature::Flag(true)),
+            "false" => Ok(Feature::Flag(false)),
+            _ => digits.parse().map(Feature::Number).map_err(|_| {
+                self.error(whole.clone(), "values are whole numbers, `true` and `false`")
+            }),
+        }
+    }
+}
+
+fn without_comment(line: &str) -> &str {
+    line.split("//").next().unwrap_or_default()
+}
+
+/// A place that only a template has: `{% if %}`, `{{ name }}`.
+fn template(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
+    let touching = |pair: &[Token], first: u8, second: u8| {
+        pair[0].is(first) && pair[1].is(second) && pair[0].range().end == pair[1].range().start
+    };
+    let block = tokens.windows(2).find(|pair| touching(pair, b'{', b'%'));
+    let placeholder = tokens.windows(2).find(|pair| {
+        let line = text[pair[0].range().start..].lines().next().unwrap_or_default();
+        // WGSL has blocks in blocks, but no name alone in them.
+        let inner = line.strip_prefix("{{").and_then(|line| line.split_once("}}"));
+        let is_name = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '.' | ' ' | '|');
+        touching(pair, b'{', b'{')
+            && inner.is_some_and(|(name, _)| !name.trim().is_empty() && name.chars().all(is_name))
+    });
+    block.or(placeholder).map(|pair| pair[0].range().start..pair[1].range().end)
+}
+
+/// What Karat doesn't expand, with what to do.
+fn unknown(file: &Arc<SourceFile>, range: Range<usize>, what: &str, whose: &str) -> PackageError {
+    let span = Span { file: Arc::clone(file), range };
+    let diagnostic = Diagnostic::new(format!("{what} isn't WGSL: {whose} expands it"))
+        .at(span, "")
+        .note(
+            "hand Karat the expanded text: a `preprocess` command in karat.toml beside the modules, \
+             or `Package::from_modules` in Rust",
+        );
+    PackageError::Shader(Box::new(diagnostic))
+}

@@ -1,0 +1,162 @@
+//! Why a package can't be read or linked.
+
+use crate::diagnostic::Diagnostic;
+
+/// What can be wrong with a package.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PackageError {
+    /// The folder or file isn't there.
+    #[error(
+        "the shader folder `{0}` doesn't exist; `karat::package!` takes a path relative to Cargo.toml"
+    )]
+    Missing(String),
+    /// The folder has no module.
+    #[error("the shader folder `{0}` has no .wgsl or .wesl file")]
+    Empty(String),
+    /// A module can't be read.
+    #[error("can't read `{file}`: {source}")]
+    Unreadable {
+        /// The file.
+        file: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A module isn't UTF-8.
+    #[error("`{file}` isn't UTF-8 text: line {line} has an invalid byte; save the file as UTF-8")]
+    NotUtf8 {
+        /// The file.
+        file: String,
+        /// First line that can't be decoded, from 1.
+        line: usize,
+    },
+    /// A `karat.toml` that can't be used.
+    #[error("`{file}` can't be used: {reason}")]
+    Manifest {
+        /// The file.
+        file: String,
+        /// Why not.
+        reason: String,
+    },
+    /// The program that expands modules fails.
+    #[error("`{program}`, which karat.toml names to expand modules, fails for `{file}`: {reason}")]
+    Preprocess {
+        /// The module's file.
+        file: String,
+        /// The program.
+        program: String,
+        /// What it says.
+        reason: String,
+    },
+    /// There are no shaders of a crate.
+    #[error("no shaders of crate `{name}`: {reason}")]
+    Crate {
+        /// What was asked for.
+        name: String,
+        /// Why there are none.
+        reason: String,
+    },
+    /// An import names a package that isn't a dependency.
+    #[error(
+        "package `{package}` has no dependency `{name}`{}; declare it with `depends_on`",
+        did_you_mean(nearest)
+    )]
+    UnknownPackage {
+        /// What was asked for.
+        name: String,
+        /// Where.
+        package: String,
+        /// The closest name there is.
+        nearest: Option<String>,
+    },
+    /// A path names a module that the package hasn't.
+    #[error("package `{package}` has no module `{module}`{}", did_you_mean(nearest))]
+    UnknownModule {
+        /// What was asked for.
+        module: String,
+        /// Where.
+        package: String,
+        /// The closest name there is.
+        nearest: Option<String>,
+    },
+    /// A path names a function that the package hasn't.
+    #[error(
+        "package `{package}` has no function `{path}` among its {count}{}",
+        did_you_mean(nearest)
+    )]
+    UnknownFunction {
+        /// What was asked for.
+        path: String,
+        /// Where.
+        package: String,
+        /// The closest name there is.
+        nearest: Option<String>,
+        /// How many functions it has.
+        count: usize,
+    },
+    /// A function is under a condition of WESL's that doesn't hold.
+    #[error(
+        "`{path}` of package `{package}` is declared under `{condition}`, which doesn't hold: set \
+         the feature with `.feature(..)`"
+    )]
+    Inactive {
+        /// What was asked for.
+        path: String,
+        /// Where.
+        package: String,
+        /// As the author wrote it.
+        condition: String,
+    },
+    /// A feature that nothing asks about.
+    #[error(
+        "nothing in package `{package}` or in what it imports asks about the feature `{feature}`{}{}",
+        did_you_mean(nearest), if known.is_empty() { String::new() } else { format!("; it asks about {known}") }
+    )]
+    UnknownFeature {
+        /// What was set.
+        feature: String,
+        /// The package.
+        package: String,
+        /// The closest name there is.
+        nearest: Option<String>,
+        /// The features that it asks about.
+        known: String,
+    },
+    /// A path that goes up from the root.
+    #[error("`super` leads above the root of package `{package}`")]
+    AboveRoot {
+        /// The package.
+        package: String,
+    },
+    /// Two modules, or two dependencies, have one name.
+    #[error("package `{package}` has two {what}: give one of them another name")]
+    Twice {
+        /// The package.
+        package: String,
+        /// What there are two of.
+        what: String,
+    },
+    /// A file that looks like a module and can't be one.
+    #[error("`{file}` can't be a module: {reason}")]
+    NoModule {
+        /// The file.
+        file: String,
+        /// Why.
+        reason: &'static str,
+    },
+    /// The folder that `KARAT_OVERLAY` names can't stand in for modules of the package.
+    #[error("the overlay `{folder}` (KARAT_OVERLAY) {reason}")]
+    Overlay {
+        /// The folder.
+        folder: String,
+        /// Why.
+        reason: String,
+    },
+    /// A syntax error, a failed import or an import cycle, shown in the author's file.
+    #[error("{0}")]
+    Shader(Box<Diagnostic>),
+}
+
+fn did_you_mean(nearest: &Option<String>) -> String {
+    nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?"))
+}

@@ -1,0 +1,49 @@
+//! What conditions ask about, and what stands for names in a text.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// The value of a feature.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Feature {
+    /// On or off: `@if(name)`, `#ifdef name`.
+    Flag(bool),
+    /// On, and a number: `constants::name` where WESL is Bevy's, `#{name}` and `#if name == 3` in
+    /// `naga_oil`'s modules.
+    Number(i64),
+}
+
+impl From<bool> for Feature {
+    fn from(on: bool) -> Self {
+        Self::Flag(on)
+    }
+}
+
+impl From<i32> for Feature {
+    fn from(value: i32) -> Self {
+        Self::Number(value.into())
+    }
+}
+
+impl From<u32> for Feature {
+    fn from(value: u32) -> Self {
+        Self::Number(value.into())
+    }
+}
+
+impl fmt::Display for Feature {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Flag(on) => on.fmt(f),
+            Self::Number(value) => value.fmt(f),
+        }
+    }
+}
+
+/// Which features are set; those that aren't named are off.
+pub(super) type Features = BTreeMap<String, Feature>;
+
+/// Whether a feature is on.
+pub(super) fn is_on(features: &Features, name: &str) -> bool {
+    !matches!(features.get(name), None | Some(Feature::Flag(false)))
+}

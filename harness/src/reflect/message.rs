@@ -1,0 +1,58 @@
+//! naga's errors in the author's words, at the author's places.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use crate::diagnostic::{Diagnostic, Span};
+use crate::package::Linked;
+
+/// The innermost cause of an error, then what led to it.
+pub(super) fn causes(error: &dyn std::error::Error) -> (String, Vec<String>) {
+    let chain = std::iter::successors(Some(error), |cause| cause.source());
+    let mut messages: Vec<String> =
+        chain.map(|cause| without_handles(&cause.to_string())).collect();
+    let message = messages.pop().unwrap_or_default();
+    messages.reverse();
+    (message, messages)
+}
+
+/// naga's messages without its handles, `[6]` and `Some([6])`, which mean nothing to an author.
+fn without_handles(message: &str) -> String {
+    let is_handle = |word: &str| {
+        let word = word.trim_matches(|c| matches!(c, ',' | '.' | ':'));
+        let word = word.strip_prefix("Some(").and_then(|w| w.strip_suffix(')')).unwrap_or(word);
+        let digits = word.strip_prefix('[').and_then(|word| word.strip_suffix(']'));
+        digits.is_some_and(|digits| digits.bytes().all(|byte| byte.is_ascii_digit()))
+    };
+    message.split(' ').filter(|word| !is_handle(word)).collect::<Vec<_>>().join(" ")
+}
+
+pub(super) fn to_author(
+    linked: &Linked,
+    message: String,
+    labels: impl Iterator<Item = (Option<Range<usize>>, String)>,
+    notes: Vec<String>,
+) -> Diagnostic {
+    let mut diagnostic = Diagnostic { message, labels: Vec::new(), notes };
+    for (range, text) in labels {
+        if let Some(span) = range.and_then(|range| linked.spliced.resolve(range)) {
+            // naga speaks of mangled names; the author's are shown.
+            diagnostic = diagnostic.at(span, demangle(linked, &text));
+        }
+    }
+    diagnostic.message = demangle(linked, &diagnostic.message);
+    diagnostic.notes = diagnostic.notes.iter().map(|note| demangle(linked, note)).collect();
+    if diagnostic.labels.is_empty() {
+        let span = Span { file: Arc::clone(&linked.file), range: 0..0 };
+        diagnostic = diagnostic.at(span, "in this module");
+    }
+    diagnostic
+}
+
+/// The author's names for mangled ones. Longer names first: one may begin another.
+fn demangle(linked: &Linked, text: &str) -> String {
+    let is_mangled = |(name, path): &(&String, &String)| path.rsplit("::").next() != Some(name);
+    let mut mangled: Vec<_> = linked.names.iter().filter(is_mangled).collect();
+    mangled.sort_by_key(|(name, _)| std::cmp::Reverse(name.len()));
+    mangled.into_iter().fold(text.to_owned(), |text, (name, path)| text.replace(name, path))
+}

@@ -1,0 +1,249 @@
+//! Bounds of loops that naga's IR shows.
+
+use naga::{
+    BinaryOperator, Block, Expression, Function, Handle, Literal, LocalVariable, Module, Scalar,
+    Statement, TypeInner,
+};
+
+use super::{blocks, walk};
+use crate::reflect::Program;
+
+impl Program {
+    /// The most rounds that all loops of a call make together, whichever function is called;
+    /// `None` where the IR shows no bound.
+    pub(crate) fn most_rounds(&self) -> Option<u64> {
+        let entry_points = self.module.entry_points.iter().map(|entry| &entry.function);
+        let mut calls = vec![None; self.module.functions.len()];
+        // naga's functions stand after those that they call.
+        for (handle, function) in self.module.functions.iter() {
+            calls[handle.index()] =
+                Rounds { module: &self.module, function, calls: &calls }.of_function();
+        }
+        let entries = entry_points
+            .map(|function| Rounds { module: &self.module, function, calls: &calls }.of_function());
+        let all: Option<Vec<u64>> = calls.iter().copied().chain(entries).collect();
+        all.map(|all| all.into_iter().max().unwrap_or(0))
+    }
+}
+
+/// Looks for bounds in one function.
+struct Rounds<'a> {
+    module: &'a Module,
+    function: &'a Function,
+    /// The rounds of functions, by their index.
+    calls: &'a [Option<u64>],
+}
+
+impl Rounds<'_> {
+    fn of_function(&self) -> Option<u64> {
+        self.of_block(&self.function.body, false)
+    }
+
+    fn of_block(&self, block: &Block, in_loop: bool) -> Option<u64> {
+        let mut sum = 0_u64;
+        for (index, statement) in block.iter().enumerate() {
+            let rounds = match statement {
+                Statement::Call { function, .. } => self.calls[function.index()]?,
+                Statement::Loop { body, continuing, .. } => {
+                    let inner =
+                        self.of_block(body, true)?.checked_add(self.of_block(continuing, true)?)?;
+                    let rounds = self.rounds(block, index, in_loop)?;
+                    rounds.checked_mul(inner.checked_add(1)?)?
+                }
+                other => {
+                    let inner = blocks(other).into_iter();
+                    let inner: Option<Vec<u64>> =
+                        inner.map(|(block, _)| self.of_block(block, in_loop)).collect();
+                    inner?.into_iter().try_fold(0_u64, u64::checked_add)?
+                }
+            };
+            sum = sum.checked_add(rounds)?;
+        }
+        Some(sum)
+    }
+
+    /// The rounds of the loop at `index` of `block`, if it counts a variable of its own from one
+    /// constant to another in constant steps.
+    fn rounds(&self, block: &Block, index: usize, in_loop: bool) -> Option<u64> {
+        let Statement::Loop { body, continuing, .. } = &block[index] else { return None };
+        let condition = body.iter().find_map(|statement| match statement {
+            Statement::If { condition, accept, reject } if leaves(reject) && accept.is_empty() => {
+                Some(Some((*condition, true)))
+            }
+            Statement::If { condition, accept, reject } if leaves(accept) && reject.is_empty() => {
+                Some(Some((*condition, false)))
+            }
+            Statement::Emit(_) => None,
+            _ => Some(None),
+        });
+        let (condition, stays) = condition.flatten()?;
+        let expressions = &self.function.expressions;
+        let Expression::Binary { op, left, right } = expressions[condition] else { return None };
+        let (variable, op, end) = match (self.loaded(left), self.loaded(right)) {
+            (Some(variable), None) => (variable, op, self.constant(right)?),
+            (None, Some(variable)) => (variable, flipped(op)?, self.constant(left)?),
+            _ => return None,
+        };
+        let op = if stays { op } else { negated(op)? };
+        let step = self.step(continuing, variable)?;
+        // Nothing else in the loop may write the counter.
+        let mut writes = 0;
+        for inner in [body, continuing] {
+            walk(inner, true, &mut |statement, _, _| writes += self.writes(statement, variable));
+        }
+        if writes != 1 {
+            return None;
+        }
+        let start = self.start(block, index, variable, in_loop)?;
+        let span = match op {
+            BinaryOperator::Less if step > 0 => end - start,
+            BinaryOperator::LessEqual if step > 0 => end - start + 1,
+            BinaryOperator::Greater if step < 0 => start - end,
+            BinaryOperator::GreaterEqual if step < 0 => start - end + 1,
+            _ => return None,
+        };
+        // Where the last step would leave the type's range, the counter wraps and never ends.
+        let last = end + step * 2;
+        if !(i128::from(i32::MIN)..=i128::from(u32::MAX)).contains(&last)
+            || (self.is_unsigned(variable) && last < 0)
+            || (!self.is_unsigned(variable) && last > i128::from(i32::MAX))
+        {
+            return None;
+        }
+        let step = step.abs();
+        u64::try_from((span.max(0) + step - 1) / step).ok()
+    }
+
+    fn is_unsigned(&self, variable: Handle<LocalVariable>) -> bool {
+        let ty = self.function.local_variables[variable].ty;
+        let unsigned = TypeInner::Scalar(Scalar::U32);
+        self.module.types[ty].inner == unsigned
+    }
+
+    /// The variable that an expression loads.
+    fn loaded(&self, expression: Handle<Expression>) -> Option<Handle<LocalVariable>> {
+        let Expression::Load { pointer } = self.function.expressions[expression] else {
+            return None;
+        };
+        self.variable(pointer)
+    }
+
+    fn variable(&self, pointer: Handle<Expression>) -> Option<Handle<LocalVariable>> {
+        match self.function.expressions[pointer] {
+            Expression::LocalVariable(variable) => Some(variable),
+            _ => None,
+        }
+    }
+
+    /// The value of an integer that is the same in all calls.
+    fn constant(&self, expression: Handle<Expression>) -> Option<i128> {
+        let literal = |expression: &Expression| match expression {
+            Expression::Literal(Literal::U32(value)) => Some(i128::from(*value)),
+            Expression::Literal(Literal::I32(value)) => Some(i128::from(*value)),
+            _ => None,
+        };
+        match &self.function.expressions[expression] {
+            Expression::Constant(constant) => {
+                literal(&self.module.global_expressions[self.module.constants[*constant].init])
+            }
+            other => literal(other),
+        }
+    }
+
+    /// By how much a `continuing` block changes a variable, if that is all it does to it.
+    fn step(&self, continuing: &Block, variable: Handle<LocalVariable>) -> Option<i128> {
+        let mut stores = continuing.iter().filter_map(|statement| match statement {
+            Statement::Store { pointer, value } if self.variable(*pointer) == Some(variable) => {
+                Some(*value)
+            }
+            _ => None,
+        });
+        let (value, None) = (stores.next()?, stores.next()) else { return None };
+        let Expression::Binary { op, left, right } = self.function.expressions[value] else {
+            return None;
+        };
+        if self.loaded(left) != Some(variable) {
+            return None;
+        }
+        let step = match op {
+            BinaryOperator::Add => self.constant(right)?,
+            BinaryOperator::Subtract => -self.constant(right)?,
+            _ => return None,
+        };
+        (step != 0).then_some(step)
+    }
+
+    /// How often a statement itself may write a variable.
+    fn writes(&self, statement: &Statement, variable: Handle<LocalVariable>) -> u32 {
+        let touches = |pointer: &Handle<Expression>| self.variable(*pointer) == Some(variable);
+        match statement {
+            Statement::Store { pointer, .. } | Statement::Atomic { pointer, .. } => {
+                u32::from(touches(pointer))
+            }
+            Statement::Call { arguments, .. } => {
+                u32::try_from(arguments.iter().filter(|a| touches(a)).count()).unwrap_or(u32::MAX)
+            }
+            _ => 0,
+        }
+    }
+
+    /// The value of a variable where a loop begins: the last one that the same block stores, or
+    /// the one that it is declared with if nothing else writes it.
+    fn start(
+        &self,
+        block: &Block,
+        index: usize,
+        variable: Handle<LocalVariable>,
+        in_loop: bool,
+    ) -> Option<i128> {
+        for statement in block.iter().take(index).rev() {
+            match statement {
+                Statement::Store { pointer, value }
+                    if self.variable(*pointer) == Some(variable) =>
+                {
+                    return self.constant(*value);
+                }
+                other => {
+                    let mut writes = self.writes(other, variable);
+                    for (inner, _) in blocks(other) {
+                        walk(inner, false, &mut |s, _, _| writes += self.writes(s, variable));
+                    }
+                    if writes > 0 {
+                        return None;
+                    }
+                }
+            }
+        }
+        let mut writes = 0;
+        walk(&self.function.body, false, &mut |s, _, _| writes += self.writes(s, variable));
+        let declared = self.function.local_variables[variable].init;
+        (writes == 1 && !in_loop).then(|| self.constant(declared?)).flatten()
+    }
+}
+
+/// Whether a block does nothing but leave the loop.
+fn leaves(block: &Block) -> bool {
+    matches!(block.first(), Some(Statement::Break)) && block.len() == 1
+}
+
+/// The operator with its sides swapped.
+fn flipped(op: BinaryOperator) -> Option<BinaryOperator> {
+    Some(match op {
+        BinaryOperator::Less => BinaryOperator::Greater,
+        BinaryOperator::LessEqual => BinaryOperator::GreaterEqual,
+        BinaryOperator::Greater => BinaryOperator::Less,
+        BinaryOperator::GreaterEqual => BinaryOperator::LessEqual,
+        _ => return None,
+    })
+}
+
+/// The operator that holds where this one doesn't.
+fn negated(op: BinaryOperator) -> Option<BinaryOperator> {
+    Some(match op {
+        BinaryOperator::Less => BinaryOperator::GreaterEqual,
+        BinaryOperator::LessEqual => BinaryOperator::Greater,
+        BinaryOperator::Greater => BinaryOperator::LessEqual,
+        BinaryOperator::GreaterEqual => BinaryOperator::Less,
+        _ => return None,
+    })
+}

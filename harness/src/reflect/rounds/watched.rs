@@ -1,0 +1,109 @@
+//! Frames whose loops count, where pixels can't be kept apart.
+
+use naga::{
+    AtomicFunction, BinaryOperator, Block, Expression, Function, GlobalVariable, Literal, Scalar,
+    Statement, Type, TypeInner,
+};
+
+use super::{NOWHERE, instrument, loops_of};
+use crate::diagnostic::Span;
+use crate::reflect::Program;
+
+/// The variable that holds the rounds of an invocation of a frame's shader.
+const OWN: &str = "karat_rounds";
+
+/// A frame's program whose invocations tell which loop made their rounds too many.
+pub(crate) struct Watched {
+    pub(crate) program: Program,
+    /// The author's place of each loop.
+    pub(crate) loops: Vec<Option<Span>>,
+}
+
+impl Watched {
+    /// The buffer where invocations leave how often they went round, an element a loop.
+    pub(crate) const VARIABLE: &str = "karat_most";
+}
+
+impl Program {
+    /// A copy in which an invocation that has made `limit` rounds in all its loops writes their
+    /// number to the storage buffer at this binding of group 0, at the index of the loop.
+    pub(crate) fn watching_rounds(&self, binding: u32, limit: u32) -> Watched {
+        let loops: Vec<_> = self
+            .bodies()
+            .flat_map(loops_of)
+            .map(|(span, _)| span.to_range().and_then(|range| self.resolve(range)))
+            .collect();
+        let mut module = self.module.clone();
+        let scalar = |inner| Type { name: None, inner };
+        let u32_type = module.types.insert(scalar(TypeInner::Scalar(Scalar::U32)), NOWHERE);
+        let atomic = module.types.insert(scalar(TypeInner::Atomic(Scalar::U32)), NOWHERE);
+        let length = u32::try_from(loops.len()).ok().and_then(std::num::NonZeroU32::new);
+        let size = naga::ArraySize::Constant(length.expect("there are loops to watch"));
+        let array = TypeInner::Array { base: atomic, size, stride: 4 };
+        let array = module.types.insert(scalar(array), NOWHERE);
+        let variable = |name: &str, space, binding, ty| GlobalVariable {
+            name: Some(name.to_owned()),
+            space,
+            binding,
+            ty,
+            init: None,
+            memory_decorations: naga::MemoryDecorations::empty(),
+        };
+        let own = variable(OWN, naga::AddressSpace::Private, None, u32_type);
+        let own = module.global_variables.append(own, NOWHERE);
+        let access = naga::StorageAccess::LOAD | naga::StorageAccess::STORE;
+        let place = Some(naga::ResourceBinding { group: 0, binding });
+        let most =
+            variable(Watched::VARIABLE, naga::AddressSpace::Storage { access }, place, array);
+        let most = module.global_variables.append(most, NOWHERE);
+
+        let mut index = 0;
+        let mut watch = |function: &mut Function| {
+            let mut body = std::mem::take(&mut function.body);
+            instrument(&mut body, &mut index, &mut |loop_index| {
+                let mut block = Block::new();
+                let mut add = |expression| function.expressions.append(expression, NOWHERE);
+                let pointer = add(Expression::GlobalVariable(own));
+                let one = add(Expression::Literal(Literal::U32(1)));
+                let right = add(Expression::Literal(Literal::U32(limit)));
+                let left = add(Expression::Load { pointer });
+                let value = add(Expression::Binary { op: BinaryOperator::Add, left, right: one });
+                let op = BinaryOperator::GreaterEqual;
+                let condition = add(Expression::Binary { op, left: value, right });
+                let emitted = naga::Range::new_from_bounds(left, condition);
+                block.push(Statement::Emit(emitted), NOWHERE);
+                block.push(Statement::Store { pointer, value }, NOWHERE);
+
+                let base = add(Expression::GlobalVariable(most));
+                let result = add(Expression::AtomicResult { ty: u32_type, comparison: false });
+                let pointer = add(Expression::AccessIndex { base, index: loop_index });
+                let mut accept = Block::new();
+                let emitted = naga::Range::new_from_bounds(pointer, pointer);
+                accept.push(Statement::Emit(emitted), NOWHERE);
+                let fun = AtomicFunction::Max;
+                let atomic = Statement::Atomic { pointer, fun, value, result: Some(result) };
+                accept.push(atomic, NOWHERE);
+                let reject = Block::new();
+                block.push(Statement::If { condition, accept, reject }, NOWHERE);
+                block
+            });
+            function.body = body;
+        };
+        let handles: Vec<_> = module.functions.iter().map(|(handle, _)| handle).collect();
+        for handle in handles {
+            watch(module.functions.get_mut(handle));
+        }
+        for entry in &mut module.entry_points {
+            watch(&mut entry.function);
+        }
+        let program = Self::from_ir(self.linked.clone(), module);
+        let program = program.expect("it was valid before its loops were watched");
+        Watched { program, loops }
+    }
+
+    /// The bodies of functions, then of entry points.
+    fn bodies(&self) -> impl Iterator<Item = &Block> {
+        let functions = self.module.functions.iter().map(|(_, function)| &function.body);
+        functions.chain(self.module.entry_points.iter().map(|entry| &entry.function.body))
+    }
+}

@@ -1,0 +1,221 @@
+//! What a function takes and returns.
+
+use std::fmt;
+use std::sync::Arc;
+
+use naga::valid::{GlobalUse, ShaderStages};
+
+use super::binding::Binding;
+use super::{Program, ReflectError};
+use crate::diagnostic::{Diagnostic, Span};
+use crate::value::{Scalar, Shape};
+
+/// A function as a probe sees it.
+#[derive(Clone, Debug)]
+pub struct Function {
+    /// As its author calls it: `fresnel::schlick`.
+    pub name: String,
+    /// Its name in the linked text.
+    pub(crate) linked: String,
+    /// From `fn` to the closing brace, in the author's file.
+    pub span: Span,
+    /// The comment lines (`///`) above it.
+    pub doc: String,
+    /// Name and type of each parameter.
+    pub parameters: Vec<(String, Shape)>,
+    /// Type of the result.
+    pub result: Shape,
+    /// The resources that it reads, directly or through what it calls.
+    pub bindings: Vec<Binding>,
+}
+
+impl fmt::Display for Function {
+    /// The signature: `fresnel::schlick(f0: vec3<f32>, v_dot_h: f32) -> vec3<f32>`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}(", self.name)?;
+        for (index, (name, shape)) in self.parameters.iter().enumerate() {
+            let separator = if index > 0 { ", " } else { "" };
+            write!(f, "{separator}{name}: {shape}")?;
+        }
+        write!(f, ") -> {}", self.result)
+    }
+}
+
+impl Program {
+    /// Reflects a function by its author's path.
+    ///
+    /// # Errors
+    /// If a probe can't call it: pointers, runtime-sized arrays, no result, 64-bit types, or
+    /// operations that only a fragment shader has.
+    pub fn function(&self, path: &str) -> Result<Function, ReflectError> {
+        let name = self.linked.name_of(path).unwrap_or(path);
+        let found = self
+            .module
+            .functions
+            .iter()
+            .find(|(_, function)| function.name.as_deref() == Some(name));
+        let Some((handle, function)) = found else {
+            let span = Span { file: Arc::clone(&self.linked.file), range: 0..0 };
+            let message = format!("`{path}` is an entry point or isn't a function");
+            return Err(unprobeable(
+                Diagnostic::new(message)
+                    .at(span, "in this module")
+                    .note("a probe calls plain functions: move what should be tested into one"),
+            ));
+        };
+        let span = self.function_span(handle);
+        let refuse = |what: String, note: &str| {
+            let message = format!("`{path}` can't be probed: {what}");
+            unprobeable(Diagnostic::new(message).at(span.clone(), "declared here").note(note))
+        };
+        let stages = self.info[handle].available_stages;
+        if !stages.contains(ShaderStages::COMPUTE) {
+            return Err(refuse(
+                "it uses operations of fragment shaders (derivatives, implicit-LOD sampling or \
+                 discard)"
+                    .to_owned(),
+                "use textureSampleLevel or textureSampleGrad, or pass derivatives as arguments",
+            ));
+        }
+        if let Some(shared) = self.shared_state(&self.info[handle]) {
+            return Err(refuse(
+                format!("it {shared}, which other cases of the same dispatch see"),
+                "pass values, return values: a result must not depend on its neighbours",
+            ));
+        }
+        let mut parameters = Vec::new();
+        for argument in &function.arguments {
+            let name = argument.name.clone().unwrap_or_default();
+            let shape = self.shape(argument.ty).map_err(|reason| {
+                refuse(format!("its parameter `{name}` is {reason}"), "pass values, return values")
+            })?;
+            parameters.push((name, shape));
+        }
+        let result = function.result.as_ref().ok_or_else(|| {
+            refuse("it returns nothing".to_owned(), "return the value that should be checked")
+        })?;
+        let result = self.shape(result.ty).map_err(|reason| {
+            refuse(format!("its result is {reason}"), "pass values, return values")
+        })?;
+        Ok(Function {
+            name: path.to_owned(),
+            linked: name.to_owned(),
+            doc: doc_above(&span),
+            parameters,
+            result,
+            bindings: self.bindings(|global| self.info[handle][global]),
+            span,
+        })
+    }
+
+    /// What a function shares with other invocations, if anything.
+    fn shared_state(&self, info: &naga::valid::FunctionInfo) -> Option<String> {
+        use naga::AddressSpace;
+        use naga::valid::UniformityRequirements;
+        if info.uniformity.requirements.contains(UniformityRequirements::WORK_GROUP_BARRIER) {
+            return Some("waits at a barrier".to_owned());
+        }
+        self.module.global_variables.iter().find_map(|(handle, global)| {
+            let name = global.name.as_deref().unwrap_or_default();
+            match global.space {
+                AddressSpace::WorkGroup if !info[handle].is_empty() => {
+                    Some(format!("uses the workgroup variable `{name}`"))
+                }
+                AddressSpace::Storage { .. }
+                    if info[handle].intersects(GlobalUse::WRITE | GlobalUse::ATOMIC) =>
+                {
+                    Some(format!("writes the storage buffer `{name}`"))
+                }
+                _ => None,
+            }
+        })
+    }
+
+    /// The shape of a buffer variable's type, or of an element of its runtime-sized array; `None`
+    /// if the type has no shape.
+    pub(crate) fn buffer_shape(&self, ty: naga::Handle<naga::Type>) -> Option<Shape> {
+        match &self.module.types[ty].inner {
+            naga::TypeInner::Array { base, size: naga::ArraySize::Dynamic, .. } => {
+                self.shape(*base).ok()
+            }
+            _ => self.shape(ty).ok(),
+        }
+    }
+
+    fn function_span(&self, handle: naga::Handle<naga::Function>) -> Span {
+        let range = self.module.functions.get_span(handle).to_range().unwrap_or(0..0);
+        self.resolve(range).unwrap_or(Span { file: Arc::clone(&self.linked.file), range: 0..0 })
+    }
+
+    /// The shape of a naga type, or what it is that a probe can't pass.
+    fn shape(&self, ty: naga::Handle<naga::Type>) -> Result<Shape, String> {
+        use naga::{ArraySize, TypeInner};
+        let ty = &self.module.types[ty];
+        Ok(match &ty.inner {
+            TypeInner::Scalar(scalar) => Shape::Scalar(scalar_of(*scalar)?),
+            TypeInner::Vector { size, scalar } => {
+                Shape::Vector { size: *size as u8, scalar: scalar_of(*scalar)? }
+            }
+            TypeInner::Matrix { columns, rows, scalar } => Shape::Matrix {
+                columns: *columns as u8,
+                rows: *rows as u8,
+                scalar: scalar_of(*scalar)?,
+            },
+            TypeInner::Array { base, size: ArraySize::Constant(length), .. } => {
+                Shape::Array { element: Box::new(self.shape(*base)?), length: length.get() }
+            }
+            TypeInner::Array { .. } => return Err("an array without a fixed size".to_owned()),
+            TypeInner::Pointer { .. } | TypeInner::ValuePointer { .. } => {
+                return Err("a pointer, which has no value outside the shader".to_owned());
+            }
+            TypeInner::Struct { members, .. } => {
+                let name = ty.name.clone().unwrap_or_default();
+                let members = members
+                    .iter()
+                    .map(|member| {
+                        Ok((member.name.clone().unwrap_or_default(), self.shape(member.ty)?))
+                    })
+                    .collect::<Result<_, String>>()?;
+                Shape::Struct { name, members }
+            }
+            TypeInner::Atomic(_) => return Err("an atomic".to_owned()),
+            TypeInner::Image { .. } | TypeInner::Sampler { .. } => {
+                return Err("a texture or sampler; bind it as a variable instead".to_owned());
+            }
+            _ => return Err("of a type that can't be passed".to_owned()),
+        })
+    }
+}
+
+fn scalar_of(scalar: naga::Scalar) -> Result<Scalar, String> {
+    use naga::ScalarKind;
+    match (scalar.kind, scalar.width) {
+        (ScalarKind::Float, 4) => Ok(Scalar::F32),
+        (ScalarKind::Float, 2) => Ok(Scalar::F16),
+        (ScalarKind::Sint, 4) => Ok(Scalar::I32),
+        (ScalarKind::Uint, 4) => Ok(Scalar::U32),
+        (ScalarKind::Bool, _) => Ok(Scalar::Bool),
+        (_, width) => Err(format!("made of {}-bit scalars", u32::from(width) * 8)),
+    }
+}
+
+fn unprobeable(diagnostic: Diagnostic) -> ReflectError {
+    ReflectError::Unprobeable(Box::new(diagnostic))
+}
+
+/// The `///` lines right above a function.
+fn doc_above(span: &Span) -> String {
+    let before = span.file.text.get(..span.range.start).unwrap_or_default();
+    // The line that the function starts on, up to the function, holds attributes at most.
+    let above = before.rfind('\n').map_or("", |newline| &before[..newline]);
+    let mut lines: Vec<&str> = above
+        .lines()
+        .rev()
+        .map(str::trim_start)
+        .take_while(|line| line.starts_with("//") || line.starts_with('@'))
+        .filter_map(|line| line.strip_prefix("///"))
+        .map(|line| line.strip_prefix(' ').unwrap_or(line))
+        .collect();
+    lines.reverse();
+    lines.join("\n")
+}
