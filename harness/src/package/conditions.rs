@@ -157,12 +157,19 @@ impl Reader<'_> {
             found.removed.push(self.bytes(&whole));
             let text = self.file.text[self.bytes(&condition)].to_owned();
             for token in at..end {
-                let is_name =
-                    matches!(self.text(token), "fn" | "struct" | "alias" | "const" | "override")
-                        && self.tokens.get(token + 1).is_some_and(|next| next.kind == Kind::Word);
-                if is_name {
+                let name = match self.text(token) {
+                    "fn" | "struct" | "alias" | "const" | "override" => token + 1,
+                    // `var<storage, read> name`
+                    "var" if self.is(token + 1, b'<') => {
+                        let close = (token + 2..end).find(|token| self.is(*token, b'>'));
+                        close.map_or(end, |close| close + 1)
+                    }
+                    "var" => token + 1,
+                    _ => continue,
+                };
+                if self.tokens.get(name).is_some_and(|next| next.kind == Kind::Word) {
                     found.inactive.push(Inactive {
-                        name: self.text(token + 1).to_owned(),
+                        name: self.text(name).to_owned(),
                         condition: text.clone(),
                         range: self.bytes(&condition),
                     });

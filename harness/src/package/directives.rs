@@ -82,6 +82,15 @@ impl Open {
     }
 }
 
+/// Whether a text has directives, or is a template.
+pub(super) fn concern(text: &str, tokens: &[Token]) -> bool {
+    tokens.iter().any(|token| is_mark(text, token)) || template(text, tokens).is_some()
+}
+
+fn is_mark(text: &str, token: &Token) -> bool {
+    token.kind == Kind::Unknown && &text[token.range()] == "#"
+}
+
 /// Reads the directives of a file, if it has any.
 pub(super) fn read(
     file: &Arc<SourceFile>,
@@ -93,8 +102,11 @@ pub(super) fn read(
         if let Some(template) = template(text, &tokens) {
             return Err(unknown(file, template, "a template's placeholder", "a template engine"));
         }
-        let is_mark = |token: &&Token| token.kind == Kind::Unknown && &text[token.range()] == "#";
-        tokens.iter().filter(is_mark).map(|token| token.range().start).collect()
+        tokens
+            .iter()
+            .filter(|token| is_mark(text, token))
+            .map(|token| token.range().start)
+            .collect()
     } else {
         Vec::new()
     };
@@ -405,24 +417,22 @@ impl Reader<'_> {
         let length = rest.find(|c| !matches!(c, '=' | '!' | '<' | '>')).unwrap_or(rest.len());
         let (operator, value) = (&rest[..length], rest[length..].trim());
         let value = self.parsed(value, whole)?;
-        let Some(own) = self.features.get(name).copied() else {
-            // A condition on what isn't set doesn't hold.
-            return Ok(false);
-        };
-        let number = |feature: Feature| match feature {
-            Feature::Flag(on) => i64::from(on),
-            Feature::Number(value) => value,
-        };
-        let order = number(own).cmp(&number(value));
-        Ok(match operator {
-            "==" => order.is_eq(),
-            "!=" => order.is_ne(),
-            ">" => order.is_gt(),
-            ">=" => order.is_ge(),
-            "<" => order.is_lt(),
-            "<=" => order.is_le(),
+        let holds: fn(std::cmp::Ordering) -> bool = match operator {
+            "==" => std::cmp::Ordering::is_eq,
+            "!=" => std::cmp::Ordering::is_ne,
+            ">" => std::cmp::Ordering::is_gt,
+            ">=" => std::cmp::Ordering::is_ge,
+            "<" => std::cmp::Ordering::is_lt,
+            "<=" => std::cmp::Ordering::is_le,
             _ => return Err(self.error(whole.clone(), wrong)),
-        })
+        };
+        let number = |feature: &Feature| match feature {
+            Feature::Flag(on) => i64::from(*on),
+            Feature::Number(value) => *value,
+        };
+        // A condition on what isn't set doesn't hold.
+        let own = self.features.get(name);
+        Ok(own.is_some_and(|own| holds(number(own).cmp(&number(&value)))))
     }
 
     /// A value as a directive has it; none: on.

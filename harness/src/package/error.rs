@@ -79,6 +79,14 @@ pub enum PackageError {
         /// The closest name there is.
         nearest: Option<String>,
     },
+    /// A path that no module gives itself.
+    #[error("no module calls itself `{path}` with `#define_import_path`{}", did_you_mean(nearest))]
+    NotComposed {
+        /// What was asked for.
+        path: String,
+        /// The closest path there is.
+        nearest: Option<String>,
+    },
     /// A path names a function that the package hasn't.
     #[error(
         "package `{package}` has no function `{path}` among its {count}{}",

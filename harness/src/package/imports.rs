@@ -218,17 +218,13 @@ fn declared_or_imported(
 /// The module or the item that the words of a path name, seen from a module.
 fn locate(library: &Library, from: &ModulePath, words: &[String]) -> Result<Target, PackageError> {
     // What modules call themselves has no order of packages.
-    if library.module(from)?.composes
-        && let Some((owner, count)) = library.composed(words)
-    {
-        return match &words[count..] {
-            [] => Ok(Target::Module(owner)),
-            [item] => Ok(Target::Item(owner, item.clone())),
-            _ => Err(PackageError::UnknownModule {
-                module: words[..words.len() - 1].join("::"),
-                package: library.name(owner.package),
-                nearest: None,
-            }),
+    if library.module(from)?.composes && !matches!(&*words[0], "package" | "super") {
+        return match library.composed(words) {
+            Some((owner, count)) if count == words.len() => Ok(Target::Module(owner)),
+            Some((owner, count)) if count + 1 == words.len() => {
+                Ok(Target::Item(owner, words[count].clone()))
+            }
+            _ => Err(library.not_composed(&words[..words.len() - 1].join("::"))),
         };
     }
     let supers = words.iter().take_while(|word| *word == "super").count();

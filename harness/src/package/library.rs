@@ -188,7 +188,20 @@ impl Library {
 
     /// The module that calls itself by the first of these words, as many as there are, and how many.
     pub(super) fn composed(&self, words: &[String]) -> Option<(ModulePath, usize)> {
-        let known = self.composed.get_or_init(|| {
+        let known = self.all_composed();
+        (1..=words.len())
+            .rev()
+            .find_map(|count| Some((known.get(&words[..count].join("::"))?.clone(), count)))
+    }
+
+    /// That no module calls itself by a path.
+    pub(super) fn not_composed(&self, path: &str) -> PackageError {
+        let near = nearest(path, self.all_composed().keys().map(String::as_str));
+        PackageError::NotComposed { path: path.to_owned(), nearest: near.map(str::to_owned) }
+    }
+
+    fn all_composed(&self) -> &BTreeMap<String, ModulePath> {
+        self.composed.get_or_init(|| {
             let mut known = BTreeMap::new();
             for package in self.all() {
                 for (path, components) in &*self.package(package).composed() {
@@ -197,10 +210,7 @@ impl Library {
                 }
             }
             known
-        });
-        (1..=words.len())
-            .rev()
-            .find_map(|count| Some((known.get(&words[..count].join("::"))?.clone(), count)))
+        })
     }
 
     /// The modules that share a name space with this one, as it includes them, and they others.

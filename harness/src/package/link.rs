@@ -114,7 +114,7 @@ impl Package {
                 return Err(self.unknown_function(module, item));
             }
         }
-        imports::check(&library, &root)?;
+        self.check_imports(&library, &root)?;
         Linker::new(&library, &root)?.link(wanted, false)
     }
 
@@ -128,9 +128,15 @@ impl Package {
             return Ok(verbatim(&library, &root, &file));
         }
         let parsed = library.module(&root)?;
-        imports::check(&library, &root)?;
+        self.check_imports(&library, &root)?;
         let all = (0..parsed.declarations.len()).map(|index| (root.clone(), index)).collect();
         Linker::new(&library, &root)?.link(all, true)
+    }
+
+    /// Follows each import, used or not; of a crate only those that are used, as its engine does:
+    /// what others import may be there with some features only.
+    fn check_imports(&self, library: &Library, root: &ModulePath) -> Result<(), PackageError> {
+        if self.is_crate() { Ok(()) } else { imports::check(library, root) }
     }
 
     /// [`link_module`](Self::link_module) with another name for everything that the module declares:

@@ -189,7 +189,8 @@ impl<'a> Linker<'a> {
                 .chain(path.components.iter().map(String::as_str))
                 .chain([item.as_str()])
                 .collect();
-            let base = parts.join("_");
+            let is_part = |c: char| c.is_alphanumeric() || c == '_';
+            let base = parts.join("_").replace(|c| !is_part(c), "_"); // of `line.inc.wgsl`
             let mut name = base.clone();
             let mut count = 2;
             while taken.contains(name.as_str()) || given.contains(&name) {

@@ -239,8 +239,7 @@ impl Module {
 /// Whether nothing in a text, well formed or not, asks the linker to change it.
 pub(super) fn asks_for_nothing(text: &str) -> bool {
     let tokens = lex(text);
-    let is_mark = |token: &Token| token.kind == Kind::Unknown && &text[token.range()] == "#";
-    if tokens.iter().any(is_mark) {
+    if directives::concern(text, &tokens) {
         return false;
     }
     let word = |index: usize| tokens.get(index).map_or("", |token| &text[token.range()]);

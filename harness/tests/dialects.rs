@@ -1,0 +1,358 @@
+//! Modules as engines write them: conditions, directives of `naga_oil`, files that include others, and
+//! what no dialect of ours expands.
+
+use insta::assert_snapshot;
+use karat::package::Feature;
+use karat::prelude::*;
+use karat::probe::Probed;
+
+fn linked(package: &Package, function: &str) -> String {
+    match Probed::new(package, function) {
+        Ok(probed) => probed.kernel().to_owned(),
+        Err(error) => panic!("{error}"),
+    }
+}
+
+fn error(package: &Package, function: &str) -> String {
+    match Probed::new(package, function) {
+        Ok(probed) => panic!("`{function}` was linked:\n{}", probed.kernel()),
+        Err(error) => error.to_string(),
+    }
+}
+
+/// The text of one function, `f`, without blank lines and blanks at ends.
+fn f(package: &Package) -> String {
+    let kernel = linked(package, "f");
+    let lines = kernel.lines().map(str::trim_end).filter(|line| !line.trim().is_empty());
+    lines.take_while(|line| !line.starts_with("@group(0)")).collect::<Vec<_>>().join("\n")
+}
+
+fn one(text: &str) -> Package {
+    Package::from_source("s", text)
+}
+
+const OIL: [(&str, &str); 4] = [
+    (
+        "math",
+        "#define_import_path engine::math\n\nconst PI: f32 = 3.14159265;\n\
+         #ifdef TWICE\nfn scaled(x: f32) -> f32 { return 2.0 * x; }\n\
+         #else\nfn scaled(x: f32) -> f32 { return x; }\n#endif\n",
+    ),
+    (
+        "render/lights",
+        "#define_import_path engine::lights\n\n#import engine::{\n    math::{PI, scaled as s}, // both\n    \
+         math,\n}\n\nstruct Light { intensity: f32 }\n\n\
+         fn flux(light: Light) -> f32 { return 4.0 * PI * s(light.intensity); }\n\
+         fn half(x: f32) -> f32 { return math::scaled(x) / 2.0; }\n\
+         fn whole(x: f32) -> f32 { return engine::math::scaled(x); }\n",
+    ),
+    (
+        "bound",
+        "#import engine::math::PI\n#import engine::lights as l\n\
+         @group(#{GROUP}) @binding(1) var<uniform> gain: f32;\n\
+         fn amplified(x: f32) -> f32 { return gain * l::half(x) * f32(#{GROUP}) * PI; }\n",
+    ),
+    ("slip", "#import engine::maths::PI\nfn f(x: f32) -> f32 { return PI * x; }\n"),
+];
+
+fn oil() -> Package {
+    let name = |name: &str| name.replace('/', "::");
+    Package::from_modules("engine", OIL.map(|(module, text)| (name(module), text)))
+}
+
+#[test]
+fn modules_of_naga_oil_import_by_the_paths_that_they_give_themselves() {
+    let reference = |x: f64| std::f64::consts::PI * 4.0 * x;
+    let domain = || (0.0..=10.0).map(|intensity: f32| Light { intensity });
+    let flux = |package: &Package, factor: f64| {
+        let of = |light: LightMirror| factor * reference(light.intensity);
+        package.function("render::lights::flux").over(domain()).agrees_with(of, Ulp(4.0));
+    };
+    flux(&oil(), 1.0);
+    flux(&oil().feature("TWICE", true), 2.0);
+    let half = oil();
+    half.function("render::lights::half").over(0.0..=1.0).agrees_with(|x: f64| x / 2.0, Ulp(1.0));
+    half.function("render::lights::whole").over(0.0..=1.0).agrees_with(|x: f64| x, Ulp(0.0));
+}
+
+karat::shareable! {
+    struct Light mirrors LightMirror { intensity: f32 }
+}
+
+#[test]
+fn values_stand_where_their_names_do() {
+    let package = oil().feature("GROUP", 3);
+    let text = linked(&package, "bound::amplified");
+    assert!(text.contains("@group(3) @binding(1) var<uniform> gain: f32;"), "{text}");
+    assert!(text.contains("f32(3) * "), "{text}");
+    assert_snapshot!(error(&oil(), "bound::amplified"), @r#"
+    error: `GROUP` has no value
+      --> <bound>:3:8
+      |
+    3 | @group(#{GROUP}) @binding(1) var<uniform> gain: f32;
+      |        ^^^^^^^^
+      |
+      = set it: `.feature("GROUP", 3)`, or `--feature GROUP=3`
+    "#);
+}
+
+/// The author's lines, whatever directives are above them.
+#[test]
+fn places_are_those_of_the_authors_file() {
+    let package = oil().feature("GROUP", 12_345_678);
+    let place = |function: &str| {
+        let probed = Probed::new(&package, function).expect("linked");
+        probed.function().span.to_string()
+    };
+    assert_eq!(place("math::scaled"), "<math>:7:1");
+    assert_eq!(place("render::lights::half"), "<render::lights>:11:1");
+    assert_eq!(place("bound::amplified"), "<bound>:4:1");
+    let wrong =
+        "#ifdef A\n#endif\n#if B == 2\n#endif\nfn f(x: f32) -> f32 { return f32(#{B}) + y; }\n";
+    assert_snapshot!(error(&one(wrong).feature("B", 7), "f"), @r#"
+    error: no definition in scope for identifier: `y`
+      --> <s>:5:42
+      |
+    5 | fn f(x: f32) -> f32 { return f32(#{B}) + y; }
+      |                                          ^ unknown identifier
+    "#);
+}
+
+#[test]
+fn conditions_choose_lines() {
+    let text = "#ifdef A\nfn f() -> i32 { return 1; }\n#else ifdef B\nfn f() -> i32 { return 2; }\n\
+                #else if C >= 3\nfn f() -> i32 { return 3; }\n#else\nfn f() -> i32 {\n#ifndef D\n    \
+                return 4;\n#else\n    return 5;\n#endif\n}\n#endif\n";
+    let value = |features: &[(&str, Feature)]| {
+        let package = features.iter().fold(one(text), |p, (name, value)| p.feature(name, *value));
+        let text = f(&package);
+        let at = text.find("return ").expect("it returns") + 7;
+        text[at..at + 1].parse::<u32>().expect("a digit")
+    };
+    let (on, off) = (Feature::Flag(true), Feature::Flag(false));
+    assert_eq!(value(&[]), 4);
+    assert_eq!(value(&[("A", on)]), 1);
+    assert_eq!(value(&[("A", on), ("B", on)]), 1);
+    assert_eq!(value(&[("A", off), ("B", on)]), 2);
+    assert_eq!(value(&[("C", Feature::Number(3))]), 3);
+    assert_eq!(value(&[("C", Feature::Number(2))]), 4);
+    assert_eq!(value(&[("D", on)]), 5);
+    let operators = "fn f() -> i32 {\n#if N == 2\nreturn 1;\n#endif\n#if N != 3\nreturn 2;\n#endif\n\
+                     #if N < 3\nreturn 3;\n#endif\n#if N <= 3\nreturn 4;\n#endif\n#if N > 4\n\
+                     return 5;\n#endif\nreturn 6;\n}\n";
+    for (n, expected) in [(1, 2), (2, 1), (3, 4), (4, 2), (5, 2)] {
+        let text = f(&one(operators).feature("N", n));
+        let at = text.find("return ").expect("it returns") + 7;
+        assert_eq!(text[at..at + 1], expected.to_string(), "{n}: {text}");
+    }
+    let defined = "#define N 3\n#ifdef N\nfn f() -> i32 { return #{N}; }\n#endif\n";
+    assert!(f(&one(defined)).contains("return 3;"));
+    // A condition in a comment is none.
+    assert!(f(&one("/*\n#ifdef A\n*/\nfn f() -> i32 { return 1; }\n// #endif\n")).contains("1;"));
+}
+
+#[test]
+fn conditions_that_cannot_be_read_are_errors() {
+    for (text, message) in [
+        ("#ifdef A\nfn f() {}\n", "this condition has no `#endif`"),
+        ("#endif\nfn f() {}\n", "this `#endif` follows no `#if`"),
+        ("#else\nfn f() {}\n", "this `#else` follows no `#if`"),
+        ("#ifdef\n#endif\nfn f() {}\n", "`#ifdef` names one feature"),
+        ("#ifdef A B\n#endif\nfn f() {}\n", "`#ifdef` names one feature"),
+        ("#if A\n#endif\nfn f() {}\n", "conditions compare a feature with a value"),
+        ("#if A == x\n#endif\nfn f() {}\n", "values are whole numbers"),
+        ("#if A =< 3\n#endif\nfn f() {}\n", "conditions compare a feature with a value"),
+        ("#ifdef A\n#else maybe\n#endif\nfn f() {}\n", "an `#else` is followed by nothing"),
+        ("fn f() -> i32 { return #{N; }\n", "has no value"),
+    ] {
+        let said = error(&one(text), "f");
+        assert!(said.contains(message), "{text}: {said}");
+    }
+}
+
+/// Vello's, `re_renderer`'s and blade's: what a file includes shares its names.
+#[test]
+fn included_files_share_one_name_space() {
+    let package = Package::from_modules(
+        "vello",
+        [
+            (
+                "shader::fine",
+                "#import shared\n#ifdef full\n#import more\n#endif\n\
+              @group(0) @binding(0) var<uniform> config: u32;\n\
+              fn area(h: u32) -> u32 { return scaled(h) * TWO; }\n",
+            ),
+            (
+                "shader::shared::shared",
+                "#import consts\nfn scaled(x: u32) -> u32 { return x * config; }\n",
+            ),
+            ("shader::shared::consts", "const TWO = 2u;\n"),
+            ("shader::shared::more", "const MORE = 1u;\n"),
+            (
+                "shader::plane",
+                "#import <./utils/quad.wgsl>\n#include \"../shader/utils/line.inc.wgsl\"\n\
+              fn both(x: f32) -> f32 { return quad() + line() + x; }\n",
+            ),
+            ("shader::utils::quad", "fn quad() -> f32 { return 4.0; }\n"),
+            ("shader::utils::line.inc", "fn line() -> f32 { return 2.0; }\n"),
+        ],
+    );
+    let uniform = Uniform::new(3_u32);
+    let check = package.function("shader::fine::area").with("config", uniform);
+    check.over(Integers(0..=9_u32)).agrees_with(|h: u32| 6 * h, Ulp(0.0));
+    package.function("shader::plane::both").over(0.0..=1.0).agrees_with(|x: f64| 6.0 + x, Ulp(1.0));
+    let slip = Package::from_modules(
+        "m",
+        [("a", "#import shard\nfn f() -> f32 { return 1.0; }"), ("shared", "const A = 1;")],
+    );
+    assert_snapshot!(error(&slip, "a::f"), @r#"
+    error: there is no module `shard` to include
+      --> <a>:1:1
+      |
+    1 | #import shard
+      | ^^^^^^^^^^^^^
+      |
+      = did you mean `shared`?
+    "#);
+}
+
+/// Bevy's WESL reads values of features from a package that has no file.
+#[test]
+fn values_of_features_are_constants() {
+    let text = "import constants::COUNT;\n@group(constants::GROUP) @binding(0) var<uniform> x: f32;\n\
+                fn f(y: f32) -> f32 { return y + x * f32(COUNT); }\n";
+    let package = one(text).feature("COUNT", 4).feature("GROUP", 2);
+    let check = package.function("f").with("x", Uniform::new(1.5_f32));
+    check.over(0.0..=1.0).agrees_with(|x: f64| 6.0 + x, Ulp(1.0));
+    assert_snapshot!(error(&one(text).feature("COUNT", 4), "f"), @r#"
+    error: module `constants` has no declaration `GROUP`
+      --> <s>:2:19
+      |
+    2 | @group(constants::GROUP) @binding(0) var<uniform> x: f32;
+      |                   ^^^^^
+      |
+      = it is a feature with a value: `.feature("GROUP", 3)`, or `--feature GROUP=3`
+    "#);
+}
+
+/// A slip in a feature would leave the shader as it is.
+#[test]
+fn a_feature_that_nothing_asks_about_is_an_error() {
+    let wesl = "@if(MULTISAMPLED && !FAST) fn g() {}\nfn f() -> f32 { return 1.0; }";
+    assert_snapshot!(error(&one(wesl).feature("MULTISAMPLD", true), "f"), @"nothing in package `s` or in what it imports asks about the feature `MULTISAMPLD`; did you mean `MULTISAMPLED`?; it asks about FAST, MULTISAMPLED");
+    let oil =
+        "#ifdef MULTISAMPLED\n#else if SAMPLES > 2\n#endif\nfn f() -> i32 { return #{COUNT}; }";
+    assert_snapshot!(error(&one(oil).feature("SAMPLE", 2), "f"), @"nothing in package `s` or in what it imports asks about the feature `SAMPLE`; did you mean `SAMPLES`?; it asks about COUNT, MULTISAMPLED, SAMPLES");
+    assert_snapshot!(error(&one("fn f() -> f32 { return 1.0; }").feature("A", true), "f"), @"nothing in package `s` or in what it imports asks about the feature `A`");
+}
+
+/// What Karat doesn't expand says so, and what to do.
+#[test]
+fn other_preprocessors_are_named() {
+    assert_snapshot!(error(&one("#use Mode::Fast\nfn f() -> f32 { return 1.0; }"), "f"), @r#"
+    error: `#use` isn't WGSL: a preprocessor expands it
+      --> <s>:1:1
+      |
+    1 | #use Mode::Fast
+      | ^^^^^^^^^^^^^^^
+      |
+      = hand Karat the expanded text: a `preprocess` command in karat.toml beside the modules, or `Package::from_modules` in Rust
+    "#);
+    assert_snapshot!(error(&one("#ifdeff A\nfn f() -> f32 { return 1.0; }"), "f"), @r#"
+    error: `#ifdeff` isn't WGSL: a preprocessor expands it
+      --> <s>:1:1
+      |
+    1 | #ifdeff A
+      | ^^^^^^^^^
+      |
+      = did you mean `#ifdef`?
+      = hand Karat the expanded text: a `preprocess` command in karat.toml beside the modules, or `Package::from_modules` in Rust
+    "#);
+    assert_snapshot!(error(&one("#import \"shaders/a.wgsl\" as a\nfn f() -> f32 { return 1.0; }"), "f"), @r#"
+    error: an import by an asset's path isn't WGSL: an engine's asset server expands it
+      --> <s>:1:1
+      |
+    1 | #import "shaders/a.wgsl" as a
+      | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+      |
+      = hand Karat the expanded text: a `preprocess` command in karat.toml beside the modules, or `Package::from_modules` in Rust
+    "#);
+    assert_snapshot!(error(&one("fn f() -> f32 {\n    return {{ value }};\n}"), "f"), @r#"
+    error: a template's placeholder isn't WGSL: a template engine expands it
+      --> <s>:2:12
+      |
+    2 |     return {{ value }};
+      |            ^^
+      |
+      = hand Karat the expanded text: a `preprocess` command in karat.toml beside the modules, or `Package::from_modules` in Rust
+    "#);
+    assert_snapshot!(error(&one("{% if fast %}\nfn f() -> f32 { return 1.0; }\n{% endif %}"), "f"), @r#"
+    error: a template's placeholder isn't WGSL: a template engine expands it
+      --> <s>:1:1
+      |
+    1 | {% if fast %}
+      | ^^
+      |
+      = hand Karat the expanded text: a `preprocess` command in karat.toml beside the modules, or `Package::from_modules` in Rust
+    "#);
+    // Blocks in blocks are WGSL.
+    assert!(f(&one("fn f() -> f32 {{ return 1.0; }}")).contains("{{ return 1.0; }}"));
+}
+
+#[test]
+fn a_name_that_no_module_gives_itself_is_an_error() {
+    assert_snapshot!(error(&oil(), "slip::f"), @r#"
+    error: unresolved import of `engine::maths::PI`
+      --> <slip>:1:24
+      |
+    1 | #import engine::maths::PI
+      |                        ^^ imported here
+      |
+      = no module calls itself `engine::maths` with `#define_import_path`; did you mean `engine::math`?
+    "#);
+}
+
+/// A folder says what expands its modules, and which features hold.
+#[test]
+#[cfg(unix)]
+fn karat_toml_says_what_expands_modules() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let write = |name: &str, text: &str| {
+        std::fs::write(folder.path().join(name), text).expect("written");
+    };
+    let package = || Package::open(folder.path()).expect("a folder");
+    let said = |function: &str| {
+        let path = folder.path().display().to_string();
+        let canonical = folder.path().canonicalize().expect("it is there").display().to_string();
+        let error = error(&package(), function);
+        error.replace(&canonical, "shaders").replace(&path, "shaders")
+    };
+    write(
+        "a.wgsl",
+        "fn f(x: f32) -> f32 { return $(VALUE) + x; }\n@if(fast) fn g(x: f32) -> f32 { return 1.0 + x; }\n",
+    );
+    assert!(said("a::f").contains("no token `$`"), "{}", said("a::f"));
+    write("karat.toml", "preprocess = [\"sed\", \"s/$(VALUE)/2.5/\"]\n[features]\nfast = true\n");
+    package().function("a::f").over(0.0..=1.0).agrees_with(|x: f64| 2.5 + x, Ulp(1.0));
+    package().function("a::g").over(0.0..=1.0).agrees_with(|x: f64| 1.0 + x, Ulp(1.0));
+    write("karat.toml", "preprocess = [\"sed\", \"nonsense\"]\n");
+    write("a.wgsl", "fn f() -> f32 { return $(OTHER); }\n");
+    let failed = said("a::f");
+    assert!(
+        failed.starts_with("`sed`, which karat.toml names to expand modules, fails for"),
+        "{failed}"
+    );
+    for (text, message) in [
+        ("preprocess = []\n", "`shaders/karat.toml` can't be used: `preprocess` names no program"),
+        ("preproces = [\"a\"]\n", "unknown field `preproces`"),
+        ("[features]\nfast = \"yes\"\n", "can't be used"),
+        ("preprocess = [\"true\"]\n", "it prints nothing"),
+        ("preprocess = [\"no-such-program-here\"]\n", "it doesn't run"),
+        ("[features]\nfst = true\n", "asks about the feature `fst`"),
+    ] {
+        write("karat.toml", text);
+        write("a.wgsl", &format!("fn f() -> f32 {{ return 1.0; }} // {}\n", text.len()));
+        let error = said("a::f");
+        assert!(error.contains(message), "{text}: {error}");
+    }
+}
