@@ -11,6 +11,7 @@ mod called;
 mod companion;
 mod conclusion;
 mod disagreement;
+mod effort;
 mod equivariance;
 mod inputs;
 mod integral;
@@ -32,6 +33,7 @@ mod shrink;
 mod statement;
 mod tally;
 mod tolerances;
+mod trial;
 mod vacuous;
 mod verdict;
 

@@ -10,6 +10,7 @@ mod mesh;
 mod painter;
 mod pipeline;
 mod renderer;
+mod row;
 
 pub use drawing::Drawing;
 pub(crate) use drawing::{Draw, Scene};

@@ -8,6 +8,7 @@ mod acceptance;
 mod compare;
 mod lock;
 mod message;
+mod number;
 mod parts;
 mod pending;
 mod place;

@@ -8,17 +8,20 @@
 //! eye would see of it; [`Noise`] is what of it the noise of both doesn't explain.
 
 mod exposure;
+mod exposure_map;
 mod flip;
 mod gate;
 mod ldr;
 mod mask;
 mod noise;
 mod pair;
+mod relative;
 mod tiles;
 
 use std::fmt;
 
-pub use exposure::{ExposureMap, ExposureRange};
+pub use exposure::ExposureRange;
+pub use exposure_map::ExposureMap;
 pub use flip::{Flip, FlipFailure, Pool};
 pub use gate::{DEFAULT_RELATIVE, Gate, Outliers, WorstPixel};
 pub use mask::{Mask, MaskError, Rect};

@@ -14,6 +14,7 @@ mod imports;
 mod lexer;
 mod library;
 mod link;
+mod linked;
 mod linker;
 mod manifest;
 mod overlay;
@@ -28,8 +29,8 @@ use std::path::{Path, PathBuf};
 pub use error::PackageError;
 pub use feature::Feature;
 #[cfg(test)]
-pub(crate) use link::KERNEL_WORDS;
-pub(crate) use link::Linked;
+pub(crate) use linked::KERNEL_WORDS;
+pub(crate) use linked::Linked;
 
 use cargo::Found;
 use library::{Library, ModulePath};

@@ -95,11 +95,12 @@ impl Plan<'_> {
         recording: Recording,
     ) -> Result<Agreement, Failure> {
         let tolerances = self.tolerances(tolerance);
-        let asserted = Asserted { check: "agrees_with", text: tolerances.general.to_string() };
+        let asserted = Asserted::new("agrees_with", tolerances.general.to_string());
         self.conclude(&asserted, stream, demand, recording, &mut |session| {
             session.called.expect_result(&expected.shape, "the reference returns")?;
-            tolerances.expect_usable(session)?;
-            let (scalars, tolerances) = (session.called.scalars(), tolerances.of_paths(session));
+            tolerances.expect_usable(&session.called)?;
+            let (scalars, tolerances) =
+                (session.called.scalars(), tolerances.of_paths(&session.called));
             let told_apart = AtomicBool::new(false);
             let tallies = session.run(&mut |batch, dispatches| {
                 // The device works on the dispatches meanwhile.

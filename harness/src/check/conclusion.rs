@@ -43,6 +43,7 @@ impl Session<'_> {
             function: self.called.function().clone(),
             check: self.asserted.check,
             assertion: self.asserted.text.clone(),
+            expectation: self.asserted.expectation,
             paths,
             agreeing,
             seed: self.cases.seed,

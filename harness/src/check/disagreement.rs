@@ -2,7 +2,6 @@
 
 use std::fmt;
 
-use super::integral;
 use super::tally::{Census, Judged};
 use crate::diagnostic::Diagnostic;
 use crate::path::Adapter;
@@ -23,12 +22,33 @@ pub struct Disagreement {
     pub check: &'static str,
     /// What it asserts: the tolerance, or the statement.
     pub assertion: String,
+    /// What the expected value is to the actual one.
+    pub expectation: Expectation,
     /// Each path that disagrees.
     pub paths: Vec<PathDisagreement>,
     /// Paths that agree, and where the arguments came from.
     pub agreeing: Vec<(Adapter, Inputs)>,
     /// Seed of the cases.
     pub seed: u64,
+}
+
+/// What an expected value is to the actual one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Expectation {
+    /// The same, within the tolerance.
+    #[default]
+    Equal,
+    /// The largest that it may be.
+    AtMost,
+}
+
+impl fmt::Display for Expectation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Equal => "expected",
+            Self::AtMost => "at most",
+        })
+    }
 }
 
 /// The failures of one path.
@@ -303,7 +323,7 @@ impl fmt::Display for Disagreement {
         let message = format!("`{}` fails {check}: {assertion}", self.function.name);
         let diagnostic = Diagnostic::new(message).at(span, "");
         writeln!(f, "{diagnostic}")?;
-        let expectation = if *check == integral::IS_AT_MOST { "at most" } else { "expected" };
+        let expectation = &self.expectation.to_string();
         for path in &self.paths {
             let Census { cases, failures, nan, infinite, wrong_sign, too_low, too_high } =
                 path.census;

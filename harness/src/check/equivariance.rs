@@ -107,14 +107,13 @@ impl Plan<'_> {
         recording: Recording,
     ) -> Result<Agreement, Failure> {
         let tolerances = self.tolerances(tolerance);
-        let asserted =
-            Asserted { check: "equivariant_under", text: tolerances.general.to_string() };
+        let asserted = Asserted::new("equivariant_under", tolerances.general.to_string());
         let stream = WithCompanion { arguments: stream, companion: &Rotations };
         self.conclude(&asserted, &stream, demand, recording, &mut |session| {
             let called = &session.called;
             called.expect_result(&turned.shape, "the rotation of the result takes")?;
-            tolerances.expect_usable(session)?;
-            let (scalars, tolerances) = (called.scalars(), tolerances.of_paths(session));
+            tolerances.expect_usable(&session.called)?;
+            let (scalars, tolerances) = (called.scalars(), tolerances.of_paths(&session.called));
             let mut changed = false;
             let tallies = session.run(&mut |batch, dispatches| {
                 let rotation = |case: usize| rotation(batch.companion(case));

@@ -13,10 +13,11 @@ use std::cell::RefCell;
 use std::ops::Range;
 
 use super::disagreement::Simplest;
+use super::effort::Effort;
 use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
 use super::session::{Asserted, Demand, Session};
-use super::shrink::{Effort, JudgeValues};
+use super::shrink::JudgeValues;
 use super::{Agreement, Failure, Probe};
 use crate::domain::{Domain, Held, Stream, Typed};
 use crate::path::Selector;
@@ -248,7 +249,7 @@ impl Plan<'_> {
             calls: BATCH,
         };
         let assertion = &integrals.assertion;
-        let asserted = Asserted { check: assertion.name(), text: assertion.to_string() };
+        let asserted = Asserted::new(assertion.name(), assertion.to_string());
         self.conclude(&asserted, stream, &demand, recording, &mut |session| {
             assertion.expect_result(session, &integrals.shape, &self.tolerance_on)?;
             integrals.run(session)

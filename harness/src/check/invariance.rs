@@ -68,11 +68,11 @@ impl Plan<'_> {
         recording: Recording,
     ) -> Result<Agreement, Failure> {
         let tolerances = self.tolerances(tolerance);
-        let asserted = Asserted { check: "invariant_under", text: tolerances.general.to_string() };
+        let asserted = Asserted::new("invariant_under", tolerances.general.to_string());
         self.conclude(&asserted, stream, demand, recording, &mut |session| {
-            tolerances.expect_usable(session)?;
+            tolerances.expect_usable(&session.called)?;
             let called = &session.called;
-            let (scalars, tolerances) = (called.scalars(), tolerances.of_paths(session));
+            let (scalars, tolerances) = (called.scalars(), tolerances.of_paths(&session.called));
             let mut changed = false;
             let tallies = session.run(&mut |batch, dispatches| {
                 let before = Running::read_all(dispatches)?;

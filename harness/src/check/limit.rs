@@ -144,13 +144,13 @@ impl Plan<'_> {
     ) -> Result<Agreement, Failure> {
         let tolerances = self.tolerances(tolerance);
         let text = format!("{argument} toward {limit}: {}", tolerances.general);
-        let asserted = Asserted { check: "at_limit", text };
+        let asserted = Asserted::new("at_limit", text);
         self.conclude(&asserted, stream, demand, recording, &mut |session| {
             let called = &session.called;
             let function = called.function();
             called.expect_result(&expected.shape, "the reference returns")?;
-            tolerances.expect_usable(session)?;
-            let (scalars, tolerances) = (called.scalars(), tolerances.of_paths(session));
+            tolerances.expect_usable(&session.called)?;
+            let (scalars, tolerances) = (called.scalars(), tolerances.of_paths(&session.called));
             let varied = argument.scalar(function)?;
             if !matches!(varied.scalar, Scalar::F32) {
                 return Err(Mismatch::NoFloat(varied.name).of(function));

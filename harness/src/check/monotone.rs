@@ -116,7 +116,7 @@ impl Plan<'_> {
     ) -> Result<Agreement, Failure> {
         let tolerances = self.tolerances(tolerance);
         let text = format!("{trend} in {argument}, {}", tolerances.general);
-        let asserted = Asserted { check: NAME, text };
+        let asserted = Asserted::new(NAME, text);
         let probed = Probed::new(self.probe.package, &self.probe.name);
         let varied = probed.ok().and_then(|probed| argument.scalar(&probed.function).ok());
         let Some(varied) = varied else {
@@ -128,9 +128,9 @@ impl Plan<'_> {
         let companion = &Other { domain: stream, argument: varied.clone() };
         let stream = WithCompanion { arguments: stream, companion };
         self.conclude(&asserted, &stream, demand, recording, &mut |session| {
-            tolerances.expect_usable(session)?;
+            tolerances.expect_usable(&session.called)?;
             let called = &session.called;
-            let (scalars, tolerances) = (called.scalars(), tolerances.of_paths(session));
+            let (scalars, tolerances) = (called.scalars(), tolerances.of_paths(&session.called));
             let (mut pairs, changed) = (0, AtomicBool::new(false));
             let tallies = session.run(&mut |batch, dispatches| {
                 let plain = batch.lanes();

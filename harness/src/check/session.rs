@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use super::batch::{Batch, Rows};
 use super::called::{Called, Fitting, Results, Running};
-use super::disagreement::arguments;
+use super::disagreement::{Expectation, arguments};
+use super::effort::Effort;
 use super::path_tally::PathTally;
-use super::shrink::Effort;
 use super::tally::{Judged, Shown, tally};
 use super::{CaseFailure, Failure, Plan, Simplest, Vacuous, parallel};
 use crate::domain::{Held, Numbering, Origin, Stream};
@@ -45,6 +45,15 @@ pub(super) struct Asserted {
     pub(super) check: &'static str,
     /// The tolerance, or the statement.
     pub(super) text: String,
+    /// What the expected value is to the actual one.
+    pub(super) expectation: Expectation,
+}
+
+impl Asserted {
+    /// That the actual value is the expected one.
+    pub(super) fn new(check: &'static str, text: String) -> Self {
+        Self { check, text, expectation: Expectation::Equal }
+    }
 }
 
 /// A check in progress: a function, and a stream of cases.

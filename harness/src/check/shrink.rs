@@ -6,6 +6,7 @@
 
 use std::time::{Duration, Instant};
 
+use super::effort::Effort;
 use super::path_tally::PathTally;
 use super::session::Session;
 use super::{CaseFailure, Failure, Simplest};
@@ -14,33 +15,6 @@ use crate::run::Descent;
 
 /// Rounds for one case. A component needs one or two, so this is enough for a matrix.
 const ROUNDS: usize = 50;
-
-/// How many values are tried.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Effort {
-    /// In the first trial of a round, whose first values fail most often; each later trial takes
-    /// four times as many as the one before.
-    first: usize,
-    /// In one trial, at most.
-    most: usize,
-    /// In one round.
-    round: usize,
-}
-
-impl Effort {
-    /// Of calls in dispatches of this many.
-    pub(super) fn of_calls(capacity: usize) -> Self {
-        Self { first: 128, most: capacity, round: 16_384 }
-    }
-
-    /// Of constants: 64 of them are a kernel to compile.
-    pub(super) fn of_constants(capacity: usize) -> Self {
-        Self { round: 192, ..Self::of_calls(capacity) }
-    }
-
-    /// Of integrals, each of which is thousands of calls.
-    pub(super) const INTEGRALS: Self = Self { first: 4, most: 32, round: 192 };
-}
 
 /// Time for one case. Only a slow reference needs it; the case is less simple then.
 const TIME: Duration = Duration::from_secs(20);

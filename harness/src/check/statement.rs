@@ -76,9 +76,9 @@ impl Plan<'_> {
         (shape, holds): (&Shape, Holds<'_>),
         recording: Recording,
     ) -> Result<Agreement, Failure> {
-        let asserted = Asserted { check: "satisfies", text: statement.to_owned() };
+        let asserted = Asserted::new("satisfies", statement.to_owned());
         self.conclude(&asserted, stream, demand, recording, &mut |session| {
-            tolerances::expect_none(&self.tolerance_on, session)?;
+            tolerances::expect_none(&self.tolerance_on, session.asserted.check, &session.called)?;
             session.called.expect_result(shape, "the statement takes")?;
             let scalars = session.called.scalars();
             session.run(&mut |batch, dispatches| {

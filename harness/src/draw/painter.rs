@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use super::drawing::{Bindings, Draw, Scene};
-use super::renderer::Row;
+use super::row::Row;
 use super::{DrawError, Mesh};
 use crate::path::Device;
 use crate::probe::Resource;

@@ -10,10 +10,12 @@
 
 use flip_rs::{HdrOptions, RgbImage, hdr_flip};
 
-use super::exposure::{ExposureMap, ExposureRange};
-use super::gate::{DARK, Gate};
+use super::exposure::ExposureRange;
+use super::exposure_map::ExposureMap;
+use super::gate::Gate;
 use super::mask::Rect;
 use super::pair::Pair;
+use super::relative::DARK;
 use super::tiles::ErrorMap;
 use super::{Measured, Metric};
 use crate::image::Image;
@@ -109,7 +111,7 @@ impl Flip {
     /// Computed once for the default distance of sight.
     fn worst(&self, pair: &Pair<'_>) -> Result<Worst, FlipFailure> {
         if self.pixels_per_degree == flip_rs::DEFAULT_PPD {
-            return pair.flip.get_or_init(|| self.compute(pair)).clone();
+            return pair.memo(|| self.compute(pair));
         }
         self.compute(pair)
     }

@@ -24,9 +24,10 @@
 
 use glam::{DVec3, DVec4, Vec4};
 
-use super::gate::{DARK, DEFAULT_RELATIVE, Gate};
+use super::gate::{DEFAULT_RELATIVE, Gate};
 use super::mask::Rect;
 use super::pair::Pair;
+use super::relative::DARK;
 use super::{Measured, Metric};
 use crate::image::Image;
 use crate::stats::{chi_square_critical, normal_critical, sidak};

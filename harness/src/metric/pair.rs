@@ -1,15 +1,15 @@
 //! A golden and a frame that can be measured.
 
+use std::any::Any;
 use std::borrow::Cow;
 use std::ops::Range;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use glam::Vec4;
 
 use super::exposure::ExposureRange;
-use super::flip::{FlipFailure, Worst};
-use super::gate;
 use super::mask::{Mask, MaskError, Rect};
+use super::relative;
 use crate::image::{Image, NonFinite};
 
 /// Pixels that are looked at in one go: those of both images fit in the smallest cache.
@@ -29,8 +29,8 @@ pub struct Pair<'a> {
     largest_relative: f32,
     exposures: OnceLock<ExposureRange>,
     key: OnceLock<f32>,
-    /// Of the default distance of sight: several metrics want it.
-    pub(super) flip: OnceLock<Result<Worst, FlipFailure>>,
+    /// What a metric has computed, for another one that wants the same.
+    memo: OnceLock<Arc<dyn Any + Send + Sync>>,
 }
 
 /// Why there is nothing to measure.
@@ -109,7 +109,7 @@ impl<'a> Pair<'a> {
             }
             for (golden, actual) in golden.iter().zip(actual) {
                 nothing += Vec4::from_array(*actual) * 0.0;
-                largest = largest.max(gate::ratio(*golden, *actual, Vec4::ONE, Vec4::ZERO));
+                largest = largest.max(relative::ratio(*golden, *actual, Vec4::ONE, Vec4::ZERO));
             }
             let start = index * STRIP;
             match different.last_mut() {
@@ -130,7 +130,7 @@ impl<'a> Pair<'a> {
             None => golden.pixels().len(),
         };
         let largest_relative = largest.max_element();
-        let (exposures, key, flip) = Default::default();
+        let (exposures, key, memo) = Default::default();
         Ok(Self {
             golden,
             actual,
@@ -140,7 +140,7 @@ impl<'a> Pair<'a> {
             largest_relative,
             exposures,
             key,
-            flip,
+            memo,
         })
     }
 
@@ -148,7 +148,7 @@ impl<'a> Pair<'a> {
     #[must_use]
     pub fn with_exposures(mut self, exposures: ExposureRange) -> Self {
         self.exposures = OnceLock::from(exposures);
-        self.flip = OnceLock::new();
+        self.memo = OnceLock::new();
         self
     }
 
@@ -194,6 +194,12 @@ impl<'a> Pair<'a> {
         all.filter(|(x, y)| self.counts(*x, *y)).count()
     }
 
+    /// What is computed once of the pair; of another type than the first it is computed each time.
+    pub(super) fn memo<T: Any + Clone + Send + Sync>(&self, compute: impl Fn() -> T) -> T {
+        let kept = self.memo.get_or_init(|| Arc::new(compute()));
+        kept.downcast_ref::<T>().map_or_else(&compute, T::clone)
+    }
+
     /// The exposures that HDR-FLIP looks at.
     #[must_use]
     pub fn exposures(&self) -> ExposureRange {
@@ -217,9 +223,9 @@ impl<'a> Pair<'a> {
         self.largest_relative
     }
 
-    /// See [`gate::key`].
+    /// See [`relative::key`].
     pub(super) fn key(&self) -> f32 {
-        *self.key.get_or_init(|| gate::key(&self.compared_pixels()))
+        *self.key.get_or_init(|| relative::key(&self.compared_pixels()))
     }
 
     /// Strips of both images that differ in a bit, with the index of their first pixel.

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::PackageError;
 use super::imports::{self, Import, Target};
 use super::library::{Library, ModulePath};
-use super::link::{Item, KERNEL_PREFIX, KERNEL_WORDS, Linked, author_path};
+use super::linked::{Item, KERNEL_PREFIX, KERNEL_WORDS, Linked, author_path};
 use super::splice::{Edit, Spliced};
 use super::syntax::{DeclarationKind, Module};
 

@@ -65,10 +65,10 @@ impl Assertion {
         match self {
             Self::AgreesWith(tolerances) => {
                 called.expect_result(host, "the expected integral is")?;
-                tolerances.expect_usable(session)
+                tolerances.expect_usable(&session.called)
             }
             Self::IsAtMost(slack) => {
-                tolerances::expect_none(tolerance_on, session)?;
+                tolerances::expect_none(tolerance_on, session.asserted.check, &session.called)?;
                 if *host != Shape::Scalar(Scalar::F32) {
                     called.expect_result(host, "the bound is")?;
                 }

@@ -61,7 +61,7 @@ pub(super) fn conclude(
     let result = (|| {
         settings.check(&function)?;
         plan.expect_reasons()?;
-        let asserted = Asserted { check, text: hypothesis.text.clone() };
+        let asserted = Asserted::new(check, hypothesis.text.clone());
         let demand = Demand {
             arguments: shapes.to_vec(),
             who: "the sampler is given",

@@ -1,0 +1,89 @@
+//! What linking gives.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::library::{ModulePath, Sources};
+use super::splice::Spliced;
+use super::syntax::deepest;
+use crate::diagnostic::{SourceFile, Span};
+
+/// WGSL's names that generated kernels use. A shader under test may declare them, too, and gets
+/// other names for its own then.
+pub(crate) const KERNEL_WORDS: &[&str] = &[
+    "array",
+    "bitcast",
+    "bool",
+    "f16",
+    "f32",
+    "global_invocation_id",
+    "i32",
+    "mat2x2",
+    "mat2x3",
+    "mat2x4",
+    "mat3x2",
+    "mat3x3",
+    "mat3x4",
+    "mat4x2",
+    "mat4x3",
+    "mat4x4",
+    "private",
+    "read",
+    "read_write",
+    "select",
+    "storage",
+    "u32",
+    "uniform",
+    "vec2",
+    "vec3",
+    "vec4",
+];
+
+/// How the names of generated kernels begin.
+pub(crate) const KERNEL_PREFIX: &str = "karat_";
+
+/// WGSL without imports, and the way back to the author's files.
+#[derive(Clone, Debug)]
+pub(crate) struct Linked {
+    /// Plain WGSL.
+    pub(crate) spliced: Spliced,
+    /// Author's path of each declaration, `fresnel::schlick`, by its name in the text.
+    pub(crate) names: BTreeMap<String, String>,
+    /// The file that holds what was linked.
+    pub(crate) file: Arc<SourceFile>,
+    /// What it was made of.
+    pub(crate) sources: Sources,
+}
+
+impl Linked {
+    pub(crate) fn text(&self) -> &str {
+        self.spliced.text()
+    }
+
+    /// Where the text nests so deep, or has so long an expression, that compilers, which recurse over
+    /// both, would need more stack than they are given.
+    pub(crate) fn too_deep(&self) -> Option<Span> {
+        let place = deepest(self.text())?;
+        let none = || Span { file: Arc::clone(&self.file), range: 0..0 };
+        Some(self.spliced.resolve(place).unwrap_or_else(none))
+    }
+
+    /// The name in the text of a declaration with this author's path.
+    pub(crate) fn name_of(&self, path: &str) -> Option<&str> {
+        self.names.iter().find(|(_, known)| *known == path).map(|(name, _)| name.as_str())
+    }
+}
+
+/// A declaration: its module, and its index in there.
+pub(super) type Item = (ModulePath, usize);
+
+/// `fresnel::schlick` for an item of this package, `noise::value::perlin` for a dependency's.
+pub(super) fn author_path(route: &str, module: &ModulePath, item: &str) -> String {
+    let route = (!route.is_empty()).then(|| route.to_owned());
+    let parts: Vec<String> = route
+        .into_iter()
+        .chain(module.components.iter().cloned())
+        .chain([item.to_owned()])
+        .collect();
+    parts.join("::")
+}
