@@ -4,6 +4,7 @@
 //! This package stays small on purpose: `cargo ci setup` has to compile and run before the
 //! graphics libraries that the harness needs are there.
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -61,12 +62,15 @@ enum Task {
     Test,
     /// Formatting, Clippy, documentation and licences: CI without the tests.
     Lint,
-    /// Read the shaders of published crates, with naga's verdict beside Karat's.
+    /// Read the shaders of published crates: what opens, links, validates and can be called.
     ///
-    /// The crates are fetched by cargo and not compiled, and nothing of them is kept.
+    /// The crates are fetched by cargo and not compiled. The table goes to docs/corpus.md.
     Corpus {
-        /// Crates with their versions: `glyphon@0.12.0`.
-        crates: Vec<String>,
+        /// The list of crates and folders [default: ci/corpus.toml]
+        list: Option<PathBuf>,
+        /// Write the rows as JSON, too
+        #[arg(long, value_name = "FILE")]
+        json: Option<PathBuf>,
     },
     /// Run the benchmarks; arguments after `--` go to them.
     Bench {
@@ -91,7 +95,7 @@ fn main() -> ExitCode {
         Task::Demo => demo::run(),
         Task::Test => suite::run(),
         Task::Lint => lint::run(),
-        Task::Corpus { crates } => step::verdict(corpus::run(&crates)),
+        Task::Corpus { list, json } => step::verdict(corpus::run(list, json)),
         Task::Bench { arguments } => step::verdict(bench::run(&arguments)),
         Task::Mutants { names } => step::verdict(mutants::run(&names)),
     }

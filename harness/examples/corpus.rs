@@ -1,139 +1,347 @@
-//! Shaders that others wrote: Karat's verdict on each file beside naga's.
+//! Shaders that others wrote: what opens, links, validates and can be called.
 //!
-//! `cargo run --example corpus -- FOLDER...` reads every `.wgsl` and `.wesl` file below the folders,
-//! each as a package of one file. What naga accepts Karat must accept, and what it calls of such a
-//! file must be the author's bytes. `cargo ci corpus NAME@VERSION...` fetches crates and runs it.
+//! `cargo run --example corpus -- LIST.toml [--json FILE]` reads the crates and folders of a list,
+//! which cargo fetches and doesn't compile. `cargo ci corpus` runs it over `ci/corpus.toml`.
+//!
+//! ```toml
+//! [[shaders]]
+//! crate = "bevy_pbr@0.20.1"   # or folder = "shaders"
+//! root = "src"                # if karat doesn't find it
+//! [shaders.features]
+//! MATERIAL_BIND_GROUP = 3
+//! [shaders.with]              # of modules that mean nothing without them
+//! "ssr" = ["DEPTH_PREPASS"]
+//! ```
+//!
+//! `--verbose` prints why each module isn't valid.
+//!
+//! What naga accepts as it is Karat must accept byte for byte, and each function must be at the
+//! author's line: both are faults, as are panics and files that take more than two seconds.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::io::Write as _;
 use std::panic::catch_unwind;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use karat::Package;
+use karat::package::{Feature, FunctionItem};
 use karat::probe::{ProbeError, Probed};
 use karat::reflect::{Program, ReflectError};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
+use serde::{Deserialize, Serialize};
 
-/// What became of the files of a folder.
-#[derive(Default)]
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct List {
+    shaders: Vec<Wanted>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Wanted {
+    #[serde(rename = "crate")]
+    krate: Option<String>,
+    folder: Option<String>,
+    root: Option<String>,
+    #[serde(default)]
+    features: BTreeMap<String, Value>,
+    /// More features of single modules, which mean nothing without them.
+    #[serde(default)]
+    with: BTreeMap<String, Vec<String>>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(untagged)]
+enum Value {
+    Flag(bool),
+    Number(i64),
+}
+
+/// What became of a crate or a folder.
+#[derive(Default, Serialize)]
 struct Row {
-    files: usize,
-    /// Accepted by naga as they are.
-    naga: usize,
-    /// Valid for Karat: imports and conditions of WESL's are linked.
-    karat: usize,
+    name: String,
+    modules: usize,
+    /// Modules whose functions can be listed.
+    open: usize,
+    /// Modules that are valid with all that they hold.
+    whole: usize,
     functions: usize,
     callable: usize,
-    slowest: Duration,
+    /// Functions and modules that are refused, by reason.
+    reasons: BTreeMap<String, usize>,
+    /// The slowest module.
+    slowest_ms: u128,
 }
+
+/// More is a fault.
+const SLOWEST: Duration = Duration::from_secs(2);
 
 fn main() -> ExitCode {
-    let mut rows = BTreeMap::new();
-    let mut faults = Vec::new();
-    for folder in std::env::args().skip(1) {
-        let mut files = Vec::new();
-        collect(Path::new(&folder), &mut files);
-        files.sort();
-        let row: &mut Row = rows.entry(folder.clone()).or_default();
-        for file in files {
-            let began = Instant::now();
-            match catch_unwind(|| read(&file)) {
-                Ok(Ok(found)) => {
-                    row.naga += usize::from(found.naga);
-                    row.karat += usize::from(found.karat);
-                    row.functions += found.functions;
-                    row.callable += found.callable;
-                }
-                Ok(Err(fault)) => faults.push(format!("{}: {fault}", file.display())),
-                Err(_) => faults.push(format!("{}: a panic", file.display())),
-            }
-            row.files += 1;
-            row.slowest = row.slowest.max(began.elapsed());
+    let mut arguments = std::env::args().skip(1);
+    let (mut list, mut json, mut verbose) = (None, None, false);
+    while let Some(argument) = arguments.next() {
+        match &*argument {
+            "--json" => json = arguments.next(),
+            "--verbose" => verbose = true,
+            _ => list = Some(argument),
         }
     }
-    let text = rows.iter().map(|(folder, row)| {
-        format!(
-            "{:4} files  {:4} valid for naga  {:4} for Karat  {:5} functions  {:5} callable  \
-             slowest {:4} ms  {folder}\n",
-            row.files,
-            row.naga,
-            row.karat,
+    let Some(list) = list else {
+        eprintln!("error: name a list of crates: `corpus ci/corpus.toml`");
+        return ExitCode::from(2);
+    };
+    let read = std::fs::read_to_string(&list).map_err(|error| error.to_string());
+    let wanted = read.and_then(|text| toml::from_str::<List>(&text).map_err(|e| e.to_string()));
+    let wanted = match wanted {
+        Ok(list) => list.shaders,
+        Err(error) => {
+            eprintln!("error: `{list}`: {error}");
+            return ExitCode::from(2);
+        }
+    };
+    let (mut rows, mut faults) = (Vec::new(), Vec::new());
+    for wanted in &wanted {
+        let row = wanted.read(verbose, &mut faults);
+        eprintln!("{}: {} of {} functions", row.name, row.callable, row.functions);
+        rows.push(row);
+    }
+    let mut text = table(&rows);
+    for fault in &faults {
+        writeln!(text, "fault: {fault}").expect("text takes text");
+    }
+    if let Some(file) = json {
+        let json = serde_json::to_string_pretty(&rows).expect("rows are plain data");
+        if let Err(error) = std::fs::write(&file, json) {
+            eprintln!("error: `{file}`: {error}");
+            return ExitCode::from(2);
+        }
+    }
+    let written = std::io::stdout().write_all(text.as_bytes());
+    let empty = rows.is_empty() || rows.iter().any(|row| row.modules == 0);
+    if written.is_ok() && faults.is_empty() && !empty {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    }
+}
+
+/// A table in Markdown, with a line of all, and the reasons of all.
+fn table(rows: &[Row]) -> String {
+    let mut text = String::from(
+        "| crate | modules | open | whole | functions | callable | refused because |\n\
+         |---|---:|---:|---:|---:|---:|---|\n",
+    );
+    let mut all = Row { name: "all".to_owned(), ..Row::default() };
+    for row in rows {
+        all.modules += row.modules;
+        all.open += row.open;
+        all.whole += row.whole;
+        all.functions += row.functions;
+        all.callable += row.callable;
+        for (reason, count) in &row.reasons {
+            *all.reasons.entry(reason.clone()).or_default() += count;
+        }
+    }
+    for row in rows.iter().chain([&all]) {
+        let mut reasons: Vec<_> = row.reasons.iter().collect();
+        reasons.sort_by_key(|(_, count)| std::cmp::Reverse(**count));
+        let reasons: Vec<_> =
+            reasons.into_iter().map(|(reason, count)| format!("{reason} {count}")).collect();
+        let share = 100.0 * row.callable as f64 / row.functions.max(1) as f64;
+        writeln!(
+            text,
+            "| {} | {} | {} | {} | {} | {} ({share:.0} %) | {} |",
+            row.name,
+            row.modules,
+            row.open,
+            row.whole,
             row.functions,
             row.callable,
-            row.slowest.as_millis()
+            reasons.join(", ")
         )
-    });
-    let mut text: String = text.collect();
-    if rows.values().all(|row| row.files == 0) {
-        faults.push("no shader was found".to_owned());
+        .expect("text takes text");
     }
-    for fault in &faults {
-        text.push_str(&format!("fault: {fault}\n"));
-    }
-    let written = std::io::Write::write_all(&mut std::io::stdout(), text.as_bytes());
-    if written.is_ok() && faults.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+    text
 }
 
-struct Found {
-    naga: bool,
-    karat: bool,
-    functions: usize,
-    callable: usize,
+impl Wanted {
+    fn read(&self, verbose: bool, faults: &mut Vec<String>) -> Row {
+        let name = self.krate.clone().or_else(|| self.folder.clone()).unwrap_or_default();
+        let mut row = Row { name: name.clone(), ..Row::default() };
+        let opened = match (&self.krate, &self.folder) {
+            (Some(krate), _) => Package::open_crate(Path::new("."), krate, self.root.as_deref()),
+            (None, folder) => Package::open(folder.as_deref().unwrap_or(".")),
+        };
+        let package = match opened {
+            Ok(package) => package,
+            Err(error) => {
+                faults.push(format!("{name}: {error}"));
+                return row;
+            }
+        };
+        let set = |package: Package, (name, value): (&String, &Value)| match value {
+            Value::Flag(on) => package.feature(name, *on),
+            Value::Number(value) => package.feature(name, Feature::Number(*value)),
+        };
+        let package = self.features.iter().fold(package, set);
+        let modules = match package.modules() {
+            Ok(modules) => modules,
+            Err(error) => {
+                faults.push(format!("{name}: {error}"));
+                return row;
+            }
+        };
+        for module in modules {
+            let began = Instant::now();
+            let of_module = || format!("{name}, module `{module}`");
+            let more = self.with.get(&module).into_iter().flatten();
+            let package = more.fold(package.clone(), |package, name| package.feature(name, true));
+            match catch_unwind(|| of(&package, &module, verbose)) {
+                Ok((found, wrong)) => {
+                    row.add(found);
+                    faults
+                        .extend(wrong.into_iter().map(|fault| format!("{}: {fault}", of_module())));
+                }
+                Err(_) => faults.push(format!("{}: a panic", of_module())),
+            }
+            let took = began.elapsed();
+            row.slowest_ms = row.slowest_ms.max(took.as_millis());
+            if took > SLOWEST {
+                faults.push(format!("{}: it takes {} ms", of_module(), took.as_millis()));
+            }
+        }
+        row
+    }
 }
 
-/// Both verdicts on a file, or how they contradict each other.
-fn read(file: &Path) -> Result<Found, String> {
-    let text = std::fs::read(file).map_err(|error| error.to_string())?;
-    let Ok(text) = String::from_utf8(text) else {
-        return Ok(Found { naga: false, karat: false, functions: 0, callable: 0 });
-    };
-    let module = naga::front::wgsl::parse_str(&text).ok();
-    let naga = module.is_some_and(|module| {
+impl Row {
+    fn add(&mut self, other: Self) {
+        self.modules += other.modules;
+        self.open += other.open;
+        self.whole += other.whole;
+        self.functions += other.functions;
+        self.callable += other.callable;
+        for (reason, count) in other.reasons {
+            *self.reasons.entry(reason).or_default() += count;
+        }
+    }
+
+    fn refuse(&mut self, reason: &str, count: usize) {
+        *self.reasons.entry(reason.to_owned()).or_default() += count;
+    }
+}
+
+/// What became of a module, and what contradicts naga or the author's file.
+fn of(package: &Package, module: &str, verbose: bool) -> (Row, Vec<String>) {
+    let (mut row, mut faults) = (Row { modules: 1, ..Row::default() }, Vec::new());
+    let text = text_of(package, module).unwrap_or_default();
+    let plain = naga::front::wgsl::parse_str(&text).ok().is_some_and(|module| {
         Validator::new(ValidationFlags::all(), Capabilities::all()).validate(&module).is_ok()
     });
-    let package = Package::open(file).map_err(|error| error.to_string())?;
-    let program = Program::of_module(&package, "");
-    let mut found = Found { naga, karat: program.is_ok(), functions: 0, callable: 0 };
-    match (&program, naga) {
-        (Err(error), true) => return Err(format!("naga accepts it, Karat says: {error}")),
-        (Err(_), false) => return Ok(found),
-        (Ok(program), true) if program.text() != text => {
-            return Err("naga accepts it, and Karat changes it".to_owned());
-        }
-        (Ok(_), _) => {}
+    let whole = Program::of_module(package, module);
+    row.whole = usize::from(whole.is_ok());
+    if let (Err(error), true) = (&whole, verbose) {
+        eprintln!("\n{module}: {error}");
     }
-    let functions = package.functions().map_err(|error| error.to_string())?;
-    for item in functions.into_iter().filter(|item| !item.entry_point) {
-        found.functions += 1;
-        match Probed::new(&package, &item.name) {
+    match &whole {
+        Err(error) if plain => faults.push(format!("naga accepts it, Karat says: {error}")),
+        Ok(program) if plain && program.text() != text => {
+            faults.push("naga accepts it, and Karat changes it".to_owned());
+        }
+        _ => {}
+    }
+    let items = match package.functions_in(module) {
+        Ok(items) => items,
+        Err(error) => {
+            // As many as there seem to be, so that what doesn't open isn't left out.
+            row.functions = seeming_functions(&text);
+            row.refuse(reason(&error.to_string()), row.functions);
+            return (row, faults);
+        }
+    };
+    row.open = 1;
+    for item in items.into_iter().filter(|item| !item.entry_point) {
+        row.functions += 1;
+        if let Some(fault) = misplaced(&text, &item) {
+            faults.push(fault);
+        }
+        match Probed::new(package, &item.name) {
             Ok(probed) => {
-                found.callable += 1;
+                row.callable += 1;
                 let span = &probed.function().span;
                 let author = span.file.text.get(span.range.clone()).unwrap_or_default();
-                if !author.contains(&format!("fn {}", item.name)) && !author.contains(&item.name) {
-                    return Err(format!("`{}` isn't at {span}", item.name));
-                }
-                if naga && !probed.kernel().contains(author) {
-                    return Err(format!("`{}` is linked with other bytes", item.name));
+                if plain && !probed.kernel().contains(author) {
+                    faults.push(format!("`{}` is linked with other bytes", item.name));
                 }
             }
-            Err(ProbeError::Reflect(ReflectError::Unprobeable(_))) => {}
-            Err(error) => return Err(format!("`{}`: {error}", item.name)),
+            Err(ProbeError::Reflect(ReflectError::Unprobeable(refusal))) => {
+                row.refuse(by_nature(&refusal.to_string()), 1);
+            }
+            Err(error) => row.refuse(reason(&error.to_string()), 1),
         }
     }
-    Ok(found)
+    (row, faults)
 }
 
-/// Shader files below a folder; links to folders aren't followed.
-fn collect(folder: &Path, found: &mut Vec<PathBuf>) {
-    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        let path = entry.path();
-        let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
-        if is_folder {
-            collect(&path, found);
-        } else if path.extension().is_some_and(|e| e == "wgsl" || e == "wesl") {
-            found.push(path);
-        }
-    }
+/// The author's text of a module.
+fn text_of(package: &Package, module: &str) -> Option<String> {
+    let stem = package.root().join(module.replace("::", "/"));
+    let file = |extension| std::path::PathBuf::from(format!("{}.{extension}", stem.display()));
+    ["wgsl", "wesl"].into_iter().find_map(|extension| std::fs::read_to_string(file(extension)).ok())
+}
+
+/// Whether the author's line doesn't declare the function, read without Karat's lexer.
+fn misplaced(text: &str, item: &FunctionItem) -> Option<String> {
+    let (line, column) = item.span.file.line_column(item.span.range.start);
+    let name = item.name.rsplit("::").next().unwrap_or_default();
+    let author = text.lines().nth(line - 1).unwrap_or_default();
+    let before: String = author.chars().take(column - 1).collect();
+    let after: String = author.chars().skip(column - 1).collect();
+    let sound = before.trim_end().ends_with("fn") && after.starts_with(name);
+    (!sound && !text.is_empty()).then(|| format!("`{}` isn't at line {line}: {author}", item.name))
+}
+
+fn seeming_functions(text: &str) -> usize {
+    text.lines().filter(|line| line.trim_start().starts_with("fn ")).count()
+}
+
+/// Why a probe can't call a function that is valid.
+fn by_nature(message: &str) -> &'static str {
+    const REASONS: [(&str, &str); 9] = [
+        ("a pointer", "pointer"),
+        ("returns nothing", "no result"),
+        ("fragment shaders", "derivatives"),
+        ("workgroup variable", "workgroup memory"),
+        ("waits at a barrier", "barrier"),
+        ("writes the storage buffer", "writes storage"),
+        ("texture or sampler", "texture as argument"),
+        ("64-bit", "64 bits"),
+        ("without a fixed size", "runtime array"),
+    ];
+    let found = REASONS.iter().find(|(part, _)| message.contains(part));
+    found.map_or("not probed otherwise", |(_, reason)| reason)
+}
+
+/// Why a module or a function doesn't link or isn't valid.
+fn reason(message: &str) -> &'static str {
+    const REASONS: [(&str, &str); 12] = [
+        ("template's placeholder", "template"),
+        ("isn't WGSL: a preprocessor", "unknown preprocessor"),
+        ("asset's path", "asset path"),
+        ("has no value", "value of a feature"),
+        ("`constants` has no", "value of a feature"),
+        ("doesn't hold here", "under a condition"),
+        ("to include", "included by others"),
+        ("no dependency", "import not found"),
+        ("no module calls itself", "import not found"),
+        ("unresolved", "import not found"),
+        ("no definition in scope", "names of another file"),
+        ("syntax error", "syntax"),
+    ];
+    let found = REASONS.iter().find(|(part, _)| message.contains(part));
+    found.map_or("invalid for naga", |(_, reason)| reason)
 }

@@ -460,11 +460,11 @@ fn template(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
     let block = tokens.windows(2).find(|pair| touching(pair, b'{', b'%'));
     let placeholder = tokens.windows(2).find(|pair| {
         let line = text[pair[0].range().start..].lines().next().unwrap_or_default();
-        // WGSL has blocks in blocks, but no name alone in them.
+        // WGSL has blocks in blocks, but statements in them.
         let inner = line.strip_prefix("{{").and_then(|line| line.split_once("}}"));
-        let is_name = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '.' | ' ' | '|');
-        touching(pair, b'{', b'{')
-            && inner.is_some_and(|(name, _)| !name.trim().is_empty() && name.chars().all(is_name))
+        let is_placeholder =
+            |(inside, _): (&str, &str)| !inside.trim().is_empty() && !inside.contains([';', '{']);
+        touching(pair, b'{', b'{') && inner.is_some_and(is_placeholder)
     });
     block.or(placeholder).map(|pair| pair[0].range().start..pair[1].range().end)
 }

@@ -77,7 +77,8 @@ pub(super) fn imports(module: &Module) -> Result<Vec<Import>, PackageError> {
         if let Some(first) = first.filter(|first| first.words != import.words) {
             return Err(twice(module, import, module.span(first.token), "imported before"));
         }
-        if let Some(declared) = module.declared(&import.alias).next() {
+        // `naga_oil` imports modules, too, whose names are no names of things.
+        if let Some(declared) = module.declared(&import.alias).next().filter(|_| !module.composes) {
             let place = module.span(module.declarations[declared].name_token);
             return Err(twice(module, import, place, "declared here"));
         }
