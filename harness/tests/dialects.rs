@@ -31,7 +31,7 @@ fn one(text: &str) -> Package {
     Package::from_source("s", text)
 }
 
-const OIL: [(&str, &str); 4] = [
+const OIL: [(&str, &str); 6] = [
     (
         "math",
         "#define_import_path engine::math\n\nconst PI: f32 = 3.14159265;\n\
@@ -52,6 +52,8 @@ const OIL: [(&str, &str); 4] = [
          @group(#{GROUP}) @binding(1) var<uniform> gain: f32;\n\
          fn amplified(x: f32) -> f32 { return gain * l::half(x) * f32(#{GROUP}) * PI; }\n",
     ),
+    ("tool", "#define_import_path tool\nfn third(x: f32) -> f32 { return x / 3.0; }\n"),
+    ("user", "#import tool\nfn f(x: f32) -> f32 { return tool::third(x); }\n"),
     ("slip", "#import engine::maths::PI\nfn f(x: f32) -> f32 { return PI * x; }\n"),
 ];
 
@@ -72,6 +74,7 @@ fn modules_of_naga_oil_import_by_the_paths_that_they_give_themselves() {
     flux(&oil().feature("TWICE", true), 2.0);
     let half = oil();
     half.function("render::lights::half").over(0.0..=1.0).agrees_with(|x: f64| x / 2.0, Ulp(1.0));
+    half.function("user::f").over(0.0..=1.0).agrees_with(|x: f64| x / 3.0, Ulp(2.5));
     half.function("render::lights::whole").over(0.0..=1.0).agrees_with(|x: f64| x, Ulp(0.0));
 }
 

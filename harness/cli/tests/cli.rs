@@ -2,6 +2,8 @@
 
 #[path = "cli/check.rs"]
 mod check;
+#[path = "cli/crates.rs"]
+mod crates;
 #[path = "cli/diff.rs"]
 mod diff;
 #[path = "cli/errors.rs"]

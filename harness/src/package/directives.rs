@@ -336,6 +336,7 @@ impl Reader<'_> {
             None => None,
         };
         if let Some(include) = include {
+            self.found.composes |= matches!(include, Include::Name(_));
             self.found.includes.push((include, line.clone()));
             self.blank(line.clone());
             self.done = line.end;

@@ -236,7 +236,12 @@ fn locate(library: &Library, from: &ModulePath, words: &[String]) -> Result<Targ
             let kept = from.components.len().checked_sub(supers).ok_or_else(above)?;
             (from.package, from.components[..kept].to_vec(), &words[supers..])
         }
-        name => (library.dependency(from.package, name)?, Vec::new(), &words[1..]),
+        name => match library.dependency(from.package, name) {
+            Ok(package) => (package, Vec::new(), &words[1..]),
+            // Engines give the modules of a crate their own names.
+            Err(_) if library.is_own(from.package, name) => (from.package, Vec::new(), words),
+            Err(error) => return Err(error),
+        },
     };
     components.extend(rest.iter().cloned());
     let inner = ModulePath { package, components };

@@ -84,6 +84,12 @@ impl Library {
         self.package(path.package).find(&path.components).is_some()
     }
 
+    /// Whether a crate has a module of this name at its root.
+    pub(super) fn is_own(&self, package: usize, name: &str) -> bool {
+        let of = self.package(package);
+        of.is_crate() && of.find(&[name.to_owned()]).is_some()
+    }
+
     /// Whether a path is a folder of modules.
     pub(super) fn has_below(&self, path: &ModulePath) -> bool {
         let prefix = format!("{}::", path.components.join("::"));
@@ -219,6 +225,10 @@ impl Library {
         while let Some(path) = queue.pop() {
             let module = self.module(&path)?;
             for (include, range) in &module.includes {
+                // `naga_oil` imports a whole module so, whose names keep its name before them.
+                if self.composed(&[include.name().to_owned()]).is_some() {
+                    continue;
+                }
                 let Some(included) = self.include(&path, include) else {
                     let span = Span { file: Arc::clone(&module.file), range: range.clone() };
                     let name = include.name();

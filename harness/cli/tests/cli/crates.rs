@@ -1,0 +1,189 @@
+//! Shaders of crates, by their names.
+
+use super::*;
+
+/// What a project needs to be one.
+fn manifest(name: &str, dependencies: &str) -> String {
+    format!(
+        "[package]\nname = \"{name}\"\nversion = \"1.2.3\"\nedition = \"2024\"\n\n\
+         [dependencies]\n{dependencies}"
+    )
+}
+
+const MATHS: &str = "const PI: f32 = 3.14159265;\n\n// Whoever depends on whom.\n\
+                     import engine_pbr::lights::GAIN;\n\n\
+                     fn twice(x: f32) -> f32 {\n    return GAIN * x;\n}\n";
+
+const LIGHTS: &str = "import engine_core::maths::PI;\n\nconst GAIN: f32 = 2.0;\n\n\
+                      @if(DOUBLE) const FACTOR = 2.0;\n@if(!DOUBLE) const FACTOR = 1.0;\n\n\
+                      fn flux(intensity: f32) -> f32 {\n    return 4.0 * PI * intensity * FACTOR;\n}\n";
+
+/// Two crates with shaders and one without.
+fn crates(folder: &FilePath) {
+    let (core, pbr, tool) =
+        (folder.join("engine-core"), folder.join("engine-pbr"), folder.join("tool"));
+    write(&core, "Cargo.toml", &manifest("engine-core", ""));
+    write(&core.join("src"), "lib.rs", "");
+    write(&core.join("src"), "maths.wesl", MATHS);
+    write(
+        &pbr,
+        "Cargo.toml",
+        &manifest("engine-pbr", "engine-core = { path = \"../engine-core\" }\n"),
+    );
+    write(&pbr.join("src"), "lib.rs", "");
+    write(&pbr.join("src"), "lights.wesl", LIGHTS);
+    write(&pbr.join("shaders"), "other.wgsl", "fn one(x: f32) -> f32 { return 1.0; }\n");
+    write(&tool, "Cargo.toml", &manifest("tool", ""));
+    write(&tool.join("src"), "lib.rs", "");
+}
+
+struct Place {
+    folder: TempDir,
+}
+
+impl Place {
+    /// A project that builds the crates.
+    fn new() -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        crates(&folder.path().join("crates"));
+        let dependencies = "engine-pbr = { path = \"../crates/engine-pbr\" }\n\
+                            tool = { path = \"../crates/tool\" }\n";
+        let game = folder.path().join("game");
+        write(&game, "Cargo.toml", &(manifest("game", dependencies) + "\n[workspace]\n"));
+        write(&game.join("src"), "lib.rs", "");
+        Self { folder }
+    }
+
+    fn karat(&self, within: &str, arguments: &[&str]) -> Ran {
+        let mut command = command(&self.folder.path().join(within), arguments);
+        if let Some(cargo) = std::env::var_os("CARGO") {
+            command.env("CARGO", cargo);
+        }
+        // What cargo says is kept there, and cargo is to ask nobody.
+        let home = self.folder.path().join("home");
+        let ran = output(command.env("CARGO_HOME", home).env("CARGO_NET_OFFLINE", "true"));
+        let folder = self.folder.path().canonicalize().expect("it is there").display().to_string();
+        let own = |text: String| {
+            text.replace(&folder, "").replace(&self.folder.path().display().to_string(), "")
+        };
+        Ran { code: ran.code, out: own(ran.out), err: own(ran.err) }
+    }
+
+    fn kept(&self) -> usize {
+        std::fs::read_dir(self.folder.path().join("home/karat")).map_or(0, Iterator::count)
+    }
+}
+
+#[test]
+fn a_crate_that_the_project_builds_opens_by_its_name() {
+    let place = Place::new();
+    for name in ["engine-pbr", "engine_pbr"] {
+        let list = place.karat("game", &["list", "--crate", name]).good();
+        assert!(list.contains("lights::flux(intensity: f32) -> f32"), "{list}");
+        assert!(list.contains("/crates/engine-pbr/src/lights.wesl:8:4"), "{list}");
+    }
+    let call = |arguments: &[&str]| {
+        let all = [&["call", "lights::flux", "1", "--crate", "engine-pbr"], arguments].concat();
+        place.karat("game", &all).good()
+    };
+    assert!(call(&[]).contains(" 12.566371"), "{}", call(&[]));
+    assert!(call(&["--feature", "DOUBLE"]).contains(" 25.132742"));
+    assert!(call(&["--feature", "DOUBLE=false"]).contains(" 12.566371"));
+    let other = ["list", "--crate", "engine-pbr", "--root", "shaders"];
+    assert!(place.karat("game", &other).good().contains("other::one"));
+    // From a folder below the project, too.
+    assert!(place.karat("game/src", &["list", "--crate", "engine-pbr"]).good().contains("flux"));
+}
+
+#[test]
+fn what_cargo_says_is_kept_until_the_lock_file_changes() {
+    let place = Place::new();
+    let list = |name: &str| place.karat("game", &["list", "--crate", name]);
+    list("engine-pbr").good(); // cargo writes the lock file
+    list("engine-pbr").good();
+    assert_eq!(place.kept(), 1);
+    list("engine-core").good();
+    assert_eq!(place.kept(), 1);
+    assert!(list("late").error().contains("the project doesn't depend on it"));
+    let late = place.folder.path().join("crates/late");
+    write(&late, "Cargo.toml", &manifest("late", ""));
+    write(&late.join("src"), "lib.rs", "");
+    write(&late.join("src"), "a.wgsl", "fn f(x: f32) -> f32 { return x; }\n");
+    let game = place.folder.path().join("game");
+    let text = std::fs::read_to_string(game.join("Cargo.toml")).expect("it is there");
+    let with =
+        text.replace("[dependencies]\n", "[dependencies]\nlate = { path = \"../crates/late\" }\n");
+    write(&game, "Cargo.toml", &with);
+    assert!(list("late").good().contains("a::f"));
+    // A folder that is gone isn't believed.
+    std::fs::rename(&late, late.with_file_name("later")).expect("renamed");
+    assert!(list("late").error().contains("cargo says:"));
+}
+
+/// What no project builds: cargo fetches it, here from a folder that stands for crates.io.
+#[test]
+fn a_crate_at_a_version_needs_no_project() {
+    let place = Place::new();
+    let folder = place.folder.path();
+    for (name, imports) in [("engine-core", "engine-pbr"), ("engine-pbr", "engine-core")] {
+        let krate = folder.join("crates").join(name);
+        let vendored = folder.join("vendor").join(format!("{name}-1.2.3"));
+        let metadata = format!(
+            "\n[package.metadata.wgsl-analyzer.dependencies]\n{imports} = {{ path = \"../{imports}\" }}\n"
+        );
+        write(&vendored, "Cargo.toml", &(manifest(name, "") + &metadata));
+        write(&vendored, ".cargo-checksum.json", "{\"files\":{}}");
+        for file in ["lib.rs", "maths.wesl", "lights.wesl"] {
+            if let Ok(text) = std::fs::read_to_string(krate.join("src").join(file)) {
+                write(&vendored.join("src"), file, &text);
+            }
+        }
+    }
+    let config = format!(
+        "[source.crates-io]\nreplace-with = \"here\"\n[source.here]\ndirectory = {:?}\n",
+        folder.join("vendor")
+    );
+    write(&folder.join("home"), "config.toml", &config);
+    std::fs::create_dir(folder.join("nowhere")).expect("a folder");
+    let call = ["call", "lights::flux", "1", "--crate", "engine-pbr@1.2.3"];
+    // The crate that it imports from isn't a dependency: its metadata name it.
+    assert!(place.karat("nowhere", &call).good().contains(" 12.566371"));
+    assert_eq!(place.kept(), 1);
+    std::fs::rename(folder.join("home/config.toml"), folder.join("config")).expect("renamed");
+    assert!(place.karat("nowhere", &call).good().contains(" 12.566371"), "cargo isn't asked again");
+    let unknown = place.karat("nowhere", &["list", "--crate", "engine-pbr@9.9.9"]).error();
+    assert!(unknown.contains("no shaders of crate `engine-pbr@9.9.9`: cargo says:"), "{unknown}");
+    assert_eq!(place.kept(), 1, "nothing is left of what failed");
+}
+
+#[test]
+fn a_crate_that_cannot_be_had_says_why() {
+    let place = Place::new();
+    for (name, message) in [
+        (
+            "engine-pbs",
+            "the project doesn't depend on it; did you mean `engine-pbr`? With a version",
+        ),
+        ("serde", "the project doesn't depend on it. With a version, such as `serde@1.2.3`, cargo"),
+        ("tool", "it ships no .wgsl or .wesl file"),
+        ("a b", "write a name, or a name and a version"),
+        ("../tool", "write a name, or a name and a version"),
+        ("tool@", "write a name, or a name and a version"),
+    ] {
+        let error = place.karat("game", &["list", "--crate", name]).error();
+        assert!(error.contains(&format!("no shaders of crate `{name}`: {message}")), "{error}");
+    }
+    let root = place.karat("game", &["list", "--crate", "engine-pbr", "--root", "shadrs"]).error();
+    assert!(root.contains("it has no folder `"), "{root}");
+    std::fs::create_dir(place.folder.path().join("nowhere")).expect("a folder");
+    let nowhere = place.karat("nowhere", &["list", "--crate", "engine-pbr"]).error();
+    assert!(nowhere.contains("there is no Cargo.toml in or above"), "{nowhere}");
+    let slip = ["call", "lights::flux", "1", "--crate", "engine-pbr", "--feature", "DUOBLE"];
+    let slip = place.karat("game", &slip).error();
+    assert!(slip.contains("asks about the feature `DUOBLE`; did you mean `DOUBLE`?"), "{slip}");
+    for feature in ["=3", "A=x", "a-b"] {
+        let ran = place.karat("game", &["list", "--feature", feature]);
+        assert_eq!(ran.code, Some(2), "{ran:?}");
+        assert!(ran.err.contains("a feature"), "{ran:?}");
+    }
+}
