@@ -1,19 +1,47 @@
 //! `cargo ci corpus`: shaders of published crates, which cargo fetches and doesn't compile.
 
 use std::path::PathBuf;
+use std::process::Stdio;
 
-use anyhow::Result;
+use anyhow::{Context, Result, ensure};
 
 use crate::command;
 
-/// Reads the shaders of a list, and prints what became of them as a table.
+/// What stands above the table in the documentation.
+const HEAD: &str = "\
+# Shaders that others wrote
+
+Made by `cargo ci corpus` from the list in `ci/corpus.toml`; nothing of the crates is kept here. A
+module *opens* if its functions can be listed. It is *whole* if it links and is valid with all that it
+holds, under the features that the list sets. A function is *callable* if `karat call` and tests can
+call it.
+
+Why functions are refused: by nature or until fixtures for it exist (`pointer`, `no result`,
+`derivatives`, `workgroup memory`, `barrier`, `writes storage`, `texture as argument`); because the
+crate puts its text together in Rust (`template`, `unknown preprocessor`, `asset path`, `names of
+another file`, `included by others`); because another feature is needed (`under a condition`, `value of
+a feature`); because it isn't WGSL any more, or naga lacks something (`invalid for naga`, `syntax`).
+
+";
+
+/// Reads the shaders of a list. The table of the usual list is that of the documentation.
 pub(crate) fn run(list: Option<PathBuf>, json: Option<PathBuf>) -> Result<()> {
+    let documented = list.is_none();
     let list = list.unwrap_or_else(|| command::root().join("ci/corpus.toml"));
     let mut corpus =
         command::cargo(&["run", "--locked", "--package", "karat", "--example", "corpus", "--"]);
-    corpus.arg(list);
+    corpus.arg(list).stderr(Stdio::inherit());
     if let Some(file) = json {
         corpus.arg("--json").arg(file);
     }
-    command::run(&mut corpus)
+    let output = corpus.output().context("cargo doesn't run")?;
+    let table = String::from_utf8(output.stdout).context("the table isn't text")?;
+    eprint!("{table}");
+    ensure!(output.status.success(), "the corpus has faults");
+    if documented {
+        let file = command::root().join("docs/corpus.md");
+        std::fs::write(&file, format!("{HEAD}{table}"))
+            .with_context(|| format!("can't write `{}`", file.display()))?;
+    }
+    Ok(())
 }
