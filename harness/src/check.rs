@@ -2,8 +2,8 @@
 //!
 //! Each verb runs the function over the domain's cases on every selected path and returns an
 //! [`Agreement`] that says how much was compared, or panics with a [`Failure`]. The `try_` forms
-//! return the failure and leave the verdict to the caller, so the record of the run doesn't hold
-//! theirs. A check that compared nothing is an error.
+//! return the failure instead. Their verdict is the caller's, so it isn't written to the record of
+//! the run. A check that compared nothing is an error.
 
 mod agreement;
 mod batch;
@@ -111,11 +111,11 @@ impl<'a> Probe<'a> {
         self
     }
 
-    /// Runs the function on this executor, and on others that are added in the same way, and on no
-    /// path of the environment's: `KARAT_PATHS` and `KARAT_REQUIRE` are about drivers, and are read
-    /// only for slips. What a verb takes beside the function, such as the density of a sampler, runs
-    /// where the function runs, and can't have an executor of its own. An executor's path may not be
-    /// that of a driver, such as `vulkan`: call it `cpu`, or name its maker, `vulkan@mine`.
+    /// Runs the function on this executor instead of the environment's paths. Further calls add
+    /// more executors. `KARAT_PATHS` and `KARAT_REQUIRE` select drivers only; here they are just
+    /// checked for mistakes. A second function that a verb takes, such as the density of a sampler,
+    /// runs where the first one runs and can't have an executor of its own. An executor's path may
+    /// not be that of a driver, such as `vulkan`: call it `cpu`, or name its maker, `vulkan@mine`.
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self
@@ -155,8 +155,8 @@ where
     D::Value: Arguments,
 {
     /// Sets the number of cases. A finite domain of at most that many values is enumerated instead.
-    /// Without this, a finite domain of up to 2^20 values is enumerated, and of others 65,536 cases
-    /// are drawn.
+    /// Without this, a finite domain of up to 2^20 values is enumerated; any other domain draws
+    /// 65,536 cases.
     pub fn cases(mut self, cases: u64) -> Self {
         self.plan.cases = Some(cases);
         self
@@ -169,8 +169,8 @@ where
     }
 
     /// Sets another tolerance for paths whose driver or formats are less exact: `Path::GL`,
-    /// `"vulkan@nvidia"`, `"@llvmpipe"`, as [`Selector`] tells. The verb's own tolerance remains that
-    /// of the others.
+    /// `"vulkan@nvidia"`, `"@llvmpipe"` (see [`Selector`]). All other paths keep the verb's own
+    /// tolerance.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -196,9 +196,9 @@ where
     /// Declares that the check fails on a path, and why: a driver's bug by its number.
     ///
     /// On that path at least one case must fail; if none does, the check fails until the
-    /// declaration is removed. Whatever else fails there is declared with it: for lost digits
-    /// [`tolerance_on`](Self::tolerance_on) says more. Other paths are judged as ever. `karat test` counts the check as a
-    /// known issue, never as one that passes.
+    /// declaration is removed. The declaration covers every failure there, so for lost digits
+    /// prefer [`tolerance_on`](Self::tolerance_on). Other paths are judged as usual. `karat test`
+    /// counts the check as a known issue, never as one that passes.
     pub fn fails_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
         self.plan.known_issues.declare(on.into(), reason);
         self

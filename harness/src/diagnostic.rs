@@ -166,8 +166,8 @@ impl fmt::Display for Diagnostic {
 
 impl std::error::Error for Diagnostic {}
 
-/// The name among `known` that is most likely meant by `unknown`, if any is close: equal in its
-/// last `::` part, or within a third of its letters.
+/// The name in `known` that `unknown` was most likely meant to be, if one is close: its last `::`
+/// part is equal, or at most a third of the letters differ.
 pub fn nearest<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let last = |name: &str| name.rsplit("::").next().unwrap_or_default().to_owned();
     known
@@ -183,7 +183,7 @@ pub fn nearest<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str>) -> O
         .map(|(_, _, name)| name)
 }
 
-/// A file that something was made of, and what was in it then.
+/// A file that was read, with a hash of what was in it then.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 pub struct FileRead {
     /// The file, with its folders from the root.
@@ -199,7 +199,7 @@ impl FileRead {
         Self { hash: blake3::hash(bytes).to_hex().to_string(), ..Self::missing(file) }
     }
 
-    /// A file that isn't there, or can't be read: what depends on it changes when it is.
+    /// A file that isn't there or can't be read. When it appears, what depends on it changes.
     #[must_use]
     pub fn missing(file: &Path) -> Self {
         let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
@@ -213,8 +213,8 @@ impl FileRead {
     }
 }
 
-/// A path as it is best shown: absolute without `..`, or relative to the working directory, which
-/// itself is `.`.
+/// A path as people read it best: absolute without `..`, or relative to the working directory. The
+/// working directory itself is `.`.
 pub fn shown(path: &Path) -> String {
     let here = std::env::current_dir().unwrap_or_default();
     let mut clean = PathBuf::new();

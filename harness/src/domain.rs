@@ -5,8 +5,8 @@
 //! the seed and on *i* alone, so any case can be drawn again without those before it. A finite
 //! domain ([`Just`], [`Grid`], [`OneOf`] and products of them) is enumerated whole.
 //!
-//! One draw of a tuple in eight has components that meet: of two that are of one type, one is equal
-//! to the other, opposite, or close to either. Functions of two directions fail there.
+//! One draw of a tuple in eight ties two components of the same type: one is made equal to the
+//! other, opposite, or close to either. Functions of two directions often fail there.
 //!
 //! A case that fails is simplified within its domain: see [`Domain::shrink`].
 
@@ -64,14 +64,13 @@ pub trait Domain: Send + Sync {
         Vec::new()
     }
 
-    /// Whether the domain has no value, as a range that ends before it starts. A domain whose
-    /// filter rejects everything isn't known to be empty.
+    /// Whether the domain has no value: for example, a range that ends before it starts. A filter
+    /// that rejects everything isn't noticed here.
     fn is_empty(&self) -> bool {
         self.emptiness().is_some()
     }
 
-    /// Why the domain has no value, for the message of a check that would check nothing; `None` if
-    /// it has one.
+    /// Why the domain has no value, for the check's message; `None` if it has one.
     fn emptiness(&self) -> Option<Emptiness> {
         (self.size() == Some(0)).then(|| Emptiness::of("domain", "has no value"))
     }
@@ -93,8 +92,9 @@ pub trait Domain: Send + Sync {
         None
     }
 
-    /// Values of the domain that are simpler than `value`, the simplest first: a failing case is
-    /// replaced by the first of them that fails, until none does. None, unless the domain knows.
+    /// Values of the domain that are simpler than `value`, the simplest first. A failing case is
+    /// replaced by the first of them that fails, again and again until none does. The default is
+    /// an empty list.
     fn shrink(&self, value: &Self::Value) -> Vec<Self::Value> {
         let _ = value;
         Vec::new()

@@ -1,9 +1,9 @@
 //! What a frame draws: meshes and full-screen triangles, with entry points of one module and the
 //! resources that they read.
 //!
-//! A [`Drawing`] is data, linked and validated, which an [`Executor`](crate::executor::Executor)
-//! draws. With a depth pre-pass, depth alone is drawn first and the colour pass tests for equality,
-//! so each fragment is shaded once.
+//! A [`Drawing`] is linked and validated data, which an [`Executor`](crate::executor::Executor)
+//! draws. With a depth pre-pass, depth alone is drawn first, and the colour pass draws only where
+//! the depth is equal, so each pixel is shaded once.
 
 mod drawing;
 mod mesh;
@@ -21,10 +21,10 @@ use crate::fixture::FixtureError;
 use crate::path::{Path, PathError};
 use crate::reflect::{ReflectError, Stage};
 
-/// What becomes of a pixel that is drawn again.
+/// What happens to a pixel that is drawn again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Blend {
-    /// The new value stays.
+    /// The new value replaces the old one.
     #[default]
     Replace,
     /// Values add up. A fragment function that returns 1 counts how often a pixel is shaded.
@@ -44,7 +44,7 @@ pub enum DrawError {
     /// A path can't be used.
     #[error(transparent)]
     Path(#[from] PathError),
-    /// Loops go round more often than the driver lets them.
+    /// A loop takes more rounds than the driver allows.
     #[error("{0}")]
     Rounds(Box<Diagnostic>),
     /// No such entry point.
@@ -72,20 +72,20 @@ pub enum DrawError {
     /// Nothing is drawn.
     #[error("the frame draws nothing; add `.mesh(...)` or `.fullscreen(...)`")]
     Empty,
-    /// An executor that calls functions only.
+    /// The executor can only call functions, not draw.
     #[error("path `{path}` draws no frames; it calls functions only")]
     Unable {
         /// The path.
         path: Path,
     },
-    /// An image of another size than was asked for.
+    /// The executor returned an image of another size than was asked for.
     #[error("path `{path}` drew {} x {} pixels instead of {} x {}", found.0, found.1, expected.0, expected.1)]
     OtherSize {
         /// The path.
         path: Path,
         /// Width and height that were asked for.
         expected: (u32, u32),
-        /// Width and height of what came.
+        /// Width and height of the image that was returned.
         found: (u32, u32),
     },
 }

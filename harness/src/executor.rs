@@ -1,4 +1,4 @@
-//! The seam between checks and what runs shaders.
+//! The interface between checks and what runs shaders.
 
 use std::fmt::Debug;
 
@@ -9,26 +9,26 @@ use crate::probe::{Call, Prepared, ProbeError, Runner};
 
 /// Something that runs WGSL: a driver, or whatever stands in for one.
 ///
-/// Checks and frames know executors by this trait alone. wgpu's drivers are those that the
-/// environment selects; [`Probe::on`](crate::check::Probe::on) and
-/// [`Frame::on`](crate::Frame::on) take any other one.
+/// Checks and frames know executors by this trait alone. The environment selects among wgpu's
+/// drivers. [`Probe::on`](crate::check::Probe::on) and [`Frame::on`](crate::Frame::on) take any
+/// other executor.
 pub trait Executor: Debug + Sync {
-    /// What it is called in verdicts, tolerances and replays.
+    /// Its name in verdicts, tolerances and replays.
     fn path(&self) -> Path;
 
-    /// What it is, as records tell.
+    /// Its description in records.
     fn adapter(&self) -> Adapter;
 
-    /// Gets a function ready to be called.
+    /// Prepares a function to be called.
     ///
     /// # Errors
-    /// If the function can't be called here, or a fixture isn't what it reads.
+    /// If the function can't be called here, or a fixture doesn't fit its variable.
     fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError>;
 
     /// Draws a frame: linear colour, as large as the drawing, with its top row first.
     ///
     /// # Errors
-    /// If it can't be drawn here. Unless an executor has its own, it draws nothing and says so.
+    /// If it can't be drawn here. The default implementation draws nothing and returns an error.
     fn draw(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
         let _ = drawing;
         Err(DrawError::Unable { path: self.path() })

@@ -69,7 +69,7 @@ impl Values {
     }
 }
 
-/// What stands behind a resource variable.
+/// What a test binds to a resource variable.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Fixture {
@@ -132,7 +132,7 @@ into_fixture!(CubeMap, Texture, Sampler, Uniform, Storage);
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FixtureError {
-    /// A variable without a fixture.
+    /// A variable has no fixture.
     #[error("`{variable}` ({kind}) has no fixture; add `.with(\"{variable}\", ...)`")]
     Missing {
         /// The variable.
@@ -140,7 +140,7 @@ pub enum FixtureError {
         /// What it is.
         kind: BindingKind,
     },
-    /// A fixture without a variable.
+    /// There is no variable for a fixture.
     #[error("the shader reads no variable `{name}`{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
     Unused {
@@ -149,7 +149,7 @@ pub enum FixtureError {
         /// The closest variable.
         nearest: Option<String>,
     },
-    /// A fixture of another kind than its variable.
+    /// A fixture is of another kind than its variable.
     #[error("`{variable}` is a {kind}, the fixture is {fixture}")]
     Kind {
         /// The variable.
@@ -159,7 +159,7 @@ pub enum FixtureError {
         /// What was supplied.
         fixture: &'static str,
     },
-    /// Values of another type than the variable.
+    /// The values are of another type than the variable.
     #[error("`{variable}` holds {wgsl}, the fixture {supplied}")]
     Type {
         /// The variable.
@@ -169,7 +169,7 @@ pub enum FixtureError {
         /// What was supplied.
         supplied: String,
     },
-    /// Two variables of one draw have one binding.
+    /// Two variables of one draw have the same binding.
     #[error(
         "`{}` and `{}` are both @group({group}) @binding({binding}), and one draw can bind only one \
          of them: give one another number",
@@ -184,13 +184,13 @@ pub enum FixtureError {
         /// `@binding`
         binding: u32,
     },
-    /// No value, or a texture without a texel.
+    /// The fixture has no values or no texels.
     #[error("the fixture of `{variable}` is empty")]
     Empty {
         /// The variable.
         variable: String,
     },
-    /// A texel that the path's format can't hold.
+    /// The path's texture format can't hold a texel.
     #[error(
         "a texel of `{variable}` is {value}, but path `{path}` filters 16-bit floats only, which \
          end at 65504"
@@ -203,7 +203,7 @@ pub enum FixtureError {
         /// The path.
         path: crate::path::Path,
     },
-    /// Values that don't fill the variable's type.
+    /// The values don't fill the variable's type.
     #[error("`{variable}`: {source}")]
     Layout {
         /// The variable.

@@ -40,7 +40,7 @@ pub struct Frame<'a> {
     known_issues: KnownIssues,
 }
 
-/// What a frame that matches its golden was compared on.
+/// The paths on which a frame matches its golden.
 #[derive(Clone, Debug)]
 pub struct FrameAgreement {
     /// Name of the golden.
@@ -51,7 +51,7 @@ pub struct FrameAgreement {
     pub known_issues: Vec<KnownIssue>,
 }
 
-/// Why a frame has no verdict, or a bad one.
+/// Why a frame fails, or can't be judged.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FrameError {
@@ -61,7 +61,7 @@ pub enum FrameError {
     /// The environment has a setting that can't be used.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// A check is to be replayed, and not here.
+    /// Another check is to be replayed, and this one runs in a thread whose test isn't known.
     #[error(transparent)]
     NotReplayed(#[from] NotReplayed),
     /// A bound that bounds nothing.
@@ -91,7 +91,7 @@ pub enum FrameError {
     /// A rectangle that isn't in the frame.
     #[error(transparent)]
     Rectangle(MaskError),
-    /// A path agrees that is declared to fail.
+    /// A path that is declared to fail agrees.
     #[error(
         "`{case}` is as it should be on {path}, where it is declared to fail: {reason}\n\
          the bug is gone, or hidden: remove `.fails_on(...)`"
@@ -104,7 +104,7 @@ pub enum FrameError {
         /// What was declared.
         reason: String,
     },
-    /// A path is declared to fail, and nobody says why.
+    /// A path is declared to fail without a reason.
     #[error("the frame is declared to fail on {0} without a reason: name the bug")]
     UnexplainedIssue(Selector),
     /// The golden differs, is missing or can't be used.
@@ -233,8 +233,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets the fragment function that the depth pre-pass runs for the mesh added last: one that
-    /// discards or writes depth as the colour's does. It returns nothing but a depth.
+    /// Sets the fragment function that the depth pre-pass runs for the mesh added last. It has to
+    /// discard or write depth as the colour's function does, and returns nothing but a depth.
     ///
     /// # Panics
     /// If no mesh was added.
@@ -245,24 +245,24 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets what becomes of a pixel that is drawn again (default: the new value stays).
+    /// Sets what happens to a pixel that is drawn again (default: the new value replaces the old).
     pub fn blend(mut self, blend: Blend) -> Self {
         self.scene.blend = blend;
         self
     }
 
-    /// Sets what the frame may differ by: a [`FrameTolerance`], or a number, the largest relative
-    /// difference of a channel, with the gate alone and without outliers.
+    /// Sets how much the frame may differ: a [`FrameTolerance`] or a number. A number is a gate:
+    /// the largest relative difference of each channel, without outliers.
     ///
     /// The default is [`FrameTolerance::standard`], where a frame that fails the gate of 1e-3 still
-    /// passes if HDR-FLIP sees next to nothing of it.
+    /// passes if HDR-FLIP sees almost no difference.
     pub fn tolerance(mut self, tolerance: impl Into<FrameTolerance>) -> Self {
         self.tolerance = Some(tolerance.into());
         self
     }
 
-    /// Sets what the frame may differ by on paths whose driver or formats the golden wasn't made on:
-    /// `Path::GL`, `"vulkan@nvidia"`, `"@llvmpipe"`, as [`Selector`] tells.
+    /// Sets how much the frame may differ on paths whose driver or formats are not the golden's:
+    /// `Path::GL`, `"vulkan@nvidia"`, `"@llvmpipe"` (see [`Selector`]).
     pub fn tolerance_on(
         mut self,
         on: impl Into<Selector>,
@@ -278,40 +278,41 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Declares that the frame is noisy, with the variance of each pixel's mean in linear RGB: of
-    /// `n` samples a pixel, that of the samples over `n`. It is kept with the golden. A frame that
-    /// fails its tolerance still passes if the noise of both explains the difference, as
-    /// [`Noise`](crate::metric::Noise) tells: by the means and the scatter of tiles, of each channel. One frame
-    /// in a hundred is rejected by chance. HDR-FLIP takes no part, unless it is asked for.
+    /// Declares that the frame is noisy. `variance` is the variance of each pixel's mean in linear
+    /// RGB: with `n` samples a pixel, the variance of the samples divided by `n`. It is kept with
+    /// the golden. A frame that fails its tolerance still passes if the noise of frame and golden
+    /// explains the difference. [`Noise`](crate::metric::Noise) decides that for each channel, by
+    /// the means and the scatter of tiles. One frame in a hundred is rejected by chance. HDR-FLIP
+    /// isn't used unless the tolerance names it.
     pub fn noise(mut self, variance: Image) -> Self {
         self.variance = Some(variance);
         self
     }
 
-    /// Says something of the frame that is kept with its golden and shown when it differs: its
-    /// seed, its samples a pixel.
+    /// Adds a fact about the frame, such as its seed or its samples a pixel. It is kept with the
+    /// golden and shown when the frame differs.
     pub fn fact(mut self, name: &str, value: impl std::fmt::Display) -> Self {
         self.facts.insert(name.to_owned(), value.to_string());
         self
     }
 
-    /// Keeps another frame of the same scene with the golden, such as its normals: it explains a
-    /// difference, and isn't compared. It is drawn only when this frame differs or is new. `name` is
-    /// that of a part of the EXR file: letters, digits, `-`, `_` and `.`.
+    /// Keeps another frame of the same scene with the golden, such as its normals. It helps to
+    /// explain a difference, and isn't compared. It is drawn only when this frame differs or is
+    /// new. `name` names its part of the EXR file: use letters, digits, `-`, `_` and `.`.
     pub fn aov(mut self, name: &str, frame: Self) -> Self {
         self.aovs.push((name.to_owned(), frame));
         self
     }
 
     /// Declares that the frame differs from its golden on a path, and why: a driver's bug by its
-    /// number. A frame that matches there after all fails, until the declaration is removed.
+    /// number. If the frame matches there, the test fails until the declaration is removed.
     pub fn fails_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
         self.known_issues.declare(on.into(), reason);
         self
     }
 
-    /// Draws the frame on this executor, and on others that are added in the same way, and on no
-    /// path of the environment's, as [`Probe::on`](crate::check::Probe::on) has it.
+    /// Draws the frame on this executor instead of the environment's paths. Further calls add more
+    /// executors: see [`Probe::on`](crate::check::Probe::on).
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self

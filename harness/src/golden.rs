@@ -1,8 +1,8 @@
 //! Golden images: what a frame should look like, in HDR.
 //!
-//! A golden is `<case>.exr` and `<case>.toml`, the same facts as text. A frame that differs, or
-//! has no golden, fails and leaves `<case>.new.exr` beside it (with `CI` set, in the report's
-//! folder instead). Only accepting writes a golden.
+//! A golden is two files: `<case>.exr`, and `<case>.toml` with the same facts as text. A frame that
+//! differs or has no golden fails, and leaves `<case>.new.exr` beside the golden (if `CI` is set,
+//! in the folder of build output instead). Only accepting writes a golden.
 
 mod acceptance;
 mod compare;
@@ -92,13 +92,14 @@ impl Rendered<'_> {
     }
 
     /// Whether half floats hide what its tolerance wouldn't, whatever the golden is stored in. Only
-    /// then it is worth a look at all pixels: by what is above, an ordinary frame is rounded by less.
+    /// then it is worth a look at all pixels: by what is above, an ordinary frame is rounded by
+    /// less.
     fn asks_for_floats(&self) -> bool {
         self.gate().relative < f16::EPSILON.to_f32() && self.precision() == Precision::Float
     }
 }
 
-/// Why a frame has no verdict, or a bad one.
+/// Why a frame fails, or can't be judged.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GoldenError {
@@ -127,7 +128,7 @@ pub enum GoldenError {
         /// Why.
         source: ImageError,
     },
-    /// What the golden says of itself can't be used.
+    /// The golden's metadata can't be used.
     #[error("the golden of frame `{case}` can't be used: {source}")]
     Provenance {
         /// The golden.
@@ -148,7 +149,7 @@ pub enum GoldenError {
         difference: Box<FrameDifference>,
         /// The frame that was rendered.
         pending: String,
-        /// What to do when one has looked at it.
+        /// What to do after looking at it.
         advice: String,
     },
     /// There is no golden yet, and the frame can't become one.

@@ -34,7 +34,7 @@ impl PartialEq for Image {
     }
 }
 
-/// How many values of an image are no finite numbers.
+/// How many pixels of an image aren't finite.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct NonFinite {
     /// Pixels with a NaN.
@@ -136,7 +136,7 @@ impl Image {
     }
 
     /// The logarithmic mean of luminance: the brightness that an exposure would map to grey.
-    /// Black and non-finite pixels are left out; an image of nothing else has 1.
+    /// Black and non-finite pixels are left out; if there are no others, the key is 1.
     #[must_use]
     pub fn key(&self) -> f32 {
         let logarithms = self.pixels.iter().map(luminance).filter(|l| l.is_normal() && *l > 0.0);

@@ -10,21 +10,21 @@
 //!     SHADERS
 //!         .function("brdf::lambert")
 //!         .over((0.0..=1.0, 0.0..=1.0)) // albedo, n_dot_l: seeded, edge-biased, one dispatch
-//!         .agrees_with(|albedo: f64, n_dot_l: f64| albedo / std::f64::consts::PI * n_dot_l, Ulp(4.0));
-//! }
+//!         .agrees_with(|albedo: f64, n_dot_l: f64| albedo / std::f64::consts::PI * n_dot_l,
+//! Ulp(4.0)); }
 //! ```
 //!
-//! A check is a plain `#[test]`. It links the function's closure from the shader folder, compares
-//! its signature with the domain and the reference, generates a compute kernel, runs it on each
-//! selected execution path ([`Path`]) and compares the results with the reference, which computes
-//! in `f64` from the same `f32` arguments.
+//! A check is a plain `#[test]`. It links the function and all that it uses from the shader folder,
+//! and compares its signature with the domain and the reference. Then it generates a compute
+//! kernel, runs it on each selected execution path ([`Path`]) and compares the results with the
+//! reference, which computes in `f64` from the same `f32` arguments.
 //!
-//! What can be asserted is on [`Check`] and [`Integral`]; where arguments come from on [`Domain`];
-//! how far results may differ on [`Tolerance`]; what else a function may read on
-//! [`Fixture`](fixture::Fixture). Frames that differ are looked at with `karat review`.
+//! Where to read on: [`Check`] and [`Integral`] say what can be asserted, [`Domain`] where
+//! arguments come from, [`Tolerance`] how far results may differ, and [`Fixture`](fixture::Fixture)
+//! what else a function may read. Use `karat review` to look at frames that differ.
 //!
-//! What tests name stands at the root and in [`prelude`]. What programs around tests need, such as
-//! verdicts, records and images, is in the modules.
+//! Names that tests need are at the root and in [`prelude`]. Names that other programs need, such
+//! as verdicts, records and images, are in the modules.
 
 pub mod check;
 pub mod diagnostic;

@@ -1,11 +1,11 @@
 //! How far a frame is from its golden, as numbers.
 //!
-//! A [`Pair`] is a golden and a frame of the same size, both finite; what a [`Mask`] leaves out is
-//! the same in both. A [`Metric`] gives one number of it. Whether the number is small enough is
-//! decided by the tolerance of the frame, where a number that isn't one fails.
+//! A [`Pair`] is a golden and a frame of the same size, both finite. Pixels that a [`Mask`] leaves
+//! out are equal in both. A [`Metric`] measures one number for the pair. The frame's tolerance
+//! decides whether that number is small enough; NaN fails.
 //!
-//! [`Gate`] is the difference of each channel, with no allowance for outliers; [`Flip`] is what an
-//! eye would see of it; [`Noise`] is what of it the noise of both doesn't explain.
+//! [`Gate`] is the difference of each channel, with no allowance for outliers. [`Flip`] is what an
+//! eye would see of the difference. [`Noise`] is what the noise of both images doesn't explain.
 
 mod exposure;
 mod exposure_map;
@@ -66,7 +66,7 @@ pub trait Metric: fmt::Debug + Send + Sync {
 /// What a metric found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measured {
-    /// The difference: 0 of equal images. NaN and infinity fail under every bound.
+    /// The difference: 0 if the images are equal. NaN and infinity fail under every bound.
     pub value: f64,
     /// Where it is largest.
     pub place: Option<Rect>,

@@ -1,9 +1,9 @@
-//! Text on its way to people: nothing in it commands a terminal, and whether anybody reads changes
-//! nothing.
+//! Writes text for people. Nothing in the text can command a terminal, and a command does the same
+//! whether or not anybody reads it.
 //!
-//! File names, drivers and shaders come from anywhere. What is neither a printable character nor
-//! the end of a line nor a tab is shown as `\u{1b}`. Karat's own colours pass, because a [`Style`]
-//! is marked with a number that only this process knows.
+//! Names of files and drivers, and texts of shaders, can't be trusted. So every character that
+//! isn't printable, the end of a line or a tab is escaped: `\u{1b}`. Karat's own colours pass,
+//! because a [`Style`] is marked with a number that only this process knows.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -11,23 +11,23 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{self, ErrorKind, Write};
 use std::sync::LazyLock;
 
-/// How a stretch of text looks: `{BAD}` begins it and `{BAD:#}` ends it. It holds the commands
-/// (ECMA-48, SGR) that begin it.
+/// How a stretch of text looks: `{BAD}` begins it and `{BAD:#}` ends it. The string holds the
+/// commands (ECMA-48, SGR) that begin it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Style(&'static str);
 
 impl Style {
-    /// What is as it should be.
+    /// Something is as it should be.
     pub const GOOD: Self = Self("\u{1b}[32m");
-    /// What is known not to be.
+    /// Something is wrong, and known to be.
     pub const KNOWN: Self = Self("\u{1b}[33m");
-    /// What isn't.
+    /// Something is wrong.
     pub const BAD: Self = Self("\u{1b}[1m\u{1b}[31m");
-    /// What is looked for first.
+    /// The reader looks for this first.
     pub const HEAD: Self = Self("\u{1b}[1m");
-    /// What is looked for last.
+    /// The reader looks for this last.
     pub const DIM: Self = Self("\u{1b}[2m");
-    /// As text is without a style.
+    /// Text without a style.
     pub const PLAIN: Self = Self("");
 }
 
@@ -45,14 +45,14 @@ impl fmt::Display for Style {
     }
 }
 
-/// A text whose commands to terminals are our own: an [`Output`] lets them pass.
+/// Marks a text whose terminal commands are our own, so that an [`Output`] lets them pass.
 #[must_use]
 pub fn trusted(text: &str) -> String {
     text.replace('\u{1b}', &MARK)
 }
 
-/// A text of another program, whose colours an [`Output`] lets pass, and nothing else that
-/// commands a terminal.
+/// Marks a text of another program, so that an [`Output`] lets its colours pass. All other terminal
+/// commands in it are escaped.
 #[must_use]
 pub fn with_colours(text: &str) -> String {
     let mut parts = text.split('\u{1b}');
@@ -79,14 +79,13 @@ fn commands(character: char) -> bool {
     }
 }
 
-/// A text in which what would command a terminal is shown as `\u{1b}`. The end of a line may be
-/// that of Windows.
+/// A text in which terminal commands are escaped: `\u{1b}`. A line may end as on Windows.
 #[must_use]
 pub fn visible(text: &str) -> Cow<'_, str> {
     escaped(text, |character| format!("\\u{{{:x}}}", u32::from(character)))
 }
 
-/// [`visible`] for JSON, where such characters stand within strings: `\u001b`.
+/// [`visible`] for JSON, where such characters occur within strings and become `\u001b`.
 #[must_use]
 pub fn visible_json(json: &str) -> Cow<'_, str> {
     escaped(json, |character| format!("\\u{:04x}", u32::from(character)))
@@ -116,8 +115,8 @@ fn styled(text: &str) -> String {
 
 /// Where text for people goes, line by line.
 ///
-/// It never fails while it is written to. When nobody reads any more, the rest goes nowhere: what
-/// a command does, and its exit code, are the same whoever reads. Any other error is kept for
+/// Writing to it never fails. If the reader has gone, the rest is dropped, so that a command does
+/// the same, with the same exit code, whether or not anybody reads. Any other error is returned by
 /// [`finish`](Self::finish).
 #[derive(Debug)]
 pub struct Output<W: Write> {
@@ -136,7 +135,7 @@ enum State {
 }
 
 impl Output<anstream::AutoStream<io::StdoutLock<'static>>> {
-    /// Standard output, with colours where it is a terminal that has them.
+    /// Standard output, with colours if it is a terminal that has them.
     #[must_use]
     pub fn stdout() -> Self {
         Self::new(anstream::stdout().lock())
@@ -144,7 +143,7 @@ impl Output<anstream::AutoStream<io::StdoutLock<'static>>> {
 }
 
 impl Output<anstream::AutoStream<io::Stderr>> {
-    /// Standard error, which others write to meanwhile.
+    /// Standard error, which others may write to at the same time.
     #[must_use]
     pub fn stderr() -> Self {
         Self::new(anstream::stderr())
@@ -152,7 +151,7 @@ impl Output<anstream::AutoStream<io::Stderr>> {
 }
 
 impl<W: Write> Output<W> {
-    /// Text for people goes to `inner`.
+    /// Writes to `inner`.
     pub fn new(inner: W) -> Self {
         Self { inner, line: Vec::new(), state: State::Open }
     }
@@ -160,7 +159,7 @@ impl<W: Write> Output<W> {
     /// Writes what is left.
     ///
     /// # Errors
-    /// If something couldn't be written, and not because nobody reads.
+    /// If something couldn't be written for another reason than that the reader has gone.
     pub fn finish(mut self) -> io::Result<()> {
         self.pass_on(self.line.len());
         self.attempt(Write::flush);
@@ -215,8 +214,8 @@ impl<W: Write> Drop for Output<W> {
     }
 }
 
-/// Tells people something that isn't a result. There is nowhere left to report that standard error
-/// is closed.
+/// Tells people something that isn't a result, on standard error. If that is closed, the text is
+/// lost: there is nowhere left to report it.
 pub fn tell(text: &str) {
     let mut err = Output::stderr();
     // An output of our own doesn't fail.

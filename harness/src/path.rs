@@ -1,13 +1,13 @@
 //! Execution paths: the ways in which a shader reaches results.
 //!
 //! A path is a translation route with the API and adapter that runs it: WGSL through SPIR-V on
-//! Vulkan, through GLSL on OpenGL, and so on. Each path is opened once a process. Which paths a
-//! check runs on is read from the environment:
+//! Vulkan, through GLSL on OpenGL, and so on. Each path is opened once per process. The environment
+//! says which paths a check runs on:
 //!
 //! - `KARAT_PATHS`: `vulkan`, `vulkan,gl`, ..., or `all` available ones. Unset: the first that
-//!   opens. A path listed by name must open, and is named once. `vulkan@llvmpipe` names a driver, so
-//!   that several of one API run in one process.
-//! - `KARAT_REQUIRE`: paths that must have run; one that doesn't open is an error.
+//!   opens. A path listed by name must open, and may be listed once only. `vulkan@llvmpipe` also
+//!   names the driver, so several drivers of one API can run in one process.
+//! - `KARAT_REQUIRE`: paths that must run, too; one that doesn't open is an error.
 //! - `KARAT_ADAPTER`: part of an adapter's name, to choose among several.
 //! - `KARAT_DEADLINE`: seconds that a shader may take before the process gives up (default 60).
 
@@ -56,7 +56,7 @@ pub enum PathError {
         /// The closest route.
         nearest: Option<String>,
     },
-    /// No family of drivers.
+    /// No family of drivers has this name.
     #[error(
         "execution path `{name}` names no family of drivers: `{driver}` isn't one{}",
         guess(nearest.as_deref())
@@ -79,7 +79,7 @@ pub enum PathError {
         /// The path.
         path: Path,
     },
-    /// An executor of one's own is called as another one, or as a driver of wgpu's.
+    /// A custom executor has the path of another executor, or of one of wgpu's drivers.
     #[error(
         "another executor is called `{path}` already: name this one by its maker, such as \
          `{}@mine`, or `cpu`", path.api().name()
@@ -156,7 +156,7 @@ pub fn adapter(path: Path) -> Result<Adapter, PathError> {
 /// A path that was asked for by name.
 ///
 /// # Errors
-/// If it doesn't open, which says that it is required.
+/// If it doesn't open; the message says that it is required.
 pub fn required(path: Path) -> Result<Adapter, PathError> {
     must_open(path).map(|device| device.adapter().clone())
 }
@@ -214,7 +214,8 @@ fn select(paths: Option<&str>, required: Option<&str>) -> Result<Vec<&'static De
     Ok(devices)
 }
 
-/// Each adapter of an API once: `vulkan` is dropped beside `vulkan@llvmpipe`, if that is what it is.
+/// Each adapter of an API once: `vulkan` is dropped beside `vulkan@llvmpipe`, if that is what it
+/// is.
 fn distinct(devices: &[&'static Device]) -> Vec<&'static Device> {
     let same = |one: &Device, other: &Device| {
         let route = |device: &Device| (device.path().api(), device.path().via());
@@ -249,10 +250,10 @@ pub(crate) fn expect_own(paths: impl Iterator<Item = Path>) -> Result<(), PathEr
     Ok(())
 }
 
-/// The paths that a list names, as `KARAT_PATHS` has it: `all` is those that open.
+/// The paths that a list names, in the format of `KARAT_PATHS`: `all` means all that open.
 ///
 /// # Errors
-/// If a name is no path, or stands twice.
+/// If a name isn't a path, or is listed twice.
 pub fn named(variable: &'static str, names: &str) -> Result<Vec<Path>, PathError> {
     let mut paths = list(variable, names)?;
     if names.split(',').any(|name| name.trim() == ALL) {
@@ -323,8 +324,8 @@ mod tests {
         assert!(select(Some(foreign), None).is_err(), "a path listed by name must open");
     }
 
-    /// A path by its driver is an adapter of that family, beside the others of its API; a route or a
-    /// driver that isn't there is an error, and never another one.
+    /// A path by its driver is an adapter of that family, beside the others of its API; a route or
+    /// a driver that isn't there is an error, and never another one.
     #[test]
     fn a_path_is_of_the_driver_that_it_names() {
         let here = Path::ALL.into_iter().filter_map(|path| open(path).ok());

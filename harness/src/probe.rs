@@ -72,7 +72,7 @@ impl Probed {
         &self.function
     }
 
-    /// The whole text that is compiled: the function's closure, then the kernel.
+    /// The whole text that is compiled: the function with all that it uses, then the kernel.
     #[must_use]
     pub fn kernel(&self) -> &str {
         &self.kernel.text
@@ -118,7 +118,7 @@ pub enum ProbeError {
         /// Why not.
         reason: String,
     },
-    /// Cases without a result.
+    /// Some cases have no result.
     #[error(
         "the kernel of `{function}` wrote no result for {count} of {cases} cases on path `{path}` \
          (first: case {first} of its dispatch): the driver didn't run it, or ran something else"
@@ -135,15 +135,15 @@ pub enum ProbeError {
         /// Of how many.
         cases: usize,
     },
-    /// A case's loops go round more often than the driver lets them.
+    /// The loops of a case take more rounds than the driver allows.
     #[error("{diagnostic}")]
     Rounds {
-        /// The case of its dispatch.
+        /// Index of the case in its dispatch.
         case: usize,
         /// The loop.
         diagnostic: Box<Diagnostic>,
     },
-    /// Results that still are what they were set to before the kernel ran.
+    /// Some results weren't written: they still are what they were set to before the kernel ran.
     #[error(
         "the kernel of `{function}` ran on path `{path}`, but wrote {count} of {words} result words \
          in no run (first: `result{component}` of case {first} of its dispatch): the driver drops \
@@ -163,7 +163,7 @@ pub enum ProbeError {
         /// Of how many.
         words: usize,
     },
-    /// An executor has room for no case.
+    /// The executor has no room for even one case.
     #[error("the executor of path `{path}` has room for no case of `{function}`")]
     NoRoom {
         /// The function.
@@ -178,7 +178,7 @@ pub enum ProbeError {
         path: Path,
         /// Words that were asked for.
         expected: usize,
-        /// Words that came.
+        /// Words that were returned.
         found: usize,
     },
 }

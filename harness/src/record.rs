@@ -1,9 +1,9 @@
 //! What a run found, as data: one JSON line for each verdict.
 //!
 //! Every process of a run appends to a file of its own in the folder that `KARAT_RECORD` names;
-//! the command line reads them all. Nothing is written when the variable isn't set. Whoever starts a
-//! run gives it a folder of its own ([`Running`]), and says in `run.json` how it was made ([`Run`]),
-//! when it has ended.
+//! the command line reads them all. Nothing is written when the variable isn't set. Whoever starts
+//! a run gives it a folder of its own ([`Running`]). When the run has ended, `run.json` says how it
+//! was made ([`Run`]).
 
 mod folder;
 
@@ -52,28 +52,28 @@ pub struct Record {
     pub paths: Vec<PathRecord>,
     /// The whole message of a failure or error.
     pub message: Option<String>,
-    /// The folder whose files stood in for modules (`KARAT_OVERLAY`): such a verdict isn't one
-    /// about the package as it is.
+    /// The folder whose files replaced modules (`KARAT_OVERLAY`). Such a verdict says nothing about
+    /// the package as it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub overlay: Option<String>,
-    /// The files that it depends on, each once: modules, images that fixtures, masks and variances
-    /// were read from, goldens. An image whose pixels were copied into another one isn't among them,
-    /// nor what a reference reads. Of a verdict that ended before its function was compiled it is the
-    /// function's module alone. Empty if an older Karat wrote the record.
+    /// The files that the verdict depends on, each once: modules, goldens, and the images of
+    /// fixtures, masks and variances. Two kinds are missing: images whose pixels were copied into
+    /// another image, and files that a reference reads. If the check ended before its function was
+    /// compiled, only the function's module is listed. Empty if an older Karat wrote the record.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub read: Vec<FileRead>,
-    /// When it was made; `None`: an older Karat wrote the record.
+    /// When it was made; `None` if an older Karat wrote the record.
     #[serde(flatten)]
     pub time: Option<Time>,
 }
 
-/// When a verdict was made, for people who look for slow tests. It is never a part of the verdict,
-/// and differs from run to run.
+/// When a verdict was made and how long it took, for people who look for slow tests. It isn't part
+/// of the verdict, and differs from run to run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Time {
     /// When the check began, in UTC: `2026-01-31T12:00:00.000Z`.
     pub started: String,
-    /// How long it took, whatever ran beside it.
+    /// How long it took by the clock, even if other tests ran at the same time.
     pub seconds: f64,
 }
 
@@ -126,7 +126,7 @@ pub enum Subject {
         /// The folder of goldens; empty if the frame was compared with a number.
         #[serde(default)]
         folder: String,
-        /// `file:line:column` of the call in the test, the file as the compiler was given it.
+        /// `file:line:column` of the call in the test. The file is as the compiler was given it.
         #[serde(default)]
         location: String,
     },
@@ -143,23 +143,23 @@ pub struct PathRecord {
     pub failures: u64,
     /// The largest error, in its unit: `2.5 ulp`.
     pub worst: String,
-    /// The largest error over its bound; `None` if it isn't a number.
+    /// The largest error divided by its bound; `None` if that isn't a number.
     pub ratio: Option<f64>,
     /// What was asserted on this path: the tolerance, or the statement.
     pub asserted: String,
-    /// Why this path was declared to fail; `None`: it was to pass.
+    /// Why this path was declared to fail; `None` if it should pass.
     pub known_issue: Option<String>,
 }
 
-/// How a run was made: `run.json`, beside its records. A record without it is of a run that didn't
-/// end, and is no evidence that something was left out.
+/// How a run was made: `run.json`, beside its records. If it is missing, the run didn't end, so the
+/// records may be incomplete: they don't show that something wasn't tested.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Run {
     /// See [`SCHEMA`].
     pub schema: u32,
-    /// What chose among the tests: a filter, packages, targets. Empty: every test ran.
+    /// What selected the tests: a filter, packages, targets. If it is empty, every test ran.
     pub selected: Vec<String>,
-    /// Whether every test passed. What comes after a failure in its test isn't recorded.
+    /// Whether every test passed. A test that fails records nothing after its failure.
     pub passed: bool,
 }
 
@@ -167,7 +167,7 @@ impl Run {
     /// The file in the folder of records.
     const FILE: &'static str = "run.json";
 
-    /// Keeps it with the records of a folder.
+    /// Writes it beside the records of a folder.
     ///
     /// # Errors
     /// If the file can't be written.
@@ -176,8 +176,8 @@ impl Run {
         crate::image::write_whole(&folder.join(Self::FILE), text.as_bytes())
     }
 
-    /// How the run of a folder's records was made; `None` if nobody says. Of a folder of runs, the
-    /// one that ended last.
+    /// How the run of a folder's records was made; `None` if that isn't written down. For a folder
+    /// of runs, it is the run that ended last.
     ///
     /// # Errors
     /// If the file can't be read or isn't of this version.
@@ -262,13 +262,13 @@ pub struct Recorded {
     pub folder: PathBuf,
     /// The verdicts of all processes, in an order that doesn't depend on their timing.
     pub records: Vec<Record>,
-    /// How the run was made; `None` if nobody says.
+    /// How the run was made; `None` if that isn't written down.
     pub run: Option<Run>,
 }
 
 impl Recorded {
-    /// Reads the record of a folder: of the run that ended last, where it is a folder of runs, or
-    /// else what lies in the folder itself. `None` if there is neither.
+    /// Reads the record of a folder. If it is a folder of runs, that is the record of the run that
+    /// ended last; otherwise the files in the folder itself. `None` if there is neither.
     ///
     /// # Errors
     /// If a file can't be read or a line isn't a record.

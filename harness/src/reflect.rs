@@ -1,7 +1,7 @@
 //! What a WGSL function takes, returns and needs, read from naga's validated IR.
 //!
-//! A [`Program`] is the one place from which linked text, IR and source map are reachable;
-//! whatever transforms or interprets shaders starts from it.
+//! A [`Program`] holds the linked text, the IR and the source map. Whatever transforms or
+//! interprets shaders starts from it.
 
 mod binding;
 mod kept;
@@ -83,7 +83,7 @@ impl Program {
         self.linked.sources.files()
     }
 
-    /// Links and validates the closure of one function.
+    /// Links and validates one function with all that it uses.
     ///
     /// # Errors
     /// If it can't be linked, or isn't valid WGSL.
@@ -92,8 +92,8 @@ impl Program {
         kept::program(package, wanted, || Self::from_linked(package.link(path)?))
     }
 
-    /// Links and validates a whole module with all that it declares. A module that imports nothing
-    /// and has no conditions goes to naga as it is.
+    /// Links and validates a whole module with all that it declares. If the module imports nothing
+    /// and has no conditions, naga gets it unchanged.
     ///
     /// # Errors
     /// If it can't be linked, or isn't valid WGSL.

@@ -1,5 +1,5 @@
-//! The running test: which one it is, what it failed on before, what of it is known to fail, and how
-//! its verdicts are recorded. Checks of functions and of frames are the same here.
+//! The running test: which one it is, what it failed on before, which failures are declared, and
+//! how its verdicts are recorded. Checks of functions and of frames are treated alike.
 
 mod identity;
 mod known_issue;

@@ -1,9 +1,9 @@
 //! The environment's settings: every variable whose name begins with `KARAT_`, read once and
 //! checked whole.
 //!
-//! A variable with a slip in its name or value would do nothing, and the run that was to require a
-//! path or to replay a case would be green without it. So whatever isn't known here is an error
-//! that names what was likely meant. A variable that is set to nothing counts as not set.
+//! If a misspelt variable were ignored, a run that should require a path or replay a case would be
+//! green without doing so. So an unknown name or value is an error, which suggests what was meant.
+//! A variable that is set to nothing counts as not set.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -107,7 +107,7 @@ pub enum SettingsError {
         /// The closest setting.
         nearest: Option<&'static str>,
     },
-    /// A value that the setting can't have.
+    /// The setting can't have this value.
     #[error("{name}={value} isn't {expected}{}",
         nearest.map_or_else(String::new, |nearest| format!("; did you mean `{nearest}`?")))]
     Value {
@@ -120,7 +120,7 @@ pub enum SettingsError {
         /// The closest value.
         nearest: Option<&'static str>,
     },
-    /// Arguments of a case that isn't named.
+    /// There are arguments for a case, but no case is named.
     #[error("KARAT_INPUT needs KARAT_CASE, which says for which check it is")]
     InputWithoutCase,
 }
@@ -134,15 +134,15 @@ pub(crate) fn current() -> Result<&'static Settings, SettingsError> {
     SETTINGS.get_or_init(|| Settings::read(std::env::vars_os())).as_ref().map_err(Clone::clone)
 }
 
-/// A variable of Karat's, as the environment has it.
+/// One of Karat's variables, with its value in the environment.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Variable {
     /// `KARAT_PATHS`
     pub name: &'static str,
-    /// What it is for, and in brackets what holds where it isn't set.
+    /// What it is for, and in brackets its default.
     pub about: &'static str,
-    /// What it is set to; `None`: it isn't, or to nothing.
+    /// What it is set to; `None` if it isn't set, or is empty.
     pub value: Option<String>,
 }
 

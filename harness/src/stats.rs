@@ -1,12 +1,12 @@
-//! Statistics on the host, without a device: what a verdict about random samples is made of.
+//! Statistical tests of random samples, computed on the host without a device.
 //!
-//! Each test is given what was observed and what was expected, and returns a p-value, the
-//! probability of so large a difference by chance, or [`NoVerdict`]: too few samples, a single
-//! cell, a value that isn't a number. A p-value that is NaN is never returned. Whether a p-value
-//! is small enough is decided by [`accepts`], where NaN fails again.
+//! Each test is given what was observed and what was expected. It returns a p-value, the
+//! probability of so large a difference by chance; or [`NoVerdict`], if there are too few samples,
+//! a single cell, or a value that isn't a number. It never returns a NaN. [`accepts`] decides
+//! whether a p-value is large enough; NaN fails there, too.
 //!
-//! The cells of a histogram ([`Cells`]) are laid so that each gets about as many samples, by a
-//! pilot run; what a cell should hold is an adaptive integral of the density ([`integrate`]).
+//! A pilot run lays the cells of a histogram ([`Cells`]), so that each gets about as many samples.
+//! How many a cell should have is an adaptive integral of the density ([`integrate`]).
 
 mod cells;
 mod chi_square;
@@ -43,13 +43,13 @@ pub enum NoVerdict {
         /// Samples that the test needs.
         needed: u64,
     },
-    /// Nothing is left to compare after cells have been pooled.
+    /// After cells were pooled, too few are left to compare.
     #[error("{cells} cells are left after pooling: no degree of freedom")]
     NoFreedom {
         /// Cells with an expectation, the pool counted as one.
         cells: usize,
     },
-    /// As many observations as expectations are needed.
+    /// The numbers of observed and expected cells differ.
     #[error("{observed} cells are observed, {expected} are expected")]
     Length {
         /// Cells observed.
@@ -57,7 +57,7 @@ pub enum NoVerdict {
         /// Cells expected.
         expected: usize,
     },
-    /// Too few samples make up the mean.
+    /// The mean depends on too few of the samples.
     #[error(
         "the mean {mean:e} of {found} samples isn't the expected {expected:e}, but few of them make \
          it up (skewness {skewness:.0}), so that its error isn't known: take more samples, or draw \
@@ -83,14 +83,14 @@ pub enum NoVerdict {
     },
 }
 
-/// Whether a p-value speaks for the hypothesis at this threshold. NaN doesn't.
+/// Whether a p-value is large enough to accept the hypothesis at this threshold. NaN isn't.
 #[must_use]
 pub fn accepts(p: f64, threshold: f64) -> bool {
     p >= threshold
 }
 
-/// The threshold of each of `tests` independent tests, so that any of them rejects a true
-/// hypothesis with probability `significance`. Sidak 1967.
+/// The threshold for each of `tests` independent tests, chosen so that the probability that any of
+/// them rejects a true hypothesis is `significance`. Sidak 1967.
 #[must_use]
 pub fn sidak(significance: f64, tests: u64) -> f64 {
     // 1 - (1 - s)^(1/m), without its cancellation.

@@ -16,8 +16,8 @@ use std::fmt;
 ///
 /// Distances are taken on the ordered line of all `f32`, so `-0` equals `+0`, denormals count as
 /// steps and a binade's end is no jump. Below `f32::MIN_POSITIVE` WGSL allows results to be
-/// flushed to zero, so two values closer than that are never told apart;
-/// [`near_zero`](Tolerance::near_zero) widens that band where a function cancels.
+/// flushed to zero, so two values closer than that count as equal. If a function subtracts nearly
+/// equal values, [`near_zero`](Tolerance::near_zero) widens that band.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ulp(pub f64);
 
@@ -203,8 +203,8 @@ impl Tolerance {
         }
     }
 
-    /// Measures ulps near zero in steps of the size found at `magnitude`: what a function that
-    /// subtracts values of that size can promise. Other bounds are unchanged.
+    /// Measures ulps near zero in steps of the size found at `magnitude`. A function that subtracts
+    /// values of that size can't promise more. Other bounds are unchanged.
     pub fn near_zero(self, magnitude: f64) -> Self {
         let map = |parts: Vec<Self>| parts.into_iter().map(|t| t.near_zero(magnitude)).collect();
         match self {

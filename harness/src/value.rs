@@ -106,7 +106,8 @@ impl Shape {
         lanes
     }
 
-    /// The name of each lane as an access in WGSL: `""` for a scalar, `".x"`, `"[2].y"`, `".weight"`.
+    /// The name of each lane as an access in WGSL: `""` for a scalar, `".x"`, `"[2].y"`,
+    /// `".weight"`.
     #[must_use]
     pub fn lane_names(&self) -> Vec<String> {
         let mut names = Vec::new();
@@ -149,8 +150,9 @@ impl Shape {
 
     /// Whether a host value of this shape can stand for the WGSL type `wgsl`.
     ///
-    /// Structures agree by their members, not by their names. A reference computes in `f64` and
-    /// cannot tell `f16` from `f32`: its `f32` stands for both when `result` is set.
+    /// Structures agree if their members do; their own names may differ. If `result` is set, an
+    /// `f32` of the host stands for `f16`, too, because a reference computes in `f64` and can't
+    /// tell them apart.
     #[must_use]
     pub fn stands_for(&self, wgsl: &Self, result: bool) -> bool {
         let scalars = |host: Scalar, shader: Scalar| {

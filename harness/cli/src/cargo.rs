@@ -1,7 +1,7 @@
 //! `cargo karat`: runs the `karat` beside this program.
 //!
-//! Cargo calls `cargo-karat karat test` for `cargo karat test`. The command line itself is one
-//! program, so that it is linked once.
+//! Cargo calls `cargo-karat karat test` for `cargo karat test`. Only `karat` has the command line,
+//! so that it is linked once.
 
 use std::ffi::OsString;
 use std::process::{Command, ExitCode};

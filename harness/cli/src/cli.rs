@@ -1,9 +1,9 @@
-//! `karat`: the loop around the tests.
+//! `karat`: the command line around the tests.
 //!
 //! Exit codes: 0 when all is well; 1 when a check fails, a frame differs, a golden is unreferenced,
-//! an acceptance is refused or a path is missing; 2 when the command couldn't do its work; 3 when
-//! what it was to look at isn't there: an image, a golden, a pending frame, the record of a full
-//! run. They don't depend on whether anybody reads the output; one that can't be written is a 2.
+//! an acceptance is refused or a path is missing; 2 when the command couldn't do its work or write
+//! its output; 3 when what it should look at isn't there: an image, a golden, a pending frame, the
+//! record of a full run. The code is the same whether or not anybody reads the output.
 
 mod artefact;
 mod call;

@@ -6,8 +6,8 @@
 //! loaded when it is looked at, from a script `data/<n>.js`, because pages from `file://` may load
 //! scripts and nothing else.
 //!
-//! What the page displays is computed by the browser from the stored floats; what the verdict is
-//! and what may be accepted is [`Goldens`]' business.
+//! The browser computes what the page displays from the stored floats. [`Goldens`] decides what the
+//! verdict is and what may be accepted.
 
 mod data;
 mod facts;

@@ -1,5 +1,5 @@
-//! The arguments of `karat render` and of galleries: read from a command line, and written for
-//! the program that the first one runs.
+//! The arguments of `karat render` and of galleries: read from a command line, and written again
+//! for the gallery that `karat render` runs.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -70,7 +70,7 @@ pub struct ExposureArguments {
 }
 
 impl RenderArguments {
-    /// Says where to write unless that is said already.
+    /// Sets the folder to write into, unless one is set already.
     #[must_use]
     pub fn out_or(mut self, folder: PathBuf) -> Self {
         self.out.get_or_insert(folder);

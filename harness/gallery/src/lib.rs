@@ -29,16 +29,16 @@ use karat::path::{self, PathError};
 const BAD: Style = Style::BAD;
 const HEAD: Style = Style::HEAD;
 
-/// What a frame is asked for. Each frame interprets it as far as it has a use for it.
+/// How a frame should be rendered. A frame may ignore what it has no use for.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct RenderOptions {
     /// Width and height in pixels, each in 1..=16384; `None`: the frame's own.
     pub size: Option<(u32, u32)>,
-    /// Samples of what the frame estimates, a pixel or as it defines, at least 1; `None`: the
-    /// frame's own.
+    /// Number of samples, per pixel or as the frame defines it, at least 1; `None`: the frame's
+    /// own.
     pub samples: Option<u32>,
-    /// A file of the light around the scene, such as an EXR panorama; it was there when the
+    /// A file with the light around the scene, such as an EXR panorama. It existed when the
     /// options were read. `None`: the frame's own.
     pub environment: Option<PathBuf>,
     /// The path that the frame will be drawn on. It is open.
@@ -46,19 +46,19 @@ pub struct RenderOptions {
 }
 
 impl RenderOptions {
-    /// Leaves all but the path to the frame.
+    /// Options that set only the path. The frame chooses the rest.
     #[must_use]
     pub fn new(path: Path) -> Self {
         Self { size: None, samples: None, environment: None, path }
     }
 
-    /// The size that is asked for, or else this one.
+    /// The requested size, or else this one.
     #[must_use]
     pub fn size_or(&self, width: u32, height: u32) -> (u32, u32) {
         self.size.unwrap_or((width, height))
     }
 
-    /// The number of samples that is asked for, or else this one.
+    /// The requested number of samples, or else this one.
     #[must_use]
     pub fn samples_or(&self, samples: u32) -> u32 {
         self.samples.unwrap_or(samples)
@@ -101,7 +101,7 @@ pub struct Gallery {
     entries: Vec<Entry>,
 }
 
-/// Why a gallery couldn't do its work. That a frame can't be rendered is not among it.
+/// Why a gallery couldn't do its work. A frame that can't be rendered isn't among the reasons.
 #[derive(Debug, thiserror::Error)]
 enum GalleryError {
     #[error("the gallery has no frame; add one with `.frame(...)`")]
@@ -146,9 +146,9 @@ impl Gallery {
         Self::default()
     }
 
-    /// Adds a frame. The first one is the project's scene. `name` is letters, digits, `-`, `_`
-    /// and `/`, and becomes the name of its files; `about` says in one line what the frame shows;
-    /// `describe` is called when it is rendered.
+    /// Adds a frame. The first one is the project's scene. `name` becomes the name of its files:
+    /// use letters, digits, `-`, `_` and `/`. `about` says in one line what the frame shows.
+    /// `describe` is called when the frame is rendered.
     pub fn frame(
         mut self,
         name: &str,
@@ -160,7 +160,7 @@ impl Gallery {
         self
     }
 
-    /// Does what the process's arguments say: 0 when all is well, 1 when a frame can't be
+    /// Does what the process's arguments say. Returns 0 when all is well, 1 when a frame can't be
     /// rendered or has values that are not finite, 2 when nothing could be done.
     #[must_use = "return it from `main`"]
     pub fn main(self) -> ExitCode {

@@ -1,7 +1,7 @@
 //! Cases of verbs that need more than the function's arguments: another value of one, a rotation.
 //!
-//! A companion is drawn after the arguments, from the same stream of random numbers, and travels as
-//! words behind theirs. So it is simplified with them, remembered and replayed.
+//! A companion is drawn after the arguments, from the same stream of random numbers, and its words
+//! follow theirs. So it is simplified, remembered and replayed together with them.
 
 use crate::domain::{Emptiness, Held, Origin, Parts, Shrinkable, Source, Stream};
 

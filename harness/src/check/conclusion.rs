@@ -1,4 +1,4 @@
-//! From what each path added up to, to a check's verdict.
+//! Makes a check's verdict of the sums of its paths.
 
 use super::path_tally::PathTally;
 use super::session::Session;

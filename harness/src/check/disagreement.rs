@@ -12,8 +12,9 @@ use crate::value::{Scalar, Shape, format_f32, hexfloat};
 
 /// A function disagrees with what was asserted of it, on at least one path.
 ///
-/// `Display` shows the function in the author's file, the worst and the first failing case with
-/// their inputs, the simplest that the worst could be reduced to, and for each path a census and the command that replays it.
+/// `Display` shows the function in the author's file. For each path, it shows a census, the worst
+/// and the first failing case with their inputs, the simplest case that the worst could be reduced
+/// to, and the commands that replay them.
 #[derive(Clone, Debug)]
 pub struct Disagreement {
     /// The function.
@@ -70,12 +71,12 @@ pub struct PathDisagreement {
     pub simplest: Option<Simplest>,
 }
 
-/// A failing case that a worse one was reduced to: it fails the same check on the same path.
+/// What the worst case was reduced to: a simpler one that fails the same check on the same path.
 #[derive(Clone, Debug)]
 pub struct Simplest {
-    /// The failure; its case is the one that was reduced.
+    /// The failure, under the index of the case that was reduced.
     pub failure: CaseFailure,
-    /// The lanes of its arguments; none for an integral, whose cases needn't be made of lanes.
+    /// The lanes of its arguments; empty for an integral, whose cases needn't be made of lanes.
     pub input: Vec<u32>,
     /// The command that runs it again.
     pub replay: String,
@@ -94,9 +95,9 @@ impl Simplest {
 pub struct CaseFailure {
     /// Index of the case.
     pub case: u64,
-    /// Whether it isn't one of the domain's cases, but an input on which the check failed before.
+    /// Whether it is an input on which the check failed before, not a case of this run's domain.
     pub remembered: bool,
-    /// Each argument: its name, and its value as WGSL would write it. Of an
+    /// Each argument: its name, and its value as WGSL would write it. For an
     /// integral: `case`, and its value as `Debug` shows it.
     pub arguments: Vec<(String, String)>,
     /// The worst component: `""` for a scalar, `".y"`.
@@ -124,7 +125,7 @@ pub struct IntegralFailure {
     pub value: f64,
     /// How many nodes the quadrature rule has.
     pub nodes: usize,
-    /// What the rule gives that was to confirm this one, and its nodes, if it doesn't confirm it.
+    /// If the second rule disagrees: the integral that it gives, and how many nodes it has.
     pub control: Option<(f64, usize)>,
     /// The first node whose result isn't finite.
     pub node: Option<NodeFailure>,

@@ -31,11 +31,11 @@ impl<D: Domain> Check<'_, D>
 where
     D::Value: Arguments,
 {
-    /// Checks that the result turns as its arguments do, by a rotation of each case's own: uniform
-    /// ones, and an eighth of quarter turns about the axes.
+    /// Checks that the result turns with its arguments. Each case has its own rotation: most are
+    /// uniformly distributed, one in eight is a quarter turn about an axis.
     ///
-    /// `arguments` turns what is a direction among the arguments, `result` turns the result, or
-    /// leaves it as it is where the function measures angles only.
+    /// `arguments` turns those arguments that are directions. `result` turns the result, or returns
+    /// it as it is if the function only measures angles.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -52,8 +52,8 @@ where
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a result turns otherwise, the arguments don't turn, or nothing could
-    /// be compared.
+    /// With the [`Failure`], if a result doesn't turn with its arguments, if no rotation changes
+    /// any argument, or if nothing could be compared.
     #[track_caller]
     pub fn equivariant_under<R: Shareable>(
         self,
@@ -67,7 +67,8 @@ where
     /// [`equivariant_under`](Self::equivariant_under) without the panic.
     ///
     /// # Errors
-    /// If a result turns otherwise, the arguments don't turn, or nothing could be compared.
+    /// If a result doesn't turn with its arguments, if no rotation changes any argument, or if
+    /// nothing could be compared.
     pub fn try_equivariant_under<R: Shareable>(
         self,
         arguments: impl Fn(D::Value, DQuat) -> D::Value + Sync,

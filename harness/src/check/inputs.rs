@@ -7,10 +7,10 @@ use crate::probe::Inputs;
 use crate::run::Identity;
 
 impl<D: Domain> Check<'_, D> {
-    /// Chooses where the function's arguments come from, which is a storage buffer otherwise.
+    /// Chooses where the function's arguments come from. The default is a storage buffer.
     ///
-    /// As [constants](Inputs::Constant) at most 64 cases are checked, half of them edges, or all
-    /// of a finite domain that is no larger.
+    /// With [constants](Inputs::Constant), at most 64 cases are checked: all values of a finite
+    /// domain of up to 64, otherwise a sample of which half are edges.
     pub fn inputs(mut self, inputs: Inputs) -> Self {
         self.plan.probe.inputs = vec![inputs];
         self

@@ -43,8 +43,8 @@ impl<'a> Probe<'a> {
     /// `rule` turns a case into the nodes of a quadrature rule: each is a complete tuple of the
     /// function's arguments (or the argument of a function that has one) with its weight. Cosines
     /// and Jacobians are part of the weight. The integral is the sum of weight times result, taken
-    /// in `f64` for each component of the result, which must be floats. How far the rule itself is
-    /// from the integral is the caller's to know, and part of the tolerance.
+    /// in `f64` for each component of the result; the components must be floats. Karat doesn't know
+    /// how exact the rule is: include the rule's own error in the tolerance.
     ///
     /// ```no_run
     /// use std::f64::consts::{PI, TAU};
@@ -105,7 +105,7 @@ pub(super) struct Integrals<'i> {
     /// Types of the arguments that a rule supplies.
     pub(super) arguments: Vec<Shape>,
     pub(super) rule: Rule<'i>,
-    /// A rule of another order. Where it gives another integral, neither gives the right one.
+    /// A rule of another order. If it gives another integral, neither can be trusted.
     pub(super) control: Option<Rule<'i>>,
     /// Appends the lanes of the expected integral, or of the bound.
     pub(super) expected: &'i (dyn Fn(&Held, &mut Vec<f64>) + Sync),
@@ -121,8 +121,8 @@ where
     Q: Fn(&D::Value) -> Vec<(A, f64)> + Sync,
 {
     /// Sets the number of integrals. A finite domain of at most that many values is enumerated
-    /// instead. Without this, a finite domain of up to 65,536 values is enumerated, and of others
-    /// 256 cases are drawn.
+    /// instead. Without this, a finite domain of up to 65,536 values is enumerated; any other
+    /// domain draws 256 cases.
     pub fn cases(mut self, cases: u64) -> Self {
         self.plan.cases = Some(cases);
         self
@@ -134,7 +134,8 @@ where
         self
     }
 
-    /// Sets another tolerance for one path: see [`Check::tolerance_on`](super::Check::tolerance_on).
+    /// Sets another tolerance for one path: see
+    /// [`Check::tolerance_on`](super::Check::tolerance_on).
     pub fn tolerance_on(
         mut self,
         on: impl Into<Selector>,
@@ -180,9 +181,9 @@ where
         self.check(expected, assertion, Recording::Off)
     }
 
-    /// Checks that each integral is at most a bound plus `slack`, which is absolute: the stated
-    /// error of the quadrature and of the shader's arithmetic. The bound is a number for all
-    /// components, or one for each.
+    /// Checks that each integral is at most a bound plus `slack`. The slack is absolute: it is the
+    /// error that you allow the quadrature and the shader's arithmetic. The bound is one number for
+    /// all components, or one for each.
     ///
     /// # Panics
     /// With the [`Failure`], if an integral exceeds its bound, a node has no finite result, or

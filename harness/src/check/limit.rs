@@ -31,8 +31,8 @@ pub struct Limit {
 }
 
 impl Limit {
-    /// A limit at `target`. Each of the steps, of which there are at least two, has to be nearer to
-    /// it than the one before; the function needn't be defined at the target itself.
+    /// A limit at `target`, approached by at least two steps. Each step has to be nearer to the
+    /// target than the one before. The function needn't be defined at the target itself.
     pub fn toward(target: f32, steps: impl Into<Vec<f32>>) -> Self {
         Self { target, steps: steps.into() }
     }
@@ -71,9 +71,9 @@ where
     /// Checks that the result approaches a reference as one argument approaches a limit.
     ///
     /// Each case is called at every step of the limit, with its other arguments as they were drawn.
-    /// Its error has to fall from step to step until it is within the tolerance, stay within, and be
-    /// there at the last step. The reference receives the limit's target in place of the argument.
-    /// The domain's values for this argument are ignored: `Just(0.0)` will do.
+    /// Its error has to fall from step to step until it is within the tolerance, stay within, and
+    /// be there at the last step. The reference receives the limit's target in place of the
+    /// argument. The domain's values for this argument are ignored: `Just(0.0)` will do.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -86,8 +86,8 @@ where
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a case's error rises or doesn't vanish, all are within the tolerance
-    /// from the first step on, or nothing could be compared.
+    /// With the [`Failure`], if a case's error rises or ends outside the tolerance, if all cases
+    /// are within the tolerance from the first step on, or if nothing could be compared.
     #[track_caller]
     pub fn at_limit(
         self,
@@ -103,8 +103,8 @@ where
     /// [`at_limit`](Self::at_limit) without the panic.
     ///
     /// # Errors
-    /// If a case's error rises or doesn't vanish, all are within the tolerance from the first step
-    /// on, or nothing could be compared.
+    /// If a case's error rises or ends outside the tolerance, if all cases are within the tolerance
+    /// from the first step on, or if nothing could be compared.
     pub fn try_at_limit(
         self,
         argument: impl Into<Parameter>,

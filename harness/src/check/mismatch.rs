@@ -1,4 +1,4 @@
-//! What doesn't fit together: a function, and what a check gives or expects of it.
+//! How a function doesn't fit what a check gives it or expects of it.
 
 use super::Failure;
 use crate::path::Selector;
@@ -55,7 +55,7 @@ pub enum Mismatch {
         /// Components of the tolerance.
         declared: usize,
     },
-    /// A verb without a tolerance has one on some path.
+    /// A path has a tolerance of its own, but the verb takes none.
     #[error("is checked by {check}, which takes no tolerance, but {on} has {tolerance}")]
     NoTolerance {
         /// The verb.
@@ -101,13 +101,13 @@ pub enum Mismatch {
         /// Why not.
         reason: String,
     },
-    /// What runs beside a sampler has an executor of its own.
+    /// A function that runs beside a sampler, such as its density, has an executor of its own.
     #[error("runs where the sampler runs: say `.on(..)` of the sampler alone")]
     Executor,
-    /// Random numbers of a type that has no uniform distribution here.
+    /// The random numbers are of a type that Karat can't draw.
     #[error("is sampled with {0}, but random numbers are f32 or u32")]
     Random(Shape),
-    /// A support that has no directions.
+    /// The verb needs directions, and the support has other points.
     #[error("is estimated on {0}, not by directions")]
     NoDirections(Support),
     /// A density's points are of another type than those of the support.

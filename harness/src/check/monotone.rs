@@ -17,7 +17,7 @@ use crate::run::or_panic;
 use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Arguments, Scalar, format_lane};
 
-/// Which way results go as an argument grows. Equal results go either way.
+/// Which way results go as an argument grows. Equal results satisfy both trends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trend {
     /// They never fall.
@@ -50,12 +50,12 @@ impl<D: Domain> Check<'_, D>
 where
     D::Value: Arguments,
 {
-    /// Checks that the result only rises, or only falls, as one argument grows while the others
-    /// stay: each component of it.
+    /// Checks that each component of the result only rises, or only falls, as one argument grows
+    /// while the others stay the same.
     ///
-    /// Each case is called twice: as it is drawn, and with another value of that argument, taken
-    /// from another draw of the domain, near or far. The domain has to be one in which the argument
-    /// is independent of the others. The tolerance is what rounding may take back.
+    /// Each case is called twice: as it is drawn, and with another value of that argument, near or
+    /// far, from another draw of the domain. So the domain has to be one in which the argument is
+    /// independent of the others. Rounding may move a result the wrong way by up to the tolerance.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -67,8 +67,8 @@ where
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a result goes the other way, none changes by more than the
-    /// tolerance, or nothing could be compared.
+    /// With the [`Failure`], if a result goes the other way, if no result changes by more than the
+    /// tolerance, or if nothing could be compared.
     #[track_caller]
     pub fn is_monotone_in(
         self,
@@ -82,8 +82,8 @@ where
     /// [`is_monotone_in`](Self::is_monotone_in) without the panic.
     ///
     /// # Errors
-    /// If a result goes the other way, none changes by more than the tolerance, or nothing could be
-    /// compared.
+    /// If a result goes the other way, if no result changes by more than the tolerance, or if
+    /// nothing could be compared.
     pub fn try_is_monotone_in(
         self,
         argument: impl Into<Parameter>,

@@ -1,10 +1,10 @@
 //! Integrals over directions, for functions whose last argument is one.
 //!
 //! The rule is a product: Gauss and Legendre's in the cosine of the polar angle, equal steps in the
-//! azimuth. It is exact for what is smooth, and blind to what is narrower than its rings. So each
-//! integral is taken twice, with another number of rings, and there is no verdict where the two
+//! azimuth. It is exact for smooth functions, and misses lobes that are narrower than its rings. So
+//! each integral is taken twice, with different numbers of rings. There is no verdict if the two
 //! differ by more than the tolerance and one of them may pass.
-//! (What lies between the rings of both is seen by neither: narrow lobes need a rule that knows
+//! (Both rules miss a lobe that lies between the rings of both. Narrow lobes need a rule that knows
 //! where they are.)
 
 use std::f64::consts::TAU;
@@ -39,17 +39,17 @@ enum Region {
 }
 
 impl Directions {
-    /// The whole sphere, by solid angle: 4 pi.
+    /// The whole sphere, by solid angle (4 pi in all).
     pub fn sphere() -> Self {
         Self { region: Region::Sphere, rings: RINGS }
     }
 
-    /// The hemisphere z > 0, by solid angle: 2 pi.
+    /// The hemisphere z > 0, by solid angle (2 pi in all).
     pub fn hemisphere() -> Self {
         Self { region: Region::Hemisphere, rings: RINGS }
     }
 
-    /// The hemisphere z > 0, by projected solid angle, which has the cosine in it: pi.
+    /// The hemisphere z > 0, by projected solid angle, which includes the cosine (pi in all).
     pub fn projected_hemisphere() -> Self {
         Self { region: Region::Projected, rings: RINGS }
     }
@@ -89,17 +89,18 @@ impl<D: Domain> Check<'_, D>
 where
     D::Value: Arguments,
 {
-    /// Checks the integral over directions of a function whose last argument is one. The domain
-    /// draws the arguments before it: `()` if there are none.
+    /// Checks the integral of a function over directions. The direction is the function's last
+    /// argument; the domain draws the arguments before it, and is `()` if there are none.
     ///
-    /// Each integral is taken by two rules. Where they are farther apart than the tolerance, and
-    /// one of them may be right that the integral passes, the check has no verdict and is an error:
-    /// the function is narrower than the rules' rings. Where both are farther from what is expected
-    /// than from each other, the check fails. What lies between the rings of both is seen by
-    /// neither: the innermost of 64 rings is 1.5 degrees from the pole. Such a function passes as if
-    /// the lobe weren't there. For it, and without a verdict, take more
-    /// [`rings`](Directions::rings), or a rule of your own with
-    /// [`integral`](super::Probe::integral). Unless their number is set, there are 256 cases.
+    /// Each integral is taken by two rules, with different numbers of rings. If both are so far off
+    /// that the difference between them can't explain it, the check fails. Otherwise, if they
+    /// differ by more than the tolerance, the check has no verdict and is an error: the function
+    /// has a lobe that is narrower than the rings.
+    ///
+    /// Both rules miss a lobe that lies between the rings of both; the check then passes as if the
+    /// lobe weren't there. (The innermost of 64 rings is 1.5 degrees from the pole.) For such
+    /// lobes, and if there is no verdict, take more [`rings`](Directions::rings), or a rule of your
+    /// own with [`integral`](super::Probe::integral). The default is 256 cases.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -113,8 +114,8 @@ where
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if an integral disagrees, the rules do, a node has no finite result, or
-    /// nothing could be compared.
+    /// With the [`Failure`], if an integral isn't the expected one, if the two rules disagree, if a
+    /// node has no finite result, or if nothing could be compared.
     #[track_caller]
     pub fn integrates_to<E: Mirror>(
         self,
@@ -129,8 +130,8 @@ where
     /// [`integrates_to`](Self::integrates_to) without the panic.
     ///
     /// # Errors
-    /// If an integral disagrees, the rules do, a node has no finite result, or nothing could be
-    /// compared.
+    /// If an integral isn't the expected one, if the two rules disagree, if a node has no finite
+    /// result, or if nothing could be compared.
     pub fn try_integrates_to<E: Mirror>(
         self,
         directions: Directions,
@@ -141,10 +142,10 @@ where
         self.integrate(directions, expected, assertion, Recording::Off)
     }
 
-    /// Checks that the integral over directions is at most a bound plus `slack`, which is absolute:
-    /// what rounding may add, and how far the two rules may be apart. The bound is a number for all
-    /// components, or one for each. Of lobes that are narrower than the rings, see
-    /// [`integrates_to`](Self::integrates_to).
+    /// Checks that the integral over directions is at most a bound plus `slack`. The slack is
+    /// absolute: it covers what rounding may add, and the difference between the two rules. The
+    /// bound is one number for all components, or one for each. For lobes that are narrower than
+    /// the rings, see [`integrates_to`](Self::integrates_to).
     ///
     /// # Panics
     /// With the [`Failure`], if an integral exceeds its bound, the rules disagree, a node has no
@@ -162,8 +163,8 @@ where
     /// [`integrates_to_at_most`](Self::integrates_to_at_most) without the panic.
     ///
     /// # Errors
-    /// If an integral exceeds its bound, the rules disagree, a node has no finite result, or nothing
-    /// could be compared.
+    /// If an integral exceeds its bound, the rules disagree, a node has no finite result, or
+    /// nothing could be compared.
     pub fn try_integrates_to_at_most<E: Mirror>(
         self,
         directions: Directions,

@@ -1,12 +1,12 @@
 //! Samplers: does a function of random numbers return samples of the density that it claims?
 //!
 //! A sampler is run over configurations (a width, a view), each with a stream of random numbers of
-//! its own that depends on the seed and the configuration's index alone. What is asserted of its
-//! samples is judged by a p-value for each configuration; the threshold is such that all of a
-//! check together reject a right sampler with the stated significance. Samples that aren't
-//! finite, aren't where they should be, or can't happen under the density fail outright.
+//! its own that depends on the seed and the configuration's index alone. Each configuration is
+//! judged by a p-value. The threshold is chosen so that the whole check rejects a correct sampler
+//! with the stated significance. Samples that aren't finite, aren't where they should be, or can't
+//! happen under the density fail outright.
 //!
-//! Each path runs the same random numbers, so paths don't count as tests of their own.
+//! Each path runs the same random numbers, so paths don't count as separate tests.
 
 mod calls;
 mod conclude;
@@ -49,8 +49,9 @@ const SIGNIFICANCE: f64 = 0.01;
 const MASS: f64 = 2e-4;
 
 impl<'a> Probe<'a> {
-    /// Selects configurations of a sampler. `arguments` makes the sampler's arguments of a
-    /// configuration and random numbers: an `f32` in [0, 1), a vector of such, or `u32`s.
+    /// Chooses the configurations that a sampler is run over. `arguments` makes the sampler's
+    /// arguments from a configuration and random numbers. Random numbers are an `f32` in [0, 1), a
+    /// vector of those, or `u32`s.
     ///
     /// ```no_run
     /// use glam::{Vec2, Vec3};
@@ -129,17 +130,17 @@ where
         self
     }
 
-    /// Sets the probability that the check rejects a right sampler, whatever the number of its
-    /// configurations. Without this: 1 %. As the seed is fixed, a right sampler is rejected in every
-    /// run or in none: look at one that is with ten times the samples, and if it fits then,
-    /// [`seed`](Self::seed) gives the check other random numbers.
+    /// Sets the probability that the whole check rejects a correct sampler, however many
+    /// configurations it has. Without this: 1 %. The seed is fixed, so a correct sampler is
+    /// rejected in every run or in none. If yours is rejected, try ten times the samples. If it
+    /// fits then, give the check other random numbers with [`seed`](Self::seed).
     pub fn significance(mut self, significance: f64) -> Self {
         self.settings.significance = significance;
         self
     }
 
-    /// Declares that samples may lie beside the support, as directions reflected below the horizon
-    /// do: as many as the density's integral falls short of 1.
+    /// Declares that samples may lie outside the support, as directions reflected below the horizon
+    /// do. Their share has to be 1 less the density's integral.
     pub fn may_leave(mut self) -> Self {
         self.settings.may_leave = true;
         self
@@ -153,8 +154,8 @@ where
     }
 
     /// Sets the number of configurations. A finite domain of at most that many values is
-    /// enumerated instead. Without this, a finite domain of up to 4,096 values is enumerated, and
-    /// of others 16 are drawn.
+    /// enumerated instead. Without this, a finite domain of up to 4,096 values is enumerated; any
+    /// other domain draws 16 configurations.
     pub fn configurations(mut self, configurations: u64) -> Self {
         self.plan.cases = Some(configurations);
         self
@@ -187,7 +188,7 @@ pub struct Fit {
     pub paths: Vec<(Adapter, f64)>,
     /// The least p-value of all.
     pub p: f64,
-    /// What it had to reach: the significance, shared out over all configurations.
+    /// The least p-value that passes: the significance, shared out over all configurations.
     pub threshold: f64,
     /// Paths that fail as was declared. They are not among `paths`.
     pub known_issues: Vec<KnownIssue>,

@@ -70,7 +70,7 @@ pub enum Vacuous {
         /// Its first value.
         step: f32,
     },
-    /// All results may be zeros.
+    /// All results are so small that they may be flushed to zero.
     #[error(
         "has only cases whose results are below the least normal f32, 1.2e-38: they may be flushed to \
          0, so that none is told from another"
@@ -79,10 +79,10 @@ pub enum Vacuous {
     /// A significance that isn't between 0 and 1.
     #[error("has a significance of {0}, which is no probability")]
     Significance(f64),
-    /// A tolerance of the mass of a density that bounds nothing.
+    /// The tolerance for a density's integral bounds nothing.
     #[error("has a mass within {0}, which bounds nothing")]
     Mass(f64),
-    /// Samples on no interval.
+    /// The interval that samples should lie on isn't one of finite length.
     #[error("is to lie on [{0}, {1}], which isn't an interval of finite length")]
     Interval(f64, f64),
 }

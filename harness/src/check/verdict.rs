@@ -33,7 +33,7 @@ pub enum Failure {
     /// Values differ by more than is allowed.
     #[error("{0}")]
     Disagreement(Box<Disagreement>),
-    /// A path agrees that is declared to fail.
+    /// A path that is declared to fail agrees.
     #[error(
         "`{function}` passes on {path}, where it is declared to fail: {reason}\n\
          the bug is gone, or hidden: remove `.fails_on(...)`"
@@ -46,7 +46,7 @@ pub enum Failure {
         /// What was declared.
         reason: String,
     },
-    /// A path is declared to fail, and nobody says why.
+    /// A path is declared to fail without a reason.
     #[error("`{function}` is declared to fail on {on} without a reason: name the bug")]
     UnexplainedIssue {
         /// The function's path.
@@ -57,7 +57,7 @@ pub enum Failure {
     /// Samples are not what they should be.
     #[error("{0}")]
     Rejection(Box<Rejection>),
-    /// Samples that nothing can be said of.
+    /// The samples can't be judged.
     #[error("`{function}` has no verdict for case {case}, {configuration}: {reason}")]
     Evidence {
         /// The sampler's path.
@@ -72,7 +72,7 @@ pub enum Failure {
     /// The environment has a setting that can't be used.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// Another check is to be replayed, and this one doesn't run in a test that could have it.
+    /// Another check is to be replayed, and this one runs in a thread whose test isn't known.
     #[error(transparent)]
     NotReplayed(#[from] NotReplayed),
     /// The function gave no results.

@@ -1,6 +1,6 @@
-//! An author's file as an excerpt can show it: lines that fit, and nothing that commands a terminal.
+//! An excerpt of an author's file, with long lines cut and without terminal commands.
 //!
-//! Only what is shown changes. Places are told as the author's file has them.
+//! Only the text that is shown changes. Lines and columns are those of the author's file.
 
 use std::ops::Range;
 
@@ -96,7 +96,8 @@ impl<'a> Excerpt<'a> {
         }
     }
 
-    /// Where a byte of the author's is shown: what is changed, at the beginning of what stands for it.
+    /// Where a byte of the author's is shown: what is changed, at the beginning of what stands for
+    /// it.
     pub(super) fn shown(&self, byte: usize) -> usize {
         let after = self.changes.partition_point(|(from, _)| from.end <= byte);
         match self.changes.get(after) {

@@ -2,9 +2,9 @@
 
 use super::{Domain, Origin, Shrinkable, Source, shrink};
 
-/// The named edge cases of a type, each of them: zeros of both signs, ones, denormals, powers of
-/// two and their neighbours, the largest. A finite domain. In a tuple with domains that aren't
-/// finite each edge is a case at least once, and the first ones with all edges of the others.
+/// All named edge cases of a type: zeros of both signs, ones, denormals, powers of two and their
+/// neighbours, the largest. The domain is finite. In a tuple with infinite domains, each edge is a
+/// case at least once, and the first edges are combined with those of the other domains.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Edges<T>(Vec<T>);
 
@@ -12,8 +12,8 @@ pub struct Edges<T>(Vec<T>);
 const POWERS: [i32; 15] = [-126, -64, -24, -23, -16, -12, -2, -1, 0, 1, 2, 12, 23, 24, 64];
 
 impl Edges<f32> {
-    /// Finite edge cases. WGSL lets implementations flush denormals: a function of a
-    /// denormal may be that of zero.
+    /// Finite edge cases. WGSL lets implementations flush denormals, so a function may return for a
+    /// denormal what it returns for zero.
     #[must_use]
     pub fn f32() -> Self {
         let mut positive = vec![0.0, 1.0, 0.5, 2.0];
@@ -35,16 +35,16 @@ impl Edges<f32> {
         Self(values)
     }
 
-    /// With both infinities and a quiet NaN: for functions that promise something of them. WGSL
-    /// lets implementations assume that there are none, and a reference of them isn't finite, so
-    /// they are for [`satisfies`](crate::Check::satisfies).
+    /// Adds both infinities and a quiet NaN, for functions that promise something about them. Use
+    /// them with [`satisfies`](crate::Check::satisfies): a reference has to be finite. WGSL lets
+    /// implementations assume that there are no such values.
     #[must_use]
     pub fn and_non_finite(mut self) -> Self {
         self.0.extend([f32::INFINITY, f32::NEG_INFINITY, f32::NAN]);
         self
     }
 
-    /// Without denormals, which may be flushed.
+    /// Removes denormals, which may be flushed.
     #[must_use]
     pub fn without_denormals(mut self) -> Self {
         self.0.retain(|value| !value.is_subnormal());

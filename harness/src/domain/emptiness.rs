@@ -4,7 +4,7 @@
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Emptiness {
-    /// Which part of a tuple it is about; `None`: there are no parts, or they aren't told apart.
+    /// Which part of a tuple is empty; `None` if there are no parts, or it isn't known which.
     pub part: Option<usize>,
     /// What has no value: `range`.
     pub what: &'static str,
@@ -13,7 +13,7 @@ pub struct Emptiness {
 }
 
 impl Emptiness {
-    /// That of a whole domain: `what` names it in a word, and `fault` goes on with a verb.
+    /// A whole domain is empty: `what` names it in a word, and `fault` goes on with a verb.
     #[must_use]
     pub fn of(what: &'static str, fault: &str) -> Self {
         Self { part: None, what, fault: fault.to_owned() }

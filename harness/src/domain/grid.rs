@@ -25,9 +25,9 @@ impl Grid {
         Self { first: *range.start(), last: *range.end(), count, spacing: Spacing::Linear }
     }
 
-    /// `count` values over `range`, each as many times the one before: for roughness, exposure and
-    /// distance. Both ends have the same sign and neither is zero; otherwise the grid is empty,
-    /// which is an error of the check.
+    /// `count` values over `range` at equal ratios: for roughness, exposure and distance. Both ends
+    /// must have the same sign, and neither may be zero; otherwise the grid is empty, which is an
+    /// error of the check.
     #[must_use]
     pub fn logarithmic(range: std::ops::RangeInclusive<f32>, count: u32) -> Self {
         Self { spacing: Spacing::Logarithmic, ..Self::linear(range, count) }

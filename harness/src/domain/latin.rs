@@ -4,8 +4,8 @@ use std::ops::RangeInclusive;
 
 use super::{Domain, Emptiness, Origin, Parts, Shrinkable, Source};
 
-/// A Latin hypercube: the corners of a box of float ranges, then `points` points of which each
-/// range has exactly one in each of `points` equal parts (McKay, Beckman and Conover 1979).
+/// A Latin hypercube (McKay, Beckman and Conover 1979): the corners of a box of float ranges, then
+/// `points` points. If a range is cut into `points` equal parts, each part has exactly one of them.
 ///
 /// ```
 /// use karat::{Domain, LatinHypercube};
@@ -14,7 +14,7 @@ use super::{Domain, Emptiness, Origin, Parts, Shrinkable, Source};
 /// assert_eq!(domain.size(), Some(4 + 1000));
 /// ```
 ///
-/// For slow functions, where a few hundred points are to leave no gap in any argument. It is a
+/// Use it for slow functions, where a few hundred points must leave no gap in any argument. It is a
 /// finite domain, the same in every run: the seed of a check doesn't change it.
 #[derive(Clone, Debug)]
 pub struct LatinHypercube<R> {

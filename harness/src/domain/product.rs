@@ -1,4 +1,4 @@
-//! Tuples: domains side by side, independent but for the ties of some draws.
+//! Tuples: domains side by side. They are independent, except that some draws tie two of them.
 
 use std::any::{Any, TypeId};
 use std::rc::Rc;

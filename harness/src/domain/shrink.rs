@@ -64,7 +64,7 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
         (self.simpler)()
     }
 
-    /// The same of the mapped values.
+    /// The same, with `map` applied to the value and to the simpler ones.
     pub fn map<U: Clone + 'a>(self, map: &'a impl Fn(T) -> U) -> Shrinkable<'a, U> {
         Shrinkable::new(map(self.value.clone()), move || {
             self.simpler().into_iter().map(|simpler| simpler.map(map)).collect()

@@ -1,10 +1,10 @@
 //! Components of a tuple that are tied to one another.
 //!
-//! Components that are drawn independently never coincide off the edges, and there many functions
-//! fail: two equal directions have no angle between them, two opposite ones no half vector. So some
-//! draws make one component of another one of its type: equal to it, opposite, or close to either.
-//! A value that the component's own domain doesn't have is never taken: the component stays as it
-//! was drawn then.
+//! Many functions fail where components coincide: two equal directions have no angle between them,
+//! two opposite ones no half vector. Components that are drawn independently coincide at edges
+//! only. So some draws make one component from another one of its type: equal to it, opposite, or
+//! close to either. If the component's own domain doesn't have that value, the component stays as
+//! it was drawn.
 
 use std::any::{Any, TypeId};
 

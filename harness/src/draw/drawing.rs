@@ -102,19 +102,19 @@ impl Drawing<'_> {
         (self.scene.width, self.scene.height)
     }
 
-    /// The module whose entry points are drawn with.
+    /// The module that has the entry points.
     #[must_use]
     pub fn module(&self) -> &str {
         &self.scene.module
     }
 
-    /// What is run.
+    /// The program that the draws run.
     #[must_use]
     pub fn program(&self) -> &Program {
         &self.program
     }
 
-    /// What stands behind the variables, by name.
+    /// The textures, samplers and buffers of the variables, by name.
     #[must_use]
     pub fn fixtures(&self) -> &Fixtures {
         &self.scene.fixtures

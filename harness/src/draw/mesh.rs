@@ -51,7 +51,7 @@ impl Attribute for f32 {
 }
 
 impl Mesh {
-    /// A mesh of triangles, counter-clockwise seen from outside; others are culled.
+    /// A mesh of triangles that are counter-clockwise seen from outside. Back faces are culled.
     ///
     /// # Panics
     /// If an index has no position, or the indices aren't whole triangles.

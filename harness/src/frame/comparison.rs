@@ -1,4 +1,4 @@
-//! A frame against its golden: on each path, with what was declared of it, as a record.
+//! Compares a frame with its golden on each path, by what the frame declares, and records it.
 
 use super::{Frame, FrameAgreement, FrameError};
 use crate::diagnostic::FileRead;

@@ -1,4 +1,4 @@
-//! What a part of a frame should be on average, without a golden.
+//! Compares the mean colour of a part of a frame with an expected one, without a golden.
 
 use super::{Frame, FrameError};
 use crate::diagnostic::FileRead;
@@ -9,12 +9,12 @@ use crate::record::{PathRecord, Subject};
 use crate::run::{KnownIssue, Reporter, Seen, or_panic, replay};
 use crate::tolerance::{LaneError, Tolerance};
 
-/// What the mean of a rectangle is on each path.
+/// The mean of a rectangle on each path.
 #[derive(Clone, Debug)]
 pub struct FrameMean {
     /// Each path with the mean of red, green and blue.
     pub paths: Vec<(Adapter, [f64; 3])>,
-    /// Paths that are off as was declared. They are not among `paths`.
+    /// Paths that fail as was declared. They are not among `paths`.
     pub known_issues: Vec<KnownIssue>,
 }
 

@@ -25,10 +25,11 @@ pub struct Acceptance {
     pub because: String,
     /// Who accepts; `None`: Git's `user.name`, else the login name.
     pub by: Option<String>,
-    /// Whether the frame may come from something else than lavapipe.
+    /// Whether the frame may come from an adapter other than lavapipe.
     pub any_adapter: bool,
-    /// The profile whose own golden it becomes: that of the frame's adapter, where the golden for
-    /// all fails. `None`: it becomes the golden for all.
+    /// The profile whose own golden the frame becomes. It has to be the profile of the frame's
+    /// adapter, and the golden for all has to fail there. `None`: the frame becomes the golden for
+    /// all.
     pub profile: Option<String>,
 }
 
@@ -37,7 +38,7 @@ pub struct Acceptance {
 pub struct Accepted {
     /// The golden.
     pub golden: PathBuf,
-    /// Whether it was written: not if its pixels and facts are what they were.
+    /// Whether it was written. It isn't if its pixels and facts are already the same.
     pub written: bool,
     /// What a reviewer should know.
     pub warnings: Vec<String>,
@@ -59,7 +60,7 @@ pub enum AcceptError {
     /// No reason was given.
     #[error("accepting `{0}` needs a reason that a reviewer can check: --because \"...\"")]
     NoReason(String),
-    /// The frame was rendered on something else than the canonical rasteriser.
+    /// The frame wasn't rendered on lavapipe, where goldens are made.
     #[error(
         "`{case}` was rendered on {adapter}; goldens are made on lavapipe (path vulkan), so that \
          any machine can check them: render it there, or say --any-adapter"
@@ -70,15 +71,15 @@ pub enum AcceptError {
         /// What rendered it.
         adapter: String,
     },
-    /// The frame can't be matched by any other.
+    /// The frame has NaN or infinite pixels, so no other could match it.
     #[error("`{0}` has NaN or infinite pixels; nothing could ever agree with it")]
     NonFinite(String),
-    /// The golden is another one than the frame was compared with.
+    /// The golden has changed since the frame was compared with it.
     #[error(
         "the golden of `{0}` has changed since the pending frame was rendered; run the test again"
     )]
     Stale(String),
-    /// The file's pixels are others than it says.
+    /// The file's pixels don't have the hash in its metadata.
     #[error(
         "the pending frame of `{0}` isn't the one that was looked at: its pixels are others than its \
          file says; run the test again"
@@ -97,7 +98,7 @@ pub enum AcceptError {
         /// Another one.
         second: String,
     },
-    /// What a file says of itself can't be used.
+    /// A file's metadata can't be used.
     #[error("`{path}` can't be used: {source}")]
     Provenance {
         /// The file.
@@ -142,7 +143,8 @@ pub enum AcceptError {
         /// The profile.
         profile: String,
     },
-    /// The golden for all serves the profile, or there is none that could fail.
+    /// The profile needs no golden of its own: the golden for all passes there, or doesn't exist
+    /// yet.
     #[error(
         "`{case}` needs no golden of profile {profile}: {}",
         if *missing {
@@ -184,9 +186,9 @@ impl Goldens {
     /// Makes a pending frame the golden.
     ///
     /// # Errors
-    /// Without a reason; if the golden changed since the frame was compared; if the frame wasn't
-    /// rendered on lavapipe and any adapter isn't allowed; if a profile doesn't need its own
-    /// golden; if the file is too large or can't be written. The golden then is as it was.
+    /// If no reason is given; if the golden changed since the frame was compared; if the frame
+    /// wasn't rendered on lavapipe and other adapters aren't allowed; if a profile doesn't need its
+    /// own golden; if the file is too large or can't be written. The golden is then unchanged.
     pub fn accept(
         &self,
         pending: &Pending,

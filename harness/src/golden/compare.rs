@@ -1,4 +1,4 @@
-//! The verdict on a frame, cheapest question first.
+//! The verdict on a frame: the cheapest comparison comes first.
 
 use std::fmt;
 
@@ -11,7 +11,7 @@ use crate::metric::{
 };
 use crate::tolerance::significant;
 
-/// How much room a frame that passes has.
+/// How far within its bounds a passing frame is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameMargin {
     /// Pixels compared.
@@ -20,20 +20,20 @@ pub struct FrameMargin {
     pub frame_pixels: u64,
     /// What decided that it passes.
     pub decided_by: Criterion,
-    /// What that measured, over its bound.
+    /// What that criterion measured, divided by its bound.
     pub ratio: f64,
     /// The largest difference relative to the golden's value, or to the golden's key where the
     /// golden is darker.
     pub relative: f32,
     /// Pixels that are off by more than the gate allows: none, unless a later stage decided.
     pub beyond_gate: usize,
-    /// All that was measured. Nothing, if every bit is equal.
+    /// All that was measured. Empty if every bit is equal.
     pub margins: Vec<CriterionMargin>,
-    /// What the frame might differ by.
+    /// How much the frame was allowed to differ.
     pub tolerance: String,
     /// The golden's file.
     pub golden: String,
-    /// The profile whose own golden that is; `None`: it is the one for all.
+    /// The profile that the golden belongs to; `None` if it is the golden for all.
     pub profile: Option<Profile>,
 }
 
@@ -129,15 +129,15 @@ pub struct Deviation {
     pub bounds: Rect,
     /// The worst one.
     pub worst: Option<WorstPixel>,
-    /// What outliers are counted by.
+    /// The gate that an outlier exceeds.
     pub gate: Gate,
     /// Share of outliers, in per cent, at 1, 10, 100 and 1000 times the tolerance.
     pub sweep: [f32; 4],
     /// All that was measured.
     pub margins: Vec<CriterionMargin>,
-    /// What HDR-FLIP looked at.
+    /// The exposures that HDR-FLIP looked at.
     pub exposures: ExposureRange,
-    /// Whether the golden pins it.
+    /// Whether the golden pins the exposures.
     pub pinned: bool,
 }
 

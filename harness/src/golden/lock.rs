@@ -1,4 +1,4 @@
-//! One acceptance at a time in a folder of goldens, whichever processes ask.
+//! A lock: only one process at a time accepts frames in a folder of goldens.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Error, ErrorKind};

@@ -15,8 +15,8 @@ pub(crate) const VARIANCE: &str = "color.variance";
 pub const MASK: &str = "mask";
 
 impl ExrFile {
-    /// What a frame or golden of Karat's was compared with, if its test declared a mask: its part
-    /// `mask`.
+    /// The mask that a frame or golden of Karat's was compared with, if its test declared one: its
+    /// part `mask`.
     #[must_use]
     pub fn mask(&self) -> Option<Mask> {
         let part = self.parts.iter().skip(1).find(|part| part.name == MASK)?;
@@ -24,8 +24,8 @@ impl ExrFile {
     }
 }
 
-/// A golden or a pending frame is a file: a pipe would be waited for, and a link to nothing is no golden
-/// that was never made but one whose content isn't here.
+/// A golden or a pending frame is a file: a pipe would be waited for, and a link to nothing is no
+/// golden that was never made but one whose content isn't here.
 pub(super) fn check_file(path: &Path) -> Result<(), ImageError> {
     let refused = |kind, what: &str| {
         let source = Error::new(kind, what);

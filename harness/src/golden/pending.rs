@@ -34,7 +34,7 @@ pub struct Pending {
 }
 
 impl Pending {
-    /// Whether it was compared with goldens of this folder; where nobody says, it may have been.
+    /// Whether it was compared with goldens of this folder; true if that isn't known.
     #[must_use]
     pub fn is_of(&self, goldens: &Goldens) -> bool {
         let (own, folder) = (goldens.key(), &self.provenance.folder);
@@ -53,8 +53,8 @@ impl Pending {
         self.provenance.compared_with.is_empty()
     }
 
-    /// Whether it was rendered on lavapipe, where goldens for all profiles are made: any machine
-    /// can have it.
+    /// Whether it was rendered on lavapipe. Goldens for all profiles are made there, because any
+    /// machine can have it.
     #[must_use]
     pub fn is_canonical(&self) -> bool {
         self.provenance.adapter.is_lavapipe()
@@ -73,12 +73,12 @@ impl Pending {
     }
 }
 
-/// What waits in a folder.
+/// The pending frames of a folder.
 #[derive(Debug, Default)]
 pub struct PendingFrames {
     /// The frames, by name.
     pub frames: Vec<Pending>,
-    /// Files that are named as pending frames are, and can't be used.
+    /// Files that are named like pending frames, but can't be used.
     pub unusable: Vec<Unusable>,
 }
 
@@ -92,7 +92,7 @@ pub struct Unusable {
 }
 
 impl PendingFrames {
-    /// Whether nothing waits, and nothing is in the way.
+    /// Whether there are neither pending frames nor unusable files.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.frames.is_empty() && self.unusable.is_empty()
@@ -142,8 +142,8 @@ impl Goldens {
         self.pending_folder().join(format!("{case}.new.exr"))
     }
 
-    /// Removes what waits of a frame that agrees again, if it was rendered on the same profile. That
-    /// there was none is no error.
+    /// Removes what waits of a frame that agrees again, if it was rendered on the same profile.
+    /// That there was none is no error.
     pub(super) fn remove_pending(&self, case: &str, profile: &Profile) {
         let file = self.pending_file(case);
         if named(&file).is_ok_and(|pending| pending.profile() == *profile) {
@@ -151,7 +151,7 @@ impl Goldens {
         }
     }
 
-    /// All that is pending in a folder and the folders below it.
+    /// All pending frames in the folder and the folders below it.
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
         let mut found = PendingFrames::default();
@@ -166,10 +166,10 @@ impl Goldens {
         found.without_doubles(&self.folder())
     }
 
-    /// What is pending of a name; a file that can't be used is selected by its own name.
+    /// The pending frames of this name. A file that can't be used is selected by the file's name.
     ///
     /// # Errors
-    /// If nothing is.
+    /// If nothing has this name.
     pub fn select(&self, name: &str) -> Result<PendingFrames, AcceptError> {
         self.select_by(name, |_| false)
     }
@@ -177,7 +177,7 @@ impl Goldens {
     /// [`select`](Self::select), for a name or a pattern that `matches` understands.
     ///
     /// # Errors
-    /// If nothing is pending of either.
+    /// If nothing has this name or matches the pattern.
     pub fn select_by(
         &self,
         pattern: &str,
@@ -222,8 +222,8 @@ impl Goldens {
     }
 }
 
-/// Finds `*.new.exr` in a folder and the folders below it, sorted. Each folder is entered once, however
-/// many links lead there. Frames of overlaid shaders are nobody's to accept.
+/// Finds `*.new.exr` in a folder and the folders below it, sorted. Each folder is entered once,
+/// however many links lead there. Frames of overlaid shaders are nobody's to accept.
 fn find(
     folder: &Path,
     entered: &mut BTreeSet<PathBuf>,
@@ -255,8 +255,8 @@ fn find(
     }
 }
 
-/// A pending frame whose name is that of its file: names become the paths of goldens, and a file may
-/// come from somebody else's machine.
+/// A pending frame whose name is that of its file: names become the paths of goldens, and a file
+/// may come from somebody else's machine.
 fn named(path: &Path) -> Result<Pending, AcceptError> {
     parts::check_file(path)?;
     let (_, metadata) = Image::read_exr(path)?;

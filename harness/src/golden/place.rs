@@ -10,8 +10,8 @@ pub(super) const OVERLAID: &str = "@overlay";
 
 impl Goldens {
     /// Where pending frames are written: beside their goldens or, in CI, in the folder of build
-    /// output, as nothing may change the sources there. There, too, under an overlay: its frames are
-    /// to be looked at and not to be accepted. Each folder of goldens has a place of its own.
+    /// output, as nothing may change the sources there. There, too, under an overlay: its frames
+    /// are to be looked at and not to be accepted. Each folder of goldens has a place of its own.
     pub(super) fn pending_folder(&self) -> PathBuf {
         if self.beside {
             self.folder()
@@ -34,9 +34,9 @@ impl Goldens {
         parts.map(|part| part.to_string_lossy()).collect::<Vec<_>>().join("/")
     }
 
-    /// Removes what acceptances and tests that were killed left in the folder and below it: files
-    /// that nobody else names so, and that nobody is writing. What can't be removed stays for those
-    /// who look for stray files.
+    /// Removes the temporary files that killed acceptances and tests left in the folder and below
+    /// it. Files that a living process is writing stay. A file that can't be removed stays, too,
+    /// and is found by whoever looks for stray files.
     pub fn tidy(&self) {
         tidy(&self.folder());
     }
@@ -82,8 +82,9 @@ fn root(folder: &Path) -> Option<&Path> {
     with("Cargo.lock").or_else(|| with(".git"))
 }
 
-/// Cargo's target folder, which it marks for backup programs; the folder above the profile's in
-/// one that Cargo didn't make, and so doesn't mark; the working directory if the test wasn't built by Cargo.
+/// Cargo's target folder: the one that Cargo marked with a `CACHEDIR.TAG`. Cargo doesn't mark a
+/// target folder that it didn't make; that one is the folder above the profile's. If the test
+/// wasn't built by Cargo, the working directory.
 pub fn build_output() -> PathBuf {
     let exe = std::env::current_exe().unwrap_or_default();
     let marked = exe.ancestors().find(|folder| folder.join("CACHEDIR.TAG").is_file());

@@ -1,4 +1,4 @@
-//! Profiles: what results of a rasteriser depend on, as a name for files.
+//! Profiles: execution path and driver, on which a rasteriser's results depend, as a file name.
 
 use std::fmt;
 
@@ -6,13 +6,14 @@ use crate::path::Adapter;
 
 /// An execution path and the family of its driver: `vulkan-llvmpipe`, `gl-nvidia`.
 ///
-/// A golden for all profiles is `<case>.exr`. Where it can't serve one, `@<profile>/<case>.exr` is
-/// that profile's own; it is used there, and nowhere else.
+/// A golden for all profiles is `<case>.exr`. If it can't serve a profile, that profile has its
+/// own, `@<profile>/<case>.exr`, which no other profile uses.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Profile(String);
 
 impl Profile {
-    /// The profile of an adapter. One of no known family has the first word of its name.
+    /// The profile of an adapter. If its driver's family isn't known, the profile has the first
+    /// word of the adapter's name instead.
     #[must_use]
     pub fn of(adapter: &Adapter) -> Self {
         // The driver is named by its family, however the path was named.

@@ -30,14 +30,14 @@ pub struct Provenance {
     pub color_space: String,
     /// How samples are stored.
     pub precision: Precision,
-    /// What the frame may differ by: `rel 1e-3 or (FLIP tile 0.01 and mean FLIP 0.005)`.
+    /// How much the frame may differ: `rel 1e-3 or (FLIP tile 0.01 and mean FLIP 0.005)`.
     pub tolerance: String,
     /// What rendered it. The name of a software rasteriser holds its compiler's version and its
     /// vector width, which its results depend on.
     pub adapter: Adapter,
     /// Vendor and model of the processor: software rasterisers differ between them.
     pub processor: String,
-    /// What its author says of it, by name: the seed, samples a pixel.
+    /// Facts that its author added, by name: the seed, samples a pixel.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub facts: BTreeMap<String, String>,
     /// The folder of the goldens that a pending frame was compared with, from the project's root.
@@ -49,11 +49,11 @@ pub struct Provenance {
     /// The profile whose golden this frame was compared with; empty if it was the one for all.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub compared_profile: String,
-    /// What comparing found, of a pending frame.
+    /// What comparing found, if this is a pending frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub finding: Option<FrameFinding>,
-    /// What HDR-FLIP looks at, pinned when the golden was accepted: it doesn't change with the
-    /// frame.
+    /// The exposures that HDR-FLIP looks at. They are pinned when the golden is accepted, and don't
+    /// change with the frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposures: Option<ExposureRange>,
     /// Who accepted it.
@@ -67,14 +67,14 @@ pub struct Provenance {
     pub because: String,
 }
 
-/// Why facts that a file has can't be used.
+/// Why the facts in a file can't be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProvenanceError {
-    /// They are in a format of a later version.
+    /// They were written by a newer version.
     #[error("it was written by a newer Karat (facts of version {0}, this one reads {max}): update Karat", max = Provenance::SCHEMA)]
     Newer(u32),
-    /// They aren't what they should be.
+    /// They can't be parsed, or have control characters.
     #[error("what it says of itself can't be read ({0}): make it again")]
     Damaged(String),
 }
@@ -130,8 +130,8 @@ pub struct FrameFinding {
     pub verdict: String,
     /// All that was measured, in order.
     pub margins: Vec<CriterionMargin>,
-    /// Whether the golden for all would pass, of a frame that was compared with the golden of its
-    /// profile: then the profile needs none.
+    /// For a frame that was compared with its profile's own golden: whether it would pass with the
+    /// golden for all. If so, the profile needs no golden of its own.
     #[serde(default)]
     pub base_passes: bool,
 }

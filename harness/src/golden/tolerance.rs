@@ -1,4 +1,4 @@
-//! What a frame may differ by.
+//! How much a frame may differ from its golden.
 
 use std::fmt;
 use std::sync::Arc;
@@ -19,7 +19,7 @@ const MEAN_BOUND: f64 = 0.005;
 
 /// How much a frame may differ from its golden: bounds of metrics, and their combinations.
 ///
-/// A frame that doesn't say may differ by [`FrameTolerance::standard`].
+/// The default is [`FrameTolerance::standard`].
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum FrameTolerance {
@@ -33,7 +33,7 @@ pub enum FrameTolerance {
     Metric(Arc<dyn Metric>, f64),
     /// Passes if all parts pass.
     All(Vec<Self>),
-    /// Passes if any part passes: the first that does decides.
+    /// Passes if any part passes; the first that passes decides.
     Any(Vec<Self>),
 }
 
@@ -44,14 +44,15 @@ impl FrameTolerance {
         Self::Gate(Gate { relative, absolute: None })
     }
 
-    /// A metric of one's own, and the largest value that passes.
+    /// A metric of your own, and the largest value that passes.
     #[must_use]
     pub fn metric(metric: impl Metric + 'static, bound: f64) -> Self {
         Self::Metric(Arc::new(metric), bound)
     }
 
-    /// The default: the gate of 1e-3, or else no tile above .01 under HDR-FLIP, and a mean of at
-    /// most .005. On another profile than the golden's a tile may have .03.
+    /// The default: a frame passes the gate of 1e-3, or its HDR-FLIP errors are small: at most 0.01
+    /// in each tile, and 0.005 on average. If the frame's profile isn't the golden's (`foreign`), a
+    /// tile may have 0.03.
     #[must_use]
     pub fn standard(foreign: bool) -> Self {
         let tile = if foreign { FOREIGN_TILE_BOUND } else { TILE_BOUND };
@@ -180,7 +181,7 @@ impl fmt::Display for FrameTolerance {
     }
 }
 
-/// What decides about a frame, cheapest first.
+/// The criteria that decide about a frame, the cheapest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
@@ -193,13 +194,14 @@ pub enum Criterion {
     Gate,
     /// See [`Flip`].
     Flip,
-    /// A metric of the user's.
+    /// A metric that isn't Karat's.
     Metric,
-    /// Nothing differs by more than the noise of both: see [`Frame::noise`](crate::Frame::noise).
+    /// The noise of frame and golden explains every difference: see
+    /// [`Frame::noise`](crate::Frame::noise).
     Noise,
 }
 
-/// What a metric found, and its bound.
+/// What a metric measured, and its bound.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CriterionMargin {
     /// What kind of metric.
@@ -211,7 +213,7 @@ pub struct CriterionMargin {
     pub value: f64,
     /// The largest value that passes.
     pub bound: f64,
-    /// Where.
+    /// Where the value was measured, if it has a place.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<Rect>,
     /// What else there is to say.
@@ -220,13 +222,13 @@ pub struct CriterionMargin {
 }
 
 impl CriterionMargin {
-    /// Whether the value is within the bound. What isn't a number is not.
+    /// Whether the value is within the bound. NaN isn't.
     #[must_use]
     pub fn passes(&self) -> bool {
         self.value <= self.bound
     }
 
-    /// The value over its bound.
+    /// The value divided by its bound.
     #[must_use]
     pub fn ratio(&self) -> f64 {
         let ratio = if self.value == 0.0 { 0.0 } else { self.value / self.bound };

@@ -8,7 +8,7 @@ use crate::diagnostic::shown;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ImageFormat {
-    /// OpenEXR: floats, and names for what they are.
+    /// OpenEXR: floats, in named channels.
     OpenExr,
     /// PNG: integers, encoded for screens.
     Png,
@@ -47,8 +47,8 @@ pub enum ImageError {
         /// The file.
         path: String,
     },
-    /// The file isn't a sound image of its format, is larger than the limits allow, or holds what
-    /// isn't read.
+    /// The file is damaged, is larger than the limits allow, or has features that Karat doesn't
+    /// read.
     #[error("`{path}` isn't a readable {format} image: {reason}")]
     Corrupt {
         /// The file.
@@ -58,7 +58,7 @@ pub enum ImageError {
         /// What is wrong.
         reason: String,
     },
-    /// The file is of no format that is read.
+    /// The file is neither OpenEXR nor PNG.
     #[error("`{path}` is neither an OpenEXR nor a PNG image: it is {found}")]
     Unknown {
         /// The file.

@@ -1,8 +1,8 @@
 //! OpenEXR files, in and out.
 //!
-//! A file may be hostile or damaged: one flipped byte of a header can announce gigabytes. What the
-//! header announces is checked against the file's length and our limits before anything is
-//! reserved (`header`), then each chunk before it is decompressed (`chunks`, `guard`). The codecs and the
+//! A file may be hostile or damaged: one flipped byte of a header can announce gigabytes. So the
+//! header is checked against the file's length and our limits before memory is reserved
+//! (`header`), and each chunk before it is decompressed (`chunks`, `guard`). The codecs and the
 //! writer are the `exr` crate's.
 
 mod chunks;
@@ -45,8 +45,8 @@ pub struct Part {
     /// Its name: letters, digits, `-`, `_` and `.`, at most 255. It may be empty in a file of one
     /// part.
     pub name: String,
-    /// How its samples are stored. What goes beyond 65504 or below 6e-8 needs floats, as variances
-    /// do.
+    /// How its samples are stored. Values above 65504 or below 6e-8, such as variances, need
+    /// floats.
     pub precision: Precision,
     /// Its pixels.
     pub image: Image,
@@ -61,17 +61,17 @@ impl Part {
 }
 
 impl ExrFile {
-    /// The primaries of ITU-R BT.709, and D65: those of a file that names none, as `OpenEXR` has it.
+    /// The primaries of ITU-R BT.709, and D65: `OpenEXR`'s default for a file that names none.
     pub const BT709: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
 
     /// Reads all parts that hold colours or greys. Others (depth, normals) are left out.
     ///
-    /// Of a part, the channels R, G, B and A are read, or Y and A; those without a layer's name if
-    /// there are such, else those of the first layer that has them (`beauty.R`). A is 1 where it is
-    /// missing, Y is put into R, G and B. Samples of 16, 32 or unsigned 32 bits become `f32`. The
-    /// image is the part's data window, wherever that lies in the display window; of an image with
-    /// levels the largest is read. Values are those of the file, whatever its
-    /// [`chromaticities`](Self::chromaticities) say that they stand for.
+    /// In each part, the channels R, G, B and A are read, or Y and A. Channels without a layer's
+    /// name come first, then those of the first layer that has them (`beauty.R`). A missing A is 1;
+    /// Y is copied to R, G and B. Samples of 16, 32 or unsigned 32 bits become `f32`. The image is
+    /// the part's data window, wherever that lies in the display window. If there are several
+    /// levels, the largest is read. Values are not converted, whatever the file's
+    /// [`chromaticities`](Self::chromaticities).
     ///
     /// # Errors
     /// If the file is missing, unreadable or damaged; if it is longer than 512 MB, if a side is
@@ -105,8 +105,8 @@ impl ExrFile {
         Ok((image, file.parts.swap_remove(0).metadata))
     }
 
-    /// The names of the parts that [`read`](Self::read) gives, without their pixels. The first one is
-    /// that of the part that [`Image::read_exr`] reads; the others are as they are in the file.
+    /// The names of the parts that [`read`](Self::read) would read, without their pixels. The first
+    /// is the part that [`Image::read_exr`] reads; the others follow in the file's order.
     ///
     /// # Errors
     /// As for [`read`](Self::read), but pixels may be damaged.
@@ -125,8 +125,9 @@ impl ExrFile {
         names(&file::bytes(path)?).map_err(ImageError::corrupt(path, ImageFormat::OpenExr))
     }
 
-    /// What primaries a file says its colours have: CIE x and y of red, green, blue and white, of the
-    /// part that [`Image::read_exr`] reads. A file that says nothing has [`Self::BT709`].
+    /// The primaries that a file declares for its colours: CIE x and y of red, green, blue and
+    /// white, of the part that [`Image::read_exr`] reads. If it declares none, they are
+    /// [`Self::BT709`].
     ///
     /// # Errors
     /// As for [`read`](Self::read), but pixels may be damaged.
@@ -141,12 +142,12 @@ impl ExrFile {
         of(&file::bytes(path)?).map_err(ImageError::corrupt(path, ImageFormat::OpenExr))
     }
 
-    /// Writes the file, the metadata as its one attribute of ours. The same parts and metadata give
-    /// the same bytes. A file in its place is replaced as a whole or not at all.
+    /// Writes the file, with the metadata as its attribute `karat`. The same parts and metadata
+    /// give the same bytes. An existing file is replaced as a whole or not at all.
     ///
     /// # Errors
-    /// If there are no parts, if their names aren't sound or not different, if a side is 0 or longer
-    /// than what is read, or if the folder or file can't be written.
+    /// If there are no parts, if a name can't be used or is there twice, if a side is 0 or longer
+    /// than 16384 pixels, or if the folder or file can't be written.
     pub fn write(&self, path: &Path) -> Result<(), ImageError> {
         write::write(path, &self.layers(), self.metadata.as_deref())
     }

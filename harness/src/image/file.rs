@@ -55,10 +55,10 @@ impl Image {
     /// Reads an image of either format, told by its content and not by its name: OpenEXR as
     /// [`read_exr`](Self::read_exr) does, or PNG.
     ///
-    /// A PNG is made linear: its values are sRGB-encoded, unless it has a gAMA chunk and no sRGB
-    /// chunk. Colour profiles and cICP chunks are ignored. Greys become RGB, alpha stays as it is,
-    /// not multiplied into the colours, and is 1 where there is none. Of an animation the first
-    /// frame is read.
+    /// A PNG is made linear: its values are taken to be sRGB-encoded, unless it has a gAMA chunk
+    /// and no sRGB chunk. Colour profiles and cICP chunks are ignored. Greys become RGB. Alpha
+    /// stays as it is, not multiplied into the colours; it is 1 if the file has none. The first
+    /// frame of an animation is read.
     ///
     /// # Errors
     /// If the file is missing, unreadable, damaged, of another format or too large.
@@ -66,9 +66,9 @@ impl Image {
         Self::read_as(path, Samples::Colours)
     }
 
-    /// [`read`](Self::read) without making a PNG linear: its values over the largest that its
-    /// samples have. So is read what isn't a colour, a [`Mask`](crate::metric::Mask) that was painted: half
-    /// of what a paint program shows is a half.
+    /// [`read`](Self::read) without making a PNG linear: each value is divided by the largest that
+    /// its samples can have. Use it for numbers that aren't colours, such as a painted
+    /// [`Mask`](crate::metric::Mask): what a paint program calls 50 % is read as a half.
     ///
     /// # Errors
     /// As for [`read`](Self::read).
@@ -120,10 +120,10 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
     Ok(bytes)
 }
 
-/// Writes a file beside its place, then renames it there: the place has the old file or the new
-/// one, whole. Whoever writes the same file at the same time writes beside it under another name,
-/// and the last rename stays. A link stays one, and its file is replaced; a device, a pipe or
-/// an open file of this process (`/dev/stdout`) is written to.
+/// Writes a temporary file beside the path, then renames it: the path has either the whole old file
+/// or the whole new one. Several writers at the same time use different temporary files, and the
+/// last rename wins. A link stays a link, and the file that it leads to is replaced. A device, a
+/// pipe or an open file of this process (`/dev/stdout`) is written to directly.
 ///
 /// # Errors
 /// If the folder or file can't be written.
@@ -202,8 +202,8 @@ fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
     }
 }
 
-/// Whether a file is one that was written beside a golden, a frame or their facts, by a process
-/// that has ended before it could rename it. What such files are named is nobody else's.
+/// Whether this is a temporary file of a golden, a frame or their facts, whose process ended before
+/// it could rename it. Nothing else uses such names.
 #[must_use]
 pub fn is_leftover(path: &Path) -> bool {
     is_beside(path) && unheld(path).is_some()
@@ -216,8 +216,7 @@ pub(crate) fn remove_leftover(path: &Path) -> bool {
     held.is_some() && std::fs::remove_file(path).is_ok()
 }
 
-/// Whether a file is named as `create_beside` names what it makes for an image or facts:
-/// `scene.exr.1234-0.tmp`.
+/// Whether a file has the name of a temporary file for an image or facts: `scene.exr.1234-0.tmp`.
 pub fn is_beside(path: &Path) -> bool {
     let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     let is_ours = |name: &str| {

@@ -1,4 +1,4 @@
-//! PNG: previews, an image as a screen would show it; and files of others, read back.
+//! PNG: writes previews, as a screen would show an image, and reads the files of other tools.
 
 mod read;
 

@@ -7,10 +7,10 @@ use crate::image::luminance;
 
 /// A range of exposures, in stops: an exposure of `e` multiplies linear colours by 2^e.
 ///
-/// The darkest brings the golden's highlights, the brightest its median luminance to 0.85 of a
-/// display's white (Andersson et al. 2021, section 3.2), with two changes. Highlights are the
-/// 99.9th percentile and not the maximum, which one firefly can move by six stops. And black
-/// pixels don't count, of which there may be more than half.
+/// The darkest exposure brings the golden's highlights to 0.85 of a display's white, and the
+/// brightest brings its median luminance there (Andersson et al. 2021, section 3.2). Two things
+/// differ from the paper. Highlights are the 99.9th percentile and not the maximum, which one
+/// firefly can move by six stops. And black pixels don't count, because they may be more than half.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ExposureRange {
     /// The darkest exposure.
@@ -42,7 +42,7 @@ const WIDEST: f64 = 32.0;
 const MOST: usize = flip_rs::MAX_EXPOSURES;
 
 impl ExposureRange {
-    /// The range of a golden. One without light has that of a white image.
+    /// The range of a golden. A golden without light has the range of a white image.
     #[must_use]
     pub fn of(golden: &Image) -> Self {
         Self::of_pixels(golden.pixels())
@@ -64,7 +64,7 @@ impl ExposureRange {
         Self { start, stop: stop.clamp(start, start + WIDEST) }
     }
 
-    /// How many exposures are looked at: one a stop, both ends among them, at least two.
+    /// How many exposures are looked at: one a stop, including both ends, and at least two.
     #[must_use]
     pub fn count(&self) -> usize {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "2 to 128")]

@@ -5,8 +5,8 @@
 //! display at several exposures, and of each pixel the largest error counts. `flip-rs` computes it,
 //! and `harness/tests/metric.rs` compares that with NVIDIA's own implementation.
 //!
-//! It is made for colours that a display can show. What it doesn't see is no small error here but
-//! a failure: alpha, and negative light.
+//! It is made for colours that a display can show, so it doesn't see alpha and negative light. A
+//! difference in those is a failure here, not a small error.
 
 use flip_rs::{HdrOptions, RgbImage, hdr_flip};
 
@@ -23,13 +23,13 @@ use crate::image::Image;
 /// The error of HDR-FLIP, 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flip {
-    /// Pixels in a degree of sight; 67 of a 0.7 m wide display of 3840 pixels, seen from 0.7 m.
+    /// Pixels per degree of sight: 67 for a 0.7 m wide display of 3840 pixels, seen from 0.7 m.
     pub pixels_per_degree: f32,
-    /// What is taken of all pixels.
+    /// How the errors of all pixels become one number.
     pub pool: Pool,
 }
 
-/// What is taken of the errors of all pixels.
+/// How the errors of all pixels become one number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pool {
     /// The largest mean of a tile of 16 x 16 pixels.
@@ -42,13 +42,13 @@ pub enum Pool {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FlipFailure {
-    /// Alpha is off, which isn't a colour.
+    /// Alpha differs, and FLIP doesn't see alpha.
     #[error("alpha is off at ({0}, {1}), which FLIP doesn't see")]
     Alpha(u32, u32),
-    /// A negative value is off, which displays don't show.
+    /// A negative value differs, and displays don't show negative values.
     #[error("a negative value is off at ({0}, {1}), which FLIP doesn't see")]
     Negative(u32, u32),
-    /// Something is off that only an exposure beyond all others would show.
+    /// A value differs that is too bright or too dark for the exposures that FLIP can look at.
     #[error(
         "{light:e} at ({x}, {y}) is over 128 stops from what the golden's exposures show, and FLIP \
          looks no further: have the shader clamp it, or compare by the gate alone"
@@ -61,7 +61,7 @@ pub enum FlipFailure {
         /// Row.
         y: u32,
     },
-    /// The exposures or the distance of sight are none.
+    /// The exposures or the pixels per degree can't be used.
     #[error("FLIP can't be computed: {0}")]
     Parameters(String),
 }
@@ -87,20 +87,22 @@ impl Flip {
         reach
     }
 
-    /// The errors of the pixels that see what is off by more than [`Gate::default`] allows: they
-    /// are those that the whole frame would give, bit for bit. Where the golden's exposures don't
-    /// show a pixel that is off, since it is brighter than all but 0.1 % of the golden, darker ones
-    /// are added; and brighter ones for what is off in the dark, down to where the gate ends.
+    /// The errors of a part of the frame: of the pixels that differ by more than [`Gate::default`]
+    /// allows, and those near enough to be affected. They are the same, bit for bit, as if the
+    /// whole frame were looked at. If a differing pixel is too bright for the golden's exposures to
+    /// show, darker exposures are added. For one that is too dark, brighter ones are added, down to
+    /// where the gate ends.
     ///
     /// # Errors
-    /// If something is off that FLIP doesn't see, or it can't be computed.
+    /// If a difference is one that FLIP doesn't see, or it can't be computed.
     pub fn map(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
         self.worst(pair).map(|worst| worst.errors)
     }
 
-    /// The exposures at which the errors of [`map`](Self::map) are largest, in stops: dark ones of
-    /// what is off in highlights, bright ones of what is off in shadows. The darkest of several
-    /// with the same error. They are [`Pair::exposures`], one a stop, and what is added to them.
+    /// For each pixel, the exposure at which its error in [`map`](Self::map) is largest, in stops:
+    /// dark for a difference in highlights, bright for one in shadows. If several have the same
+    /// error, it is the darkest of them. [`Pair::exposures`] are looked at, one a stop, and those
+    /// that `map` adds.
     ///
     /// # Errors
     /// As for [`map`](Self::map).
@@ -140,7 +142,7 @@ impl Flip {
         Ok(Worst { errors: ErrorMap::new(rect, errors), exposures })
     }
 
-    /// The errors of all pixels, as published: of the pair's exposures and no others.
+    /// The errors of all pixels, as published: at the pair's exposures and no others.
     ///
     /// # Errors
     /// If it can't be computed.

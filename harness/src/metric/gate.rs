@@ -16,14 +16,15 @@ pub const DEFAULT_RELATIVE: f32 = 1e-3;
 /// `1 - transmittance` leaves roundings there.
 const CLEAR: f32 = 0.01;
 
-/// Each channel within `relative` times the golden's value, or within `absolute`, whichever is
-/// more. Its value is the largest difference over what is allowed, so that 1 is its bound.
+/// Each channel may differ by `relative` times the golden's value, or by `absolute`, whichever is
+/// more. The metric's value is the largest difference divided by what is allowed, so its bound is
+/// 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gate {
     /// Largest difference relative to the golden's value.
     pub relative: f32,
-    /// Largest difference of a channel however dark the golden is; `None`: `relative` times 1e-4 of
-    /// the golden's key. Alpha is no light and knows no key: it may differ by `relative` of a hundredth.
+    /// The difference that is allowed however dark the golden is. `None`: `relative` times 1e-4 of
+    /// the golden's key; for alpha, which isn't light, `relative` times 0.01.
     pub absolute: Option<f32>,
 }
 
@@ -54,7 +55,7 @@ pub struct WorstPixel {
     pub golden: f32,
     /// The frame's value.
     pub actual: f32,
-    /// Difference over what is allowed.
+    /// The difference divided by what is allowed.
     pub ratio: f32,
 }
 
@@ -65,8 +66,8 @@ impl Default for Gate {
 }
 
 impl Gate {
-    /// What is allowed relative to the golden's value, and what of each channel in the dark. NaN,
-    /// which lets nothing pass, of bounds that bound nothing.
+    /// What is allowed relative to the golden's value, and what each channel may differ by in the
+    /// dark. A bound that bounds nothing becomes NaN, which lets nothing pass.
     fn bounds(&self, pair: &Pair<'_>) -> (Vec4, Vec4) {
         let floor = self.absolute.unwrap_or_else(|| self.relative * DARK * pair.key());
         let alpha = self.absolute.unwrap_or(self.relative * CLEAR);
@@ -76,9 +77,9 @@ impl Gate {
         (Vec4::splat(self.relative), Vec4::new(floor, floor, floor, alpha))
     }
 
-    /// The largest difference over what is allowed, if no pixel is out. The floor in the dark takes
-    /// a pass of its own over the golden: where nothing needs it, it isn't asked for, and the
-    /// difference is over what is allowed without it, which was measured when the pair was made.
+    /// The largest difference divided by what is allowed; `None` if a pixel differs by more than
+    /// that. What is allowed in the dark takes another pass over the golden. If every pixel passes
+    /// without it, it isn't computed, and the result is the one without it.
     #[must_use]
     pub fn passes(&self, pair: &Pair<'_>) -> Option<f32> {
         if pair.is_identical() {
@@ -92,11 +93,12 @@ impl Gate {
         largest(pair, self.bounds(pair))
     }
 
-    /// The precision that a file needs to hold an image for this gate: half floats if rounding to
-    /// them takes at most half of what is allowed of each channel that is compared. Two frames that
-    /// hardly differ may be rounded to neighbours, twice that apart, and still pass. Values above
-    /// 65504 need floats, small ones in a dark image, and all under a tolerance below 2^-10. So does
-    /// what can't be compared: an image with NaN, or a mask of another size.
+    /// The precision that a file needs to hold an image for this gate. Half floats will do if
+    /// rounding to them takes at most half of what is allowed in each channel that is compared:
+    /// then two frames that hardly differ still pass if they are rounded to different neighbours.
+    /// Floats are needed for values above 65504, for small values in a dark image, and for a
+    /// `relative` below 2^-10; and for what can't be compared: an image with NaN, or a mask of
+    /// another size.
     #[must_use]
     pub fn precision_for(&self, image: &Image, mask: Option<&Mask>) -> Precision {
         let rounded = image.rounded_to(Precision::Half);
@@ -111,7 +113,7 @@ impl Gate {
         }
     }
 
-    /// The pixels that are out.
+    /// The pixels that differ by more than is allowed.
     #[must_use]
     pub fn outliers(&self, pair: &Pair<'_>) -> Option<Outliers> {
         let mut outliers = [0_usize; 4];

@@ -1,6 +1,6 @@
-//! LDR-FLIP: HDR-FLIP's elder, for images that are what a display shows (Andersson et al. 2020). It is
-//! the number that other tools have of PNGs. No tolerance asks for it: it is blind to whatever a
-//! display clips.
+//! LDR-FLIP: HDR-FLIP's predecessor, for images as a display shows them (Andersson et al. 2020).
+//! Other tools report this number for PNGs. No tolerance uses it, as it doesn't see what a display
+//! clips.
 
 use flip_rs::{FlipError, ldr_flip};
 

@@ -78,8 +78,8 @@ enum Kind {
 }
 
 impl Mask {
-    /// The pixels whose red is above a half. The image is as large as the frame. One that was
-    /// painted is read by [`Image::read_stored`].
+    /// The pixels whose red is above a half. The image has to be as large as the frame. Read a
+    /// painted mask with [`Image::read_stored`].
     #[must_use]
     pub fn image(image: Image) -> Self {
         Self(Kind::Image(image))
@@ -97,7 +97,7 @@ impl Mask {
         Self(Kind::Except(rects.to_vec()))
     }
 
-    /// The pixels, by column and row, that `compared` says are.
+    /// The pixels for which `compared` returns true. It takes column and row.
     #[must_use]
     pub fn wherever(compared: impl Fn(u32, u32) -> bool + Send + Sync + 'static) -> Self {
         Self(Kind::Where(Arc::new(compared)))
@@ -170,7 +170,7 @@ impl fmt::Debug for Mask {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MaskError {
-    /// NaN or an infinity, which neither compares nor leaves out.
+    /// The mask has a NaN or an infinity.
     #[error("the mask isn't a finite number at ({x}, {y})")]
     NonFinite {
         /// Column.

@@ -6,21 +6,22 @@
 //! overlap by half, so that none is cut in four by their edges; and Sidak's correction shares the
 //! significance among all of them.
 //!
-//! A change of light by some per cent is as much in the dark as in the bright, where the noise is.
-//! So pixels are weighed by the brightness around them, without their own: a weight that knew the
-//! pixel's own noise would favour one side, wherever golden and frame have other numbers of samples.
+//! Light that is off by some per cent matters as much in dark places as in bright ones, but most of
+//! the noise is in bright ones. So each pixel is weighted by the brightness of its neighbours. Its
+//! own brightness is left out: a weight with the pixel's own noise in it would favour one image if
+//! golden and frame have different numbers of samples.
 //!
-//! Pixels that changed places, as under a texture that is shifted, have the same mean. So the squares
-//! of a tile's differences are compared, too, with the variances: a chi-square of as many degrees of
+//! Pixels that only changed places, as under a shifted texture, have the same mean. So the squared
+//! differences of a tile are compared with the variances, too: a chi-square of as many degrees of
 //! freedom as pixels matter in the sum.
 //!
-//! Measured on a scene of three decades of light, 640 x 360 pixels of 64 samples each: light that is
-//! 5 % more in 2 % of the frame fails 199 of 200 renderings, noise alone none of 200. Without the
-//! weights and the overlap it would fail 43 %, and none if pixels were judged one by one and 0.25 %
-//! of them could be off.
+//! Measured on a scene of three decades of light, with 640 x 360 pixels of 64 samples: if 2 % of
+//! the frame is 5 % too bright, 199 of 200 renderings fail; with noise alone, none of 200 fails.
+//! Without the weights and the overlap, 43 % would fail. If pixels were judged one by one and 0.25
+//! % of them could be off, none would fail.
 //!
-//! The noise of pixels is taken to be independent. Each channel is judged by its own, as a wrong hue
-//! may have the right luminance.
+//! The noise of different pixels is taken to be independent. Each channel is judged separately, as
+//! a wrong hue may have the right luminance.
 
 use glam::{DVec3, DVec4, Vec4};
 
@@ -45,19 +46,20 @@ const SIGNIFICANCE: f64 = 0.01;
 /// estimates from few samples that aren't normal.
 const SCATTER: f64 = 2.0;
 
-/// What is darker than this share of the golden's key weighs no more than that. With the key at middle
-/// grey it is 6 of the 255 steps of a screen: noise below hardly shows, and must not outweigh the rest.
+/// What is darker than this share of the golden's key weighs no more than that. With the key at
+/// middle grey it is 6 of the 255 steps of a screen: noise below hardly shows, and must not
+/// outweigh the rest.
 const BLACK: f64 = 0.01;
 
-/// The largest z of a tile's mean, of any channel, over what noise alone reaches in one frame of a
-/// hundred, so that 1 is its bound; or how far the pixels of a tile scatter, over twice what noise
-/// alone reaches, if that is more. What the default [`Gate`] allows isn't counted: rounding isn't
-/// noise.
+/// The larger of two ratios, so that its bound is 1. The first is the largest z of a tile's mean in
+/// any channel, divided by what noise alone reaches in one frame of a hundred. The second is how
+/// far the pixels of a tile scatter, divided by twice what noise alone reaches. What the default
+/// [`Gate`] allows isn't counted: rounding isn't noise.
 #[derive(Clone, Debug)]
 pub struct Noise<'a> {
     /// Variance of each pixel's mean in the golden, linear RGB.
     pub golden: &'a Image,
-    /// The same of the frame.
+    /// The same for the frame.
     pub actual: &'a Image,
 }
 

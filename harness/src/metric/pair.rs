@@ -15,7 +15,7 @@ use crate::image::{Image, NonFinite};
 /// Pixels that are looked at in one go: those of both images fit in the smallest cache.
 pub(super) const STRIP: usize = 512;
 
-/// A golden and a frame: of the same size, finite, and equal where they aren't compared.
+/// A golden and a frame: of the same size, finite, and made equal where they aren't compared.
 #[derive(Clone, Debug)]
 pub struct Pair<'a> {
     golden: Cow<'a, Image>,
@@ -144,7 +144,7 @@ impl<'a> Pair<'a> {
         })
     }
 
-    /// Pins the exposures that HDR-FLIP looks at; else they are chosen from the golden.
+    /// Pins the exposures that HDR-FLIP looks at. By default they are chosen from the golden.
     #[must_use]
     pub fn with_exposures(mut self, exposures: ExposureRange) -> Self {
         self.exposures = OnceLock::from(exposures);

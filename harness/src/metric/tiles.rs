@@ -1,10 +1,10 @@
-//! Means of tiles: what is wrong in one place isn't diluted by the rest of the frame.
+//! Means of tiles, so that a fault in one place isn't diluted by the rest of the frame.
 
 use super::mask::Rect;
 use super::pair::Pair;
 
-/// Pixels a side of a tile. A tile is as wide as a degree of sight's quarter, about what the
-/// filters of FLIP reach, so that a small fault fills one.
+/// Pixels a side of a tile. A tile is a quarter of a degree of sight wide, about as far as FLIP's
+/// filters reach, so that a small fault fills one.
 pub const TILE: u32 = 16;
 
 /// Pixels a side of the cells that tiles are made of, and from one tile to the next.
@@ -46,8 +46,8 @@ impl ErrorMap {
         &self.values
     }
 
-    /// The error that the last colour of a picture of these errors stands for: the least of 1, 0.5,
-    /// 0.2, 0.1 and so on down to 0.001 that none exceeds, and 1 if there is no error at all.
+    /// The error that the brightest colour stands for in a picture of these errors: the least of 1,
+    /// 0.5, 0.2, 0.1 and so on down to 0.001 that no error exceeds; 1 if there is no error at all.
     #[must_use]
     pub fn scale(errors: &[f32]) -> f32 {
         let largest = errors.iter().copied().fold(0.0, f32::max);
@@ -93,9 +93,9 @@ impl ErrorMap {
         (0.0 + counted.map(|(_, _, value)| value).sum::<f64>()) / pair.compared() as f64
     }
 
-    /// The largest mean of a [`TILE`] over those of its pixels that are compared, and the tile. Tiles
-    /// overlap by half, as one that is cut in four by their edges would count a quarter. A tile at
-    /// the edge of the frame has fewer pixels. A mean that isn't a number is larger than all.
+    /// The [`TILE`] with the largest mean, and that mean, over those of its pixels that are
+    /// compared. Tiles overlap by half, so that no spot is cut in four by their edges. A tile at
+    /// the edge of the frame has fewer pixels. A NaN mean counts as the largest.
     #[must_use]
     pub fn largest_tile(&self, pair: &Pair<'_>) -> (f64, Rect) {
         let (width, height) = (pair.golden().width(), pair.golden().height());

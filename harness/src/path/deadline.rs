@@ -1,8 +1,7 @@
 //! A limit on the time that a shader may take.
 //!
-//! Some drivers run a shader inside the call that submits it, and a hung queue can't be torn
-//! down, so a time-out can't be an error that the caller handles: the process says what hung and
-//! ends.
+//! A time-out can't be an error that the caller handles: some drivers run a shader inside the call
+//! that submits it, and a hung queue can't be torn down. So the process says what hung, and ends.
 
 use std::io::Write;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};

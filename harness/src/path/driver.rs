@@ -52,7 +52,8 @@ pub(super) fn families() -> impl Iterator<Item = &'static str> {
     FAMILIES.iter().map(|(_, family)| *family)
 }
 
-/// The family of what an adapter and its driver call themselves; without a known one the first word.
+/// The family of what an adapter and its driver call themselves; without a known one the first
+/// word.
 pub(super) fn family(name: &str, driver: &str) -> String {
     let text = format!("{driver} {name}").to_lowercase();
     let known = FAMILIES.iter().find(|(mark, _)| text.contains(mark));
@@ -61,8 +62,8 @@ pub(super) fn family(name: &str, driver: &str) -> String {
 }
 
 impl Adapter {
-    /// The family of its driver: `llvmpipe`, `nvidia`, `amd`. One of no known family has the first
-    /// word of its name.
+    /// The family of its driver: `llvmpipe`, `nvidia`, `amd`. If no known family fits, it is the
+    /// first word of the adapter's name.
     #[must_use]
     pub fn family(&self) -> String {
         family(&self.name, &self.driver)

@@ -40,13 +40,13 @@ impl Api {
     }
 }
 
-/// The language that a shader is translated into on its way, beyond what the API asks for.
+/// A language that a shader is translated into on its way, in addition to what the API needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Via {
-    /// None: WGSL as it is written.
+    /// No other: WGSL as it is written.
     Direct,
-    /// naga's own WGSL, compiled anew.
+    /// WGSL that naga writes, compiled again.
     Wgsl,
     /// SPIR-V.
     Spirv,
@@ -76,8 +76,8 @@ impl Via {
 
 /// An execution path: an API, with the route that a shader takes to it and the driver behind it.
 ///
-/// Its name says all three: `vulkan`, `vulkan:hlsl`, `vulkan@swiftshader`. A path without a driver
-/// is the first adapter of its API, hardware before software.
+/// Its name may say all three: `vulkan`, `vulkan:hlsl`, `vulkan@swiftshader`. A path that names no
+/// driver uses the first adapter of its API, hardware before software.
 ///
 /// ```
 /// use karat::{Path, path::{Api, Via}};
@@ -106,7 +106,7 @@ impl Path {
     /// The host's processor, without a driver.
     pub const CPU: Self = Self::of(Api::Cpu);
 
-    /// The paths of wgpu's drivers, in the order in which a default is looked for.
+    /// The paths of wgpu's drivers. The first of them that opens is the default.
     pub const ALL: [Self; 4] = [Self::VULKAN, Self::METAL, Self::DX12, Self::GL];
 
     const fn of(api: Api) -> Self {
@@ -125,7 +125,8 @@ impl Path {
         self.via
     }
 
-    /// The family of drivers that it names: `llvmpipe`. See [`Adapter::family`](super::Adapter::family).
+    /// The family of drivers that the path names: `llvmpipe`. See
+    /// [`Adapter::family`](super::Adapter::family).
     #[must_use]
     pub const fn driver(self) -> Option<&'static str> {
         self.driver

@@ -1,4 +1,4 @@
-//! Which paths a declaration is about.
+//! Selects the paths that a declaration applies to.
 
 use std::fmt;
 
@@ -8,10 +8,10 @@ use super::{Adapter, Path, PathError};
 /// Paths that a tolerance or a known issue is declared for: by API, by route, by driver, or by
 /// several of these.
 ///
-/// What it doesn't name may be anything: `Path::GL` and `"gl"` are OpenGL with whatever driver and
-/// by whatever route, `"vulkan@nvidia"` is one driver's Vulkan, `"@llvmpipe"` is llvmpipe on each
-/// API, `":hlsl"` is every route through HLSL. Where several select a path, the one that names most
-/// holds, and of those the last one declared.
+/// What it doesn't name may be anything: `Path::GL` and `"gl"` are OpenGL with any driver and
+/// route, `"vulkan@nvidia"` is Vulkan with one driver, `"@llvmpipe"` is llvmpipe on each API,
+/// `":hlsl"` is every route through HLSL. If several selectors fit a path, the one that names most
+/// applies; if they name equally much, the last one declared.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Selector {
     text: String,
@@ -27,7 +27,7 @@ impl From<Path> for Selector {
     }
 }
 
-/// A text that names no path is an error of the check, when it runs.
+/// A text that names no path is an error when the check runs.
 impl From<&str> for Selector {
     fn from(text: &str) -> Self {
         Self { text: text.to_owned(), parts: Parts::read(text).ok() }

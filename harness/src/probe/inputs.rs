@@ -2,19 +2,19 @@
 
 use std::fmt;
 
-/// The source of the arguments: compilers treat each in another way.
+/// The source of the arguments. Compilers treat each source in a different way.
 ///
-/// WGSL has no functions of the author's that are evaluated when a shader is compiled; but
-/// arguments that are constants are folded into the function by drivers once it is inlined, with
-/// arithmetic of their own.
+/// WGSL itself doesn't evaluate an author's functions at compile time. But if the arguments are
+/// constants, a driver may inline the function and compute it at compile time, with different
+/// arithmetic.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Inputs {
     /// A storage buffer, which holds the arguments of a whole batch.
     #[default]
     Storage,
-    /// A uniform buffer of 16 KiB, which every device has: many small dispatches.
+    /// A uniform buffer of 16 KiB, which every device has. It takes many small dispatches.
     Uniform,
-    /// Constants in the kernel's text: at most 64 cases, as each is a call of its own. NaN and
+    /// Constants in the kernel's text: at most 64 cases, because each is a separate call. NaN and
     /// infinities can't be constants in WGSL.
     Constant,
 }

@@ -1,10 +1,10 @@
 //! Loops that a driver leaves before they end.
 //!
-//! Mesa's llvmpipe counts the rounds of all loops of an invocation, and of its neighbours in the
-//! same vector of lanes: what one lane goes round, all do. After [`MOST_ROUNDS`] it leaves every
-//! loop, and results are wrong without a word. So where naga's IR shows no bound, a copy of the
-//! kernel counts. What no case exceeds by itself, but several in a vector might, runs again with
-//! cases kept apart.
+//! Mesa's llvmpipe counts the rounds of all loops of an invocation and of its neighbours in the
+//! same vector of lanes, because all lanes go round together. After [`MOST_ROUNDS`] it leaves every
+//! loop without a message, and results are wrong. So where naga's IR shows no bound, a copy of the
+//! kernel counts the rounds. If no case exceeds the limit by itself, but several in one vector
+//! might, the kernel runs again with each case in a vector of its own.
 
 use super::runner::Runner;
 use super::{ProbeError, Probed};

@@ -1,7 +1,6 @@
 //! A kernel on a device: buffers, bind groups, dispatch and read-back.
 //!
-//! A driver keeps the contract that each word is written once, by its case, by
-//! poison and canaries.
+//! Poison and canaries show that each word was written once, by its case.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -244,7 +243,8 @@ impl<'d> Runner<'d> {
         self.dispatch_with(cases, arguments, canary, if apart { VECTOR } else { 1 })
     }
 
-    /// Starts a dispatch with so many invocations a case, of which the first one calls the function.
+    /// Starts a dispatch with so many invocations a case, of which the first one calls the
+    /// function.
     pub(super) fn dispatch_with(
         &self,
         cases: usize,

@@ -1,9 +1,9 @@
-//! Folders of records: each run has its own, and `last` names that of the one that ended last.
+//! Folders of records: each run has its own, and the file `last` names the run that ended last.
 //!
-//! `ci` compiles this file, too, so it names nothing but the standard library. What several
-//! processes do to a folder of records they do one at a time (`lock`). A run holds the file
-//! `running` in its own folder as long as it lives, so one that was killed is known, and cleared
-//! away when another begins or ends.
+//! `ci` compiles this file, too, so it uses nothing but the standard library. Only one process at a
+//! time changes a folder of records (`lock`). A run holds a lock on the file `running` in its own
+//! folder as long as it lives. So a run that was killed is noticed, and removed when another begins
+//! or ends.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Error, ErrorKind, Result};
@@ -23,7 +23,7 @@ const PATIENCE: Duration = Duration::from_secs(30);
 /// Between two looks.
 const PAUSE: Duration = Duration::from_millis(5);
 
-/// A run that hasn't ended. Its folder is removed if it never does.
+/// A run that hasn't ended. If it never ends, its folder is removed.
 #[derive(Debug)]
 pub struct Running {
     records: PathBuf,
@@ -34,7 +34,7 @@ pub struct Running {
 }
 
 impl Running {
-    /// Makes the folder of a run in a folder of records, and clears away runs that were killed.
+    /// Makes the folder of a run in a folder of records, and removes the folders of killed runs.
     ///
     /// # Errors
     /// If the folder can't be made.
@@ -57,16 +57,16 @@ impl Running {
         Ok(Self { records: records.to_owned(), folder, held, ended: false })
     }
 
-    /// Where its processes record (`KARAT_RECORD`).
+    /// The folder that its processes write records into (`KARAT_RECORD`).
     #[must_use]
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// Makes it the last run that ended, all at once, and removes the one before.
+    /// Makes this the run that ended last, in one step, and removes the run before it.
     ///
     /// # Errors
-    /// If that can't be written. The last run is the one before then.
+    /// If that can't be written. Then the run before it stays the last one.
     pub fn end(mut self) -> Result<PathBuf> {
         let turn = Turn::wait(&self.records, File::try_lock)?;
         let name = self.folder.file_name().unwrap_or_default();

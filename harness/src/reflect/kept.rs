@@ -1,4 +1,5 @@
-//! Programs that a process has made before: checks of one function link, parse and validate it once.
+//! Keeps the programs of a process, so that several checks link, parse and validate a function
+//! once.
 
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};

@@ -18,7 +18,7 @@ pub enum LayoutError {
         /// Scalars in the variable's type; for a runtime-sized array, in whole elements.
         expected: usize,
     },
-    /// A type that no buffer fixture can fill.
+    /// No buffer fixture can fill the type.
     #[error("the variable's type can't be filled from values")]
     Unsupported,
 }

@@ -1,4 +1,4 @@
-//! Kernels that a process has parsed: each path compiles the same one.
+//! Keeps the kernels that a process has parsed, because each path compiles the same one.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};

@@ -1,9 +1,9 @@
 //! How often loops go round.
 //!
 //! Some drivers leave all loops of an invocation after a number of rounds, with whatever values
-//! there are then. Where naga's IR shows that loops end sooner there is nothing to watch. Where it
-//! doesn't, rounds are counted by a copy of the kernel whose loops count; the verdict's own kernel
-//! stays the author's text.
+//! there are then. If naga's IR shows that the loops end sooner, there is nothing to watch. If it
+//! doesn't, a copy of the kernel counts the rounds of its loops. The kernel that is judged is
+//! unchanged.
 
 mod bounds;
 mod watched;

@@ -1,4 +1,4 @@
-//! Whether everything in a package is valid, and not only what a test reaches.
+//! Validates everything in a package, and not only what a test reaches.
 
 use std::fmt;
 
@@ -30,7 +30,7 @@ pub enum Invalid {
     /// The package can't be read, or has no module.
     #[error(transparent)]
     Package(#[from] PackageError),
-    /// Modules that can't be linked, or that naga rejects. Others hide none.
+    /// Some modules can't be linked, or naga rejects them. All of them are listed.
     #[error("{} of {modules} modules of package `{package}` aren't valid:\n\n{}",
         errors.len(), list(errors))]
     Modules {
@@ -55,8 +55,8 @@ fn list(errors: &[(String, ReflectError)]) -> String {
 }
 
 impl Package {
-    /// Validates every module with all of its functions and entry points: what no test calls, too.
-    /// A module that is valid only with features gets them from
+    /// Validates every module with all of its functions and entry points, including those that no
+    /// test calls. If a module is valid only with features, set them with
     /// [`validated_with`](Self::validated_with).
     ///
     /// # Panics

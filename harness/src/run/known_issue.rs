@@ -1,11 +1,11 @@
-//! Failures that are declared: on a path, with a reason, and for as long as they last.
+//! Declared failures: on a path, with a reason, and for as long as they last.
 //!
-//! What is declared must fail. A path that passes again is a failure of its own, so that no
-//! declaration outlives the bug that it names.
+//! A path that is declared to fail must fail. If it passes, the check fails, so that no declaration
+//! outlives the bug that it names.
 
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
 
-/// A failure that was declared with `fails_on`, and was seen.
+/// A failure that was declared with `fails_on` and did occur.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KnownIssue {
     /// Path, adapter and driver.
@@ -51,8 +51,8 @@ impl KnownIssues {
         self.0.iter().find(|(_, reason)| reason.is_empty()).map(|(selector, _)| selector)
     }
 
-    /// What was seen on the paths that are to fail. At least one case of each has to, unless one that
-    /// is replayed stands for all.
+    /// What was seen on the paths that are to fail. At least one case of each has to, unless one
+    /// that is replayed stands for all.
     pub(crate) fn judge(
         &self,
         seen: impl IntoIterator<Item = Seen>,

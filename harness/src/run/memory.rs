@@ -1,9 +1,9 @@
 //! Inputs on which a test has failed, kept in a file and tried first in its next runs.
 //!
 //! The file lies beside the package's `Cargo.toml`: `.karat/failures/<target>/<test>.txt`, a line
-//! for each input. An input stays when it passes, until the file is deleted. One that the function
-//! or the domain doesn't take any more is ignored with a note. `KARAT_FAILURES=off` turns this off;
-//! in CI and under an overlay files are read and none is written.
+//! for each input. An input stays there even when it passes, until the file is deleted. An input
+//! that the function or the domain doesn't take any more is ignored with a note.
+//! `KARAT_FAILURES=off` turns this off. In CI and under an overlay, files are read but not written.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

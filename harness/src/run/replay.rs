@@ -1,9 +1,9 @@
-//! A test that is to replay a case, and replays none, is no success.
+//! A test that should replay a case, but replays none, must not pass.
 //!
-//! `KARAT_CASE` names one check. A test runs its checks in order, so those before the one that is
-//! named run as ever; only at its end is it known that none was the one. Test runners have no hook
-//! there, but each test has a thread, whose own values are dropped before the runner goes on: then
-//! the process says what is wrong and ends.
+//! `KARAT_CASE` names one check. A test runs its checks in order, so those before the named one run
+//! as usual. Only when the test ends is it known that none of them was the named one. Test runners
+//! have no hook there. But each test has a thread, and the thread's values are dropped before the
+//! runner goes on: at that point the process says what is wrong, and ends.
 
 use std::cell::RefCell;
 use std::io::Write;
@@ -25,7 +25,7 @@ struct Replay {
     done: bool,
 }
 
-/// Another check is to be replayed, and this one runs where nothing is known of the others.
+/// Another check is to be replayed, and this one runs in a thread whose test isn't known.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "`{check}` isn't `{selected}`, which KARAT_CASE selects, and runs in a thread without a name, \

@@ -1,4 +1,4 @@
-//! From a verdict to its record and to the test that asked for it.
+//! Hands a verdict to its record and to the test that asked for it.
 
 use std::collections::BTreeSet;
 use std::fmt::Display;

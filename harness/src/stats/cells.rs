@@ -5,12 +5,13 @@ use super::{Rectangle, Support};
 /// A partition of a support into rows of the first coordinate, and of each row into columns of the
 /// second, such that each cell has about as many samples.
 ///
-/// Even cells would hold a narrow lobe in one of them. These are laid by the quantiles of a pilot
-/// run, whose samples are not those that are judged, so that the cells don't depend on them.
+/// Cells of equal size could hold a narrow lobe in a single cell. So the cells are laid by the
+/// quantiles of a pilot run. Its samples aren't judged, so that the cells don't depend on those
+/// that are.
 ///
-/// Where many samples coincide, as those of a sampler that has lost a dimension do, a cell is laid
-/// about the place that is narrower than its distance to the others: a density expects less there,
-/// and something in the empty cells beside it.
+/// Many samples may coincide, such as those of a sampler that has lost a dimension. Then the cell
+/// about that place is narrower than the distance to its neighbours. A density expects fewer
+/// samples in such a cell, and some in the empty cells beside it, so the sampler is rejected.
 #[derive(Clone, Debug)]
 pub struct Cells {
     support: Support,
@@ -25,8 +26,8 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// At most `rows` rows of `columns` columns (one, on a line), from the coordinates of pilot
-    /// samples; up to twice as many where samples coincide.
+    /// Lays at most `rows` rows of `columns` columns (one column on a line) by the coordinates of
+    /// pilot samples. There are up to twice as many where samples coincide.
     #[must_use]
     pub fn new(support: Support, pilot: &[[f64; 2]], rows: usize, columns: usize) -> Self {
         let columns = if support.is_line() { 1 } else { columns };
@@ -54,19 +55,20 @@ impl Cells {
         cells
     }
 
-    /// How many.
+    /// The number of cells.
     #[must_use]
     pub fn len(&self) -> usize {
         self.occupied.len()
     }
 
-    /// Never: a partition has one cell at least.
+    /// Always false: a partition has at least one cell.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.occupied.is_empty()
     }
 
-    /// The cell at coordinates. What rounding puts beyond an end is in the last cell before it.
+    /// The cell at these coordinates. If rounding has put them beyond an end, it is the last cell
+    /// before that end.
     #[must_use]
     pub fn index(&self, at: [f64; 2]) -> usize {
         let row = index(&self.rows, at[0]);
@@ -92,9 +94,10 @@ impl Cells {
         Rectangle { low: [a0, b0], high: [a1, b1] }
     }
 
-    /// A cell cut so that a rule of moderate order sees the density in each part: where its pilot
-    /// samples are, and beside them in steps that double. A tail falls within a few times the
-    /// width of what is before it, and a rule over the whole of a wide cell would step over it.
+    /// A cell cut into parts, so that a quadrature rule of moderate order sees the density in each:
+    /// one part where the pilot samples are, and others beside it in steps that double. A tail may
+    /// fall off quickly next to the samples, and a rule over the whole of a wide cell would miss
+    /// it.
     ///
     /// # Panics
     /// If there is no such cell.

@@ -12,7 +12,7 @@ pub const POOLED: f64 = 5.0;
 pub struct ChiSquare {
     /// The sum of (observed - expected)^2 / expected; infinite if something impossible happened.
     pub statistic: f64,
-    /// Degrees of freedom: one less than the cells, the pool counted as one.
+    /// Degrees of freedom: one less than the number of cells, where the pool counts as one cell.
     pub dof: usize,
     /// Probability of so large a sum by chance.
     pub p: f64,
@@ -23,10 +23,10 @@ pub struct ChiSquare {
 }
 
 impl ChiSquare {
-    /// Compares counts with expected counts, whose sums should be equal. Cells that expect fewer
-    /// than [`POOLED`] are made one, with the smallest of the others if they don't reach it
-    /// together. A cell that expects nothing has no part in the sum, and any sample in it makes
-    /// the p-value 0.
+    /// Compares counts with expected counts. Their sums should be equal. Cells that expect fewer
+    /// than [`POOLED`] are pooled into one; if the pool expects fewer, too, the smallest of the
+    /// other cells joins it. A cell that expects nothing is left out of the sum, but any sample in
+    /// it makes the p-value 0.
     ///
     /// # Errors
     /// If nothing was observed, an expectation isn't a number or negative, or only one cell

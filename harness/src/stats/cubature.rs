@@ -23,7 +23,7 @@ pub struct Rectangle {
 }
 
 impl Rectangle {
-    /// The smallest rectangle about both.
+    /// The smallest rectangle that contains both.
     #[must_use]
     pub fn union(self, other: Self) -> Self {
         let low = [self.low[0].min(other.low[0]), self.low[1].min(other.low[1])];
@@ -46,10 +46,10 @@ impl Rectangle {
 /// The integral over one cell.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CellIntegral {
-    /// Of each component.
+    /// The integral of each component.
     pub value: Vec<f64>,
-    /// The difference between two orders, as if those of the parts were independent; of the
-    /// worst component.
+    /// The estimated error of the worst component: the difference between rules of two orders. The
+    /// differences of a cell's parts are added as if they were independent.
     pub error: f64,
 }
 
@@ -60,7 +60,7 @@ pub enum CubatureError<E> {
     /// The function can't be evaluated.
     #[error(transparent)]
     Evaluation(E),
-    /// Two orders don't agree, however small the parts.
+    /// Rules of two orders don't agree, even on small parts.
     #[error("two quadrature rules still disagree after {nodes} nodes")]
     Diverges {
         /// Nodes that were evaluated.
@@ -79,14 +79,14 @@ struct Part {
 /// Integrates a function of `components` components over each cell.
 ///
 /// Rules of two orders are applied to each part of a cell, and a part is divided until they agree
-/// within `tolerance`, a function of what the cell is known to integrate to so far. The tolerance
-/// of a part falls with the root of its share: their errors add up like independent ones, as they
-/// do along the edge of a density that jumps.
+/// within `tolerance`. That is a function of the cell's integral as it is known so far. A part's
+/// tolerance is proportional to the root of its share of the cell, because the errors of parts add
+/// up like independent ones, as they do along an edge of the density.
 ///
 /// `evaluate` gets points and returns the components of each.
 ///
 /// # Errors
-/// If `evaluate` fails, or the rules don't come to agree.
+/// If `evaluate` fails, or the rules never agree.
 pub fn integrate<E>(
     support: Support,
     cells: &Cells,

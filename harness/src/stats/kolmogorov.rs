@@ -18,9 +18,9 @@ pub struct Kolmogorov {
 }
 
 impl Kolmogorov {
-    /// Compares samples, which are sorted by this, with a distribution function. `slack` is what
-    /// of the distance isn't counted: the error of samples and function. Where the function has
-    /// steps, the p-value is no smaller than it should be (Conover 1972).
+    /// Sorts the samples and compares them with a distribution function. A distance of up to
+    /// `slack` isn't counted: it covers the errors of the samples and of the function. If the
+    /// function has steps, the p-value may be too large, but not too small (Conover 1972).
     ///
     /// # Errors
     /// If there are fewer than 40 samples, a sample or the function isn't a number in range, or the

@@ -9,9 +9,9 @@ const FEWEST: u64 = 100;
 /// Samples needed for each unit of squared skewness. Cochran 1977, section 2.15.
 const PER_SKEWNESS: f64 = 25.0;
 
-/// Count, mean, variance and skewness of a stream of numbers. Welford 1962; Chan et al. 1983 and
-/// Pebay 2008 for sums of parts, so that the result doesn't depend on how a stream was cut but for
-/// rounding.
+/// Count, mean, variance and skewness of a stream of numbers (Welford 1962). Parts of a stream can
+/// be merged (Chan et al. 1983, Pebay 2008), and except for rounding, the result is the same
+/// however it was cut.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moments {
     count: u64,
@@ -32,7 +32,7 @@ impl Moments {
         self.squares += square;
     }
 
-    /// Of both streams.
+    /// The moments of both streams together.
     #[must_use]
     pub fn merge(self, other: Self) -> Self {
         let count = self.count + other.count;
@@ -62,7 +62,7 @@ impl Moments {
         self.mean
     }
 
-    /// Their variance, as an estimate of that which they were drawn from.
+    /// Their variance, as an estimate of the variance of the distribution that they come from.
     #[must_use]
     pub fn variance(&self) -> f64 {
         self.squares / (self.count.max(2) - 1) as f64
@@ -92,14 +92,13 @@ pub struct Mean {
 }
 
 impl Mean {
-    /// Compares the mean with the expected one. `slack` is what of the difference isn't counted:
-    /// the rounding of the samples and the error of the expectation. Without it, samples that all
-    /// are the same but for rounding would be judged by their rounding.
+    /// Compares the mean with the expected one. A difference of up to `slack` isn't counted: it
+    /// covers the rounding of the samples and the error of the expectation. Without it, samples
+    /// that differ only by rounding would be judged by their rounding.
     ///
     /// # Errors
-    /// If there are fewer than 100 samples, or a number isn't finite; if the mean isn't what is
-    /// expected and its error isn't known, because few of the samples make up the mean, or none
-    /// that differs from 0 was seen.
+    /// If there are fewer than 100 samples, or a number isn't finite. Also if the mean isn't the
+    /// expected one and its error isn't known: few of the samples make up the mean, or all are 0.
     pub fn of(moments: &Moments, expected: f64, slack: f64) -> Result<Self, NoVerdict> {
         let found = moments.count;
         if found < FEWEST {

@@ -1,4 +1,4 @@
-//! What a test would see: its power against a named fault, and its false alarms.
+//! What a test would detect: its power against a named fault, and how often it rejects wrongly.
 
 use super::chi_square::POOLED;
 use super::tail::{
@@ -56,8 +56,8 @@ pub fn chi_square_power(
     probability(1.0 - accepted * (-samples * impossible).exp())
 }
 
-/// Probability that the test of a mean rejects at `significance` when what is drawn has another
-/// mean, `difference` from the expected one, and the mean of the samples a standard error `error`.
+/// Probability that the test of a mean rejects at `significance` when the true mean differs from
+/// the expected one by `difference`, and the mean of the samples has the standard error `error`.
 ///
 /// # Errors
 /// If an argument isn't a number, the error or the slack is negative, or the significance isn't
@@ -83,10 +83,10 @@ pub fn mean_power(
     probability(beyond(shift) + beyond(-shift))
 }
 
-/// The least probability that Kolmogorov's test of `samples` samples rejects at `significance`
-/// when their distribution function is another one. Each of `points` is the claimed function's
-/// value somewhere, and the other one's there: the more points, the better the bound. Massey 1950:
-/// at one place the number of samples below is binomial, here taken for normal.
+/// A lower bound of the probability that Kolmogorov's test of `samples` samples rejects at
+/// `significance` when their distribution function is another one. Each of `points` has two values
+/// at one place: that of the claimed function, and that of the other one. More points give a better
+/// bound. Massey 1950: at one place the number of samples below is binomial, here taken for normal.
 ///
 /// # Errors
 /// If a value isn't a probability, there are no points, the slack is negative, or the significance
@@ -145,14 +145,14 @@ impl Rate {
         Self { rejected: seeds.filter(|seed| rejects(*seed)).count() as u64, runs }
     }
 
-    /// The share of runs that rejected; NaN of none.
+    /// The share of runs that rejected; NaN if there were no runs.
     #[must_use]
     pub fn share(&self) -> f64 {
         self.rejected as f64 / self.runs as f64
     }
 
-    /// Whether rejections are no more frequent than `significance`: so many, or more, have at
-    /// least one chance in a thousand. Never true of no runs.
+    /// Whether rejections are no more frequent than `significance` allows: the probability of that
+    /// many or more is at least one in a thousand. False if there were no runs.
     #[must_use]
     pub fn is_within(&self, significance: f64) -> bool {
         let fewer = (self.rejected as f64) < significance * self.runs as f64;

@@ -26,7 +26,7 @@ pub enum Support {
 pub enum Place {
     /// On the support, at these coordinates.
     Inside([f64; 2]),
-    /// Beside the support: below the horizon, off the disk, beyond an end.
+    /// Outside the support: below the horizon, off the disk, beyond an end.
     Outside,
     /// Not a direction: its length isn't 1.
     NotUnit,
@@ -43,7 +43,7 @@ impl Support {
         }
     }
 
-    /// Whether there is but one coordinate.
+    /// Whether there is only one coordinate.
     #[must_use]
     pub fn is_line(self) -> bool {
         matches!(self, Self::Interval(..))
@@ -84,7 +84,7 @@ impl Support {
         }
     }
 
-    /// The point at coordinates, and the measure there of a unit of both.
+    /// The point at these coordinates, and the measure per unit of both coordinates there.
     #[must_use]
     pub fn point(self, [a, b]: [f64; 2]) -> ([f64; 3], f64) {
         let (sin_b, cos_b) = b.sin_cos();

@@ -3,8 +3,8 @@
 use statrs::function::erf::erfc;
 use statrs::function::gamma::{checked_gamma_ur, ln_gamma};
 
-/// Probability that chi-square with `dof` degrees of freedom is at least `x`; NaN if there is
-/// none. Abramowitz and Stegun 26.4.19.
+/// Probability that chi-square with `dof` degrees of freedom is at least `x`; NaN if that isn't
+/// defined. Abramowitz and Stegun 26.4.19.
 #[must_use]
 pub fn chi_square_tail(x: f64, dof: f64) -> f64 {
     if x.is_nan() || !(dof > 0.0) || x < 0.0 {

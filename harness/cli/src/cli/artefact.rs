@@ -1,6 +1,7 @@
-//! What a CI run left, downloaded: a folder, or the zip that it came in.
+//! The downloaded artefact of a CI run: a folder, or the zip that it came in.
 //!
-//! A zip may be damaged or hostile. Of its entries only pending frames are unpacked, into a temporary folder, within limits that no honest run comes near.
+//! A zip may be damaged or hostile. Only pending frames are unpacked from it, into a temporary
+//! folder, within limits far above what an honest run needs.
 
 use std::fs::File;
 use std::io::{ErrorKind, Read, Write};

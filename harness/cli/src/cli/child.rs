@@ -1,4 +1,4 @@
-//! Programs that commands run: they end as they would whoever reads.
+//! Programs that commands run. They end in the same way whether or not anybody reads their output.
 
 use std::io::{BufRead, BufReader, IsTerminal, Read, Write};
 use std::process::{Command, ExitStatus, Stdio};

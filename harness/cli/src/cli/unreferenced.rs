@@ -1,4 +1,4 @@
-//! `karat unreferenced`: goldens that no test compares, and what is wrong beside the others.
+//! `karat unreferenced`: goldens that no test compares, and files that don't fit the others.
 //!
 //! The evidence is the record of a run of all tests that passed; without it there is no verdict.
 
@@ -29,8 +29,8 @@ pub(super) struct Args {
     delete: bool,
     /// Print JSON: record, compared, unreferenced {case, profile, file}, unjudged (the same),
     /// doubtful {case, profile, file, problem} (their facts are missing, or others than their
-    /// image's), stray {file, reason}, deleted (files), left (unreferenced goldens that --delete left
-    /// alone)
+    /// image's), stray {file, reason}, deleted (files), left (unreferenced goldens that --delete
+    /// left alone)
     #[arg(long)]
     json: bool,
     /// Folder of records [default: that of the last run]

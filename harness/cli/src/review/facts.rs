@@ -1,4 +1,4 @@
-//! What golden and frame say of themselves, and which of it explains a difference.
+//! The metadata of golden and frame, and which part of it explains a difference.
 
 use std::fmt;
 

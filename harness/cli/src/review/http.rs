@@ -1,9 +1,9 @@
-//! HTTP/1.1 for a page on this machine: a request a connection, each on a thread of its own.
+//! HTTP/1.1 for a page on this machine: one request per connection, each on a thread of its own.
 //!
-//! Everybody on this machine can connect, so nobody is waited for. A request has a time to come in,
-//! a head and a body have a largest size, and no length is believed. Beyond so many connections the
-//! oldest that hasn't said anything useful is closed, so clients that keep silent make room for one
-//! that speaks. Stopping waits for none of them.
+//! Everybody on this machine can connect, so the server never waits long for a client. A request
+//! has to arrive within a time, its head and body have a largest size, and the lengths that it
+//! announces aren't trusted. If there are too many connections, the oldest one that hasn't sent a
+//! useful request is closed, so silent clients make room for others. Stopping waits for no client.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -12,7 +12,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Longest head that is read: it has the cookies of every server on this machine, whatever its port.
+/// Longest head that is read: it has the cookies of every server on this machine, whatever its
+/// port.
 const LONGEST_HEAD: usize = 16 << 10;
 /// Most headers that are read; browsers send about twenty.
 const MOST_HEADERS: usize = 100;
@@ -23,7 +24,8 @@ const PATIENCE: Duration = Duration::from_secs(10);
 const LINGER: Duration = Duration::from_secs(2);
 /// Most connections at a time. A browser opens six, and another that it may need soon.
 const MOST_OPEN: usize = 64;
-/// Pause after a connection that couldn't be had, so that an error that stays isn't asked for at once.
+/// Pause after a connection that couldn't be had, so that an error that stays isn't asked for at
+/// once.
 const PAUSE: Duration = Duration::from_millis(50);
 
 /// Sent with each answer: what an answer is used for is said here, and nobody keeps or frames it.

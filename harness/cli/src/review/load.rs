@@ -1,4 +1,4 @@
-//! From files to cases.
+//! Reads cases from files.
 
 use super::maps::maps;
 use super::{Case, Cause, Part};
@@ -15,8 +15,8 @@ impl Case {
         part.actual.clone().map(Mask::image)
     }
 
-    /// Reads a pending frame and its golden. A golden that can't be read is reported in the verdict,
-    /// since accepting replaces it.
+    /// Reads a pending frame and its golden. A golden that can't be read is reported in the
+    /// verdict, since accepting replaces it.
     ///
     /// # Errors
     /// If the pending frame can't be read.

@@ -1,4 +1,4 @@
-//! Maps of what differs.
+//! Maps of the difference between golden and frame.
 
 use super::Map;
 use karat::Image;

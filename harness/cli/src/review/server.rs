@@ -1,9 +1,9 @@
 //! The review served to this machine alone.
 //!
-//! Who can reach the port isn't yet who may decide: every request needs the token of the URL, a
-//! `Host` that is ours (so that no other name was rebound to 127.0.0.1) and, if it names one, an
-//! `Origin` that is ours. Changes are POSTs of JSON. A frame is chosen by a name that is compared
-//! with those that are pending; nothing of a request becomes a path.
+//! Not everybody who can reach the port may decide. So every request needs the token of the URL and
+//! a `Host` that is ours (so that no other name was rebound to 127.0.0.1). If it names an `Origin`,
+//! that has to be ours, too. Changes are POSTs of JSON. A frame is chosen by comparing a name with
+//! those that are pending; no part of a request becomes a file's path.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

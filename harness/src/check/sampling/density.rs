@@ -1,4 +1,4 @@
-//! Samples against the density that they should have, and what they estimate.
+//! Compares samples with the density that they should have, and with the integral they estimate.
 
 mod masses;
 mod run;
@@ -22,17 +22,18 @@ where
     A: Arguments,
     F: Fn(&D::Value, U) -> A + Sync,
 {
-    /// Checks that samples have a density: Pearson's chi-square over cells of the support, against
-    /// integrals of the density over them. `arguments` makes the density's arguments of a
-    /// configuration and a point of the support: a `Vec3`, a `Vec2` of the disk, an `f32`.
+    /// Checks that samples follow a density. Pearson's chi-square test compares the number of
+    /// samples in each cell of the support with the integral of the density over that cell.
+    /// `arguments` makes the density's arguments from a configuration and a point of the support: a
+    /// `Vec3`, a `Vec2` of the disk, an `f32`.
     ///
-    /// There are some 512 cells, laid where samples are. What averages out within one of them isn't
-    /// seen, nor is a spike of the density that no sample meets and no quadrature node either:
-    /// compare the density itself with a reference as well.
+    /// There are about 512 cells, laid where the samples are. The test misses a fault that averages
+    /// out within a cell, and a spike of the density that neither a sample nor a quadrature node
+    /// meets. So compare the density itself with a reference as well.
     ///
-    /// The density's integral has to be 1; with [`may_leave`](Self::may_leave), what it falls
-    /// short of 1 has to be the share of the samples beside the support. A sample whose density
-    /// is 0 fails, whatever the others do.
+    /// The density's integral has to be 1. With [`may_leave`](Self::may_leave) it may be less; the
+    /// rest has to be the share of samples outside the support. A sample whose density is 0 fails
+    /// the check, whatever the other samples do.
     ///
     /// # Panics
     /// With the [`Failure`], if a configuration is rejected or has no verdict. A picture of the
@@ -71,10 +72,11 @@ where
 
     /// Checks a sampler with the function that it is made for: samples follow the density, and
     /// the mean of eval cos / pdf is the integral of eval cos, component by component. That shows
-    /// that eval is sampled wherever it isn't 0, with weights of finite variance. It doesn't show
-    /// that `eval` is right: the mean of any other function would be its own integral. `eval` and
-    /// `density` come with what makes their arguments of a configuration and a direction; cos is
-    /// the direction's z, or what is left of its sign on the whole sphere.
+    /// that `eval` is sampled wherever it isn't 0, with weights of finite variance. It doesn't show
+    /// that `eval` is right: for a wrong one, mean and integral would agree as well.
+    ///
+    /// `eval` and `density` each come with a closure that makes their arguments from a
+    /// configuration and a direction. cos is the absolute value of the direction's z.
     ///
     /// # Panics
     /// With the [`Failure`], if a configuration is rejected or has no verdict.
@@ -99,8 +101,8 @@ where
         self.check_estimate(eval, density, None::<Unweighted<'_, D, X>>, Recording::Off)
     }
 
-    /// [`estimates`](Self::estimates), and a third function, `weight`, returns eval cos / pdf of
-    /// each sample, to 1e-4 of it.
+    /// Checks the same as [`estimates`](Self::estimates), and that a third function, `weight`,
+    /// returns eval cos / pdf of each sample, to within 1e-4 of it.
     ///
     /// # Panics
     /// With the [`Failure`], if a configuration is rejected or has no verdict.
@@ -150,10 +152,10 @@ where
     /// How likely [`follows`](Self::follows) is to reject a sampler whose samples have another
     /// density, `alternative`, which takes the same arguments. Nothing is asserted.
     ///
-    /// The cells are laid by the sampler's own samples; chi-square is non-central then.
+    /// The cells are laid where the sampler's own samples are, and chi-square is non-central.
     ///
     /// # Errors
-    /// If there is no verdict to be had of the densities.
+    /// If the densities can't be judged.
     pub fn power_against<X: Shareable, B: Arguments>(
         &self,
         density: Probe<'_>,
@@ -183,8 +185,8 @@ impl Sampled<'_, '_> {
         })
     }
 
-    /// Whether they do, and estimate the integral of the second. The third, if there is one, returns
-    /// their weights.
+    /// Whether they do, and estimate the integral of the second. The third, if there is one,
+    /// returns their weights.
     fn estimates(
         self,
         others: &[Other<'_>],

@@ -8,7 +8,7 @@ use crate::domain::{Domain, Held};
 use crate::stats::{Mean, Moments, kolmogorov_power, mean_power};
 use crate::value::{Arguments, Shareable};
 
-/// The power of a check against an alternative: the probability that it rejects samples of which
+/// The power of a check against an alternative: the probability that it rejects samples for which
 /// the alternative is true.
 #[derive(Clone, Debug)]
 pub struct Power {
@@ -24,7 +24,7 @@ impl Power {
         Self { least: f64::INFINITY, configuration: String::new() }
     }
 
-    /// Of one more. What isn't a number is the least.
+    /// Adds one configuration. NaN counts as the least power.
     pub(super) fn add(&mut self, power: f64, configuration: &Held) {
         if !(power >= self.least) {
             *self = Self { least: power, configuration: configuration.shown() };
@@ -43,7 +43,7 @@ where
     /// and whose samples scatter as this one's do. Nothing is asserted.
     ///
     /// # Errors
-    /// If there is no verdict to be had of the samples.
+    /// If the samples can't be judged.
     pub fn mean_power_against<X: Shareable>(
         &self,
         of: impl Fn(X) -> f64 + Sync,
@@ -76,11 +76,11 @@ where
     }
 
     /// The least probability that [`has_distribution`](Self::has_distribution) rejects samples
-    /// whose distribution function is `alternative`. Nothing is asserted. The functions are compared
-    /// where the sampler's own samples are.
+    /// whose distribution function is `alternative`. Nothing is asserted. The functions are
+    /// compared where the sampler's own samples are.
     ///
     /// # Errors
-    /// If there is no verdict to be had of the samples, or a function isn't one of probabilities.
+    /// If the samples can't be judged, or a function returns something that isn't a probability.
     pub fn distribution_power_against<X: Shareable>(
         &self,
         of: impl Fn(X) -> f64 + Sync,

@@ -78,7 +78,7 @@ pub enum Finding {
         /// The first one.
         call: String,
     },
-    /// Samples are beside the support, and aren't declared to be.
+    /// Samples are outside the support, and no declaration allows that.
     Outside {
         /// Such samples.
         count: u64,
@@ -106,18 +106,18 @@ pub enum Finding {
         /// The first one's weight, and what it should be.
         call: String,
     },
-    /// A density doesn't integrate to 1, or to more than 1.
+    /// A density doesn't integrate to 1, or to more than 1 where samples may leave the support.
     Mass {
         /// The integral.
         integral: f64,
         /// How far it may be from 1.
         bound: f64,
     },
-    /// More or fewer samples leave the support than the density leaves out.
+    /// More or fewer samples leave the support than the density's integral falls short of 1.
     Left {
-        /// Samples beside the support.
+        /// Samples outside the support.
         left: u64,
-        /// How many should be, by 1 less the density's integral.
+        /// How many there should be: the share is 1 less the density's integral.
         expected: f64,
         /// Probability of such a number by chance.
         p: f64,

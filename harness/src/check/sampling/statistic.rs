@@ -1,4 +1,4 @@
-//! Numbers made of samples: their mean, and their distribution in one dimension.
+//! One number computed from each sample: the mean of these numbers, and their distribution.
 
 use super::calls::{STRIDE, draw};
 use super::conclude::{Functions, conclude};
@@ -46,8 +46,9 @@ where
     A: Arguments,
     F: Fn(&D::Value, U) -> A + Sync,
 {
-    /// Checks the mean of a number made of each sample, by its standard error. `slack` is what of
-    /// a difference isn't counted: the rounding of the samples and the error of the expectation.
+    /// Computes a number from each sample, and checks the mean of these numbers by its standard
+    /// error. A difference of up to `slack` isn't counted: it covers the rounding of the samples
+    /// and the error of the expectation.
     ///
     /// ```no_run
     /// # use glam::{Vec2, Vec3};
@@ -101,9 +102,10 @@ where
         self.with_sampler(|sampler| numbers.mean(sampler, name, &expected, slack, recording))
     }
 
-    /// Checks the distribution of a number made of each sample, by Kolmogorov's distance to a
-    /// distribution function: of a configuration and a number, the probability of at most that
-    /// number. `slack` is what of the distance isn't counted: the error of samples and function.
+    /// Computes a number from each sample, and checks the distribution of these numbers by its
+    /// Kolmogorov distance from a distribution function. That function takes a configuration and a
+    /// number, and returns the probability of at most that number. A distance of up to `slack`
+    /// isn't counted: it covers the errors of the samples and of the function.
     ///
     /// # Panics
     /// With the [`Failure`], if a configuration is rejected or has no verdict.

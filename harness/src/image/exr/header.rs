@@ -1,4 +1,4 @@
-//! What an OpenEXR file says of itself, believed only as far as its length and our limits go.
+//! The header of an OpenEXR file, checked against the file's length and our limits.
 //!
 //! The header is read here and not by the `exr` crate, which reserves what a header announces
 //! before it has looked at the rest, and doesn't keep where the tables of chunks begin.

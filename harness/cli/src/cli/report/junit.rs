@@ -1,4 +1,4 @@
-//! JUnit XML: a suite of functions and one of frames, a case for each check.
+//! JUnit XML: one suite of functions and one of frames, with a case for each check.
 
 use std::time::Duration;
 

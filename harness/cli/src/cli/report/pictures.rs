@@ -1,7 +1,7 @@
 //! Small pictures of frames that fail, for people: the golden, the frame, and where they differ.
 //!
-//! GitHub shows no image in a summary that isn't at a URL, and strips `data:`, so they travel in
-//! the artefact of the run, and the summary names them.
+//! A summary on GitHub can only show images that are at a URL, and `data:` is removed. So the
+//! pictures are in the artefact of the run, and the summary names them.
 
 use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
@@ -69,8 +69,8 @@ fn pending(
     own.pop().map(|(_, pending)| pending)
 }
 
-/// Whether a file that was written then may be a check's. What was there before it is another run's,
-/// and so is what came after it.
+/// Whether a file that was written then may be a check's. What was there before it is another
+/// run's, and so is what came after it.
 fn is_during(written: SystemTime, time: &Time) -> bool {
     let bounds = || {
         let started = humantime::parse_rfc3339(&time.started).ok()?;
