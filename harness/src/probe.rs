@@ -145,8 +145,8 @@ pub enum ProbeError {
     },
     /// Some results weren't written: they still are what they were set to before the kernel ran.
     #[error(
-        "the kernel of `{function}` ran on path `{path}`, but wrote {count} of {words} result words \
-         in no run (first: `result{component}` of case {first} of its dispatch): the driver drops \
+        "the kernel of `{function}` ran on path `{path}`, but never wrote {count} of {words} result \
+         words (first: `result{component}` of case {first} of its dispatch): the driver drops \
          writes, or the kernel doesn't reach them"
     )]
     ResultNotWritten {

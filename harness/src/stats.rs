@@ -59,8 +59,8 @@ pub enum NoVerdict {
     },
     /// The mean depends on too few of the samples.
     #[error(
-        "the mean {mean:e} of {found} samples isn't the expected {expected:e}, but few of them make \
-         it up (skewness {skewness:.0}), so that its error isn't known: take more samples, or draw \
+        "the mean {mean:e} of {found} samples differs from the expected {expected:e}, but it depends on \
+         too few samples (skewness {skewness:.0}) to judge the difference: take more samples, or draw \
          them where the function is large"
     )]
     TooSkewed {

@@ -323,7 +323,7 @@ fn an_integral_over_directions() {
         let error = found.expect_err("a lobe of 0.03 between rings of 0.05");
         assert!(matches!(error, Failure::Rule { .. }), "{error}");
         assert!(
-            error.to_string().contains("so that neither is a verdict: use more rings"),
+            error.to_string().contains("so there is no verdict: use more rings"),
             "{error}"
         );
     }

@@ -56,7 +56,7 @@ fn a_replay_of_nothing() {
     }
     let (output, text) = planted(&["in_a_thread"], &[("KARAT_CASE", "g/agrees_with/3")]);
     let reason =
-        "`f/agrees_with` isn't `g/agrees_with`, which KARAT_CASE selects, and runs in a thread";
+        "KARAT_CASE selects `g/agrees_with`, but `f/agrees_with` runs in a thread";
     assert!(!output.status.success() && text.contains(reason), "{text}");
     // A frame has no cases.
     let folder = tempfile::tempdir().expect("a temporary folder");

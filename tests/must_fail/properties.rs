@@ -44,7 +44,7 @@ fn messages_of_properties_show_both_calls() {
           a' = 0
           b' = 1
     returned = 2
-               (returned of the primed arguments, expected of the others)
+               (returned for the arguments with a prime, expected for those without)
       actual = 2 (0x1p+1)
     expected = 1 (0x1p+0)  nearest f32 of 1
        error = 8.39e6 ulp (4 allowed)
@@ -117,9 +117,9 @@ fn a_monotone_check_of_nothing() {
     }
     let unknown = [
         (over().try_is_monotone_in("alhpa", up, Ulp(0.0)), "did you mean `alpha`?"),
-        (over().try_is_monotone_in(3, up, Ulp(0.0)), "has 3 parameters, none at place 3"),
+        (over().try_is_monotone_in(3, up, Ulp(0.0)), "has 3 parameters, so there is no argument 3"),
         (over().try_is_monotone_in("d", up, Ulp(0.0)), "which isn't one number"),
-        (over().try_is_monotone_in("c", up, Ulp(f64::NAN)), "bounds nothing"),
+        (over().try_is_monotone_in("c", up, Ulp(f64::NAN)), "isn't a bound"),
     ];
     for (found, message) in unknown {
         assert!(matches!(found, Err(Failure::Signature { .. })), "{found:?}");

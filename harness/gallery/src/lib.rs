@@ -224,7 +224,7 @@ impl Gallery {
             )?;
             out.flush()?;
             if options.size.is_some_and(|asked| asked != size) {
-                writeln!(err, "note: frame `{name}` has a size of its own, whatever --size says")?;
+                writeln!(err, "note: frame `{name}` has a fixed size and ignores --size")?;
             }
             if let NonFinite { nan, infinite, first: Some((column, row)) } = image.non_finite() {
                 failed.push(name);

@@ -62,7 +62,7 @@ fn whatever_becomes_of_one_frame_the_others_are_rendered() {
         "error: frame `missing` can't be rendered: module `flat` has no fragment entry point",
         "error: frame `sky` can't be rendered: the sky can't be used: it is dark\n",
         "error: frame `panic` can't be rendered: it panicked, see above\n",
-        "note: frame `grey` has a size of its own, whatever --size says\n",
+        "note: frame `grey` has a fixed size and ignores --size\n",
         "warning: frame `hole` has 3 pixels with NaN and 0 with infinities, the first one in \
          column 0, row 0\n",
         "4 of 5 frames failed: missing, sky, panic, hole\n",

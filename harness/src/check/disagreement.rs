@@ -288,7 +288,7 @@ impl CaseFailure {
         }
         if let Some((value, nodes)) = integral.control {
             let value = decimal(value);
-            writeln!(f, "    {:>width$} = {value}  over {nodes} nodes, as far off", "control")?;
+            writeln!(f, "    {:>width$} = {value}  over {nodes} nodes, also wrong", "control")?;
         }
         if let Some(expected) = self.expected {
             writeln!(f, "    {expectation:>width$} = {}", decimal(expected))?;

@@ -137,7 +137,7 @@ impl Plan<'_> {
                 let exhibit = |path: usize, case: usize| Exhibit {
                     lanes: batch.arguments(case).to_vec(),
                     varied: vec![("rotation".to_owned(), shown(rotation(case)))],
-                    compared: "returned of the turned arguments, expected: the result, turned",
+                    compared: "returned for the turned arguments; expected is the turned result",
                     actual: after[path].of(case).to_vec(),
                     expected: expected(path, case),
                     judged: judge(path, case),

@@ -40,7 +40,7 @@ pub enum Mismatch {
         wanted: &'static str,
     },
     /// A tolerance bounds nothing.
-    #[error("is compared to {tolerance}, and {bound} bounds nothing")]
+    #[error("has the tolerance {tolerance}, but {bound} isn't a bound: use a finite number of at least 0")]
     Bound {
         /// The tolerance.
         tolerance: Tolerance,
@@ -56,7 +56,7 @@ pub enum Mismatch {
         declared: usize,
     },
     /// A path has a tolerance of its own, but the verb takes none.
-    #[error("is checked by {check}, which takes no tolerance, but {on} has {tolerance}")]
+    #[error("is checked by {check}, which takes no tolerance: remove {tolerance} for {on}")]
     NoTolerance {
         /// The verb.
         check: &'static str,
@@ -75,7 +75,7 @@ pub enum Mismatch {
         nearest: Option<String>,
     },
     /// There is no parameter at this place.
-    #[error("has {count} parameters, none at place {place}")]
+    #[error("has {count} parameters, so there is no argument {place} (the first is 0)")]
     NoPlace {
         /// Parameters of the function.
         count: usize,
@@ -91,7 +91,7 @@ pub enum Mismatch {
         shape: Shape,
     },
     /// A parameter that is to go to a limit isn't a float.
-    #[error("has `{0}`, which isn't f32 and has no limit")]
+    #[error("has `{0}`, which isn't f32: only an f32 can approach a limit")]
     NoFloat(String),
     /// A limit that can't be approached.
     #[error("is asked for its limit at {limit}, which {reason}")]
@@ -102,16 +102,16 @@ pub enum Mismatch {
         reason: String,
     },
     /// A function that runs beside a sampler, such as its density, has an executor of its own.
-    #[error("runs where the sampler runs: say `.on(..)` of the sampler alone")]
+    #[error("runs where the sampler runs: call `.on(..)` on the sampler only")]
     Executor,
     /// The random numbers are of a type that Karat can't draw.
     #[error("is sampled with {0}, but random numbers are f32 or u32")]
     Random(Shape),
     /// The verb needs directions, and the support has other points.
-    #[error("is estimated on {0}, not by directions")]
+    #[error("can't be estimated on {0}: this check needs directions")]
     NoDirections(Support),
     /// A density's points are of another type than those of the support.
-    #[error("is given {given} of {support}, whose points are {point}")]
+    #[error("is given points of type {given}, but the points of {support} are {point}")]
     Point {
         /// What the density is given.
         given: Shape,

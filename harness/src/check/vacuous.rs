@@ -63,7 +63,7 @@ pub enum Vacuous {
     #[error("has no case whose result changes with {0} by more than the tolerance")]
     Constant(Parameter),
     /// Every result is at its limit from the first step on.
-    #[error("has no case that isn't at its limit from the first step on, {argument} = {step}")]
+    #[error("has only cases that are at the limit at the first step, {argument} = {step}: start farther away")]
     AtLimit {
         /// What goes to the limit.
         argument: Parameter,
@@ -72,15 +72,15 @@ pub enum Vacuous {
     },
     /// All results are so small that they may be flushed to zero.
     #[error(
-        "has only cases whose results are below the least normal f32, 1.2e-38: they may be flushed to \
-         0, so that none is told from another"
+        "has only cases whose results are below the least normal f32, 1.2e-38: they may all be flushed \
+         to 0, so that there is nothing to compare"
     )]
     Flushed,
     /// A significance that isn't between 0 and 1.
-    #[error("has a significance of {0}, which is no probability")]
+    #[error("has a significance of {0}, which isn't between 0 and 1")]
     Significance(f64),
     /// The tolerance for a density's integral bounds nothing.
-    #[error("has a mass within {0}, which bounds nothing")]
+    #[error("has `.mass_within({0})`, which isn't a finite number of at least 0")]
     Mass(f64),
     /// The interval that samples should lie on isn't one of finite length.
     #[error("is to lie on [{0}, {1}], which isn't an interval of finite length")]

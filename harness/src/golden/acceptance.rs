@@ -81,8 +81,8 @@ pub enum AcceptError {
     Stale(String),
     /// The file's pixels don't have the hash in its metadata.
     #[error(
-        "the pending frame of `{0}` isn't the one that was looked at: its pixels are others than its \
-         file says; run the test again"
+        "the pixels of the pending frame of `{0}` don't match the hash in its file, so it was changed \
+         later; run the test again"
     )]
     Altered(String),
     /// Two files say that they are the same frame.

@@ -36,7 +36,7 @@ pub(super) fn check_file(path: &Path) -> Result<(), ImageError> {
             refused(ErrorKind::InvalidInput, "it is neither a file nor a link to one")
         }
         Err(_) if path.symlink_metadata().is_ok() => {
-            let what = "it is a link to what isn't here; fetch its content";
+            let what = "it is a link to a file that isn't here; fetch that file";
             refused(ErrorKind::InvalidInput, what)
         }
         // What else is wrong shows when it is read.

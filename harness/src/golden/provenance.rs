@@ -75,7 +75,7 @@ pub enum ProvenanceError {
     #[error("it was written by a newer Karat (facts of version {0}, this one reads {max}): update Karat", max = Provenance::SCHEMA)]
     Newer(u32),
     /// They can't be parsed, or have control characters.
-    #[error("what it says of itself can't be read ({0}): make it again")]
+    #[error("its metadata can't be read ({0}): make it again")]
     Damaged(String),
 }
 

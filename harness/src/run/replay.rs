@@ -28,8 +28,8 @@ struct Replay {
 /// Another check is to be replayed, and this one runs in a thread whose test isn't known.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "`{check}` isn't `{selected}`, which KARAT_CASE selects, and runs in a thread without a name, \
-     whose test isn't known"
+    "KARAT_CASE selects `{selected}`, but `{check}` runs in a thread without a name, so its test isn't \
+     known"
 )]
 pub struct NotReplayed {
     /// The function and the check, or the frame.

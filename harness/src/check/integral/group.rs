@@ -174,8 +174,8 @@ impl Group {
                 let expected = case.expected[lane];
                 let reason = format!(
                     "gives {value} with {} nodes and {control} with {nodes} on {path}, {doubt} \
-                     apart, where {expected} is {}, so that neither is a verdict: use more rings, \
-                     or a rule of your own with `.integral(...)`,",
+                     apart, where {expected} is {}, so there is no verdict: use more rings, or a \
+                     rule of your own with `.integral(...)`,",
                     case.own,
                     assertion.stated(),
                 );

@@ -161,13 +161,13 @@ impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotFinite { count, call } => {
-                write!(f, "{count} calls return no finite number, first {call}")
+                write!(f, "{count} calls return NaN or infinity, first {call}")
             }
             Self::NotUnit { count, call } => {
-                write!(f, "{count} samples are no unit vectors, first {call}")
+                write!(f, "{count} samples aren't unit vectors, first {call}")
             }
             Self::Outside { count, call } => {
-                write!(f, "{count} samples are beside the support, first {call}")
+                write!(f, "{count} samples are outside the support, first {call}")
             }
             Self::Impossible { count, call } => {
                 write!(f, "{count} samples have density 0, first {call}")
@@ -183,7 +183,7 @@ impl fmt::Display for Finding {
             }
             Self::Left { left, expected, p } => write!(
                 f,
-                "{left} samples leave the support, the density leaves out {expected:.1}: \
+                "{left} samples are outside the support, the density puts {expected:.1} there: \
                  p = {p:.2e}"
             ),
             Self::ChiSquare { statistic, dof, p } => {

@@ -208,7 +208,7 @@ fn facts_that_cannot_be_used_are_errors() {
     let file = project.folder.path().join("room/ramp.exr");
     for (facts, expected) in [
         (r#"{"schema": 7}"#, "was written by a newer Karat (facts of version 7"),
-        ("{}", "what it says of itself can't be read (missing field `schema`"),
+        ("{}", "its metadata can't be read (missing field `schema`"),
     ] {
         ramp().write_exr(&file, Precision::Half, Some(facts)).expect("written");
         let error = project.check("vulkan", &ramp(), None, None).expect_err("no facts");
@@ -295,7 +295,7 @@ fn what_is_no_file_is_told_and_not_waited_for() {
     std::os::unix::fs::symlink("nowhere", &golden).expect("a link");
     let error = project.check("vulkan", &ramp(), None, None).expect_err("a link to nothing");
     let text = error.to_string();
-    assert!(text.ends_with("it is a link to what isn't here; fetch its content"), "{text}");
+    assert!(text.ends_with("it is a link to a file that isn't here; fetch that file"), "{text}");
     for name in ["room/ramp.exr", "pipe.new.exr"] {
         let path = project.folder.path().join(name);
         drop(std::fs::remove_file(&path));
