@@ -76,8 +76,8 @@ pub enum PathError {
         variable: &'static str,
         /// What it is set to.
         names: String,
-        /// The path.
-        path: Path,
+        /// The path, or `all`.
+        path: String,
     },
     /// A custom executor has the path of another executor, or of one of wgpu's drivers.
     #[error(
@@ -268,11 +268,18 @@ const ALL: &str = "all";
 
 /// The paths that a list names, each of them once.
 fn list(variable: &'static str, names: &str) -> Result<Vec<Path>, PathError> {
-    let mut paths = Vec::new();
-    for name in names.split(',').map(str::trim).filter(|name| *name != ALL) {
-        let path = name.parse()?;
+    let repeated = |path: String| PathError::Repeated { variable, names: names.to_owned(), path };
+    let (mut paths, mut all) = (Vec::new(), false);
+    for name in names.split(',').map(str::trim) {
+        if name == ALL {
+            if std::mem::replace(&mut all, true) {
+                return Err(repeated(ALL.to_owned()));
+            }
+            continue;
+        }
+        let path: Path = name.parse()?;
         if paths.contains(&path) {
-            return Err(PathError::Repeated { variable, names: names.to_owned(), path });
+            return Err(repeated(path.to_string()));
         }
         paths.push(path);
     }
@@ -290,6 +297,7 @@ mod tests {
         assert_eq!(names("all").ok(), Some(Vec::new()));
         for (wrong, message) in [
             ("gl,gl", "KARAT_PATHS=gl,gl names `gl` twice"),
+            ("all,gl,all", "KARAT_PATHS=all,gl,all names `all` twice"),
             ("all,vulcan", "there is no execution path `vulcan`"),
             ("vulkan,", "there is no execution path ``"),
         ] {

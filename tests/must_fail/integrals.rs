@@ -322,10 +322,7 @@ fn an_integral_over_directions() {
     for found in <[_; 2]>::from(check("exp(1e3 * (l.x - 1.0))", Directions::sphere(), 6.283e-3)) {
         let error = found.expect_err("a lobe of 0.03 between rings of 0.05");
         assert!(matches!(error, Failure::Rule { .. }), "{error}");
-        assert!(
-            error.to_string().contains("so there is no verdict: use more rings"),
-            "{error}"
-        );
+        assert!(error.to_string().contains("so there is no verdict: use more rings"), "{error}");
     }
     let (equal, _) = check("sqrt(l.z)", Directions::sphere(), 1.0);
     assert!(disagreement(equal).paths.iter().all(|path| path.census.nan > 0));

@@ -55,8 +55,7 @@ fn a_replay_of_nothing() {
         assert!(output.status.success(), "{text}");
     }
     let (output, text) = planted(&["in_a_thread"], &[("KARAT_CASE", "g/agrees_with/3")]);
-    let reason =
-        "KARAT_CASE selects `g/agrees_with`, but `f/agrees_with` runs in a thread";
+    let reason = "KARAT_CASE selects `g/agrees_with`, but `f/agrees_with` runs in a thread";
     assert!(!output.status.success() && text.contains(reason), "{text}");
     // A frame has no cases.
     let folder = tempfile::tempdir().expect("a temporary folder");

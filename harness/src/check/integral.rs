@@ -34,9 +34,6 @@ const CASES: u64 = 256;
 /// Values of a finite domain that are all tried unless a number of integrals is asked for.
 const ENUMERATED: u64 = 65_536;
 
-/// The name of the verb that bounds from above.
-pub(super) const IS_AT_MOST: &str = "integral.is_at_most";
-
 impl<'a> Probe<'a> {
     /// Integrates the function by quadrature, once for each of `cases`.
     ///
@@ -250,7 +247,10 @@ impl Plan<'_> {
             calls: BATCH,
         };
         let assertion = &integrals.assertion;
-        let asserted = Asserted::new(assertion.name(), assertion.to_string());
+        let asserted = Asserted {
+            expectation: assertion.expectation(),
+            ..Asserted::new(assertion.name(), assertion.to_string())
+        };
         self.conclude(&asserted, stream, &demand, recording, &mut |session| {
             assertion.expect_result(session, &integrals.shape, &self.tolerance_on)?;
             integrals.run(session)

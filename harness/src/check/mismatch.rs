@@ -40,7 +40,9 @@ pub enum Mismatch {
         wanted: &'static str,
     },
     /// A tolerance bounds nothing.
-    #[error("has the tolerance {tolerance}, but {bound} isn't a bound: use a finite number of at least 0")]
+    #[error(
+        "has the tolerance {tolerance}, but {bound} isn't a bound: use a finite number of at least 0"
+    )]
     Bound {
         /// The tolerance.
         tolerance: Tolerance,

@@ -8,7 +8,8 @@ use super::session::Session;
 use super::tally::{Judged, Shown, tally};
 
 /// What `returned` is of where arguments are primed.
-pub(super) const PRIMED: &str = "returned for the arguments with a prime, expected for those without";
+pub(super) const PRIMED: &str =
+    "returned for the arguments with a prime, expected for those without";
 
 /// A failing case as it is shown.
 pub(super) struct Exhibit {

@@ -63,7 +63,9 @@ pub enum Vacuous {
     #[error("has no case whose result changes with {0} by more than the tolerance")]
     Constant(Parameter),
     /// Every result is at its limit from the first step on.
-    #[error("has only cases that are at the limit at the first step, {argument} = {step}: start farther away")]
+    #[error(
+        "has only cases that are at the limit at the first step, {argument} = {step}: start farther away"
+    )]
     AtLimit {
         /// What goes to the limit.
         argument: Parameter,
@@ -85,6 +87,16 @@ pub enum Vacuous {
     /// The interval that samples should lie on isn't one of finite length.
     #[error("is to lie on [{0}, {1}], which isn't an interval of finite length")]
     Interval(f64, f64),
+}
+
+impl Vacuous {
+    /// What is at fault: the domain of a function, or what a check of samples says of it.
+    pub(super) fn whose(&self) -> &'static str {
+        match self {
+            Self::Significance(_) | Self::Mass(_) | Self::Interval(..) => "the check of",
+            _ => "the domain of",
+        }
+    }
 }
 
 /// `the range of `alpha` starts at 1 and ends at 0`

@@ -91,7 +91,7 @@ pub enum Failure {
         location: String,
     },
     /// There is nothing to judge.
-    #[error("the domain of `{function}` {reason}")]
+    #[error("{} `{function}` {reason}", reason.whose())]
     Domain {
         /// The function's path.
         function: String,

@@ -22,6 +22,9 @@ const SCHEMA: u32 = 1;
 /// Folders in folders of a crate that are looked at: far more than any has.
 const DEEPEST: usize = 16;
 
+/// The project in which cargo is asked for a version.
+const ASKING: &str = "shaders-of-a-version";
+
 /// Rounds in which crates are added that shaders import without their crate depending on them.
 const ROUNDS: usize = 4;
 
@@ -128,6 +131,9 @@ pub(super) fn find(base: &Path, wanted: &str, root: Option<&str>) -> Result<Foun
     if !sound(name, "") || version.is_some_and(|version| !sound(version, ".+")) {
         return Err(error("write a name, or a name and a version: `bevy_pbr@0.20.1`".to_owned()));
     }
+    if version.is_some_and(|version| version.split('.').count() < 3) {
+        return Err(error(format!("write the whole version, such as `{name}@1.2.3`")));
+    }
     let wanted = Wanted { name, version };
     // A version needs no project, but its registries may be those of one.
     let key = (base.to_owned(), version.map_or_else(String::new, |v| format!("{name}@{v}")));
@@ -222,10 +228,10 @@ fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph,
     let manifest = folder.join("Cargo.toml");
     let mut wanted = BTreeSet::from([name.to_owned()]);
     for round in 1.. {
-        let mut text =
-            "[package]\nname = \"shaders-of\"\nversion = \"0.0.0\"\nedition = \"2024\"\n\
-                        \n[workspace]\n\n[dependencies]\n"
-                .to_owned();
+        let mut text = format!(
+            "[package]\nname = \"{ASKING}\"\nversion = \"0.0.0\"\nedition = \"2024\"\n\n\
+             [workspace]\n\n[dependencies]\n"
+        );
         for name in &wanted {
             text += &format!("{name} = {{ version = \"={version}\", default-features = false }}\n");
         }
@@ -337,7 +343,9 @@ impl Metadata {
             output.map_err(|error| format!("`{}` doesn't run: {error}", cargo.display()))?;
         if !output.status.success() {
             let said = String::from_utf8_lossy(&output.stderr);
-            return Err(format!("cargo says:\n{}", said.trim_end()));
+            // The project that asks for a version is nobody's.
+            let lines = said.lines().filter(|line| !line.contains(ASKING));
+            return Err(format!("cargo says:\n{}", lines.collect::<Vec<_>>().join("\n")));
         }
         serde_json::from_slice(&output.stdout)
             .map_err(|error| format!("cargo's metadata can't be read: {error}"))

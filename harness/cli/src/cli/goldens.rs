@@ -330,9 +330,9 @@ struct RejectEntry {
 pub(super) fn reject(args: &RejectArgs, out: &mut dyn Write) -> Outcome {
     let artefact = args.from.open()?;
     let goldens = match &artefact {
-        Some(zip) if zip.is_zip() => bail!(
-            "a frame in a zip can't be rejected: delete the zip instead"
-        ),
+        Some(zip) if zip.is_zip() => {
+            bail!("a frame in a zip can't be rejected: delete the zip instead")
+        }
         Some(artefact) => artefact.frames(),
         None => args.folder.open()?,
     };

@@ -169,6 +169,7 @@ fn a_crate_that_cannot_be_had_says_why() {
         ("a b", "write a name, or a name and a version"),
         ("../tool", "write a name, or a name and a version"),
         ("tool@", "write a name, or a name and a version"),
+        ("tool@1.2", "write the whole version, such as `tool@1.2.3`"),
     ] {
         let error = place.karat("game", &["list", "--crate", name]).error();
         assert!(error.contains(&format!("no shaders of crate `{name}`: {message}")), "{error}");

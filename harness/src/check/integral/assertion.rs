@@ -1,8 +1,8 @@
 //! What is asserted of an integral, and how one is judged.
 
-use super::IS_AT_MOST;
 use super::sum::Sum;
 use crate::check::called::Ready;
+use crate::check::disagreement::Expectation;
 use crate::check::session::Session;
 use crate::check::tally::{Class, Judged, classify};
 use crate::check::tolerances::{self, Tolerances};
@@ -29,7 +29,15 @@ impl Assertion {
     pub(super) fn name(&self) -> &'static str {
         match self {
             Self::AgreesWith(_) => "integral.agrees_with",
-            Self::IsAtMost(_) => IS_AT_MOST,
+            Self::IsAtMost(_) => "integral.is_at_most",
+        }
+    }
+
+    /// What the caller's number is to the integral.
+    pub(super) fn expectation(&self) -> Expectation {
+        match self {
+            Self::AgreesWith(_) => Expectation::Equal,
+            Self::IsAtMost(_) => Expectation::AtMost,
         }
     }
 
