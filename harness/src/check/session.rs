@@ -317,13 +317,18 @@ impl<'a> Session<'a> {
             return judge(&batch, dispatches);
         }
         let Range { start: mut first, end } = self.selected()?;
-        let mut sums = Vec::new();
-        while first < end {
+        let mut draw = || {
             let size = (end - first).min(self.called.capacity() as u64);
-            let batch = self.draw(first, size)?;
-            let dispatches = self.dispatch(&batch)?;
-            sums = PathTally::merge_all(sums, judge(&batch, dispatches)?);
             first += size;
+            (size > 0).then(|| self.draw(first - size, size)).transpose()
+        };
+        let mut sums = Vec::new();
+        let mut next = draw()?;
+        while let Some(batch) = next {
+            let dispatches = self.dispatch(&batch)?;
+            // While one batch runs, the next one is drawn.
+            next = draw()?;
+            sums = PathTally::merge_all(sums, judge(&batch, dispatches)?);
         }
         Ok(sums)
     }

@@ -80,12 +80,22 @@ fn like(types: &[TypeId], ties: &[Tie], rate: u64, source: &mut Source) -> Optio
             .flat_map(|from| (0..types.len()).map(move |to| (from, to)))
             .filter(|(from, to)| from != to && types[*from] == types[*to] && free(*to))
     };
-    let first = pairs().next()?;
+    // The first tie is asked about in each draw: whether there are like types is all that counts.
+    let first = ties.is_empty().then(|| first_like(types)).unwrap_or_else(|| pairs().next())?;
     if source.below(rate) != 0 {
         return None;
     }
     let index = usize::try_from(source.below(pairs().count() as u64)).ok()?;
     Some(pairs().nth(index).unwrap_or(first))
+}
+
+/// The first two components of one type.
+fn first_like(types: &[TypeId]) -> Option<(usize, usize)> {
+    let alike = |(from, ty): (usize, &TypeId)| {
+        let to = types.iter().enumerate().position(|(to, other)| to != from && other == ty)?;
+        Some((from, to))
+    };
+    types.iter().enumerate().find_map(alike)
 }
 
 impl Tie {
