@@ -173,6 +173,88 @@ fn conditions_that_cannot_be_read_are_errors() {
     }
 }
 
+/// Comments, conditions and ends of lines wherever `naga_oil` allows them.
+#[test]
+fn imports_end_where_their_lines_or_braces_do() {
+    let text = "#import engine::math::PI// both\r\n#import engine::math::{ // several\r\n    scaled,\r\n\
+                #ifdef NEVER\r\n    nothing,\r\n#endif\r\n    } // so\r\n#ifdef NEVER\r\n\
+                #import engine::nothing::{\r\n    at_all,\r\n}\r\n#endif\r\n#import engine::lights as l;\r\n\
+                // #import engine::none\r\n/*\r\n#import engine::none\r\n*/\r\n\
+                fn f(x: f32) -> f32 { return PI * scaled(l::half(x)); }";
+    let modules = OIL.into_iter().take(2).chain([("user", text)]);
+    let modules = modules.map(|(name, text)| (name.replace('/', "::"), text));
+    let package = Package::from_modules("engine", modules);
+    let probed = Probed::new(&package, "user::f").expect("linked");
+    assert_eq!(probed.function().span.to_string(), "<user>:18:1");
+    let check = package.function("user::f").over(0.0..=1.0);
+    check.agrees_with(|x: f64| std::f64::consts::PI * x / 2.0, Ulp(3.0));
+}
+
+/// Two meanings of one name are none.
+#[test]
+fn names_that_two_files_give_are_errors() {
+    let two = |second: &'static str| {
+        let text = "#define_import_path a::b\nfn g(x: f32) -> f32 { return x; }\n";
+        let user = "#import a::b::g\nfn f(x: f32) -> f32 { return g(x); }\n";
+        Package::from_modules("m", [("one", text), ("two", second), ("user", user)])
+    };
+    let twice = two("#define_import_path a::b\n");
+    assert_snapshot!(error(&twice, "user::f"), @r#"
+    error: unresolved import of `a::b::g`
+      --> <user>:1:15
+      |
+    1 | #import a::b::g
+      |               ^ imported here
+      |
+      = modules `package::one` and `package::two` both call themselves `a::b`
+    "#);
+    linked(&two("#define_import_path a::c\n"), "user::f");
+    let shared = |first: &'static str| {
+        let user = "#import one\n#import two\nfn f(x: f32) -> f32 { return g(x); }\n";
+        let two = "fn g(x: f32) -> f32 { return 2.0 * x; }\n";
+        Package::from_modules("m", [("one", first), ("two", two), ("user", user)])
+    };
+    assert_snapshot!(error(&shared("const A = 1.0; const g = 2.0;"), "user::f"), @r#"
+    error: `g` is declared in two files that share their names
+      --> <two>:1:4
+      |
+    1 | fn g(x: f32) -> f32 { return 2.0 * x; }
+      |    ^
+      |
+      --> <one>:1:22
+      |
+    1 | const A = 1.0; const g = 2.0;
+      |                      - declared first
+    "#);
+    linked(&shared("#import two\nconst A = 1.0;"), "user::f");
+    let user = "#import x\nfn f(x: f32) -> f32 { return x; }\n";
+    let several =
+        Package::from_modules("m", [("a::x", "const A = 1;"), ("b::x", ""), ("user", user)]);
+    assert_snapshot!(error(&several, "user::f"), @r#"
+    error: `x` may be `a::x` or `b::x`
+      --> <user>:1:1
+      |
+    1 | #import x
+      | ^^^^^^^^^ included here
+    "#);
+}
+
+#[test]
+fn a_value_stands_for_a_number_with_its_suffix_and_for_no_part_of_a_name() {
+    let text = "const u = 7u;\nfn f() -> u32 { return #{N}u + u; }\n";
+    let text = f(&one(text).feature("N", 3));
+    assert!(text.contains("return 3u + u;"), "{text}");
+    let negative = f(&one("fn f() -> i32 { return 1 - #{N}; }").feature("N", -3));
+    assert!(negative.contains("return 1 - -3;"), "{negative}");
+    for text in [
+        "fn f#{N}() -> u32 { return 1u; }\nfn f() -> u32 { return 1u; }",
+        "fn f() -> u32 { return #{N}xy; }",
+    ] {
+        let said = error(&one(text).feature("N", 3), "f");
+        assert!(said.contains("a value can't be a part of a name"), "{said}");
+    }
+}
+
 /// Vello's, `re_renderer`'s and blade's: what a file includes shares its names.
 #[test]
 fn included_files_share_one_name_space() {

@@ -326,6 +326,14 @@ struct Dependency {
     pkg: String,
 }
 
+/// The platform that `rustc` compiles for, as it calls it.
+fn host() -> Option<String> {
+    let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
+    let output = Command::new(rustc).arg("-vV").output().ok()?;
+    let text = String::from_utf8(output.stdout).ok()?;
+    text.lines().find_map(|line| Some(line.strip_prefix("host: ")?.to_owned()))
+}
+
 impl Metadata {
     fn of(base: &Path, manifest: &Path, fetches: bool) -> Result<Self, String> {
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
@@ -333,6 +341,10 @@ impl Metadata {
         command.args(["metadata", "--format-version", "1", "--manifest-path"]).arg(manifest);
         if base.is_dir() {
             command.current_dir(base); // where its registries are configured
+        }
+        // Crates of other platforms needn't be fetched.
+        if let Some(host) = host() {
+            command.args(["--filter-platform", &host]);
         }
         if fetches {
             // A crate that declares a newer Rust is read all the same: it isn't compiled.

@@ -33,6 +33,8 @@ pub(super) struct Directed {
     pub(super) inactive: Vec<Inactive>,
     /// Other files that share a name space with this one, and where they are named.
     pub(super) includes: Vec<(Include, Range<usize>)>,
+    /// Where statements end that have no `;`.
+    pub(super) ends: Vec<usize>,
     /// Whether it imports as `naga_oil` does.
     pub(super) composes: bool,
 }
@@ -97,24 +99,21 @@ pub(super) fn read(
     features: &Features,
 ) -> Result<Option<Directed>, PackageError> {
     let text = &file.text;
-    let marks: Vec<usize> = if text.contains('#') || text.contains("{%") || text.contains("{{") {
-        let tokens = lex(text);
-        if let Some(template) = template(text, &tokens) {
-            return Err(unknown(file, template, "a template's placeholder", "a template engine"));
-        }
-        tokens
-            .iter()
-            .filter(|token| is_mark(text, token))
-            .map(|token| token.range().start)
-            .collect()
-    } else {
-        Vec::new()
-    };
+    if !text.contains('#') && !text.contains("{%") && !text.contains("{{") {
+        return Ok(None);
+    }
+    let tokens = lex(text);
+    if let Some(template) = template(text, &tokens) {
+        return Err(unknown(file, template, "a template's placeholder", "a template engine"));
+    }
+    let marks = tokens.iter().filter(|token| is_mark(text, token));
+    let marks: Vec<usize> = marks.map(|token| token.range().start).collect();
     if marks.is_empty() {
         return Ok(None);
     }
     let mut reader = Reader {
         file,
+        tokens: &tokens,
         features: features.clone(),
         bytes: text.clone().into_bytes(),
         open: Vec::new(),
@@ -168,6 +167,8 @@ pub(super) fn asked(text: &str) -> BTreeSet<String> {
 
 struct Reader<'f> {
     file: &'f Arc<SourceFile>,
+    /// Those of the text as it is.
+    tokens: &'f [Token],
     features: Features,
     bytes: Vec<u8>,
     open: Vec<Open>,
@@ -350,31 +351,30 @@ impl Reader<'_> {
                 "an engine's asset server",
             ));
         }
-        // A statement of WESL's, byte for byte: a blank for `#`, and `;` where the line ends.
-        let (mut depth, mut end) = (0_i32, line.end);
-        for (offset, byte) in self.text().bytes().enumerate().skip(start) {
-            match byte {
-                b'{' => depth += 1,
-                b'}' => depth -= 1,
-                b'\n' | b'\r' if depth <= 0 => {
-                    end = offset;
-                    break;
-                }
+        // A statement of WESL's, byte for byte: a blank for `#`, and an end where the line ends, or its
+        // braces. What is between them may stand under conditions of its own.
+        let (mut depth, mut end, mut ended) = (0_i32, start, false);
+        let first = self.tokens.partition_point(|token| token.range().start < start);
+        for token in &self.tokens[first..] {
+            let range = token.range();
+            if ended || depth <= 0 && self.text()[end..range.start].contains(['\n', '\r']) {
+                break;
+            }
+            match token.kind {
+                Kind::Symbol(b'{') => depth += 1,
+                Kind::Symbol(b'}') => depth -= 1,
+                Kind::Symbol(b';') => ended = true,
                 _ => {}
             }
-            end = offset + 1;
+            end = range.end;
         }
-        let statement = without_comment(&self.text()[start..end]).trim_end();
-        let last = start + if depth > 0 { 0 } else { statement.len() };
-        let last = if self.text()[start..end].matches('\n').count() > 0 { end } else { last };
         self.bytes[at] = b' ';
         self.found.removed.push(at..at + 1);
         self.found.composes = true;
-        match self.bytes.get_mut(last) {
-            Some(byte) => *byte = b';',
-            None => self.bytes.push(b';'),
+        if !ended {
+            self.found.ends.push(end);
         }
-        self.done = last.max(start);
+        self.done = start;
         Ok(())
     }
 
@@ -393,8 +393,21 @@ impl Reader<'_> {
             return Err(PackageError::Shader(Box::new(diagnostic)));
         };
         let value = value.to_string();
-        self.blank(range.clone());
-        self.found.removed.pop();
+        let (before, after) = (&self.text()[..at], &self.text()[range.end..]);
+        let is_part = |c: char| c.is_alphanumeric() || c == '_';
+        // `#{COUNT}u` is a number with its suffix.
+        let suffix = after.chars().take_while(|c| is_part(*c)).count();
+        if before.ends_with(is_part)
+            || suffix > 1
+            || suffix == 1 && !after.starts_with(['u', 'i', 'f', 'h'])
+        {
+            return Err(self.error(range, "a value can't be a part of a name"));
+        }
+        let suffixed = range.start..range.end + suffix;
+        for masked in [range.clone(), suffixed] {
+            self.blank(masked);
+            self.found.removed.pop();
+        }
         // Tokens of the value, for what looks at tokens; the text gets all of it.
         for (byte, new) in self.bytes[range.clone()].iter_mut().zip(value.bytes()) {
             *byte = new;

@@ -87,6 +87,16 @@ pub enum PackageError {
         /// The closest path there is.
         nearest: Option<String>,
     },
+    /// Two modules of one package give themselves one path.
+    #[error("modules `{first}` and `{second}` both call themselves `{path}`")]
+    ComposedTwice {
+        /// The path.
+        path: String,
+        /// One module.
+        first: String,
+        /// The other one.
+        second: String,
+    },
     /// A path names a function that the package hasn't.
     #[error(
         "package `{package}` has no function `{path}` among its {count}{}",

@@ -220,7 +220,7 @@ fn declared_or_imported(
 fn locate(library: &Library, from: &ModulePath, words: &[String]) -> Result<Target, PackageError> {
     // What modules call themselves has no order of packages.
     if library.module(from)?.composes && !matches!(&*words[0], "package" | "super") {
-        return match library.composed(words) {
+        return match library.composed(from, words)? {
             Some((owner, count)) if count == words.len() => Ok(Target::Module(owner)),
             Some((owner, count)) if count + 1 == words.len() => {
                 Ok(Target::Item(owner, words[count].clone()))

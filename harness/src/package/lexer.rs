@@ -35,9 +35,19 @@ impl Token {
         self.start as usize..self.end as usize
     }
 
+    /// A `;` that isn't written.
+    pub(super) fn end(at: usize) -> Self {
+        let at = place(at);
+        Self { kind: Kind::Symbol(b';'), start: at, end: at }
+    }
+
     pub(super) fn is(&self, symbol: u8) -> bool {
         self.kind == Kind::Symbol(symbol)
     }
+}
+
+fn place(offset: usize) -> u32 {
+    u32::try_from(offset).expect("a module has less than 4 GiB")
 }
 
 /// The characters of WGSL's operators and brackets.
@@ -66,7 +76,6 @@ pub(super) fn lex(text: &str) -> Vec<Token> {
             _ if SYMBOLS.contains(first) => (Some(Kind::Symbol(rest.as_bytes()[0])), 1),
             _ => (Some(Kind::Unknown), first.len_utf8()),
         };
-        let place = |offset: usize| u32::try_from(offset).expect("a module has less than 4 GiB");
         if let Some(kind) = kind {
             tokens.push(Token { kind, start: place(at), end: place(at + length) });
         }

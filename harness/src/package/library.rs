@@ -47,7 +47,7 @@ pub(super) struct Library {
     overlay: Overlay,
     modules: RefCell<BTreeMap<ModulePath, Arc<Module>>>,
     /// Modules by the paths that they give themselves.
-    composed: OnceCell<BTreeMap<String, ModulePath>>,
+    composed: OnceCell<BTreeMap<String, Vec<ModulePath>>>,
 }
 
 impl Library {
@@ -193,11 +193,37 @@ impl Library {
     }
 
     /// The module that calls itself by the first of these words, as many as there are, and how many.
-    pub(super) fn composed(&self, words: &[String]) -> Option<(ModulePath, usize)> {
+    /// Of several in one package it is the one in the nearest folder.
+    pub(super) fn composed(
+        &self,
+        from: &ModulePath,
+        words: &[String],
+    ) -> Result<Option<(ModulePath, usize)>, PackageError> {
         let known = self.all_composed();
-        (1..=words.len())
+        let found = (1..=words.len())
             .rev()
-            .find_map(|count| Some((known.get(&words[..count].join("::"))?.clone(), count)))
+            .find_map(|count| Some((&**known.get(&words[..count].join("::"))?, count)));
+        let Some((modules, count)) = found else { return Ok(None) };
+        // A package's own come first; the others are in the order in which they are reached.
+        let own = modules.iter().find(|module| module.package == from.package);
+        let package = own.or(modules.first()).map(|module| module.package);
+        let shared = |module: &ModulePath| {
+            let both = module.components.iter().zip(&from.components);
+            both.take_while(|(one, other)| one == other).count()
+        };
+        let mut own: Vec<&ModulePath> =
+            modules.iter().filter(|module| Some(module.package) == package).collect();
+        own.sort_by_key(|module| std::cmp::Reverse(shared(module)));
+        match *own {
+            [first, second, ..] if shared(first) == shared(second) => {
+                Err(PackageError::ComposedTwice {
+                    path: words[..count].join("::"),
+                    first: self.shown(first),
+                    second: self.shown(second),
+                })
+            }
+            _ => Ok(own.first().map(|module| ((*module).clone(), count))),
+        }
     }
 
     /// That no module calls itself by a path.
@@ -206,13 +232,13 @@ impl Library {
         PackageError::NotComposed { path: path.to_owned(), nearest: near.map(str::to_owned) }
     }
 
-    fn all_composed(&self) -> &BTreeMap<String, ModulePath> {
+    fn all_composed(&self) -> &BTreeMap<String, Vec<ModulePath>> {
         self.composed.get_or_init(|| {
-            let mut known = BTreeMap::new();
+            let mut known: BTreeMap<String, Vec<ModulePath>> = BTreeMap::new();
             for package in self.all() {
                 for (path, components) in &*self.package(package).composed() {
                     let module = ModulePath { package, components: components.clone() };
-                    known.entry(path.clone()).or_insert(module);
+                    known.entry(path.clone()).or_default().push(module);
                 }
             }
             known
@@ -226,11 +252,11 @@ impl Library {
             let module = self.module(&path)?;
             for (include, range) in &module.includes {
                 // `naga_oil` imports a whole module so, whose names keep its name before them.
-                if self.composed(&[include.name().to_owned()]).is_some() {
+                if self.composed(&path, &[include.name().to_owned()])?.is_some() {
                     continue;
                 }
-                let Some(included) = self.include(&path, include) else {
-                    let span = Span { file: Arc::clone(&module.file), range: range.clone() };
+                let span = Span { file: Arc::clone(&module.file), range: range.clone() };
+                let Some(included) = self.include(&path, include, &span)? else {
                     let name = include.name();
                     let known = self.package(path.package).modules().unwrap_or_default();
                     let last = known.iter().filter_map(|module| module.rsplit("::").next());
@@ -252,9 +278,14 @@ impl Library {
         Ok(found)
     }
 
-    fn include(&self, from: &ModulePath, include: &Include) -> Option<ModulePath> {
+    fn include(
+        &self,
+        from: &ModulePath,
+        include: &Include,
+        span: &Span,
+    ) -> Result<Option<ModulePath>, PackageError> {
         let package = from.package;
-        match include {
+        Ok(match include {
             Include::File(file) => {
                 let stem = EXTENSIONS.iter().find_map(|e| file.strip_suffix(&format!(".{e}")));
                 let folder = &from.components[..from.components.len().saturating_sub(1)];
@@ -275,11 +306,18 @@ impl Library {
             Include::Name(name) => {
                 let known = self.package(package).modules().unwrap_or_default();
                 let is_it = |module: &&String| module.rsplit("::").next() == Some(name);
-                let module = known.iter().find(is_it)?;
-                let components = module.split("::").map(str::to_owned).collect();
-                Some(ModulePath { package, components })
+                let found: Vec<&String> = known.iter().filter(is_it).collect();
+                if let [first, second, ..] = *found {
+                    let message = format!("`{name}` may be `{first}` or `{second}`");
+                    let diagnostic = Diagnostic::new(message).at(span.clone(), "included here");
+                    return Err(PackageError::Shader(Box::new(diagnostic)));
+                }
+                found.first().map(|module| ModulePath {
+                    package,
+                    components: module.split("::").map(str::to_owned).collect(),
+                })
             }
-        }
+        })
     }
 
     /// Whether something asks about each feature that is set.

@@ -10,6 +10,7 @@ use super::library::{Library, ModulePath};
 use super::linked::{Item, KERNEL_PREFIX, KERNEL_WORDS, Linked, author_path};
 use super::splice::{Edit, Spliced};
 use super::syntax::{DeclarationKind, Module};
+use crate::diagnostic::{Diagnostic, Span};
 
 /// A module of one link.
 struct Part {
@@ -42,7 +43,31 @@ impl<'a> Linker<'a> {
         for path in linker.included.clone() {
             linker.add(&path)?;
         }
+        linker.expect_one_of_each_name()?;
         Ok(linker)
+    }
+
+    /// Pasted into one text, two declarations of one name would be an error, too.
+    fn expect_one_of_each_name(&self) -> Result<(), PackageError> {
+        let mut known: BTreeMap<&str, Span> = BTreeMap::new();
+        for path in
+            self.included.iter().chain(Some(&self.root).filter(|_| !self.included.is_empty()))
+        {
+            let module = &self.parts[path].module;
+            for declaration in &module.declarations {
+                let Some(name) = &declaration.name else { continue };
+                let span = module.span(declaration.name_token);
+                if let Some(first) = known.insert(name, span.clone()).filter(|first| *first != span)
+                {
+                    let message =
+                        format!("`{name}` is declared in two files that share their names");
+                    let diagnostic =
+                        Diagnostic::new(message).at(span, "").at(first, "declared first");
+                    return Err(PackageError::Shader(Box::new(diagnostic)));
+                }
+            }
+        }
+        Ok(())
     }
 
     fn add(&mut self, path: &ModulePath) -> Result<(), PackageError> {

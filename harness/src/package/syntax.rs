@@ -70,7 +70,11 @@ impl Module {
     /// Reads a file under conditions.
     pub(super) fn parse(file: &Arc<SourceFile>, features: &Features) -> Result<Self, PackageError> {
         let directed = directives::read(file, features)?;
-        let tokens = lex(directed.as_ref().map_or(&file.text, |directed| &directed.text));
+        let mut tokens = lex(directed.as_ref().map_or(&file.text, |directed| &directed.text));
+        for end in directed.iter().flat_map(|directed| &directed.ends) {
+            let at = tokens.partition_point(|token| token.range().start < *end);
+            tokens.insert(at, Token::end(*end));
+        }
         if let Some(token) = tokens.iter().find(|token| token.kind == Kind::Unknown) {
             let what = &file.text[token.range()];
             let message = if what.starts_with("/*") {
