@@ -13,7 +13,8 @@ const HEAD: &str = "\
 
 Made by `cargo ci corpus` from the list in `ci/corpus.toml`; nothing of the crates is kept here. A
 module *opens* if its functions can be listed. It is *whole* if it links and is valid with all that it
-holds, under the features that the list sets. A function is *callable* if `karat call` and tests can
+holds, under the features that the list sets: `karat check --crate bevy_pbr@0.20.1` alone says that many
+modules of Bevy's aren't valid, since they need values that the engine sets. A function is *callable* if `karat call` and tests can
 call it.
 
 Why functions are refused: by nature or until fixtures for it exist (`pointer`, `no result`,

@@ -195,27 +195,30 @@ impl Package {
 
     /// Lets modules import from `package` under `name`: `import noise::value::perlin;`.
     #[must_use]
-    pub fn depends_on(mut self, name: &'static str, package: &Self) -> Self {
-        self.dependencies.push((Cow::Borrowed(name), package.clone()));
-        self
+    pub fn depends_on(&self, name: &str, package: &Self) -> Self {
+        let mut own = self.clone();
+        own.dependencies.push((Cow::Owned(name.to_owned()), package.clone()));
+        own
     }
 
     /// Sets what conditions ask about, `@if(name)` or `#ifdef name`: on, off, or a number, which is on
     /// and has a value. Features that aren't set are off. They hold in the packages that this one
     /// imports from, too. A name that nothing in them asks about is an error of the check.
     #[must_use]
-    pub fn feature(mut self, name: &str, value: impl Into<Feature>) -> Self {
-        self.features.push((Cow::Owned(name.to_owned()), value.into()));
-        self
+    pub fn feature(&self, name: &str, value: impl Into<Feature>) -> Self {
+        let mut own = self.clone();
+        own.features.push((Cow::Owned(name.to_owned()), value.into()));
+        own
     }
 
     /// Validates `module` with these features on: one that means nothing without them. It concerns
     /// [`is_valid`](Self::is_valid) alone; what a test links has the features of the package.
     #[must_use]
-    pub fn validated_with(mut self, module: &str, features: &[&str]) -> Self {
+    pub fn validated_with(&self, module: &str, features: &[&str]) -> Self {
+        let mut own = self.clone();
         let features = features.iter().map(|feature| (*feature).to_owned()).collect();
-        self.validated_with.push((module.to_owned(), features));
-        self
+        own.validated_with.push((module.to_owned(), features));
+        own
     }
 
     /// Whether each module that is validated with features exists.
@@ -262,7 +265,9 @@ impl Package {
     #[must_use]
     pub fn root(&self) -> PathBuf {
         match &self.origin {
-            Origin::Folder { base, path } if path == "." => PathBuf::from(base.as_ref()),
+            Origin::Folder { base, path } if path == "." && !base.is_empty() => {
+                PathBuf::from(base.as_ref())
+            }
             Origin::Folder { base, path } => Path::new(base.as_ref()).join(path.as_ref()),
             Origin::File { path, .. } => path.clone(),
             Origin::Found(found) => found.root().to_owned(),
@@ -358,7 +363,9 @@ impl Package {
     /// # Errors
     /// If the module can't be read or parsed.
     pub fn functions_in(&self, module: &str) -> Result<Vec<FunctionItem>, PackageError> {
-        let module_of = Library::open(self)?.module(&ModulePath::root(module))?;
+        let (library, root) = (Library::open(self)?, ModulePath::root(module));
+        library.begin(&root)?;
+        let module_of = library.module(&root)?;
         Ok(self.functions_of(module, &module_of))
     }
 
@@ -400,6 +407,11 @@ fn scan(
         let no_module = |reason| PackageError::NoModule { file: shown(&path), reason };
         let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
         let is_shader = library::EXTENSIONS.iter().any(|known| extension == *known);
+        if !prefix.is_empty() && path.file_name().is_some_and(|name| name == manifest::NAME) {
+            let reason =
+                "only the one in the package's own folder is read: move it there".to_owned();
+            return Err(PackageError::Manifest { file: shown(&path), reason });
+        }
         let part = if path.is_dir() { path.file_name() } else { path.file_stem() };
         let Some(part) = part.and_then(|part| part.to_str()) else {
             if is_shader {

@@ -133,13 +133,15 @@ fn conditions_choose_lines() {
         text[at..at + 1].parse::<u32>().expect("a digit")
     };
     let (on, off) = (Feature::Flag(true), Feature::Flag(false));
-    assert_eq!(value(&[]), 4);
+    let unset = error(&one(text), "f");
+    assert!(unset.contains("`C` has no value"), "{unset}");
+    let four = Feature::Number(2);
+    assert_eq!(value(&[("C", four)]), 4);
     assert_eq!(value(&[("A", on)]), 1);
     assert_eq!(value(&[("A", on), ("B", on)]), 1);
     assert_eq!(value(&[("A", off), ("B", on)]), 2);
     assert_eq!(value(&[("C", Feature::Number(3))]), 3);
-    assert_eq!(value(&[("C", Feature::Number(2))]), 4);
-    assert_eq!(value(&[("D", on)]), 5);
+    assert_eq!(value(&[("C", four), ("D", on)]), 5);
     let operators = "fn f() -> i32 {\n#if N == 2\nreturn 1;\n#endif\n#if N != 3\nreturn 2;\n#endif\n\
                      #if N < 3\nreturn 3;\n#endif\n#if N <= 3\nreturn 4;\n#endif\n#if N > 4\n\
                      return 5;\n#endif\nreturn 6;\n}\n";
@@ -148,8 +150,16 @@ fn conditions_choose_lines() {
         let at = text.find("return ").expect("it returns") + 7;
         assert_eq!(text[at..at + 1], expected.to_string(), "{n}: {text}");
     }
-    let defined = "#define N 3\n#ifdef N\nfn f() -> i32 { return #{N}; }\n#endif\n";
-    assert!(f(&one(defined)).contains("return 3;"));
+    // Wherever it is defined.
+    for text in [
+        "#define N 3\n#ifdef N\nfn f() -> i32 { return #{N}; }\n#endif\n",
+        "# ifdef N\nfn f() -> i32 { return #{N}; }\n#endif\n#define N 3\n",
+        "#ifdef NO\n#define N 3u\n#endif\n#ifdef N\nfn f() -> i32 { return #{N}; }\n#endif\n",
+    ] {
+        assert!(f(&one(text)).contains("return 3;"), "{text}");
+    }
+    // A definition wins over a feature, as it does there.
+    assert!(f(&one("#define N 3\nfn f() -> i32 { return #{N}; }").feature("N", 4)).contains("3;"));
     // A condition in a comment is none.
     assert!(f(&one("/*\n#ifdef A\n*/\nfn f() -> i32 { return 1; }\n// #endif\n")).contains("1;"));
 }
@@ -164,6 +174,30 @@ fn conditions_that_cannot_be_read_are_errors() {
         ("#ifdef A B\n#endif\nfn f() {}\n", "`#ifdef` names one feature"),
         ("#if A\n#endif\nfn f() {}\n", "conditions compare a feature with a value"),
         ("#if A == x\n#endif\nfn f() {}\n", "values are whole numbers"),
+        ("#if A == 1\n#endif\nfn f() {}\n", "`A` has no value"),
+        (
+            "#define A\n#if A >= 1\n#endif\nfn f() {}\n",
+            "`A` is true, which `>= 1` can't be asked of",
+        ),
+        (
+            "#define A 1\n#if A == true\n#endif\nfn f() {}\n",
+            "`A` is 1, which `== true` can't be asked",
+        ),
+        (
+            "#define A\n#if A < true\n#endif\nfn f() {}\n",
+            "`A` is true, which `< true` can't be asked",
+        ),
+        ("#define A x\nfn f() {}\n", "values are whole numbers"),
+        ("#define_import_path a\n#define A\nfn f() {}\n", "a module that others import can't"),
+        (
+            "#define_import_path a\n#define_import_path b\nfn f() {}\n",
+            "a second `#define_import_path`",
+        ),
+        ("#define_import_path a b\nfn f() {}\n", "a module gives itself a path"),
+        ("#define_import_path\nfn f() {}\n", "a module gives itself a path"),
+        ("#ifdef A\n#else\n#else\n#endif\nfn f() {}\n", "a second `#else`"),
+        ("#ifdef A\n#else\n#else ifdef B\n#endif\nfn f() {}\n", "a second `#else`"),
+        ("/* a */ #ifdef A\n#endif\nfn f() {}\n", "a directive begins its line"),
         ("#if A =< 3\n#endif\nfn f() {}\n", "conditions compare a feature with a value"),
         ("#ifdef A\n#else maybe\n#endif\nfn f() {}\n", "an `#else` is followed by nothing"),
         ("fn f() -> i32 { return #{N; }\n", "has no value"),
@@ -188,6 +222,39 @@ fn imports_end_where_their_lines_or_braces_do() {
     assert_eq!(probed.function().span.to_string(), "<user>:18:1");
     let check = package.function("user::f").over(0.0..=1.0);
     check.agrees_with(|x: f64| std::f64::consts::PI * x / 2.0, Ulp(3.0));
+}
+
+/// What the module defines that is linked holds in all that it imports or includes.
+#[test]
+fn definitions_reach_what_is_imported() {
+    let lib = "#define_import_path lib\n#ifdef FULL\nfn v(x: f32) -> f32 { return x; }\n#else\n\
+               fn v(x: f32) -> f32 { return -x; }\n#endif\n";
+    let part = lib.replace("#define_import_path lib\n", "");
+    let f = |first: &str| format!("{first}\nfn f(x: f32) -> f32 {{ return v(x); }}\n");
+    let package = Package::from_modules(
+        "m",
+        [
+            ("lib", lib.to_owned()),
+            ("part.inc", part),
+            ("full", f("#define FULL\n#import lib::v")),
+            ("plain", f("#import lib::v")),
+            ("pasted", f("#define FULL\n#include \"part.inc.wgsl\"")),
+            ("defines", "#define FULL\nfn v(x: f32) -> f32 { return x; }".to_owned()),
+            ("wrong", f("#include \"defines.wgsl\"")),
+            ("outside", f("#include \"../../part.inc.wgsl\"")),
+        ],
+    );
+    let sign = |module: &str, sign: f64| {
+        let check = package.function(&format!("{module}::f")).over(0.5..=1.0);
+        check.agrees_with(|x: f64| sign * x, Ulp(0.0));
+    };
+    sign("full", 1.0);
+    sign("pasted", 1.0);
+    sign("plain", -1.0);
+    let wrong = error(&package, "wrong::f");
+    assert!(wrong.contains("this file has a `#define`"), "{wrong}");
+    let outside = error(&package, "outside::f");
+    assert!(outside.contains("its path leads out of package `m`"), "{outside}");
 }
 
 /// Two meanings of one name are none.
@@ -328,6 +395,12 @@ fn a_feature_that_nothing_asks_about_is_an_error() {
     let oil =
         "#ifdef MULTISAMPLED\n#else if SAMPLES > 2\n#endif\nfn f() -> i32 { return #{COUNT}; }";
     assert_snapshot!(error(&one(oil).feature("SAMPLE", 2), "f"), @"nothing in package `s` or in what it imports asks about the feature `SAMPLE`; did you mean `SAMPLES`?; it asks about COUNT, MULTISAMPLED, SAMPLES");
+    // A word that is no condition's, wherever it stands.
+    let commented = "// of A\n@if(B) fn A() {}\nfn f() -> f32 { return 1.0; }";
+    for word in ["A", "of", "return", "1"] {
+        let said = error(&one(commented).feature(word, true), "f");
+        assert!(said.contains("it asks about B"), "{said}");
+    }
     assert_snapshot!(error(&one("fn f() -> f32 { return 1.0; }").feature("A", true), "f"), @"nothing in package `s` or in what it imports asks about the feature `A`");
 }
 
@@ -397,6 +470,40 @@ fn a_name_that_no_module_gives_itself_is_an_error() {
     "#);
 }
 
+/// A condition between an `if` and its `else` would take a statement with it.
+#[test]
+fn a_condition_before_an_else_is_an_error() {
+    let text = "fn f(x: f32) -> f32 {\n    var y = 0.0;\n    if x > 1.0 { y = 1.0; } @if(q) else { y = 2.0; }\n    \
+                y += 10.0;\n    return y;\n}\n";
+    let said = error(&one(text), "f");
+    assert!(said.contains("a condition can't stand between an `if` and its `else`"), "{said}");
+}
+
+#[test]
+fn a_byte_order_mark_is_named() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join("a.wgsl"), "\u{feff}fn f() -> f32 { return 1.0; }")
+        .expect("written");
+    let said = error(&Package::open(folder.path()).expect("a folder"), "a::f");
+    assert!(said.contains("begins with a byte order mark"), "{said}");
+}
+
+/// One that is in a folder below would hold or not, by which folder is opened.
+#[test]
+fn karat_toml_below_the_package_is_an_error() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::create_dir(folder.path().join("sub")).expect("a folder");
+    std::fs::write(folder.path().join("sub/a.wgsl"), "fn f() -> f32 { return 1.0; }")
+        .expect("written");
+    std::fs::write(folder.path().join("sub/karat.toml"), "").expect("written");
+    let error =
+        Package::open(folder.path()).expect("a folder").modules().expect_err("it isn't read");
+    assert!(
+        error.to_string().contains("only the one in the package's own folder is read"),
+        "{error}"
+    );
+}
+
 /// A folder says what expands its modules, and which features hold.
 #[test]
 #[cfg(unix)]
@@ -430,7 +537,9 @@ fn karat_toml_says_what_expands_modules() {
     for (text, message) in [
         ("preprocess = []\n", "`shaders/karat.toml` can't be used: `preprocess` names no program"),
         ("preproces = [\"a\"]\n", "unknown field `preproces`"),
-        ("[features]\nfast = \"yes\"\n", "can't be used"),
+        ("[features]\nfast = \"yes\"\n", "feature `fast` is a whole number, `true` or `false`"),
+        ("preprocess = [\"yes\"]\n", "it prints more than 16 MiB"),
+        ("preprocess = [\"false\"]\n", "exit status: 1: cd "),
         ("preprocess = [\"true\"]\n", "it prints nothing"),
         ("preprocess = [\"no-such-program-here\"]\n", "it doesn't run"),
         ("[features]\nfst = true\n", "asks about the feature `fst`"),

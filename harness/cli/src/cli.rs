@@ -111,6 +111,9 @@ enum Command {
                             read.")]
     Check(check::Args),
     /// List the functions of the shader packages, with signatures and whether they are tested
+    #[command(after_help = "Examples:\n  karat list\n  karat list --crate bevy_pbr@0.20.1\n\
+                            Exit codes: 0 every module is valid; 1 one isn't, and its functions are \
+                            listed as far as they are;\n2 a package can't be read.")]
     List(list::Args),
     /// Print the linked shader of a function with its generated kernel
     Show(show::Args),

@@ -211,19 +211,25 @@ fn of_project(base: &Path) -> Result<Graph, String> {
 
 /// A crate at its version, with what it depends on.
 fn fetched(base: &Path, name: &str, version: &str) -> Result<Graph, String> {
-    let none = "there is no home folder for what cargo fetches: set CARGO_HOME";
-    let kept = kept(&format!("{name}-{version}.{SCHEMA}.json")).ok_or(none)?;
-    remembered(&kept, || {
-        let folder = kept.with_extension(format!("{}.tmp", std::process::id()));
+    let ask = || {
+        // A project that nobody else has, for as long as cargo is asked.
+        let own = format!("karat-{}-{name}-{version}", std::process::id());
+        let folder = std::env::temp_dir().join(own);
         let graph = fetch(base, &folder, name, version);
         drop(std::fs::remove_dir_all(&folder));
         graph
-    })
+    };
+    match kept(&format!("{name}-{version}.{SCHEMA}.json")) {
+        Some(kept) => remembered(&kept, ask),
+        None => ask(),
+    }
 }
 
 fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph, String> {
     let failed = |error: std::io::Error| format!("can't write `{}`: {error}", shown(folder));
-    std::fs::create_dir_all(folder.join("src")).map_err(failed)?;
+    // Its own: a folder that somebody else has made is none.
+    std::fs::create_dir(folder).map_err(failed)?;
+    std::fs::create_dir(folder.join("src")).map_err(failed)?;
     std::fs::write(folder.join("src/lib.rs"), "").map_err(failed)?;
     let manifest = folder.join("Cargo.toml");
     let mut wanted = BTreeSet::from([name.to_owned()]);

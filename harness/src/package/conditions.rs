@@ -131,6 +131,11 @@ impl Reader<'_> {
         if at >= self.tokens.len() {
             return Err(self.error(&condition, "nothing follows this condition"));
         }
+        if self.text(at) == "else" {
+            let message = "a condition can't stand between an `if` and its `else`: put it before the \
+                           `if`, or inside of the branch";
+            return Err(self.error(&condition, message));
+        }
         let end = self.end(at).ok_or_else(|| {
             self.error(&condition, "what this condition stands before doesn't end")
         })?;

@@ -18,6 +18,7 @@ use super::PackageError;
 use super::conditions::Inactive;
 use super::feature::{Feature, Features, is_on};
 use super::lexer::{Kind, Token, lex};
+use super::library::CONSTANTS;
 use crate::diagnostic::{Diagnostic, SourceFile, Span, nearest};
 
 /// What directives leave of a text.
@@ -35,6 +36,8 @@ pub(super) struct Directed {
     pub(super) includes: Vec<(Include, Range<usize>)>,
     /// Where statements end that have no `;`.
     pub(super) ends: Vec<usize>,
+    /// Whether the module gives itself a path.
+    path: bool,
     /// Whether it imports as `naga_oil` does.
     pub(super) composes: bool,
 }
@@ -76,6 +79,8 @@ struct Open {
     holds: bool,
     /// The branch as its author wrote it.
     shown: String,
+    /// Whether it is the last branch.
+    last: bool,
 }
 
 impl Open {
@@ -141,7 +146,36 @@ pub(super) fn path(text: &str) -> Option<String> {
     Some(without_comment(line).trim().trim_end_matches(';').trim().to_owned())
 }
 
-/// The features that a text asks about, in conditions of either kind.
+/// What a text defines, wherever in it: `naga_oil` reads that first, and in the module that is linked
+/// alone. Values that can't be read are an error when the module is.
+pub(super) fn defined(text: &str) -> Features {
+    if !text.contains("#define") && !text.contains("# ") {
+        return Features::new();
+    }
+    let tokens = lex(text);
+    let marks = tokens.iter().filter(|token| is_mark(text, token));
+    let lines = marks.filter_map(|mark| {
+        let line = text[mark.range().end..].lines().next().unwrap_or_default();
+        let rest = without_comment(line).trim_start().strip_prefix("define")?;
+        rest.starts_with(char::is_whitespace).then(|| rest.trim())
+    });
+    let pair = |line: &str| {
+        let (name, value) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+        Some((name.to_owned(), value_of(value.trim())?))
+    };
+    lines.filter_map(pair).collect()
+}
+
+/// A value as a directive has it; none: on.
+fn value_of(value: &str) -> Option<Feature> {
+    match value {
+        "" | "true" => Some(Feature::Flag(true)),
+        "false" => Some(Feature::Flag(false)),
+        _ => value.strip_suffix(['u', 'i']).unwrap_or(value).parse().ok().map(Feature::Number),
+    }
+}
+
+/// The features that a text asks about, in conditions of either kind, and as values.
 pub(super) fn asked(text: &str) -> BTreeSet<String> {
     let tokens = lex(text);
     let word = |index: usize| tokens.get(index).map_or("", |t: &Token| &text[t.range()]);
@@ -150,6 +184,17 @@ pub(super) fn asked(text: &str) -> BTreeSet<String> {
         let condition = word(index) == "@" && matches!(word(index + 1), "if" | "elif");
         let directive = word(index) == "#"
             && matches!(word(index + 1), "if" | "ifdef" | "ifndef" | "else" | "{");
+        if word(index) == CONSTANTS && word(index + 1) == ":" {
+            // `constants::NAME`, `import constants::{A, B};`
+            let names = tokens[index + 3..].iter().map(|t: &Token| (t.kind, &text[t.range()]));
+            let braces = word(index + 3) == "{";
+            let names = names
+                .skip(usize::from(braces))
+                .take_while(|(kind, text)| if braces { *text != "}" } else { *kind == Kind::Word });
+            let names =
+                names.filter(|(kind, _)| *kind == Kind::Word).map(|(_, name)| name.to_owned());
+            found.extend(names.take(if braces { usize::MAX } else { 1 }));
+        }
         let end = match (condition, directive) {
             (true, _) => text[tokens[index].range().start..].find(')'),
             (_, true) => text[tokens[index].range().start..].find(['\n', '}']),
@@ -236,13 +281,18 @@ impl Reader<'_> {
         }
         let line_end = text[at..].find(['\n', '\r']).map_or(text.len(), |end| at + end);
         let line = without_comment(&text[at + 1..line_end]);
-        let word_end =
-            line.find(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).unwrap_or(line.len());
-        let (word, rest) = line.split_at(word_end);
+        // `# ifdef` is one, too.
+        let blank = line.len() - line.trim_start().len();
+        let length = line[blank..].find(|c: char| !(c.is_ascii_alphanumeric() || c == '_'));
+        let word_end = length.map_or(line.len(), |length| blank + length);
+        let (word, rest) = (&line[blank..word_end], &line[word_end..]);
         let whole = at..at + 1 + line.trim_end().len();
         if !first || !KNOWN.contains(&word) {
             if !self.is_live() {
                 return Ok(());
+            }
+            if KNOWN.contains(&word) {
+                return Err(self.error(whole, "a directive begins its line"));
             }
             let shown = &text[at..at + 1 + word_end];
             let mut error = unknown(self.file, whole, &format!("`{shown}`"), "a preprocessor");
@@ -260,7 +310,8 @@ impl Reader<'_> {
                 let outer = self.is_live();
                 let holds = outer && self.holds(word, rest, &whole)?;
                 let shown = text[whole.clone()].to_owned();
-                self.open.push(Open { at: whole.clone(), outer, taken: holds, holds, shown });
+                let (at, taken) = (whole.clone(), holds);
+                self.open.push(Open { at, outer, taken, holds, shown, last: false });
             }
             "else" => {
                 let (word, condition) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
@@ -268,6 +319,9 @@ impl Reader<'_> {
                     return Err(self.error(whole, "this `#else` follows no `#if`"));
                 };
                 let (outer, taken) = (open.outer, open.taken);
+                if open.last {
+                    return Err(self.error(whole, "a second `#else`"));
+                }
                 let holds = outer
                     && !taken
                     && match word {
@@ -284,7 +338,8 @@ impl Reader<'_> {
                 let shown = text[whole.clone()].to_owned();
                 self.open.pop();
                 let taken = taken || holds;
-                self.open.push(Open { at: whole.clone(), outer, taken, holds, shown });
+                let (at, last) = (whole.clone(), word.is_empty());
+                self.open.push(Open { at, outer, taken, holds, shown, last });
             }
             "endif" => {
                 if self.open.pop().is_none() {
@@ -296,11 +351,29 @@ impl Reader<'_> {
                 return Ok(());
             }
             "define" => {
-                let (name, value) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
-                let value = self.parsed(value.trim(), &whole)?;
-                self.features.insert(name.to_owned(), value);
+                // Its value is known already: see `defined`.
+                let (_, value) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
+                self.parsed(value.trim(), &whole)?;
+                if self.found.path {
+                    let message = "a module that others import can't `#define`: only the one that is \
+                                   linked may";
+                    return Err(self.error(whole, message));
+                }
             }
-            "define_import_path" => self.found.composes = true,
+            "define_import_path" => {
+                let path = rest.trim_end_matches(';').trim_end();
+                let is_part = |c: char| c.is_alphanumeric() || c == '_';
+                if self.found.path {
+                    return Err(self.error(whole, "a second `#define_import_path`"));
+                }
+                if path.split("::").any(|part| part.is_empty() || !part.chars().all(is_part)) {
+                    let message =
+                        "a module gives itself a path: `#define_import_path engine::math`";
+                    return Err(self.error(whole, message));
+                }
+                self.found.path = true;
+                self.found.composes = true;
+            }
             "include" => {
                 let named = rest.strip_prefix('"').and_then(|rest| rest.split_once('"'));
                 let Some((name, _)) = named else {
@@ -386,11 +459,7 @@ impl Reader<'_> {
         };
         let (range, name) = (at..at + length + 1, rest[2..length].trim().to_owned());
         let Some(value) = self.features.get(&name).copied() else {
-            let span = Span { file: Arc::clone(self.file), range };
-            let diagnostic = Diagnostic::new(format!("`{name}` has no value"))
-                .at(span, "")
-                .note(format!("set it: `.feature(\"{name}\", 3)`, or `--feature {name}=3`"));
-            return Err(PackageError::Shader(Box::new(diagnostic)));
+            return Err(self.no_value(&name, range));
         };
         let value = value.to_string();
         let (before, after) = (&self.text()[..at], &self.text()[range.end..]);
@@ -414,6 +483,14 @@ impl Reader<'_> {
         }
         self.found.replaced.push((range, value));
         Ok(())
+    }
+
+    fn no_value(&self, name: &str, range: Range<usize>) -> PackageError {
+        let span = Span { file: Arc::clone(self.file), range };
+        let diagnostic = Diagnostic::new(format!("`{name}` has no value"))
+            .at(span, "")
+            .note(format!("set it: `.feature(\"{name}\", 3)`, or `--feature {name}=3`"));
+        PackageError::Shader(Box::new(diagnostic))
     }
 
     /// Whether a condition holds.
@@ -440,25 +517,27 @@ impl Reader<'_> {
             "<=" => std::cmp::Ordering::is_le,
             _ => return Err(self.error(whole.clone(), wrong)),
         };
-        let number = |feature: &Feature| match feature {
-            Feature::Flag(on) => i64::from(*on),
-            Feature::Number(value) => *value,
+        // What isn't set is neither equal nor different.
+        let Some(own) = self.features.get(name) else {
+            return Err(self.no_value(name, whole.clone()));
         };
-        // A condition on what isn't set doesn't hold.
-        let own = self.features.get(name);
-        Ok(own.is_some_and(|own| holds(number(own).cmp(&number(&value)))))
+        let equality = matches!(operator, "==" | "!=");
+        let order = match (own, value) {
+            (Feature::Number(own), Feature::Number(value)) => own.cmp(&value),
+            (Feature::Flag(own), Feature::Flag(value)) if equality => own.cmp(&value),
+            (own, value) => {
+                let message =
+                    format!("`{name}` is {own}, which `{operator} {value}` can't be asked of");
+                return Err(self.error(whole.clone(), &message));
+            }
+        };
+        Ok(holds(order))
     }
 
     /// A value as a directive has it; none: on.
     fn parsed(&self, value: &str, whole: &Range<usize>) -> Result<Feature, PackageError> {
-        let digits = value.strip_suffix(['u', 'i']).unwrap_or(value);
-        match value {
-            "" | "true" => Ok(Feature::Flag(true)),
-            "false" => Ok(Feature::Flag(false)),
-            _ => digits.parse().map(Feature::Number).map_err(|_| {
-                self.error(whole.clone(), "values are whole numbers, `true` and `false`")
-            }),
-        }
+        let wrong = || self.error(whole.clone(), "values are whole numbers, `true` and `false`");
+        value_of(value).ok_or_else(wrong)
     }
 }
 

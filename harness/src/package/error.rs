@@ -56,6 +56,12 @@ pub enum PackageError {
         /// Why there are none.
         reason: String,
     },
+    /// A module begins with a mark that WGSL doesn't have.
+    #[error("`{file}` begins with a byte order mark (U+FEFF): save the file as UTF-8 without one")]
+    ByteOrderMark {
+        /// The file.
+        file: String,
+    },
     /// An import names a package that isn't a dependency.
     #[error(
         "package `{package}` has no dependency `{name}`{}; declare it with `depends_on`",

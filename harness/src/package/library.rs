@@ -46,6 +46,8 @@ pub(super) struct Library {
     packages: RefCell<Vec<(Rc<Package>, String)>>,
     overlay: Overlay,
     modules: RefCell<BTreeMap<ModulePath, Arc<Module>>>,
+    /// What the module defines that is linked.
+    defined: RefCell<Features>,
     /// Modules by the paths that they give themselves.
     composed: OnceCell<BTreeMap<String, Vec<ModulePath>>>,
 }
@@ -57,8 +59,8 @@ impl Library {
         let overlay = Overlay::of(&package)?;
         Manifest::of(&package)?;
         let packages = RefCell::new(vec![(Rc::new(package), String::new())]);
-        let (modules, composed) = Default::default();
-        let library = Self { packages, overlay, modules, composed };
+        let (modules, defined, composed) = Default::default();
+        let library = Self { packages, overlay, modules, defined, composed };
         library.expect_features()?;
         Ok(library)
     }
@@ -67,6 +69,13 @@ impl Library {
     pub(super) fn read(&self, path: &ModulePath) -> Result<Arc<SourceFile>, PackageError> {
         let package = self.package(path.package);
         package.load(&path.components, &self.overlay).map(Arc::new)
+    }
+
+    /// The text of the module that is linked. What it defines holds in all modules.
+    pub(super) fn begin(&self, root: &ModulePath) -> Result<Arc<SourceFile>, PackageError> {
+        let file = self.read(root)?;
+        *self.defined.borrow_mut() = directives::defined(&file.text);
+        Ok(file)
     }
 
     /// A module without what its conditions leave out.
@@ -263,12 +272,29 @@ impl Library {
                     let diagnostic =
                         Diagnostic::new(format!("there is no module `{name}` to include"));
                     let diagnostic = diagnostic.at(span, "");
-                    let diagnostic = match nearest(name, last) {
+                    let outside = match include {
+                        Include::File(file) => file.split('/').filter(|part| *part == "..").count(),
+                        Include::Name(_) => 0,
+                    };
+                    let diagnostic = if outside >= path.components.len() && outside > 0 {
+                        let package = self.name(path.package);
+                        diagnostic.note(format!("its path leads out of package `{package}`"))
+                    } else {
+                        diagnostic
+                    };
+                    let diagnostic = match nearest(name, last).filter(|near| *near != name) {
                         Some(near) => diagnostic.note(format!("did you mean `{near}`?")),
                         None => diagnostic,
                     };
                     return Err(PackageError::Shader(Box::new(diagnostic)));
                 };
+                let text = &self.module(&included)?.file.text;
+                if included != *root && !directives::defined(text).is_empty() {
+                    let message = "this file has a `#define`, which is read in the module alone that is \
+                                   linked: move it there";
+                    let diagnostic = Diagnostic::new(message.to_owned()).at(span, "included here");
+                    return Err(PackageError::Shader(Box::new(diagnostic)));
+                }
                 if included != *root && !found.contains(&included) {
                     found.push(included.clone());
                     queue.push(included);
@@ -339,7 +365,9 @@ impl Library {
                 };
                 modules.into_iter().filter_map(load).collect()
             };
-            if !self.all().into_iter().any(|of| texts(of).iter().any(|text| has_word(text, name))) {
+            let asks =
+                |text: &String| has_word(text, name) && directives::asked(text).contains(name);
+            if !self.all().into_iter().any(|of| texts(of).iter().any(asks)) {
                 let mut known = BTreeSet::new();
                 texts(0).iter().for_each(|text| known.extend(directives::asked(text)));
                 return Err(PackageError::UnknownFeature {
@@ -364,7 +392,8 @@ impl Library {
         let declared = [&own, &linked].map(|of| Manifest::of(of).unwrap_or_default().features());
         let set = own.features.iter().chain(&linked.features);
         let set = set.map(|(name, value)| (name.to_string(), *value));
-        declared.into_iter().flatten().chain(set).collect()
+        let defined = self.defined.borrow().clone();
+        declared.into_iter().flatten().chain(set).chain(defined).collect()
     }
 }
 
@@ -521,6 +550,7 @@ fn read_utf8(path: &Path) -> Result<SourceFile, PackageError> {
     let bytes = std::fs::read(path)
         .map_err(|source| PackageError::Unreadable { file: file.clone(), source })?;
     match String::from_utf8(bytes) {
+        Ok(text) if text.starts_with('\u{feff}') => Err(PackageError::ByteOrderMark { file }),
         Ok(text) => Ok(SourceFile { name: file, text }),
         Err(error) => {
             let valid = &error.as_bytes()[..error.utf8_error().valid_up_to()];

@@ -26,7 +26,7 @@ impl Package {
     pub(crate) fn link_items(&self, module: &str, items: &[&str]) -> Result<Linked, PackageError> {
         let root = ModulePath::root(module);
         let library = Library::open(self)?;
-        let file = library.read(&root).map_err(|error| match error {
+        let file = library.begin(&root).map_err(|error| match error {
             PackageError::UnknownModule { .. } if items.len() == 1 => {
                 self.unknown_function(module, items[0])
             }
@@ -55,7 +55,7 @@ impl Package {
     pub(crate) fn link_module(&self, module: &str) -> Result<Linked, PackageError> {
         let root = ModulePath::root(module);
         let library = Library::open(self)?;
-        let file = library.read(&root)?;
+        let file = library.begin(&root)?;
         if asks_for_nothing(&file.text) {
             return Ok(verbatim(&library, &root, &file));
         }

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::io::Write;
 
 use karat::Package;
-use karat::package::FunctionItem;
+use karat::package::{FunctionItem, PackageError};
 use karat::record::{self, Subject};
 use karat::reflect::{Function, Program, ReflectError};
 use serde::Serialize;
@@ -51,6 +51,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
                     let items = package.functions_in(&module)?;
                     let items = items.into_iter().filter(|item| !item.entry_point);
                     entries.extend(items.map(|item| entry(&package, &program, item, &tested)));
+                }
+                // Of the package, and not of this module.
+                Err(ReflectError::Package(error @ PackageError::UnknownFeature { .. })) => {
+                    return Err(error.into());
                 }
                 Err(error) => {
                     valid = false;
