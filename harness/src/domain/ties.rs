@@ -81,7 +81,7 @@ fn like(types: &[TypeId], ties: &[Tie], rate: u64, source: &mut Source) -> Optio
             .filter(|(from, to)| from != to && types[*from] == types[*to] && free(*to))
     };
     // The first tie is asked about in each draw: whether there are like types is all that counts.
-    let first = ties.is_empty().then(|| first_like(types)).unwrap_or_else(|| pairs().next())?;
+    let first = if ties.is_empty() { first_like(types)? } else { pairs().next()? };
     if source.below(rate) != 0 {
         return None;
     }
