@@ -36,8 +36,8 @@ pub(super) struct Directed {
     pub(super) includes: Vec<(Include, Range<usize>)>,
     /// Where statements end that have no `;`.
     pub(super) ends: Vec<usize>,
-    /// Whether the module gives itself a path.
-    path: bool,
+    /// The path that the module gives itself.
+    path: Option<String>,
     /// Whether it imports as `naga_oil` does.
     pub(super) composes: bool,
 }
@@ -354,7 +354,7 @@ impl Reader<'_> {
                 // Its value is known already: see `defined`.
                 let (_, value) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
                 self.parsed(value.trim(), &whole)?;
-                if self.found.path {
+                if self.found.path.is_some() {
                     let message = "a module that others import can't `#define`: only the one that is \
                                    linked may";
                     return Err(self.error(whole, message));
@@ -363,7 +363,7 @@ impl Reader<'_> {
             "define_import_path" => {
                 let path = rest.trim_end_matches(';').trim_end();
                 let is_part = |c: char| c.is_alphanumeric() || c == '_';
-                if self.found.path {
+                if self.found.path.as_ref().is_some_and(|known| known != path) {
                     return Err(self.error(whole, "a second `#define_import_path`"));
                 }
                 if path.split("::").any(|part| part.is_empty() || !part.chars().all(is_part)) {
@@ -371,7 +371,7 @@ impl Reader<'_> {
                         "a module gives itself a path: `#define_import_path engine::math`";
                     return Err(self.error(whole, message));
                 }
-                self.found.path = true;
+                self.found.path = Some(path.to_owned());
                 self.found.composes = true;
             }
             "include" => {
