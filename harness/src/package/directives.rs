@@ -10,7 +10,9 @@
 //! - Inclusion, for vello (`#import bbox`), `re_renderer` (`#import <./plane.wgsl>`) and blade
 //!   (`#include "quaternion.inc.wgsl"`): what a file includes shares one name space with it.
 
-use std::collections::BTreeSet;
+mod ahead;
+mod foreign;
+
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -18,7 +20,11 @@ use super::PackageError;
 use super::conditions::Inactive;
 use super::feature::{Feature, Features, is_on};
 use super::lexer::{Kind, Token, lex};
-use super::library::CONSTANTS;
+
+pub(super) use ahead::{asked, defined, path};
+use ahead::{value_of, without_comment};
+use foreign::{template, unknown};
+
 use crate::diagnostic::{Diagnostic, SourceFile, Span, nearest};
 
 /// What directives leave of a text.
@@ -138,76 +144,6 @@ pub(super) fn read(
     found.removed.sort_by_key(|range| range.start);
     found.text = String::from_utf8(reader.bytes).expect("whole characters are blanked");
     Ok(Some(found))
-}
-
-/// The path that a module gives itself.
-pub(super) fn path(text: &str) -> Option<String> {
-    let line = text.lines().find_map(|line| line.trim().strip_prefix("#define_import_path"))?;
-    Some(without_comment(line).trim().trim_end_matches(';').trim().to_owned())
-}
-
-/// What a text defines, wherever in it: `naga_oil` reads that first, and in the module that is linked
-/// alone. Values that can't be read are an error when the module is.
-pub(super) fn defined(text: &str) -> Features {
-    if !text.contains("#define") && !text.contains("# ") {
-        return Features::new();
-    }
-    let tokens = lex(text);
-    let marks = tokens.iter().filter(|token| is_mark(text, token));
-    let lines = marks.filter_map(|mark| {
-        let line = text[mark.range().end..].lines().next().unwrap_or_default();
-        let rest = without_comment(line).trim_start().strip_prefix("define")?;
-        rest.starts_with(char::is_whitespace).then(|| rest.trim())
-    });
-    let pair = |line: &str| {
-        let (name, value) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
-        Some((name.to_owned(), value_of(value.trim())?))
-    };
-    lines.filter_map(pair).collect()
-}
-
-/// A value as a directive has it; none: on.
-fn value_of(value: &str) -> Option<Feature> {
-    match value {
-        "" | "true" => Some(Feature::Flag(true)),
-        "false" => Some(Feature::Flag(false)),
-        _ => value.strip_suffix(['u', 'i']).unwrap_or(value).parse().ok().map(Feature::Number),
-    }
-}
-
-/// The features that a text asks about, in conditions of either kind, and as values.
-pub(super) fn asked(text: &str) -> BTreeSet<String> {
-    let tokens = lex(text);
-    let word = |index: usize| tokens.get(index).map_or("", |t: &Token| &text[t.range()]);
-    let mut found = BTreeSet::new();
-    for index in 0..tokens.len() {
-        let condition = word(index) == "@" && matches!(word(index + 1), "if" | "elif");
-        let directive = word(index) == "#"
-            && matches!(word(index + 1), "if" | "ifdef" | "ifndef" | "else" | "{");
-        if word(index) == CONSTANTS && word(index + 1) == ":" {
-            // `constants::NAME`, `import constants::{A, B};`
-            let names = tokens[index + 3..].iter().map(|t: &Token| (t.kind, &text[t.range()]));
-            let braces = word(index + 3) == "{";
-            let names = names
-                .skip(usize::from(braces))
-                .take_while(|(kind, text)| if braces { *text != "}" } else { *kind == Kind::Word });
-            let names =
-                names.filter(|(kind, _)| *kind == Kind::Word).map(|(_, name)| name.to_owned());
-            found.extend(names.take(if braces { usize::MAX } else { 1 }));
-        }
-        let end = match (condition, directive) {
-            (true, _) => text[tokens[index].range().start..].find(')'),
-            (_, true) => text[tokens[index].range().start..].find(['\n', '}']),
-            _ => None,
-        };
-        let Some(end) = end.map(|end| tokens[index].range().start + end) else { continue };
-        let inside = tokens[index + 2 - usize::from(word(index + 1) == "{")..].iter();
-        let inside = inside.take_while(|token| token.range().start < end);
-        let names = inside.filter(|t| t.kind == Kind::Word).map(|t| &text[t.range()]);
-        let names = names.filter(|n| !matches!(*n, "if" | "ifdef" | "ifndef" | "true" | "false"));
-        found.extend(names.map(str::to_owned));
-    }
-    found
 }
 
 struct Reader<'f> {
@@ -539,37 +475,4 @@ impl Reader<'_> {
         let wrong = || self.error(whole.clone(), "values are whole numbers, `true` and `false`");
         value_of(value).ok_or_else(wrong)
     }
-}
-
-fn without_comment(line: &str) -> &str {
-    line.split("//").next().unwrap_or_default()
-}
-
-/// A place that only a template has: `{% if %}`, `{{ name }}`.
-fn template(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
-    let touching = |pair: &[Token], first: u8, second: u8| {
-        pair[0].is(first) && pair[1].is(second) && pair[0].range().end == pair[1].range().start
-    };
-    let block = tokens.windows(2).find(|pair| touching(pair, b'{', b'%'));
-    let placeholder = tokens.windows(2).find(|pair| {
-        let line = text[pair[0].range().start..].lines().next().unwrap_or_default();
-        // WGSL has blocks in blocks, but statements in them.
-        let inner = line.strip_prefix("{{").and_then(|line| line.split_once("}}"));
-        let is_placeholder =
-            |(inside, _): (&str, &str)| !inside.trim().is_empty() && !inside.contains([';', '{']);
-        touching(pair, b'{', b'{') && inner.is_some_and(is_placeholder)
-    });
-    block.or(placeholder).map(|pair| pair[0].range().start..pair[1].range().end)
-}
-
-/// What Karat doesn't expand, with what to do.
-fn unknown(file: &Arc<SourceFile>, range: Range<usize>, what: &str, whose: &str) -> PackageError {
-    let span = Span { file: Arc::clone(file), range };
-    let diagnostic = Diagnostic::new(format!("{what} isn't WGSL: {whose} expands it"))
-        .at(span, "")
-        .note(
-            "hand Karat the expanded text: a `preprocess` command in karat.toml beside the modules, \
-             or `Package::from_modules` in Rust",
-        );
-    PackageError::Shader(Box::new(diagnostic))
 }

@@ -1,5 +1,9 @@
 //! The modules of a package and of what it depends on, read when first needed.
 
+mod composed;
+mod features;
+mod included;
+
 use std::cell::{OnceCell, RefCell};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
@@ -8,13 +12,13 @@ use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 use blake3::Hash;
 
-use super::directives::{self, Include};
+use super::directives;
 use super::feature::{Feature, Features};
 use super::manifest::Manifest;
 use super::overlay::Overlay;
 use super::syntax::Module;
 use super::{Origin, Package, PackageError};
-use crate::diagnostic::{Diagnostic, FileRead, SourceFile, Span, nearest, shown};
+use crate::diagnostic::{FileRead, SourceFile, nearest, shown};
 
 /// File extensions of modules, in the order in which they are looked for.
 pub(super) const EXTENSIONS: [&str; 2] = ["wgsl", "wesl"];
@@ -201,190 +205,6 @@ impl Library {
         all
     }
 
-    /// The module that calls itself by the first of these words, as many as there are, and how many.
-    /// Of several in one package it is the one in the nearest folder.
-    pub(super) fn composed(
-        &self,
-        from: &ModulePath,
-        words: &[String],
-    ) -> Result<Option<(ModulePath, usize)>, PackageError> {
-        let known = self.all_composed();
-        let found = (1..=words.len())
-            .rev()
-            .find_map(|count| Some((&**known.get(&words[..count].join("::"))?, count)));
-        let Some((modules, count)) = found else { return Ok(None) };
-        // A package's own come first; the others are in the order in which they are reached.
-        let own = modules.iter().find(|module| module.package == from.package);
-        let package = own.or(modules.first()).map(|module| module.package);
-        let shared = |module: &ModulePath| {
-            let both = module.components.iter().zip(&from.components);
-            both.take_while(|(one, other)| one == other).count()
-        };
-        let mut own: Vec<&ModulePath> =
-            modules.iter().filter(|module| Some(module.package) == package).collect();
-        own.sort_by_key(|module| std::cmp::Reverse(shared(module)));
-        match *own {
-            [first, second, ..] if shared(first) == shared(second) => {
-                Err(PackageError::ComposedTwice {
-                    path: words[..count].join("::"),
-                    first: self.shown(first),
-                    second: self.shown(second),
-                })
-            }
-            _ => Ok(own.first().map(|module| ((*module).clone(), count))),
-        }
-    }
-
-    /// That no module calls itself by a path.
-    pub(super) fn not_composed(&self, path: &str) -> PackageError {
-        let near = nearest(path, self.all_composed().keys().map(String::as_str));
-        PackageError::NotComposed { path: path.to_owned(), nearest: near.map(str::to_owned) }
-    }
-
-    fn all_composed(&self) -> &BTreeMap<String, Vec<ModulePath>> {
-        self.composed.get_or_init(|| {
-            let mut known: BTreeMap<String, Vec<ModulePath>> = BTreeMap::new();
-            for package in self.all() {
-                for (path, components) in &*self.package(package).composed() {
-                    let module = ModulePath { package, components: components.clone() };
-                    known.entry(path.clone()).or_default().push(module);
-                }
-            }
-            known
-        })
-    }
-
-    /// The modules that share a name space with this one, as it includes them, and they others.
-    pub(super) fn included(&self, root: &ModulePath) -> Result<Vec<ModulePath>, PackageError> {
-        let (mut found, mut queue) = (Vec::new(), vec![root.clone()]);
-        while let Some(path) = queue.pop() {
-            let module = self.module(&path)?;
-            for (include, range) in &module.includes {
-                // `naga_oil` imports a whole module so, whose names keep its name before them.
-                if self.composed(&path, &[include.name().to_owned()])?.is_some() {
-                    continue;
-                }
-                let span = Span { file: Arc::clone(&module.file), range: range.clone() };
-                let Some(included) = self.include(&path, include, &span)? else {
-                    let name = include.name();
-                    let known = self.package(path.package).modules().unwrap_or_default();
-                    let last = known.iter().filter_map(|module| module.rsplit("::").next());
-                    let diagnostic =
-                        Diagnostic::new(format!("there is no module `{name}` to include"));
-                    let diagnostic = diagnostic.at(span, "");
-                    let outside = match include {
-                        Include::File(file) => file.split('/').filter(|part| *part == "..").count(),
-                        Include::Name(_) => 0,
-                    };
-                    let diagnostic = if outside >= path.components.len() && outside > 0 {
-                        let package = self.name(path.package);
-                        diagnostic.note(format!("its path leads out of package `{package}`"))
-                    } else {
-                        diagnostic
-                    };
-                    let diagnostic = match nearest(name, last).filter(|near| *near != name) {
-                        Some(near) => diagnostic.note(format!("did you mean `{near}`?")),
-                        None => diagnostic,
-                    };
-                    return Err(PackageError::Shader(Box::new(diagnostic)));
-                };
-                let text = &self.module(&included)?.file.text;
-                if included != *root && !directives::defined(text).is_empty() {
-                    let message = "this file has a `#define`, which is read in the module alone that is \
-                                   linked: move it there";
-                    let diagnostic = Diagnostic::new(message.to_owned()).at(span, "included here");
-                    return Err(PackageError::Shader(Box::new(diagnostic)));
-                }
-                if included != *root && !found.contains(&included) {
-                    found.push(included.clone());
-                    queue.push(included);
-                }
-            }
-        }
-        Ok(found)
-    }
-
-    fn include(
-        &self,
-        from: &ModulePath,
-        include: &Include,
-        span: &Span,
-    ) -> Result<Option<ModulePath>, PackageError> {
-        let package = from.package;
-        Ok(match include {
-            Include::File(file) => {
-                let stem = EXTENSIONS.iter().find_map(|e| file.strip_suffix(&format!(".{e}")));
-                let folder = &from.components[..from.components.len().saturating_sub(1)];
-                // From the file, or from the root.
-                [folder, &[]].into_iter().find_map(|folder| {
-                    let mut components = folder.to_vec();
-                    for part in stem.unwrap_or(file).split('/') {
-                        match part {
-                            "" | "." => {}
-                            ".." => drop(components.pop()?),
-                            _ => components.push(part.to_owned()),
-                        }
-                    }
-                    let path = ModulePath { package, components };
-                    self.has(&path).then_some(path)
-                })
-            }
-            Include::Name(name) => {
-                let known = self.package(package).modules().unwrap_or_default();
-                let is_it = |module: &&String| module.rsplit("::").next() == Some(name);
-                let found: Vec<&String> = known.iter().filter(is_it).collect();
-                if let [first, second, ..] = *found {
-                    let message = format!("`{name}` may be `{first}` or `{second}`");
-                    let diagnostic = Diagnostic::new(message).at(span.clone(), "included here");
-                    return Err(PackageError::Shader(Box::new(diagnostic)));
-                }
-                found.first().map(|module| ModulePath {
-                    package,
-                    components: module.split("::").map(str::to_owned).collect(),
-                })
-            }
-        })
-    }
-
-    /// Whether something asks about each feature that is set.
-    fn expect_features(&self) -> Result<(), PackageError> {
-        static ASKED: Mutex<BTreeSet<(PathBuf, String)>> = Mutex::new(BTreeSet::new());
-        let package = self.package(0);
-        let lock = || ASKED.lock().unwrap_or_else(PoisonError::into_inner);
-        for name in self.features(0).keys() {
-            let key = (package.root(), name.clone());
-            if lock().contains(&key) {
-                continue;
-            }
-            let texts = |package: usize| -> Vec<String> {
-                let package = self.package(package);
-                let modules = package.modules().unwrap_or_default();
-                let load = |module: String| {
-                    let file = package.load(&ModulePath::root(&module).components, &self.overlay);
-                    Some(file.ok()?.text)
-                };
-                modules.into_iter().filter_map(load).collect()
-            };
-            let asks =
-                |text: &String| has_word(text, name) && directives::asked(text).contains(name);
-            if !self.all().into_iter().any(|of| texts(of).iter().any(asks)) {
-                let mut known = BTreeSet::new();
-                texts(0).iter().for_each(|text| known.extend(directives::asked(text)));
-                return Err(PackageError::UnknownFeature {
-                    feature: name.clone(),
-                    package: package.name(),
-                    nearest: nearest(name, known.iter().map(String::as_str)).map(str::to_owned),
-                    known: known.into_iter().collect::<Vec<_>>().join(", "),
-                });
-            }
-            // A text in memory has no place of its own.
-            if !key.0.as_os_str().is_empty() {
-                lock().insert(key);
-            }
-        }
-        Ok(())
-    }
-
     /// The features that hold in a package: its own, then those of the one that is linked.
     fn features(&self, package: usize) -> Features {
         let (own, linked) = (self.package(package), self.package(0));
@@ -395,17 +215,6 @@ impl Library {
         let defined = self.defined.borrow().clone();
         declared.into_iter().flatten().chain(set).chain(defined).collect()
     }
-}
-
-/// Paths that modules give themselves, each with its components in the package.
-type Composed = Vec<(String, Vec<String>)>;
-
-/// Whether a text has a word.
-fn has_word(text: &str, word: &str) -> bool {
-    let is_part = |c: char| c.is_alphanumeric() || c == '_';
-    text.match_indices(word).any(|(at, _)| {
-        !text[..at].ends_with(is_part) && !text[at + word.len()..].starts_with(is_part)
-    })
 }
 
 /// The texts that a link was made of.
@@ -471,29 +280,6 @@ impl Package {
             return Ok(Some(Self::of_origin(Origin::Found(found))));
         }
         Ok(None)
-    }
-
-    /// Paths that modules give themselves, each with its place in the package.
-    fn composed(&self) -> Arc<Composed> {
-        static KNOWN: LazyLock<Mutex<HashMap<PathBuf, Arc<Composed>>>> =
-            LazyLock::new(Mutex::default);
-        let lock = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-        // Files of a crate don't change.
-        let fixed = matches!(self.origin, Origin::Found(_)).then(|| self.root());
-        if let Some(known) = fixed.as_ref().and_then(|root| lock().get(root).cloned()) {
-            return known;
-        }
-        let mut found = Vec::new();
-        for module in self.modules().unwrap_or_default() {
-            let components = ModulePath::root(&module).components;
-            let Ok(file) = self.load(&components, &Overlay::default()) else { continue };
-            found.extend(directives::path(&file.text).map(|path| (path, components)));
-        }
-        let found = Arc::new(found);
-        if let Some(root) = fixed {
-            lock().insert(root, Arc::clone(&found));
-        }
-        found
     }
 
     /// Finds a module by its path inside the package.

@@ -1,0 +1,177 @@
+//! What cargo says of crates, and where their shaders lie.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde::Deserialize;
+
+use super::{ASKING, Crate, DEEPEST, Graph};
+use crate::package::library::EXTENSIONS;
+
+/// What is read of `cargo metadata`.
+#[derive(Deserialize)]
+pub(super) struct Metadata {
+    packages: Vec<CargoPackage>,
+    resolve: Option<Resolve>,
+}
+
+#[derive(Deserialize)]
+struct CargoPackage {
+    name: String,
+    version: String,
+    id: String,
+    manifest_path: PathBuf,
+    targets: Vec<Target>,
+    #[serde(default)]
+    metadata: serde_json::Value,
+}
+
+#[derive(Deserialize)]
+struct Target {
+    kind: Vec<String>,
+    name: String,
+}
+
+#[derive(Deserialize)]
+struct Resolve {
+    nodes: Vec<Node>,
+}
+
+#[derive(Deserialize)]
+struct Node {
+    id: String,
+    deps: Vec<Dependency>,
+}
+
+#[derive(Deserialize)]
+struct Dependency {
+    name: String,
+    pkg: String,
+}
+
+/// The platform that `rustc` compiles for, as it calls it.
+fn host() -> Option<String> {
+    let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
+    let output = Command::new(rustc).arg("-vV").output().ok()?;
+    let text = String::from_utf8(output.stdout).ok()?;
+    text.lines().find_map(|line| Some(line.strip_prefix("host: ")?.to_owned()))
+}
+
+impl Metadata {
+    pub(super) fn of(base: &Path, manifest: &Path, fetches: bool) -> Result<Self, String> {
+        let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+        let mut command = Command::new(&cargo);
+        command.args(["metadata", "--format-version", "1", "--manifest-path"]).arg(manifest);
+        if base.is_dir() {
+            command.current_dir(base); // where its registries are configured
+        }
+        // Crates of other platforms needn't be fetched.
+        if let Some(host) = host() {
+            command.args(["--filter-platform", &host]);
+        }
+        if fetches {
+            // A crate that declares a newer Rust is read all the same: it isn't compiled.
+            command.env("CARGO_RESOLVER_INCOMPATIBLE_RUST_VERSIONS", "allow");
+        }
+        let output = command.output();
+        let output =
+            output.map_err(|error| format!("`{}` doesn't run: {error}", cargo.display()))?;
+        if !output.status.success() {
+            let said = String::from_utf8_lossy(&output.stderr);
+            // The project that asks for a version is nobody's.
+            let lines = said.lines().filter(|line| !line.contains(ASKING));
+            return Err(format!("cargo says:\n{}", lines.collect::<Vec<_>>().join("\n")));
+        }
+        serde_json::from_slice(&output.stdout)
+            .map_err(|error| format!("cargo's metadata can't be read: {error}"))
+    }
+
+    pub(super) fn graph(self) -> Result<Graph, String> {
+        let nodes = self.resolve.ok_or("cargo resolves no dependencies")?.nodes;
+        let (mut crates, mut others) = (Vec::new(), BTreeSet::new());
+        let mut indices: HashMap<&str, usize> = HashMap::new();
+        for package in &self.packages {
+            let Some(folder) = package.manifest_path.parent() else { continue };
+            let Some(root) = package.root_of_modules(folder) else {
+                others.insert(package.name.clone());
+                continue;
+            };
+            indices.insert(&package.id, crates.len());
+            crates.push(Crate {
+                name: package.name.clone(),
+                version: package.version.clone(),
+                library: package.library(),
+                folder: folder.to_owned(),
+                root,
+                dependencies: BTreeMap::new(),
+                imports: package.imports(),
+            });
+        }
+        for node in &nodes {
+            let Some(index) = indices.get(&*node.id) else { continue };
+            let known = node.deps.iter().filter_map(|dependency| {
+                Some((dependency.name.clone(), *indices.get(&*dependency.pkg)?))
+            });
+            crates[*index].dependencies = known.collect();
+        }
+        Ok(Graph { crates, others })
+    }
+}
+
+impl CargoPackage {
+    /// What code calls it.
+    fn library(&self) -> String {
+        let is_library = |kind: &String| kind.contains("lib") || kind == "proc-macro";
+        let library = self.targets.iter().find(|target| target.kind.iter().any(is_library));
+        library.map_or(&self.name, |target| &target.name).replace('-', "_")
+    }
+
+    fn imports(&self) -> BTreeSet<String> {
+        let declared = self.metadata["wgsl-analyzer"]["dependencies"].as_object();
+        let path = |value: &serde_json::Value| Some(value.get("path")?.as_str()?.to_owned());
+        // `../bevy_render` is beside it, where its repository has its crates.
+        let beside = |(name, value): &(&String, &serde_json::Value)| {
+            path(value).is_some_and(|path| path == format!("../{name}"))
+        };
+        let named = declared.into_iter().flatten().filter(beside);
+        named.map(|(name, _)| name.clone()).collect()
+    }
+
+    /// The folder of its modules: what it declares, or `src`, or where all of its shaders lie.
+    fn root_of_modules(&self, folder: &Path) -> Option<PathBuf> {
+        let declared = ["karat", "wgsl-analyzer"].map(|tool| self.metadata[tool]["root"].as_str());
+        let wesl = std::fs::read_to_string(folder.join("wesl.toml")).ok();
+        let wesl = wesl.and_then(|text| toml::from_str::<toml::Table>(&text).ok());
+        let wesl = wesl.as_ref().and_then(|table| table.get("root")?.as_str());
+        let declared = declared.into_iter().chain([wesl]).flatten().map(|root| folder.join(root));
+        let src = std::iter::once(folder.join("src"));
+        let has = |root: &PathBuf| common(root, 0).is_some();
+        declared.chain(src).find(has).or_else(|| common(folder, 0))
+    }
+}
+
+/// The innermost folder that has all shaders below a folder.
+fn common(folder: &Path, depth: usize) -> Option<PathBuf> {
+    if depth == DEEPEST {
+        return None;
+    }
+    let (mut below, mut here) = (Vec::new(), false);
+    for entry in std::fs::read_dir(folder).ok()?.flatten() {
+        let (path, name) = (entry.path(), entry.file_name());
+        let name = name.to_string_lossy();
+        if path.is_dir() {
+            if !name.starts_with('.') && (depth > 0 || name != "target") {
+                below.extend(common(&path, depth + 1));
+            }
+        } else {
+            here |= EXTENSIONS.iter().any(|known| path.extension().is_some_and(|e| e == *known));
+        }
+    }
+    match &mut *below {
+        _ if here => Some(folder.to_owned()),
+        [] => None,
+        [only] => Some(std::mem::take(only)),
+        _ => Some(folder.to_owned()),
+    }
+}

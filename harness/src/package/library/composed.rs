@@ -1,0 +1,93 @@
+//! Modules by the paths that they give themselves.
+
+use std::collections::{BTreeMap, HashMap};
+use std::path::PathBuf;
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
+
+use super::{Library, ModulePath};
+use crate::diagnostic::nearest;
+use crate::package::overlay::Overlay;
+use crate::package::{Origin, Package, PackageError, directives};
+
+/// Paths that modules give themselves, each with its components in the package.
+type Composed = Vec<(String, Vec<String>)>;
+
+impl Library {
+    /// The module that calls itself by the first of these words, as many as there are, and how many.
+    /// Of several in one package it is the one in the nearest folder.
+    pub(in crate::package) fn composed(
+        &self,
+        from: &ModulePath,
+        words: &[String],
+    ) -> Result<Option<(ModulePath, usize)>, PackageError> {
+        let known = self.all_composed();
+        let found = (1..=words.len())
+            .rev()
+            .find_map(|count| Some((&**known.get(&words[..count].join("::"))?, count)));
+        let Some((modules, count)) = found else { return Ok(None) };
+        // A package's own come first; the others are in the order in which they are reached.
+        let own = modules.iter().find(|module| module.package == from.package);
+        let package = own.or(modules.first()).map(|module| module.package);
+        let shared = |module: &ModulePath| {
+            let both = module.components.iter().zip(&from.components);
+            both.take_while(|(one, other)| one == other).count()
+        };
+        let mut own: Vec<&ModulePath> =
+            modules.iter().filter(|module| Some(module.package) == package).collect();
+        own.sort_by_key(|module| std::cmp::Reverse(shared(module)));
+        match *own {
+            [first, second, ..] if shared(first) == shared(second) => {
+                Err(PackageError::ComposedTwice {
+                    path: words[..count].join("::"),
+                    first: self.shown(first),
+                    second: self.shown(second),
+                })
+            }
+            _ => Ok(own.first().map(|module| ((*module).clone(), count))),
+        }
+    }
+
+    /// That no module calls itself by a path.
+    pub(in crate::package) fn not_composed(&self, path: &str) -> PackageError {
+        let near = nearest(path, self.all_composed().keys().map(String::as_str));
+        PackageError::NotComposed { path: path.to_owned(), nearest: near.map(str::to_owned) }
+    }
+
+    fn all_composed(&self) -> &BTreeMap<String, Vec<ModulePath>> {
+        self.composed.get_or_init(|| {
+            let mut known: BTreeMap<String, Vec<ModulePath>> = BTreeMap::new();
+            for package in self.all() {
+                for (path, components) in &*self.package(package).composed() {
+                    let module = ModulePath { package, components: components.clone() };
+                    known.entry(path.clone()).or_default().push(module);
+                }
+            }
+            known
+        })
+    }
+}
+
+impl Package {
+    /// Paths that modules give themselves, each with its place in the package.
+    fn composed(&self) -> Arc<Composed> {
+        static KNOWN: LazyLock<Mutex<HashMap<PathBuf, Arc<Composed>>>> =
+            LazyLock::new(Mutex::default);
+        let lock = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+        // Files of a crate don't change.
+        let fixed = matches!(self.origin, Origin::Found(_)).then(|| self.root());
+        if let Some(known) = fixed.as_ref().and_then(|root| lock().get(root).cloned()) {
+            return known;
+        }
+        let mut found = Vec::new();
+        for module in self.modules().unwrap_or_default() {
+            let components = ModulePath::root(&module).components;
+            let Ok(file) = self.load(&components, &Overlay::default()) else { continue };
+            found.extend(directives::path(&file.text).map(|path| (path, components)));
+        }
+        let found = Arc::new(found);
+        if let Some(root) = fixed {
+            lock().insert(root, Arc::clone(&found));
+        }
+        found
+    }
+}

@@ -1,0 +1,105 @@
+//! Files that share a name space.
+
+use std::sync::Arc;
+
+use super::{EXTENSIONS, Library, ModulePath};
+use crate::diagnostic::{Diagnostic, Span, nearest};
+use crate::package::PackageError;
+use crate::package::directives::{self, Include};
+
+impl Library {
+    /// The modules that share a name space with this one, as it includes them, and they others.
+    pub(in crate::package) fn included(
+        &self,
+        root: &ModulePath,
+    ) -> Result<Vec<ModulePath>, PackageError> {
+        let (mut found, mut queue) = (Vec::new(), vec![root.clone()]);
+        while let Some(path) = queue.pop() {
+            let module = self.module(&path)?;
+            for (include, range) in &module.includes {
+                // `naga_oil` imports a whole module so, whose names keep its name before them.
+                if self.composed(&path, &[include.name().to_owned()])?.is_some() {
+                    continue;
+                }
+                let span = Span { file: Arc::clone(&module.file), range: range.clone() };
+                let Some(included) = self.include(&path, include, &span)? else {
+                    let name = include.name();
+                    let known = self.package(path.package).modules().unwrap_or_default();
+                    let last = known.iter().filter_map(|module| module.rsplit("::").next());
+                    let diagnostic =
+                        Diagnostic::new(format!("there is no module `{name}` to include"));
+                    let diagnostic = diagnostic.at(span, "");
+                    let outside = match include {
+                        Include::File(file) => file.split('/').filter(|part| *part == "..").count(),
+                        Include::Name(_) => 0,
+                    };
+                    let diagnostic = if outside >= path.components.len() && outside > 0 {
+                        let package = self.name(path.package);
+                        diagnostic.note(format!("its path leads out of package `{package}`"))
+                    } else {
+                        diagnostic
+                    };
+                    let diagnostic = match nearest(name, last).filter(|near| *near != name) {
+                        Some(near) => diagnostic.note(format!("did you mean `{near}`?")),
+                        None => diagnostic,
+                    };
+                    return Err(PackageError::Shader(Box::new(diagnostic)));
+                };
+                let text = &self.module(&included)?.file.text;
+                if included != *root && !directives::defined(text).is_empty() {
+                    let message = "this file has a `#define`, which is read in the module alone that is \
+                                   linked: move it there";
+                    let diagnostic = Diagnostic::new(message.to_owned()).at(span, "included here");
+                    return Err(PackageError::Shader(Box::new(diagnostic)));
+                }
+                if included != *root && !found.contains(&included) {
+                    found.push(included.clone());
+                    queue.push(included);
+                }
+            }
+        }
+        Ok(found)
+    }
+
+    fn include(
+        &self,
+        from: &ModulePath,
+        include: &Include,
+        span: &Span,
+    ) -> Result<Option<ModulePath>, PackageError> {
+        let package = from.package;
+        Ok(match include {
+            Include::File(file) => {
+                let stem = EXTENSIONS.iter().find_map(|e| file.strip_suffix(&format!(".{e}")));
+                let folder = &from.components[..from.components.len().saturating_sub(1)];
+                // From the file, or from the root.
+                [folder, &[]].into_iter().find_map(|folder| {
+                    let mut components = folder.to_vec();
+                    for part in stem.unwrap_or(file).split('/') {
+                        match part {
+                            "" | "." => {}
+                            ".." => drop(components.pop()?),
+                            _ => components.push(part.to_owned()),
+                        }
+                    }
+                    let path = ModulePath { package, components };
+                    self.has(&path).then_some(path)
+                })
+            }
+            Include::Name(name) => {
+                let known = self.package(package).modules().unwrap_or_default();
+                let is_it = |module: &&String| module.rsplit("::").next() == Some(name);
+                let found: Vec<&String> = known.iter().filter(is_it).collect();
+                if let [first, second, ..] = *found {
+                    let message = format!("`{name}` may be `{first}` or `{second}`");
+                    let diagnostic = Diagnostic::new(message).at(span.clone(), "included here");
+                    return Err(PackageError::Shader(Box::new(diagnostic)));
+                }
+                found.first().map(|module| ModulePath {
+                    package,
+                    components: module.split("::").map(str::to_owned).collect(),
+                })
+            }
+        })
+    }
+}
