@@ -1,6 +1,7 @@
 //! Compares samples with the density that they should have, and with the integral they estimate.
 
 mod masses;
+mod parts;
 mod run;
 
 use super::conclude::{Functions, conclude};
@@ -12,7 +13,7 @@ use crate::check::{Failure, Probe};
 use crate::domain::Domain;
 use crate::run::or_panic;
 use crate::value::{Arguments, Scalar, Shape, Shareable};
-use masses::Stop;
+use parts::Stop;
 use run::Run;
 
 impl<D, U, A, F> SamplingCheck<'_, D, U, A, F>

@@ -1,7 +1,7 @@
 //! The cells of a configuration, and the integrals of densities over them.
 
+use super::parts::{Masses, ROUNDING, Stop, point};
 use super::run::Run;
-use crate::check::Failure;
 use crate::check::sampling::judgement::Offence;
 use crate::check::sampling::{Finding, Settings};
 use crate::stats::{CellIntegral, Cells, CubatureError, NoVerdict, Place, integrate};
@@ -26,17 +26,6 @@ const QUADRATURE: f64 = 0.03;
 /// the relative error: a tenth of what their rounding may be.
 const ESTIMATE: f64 = 1e-6;
 const ESTIMATE_RELATIVE: f64 = 0.1 * ROUNDING;
-
-/// Rounding of what is estimated, relative: a few hundred ulp of eval and pdf.
-pub(super) const ROUNDING: f64 = 1e-4;
-
-/// The density's integrals.
-pub(super) struct Masses {
-    pub(super) cells: Cells,
-    pub(super) mass: Vec<f64>,
-    pub(super) total: f64,
-    pub(super) error: f64,
-}
 
 impl Run<'_> {
     /// The cells, laid by samples that are not judged.
@@ -173,25 +162,4 @@ impl Settings {
         let rows = ((cells as f64 / 2.0).sqrt() as usize).clamp(1, 16);
         (rows, cells / rows)
     }
-}
-
-/// Why a configuration isn't judged to its end.
-pub(super) enum Stop {
-    Failure(Failure),
-    Finding(Finding),
-}
-
-impl From<Failure> for Stop {
-    fn from(failure: Failure) -> Self {
-        Self::Failure(failure)
-    }
-}
-
-/// The point that a sampler returned.
-pub(super) fn point(result: &[u32]) -> [f64; 3] {
-    let mut point = [0.0; 3];
-    for (value, word) in point.iter_mut().zip(result) {
-        *value = f64::from(f32::from_bits(*word));
-    }
-    point
 }

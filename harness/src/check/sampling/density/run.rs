@@ -1,6 +1,6 @@
 //! One configuration on one path: its cells, their integrals, the counts of its samples.
 
-use super::masses::{Masses, ROUNDING, Stop, point};
+use super::parts::{Masses, ROUNDING, Stop, point};
 use crate::check::Failure;
 use crate::check::sampling::calls::{Calls, STRIDE, draw};
 use crate::check::sampling::conclude::Functions;
