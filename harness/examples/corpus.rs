@@ -238,7 +238,9 @@ impl Row {
 /// What became of a module, and what contradicts naga or the author's file.
 fn of(package: &Package, module: &str, verbose: bool) -> (Row, Vec<String>) {
     let (mut row, mut faults) = (Row { modules: 1, ..Row::default() }, Vec::new());
-    let text = text_of(package, module).unwrap_or_default();
+    let Some(text) = text_of(package, module) else {
+        return (row, vec!["its file can't be read".to_owned()]);
+    };
     let plain = naga::front::wgsl::parse_str(&text).ok().is_some_and(|module| {
         Validator::new(ValidationFlags::all(), Capabilities::all()).validate(&module).is_ok()
     });
@@ -259,7 +261,7 @@ fn of(package: &Package, module: &str, verbose: bool) -> (Row, Vec<String>) {
         Err(error) => {
             // As many as there seem to be, so that what doesn't open isn't left out.
             row.functions = seeming_functions(&text);
-            row.refuse(reason(&error.to_string()), row.functions);
+            row.refuse(reason(&error.to_string(), INVALID), row.functions);
             return (row, faults);
         }
     };
@@ -279,9 +281,9 @@ fn of(package: &Package, module: &str, verbose: bool) -> (Row, Vec<String>) {
                 }
             }
             Err(ProbeError::Reflect(ReflectError::Unprobeable(refusal))) => {
-                row.refuse(by_nature(&refusal.to_string()), 1);
+                row.refuse(reason(&refusal.to_string(), BY_NATURE), 1);
             }
-            Err(error) => row.refuse(reason(&error.to_string()), 1),
+            Err(error) => row.refuse(reason(&error.to_string(), INVALID), 1),
         }
     }
     (row, faults)
@@ -302,46 +304,46 @@ fn misplaced(text: &str, item: &FunctionItem) -> Option<String> {
     let before: String = author.chars().take(column - 1).collect();
     let after: String = author.chars().skip(column - 1).collect();
     let sound = before.trim_end().ends_with("fn") && after.starts_with(name);
-    (!sound && !text.is_empty()).then(|| format!("`{}` isn't at line {line}: {author}", item.name))
+    (!sound).then(|| format!("`{}` isn't at line {line}: {author}", item.name))
 }
 
 fn seeming_functions(text: &str) -> usize {
     text.lines().filter(|line| line.trim_start().starts_with("fn ")).count()
 }
 
-/// Why a probe can't call a function that is valid.
-fn by_nature(message: &str) -> &'static str {
-    const REASONS: [(&str, &str); 9] = [
-        ("a pointer", "pointer"),
-        ("returns nothing", "no result"),
-        ("fragment shaders", "derivatives"),
-        ("workgroup variable", "workgroup memory"),
-        ("waits at a barrier", "barrier"),
-        ("writes the storage buffer", "writes storage"),
-        ("texture or sampler", "texture as argument"),
-        ("64-bit", "64 bits"),
-        ("without a fixed size", "runtime array"),
-    ];
-    let found = REASONS.iter().find(|(part, _)| message.contains(part));
-    found.map_or("not probed otherwise", |(_, reason)| reason)
-}
+/// Why a probe can't call a function that is valid: parts of messages.
+const BY_NATURE: &[(&str, &str)] = &[
+    ("a pointer", "pointer"),
+    ("returns nothing", "no result"),
+    ("fragment shaders", "derivatives"),
+    ("workgroup variable", "workgroup memory"),
+    ("waits at a barrier", "barrier"),
+    ("writes the storage buffer", "writes storage"),
+    ("texture or sampler", "texture as argument"),
+    ("64-bit", "64 bits"),
+    ("without a fixed size", "runtime array"),
+    ("", "not probed otherwise"),
+];
 
-/// Why a module or a function doesn't link or isn't valid.
-fn reason(message: &str) -> &'static str {
-    const REASONS: [(&str, &str); 12] = [
-        ("template's placeholder", "template"),
-        ("isn't WGSL: a preprocessor", "unknown preprocessor"),
-        ("asset's path", "asset path"),
-        ("has no value", "value of a feature"),
-        ("`constants` has no", "value of a feature"),
-        ("doesn't hold here", "under a condition"),
-        ("to include", "included by others"),
-        ("no dependency", "import not found"),
-        ("no module calls itself", "import not found"),
-        ("unresolved", "import not found"),
-        ("no definition in scope", "names of another file"),
-        ("syntax error", "syntax"),
-    ];
-    let found = REASONS.iter().find(|(part, _)| message.contains(part));
-    found.map_or("invalid for naga", |(_, reason)| reason)
+/// Why a module or a function doesn't link or isn't valid: parts of messages.
+const INVALID: &[(&str, &str)] = &[
+    ("template's placeholder", "template"),
+    ("isn't WGSL: a preprocessor", "unknown preprocessor"),
+    ("asset's path", "asset path"),
+    ("has no value", "value of a feature"),
+    ("`constants` has no", "value of a feature"),
+    ("doesn't hold here", "under a condition"),
+    ("to include", "included by others"),
+    ("no dependency", "import not found"),
+    ("no module calls itself", "import not found"),
+    ("unresolved", "import not found"),
+    ("no definition in scope", "names of another file"),
+    ("syntax error", "syntax"),
+    ("", "invalid for naga"),
+];
+
+/// The first reason that a message gives.
+fn reason(message: &str, reasons: &[(&str, &'static str)]) -> &'static str {
+    let found = reasons.iter().find(|(part, _)| message.contains(part));
+    found.map_or("", |(_, reason)| reason)
 }

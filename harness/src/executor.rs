@@ -54,6 +54,11 @@ impl Executor for Device {
     }
 }
 
+/// What an executor is, by the name that verdict and replay have for it.
+pub(crate) fn adapter(executor: &dyn Executor) -> Adapter {
+    Adapter { path: executor.path().to_string(), ..executor.adapter() }
+}
+
 /// These executors, or where there is none those that the environment selects. Never empty.
 pub(crate) fn or_selected<'e>(
     own: &[&'e dyn Executor],

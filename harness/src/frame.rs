@@ -341,8 +341,3 @@ fn drawn(executor: &dyn Executor, drawing: &Drawing<'_>) -> Result<Image, DrawEr
     }
     Err(DrawError::OtherSize { path: executor.path(), expected, found })
 }
-
-/// Its adapter, called as verdict and replay call it.
-fn adapter(executor: &dyn Executor) -> Adapter {
-    Adapter { path: executor.path().to_string(), ..executor.adapter() }
-}

@@ -52,8 +52,8 @@ use crate::diagnostic::{FileRead, Span, nearest, shown};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Package {
     origin: Origin,
-    dependencies: Vec<(Cow<'static, str>, Package)>,
-    features: Vec<(Cow<'static, str>, Feature)>,
+    dependencies: Vec<(String, Package)>,
+    features: Vec<(String, Feature)>,
     /// Features of modules that are validated with them.
     validated_with: Vec<(String, Vec<String>)>,
 }
@@ -197,7 +197,7 @@ impl Package {
     #[must_use]
     pub fn depends_on(&self, name: &str, package: &Self) -> Self {
         let mut own = self.clone();
-        own.dependencies.push((Cow::Owned(name.to_owned()), package.clone()));
+        own.dependencies.push((name.to_owned(), package.clone()));
         own
     }
 
@@ -207,7 +207,7 @@ impl Package {
     #[must_use]
     pub fn feature(&self, name: &str, value: impl Into<Feature>) -> Self {
         let mut own = self.clone();
-        own.features.push((Cow::Owned(name.to_owned()), value.into()));
+        own.features.push((name.to_owned(), value.into()));
         own
     }
 
@@ -238,7 +238,7 @@ impl Package {
         let mut package = self.clone();
         for (_, features) in self.validated_with.iter().filter(|(name, _)| name == module) {
             let on = Feature::Flag(true);
-            let on = features.iter().map(|feature| (Cow::Owned(feature.clone()), on));
+            let on = features.iter().map(|feature| (feature.clone(), on));
             package.features.extend(on);
         }
         package
@@ -342,7 +342,7 @@ impl Package {
             return Err(self.twice("modules", name));
         }
         let mut names = BTreeSet::new();
-        match self.dependencies.iter().find(|(name, _)| !names.insert(name.as_ref())) {
+        match self.dependencies.iter().find(|(name, _)| !names.insert(name.as_str())) {
             Some((name, _)) => Err(self.twice("dependencies", name)),
             None => Ok(()),
         }

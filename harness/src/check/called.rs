@@ -2,7 +2,7 @@
 
 use super::{Failure, Mismatch, Vacuous};
 use crate::diagnostic::FileRead;
-use crate::executor::Executor;
+use crate::executor::{self, Executor};
 use crate::fixture::Fixtures;
 use crate::package::Package;
 use crate::path::{Adapter, Path};
@@ -57,8 +57,7 @@ impl Fitting {
                 let function = probed.function.name.clone();
                 return Err(ProbeError::NoRoom { function, path });
             }
-            // Verdict and replay have one name for it.
-            let adapter = Adapter { path: path.to_string(), ..executor.adapter() };
+            let adapter = executor::adapter(*executor);
             Ok(Ready { path, adapter, prepared, width })
         };
         let ready = executors.iter().map(ready).collect::<Result<_, ProbeError>>()?;

@@ -65,10 +65,9 @@ impl Scene<'_> {
             crate::reflect::validate(self.package, &self.module)?;
         }
         let bindings = self.bindings(&program)?;
-        let all = bindings.iter().flat_map(|bindings| bindings.depth.iter().chain(&bindings.color));
-        let all: Vec<Binding> = all.cloned().collect();
-        fixture::check_used(&all, &self.fixtures)?;
-        Ok(Drawing { scene: self, program, bindings })
+        let drawing = Drawing { scene: self, program, bindings };
+        fixture::check_used(&drawing.all_bindings(), &self.fixtures)?;
+        Ok(drawing)
     }
 
     /// What each draw of a program reads.
@@ -118,6 +117,12 @@ impl Drawing<'_> {
     #[must_use]
     pub fn fixtures(&self) -> &Fixtures {
         &self.scene.fixtures
+    }
+
+    /// What all draws read.
+    pub(super) fn all_bindings(&self) -> Vec<Binding> {
+        let of = |bindings: &Bindings| [&*bindings.depth, &*bindings.color].concat();
+        self.bindings.iter().flat_map(of).collect()
     }
 
     /// The hash of the WGSL that is run.

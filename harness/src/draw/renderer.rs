@@ -25,8 +25,7 @@ impl Device {
         let _turn = self.turn();
         // By variable: draws may use one binding number for several.
         let mut resources: BTreeMap<&str, Resource> = BTreeMap::new();
-        let all = bindings.iter().flat_map(|bindings| bindings.depth.iter().chain(&bindings.color));
-        let all: Vec<_> = all.cloned().collect();
+        let all = drawing.all_bindings();
         for (binding, fixture) in fixture::resolve(&all, &scene.fixtures)? {
             if let Entry::Vacant(entry) = resources.entry(&binding.path) {
                 entry.insert(upload(self, program, binding, fixture)?);

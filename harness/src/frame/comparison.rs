@@ -2,7 +2,7 @@
 
 use super::{Frame, FrameAgreement, FrameError};
 use crate::diagnostic::FileRead;
-use crate::executor::Executor;
+use crate::executor::{self, Executor};
 use crate::golden::{
     COLOR, FrameDifference, FrameTolerance, GoldenError, Goldens, MASK, Rendered, VARIANCE,
 };
@@ -58,7 +58,7 @@ impl Frame<'_> {
         read.extend(self.variance.as_ref().and_then(Image::origin).cloned());
         read.extend(self.mask.as_ref().and_then(Mask::origin).cloned());
         for executor in executors {
-            let (adapter, path) = (super::adapter(executor), executor.path());
+            let (adapter, path) = (executor::adapter(executor), executor.path());
             let image = super::drawn(executor, &drawing)?;
             read.extend(goldens.files(case, &adapter));
             let tolerance = self.tolerance_of(path, &adapter);

@@ -2,6 +2,7 @@
 
 use super::{Frame, FrameError};
 use crate::diagnostic::FileRead;
+use crate::executor;
 use crate::image::Image;
 use crate::metric::{MaskError, Rect};
 use crate::path::Adapter;
@@ -79,7 +80,7 @@ impl Frame<'_> {
         let drawing = self.scene.drawing()?;
         read.extend(drawing.read());
         for executor in executors {
-            let (adapter, path) = (super::adapter(executor), executor.path());
+            let (adapter, path) = (executor::adapter(executor), executor.path());
             let image = super::drawn(executor, &drawing)?;
             let mean = mean(&image, rect);
             let lanes = (0..).zip(mean.iter().zip(expected));

@@ -18,7 +18,7 @@ use crate::diagnostic::{nearest, shown};
 use metadata::Metadata;
 
 /// Grows when what is kept changes its form or its meaning.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 
 /// Folders in folders of a crate that are looked at: far more than any has.
 const DEEPEST: usize = 16;
@@ -36,6 +36,8 @@ pub(super) struct Graph {
     crates: Vec<Crate>,
     /// Names of those without.
     others: BTreeSet<String>,
+    /// Manifests of crates that lie beside the project, and may change: each with its hash.
+    local: BTreeMap<PathBuf, String>,
 }
 
 /// A crate that ships shaders.
@@ -64,9 +66,10 @@ pub(super) struct Found {
     root: Option<PathBuf>,
 }
 
+/// The same modules, which see the same crates.
 impl PartialEq for Found {
     fn eq(&self, other: &Self) -> bool {
-        self.root() == other.root()
+        Arc::ptr_eq(&self.graph, &other.graph) && self.root() == other.root()
     }
 }
 
@@ -214,7 +217,8 @@ fn of_project(base: &Path) -> Result<Graph, String> {
 fn fetched(base: &Path, name: &str, version: &str) -> Result<Graph, String> {
     let ask = || {
         // A project that nobody else has, for as long as cargo is asked.
-        let own = format!("karat-{}-{name}-{version}", std::process::id());
+        let now = std::time::UNIX_EPOCH.elapsed().unwrap_or_default().as_nanos();
+        let own = format!("karat-{}-{now}-{name}-{version}", std::process::id());
         let folder = std::env::temp_dir().join(own);
         let graph = fetch(base, &folder, name, version);
         drop(std::fs::remove_dir_all(&folder));
@@ -244,6 +248,8 @@ fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph,
         }
         std::fs::write(&manifest, text).map_err(failed)?;
         let graph = Metadata::of(base, &manifest, true)?.graph()?;
+        // The project is nobody's, and a version doesn't change.
+        let graph = Graph { local: BTreeMap::new(), ..graph };
         // Crates of one engine, with one version, may import from each other whoever depends on whom.
         let missing = graph.missing(version);
         if round == ROUNDS || missing.is_subset(&wanted) {
@@ -266,6 +272,15 @@ impl Graph {
     }
 }
 
+/// The hash of a manifest, and of whether there are shaders beside it.
+fn hash_of(manifest: &Path) -> Option<String> {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&std::fs::read(manifest).ok()?);
+    let shaders = manifest.parent().and_then(|folder| metadata::common(folder, 0));
+    hasher.update(shaders.unwrap_or_default().as_os_str().as_encoded_bytes());
+    Some(hasher.finalize().to_hex().to_string())
+}
+
 /// Where what cargo said is kept.
 fn kept(file: &str) -> Option<PathBuf> {
     let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
@@ -277,8 +292,11 @@ fn kept(file: &str) -> Option<PathBuf> {
 fn remembered(kept: &Path, ask: impl FnOnce() -> Result<Graph, String>) -> Result<Graph, String> {
     let known = std::fs::read(kept).ok();
     let known = known.and_then(|bytes| serde_json::from_slice::<Graph>(&bytes).ok());
-    let whole = |graph: &Graph| graph.crates.iter().all(|krate| krate.root.is_dir());
-    if let Some(graph) = known.filter(whole) {
+    let is_there = |krate: &Crate| krate.root.is_dir();
+    let is_as_it_was = |(file, hash): (&PathBuf, &String)| hash_of(file).as_ref() == Some(hash);
+    let holds =
+        |graph: &Graph| graph.crates.iter().all(is_there) && graph.local.iter().all(is_as_it_was);
+    if let Some(graph) = known.filter(holds) {
         return Ok(graph);
     }
     let graph = ask()?;

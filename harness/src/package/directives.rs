@@ -20,6 +20,7 @@ use super::PackageError;
 use super::conditions::Inactive;
 use super::feature::{Feature, Features, is_on};
 use super::lexer::{Kind, Token, lex};
+use super::library::EXTENSIONS;
 
 pub(super) use ahead::{asked, defined, path};
 use ahead::{value_of, without_comment};
@@ -61,12 +62,19 @@ impl Include {
     /// The name of the module, without folders.
     pub(super) fn name(&self) -> &str {
         match self {
-            Self::File(name) | Self::Name(name) => {
-                let file = name.rsplit('/').next().unwrap_or_default();
-                file.strip_suffix(".wgsl").unwrap_or(file)
+            Self::Name(name) => name,
+            Self::File(path) => {
+                let file = path.rsplit('/').next().unwrap_or_default();
+                without_extension(file)
             }
         }
     }
+}
+
+/// A file's name without what says that it is a module.
+pub(super) fn without_extension(file: &str) -> &str {
+    let stem = EXTENSIONS.iter().find_map(|known| file.strip_suffix(known)?.strip_suffix('.'));
+    stem.unwrap_or(file)
 }
 
 /// Directives of `naga_oil` and of those that include files.
@@ -171,12 +179,18 @@ impl Reader<'_> {
         self.open.last().is_none_or(Open::is_live)
     }
 
-    fn blank(&mut self, range: Range<usize>) {
-        for byte in &mut self.bytes[range.clone()] {
+    /// Hides bytes from who looks for tokens.
+    fn mask(&mut self, range: Range<usize>) {
+        for byte in &mut self.bytes[range] {
             if !matches!(byte, b'\n' | b'\r') {
                 *byte = b' ';
             }
         }
+    }
+
+    /// Removes bytes from the text.
+    fn blank(&mut self, range: Range<usize>) {
+        self.mask(range.clone());
         if !range.is_empty() {
             self.found.removed.push(range);
         }
@@ -264,11 +278,9 @@ impl Reader<'_> {
                         "" => true,
                         "if" | "ifdef" | "ifndef" => self.holds(word, condition.trim(), &whole)?,
                         _ => {
-                            return Err(self.error(
-                                whole,
-                                "an `#else` is followed by nothing, `if`, \
-                                                           `ifdef` or `ifndef`",
-                            ));
+                            let message =
+                                "an `#else` is followed by nothing, `if`, `ifdef` or `ifndef`";
+                            return Err(self.error(whole, message));
                         }
                     };
                 let shown = text[whole.clone()].to_owned();
@@ -282,10 +294,7 @@ impl Reader<'_> {
                     return Err(self.error(whole, "this `#endif` follows no `#if`"));
                 }
             }
-            _ if !self.is_live() => {
-                self.done = at;
-                return Ok(());
-            }
+            _ if !self.is_live() => return Ok(()),
             "define" => {
                 // Its value is known already: see `defined`.
                 let (_, value) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
@@ -408,11 +417,7 @@ impl Reader<'_> {
         {
             return Err(self.error(range, "a value can't be a part of a name"));
         }
-        let suffixed = range.start..range.end + suffix;
-        for masked in [range.clone(), suffixed] {
-            self.blank(masked);
-            self.found.removed.pop();
-        }
+        self.mask(range.start..range.end + suffix);
         // Tokens of the value, for what looks at tokens; the text gets all of it.
         for (byte, new) in self.bytes[range.clone()].iter_mut().zip(value.bytes()) {
             *byte = new;

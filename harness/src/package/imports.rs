@@ -150,7 +150,8 @@ fn list(
             alias = module.text(at + 1).to_owned();
             at += 2;
         }
-        if words.len() < 2 {
+        // `naga_oil` imports whole modules, too.
+        if words.len() < 2 && !module.composes {
             let message = "an import names a package and a module: `import package::module::name;`";
             return Err(syntax_error(&module.file, module.span(token).range, message));
         }

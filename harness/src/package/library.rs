@@ -151,7 +151,7 @@ impl Library {
         let of = self.package(package);
         let constants = || (name == CONSTANTS).then(|| self.constants());
         let Some(found) = of.dependency(name)?.or_else(constants) else {
-            let own = of.dependencies.iter().map(|(name, _)| name.as_ref());
+            let own = of.dependencies.iter().map(|(name, _)| name.as_str());
             let crates = match &of.origin {
                 Origin::Found(found) => found.known().collect(),
                 _ => Vec::new(),
@@ -191,7 +191,7 @@ impl Library {
         let (mut all, mut at) = (vec![0], 0);
         while let Some(package) = all.get(at).copied() {
             let of = self.package(package);
-            let own = of.dependencies.iter().map(|(name, _)| name.to_string());
+            let own = of.dependencies.iter().map(|(name, _)| name.clone());
             let crates = match &of.origin {
                 Origin::Found(found) => found.known().map(str::to_owned).collect(),
                 _ => Vec::new(),
@@ -209,9 +209,9 @@ impl Library {
     fn features(&self, package: usize) -> Features {
         let (own, linked) = (self.package(package), self.package(0));
         // Read before; what is wrong with it was said then.
-        let declared = [&own, &linked].map(|of| Manifest::of(of).unwrap_or_default().features());
+        let declared = [&own, &linked].map(|of| Manifest::of(of).unwrap_or_default().features);
         let set = own.features.iter().chain(&linked.features);
-        let set = set.map(|(name, value)| (name.to_string(), *value));
+        let set = set.map(|(name, value)| (name.clone(), *value));
         let defined = self.defined.borrow().clone();
         declared.into_iter().flatten().chain(set).chain(defined).collect()
     }

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
 use std::sync::{LazyLock, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -18,14 +19,21 @@ use crate::settings;
 pub(super) const NAME: &str = "karat.toml";
 
 /// What it says.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Manifest {
     /// Features that are set, unless a test or the command line sets them otherwise.
-    #[serde(default)]
-    features: BTreeMap<String, toml::Value>,
+    pub(super) features: Features,
     /// A program with its arguments that prints a module as WGSL. The module's file is its last
     /// argument, and it runs in the folder of the modules.
+    preprocess: Vec<String>,
+}
+
+/// As it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    #[serde(default)]
+    features: BTreeMap<String, toml::Value>,
     preprocess: Option<Vec<String>>,
 }
 
@@ -49,21 +57,20 @@ impl Manifest {
             Err(none) if none.kind() == std::io::ErrorKind::NotFound => return Ok(Self::default()),
             Err(other) => return Err(error(other.to_string())),
         };
-        let manifest: Self = toml::from_str(&text)
+        let Written { features, preprocess } = toml::from_str(&text)
             .map_err(|reason| error(reason.to_string().trim_end().to_owned()))?;
-        let wrong = |(_, value): &(&String, &toml::Value)| feature(value).is_none();
-        if let Some((name, _)) = manifest.features.iter().find(wrong) {
-            return Err(error(format!("feature `{name}` is a whole number, `true` or `false`")));
+        let feature = |(name, value): (String, toml::Value)| match value {
+            toml::Value::Boolean(on) => Ok((name, Feature::Flag(on))),
+            toml::Value::Integer(value) => Ok((name, Feature::Number(value))),
+            _ => Err(error(format!("feature `{name}` is a whole number, `true` or `false`"))),
+        };
+        let features = features.into_iter().map(feature).collect::<Result<_, _>>()?;
+        match preprocess {
+            Some(command) if command.is_empty() => {
+                Err(error("`preprocess` names no program".to_owned()))
+            }
+            command => Ok(Self { features, preprocess: command.unwrap_or_default() }),
         }
-        if manifest.preprocess.as_ref().is_some_and(Vec::is_empty) {
-            return Err(error("`preprocess` names no program".to_owned()));
-        }
-        Ok(manifest)
-    }
-
-    pub(super) fn features(&self) -> Features {
-        let known = self.features.iter();
-        known.filter_map(|(name, value)| Some((name.clone(), feature(value)?))).collect()
     }
 
     /// A module as it is, or as the package's program prints it; once in a process for the same text.
@@ -73,11 +80,12 @@ impl Manifest {
         path: &Path,
         source: SourceFile,
     ) -> Result<SourceFile, PackageError> {
-        type Known = HashMap<(PathBuf, blake3::Hash), String>;
+        type Known = HashMap<(PathBuf, blake3::Hash, Vec<String>), String>;
         static KNOWN: LazyLock<Mutex<Known>> = LazyLock::new(Mutex::default);
-        let Some([program, arguments @ ..]) = self.preprocess.as_deref() else { return Ok(source) };
+        let [program, arguments @ ..] = &*self.preprocess else { return Ok(source) };
         let lock = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (path.to_owned(), blake3::hash(source.text.as_bytes()));
+        let hash = blake3::hash(source.text.as_bytes());
+        let key = (path.to_owned(), hash, self.preprocess.clone());
         // In brackets, as texts are that are in no file.
         let name = format!("<{}, as `{program}` prints it>", source.name);
         if let Some(text) = lock().get(&key).cloned() {
@@ -101,14 +109,6 @@ impl Manifest {
     }
 }
 
-fn feature(value: &toml::Value) -> Option<Feature> {
-    match value {
-        toml::Value::Boolean(on) => Some(Feature::Flag(*on)),
-        toml::Value::Integer(value) => Some(Feature::Number(*value)),
-        _ => None,
-    }
-}
-
 /// What a program prints, unless it fails, prints too much or doesn't end: then why.
 fn printed(mut command: Command) -> Result<Vec<u8>, String> {
     let deadline = settings::current().map_err(|error| error.to_string())?.deadline;
@@ -116,35 +116,27 @@ fn printed(mut command: Command) -> Result<Vec<u8>, String> {
     let shown = format!("{command:?}");
     let mut child =
         command.spawn().map_err(|reason| format!("it doesn't run: {reason} ({shown})"))?;
-    let (out, err) = (child.stdout.take(), child.stderr.take());
-    let read = |stream: Option<Box<dyn Read + Send>>| {
-        std::thread::spawn(move || {
-            let mut bytes = Vec::new();
-            // One byte more tells that there is too much; then nobody reads on, and the program ends.
-            let whole = stream.map(|stream| stream.take(MOST_BYTES + 1).read_to_end(&mut bytes));
-            whole.transpose().map(|_| bytes)
-        })
-    };
-    let boxed = |stream: Box<dyn Read + Send>| read(Some(stream));
-    let (out, err) = (out.map(|out| boxed(Box::new(out))), err.map(|err| boxed(Box::new(err))));
+    let out = read(child.stdout.take().expect("it is piped"));
+    let err = read(child.stderr.take().expect("it is piped"));
     let began = Instant::now();
-    let status = loop {
-        match child.try_wait() {
-            Ok(Some(status)) => break status,
-            Ok(None) if began.elapsed() < deadline => std::thread::sleep(POLL),
-            Ok(None) => {
-                drop(child.kill());
-                drop(child.wait());
-                let seconds = deadline.as_secs_f64();
-                return Err(format!("it didn't end within {seconds} s (KARAT_DEADLINE): {shown}"));
+    // Whoever still writes, the program or one that it has started, has until the deadline.
+    let left = || deadline.saturating_sub(began.elapsed());
+    let said = (|| {
+        let said = (out.recv_timeout(left()).ok()?, err.recv_timeout(left()).ok()?);
+        loop {
+            match child.try_wait() {
+                Ok(Some(status)) => return Some((said.0, said.1, status)),
+                Ok(None) if !left().is_zero() => std::thread::sleep(POLL),
+                _ => return None,
             }
-            Err(error) => return Err(error.to_string()),
         }
+    })();
+    let Some((out, err, status)) = said else {
+        drop(child.kill());
+        drop(child.wait());
+        let seconds = deadline.as_secs_f64();
+        return Err(format!("it didn't end within {seconds} s (KARAT_DEADLINE): {shown}"));
     };
-    let bytes = |reader: Option<std::thread::JoinHandle<std::io::Result<Vec<u8>>>>| {
-        reader.and_then(|reader| reader.join().ok()?.ok()).unwrap_or_default()
-    };
-    let (out, err) = (bytes(out), bytes(err));
     if out.len() as u64 > MOST_BYTES {
         return Err(format!("it prints more than {} MiB: {shown}", MOST_BYTES >> 20));
     }
@@ -153,4 +145,17 @@ fn printed(mut command: Command) -> Result<Vec<u8>, String> {
         return Err(format!("{status}: {shown}\n{}", said.trim_end()).trim_end().to_owned());
     }
     Ok(out)
+}
+
+/// Reads a stream beside others. One byte more than is allowed tells that there is too much; then
+/// nobody reads on, and who writes is ended.
+fn read(stream: impl Read + Send + 'static) -> Receiver<Vec<u8>> {
+    let (sender, receiver) = channel();
+    std::thread::spawn(move || {
+        let mut bytes = Vec::new();
+        // What was read before an error is what was said.
+        drop(stream.take(MOST_BYTES + 1).read_to_end(&mut bytes));
+        drop(sender.send(bytes));
+    });
+    receiver
 }

@@ -6,7 +6,7 @@ use std::process::Command;
 
 use serde::Deserialize;
 
-use super::{ASKING, Crate, DEEPEST, Graph};
+use super::{ASKING, Crate, DEEPEST, Graph, hash_of};
 use crate::package::library::EXTENSIONS;
 
 /// What is read of `cargo metadata`.
@@ -22,6 +22,8 @@ struct CargoPackage {
     version: String,
     id: String,
     manifest_path: PathBuf,
+    /// `None`: it lies beside the project.
+    source: Option<String>,
     targets: Vec<Target>,
     #[serde(default)]
     metadata: serde_json::Value,
@@ -91,6 +93,9 @@ impl Metadata {
         let nodes = self.resolve.ok_or("cargo resolves no dependencies")?.nodes;
         let (mut crates, mut others) = (Vec::new(), BTreeSet::new());
         let mut indices: HashMap<&str, usize> = HashMap::new();
+        let local = self.packages.iter().filter(|package| package.source.is_none());
+        let local = local.map(|package| &package.manifest_path);
+        let local = local.filter_map(|file| Some((file.clone(), hash_of(file)?))).collect();
         for package in &self.packages {
             let Some(folder) = package.manifest_path.parent() else { continue };
             let Some(root) = package.root_of_modules(folder) else {
@@ -115,7 +120,7 @@ impl Metadata {
             });
             crates[*index].dependencies = known.collect();
         }
-        Ok(Graph { crates, others })
+        Ok(Graph { crates, others, local })
     }
 }
 
@@ -152,7 +157,7 @@ impl CargoPackage {
 }
 
 /// The innermost folder that has all shaders below a folder.
-fn common(folder: &Path, depth: usize) -> Option<PathBuf> {
+pub(super) fn common(folder: &Path, depth: usize) -> Option<PathBuf> {
     if depth == DEEPEST {
         return None;
     }

@@ -7,30 +7,33 @@ use crate::package::feature::{Feature, Features};
 use crate::package::lexer::{Kind, Token, lex};
 use crate::package::library::CONSTANTS;
 
+/// The directives of a text, in order: each word with what follows in its line.
+fn lines(text: &str) -> impl Iterator<Item = (&str, &str)> {
+    let tokens = if text.contains('#') { lex(text) } else { Vec::new() };
+    let marks = tokens.into_iter().filter(|token| is_mark(text, token));
+    marks.filter_map(|mark| {
+        let line = text[mark.range().end..].lines().next()?;
+        let line = without_comment(line).trim();
+        let end = line.find(|c: char| !(c.is_ascii_alphanumeric() || c == '_'));
+        let (word, rest) = line.split_at(end.unwrap_or(line.len()));
+        Some((word, rest.trim()))
+    })
+}
+
 /// The path that a module gives itself.
 pub(in crate::package) fn path(text: &str) -> Option<String> {
-    let line = text.lines().find_map(|line| line.trim().strip_prefix("#define_import_path"))?;
-    Some(without_comment(line).trim().trim_end_matches(';').trim().to_owned())
+    let (_, path) = lines(text).find(|(word, _)| *word == "define_import_path")?;
+    Some(path.trim_end_matches(';').trim_end().to_owned())
 }
 
 /// What a text defines, wherever in it: `naga_oil` reads that first, and in the module that is linked
 /// alone. Values that can't be read are an error when the module is.
 pub(in crate::package) fn defined(text: &str) -> Features {
-    if !text.contains("#define") && !text.contains("# ") {
-        return Features::new();
-    }
-    let tokens = lex(text);
-    let marks = tokens.iter().filter(|token| is_mark(text, token));
-    let lines = marks.filter_map(|mark| {
-        let line = text[mark.range().end..].lines().next().unwrap_or_default();
-        let rest = without_comment(line).trim_start().strip_prefix("define")?;
-        rest.starts_with(char::is_whitespace).then(|| rest.trim())
-    });
-    let pair = |line: &str| {
-        let (name, value) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+    let pair = |(_, rest): (&str, &str)| {
+        let (name, value) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
         Some((name.to_owned(), value_of(value.trim())?))
     };
-    lines.filter_map(pair).collect()
+    lines(text).filter(|(word, _)| *word == "define").filter_map(pair).collect()
 }
 
 /// A value as a directive has it; none: on.
@@ -48,31 +51,40 @@ pub(in crate::package) fn asked(text: &str) -> BTreeSet<String> {
     let word = |index: usize| tokens.get(index).map_or("", |t: &Token| &text[t.range()]);
     let mut found = BTreeSet::new();
     for index in 0..tokens.len() {
-        let condition = word(index) == "@" && matches!(word(index + 1), "if" | "elif");
-        let directive = word(index) == "#"
-            && matches!(word(index + 1), "if" | "ifdef" | "ifndef" | "else" | "{");
-        if word(index) == CONSTANTS && word(index + 1) == ":" {
+        let (first, second, third) = (word(index), word(index + 1), word(index + 2));
+        // The token before the names, and what ends them.
+        let (before, ends): (usize, &[&str]) = match (first, second, third) {
+            ("@", "if" | "elif", "(") => (index + 2, &[")"]),
+            ("#", "{", _) => (index + 1, &["}"]),
+            ("#", "if" | "ifdef" | "ifndef" | "else", _) => (index + 1, &[]),
             // `constants::NAME`, `import constants::{A, B};`
-            let names = tokens[index + 3..].iter().map(|t: &Token| (t.kind, &text[t.range()]));
-            let braces = word(index + 3) == "{";
-            let names = names
-                .skip(usize::from(braces))
-                .take_while(|(kind, text)| if braces { *text != "}" } else { *kind == Kind::Word });
-            let names =
-                names.filter(|(kind, _)| *kind == Kind::Word).map(|(_, name)| name.to_owned());
-            found.extend(names.take(if braces { usize::MAX } else { 1 }));
-        }
-        let end = match (condition, directive) {
-            (true, _) => text[tokens[index].range().start..].find(')'),
-            (_, true) => text[tokens[index].range().start..].find(['\n', '}']),
-            _ => None,
+            (CONSTANTS, ":", ":") if word(index + 3) == "{" => (index + 3, &["}"]),
+            (CONSTANTS, ":", ":") => {
+                found.insert(word(index + 3).to_owned());
+                continue;
+            }
+            _ => continue,
         };
-        let Some(end) = end.map(|end| tokens[index].range().start + end) else { continue };
-        let inside = tokens[index + 2 - usize::from(word(index + 1) == "{")..].iter();
-        let inside = inside.take_while(|token| token.range().start < end);
-        let names = inside.filter(|t| t.kind == Kind::Word).map(|t| &text[t.range()]);
-        let names = names.filter(|n| !matches!(*n, "if" | "ifdef" | "ifndef" | "true" | "false"));
-        found.extend(names.map(str::to_owned));
+        let start = tokens[before].range().end;
+        let line = text[start..].find(['\n', '\r']).map_or(text.len(), |end| start + end);
+        let mut depth = 0_usize;
+        for token in &tokens[before + 1..] {
+            let name = &text[token.range()];
+            let ended = match ends {
+                [] => token.range().start >= line,
+                _ => depth == 0 && ends.contains(&name),
+            };
+            if ended {
+                break;
+            }
+            match name {
+                "(" => depth += 1,
+                ")" => depth -= 1,
+                "if" | "ifdef" | "ifndef" | "true" | "false" | "as" => {}
+                _ if token.kind == Kind::Word => drop(found.insert(name.to_owned())),
+                _ => {}
+            }
+        }
     }
     found
 }

@@ -8,50 +8,48 @@ use super::{Library, ModulePath};
 use crate::diagnostic::nearest;
 use crate::package::{PackageError, directives};
 
-/// Whether a text has a word.
-fn has_word(text: &str, word: &str) -> bool {
-    let is_part = |c: char| c.is_alphanumeric() || c == '_';
-    text.match_indices(word).any(|(at, _)| {
-        !text[..at].ends_with(is_part) && !text[at + word.len()..].starts_with(is_part)
-    })
-}
-
 impl Library {
     /// Whether something asks about each feature that is set.
     pub(super) fn expect_features(&self) -> Result<(), PackageError> {
         static ASKED: Mutex<BTreeSet<(PathBuf, String)>> = Mutex::new(BTreeSet::new());
         let package = self.package(0);
+        let root = package.root();
         let lock = || ASKED.lock().unwrap_or_else(PoisonError::into_inner);
-        for name in self.features(0).keys() {
-            let key = (package.root(), name.clone());
-            if lock().contains(&key) {
-                continue;
+        let features = self.features(0);
+        let names =
+            features.keys().filter(|name| !lock().contains(&(root.clone(), (*name).clone())));
+        let names: Vec<&String> = names.collect();
+        if names.is_empty() {
+            return Ok(());
+        }
+        // What can't be read may ask about anything.
+        let mut unreadable = None;
+        let mut asked_in = |of: usize| {
+            let (package, mut found) = (self.package(of), BTreeSet::new());
+            for module in package.modules().unwrap_or_default() {
+                match self.read(&ModulePath { package: of, ..ModulePath::root(&module) }) {
+                    Ok(file) => found.extend(directives::asked(&file.text)),
+                    Err(error) => drop(unreadable.get_or_insert(error)),
+                }
             }
-            let texts = |package: usize| -> Vec<String> {
-                let package = self.package(package);
-                let modules = package.modules().unwrap_or_default();
-                let load = |module: String| {
-                    let file = package.load(&ModulePath::root(&module).components, &self.overlay);
-                    Some(file.ok()?.text)
-                };
-                modules.into_iter().filter_map(load).collect()
-            };
-            let asks =
-                |text: &String| has_word(text, name) && directives::asked(text).contains(name);
-            if !self.all().into_iter().any(|of| texts(of).iter().any(asks)) {
-                let mut known = BTreeSet::new();
-                texts(0).iter().for_each(|text| known.extend(directives::asked(text)));
-                return Err(PackageError::UnknownFeature {
-                    feature: name.clone(),
-                    package: package.name(),
-                    nearest: nearest(name, known.iter().map(String::as_str)).map(str::to_owned),
-                    known: known.into_iter().collect::<Vec<_>>().join(", "),
-                });
-            }
-            // A text in memory has no place of its own.
-            if !key.0.as_os_str().is_empty() {
-                lock().insert(key);
-            }
+            found
+        };
+        let own = asked_in(0);
+        let others: BTreeSet<String> =
+            self.all().into_iter().skip(1).flat_map(&mut asked_in).collect();
+        if let Some(name) =
+            names.iter().find(|name| !own.contains(**name) && !others.contains(**name))
+        {
+            return Err(unreadable.unwrap_or_else(|| PackageError::UnknownFeature {
+                feature: (*name).clone(),
+                package: package.name(),
+                nearest: nearest(name, own.iter().map(String::as_str)).map(str::to_owned),
+                known: own.iter().cloned().collect::<Vec<_>>().join(", "),
+            }));
+        }
+        // A text in memory has no place of its own.
+        if !root.as_os_str().is_empty() {
+            lock().extend(names.into_iter().map(|name| (root.clone(), name.clone())));
         }
         Ok(())
     }

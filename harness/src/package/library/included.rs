@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{EXTENSIONS, Library, ModulePath};
+use super::{Library, ModulePath};
 use crate::diagnostic::{Diagnostic, Span, nearest};
 use crate::package::PackageError;
 use crate::package::directives::{self, Include};
@@ -18,7 +18,9 @@ impl Library {
             let module = self.module(&path)?;
             for (include, range) in &module.includes {
                 // `naga_oil` imports a whole module so, whose names keep its name before them.
-                if self.composed(&path, &[include.name().to_owned()])?.is_some() {
+                if let Include::Name(name) = include
+                    && self.composed(&path, std::slice::from_ref(name))?.is_some()
+                {
                     continue;
                 }
                 let span = Span { file: Arc::clone(&module.file), range: range.clone() };
@@ -70,12 +72,11 @@ impl Library {
         let package = from.package;
         Ok(match include {
             Include::File(file) => {
-                let stem = EXTENSIONS.iter().find_map(|e| file.strip_suffix(&format!(".{e}")));
                 let folder = &from.components[..from.components.len().saturating_sub(1)];
                 // From the file, or from the root.
                 [folder, &[]].into_iter().find_map(|folder| {
                     let mut components = folder.to_vec();
-                    for part in stem.unwrap_or(file).split('/') {
+                    for part in directives::without_extension(file).split('/') {
                         match part {
                             "" | "." => {}
                             ".." => drop(components.pop()?),
