@@ -53,7 +53,10 @@ const OIL: [(&str, &str); 6] = [
          fn amplified(x: f32) -> f32 { return gain * l::half(x) * f32(#{GROUP}) * PI; }\n",
     ),
     ("tool", "#define_import_path tool\nfn third(x: f32) -> f32 { return x / 3.0; }\n"),
-    ("user", "#import tool\nfn f(x: f32) -> f32 { return tool::third(x); }\n"),
+    (
+        "user",
+        "#import tool as t\nfn g(x: f32) -> f32 { return t::third(x); }\n#import tool\nfn f(x: f32) -> f32 { return tool::third(x); }\n",
+    ),
     ("slip", "#import engine::maths::PI\nfn f(x: f32) -> f32 { return PI * x; }\n"),
 ];
 
@@ -74,6 +77,7 @@ fn modules_of_naga_oil_import_by_the_paths_that_they_give_themselves() {
     flux(&oil().feature("TWICE", true), 2.0);
     let half = oil();
     half.function("render::lights::half").over(0.0..=1.0).agrees_with(|x: f64| x / 2.0, Ulp(1.0));
+    half.function("user::g").over(0.0..=1.0).agrees_with(|x: f64| x / 3.0, Ulp(2.5));
     half.function("user::f").over(0.0..=1.0).agrees_with(|x: f64| x / 3.0, Ulp(2.5));
     half.function("render::lights::whole").over(0.0..=1.0).agrees_with(|x: f64| x, Ulp(0.0));
 }
@@ -387,6 +391,22 @@ fn values_of_features_are_constants() {
     "#);
 }
 
+/// Every name of a condition is asked about, however it stands in brackets, and on both sides.
+#[test]
+fn each_name_of_a_condition_is_asked_about() {
+    let texts = [
+        "@if((A || !(B)) && C) fn g() {}\n@elif(D) fn g() {}\nfn f() -> f32 { return 1.0; }",
+        "#ifdef A\n# ifndef B\n#else if C >= 3\n#else ifdef D\n#endif\n#endif\nfn f() -> f32 { return 1.0; }",
+    ];
+    for text in texts {
+        for name in ["A", "B", "C", "D"] {
+            linked(&one(text).feature("C", 3).feature(name, if name == "C" { 3 } else { 1 }), "f");
+        }
+        error(&one(text).feature("g", true), "f");
+        error(&one(text).feature("endif", true), "f");
+    }
+}
+
 /// A slip in a feature would leave the shader as it is.
 #[test]
 fn a_feature_that_nothing_asks_about_is_an_error() {
@@ -539,6 +559,7 @@ fn karat_toml_says_what_expands_modules() {
         ("preproces = [\"a\"]\n", "unknown field `preproces`"),
         ("[features]\nfast = \"yes\"\n", "feature `fast` is a whole number, `true` or `false`"),
         ("preprocess = [\"yes\"]\n", "it prints more than 16 MiB"),
+        ("preprocess = [\"sh\", \"-c\", \"echo 'fn f() {}'; exit 3\"]\n", "exit status: 3: cd "),
         ("preprocess = [\"false\"]\n", "exit status: 1: cd "),
         ("preprocess = [\"true\"]\n", "it prints nothing"),
         ("preprocess = [\"no-such-program-here\"]\n", "it doesn't run"),
@@ -548,5 +569,39 @@ fn karat_toml_says_what_expands_modules() {
         write("a.wgsl", &format!("fn f() -> f32 {{ return 1.0; }} // {}\n", text.len()));
         let error = said("a::f");
         assert!(error.contains(message), "{text}: {error}");
+    }
+}
+
+/// A file is included by its path, though a module calls itself by its name.
+#[test]
+fn a_file_is_included_beside_a_module_of_its_name() {
+    let package = Package::from_modules(
+        "m",
+        [
+            ("other", "#define_import_path part\nfn h(x: f32) -> f32 { return -x; }\n"),
+            ("part", "fn g(x: f32) -> f32 { return 2.0 * x; }\n"),
+            ("user", "#include \"part.wgsl\"\nfn f(x: f32) -> f32 { return g(x); }\n"),
+        ],
+    );
+    package.function("user::f").over(0.0..=1.0).agrees_with(|x: f64| 2.0 * x, Ulp(0.0));
+}
+
+/// In one process, too: a program of what `karat.toml` said before is never taken.
+#[test]
+fn karat_toml_is_read_again_when_it_changes() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let write = |name: &str, text: &str| {
+        std::fs::write(folder.path().join(name), text).expect("written");
+    };
+    write(
+        "a.wgsl",
+        "@if(fast) fn f(x: f32) -> f32 { return x; }\n@if(!fast) fn f(x: f32) -> f32 { return -x; }\n",
+    );
+    let package = Package::open(folder.path()).expect("a folder");
+    for (text, sign) in
+        [("", -1.0), ("[features]\nfast = true\n", 1.0), ("[features]\nfast = false\n", -1.0)]
+    {
+        write("karat.toml", text);
+        package.function("a::f").over(0.5..=1.0).agrees_with(|x: f64| sign * x, Ulp(0.0));
     }
 }

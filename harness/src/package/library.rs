@@ -118,10 +118,24 @@ impl Library {
             modules.iter().map(|(path, module)| (path.clone(), hash(&module.file))).collect();
         texts.insert(root.clone(), hash(file));
         let packages = self.packages.borrow();
-        let packages = packages.iter().map(|(package, _)| Package::clone(package)).collect();
+        let packages = packages.iter().map(|(package, _)| Package::clone(package));
         let parsed = modules.values().map(|module| &*module.file);
         let files = parsed.chain([file]).filter_map(SourceFile::read);
-        let files: BTreeSet<FileRead> = files.collect();
+        let mut files: BTreeSet<FileRead> = files.collect();
+        let manifest = |package: &Package| Manifest::of(package).unwrap_or_default();
+        let packages: Vec<_> = packages.map(|package| (manifest(&package), package)).collect();
+        files.extend(packages.iter().filter_map(|(manifest, _)| manifest.read.clone()));
+        // What a program prints is in no file, but what it was given is.
+        let given = texts.keys().filter_map(|path| {
+            let (manifest, package) = &packages[path.package];
+            match package.find(&path.components)? {
+                Place::File(file) if manifest.expands() => {
+                    read_utf8(&self.overlay.file(file)).ok()?.read()
+                }
+                _ => None,
+            }
+        });
+        files.extend(given);
         Sources { packages, texts, files: files.into_iter().collect() }
     }
 
@@ -220,7 +234,7 @@ impl Library {
 /// The texts that a link was made of.
 #[derive(Clone, Debug)]
 pub(crate) struct Sources {
-    packages: Vec<Package>,
+    packages: Vec<(Manifest, Package)>,
     texts: BTreeMap<ModulePath, Hash>,
     /// Those of them that are files.
     files: Vec<FileRead>,
@@ -234,9 +248,14 @@ impl Sources {
 
     /// Whether all of them are as they were.
     pub(crate) fn are_current(&self) -> Result<bool, PackageError> {
-        let overlay = Overlay::of(&self.packages[0])?;
+        let overlay = Overlay::of(&self.packages[0].1)?;
+        for (manifest, package) in &self.packages {
+            if Manifest::of(package)? != *manifest {
+                return Ok(false);
+            }
+        }
         Ok(self.texts.iter().all(|(path, hash)| {
-            let file = self.packages[path.package].load(&path.components, &overlay);
+            let file = self.packages[path.package].1.load(&path.components, &overlay);
             file.is_ok_and(|file| blake3::hash(file.text.as_bytes()) == *hash)
         }))
     }

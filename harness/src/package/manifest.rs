@@ -12,15 +12,17 @@ use serde::Deserialize;
 
 use super::feature::{Feature, Features};
 use super::{Origin, Package, PackageError};
-use crate::diagnostic::{SourceFile, shown};
+use crate::diagnostic::{FileRead, SourceFile, shown};
 use crate::settings;
 
 /// The file's name.
 pub(super) const NAME: &str = "karat.toml";
 
 /// What it says.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Manifest {
+    /// The file, if there is one.
+    pub(super) read: Option<FileRead>,
     /// Features that are set, unless a test or the command line sets them otherwise.
     pub(super) features: Features,
     /// A program with its arguments that prints a module as WGSL. The module's file is its last
@@ -69,8 +71,16 @@ impl Manifest {
             Some(command) if command.is_empty() => {
                 Err(error("`preprocess` names no program".to_owned()))
             }
-            command => Ok(Self { features, preprocess: command.unwrap_or_default() }),
+            command => {
+                let read = Some(FileRead::of(&file, text.as_bytes()));
+                Ok(Self { read, features, preprocess: command.unwrap_or_default() })
+            }
         }
+    }
+
+    /// Whether modules are what a program prints.
+    pub(super) fn expands(&self) -> bool {
+        !self.preprocess.is_empty()
     }
 
     /// A module as it is, or as the package's program prints it; once in a process for the same text.

@@ -115,6 +115,15 @@ fn what_cargo_says_is_kept_until_the_lock_file_changes() {
         text.replace("[dependencies]\n", "[dependencies]\nlate = { path = \"../crates/late\" }\n");
     write(&game, "Cargo.toml", &with);
     assert!(list("late").good().contains("a::f"));
+    // A crate beside the project gets its first shader, and another folder for its modules.
+    let tool = place.folder.path().join("crates/tool");
+    assert!(list("tool").error().contains("it ships no .wgsl or .wesl file"));
+    write(&tool.join("src"), "first.wgsl", "fn first(x: f32) -> f32 { return x; }\n");
+    assert!(list("tool").good().contains("first::first"));
+    write(&tool.join("shaders"), "second.wgsl", "fn second(x: f32) -> f32 { return x; }\n");
+    let rooted = manifest("tool", "") + "\n[package.metadata.karat]\nroot = \"shaders\"\n";
+    write(&tool, "Cargo.toml", &rooted);
+    assert!(list("tool").good().contains("second::second"));
     // A folder that is gone isn't believed.
     std::fs::rename(&late, late.with_file_name("later")).expect("renamed");
     assert!(list("late").error().contains("cargo says:"));
