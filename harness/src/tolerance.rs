@@ -8,9 +8,12 @@
 mod line;
 
 pub use line::ulp_distance;
-use line::{ordinal, spacing};
+use line::{least_spacing, ordinal, spacing};
 
 use std::fmt;
+
+/// More than what a few operations in `f64` round off, so that a bound on a ratio is one.
+const ROUNDING: f64 = 1.0 + 1e-12;
 
 /// Units in the last place: the number of `f32` steps between the result and the reference.
 ///
@@ -289,6 +292,44 @@ impl Tolerance {
             Self::PerLane(lanes) => lanes
                 .get(lane)
                 .map_or(LaneError::equality(false), |t| t.measure_sum(lane, value, expected)),
+        }
+    }
+
+    /// Whether the ratio of a lane's error is at most `ratio`, by a bound on it that takes a
+    /// fraction of the time. `false` says nothing. Most results are neither wrong nor the worst so
+    /// far, and need no more than this.
+    #[inline]
+    pub(crate) fn is_within(&self, lane: usize, value: f64, expected: f64, ratio: f64) -> bool {
+        let error = (value - expected).abs();
+        if !(error < f64::INFINITY) {
+            return false;
+        }
+        let at_most = |bound: f64| error * ROUNDING <= ratio * bound;
+        let flushed = || error < f64::from(f32::MIN_POSITIVE) && 0.0 <= ratio;
+        match self {
+            // No step between two numbers of one sign is smaller than the one at the smaller of
+            // them, nor than the one at `band`.
+            Self::Ulp { bound, band } => {
+                let smaller = value.abs().min(expected.abs());
+                let smaller = if value * expected > 0.0 { smaller.max(*band) } else { *band };
+                at_most(*bound * least_spacing(smaller)) || flushed()
+            }
+            Self::Rel(bound) => at_most(*bound * expected.abs()) || flushed(),
+            Self::Abs(bound) => at_most(*bound),
+            Self::Any(_) | Self::All(_) | Self::PerLane(_) => {
+                self.is_within_parts(lane, value, expected, ratio)
+            }
+        }
+    }
+
+    /// [`is_within`](Self::is_within) of a tolerance that is made of others.
+    fn is_within_parts(&self, lane: usize, value: f64, expected: f64, ratio: f64) -> bool {
+        let within = |part: &Self| part.is_within(lane, value, expected, ratio);
+        match self {
+            Self::Any(parts) => parts.iter().any(within),
+            Self::All(parts) => !parts.is_empty() && parts.iter().all(within),
+            Self::PerLane(lanes) => lanes.get(lane).is_some_and(within),
+            Self::Ulp { .. } | Self::Rel(_) | Self::Abs(_) => within(self),
         }
     }
 

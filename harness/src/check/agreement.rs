@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::plan::{Plan, Recording};
 use super::session::{Asserted, Demand, Expect};
-use super::tally::compare;
+use super::tally::{Judge, Judged, compare, is_within};
 use super::{Agreement, Check, Failure, Reference, Vacuous};
 use crate::domain::{Domain, Stream};
 use crate::run::or_panic;
@@ -31,6 +31,39 @@ pub(super) fn with_reference<A: Arguments, T>(
             }
         },
     })
+}
+
+/// Compares the cases of a batch with what is expected of them.
+struct Comparison<'c> {
+    /// The lanes of a result.
+    scalars: &'c [Scalar],
+    /// Those of each case, one after the other.
+    expected: &'c [f64],
+    tolerance: &'c Tolerance,
+    /// Whether some result showed something.
+    told_apart: &'c AtomicBool,
+}
+
+impl<'c> Comparison<'c> {
+    fn of(&self, case: usize) -> &'c [f64] {
+        &self.expected[case * self.scalars.len()..][..self.scalars.len()]
+    }
+}
+
+impl Judge for Comparison<'_> {
+    fn judge(&self, case: usize, actual: &[u32]) -> Judged {
+        let expected = self.of(case);
+        if !self.told_apart.load(Ordering::Relaxed) && tells(self.scalars, actual, expected) {
+            self.told_apart.store(true, Ordering::Relaxed);
+        }
+        compare(self.scalars, actual, expected, self.tolerance)
+    }
+
+    fn is_within(&self, case: usize, actual: &[u32], ratio: f64) -> bool {
+        // Until a result has shown something, each is judged.
+        self.told_apart.load(Ordering::Relaxed)
+            && is_within(self.scalars, actual, self.of(case), self.tolerance, ratio)
+    }
 }
 
 /// Whether a result shows something: not where it may be flushed to 0 and its reference, too.
@@ -105,14 +138,14 @@ impl Plan<'_> {
             let tallies = session.run(&mut |batch, dispatches| {
                 // The device works on the dispatches meanwhile.
                 let expected = session.expected(batch, batch.rows(), expected.expect)?;
-                let of = |case: usize| &expected[case * scalars.len()..][..scalars.len()];
-                let expect = |_, case: usize| Some(of(case).to_vec());
-                session.judge(batch, dispatches, expect, |path, case, actual| {
-                    if !told_apart.load(Ordering::Relaxed) && tells(&scalars, actual, of(case)) {
-                        told_apart.store(true, Ordering::Relaxed);
-                    }
-                    compare(&scalars, actual, of(case), tolerances[path])
-                })
+                let comparison = |path: usize| Comparison {
+                    scalars: &scalars,
+                    expected: &expected,
+                    tolerance: tolerances[path],
+                    told_apart: &told_apart,
+                };
+                let expect = |case| Some(comparison(0).of(case).to_vec());
+                session.judge(batch, dispatches, expect, comparison)
             })?;
             session.expect_tested(told_apart.into_inner(), tallies, Vacuous::Flushed)
         })

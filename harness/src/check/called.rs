@@ -146,6 +146,11 @@ pub(super) struct View<'r> {
 }
 
 impl<'r> View<'r> {
+    /// How many cases there are.
+    pub(super) fn len(self) -> usize {
+        self.words.len() / self.stride.max(1)
+    }
+
     /// The words of one case.
     pub(super) fn of(self, case: usize) -> &'r [u32] {
         &self.words[case * self.stride..][..self.width]

@@ -38,7 +38,8 @@ impl Session<'_> {
         let paths = self.called.ready.iter().zip(results).enumerate();
         let tally = paths.map(|(path, (ready, results))| {
             let view = results.view();
-            let sum = tally(batch.first, view.words, view.stride, &|case, _| judge(path, case));
+            let judge = |case: usize, _: &[u32]| judge(path, case);
+            let sum = tally(batch.first, view, &judge);
             PathTally::new(ready, sum, |shown: Shown| {
                 let case = usize::try_from(shown.case - batch.first).expect("in this batch");
                 let Exhibit { lanes, varied, compared, actual, expected, judged } =

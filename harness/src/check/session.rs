@@ -1,13 +1,14 @@
 //! A check in progress: cases are drawn, dispatched on every path, and judged.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::batch::{Batch, Rows};
 use super::called::{Called, Fitting, Results, Running};
 use super::disagreement::{Expectation, arguments};
 use super::effort::Effort;
 use super::path_tally::PathTally;
-use super::tally::{Judged, Shown, tally};
+use super::tally::{Judge, Shown, tally};
 use super::{CaseFailure, Failure, Plan, Simplest, Vacuous, parallel};
 use crate::domain::{Held, Numbering, Origin, Stream};
 use crate::path::Path;
@@ -15,9 +16,6 @@ use crate::probe::{BATCH, CONSTANTS, Inputs};
 use crate::reflect::Function;
 use crate::run::{Descent, Identity, Memory, replay, with_inputs};
 use crate::value::Shape;
-
-/// Cases that one task draws or computes the reference of.
-const TASK: usize = 2048;
 
 /// Room for cases in a dispatch of few, for the values that a failing one is replaced by.
 const SMALLEST: usize = 256;
@@ -74,7 +72,7 @@ pub(super) struct Session<'a> {
 }
 
 /// Judges a batch on every path.
-pub(super) type Judge<'j> =
+pub(super) type JudgeBatch<'j> =
     &'j mut dyn FnMut(&Batch, Vec<Running<'_>>) -> Result<Vec<PathTally>, Failure>;
 
 /// Appends the lanes that are expected of calls with some rows of arguments.
@@ -226,7 +224,7 @@ impl<'a> Session<'a> {
 
     /// Draws batch after batch, dispatches it on every path and hands it to `judge`. The worst case
     /// of each path that fails is simplified, for which `judge` gets other batches.
-    pub(super) fn run(&self, judge: Judge<'_>) -> Result<Vec<PathTally>, Failure> {
+    pub(super) fn run(&self, judge: JudgeBatch<'_>) -> Result<Vec<PathTally>, Failure> {
         self.expect_constants()?;
         let remembered = self.remembered();
         let again = self.run_again(&remembered, judge)?;
@@ -295,7 +293,7 @@ impl<'a> Session<'a> {
     fn run_again(
         &self,
         remembered: &[Vec<u32>],
-        judge: Judge<'_>,
+        judge: JudgeBatch<'_>,
     ) -> Result<Vec<PathTally>, Failure> {
         let mut sums = Vec::new();
         for (index, row) in (self.count()..).zip(remembered) {
@@ -306,7 +304,7 @@ impl<'a> Session<'a> {
         Ok(sums)
     }
 
-    fn run_cases(&self, judge: Judge<'_>) -> Result<Vec<PathTally>, Failure> {
+    fn run_cases(&self, judge: JudgeBatch<'_>) -> Result<Vec<PathTally>, Failure> {
         if let Some(words) = self.input() {
             let (expected, found) = (self.stream.width(), words.len());
             if expected != found {
@@ -344,38 +342,31 @@ impl<'a> Session<'a> {
         }
         let (size, width) =
             (usize::try_from(size).expect("a batch fits in memory"), self.stream.width());
-        let parts = parallel::map(size.div_ceil(TASK), |task| {
-            let mut rows = Vec::with_capacity(TASK * width);
-            let cases = task * TASK..size.min((task + 1) * TASK);
+        let rows = parallel::rows(size, width, &|cases, rows| {
             let range = first + cases.start as u64..first + cases.end as u64;
-            let drawn = self.stream.rows(&self.cases, range, &mut rows);
-            (drawn == cases.len() as u64).then_some(rows)
+            self.stream.rows(&self.cases, range, rows) == cases.len() as u64
         });
-        match parts.into_iter().collect::<Option<Vec<_>>>() {
-            Some(parts) => Ok(self.batch(first, parts.concat(), size)),
-            None => self.never_drawn(),
-        }
+        rows.map_or_else(|| self.never_drawn(), |rows| Ok(self.batch(first, rows, size)))
     }
 
-    /// Reads each path's results and judges them. `judge` gets the path's index, the case's index
-    /// in the batch and the result's words; `expect` says what a failing case should have been.
-    pub(super) fn judge(
+    /// Reads each path's results and judges them. `judge` makes the judge of a path, by its index;
+    /// `expect` says what a failing case of the batch should have been.
+    pub(super) fn judge<J: Judge>(
         &self,
         batch: &Batch,
         running: Vec<Running<'_>>,
-        expect: impl Fn(usize, usize) -> Option<Vec<f64>>,
-        judge: impl Fn(usize, usize, &[u32]) -> Judged + Sync,
+        expect: impl Fn(usize) -> Option<Vec<f64>>,
+        judge: impl Fn(usize) -> J,
     ) -> Result<Vec<PathTally>, Failure> {
         let mut tallies = Vec::with_capacity(self.called.ready.len());
         for (path, (ready, running)) in self.called.ready.iter().zip(running).enumerate() {
+            let judge = judge(path);
             let tally = running.view(|results| {
-                let sum = tally(batch.first, results.words, results.stride, &|case, result| {
-                    judge(path, case, &result[..results.width])
-                });
+                let sum = tally(batch.first, results, &judge);
                 PathTally::new(ready, sum, |shown: Shown| {
                     let case = usize::try_from(shown.case - batch.first).expect("in this batch");
                     let actual = results.of(case);
-                    let (judged, expected) = (judge(path, case, actual), expect(path, case));
+                    let (judged, expected) = (judge.judge(case, actual), expect(case));
                     let function = self.called.function();
                     let arguments = arguments(function, batch.arguments(case));
                     let expected = expected.as_deref();
@@ -400,17 +391,21 @@ impl<'a> Session<'a> {
         rows: Rows<'_>,
         expect: Expect<'_>,
     ) -> Result<Vec<f64>, Failure> {
-        let words = self.called.scalars().len();
-        let parts = parallel::map(rows.len().div_ceil(TASK), |task| {
-            let part = rows.part(task * TASK..rows.len().min((task + 1) * TASK));
-            let mut lanes = Vec::with_capacity(part.len() * words);
-            expect(part, &mut lanes);
-            lanes
+        let width = self.called.scalars().len();
+        let finite = AtomicBool::new(true);
+        let expected = parallel::rows(rows.len(), width, &|cases, lanes| {
+            expect(rows.part(cases), lanes);
+            if !lanes.iter().all(|lane| lane.is_finite()) {
+                finite.store(false, Ordering::Relaxed);
+            }
+            true
         });
-        let expected = parts.concat();
-        self.called.expect_finite(&expected, "result", |case| {
-            (batch.first + case as u64, self.stream.show(rows.of(case)))
-        })?;
+        let expected = expected.expect("each task appends its rows");
+        if !finite.into_inner() {
+            self.called.expect_finite(&expected, "result", |case| {
+                (batch.first + case as u64, self.stream.show(rows.of(case)))
+            })?;
+        }
         Ok(expected)
     }
 }

@@ -82,19 +82,14 @@ impl Plan<'_> {
             session.called.expect_result(shape, "the statement takes")?;
             let scalars = session.called.scalars();
             session.run(&mut |batch, dispatches| {
-                session.judge(
-                    batch,
-                    dispatches,
-                    |_, _| None,
-                    |_, case, actual| {
-                        let mut judged = finite(&scalars, actual);
-                        if judged.measure.passes() {
-                            judged.measure =
-                                LaneError::statement(holds(batch.arguments(case), actual));
-                        }
-                        judged
-                    },
-                )
+                let judge = |case: usize, actual: &[u32]| {
+                    let mut judged = finite(&scalars, actual);
+                    if judged.measure.passes() {
+                        judged.measure = LaneError::statement(holds(batch.arguments(case), actual));
+                    }
+                    judged
+                };
+                session.judge(batch, dispatches, |_| None, |_| &judge)
             })
         })
     }

@@ -1,5 +1,8 @@
 //! What the cases of one path add up to.
 
+use std::ops::Range;
+
+use super::called::View;
 use super::parallel;
 use crate::tolerance::{LaneError, Tolerance, Unit};
 use crate::value::Scalar;
@@ -119,19 +122,44 @@ fn either(
 /// Cases that one task judges; large enough that a task costs more than its start.
 const TASK: usize = 2048;
 
-/// Judges each case of a batch: `words` holds `stride` words a case.
-pub(crate) fn tally(
-    first_case: u64,
-    words: &[u32],
-    stride: usize,
-    judge: &(dyn Fn(usize, &[u32]) -> Judged + Sync),
-) -> Tally {
-    let parts: Vec<&[u32]> = words.chunks(stride * TASK).collect();
-    let tallies = parallel::map(parts.len(), |task| {
-        let mut tally = Tally::default();
-        for (index, case) in (task * TASK..).zip(parts[task].chunks_exact(stride)) {
-            tally.add(first_case + index as u64, judge(index, case));
+/// How the cases of a batch are judged. A case is given by its index in the batch and the words of
+/// its result.
+pub(super) trait Judge: Sync {
+    fn judge(&self, case: usize, actual: &[u32]) -> Judged;
+
+    /// Whether the case passes and its ratio is at most `ratio`, where that is known at less cost
+    /// than by judging it. `false` says nothing.
+    fn is_within(&self, case: usize, actual: &[u32], ratio: f64) -> bool {
+        let _ = (case, actual, ratio);
+        false
+    }
+
+    /// Adds some cases of a batch, of which the first has the index `first_case`.
+    fn add(&self, tally: &mut Tally, first_case: u64, cases: Range<usize>, results: View<'_>) {
+        for case in cases {
+            let actual = results.of(case);
+            // What passes and isn't worse than the worst is only counted.
+            let worst = tally.worst.map_or(f64::NEG_INFINITY, |worst| worst.judged.measure.ratio);
+            if self.is_within(case, actual, worst.min(1.0)) {
+                tally.census.cases += 1;
+            } else {
+                tally.add(first_case + case as u64, self.judge(case, actual));
+            }
         }
+    }
+}
+
+impl<F: Fn(usize, &[u32]) -> Judged + Sync> Judge for F {
+    fn judge(&self, case: usize, actual: &[u32]) -> Judged {
+        self(case, actual)
+    }
+}
+
+/// Judges each case of a batch, of which the first has the index `first_case`.
+pub(super) fn tally(first_case: u64, results: View<'_>, judge: &dyn Judge) -> Tally {
+    let tallies = parallel::map(results.len().div_ceil(TASK), |task| {
+        let (mut tally, first) = (Tally::default(), task * TASK);
+        judge.add(&mut tally, first_case, first..results.len().min(first + TASK), results);
         tally
     });
     tallies.into_iter().fold(Tally::default(), Tally::merge)
@@ -163,6 +191,26 @@ pub(crate) fn compare(
         }
     }
     worst
+}
+
+/// Whether each lane passes with a ratio of at most `ratio`; see [`Tolerance::is_within`].
+#[inline]
+pub(crate) fn is_within(
+    scalars: &[Scalar],
+    actual: &[u32],
+    expected: &[f64],
+    tolerance: &Tolerance,
+    ratio: f64,
+) -> bool {
+    scalars.iter().zip(actual).zip(expected).enumerate().all(
+        |(lane, ((scalar, word), expected))| {
+            if scalar.is_float() {
+                tolerance.is_within(lane, f64::from(f32::from_bits(*word)), *expected, ratio)
+            } else {
+                scalar.decode(*word) == *expected && 0.0 <= ratio
+            }
+        },
+    )
 }
 
 pub(crate) fn classify(actual: f64, expected: f64) -> Class {
@@ -216,7 +264,8 @@ mod tests {
             for value in [f32::NAN, f32::INFINITY, -1.0, 0.5, 1.5] {
                 let mut words = vec![1.0_f32.to_bits(); 10_000];
                 words[2 * bad + 1] = value.to_bits();
-                let sum = tally(100, &words, 2, &|_, actual| {
+                let results = View { words: &words, stride: 2, width: 2 };
+                let sum = tally(100, results, &|_: usize, actual: &[u32]| {
                     compare(&scalars, actual, &[1.0, 1.0], &tolerance)
                 });
                 assert_eq!((sum.census.cases, sum.census.failures), (5000, 1));

@@ -127,7 +127,7 @@ mod tests {
             self.plan.conclude(&asserted, stream, demand, Recording::Off, &mut |session| {
                 let scalars = session.called.scalars();
                 session.run(&mut |batch, running| {
-                    let judge = |_, _, actual: &[u32]| {
+                    let judge = |_: usize, actual: &[u32]| {
                         let mut judged = finite(&scalars, actual);
                         let mut lanes = scalars.iter().zip(actual);
                         let whole = lanes.all(|(scalar, word)| scalar.decode(*word).fract() == 0.0);
@@ -136,7 +136,7 @@ mod tests {
                         }
                         judged
                     };
-                    session.judge(batch, running, |_, _| None, judge)
+                    session.judge(batch, running, |_| None, |_| &judge)
                 })
             })
         }

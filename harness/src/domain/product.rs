@@ -42,7 +42,11 @@ macro_rules! product {
                     starts[$index] = source.clone();
                     self.$index.draw(source)?
                 },)+);
-                ties::draw(&[$(TypeId::of::<$name::Value>()),+], &starts, source, |tie| {
+                let types = [$(TypeId::of::<$name::Value>()),+];
+                if !ties::are_drawn(&types, source) {
+                    return Some(value);
+                }
+                ties::draw(&types, &starts, source, &mut |tie| {
                     let from: &dyn Any = match tie.from {
                         $($index => &value.$index,)+
                         _ => return false,
@@ -110,7 +114,10 @@ macro_rules! product {
                             self.$index.shrinkable(Origin::Draw(&mut *source))?
                         },)+);
                         let types = [$(TypeId::of::<$name::Value>()),+];
-                        let ties = ties::draw(&types, &starts, source, |tie| {
+                        if !ties::are_drawn(&types, source) {
+                            return Some(parts.whole());
+                        }
+                        let ties = ties::draw(&types, &starts, source, &mut |tie| {
                             let from: &dyn Any = match tie.from {
                                 $($index => parts.$index.value(),)+
                                 _ => return false,

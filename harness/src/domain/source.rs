@@ -12,22 +12,26 @@ const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
 impl Source {
     /// The stream of case `index` under `seed`.
+    #[inline]
     #[must_use]
     pub fn new(seed: u64, index: u64) -> Self {
         Self(Pcg32::new(seed ^ index.wrapping_mul(GOLDEN), index))
     }
 
     /// 32 random bits.
+    #[inline]
     pub fn bits(&mut self) -> u32 {
         self.0.next_u32()
     }
 
     /// Uniform in `[0, 1)`, a multiple of 2^-32.
+    #[inline]
     pub fn unit(&mut self) -> f64 {
         f64::from(self.bits()) / 4_294_967_296.0
     }
 
     /// Uniform in `0..count`; 0 if `count` is 0.
+    #[inline]
     pub fn below(&mut self, count: u64) -> u64 {
         let bits = u128::from(self.0.next_u64());
         let scaled = (bits * u128::from(count)) >> 64;

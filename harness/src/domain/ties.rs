@@ -42,19 +42,29 @@ enum Relation {
     NearOpposite,
 }
 
-/// Draws the ties of one case. `types` are those of the components and `starts` the streams that
-/// they were drawn from. `apply` ties one component, or says that it can't be tied; the ties that
-/// hold are returned.
+/// Whether a draw of a tuple has ties. It takes nothing from the stream if no two components have
+/// one type. `types` are those of the components. This is asked in each draw, so it is compiled
+/// where they are constants.
+#[inline]
+pub(super) fn are_drawn<const N: usize>(types: &[TypeId; N], source: &mut Source) -> bool {
+    let mut alike = false;
+    for (index, ty) in types.iter().enumerate() {
+        alike |= types[..index].contains(ty);
+    }
+    alike && source.below(TIED) == 0
+}
+
+/// Draws the ties of a case that has some. `types` are those of the components and `starts` the
+/// streams that they were drawn from. `apply` ties one component, or says that it can't be tied;
+/// the ties that hold are returned.
 pub(super) fn draw(
     types: &[TypeId],
     starts: &[Source],
     source: &mut Source,
-    mut apply: impl FnMut(&Tie) -> bool,
+    apply: &mut dyn FnMut(&Tie) -> bool,
 ) -> Vec<Tie> {
     let mut ties: Vec<Tie> = Vec::new();
-    let mut rate = TIED;
-    while let Some((from, to)) = like(types, &ties, rate, source) {
-        rate = TIED_AGAIN;
+    while let Some((from, to)) = like(types, &ties, source) {
         let relation = match source.below(8) {
             0..3 => Relation::Equal,
             3 => Relation::Opposite,
@@ -67,35 +77,26 @@ pub(super) fn draw(
             break;
         }
         ties.push(tie);
+        let more = pairs(types, &ties).next().is_some();
+        if !more || source.below(TIED_AGAIN) != 0 {
+            break;
+        }
     }
     ties
 }
 
-/// Two components of one type, in one of `rate` cases. The second is in no tie yet. A tuple without
-/// like components takes nothing from the stream.
-fn like(types: &[TypeId], ties: &[Tie], rate: u64, source: &mut Source) -> Option<(usize, usize)> {
-    let free = |to: usize| ties.iter().all(|tie| tie.from != to && tie.to != to);
-    let pairs = || {
-        (0..types.len())
-            .flat_map(|from| (0..types.len()).map(move |to| (from, to)))
-            .filter(|(from, to)| from != to && types[*from] == types[*to] && free(*to))
-    };
-    // The first tie is asked about in each draw: whether there are like types is all that counts.
-    let first = if ties.is_empty() { first_like(types)? } else { pairs().next()? };
-    if source.below(rate) != 0 {
-        return None;
-    }
-    let index = usize::try_from(source.below(pairs().count() as u64)).ok()?;
-    Some(pairs().nth(index).unwrap_or(first))
+/// Two components of one type, of which the second is in no tie yet.
+fn like(types: &[TypeId], ties: &[Tie], source: &mut Source) -> Option<(usize, usize)> {
+    let count = pairs(types, ties).count();
+    let index = usize::try_from(source.below(count as u64)).ok()?;
+    pairs(types, ties).nth(index)
 }
 
-/// The first two components of one type.
-fn first_like(types: &[TypeId]) -> Option<(usize, usize)> {
-    let alike = |(from, ty): (usize, &TypeId)| {
-        let to = types.iter().enumerate().position(|(to, other)| to != from && other == ty)?;
-        Some((from, to))
-    };
-    types.iter().enumerate().find_map(alike)
+fn pairs(types: &[TypeId], ties: &[Tie]) -> impl Iterator<Item = (usize, usize)> {
+    let free = move |to: usize| ties.iter().all(|tie| tie.from != to && tie.to != to);
+    (0..types.len())
+        .flat_map(|from| (0..types.len()).map(move |to| (from, to)))
+        .filter(move |(from, to)| from != to && types[*from] == types[*to] && free(*to))
 }
 
 impl Tie {

@@ -43,3 +43,12 @@ pub(super) fn spacing(magnitude: f64) -> f64 {
     let exponent = (value.to_bits() >> 23).max(1);
     f64::from_bits(u64::from(exponent + 1023 - 150) << 52)
 }
+
+/// The smallest distance between two neighbouring `f32` from `magnitude` on: that in its binade.
+/// Unlike [`spacing`], it doesn't round first, and it has no smallest value.
+#[inline]
+pub(super) fn least_spacing(magnitude: f64) -> f64 {
+    // Without its 52 bits of fraction a number is its binade's power of two.
+    let binade = magnitude.min(f64::from(f32::MAX)).to_bits() >> 52 << 52;
+    f64::from_bits(binade) * f64::from(f32::EPSILON)
+}

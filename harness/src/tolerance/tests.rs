@@ -75,3 +75,60 @@ fn display_reads_as_written() {
     assert_eq!(significant(2.0), "2");
     assert_eq!(significant(123_456.0), "123456");
 }
+
+/// Numbers of all binades, of both signs, and what is special among them.
+fn numbers() -> Vec<f64> {
+    let mut numbers = vec![0.0, f64::NAN, f64::INFINITY, f64::from(f32::MAX), 1e300, 1e-300];
+    for exponent in (-150..=128).step_by(9) {
+        let binade = 2_f64.powi(exponent);
+        numbers.extend(
+            [1.0, 1.0 - f64::EPSILON / 2.0, 1.0 + 1e-7, 1.37, 1.999_999_9].map(|x| x * binade),
+        );
+    }
+    let opposite: Vec<f64> = numbers.iter().map(|number| -number).collect();
+    [numbers, opposite].concat()
+}
+
+#[test]
+fn what_is_within_a_ratio_is_so_exactly() {
+    let (wide, narrow) = (Tolerance::from(Ulp(1e8)), Tolerance::from(Ulp(3.0)));
+    let tolerances = [
+        narrow.clone(),
+        wide.clone(),
+        Ulp(0.0).into(),
+        narrow.clone().near_zero(0.01),
+        narrow.clone().near_zero(0.0),
+        narrow.clone().near_zero(1e300),
+        Rel(1e-6).into(),
+        Rel(10.0).into(),
+        Abs(1e-3).into(),
+        Abs(0.0).into(),
+        Rel(1e-6).or(Abs(1e-3)),
+        wide.and(Abs(1e-3)),
+        Tolerance::per_lane([narrow]),
+        Tolerance::Any(vec![]),
+        Tolerance::All(vec![]),
+        Tolerance::PerLane(vec![]),
+    ];
+    let numbers = numbers();
+    let (mut within, mut passing) = (0_u64, 0_u64);
+    for tolerance in &tolerances {
+        for (value, expected) in numbers.iter().flat_map(|a| numbers.iter().map(move |b| (*a, *b)))
+        {
+            // A result is an `f32`.
+            #[expect(clippy::cast_possible_truncation, reason = "of the numbers that are one")]
+            let actual = value as f32;
+            let exact = tolerance.measure(0, actual, expected).ratio;
+            passing += u64::from(exact <= 1.0);
+            for ratio in [f64::NEG_INFINITY, 0.0, 1e-6, 0.3, 1.0] {
+                let claim = tolerance.is_within(0, f64::from(actual), expected, ratio);
+                let says =
+                    || format!("{tolerance}: {actual:e} for {expected:e} has {exact}, not {ratio}");
+                assert!(!claim || exact <= ratio, "{}", says());
+                within += u64::from(claim && ratio == 1.0);
+            }
+        }
+    }
+    // Else nothing was claimed, and nothing was gained.
+    assert!(within > passing / 2, "{within} of {passing} were recognised");
+}

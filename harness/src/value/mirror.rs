@@ -30,6 +30,7 @@ macro_rules! scalar {
             fn shape() -> Shape {
                 Shape::Scalar(Scalar::$scalar)
             }
+            #[inline]
             fn lanes(&self, lanes: &mut Vec<f64>) {
                 let $v = *self;
                 lanes.push($lane);
@@ -51,6 +52,7 @@ macro_rules! vector {
             fn shape() -> Shape {
                 Shape::Vector { size: $size, scalar: Scalar::$scalar }
             }
+            #[inline]
             fn lanes(&self, lanes: &mut Vec<f64>) {
                 for component in <[$component; $size]>::from(*self) {
                     component.lanes(lanes);
@@ -81,6 +83,7 @@ macro_rules! matrix {
             fn shape() -> Shape {
                 Shape::Matrix { columns: $order, rows: $order, scalar: Scalar::F32 }
             }
+            #[inline]
             fn lanes(&self, lanes: &mut Vec<f64>) {
                 lanes.extend(self.to_cols_array());
             }

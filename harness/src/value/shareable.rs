@@ -36,6 +36,7 @@ pub trait Shareable: Clone + Debug + PartialEq + Send + Sync + 'static {
     fn widen(&self) -> Self::Mirror;
 }
 
+#[inline]
 fn next(lanes: &mut std::slice::Iter<'_, u32>) -> u32 {
     lanes.next().copied().unwrap_or_default()
 }
@@ -47,14 +48,17 @@ macro_rules! scalar {
             fn shape() -> Shape {
                 Shape::Scalar(Scalar::$scalar)
             }
+            #[inline]
             fn store(&self, lanes: &mut Vec<u32>) {
                 let $v = *self;
                 lanes.push($store);
             }
+            #[inline]
             fn load(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
                 let $lane = next(lanes);
                 $load
             }
+            #[inline]
             fn widen(&self) -> $mirror {
                 let $v = *self;
                 $widen
@@ -78,15 +82,18 @@ macro_rules! vector {
             fn shape() -> Shape {
                 Shape::Vector { size: $size, scalar: Scalar::$scalar }
             }
+            #[inline]
             fn store(&self, lanes: &mut Vec<u32>) {
                 for component in <[$component; $size]>::from(*self) {
                     component.store(lanes);
                 }
             }
+            #[inline]
             fn load(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
                 let components: [$component; $size] = std::array::from_fn(|_| <$component>::load(lanes));
                 Self::from(components)
             }
+            #[inline]
             fn widen(&self) -> $mirror {
                 let widen: fn(Self) -> $mirror = $widen;
                 widen(*self)
@@ -117,13 +124,16 @@ macro_rules! matrix {
             fn shape() -> Shape {
                 Shape::Matrix { columns: $order, rows: $order, scalar: Scalar::F32 }
             }
+            #[inline]
             fn store(&self, lanes: &mut Vec<u32>) {
                 lanes.extend(self.to_cols_array().map(f32::to_bits));
             }
+            #[inline]
             fn load(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
                 let columns: [f32; $lanes] = std::array::from_fn(|_| f32::load(lanes));
                 Self::from_cols_array(&columns)
             }
+            #[inline]
             fn widen(&self) -> $mirror {
                 self.$widen()
             }
@@ -261,12 +271,15 @@ macro_rules! shareable {
                     )),+],
                 }
             }
+            #[inline]
             fn store(&self, lanes: &mut Vec<u32>) {
                 $($crate::value::Shareable::store(&self.$field, lanes);)+
             }
+            #[inline]
             fn load(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
                 Self { $($field: <$type as $crate::value::Shareable>::load(lanes)),+ }
             }
+            #[inline]
             fn widen(&self) -> $mirror {
                 $mirror { $($field: $crate::value::Shareable::widen(&self.$field)),+ }
             }
