@@ -5,8 +5,11 @@
 //! doesn't run, or runs on other data, is an error and never a verdict. What runs it is an
 //! [`Executor`](crate::executor::Executor).
 
+mod bound;
+mod dispatcher;
 mod inputs;
 mod kernel;
+mod poison;
 mod prepared;
 mod rounds;
 mod runner;

@@ -6,7 +6,7 @@
 //! kernel counts the rounds. If no case exceeds the limit by itself, but several in one vector
 //! might, the kernel runs again with each case in a vector of its own.
 
-use super::runner::Runner;
+use super::dispatcher::Dispatcher;
 use super::{ProbeError, Probed};
 use crate::fixture::Fixtures;
 use crate::path::{Device, MOST_ROUNDS};
@@ -17,7 +17,7 @@ pub(super) const VECTOR: u32 = 16;
 
 /// A kernel that counts the rounds of each loop of each case.
 pub(super) struct Rounds<'d> {
-    runner: Box<Runner<'d>>,
+    dispatcher: Dispatcher<'d>,
     loops: Vec<CountedLoop>,
     function: String,
 }
@@ -35,9 +35,8 @@ impl<'d> Rounds<'d> {
         let pipeline = device
             .pipeline_of_ir(counting.module, super::kernel::ENTRY_POINT)
             .map_err(|error| ProbeError::Compile { function: function.clone(), error })?;
-        let runner =
-            Runner::with_pipeline(device, probed, &kernel, fixtures, cases, Some(pipeline), None)?;
-        Ok(Self { runner: Box::new(runner), loops: counting.loops, function })
+        let dispatcher = Dispatcher::new(device, probed, &kernel, fixtures, cases, Some(pipeline))?;
+        Ok(Self { dispatcher, loops: counting.loops, function })
     }
 
     /// Whether cases must be kept apart for the driver not to leave a loop.
@@ -82,9 +81,9 @@ impl<'d> Rounds<'d> {
         canary: u32,
         invocations: u32,
     ) -> Result<Vec<u32>, ProbeError> {
-        let dispatch = self.runner.dispatch_with(cases, arguments, canary, invocations)?;
-        let stride = self.runner.stride_out();
-        self.runner.read(dispatch, |words| {
+        let dispatch = self.dispatcher.dispatch(cases, arguments, canary, invocations)?;
+        let stride = self.dispatcher.stride_out();
+        self.dispatcher.read(dispatch, |words| {
             words.chunks_exact(stride).flat_map(|case| &case[..stride - 1]).copied().collect()
         })
     }
@@ -93,7 +92,7 @@ impl<'d> Rounds<'d> {
         let most = self.loops.iter().zip(counts).max_by_key(|(_, count)| **count);
         let (counted, count) = most.expect("a kernel that counts has a loop");
         let of = format!("`{}`", self.function);
-        let diagnostic = self.runner.device().left_loop(&of, *count, counted.span.as_ref());
+        let diagnostic = self.dispatcher.device().left_loop(&of, *count, counted.span.as_ref());
         ProbeError::Rounds { case, diagnostic: Box::new(diagnostic) }
     }
 }

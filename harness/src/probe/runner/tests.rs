@@ -1,5 +1,6 @@
 use super::*;
 use crate::package::Package;
+use crate::probe::poison;
 
 fn probed(change: impl Fn(String) -> String) -> Probed {
     let package = Package::from_source("s", "fn f(x: f32) -> f32 { return x + 1.0; }");
@@ -14,9 +15,9 @@ fn run(probed: &Probed, cases: usize) -> Vec<Result<usize, ProbeError>> {
         let runner = Runner::new(device, probed, &Vec::new(), cases)?;
         let arguments: Vec<u32> = (0..cases).map(|i| (i as f32).to_bits()).collect();
         let dispatch = runner.dispatch(cases, &arguments, 0x1234_5678)?;
-        runner.read(dispatch, |words| {
+        runner.dispatcher.read(dispatch, |words| {
             let right = |(i, case): &(usize, &[u32])| case[0] == (*i as f32 + 1.0).to_bits();
-            words.chunks_exact(runner.stride_out()).enumerate().filter(right).count()
+            words.chunks_exact(runner.dispatcher.stride_out()).enumerate().filter(right).count()
         })
     };
     devices.into_iter().map(run).collect()
@@ -78,7 +79,7 @@ fn a_kernel_that_writes_only_its_canary_is_an_error() {
 /// A function may return the very word that results are poisoned with.
 #[test]
 fn a_result_that_equals_the_poison_is_a_result() {
-    let wgsl = format!("fn f(x: u32) -> u32 {{ return x ^ {POISON}u; }}");
+    let wgsl = format!("fn f(x: u32) -> u32 {{ return x ^ {}u; }}", poison::WORD);
     let package = Package::from_source("s", &wgsl);
     for inputs in Inputs::ALL {
         let probed = Probed::new(&package, "f").and_then(|probed| probed.with_inputs(inputs));
@@ -87,10 +88,10 @@ fn a_result_that_equals_the_poison_is_a_result() {
             let runner = Runner::new(device, &probed, &Vec::new(), 8).expect("it compiles");
             let arguments: Vec<u32> = (0..8).collect();
             let dispatch = runner.dispatch(8, &arguments, 0x1234_5678).expect("it runs");
-            let results = runner.read(dispatch, |words| {
+            let results = runner.dispatcher.read(dispatch, |words| {
                 words.chunks_exact(2).map(|case| case[0]).collect::<Vec<_>>()
             });
-            let expected: Vec<u32> = (0..8).map(|x| x ^ POISON).collect();
+            let expected: Vec<u32> = (0..8).map(|x| x ^ poison::WORD).collect();
             assert_eq!(results.expect("each is written"), expected, "{inputs}");
         }
     }

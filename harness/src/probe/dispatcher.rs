@@ -1,0 +1,310 @@
+//! A kernel on a device: buffers, bind groups, dispatch and read-back.
+//!
+//! Poison and canaries show that each word was written once, by its case.
+
+use std::sync::Arc;
+
+use super::bound::{Bound, Resources, bind, compile};
+use super::kernel::{Kernel, UNIFORM_WORDS, WORKGROUP};
+use super::poison::{self, Poison};
+use super::{Inputs, ProbeError, Probed, Resource, upload};
+use crate::fixture::{self, Fixtures};
+use crate::path::{Device, Turn, guard};
+
+/// One kernel on one device.
+pub(super) struct Dispatcher<'d> {
+    device: &'d Device,
+    kernel: Kernel,
+    /// `None` where the arguments are constants, and each dispatch has a kernel of its own.
+    bound: Option<Bound>,
+    resources: Resources,
+    arguments: Option<wgpu::Buffer>,
+    results: wgpu::Buffer,
+    poison: Poison,
+    batch: wgpu::Buffer,
+    staging: wgpu::Buffer,
+    capacity: usize,
+    words_in: usize,
+    stride_out: usize,
+    /// What the words of a result are called: `""` of a scalar, `.x`.
+    lane_names: Vec<String>,
+    function: String,
+    /// The turn in which the fields above are released.
+    last: Turn<'d>,
+}
+
+impl Drop for Dispatcher<'_> {
+    fn drop(&mut self) {
+        self.last = self.device.turn();
+    }
+}
+
+/// A dispatch whose results haven't been read.
+#[must_use]
+pub(crate) struct Dispatch {
+    cases: usize,
+    canary: u32,
+    /// Workgroups in a row, and rows.
+    groups: (u32, u32),
+    /// The kernel with the arguments as constants, if they are.
+    constants: Option<Bound>,
+    _deadline: crate::path::Guard,
+}
+
+impl<'d> Dispatcher<'d> {
+    /// Uploads the fixtures and makes room for `cases` cases a dispatch, or for as many as the
+    /// device's limits allow. Without a pipeline each dispatch compiles one.
+    pub(super) fn new(
+        device: &'d Device,
+        probed: &Probed,
+        kernel: &Kernel,
+        fixtures: &Fixtures,
+        cases: usize,
+        pipeline: Option<Arc<wgpu::ComputePipeline>>,
+    ) -> Result<Self, ProbeError> {
+        let Probed { program, function, .. } = probed;
+
+        let stride_out = kernel.words_out + 1;
+        let capacity = cases.min(Self::largest_batch(device, kernel)).max(1);
+        let buffer = |label, words: usize, usage| {
+            device.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size: words as u64 * 4,
+                usage,
+                mapped_at_creation: false,
+            })
+        };
+        use wgpu::BufferUsages as Usage;
+        let words = capacity * stride_out;
+        let (arguments, results, poison, batch, staging) = device.checked(|| {
+            let arguments = match kernel.inputs {
+                _ if kernel.words_in == 0 => None,
+                Inputs::Storage => Some((capacity * kernel.words_in, Usage::STORAGE)),
+                Inputs::Uniform => Some((UNIFORM_WORDS, Usage::UNIFORM)),
+                Inputs::Constant => None,
+            };
+            let arguments =
+                arguments.map(|(words, usage)| buffer("arguments", words, usage | Usage::COPY_DST));
+            let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST;
+            let results = buffer("results", words, usage);
+            let poison = Poison::new(device, poison::WORD, words);
+            let batch = buffer("batch", 4, Usage::UNIFORM | Usage::COPY_DST);
+            let staging = buffer("staging", words, Usage::MAP_READ | Usage::COPY_DST);
+            (arguments, results, poison, batch, staging)
+        })?;
+
+        let mut resources = Resources::new();
+        fixture::check_used(&function.bindings, fixtures)?;
+        for (binding, fixture) in fixture::resolve(&function.bindings, fixtures)? {
+            let resource = upload(device, program, binding, fixture)?;
+            resources.entry(binding.group).or_default().push((binding.binding, resource));
+        }
+        let own = [arguments.as_ref(), Some(&results), Some(&batch)];
+        let bound = pipeline
+            .map(|pipeline| bind(device, pipeline, &resources, kernel.first_binding, own))
+            .transpose()?;
+        Ok(Self {
+            device,
+            kernel: kernel.clone(),
+            bound,
+            resources,
+            arguments,
+            results,
+            poison,
+            batch,
+            staging,
+            capacity,
+            words_in: kernel.words_in,
+            stride_out,
+            lane_names: function.result.lane_names(),
+            function: function.name.clone(),
+            last: None,
+        })
+    }
+
+    fn largest_batch(device: &Device, kernel: &Kernel) -> usize {
+        let limits = device.device.limits();
+        let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let widest = 4 * kernel.words_in.max(kernel.words_out + 1);
+        let largest = usize::try_from(bytes).unwrap_or(usize::MAX) / widest;
+        kernel.largest_batch().map_or(largest, |batch| batch.min(largest))
+    }
+
+    /// The kernel that holds these arguments as constants.
+    fn of_constants(&self, arguments: &[u32]) -> Result<Bound, ProbeError> {
+        let text = self.kernel.of_constants(arguments).map_err(|reason| {
+            let (function, inputs) = (self.function.clone(), self.kernel.inputs);
+            ProbeError::Inputs { function, inputs, reason }
+        })?;
+        let pipeline = compile(self.device, &self.function, &text)?;
+        let own = [None, Some(&self.results), Some(&self.batch)];
+        bind(self.device, pipeline, &self.resources, self.kernel.first_binding, own)
+    }
+
+    pub(super) fn capacity(&self) -> usize {
+        self.capacity
+    }
+
+    /// Whether a texture's floats have 16 bits on this device.
+    pub(super) fn reads_half_floats(&self) -> bool {
+        let mut resources = self.resources.values().flatten();
+        self.device.float_format() == wgpu::TextureFormat::Rgba16Float
+            && resources.any(|(_, resource)| matches!(resource, Resource::View(_)))
+    }
+
+    pub(crate) fn device(&self) -> &'d Device {
+        self.device
+    }
+
+    /// Words between one case's results and the next one's.
+    pub(crate) fn stride_out(&self) -> usize {
+        self.stride_out
+    }
+
+    /// Starts a dispatch over `cases` cases with these arguments, with so many invocations a case,
+    /// of which the first one calls the function. `canary` is written back by each invocation,
+    /// mixed with its index.
+    pub(super) fn dispatch(
+        &self,
+        cases: usize,
+        arguments: &[u32],
+        canary: u32,
+        invocations: u32,
+    ) -> Result<Dispatch, ProbeError> {
+        assert!(cases <= self.capacity, "a batch is no larger than the runner's capacity");
+        assert_eq!(arguments.len(), cases * self.words_in, "each case has all its arguments");
+        let (path, function) = (self.device.path(), self.function.clone());
+        let _turn = self.device.turn();
+        let deadline = guard(move || {
+            format!("the probe of `{function}` on path {path} ({cases} cases in one dispatch)")
+        });
+        let constants = match &self.bound {
+            Some(_) => None,
+            None => Some(self.of_constants(arguments)?),
+        };
+        let count = u32::try_from(cases).expect("a batch fits in 32 bits");
+        let limit = self.device.device.limits().max_compute_workgroups_per_dimension;
+        let groups = (count * invocations).div_ceil(WORKGROUP);
+        let (columns, rows) = (groups.min(limit), groups.div_ceil(limit));
+        let batch = [count, canary, columns * WORKGROUP, invocations];
+        self.device.checked(|| {
+            if let Some(buffer) = &self.arguments {
+                self.device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(arguments));
+            }
+            self.device.queue.write_buffer(&self.batch, 0, bytemuck::cast_slice(&batch));
+        })?;
+        let groups = (columns, rows);
+        let dispatch = Dispatch { cases, canary, groups, constants, _deadline: deadline };
+        self.submit(&dispatch, &self.poison)?;
+        Ok(dispatch)
+    }
+
+    /// Runs the kernel over results that are set to `poison`. The arguments are on the device.
+    fn submit(&self, dispatch: &Dispatch, poison: &Poison) -> Result<(), ProbeError> {
+        let Bound { pipeline, groups: bindings } = dispatch
+            .constants
+            .as_ref()
+            .or(self.bound.as_ref())
+            .expect("a kernel without constants is compiled once");
+        let (columns, rows) = dispatch.groups;
+        self.device.checked(|| {
+            let mut encoder = self.device.device.create_command_encoder(&Default::default());
+            let size = self.bytes(dispatch.cases);
+            poison.fill(&mut encoder, &self.results, size);
+            {
+                let mut pass = encoder.begin_compute_pass(&Default::default());
+                pass.set_pipeline(pipeline);
+                for (index, group) in (0..).zip(bindings) {
+                    pass.set_bind_group(index, group, &[]);
+                }
+                pass.dispatch_workgroups(columns, rows, 1);
+            }
+            encoder.copy_buffer_to_buffer(&self.results, 0, &self.staging, 0, size);
+            self.device.queue.submit([encoder.finish()]);
+        })?;
+        Ok(())
+    }
+
+    fn bytes(&self, cases: usize) -> u64 {
+        (cases * self.stride_out * 4) as u64
+    }
+
+    /// Waits for a dispatch and hands its results to `read`: for each case, the words of its
+    /// result and one more. Each case's canary has been checked, and each word was written.
+    pub(crate) fn read<T>(
+        &self,
+        dispatch: Dispatch,
+        read: impl FnOnce(&[u32]) -> T,
+    ) -> Result<T, ProbeError> {
+        let read = |words: &[u32]| match self.poisoned(words) {
+            places if places.is_empty() => Ok(read(words)),
+            places => Err((places, words.to_vec(), read)),
+        };
+        let (places, words, read) = match self.read_checked(&dispatch, read)? {
+            Ok(value) => return Ok(value),
+            Err(suspicious) => suspicious,
+        };
+        // Words that a function returns are returned over another poison as well.
+        let _turn = self.device.turn();
+        let words_of_all = dispatch.cases * self.stride_out;
+        let poison =
+            self.device.checked(|| Poison::new(self.device, poison::OTHER, words_of_all))?;
+        self.submit(&dispatch, &poison)?;
+        let again = self.read_checked(&dispatch, |words| self.poisoned(words))?;
+        let mut unwritten = places.into_iter().filter(|place| again.binary_search(place).is_err());
+        let Some(first) = unwritten.next() else { return Ok(read(&words)) };
+        Err(ProbeError::ResultNotWritten {
+            function: self.function.clone(),
+            path: self.device.path(),
+            component: self.lane_names.get(first % self.stride_out).cloned().unwrap_or_default(),
+            first: u32::try_from(first / self.stride_out).expect("a batch fits in 32 bits"),
+            count: 1 + unwritten.count(),
+            words: dispatch.cases * (self.stride_out - 1),
+        })
+    }
+
+    /// The places of result words that are poison.
+    fn poisoned(&self, words: &[u32]) -> Vec<usize> {
+        // Nearly always there are none, which this sees at the speed of memory.
+        if !words.contains(&poison::WORD) {
+            return Vec::new();
+        }
+        let canary = |place: &usize| place % self.stride_out == self.stride_out - 1;
+        let places = words.iter().enumerate().filter(|(_, word)| **word == poison::WORD);
+        places.map(|(place, _)| place).filter(|place| !canary(place)).collect()
+    }
+
+    /// Waits for a dispatch and hands its results to `read`, after each case's canary has been
+    /// checked.
+    fn read_checked<T>(
+        &self,
+        dispatch: &Dispatch,
+        read: impl FnOnce(&[u32]) -> T,
+    ) -> Result<T, ProbeError> {
+        let Dispatch { cases, canary, .. } = *dispatch;
+        let value = self.device.read_back(&self.staging, self.bytes(cases), |bytes| {
+            let words: &[u32] = bytemuck::cast_slice(bytes);
+            let expected = cases * self.stride_out;
+            if words.len() != expected {
+                let (path, found) = (self.device.path(), words.len());
+                return Err(ProbeError::Length { path, expected, found });
+            }
+            let unwritten = || {
+                (0_u32..).zip(words.chunks_exact(self.stride_out)).filter(|(case, result)| {
+                    result.last().is_none_or(|word| *word != canary ^ *case)
+                })
+            };
+            match unwritten().next() {
+                None => Ok(read(words)),
+                Some((first, _)) => Err(ProbeError::NotWritten {
+                    function: self.function.clone(),
+                    path: self.device.path(),
+                    first,
+                    count: unwritten().count(),
+                    cases,
+                }),
+            }
+        });
+        value?
+    }
+}
