@@ -202,15 +202,19 @@ pub(crate) fn is_within(
     tolerance: &Tolerance,
     ratio: f64,
 ) -> bool {
-    scalars.iter().zip(actual).zip(expected).enumerate().all(
-        |(lane, ((scalar, word), expected))| {
-            if scalar.is_float() {
-                tolerance.is_within(lane, f64::from(f32::from_bits(*word)), *expected, ratio)
-            } else {
-                scalar.decode(*word) == *expected && 0.0 <= ratio
-            }
-        },
-    )
+    // Written as a loop: tests run with little optimisation, and this runs for each case.
+    for (lane, scalar) in scalars.iter().enumerate() {
+        let (word, expected) = (actual[lane], expected[lane]);
+        let within = if scalar.is_float() {
+            tolerance.is_within(lane, f64::from(f32::from_bits(word)), expected, ratio)
+        } else {
+            scalar.decode(word) == expected && 0.0 <= ratio
+        };
+        if !within {
+            return false;
+        }
+    }
+    true
 }
 
 pub(crate) fn classify(actual: f64, expected: f64) -> Class {

@@ -31,12 +31,16 @@ pub(crate) trait Stream: Sync {
 
     /// Appends the rows of some cases, up to the first that has no value. Returns how many had one.
     fn rows(&self, cases: &Numbering, range: Range<u64>, rows: &mut Vec<u32>) -> u64 {
-        let has_none = |index: &u64| {
-            let mut source = cases.source(*index);
-            !self.row(cases.origin(*index, &mut source), rows)
-        };
-        let Range { start, end } = range.clone();
-        range.into_iter().find(has_none).unwrap_or(end) - start
+        // Written as a loop: tests run with little optimisation, and this runs for each case.
+        let mut index = range.start;
+        while index < range.end {
+            let mut source = cases.source(index);
+            if !self.row(cases.origin(index, &mut source), rows) {
+                break;
+            }
+            index += 1;
+        }
+        index - range.start
     }
 
     /// A value with its row.

@@ -38,7 +38,10 @@ pub trait Shareable: Clone + Debug + PartialEq + Send + Sync + 'static {
 
 #[inline]
 fn next(lanes: &mut std::slice::Iter<'_, u32>) -> u32 {
-    lanes.next().copied().unwrap_or_default()
+    match lanes.next() {
+        Some(lane) => *lane,
+        None => 0,
+    }
 }
 
 macro_rules! scalar {
