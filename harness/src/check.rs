@@ -10,6 +10,7 @@ mod batch;
 mod called;
 mod companion;
 mod conclusion;
+mod demand;
 mod disagreement;
 mod effort;
 mod equivariance;
@@ -37,6 +38,7 @@ mod trial;
 mod vacuous;
 mod verdict;
 
+use demand::Demand;
 pub use disagreement::{
     CaseFailure, Disagreement, IntegralFailure, NodeFailure, PathDisagreement, Simplest,
 };
@@ -51,7 +53,6 @@ pub use reference::Reference;
 pub use sampling::{
     ConfigurationRejection, Finding, Fit, PathRejection, Power, Rejection, SamplingCheck,
 };
-use session::Demand;
 pub use tally::Census;
 pub use vacuous::Vacuous;
 pub use verdict::{Agreement, Failure};

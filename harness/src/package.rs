@@ -7,9 +7,11 @@
 
 mod cargo;
 mod conditions;
+mod depth;
 mod directives;
 mod error;
 mod feature;
+mod functions;
 mod imports;
 mod lexer;
 mod library;
@@ -18,6 +20,7 @@ mod linked;
 mod linker;
 mod manifest;
 mod overlay;
+mod scan;
 mod scope;
 mod splice;
 mod syntax;
@@ -28,16 +31,16 @@ use std::path::{Path, PathBuf};
 
 pub use error::PackageError;
 pub use feature::Feature;
+pub use functions::FunctionItem;
 #[cfg(test)]
 pub(crate) use linked::KERNEL_WORDS;
 pub(crate) use linked::Linked;
 
 use cargo::Found;
-use library::{Library, ModulePath};
+use library::ModulePath;
 use overlay::Overlay;
-use syntax::{DeclarationKind, Module};
 
-use crate::diagnostic::{FileRead, Span, nearest, shown};
+use crate::diagnostic::{FileRead, nearest, shown};
 
 /// A set of WGSL modules.
 ///
@@ -79,17 +82,6 @@ enum Origin {
         root: Option<Cow<'static, str>>,
     },
     Found(Found),
-}
-
-/// A function of a package, as found in its file.
-#[derive(Clone, Debug)]
-pub struct FunctionItem {
-    /// `module::name`, or `name` in a package of one module.
-    pub name: String,
-    /// Where its name stands.
-    pub span: Span,
-    /// Whether it is a shader entry point, which can't be called.
-    pub entry_point: bool,
 }
 
 /// Declares a [`Package`]: a folder, relative to the manifest of the crate that calls it, or the
@@ -310,7 +302,7 @@ impl Package {
             Origin::Crate { .. } => return self.found()?.modules(),
             Origin::Folder { .. } | Origin::Found(_) => {
                 let mut found = Vec::new();
-                scan(&self.root(), "", &mut BTreeSet::new(), &mut found)?;
+                scan::scan(&self.root(), "", &mut BTreeSet::new(), &mut found)?;
                 if found.is_empty() {
                     return Err(PackageError::Empty(shown(&self.root())));
                 }
@@ -348,93 +340,9 @@ impl Package {
         }
     }
 
-    /// All functions of all modules, in the order of modules and lines.
-    ///
-    /// # Errors
-    /// If a module can't be read or parsed.
-    pub fn functions(&self) -> Result<Vec<FunctionItem>, PackageError> {
-        let modules = self.modules()?;
-        let functions = modules.iter().map(|module| self.functions_in(module));
-        Ok(functions.collect::<Result<Vec<_>, _>>()?.concat())
-    }
-
-    /// The functions of one module (`""` in a package of one module), in the order of lines.
-    ///
-    /// # Errors
-    /// If the module can't be read or parsed.
-    pub fn functions_in(&self, module: &str) -> Result<Vec<FunctionItem>, PackageError> {
-        let (library, root) = (Library::open(self)?, ModulePath::root(module));
-        library.begin(&root)?;
-        let module_of = library.module(&root)?;
-        Ok(self.functions_of(module, &module_of))
-    }
-
     /// The file of a module, if it is one that can be read.
     pub(crate) fn file_of(&self, module: &str) -> Option<FileRead> {
         let overlay = Overlay::of(self).ok()?;
         self.load(&ModulePath::root(module).components, &overlay).ok()?.read()
     }
-
-    fn functions_of(&self, name: &str, module: &Module) -> Vec<FunctionItem> {
-        let functions = module.declarations.iter().filter_map(|declaration| {
-            let item = declaration.name.as_ref()?;
-            let name = if name.is_empty() { item.clone() } else { format!("{name}::{item}") };
-            let (span, entry_point) =
-                (module.span(declaration.name_token), declaration.entry_point);
-            (declaration.kind == DeclarationKind::Function).then_some(FunctionItem {
-                name,
-                span,
-                entry_point,
-            })
-        });
-        functions.collect()
-    }
-}
-
-/// Finds modules below a folder. Each folder is entered once, however many links lead there.
-fn scan(
-    folder: &Path,
-    prefix: &str,
-    entered: &mut BTreeSet<PathBuf>,
-    found: &mut Vec<String>,
-) -> Result<(), PackageError> {
-    let unreadable = |source| PackageError::Unreadable { file: shown(folder), source };
-    if !entered.insert(folder.canonicalize().map_err(unreadable)?) {
-        return Ok(());
-    }
-    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
-        let path = entry.map_err(unreadable)?.path();
-        let no_module = |reason| PackageError::NoModule { file: shown(&path), reason };
-        let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
-        let is_shader = library::EXTENSIONS.iter().any(|known| extension == *known);
-        if !prefix.is_empty() && path.file_name().is_some_and(|name| name == manifest::NAME) {
-            let reason =
-                "only the one in the package's own folder is read: move it there".to_owned();
-            return Err(PackageError::Manifest { file: shown(&path), reason });
-        }
-        let part = if path.is_dir() { path.file_name() } else { path.file_stem() };
-        let Some(part) = part.and_then(|part| part.to_str()) else {
-            if is_shader {
-                return Err(no_module("its name isn't UTF-8"));
-            }
-            continue;
-        };
-        let name = if prefix.is_empty() { part.to_owned() } else { format!("{prefix}::{part}") };
-        if path.is_dir() {
-            // Cargo's output and hidden folders hold no modules of the author.
-            let is_output = part == "target" && path.join("CACHEDIR.TAG").is_file();
-            if !part.starts_with('.') && !is_output {
-                scan(&path, &name, entered, found)?;
-            }
-        } else if is_shader {
-            if path.extension() != Some(&extension) {
-                return Err(no_module("write its extension in small letters"));
-            }
-            if !path.is_file() {
-                return Err(no_module("it isn't a file, or a link to nothing"));
-            }
-            found.push(name);
-        }
-    }
-    Ok(())
 }

@@ -2,8 +2,9 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use super::demand::Demand;
 use super::plan::{Plan, Recording};
-use super::session::{Asserted, Demand, Expect};
+use super::session::{Asserted, Expect};
 use super::tally::{Judge, Judged, compare, is_within};
 use super::{Agreement, Check, Failure, Reference, Vacuous};
 use crate::domain::{Domain, Stream};

@@ -6,9 +6,10 @@ use glam::{DQuat, DVec3};
 
 use super::called::Running;
 use super::companion::{Companion, WithCompanion};
+use super::demand::Demand;
 use super::plan::{Plan, Recording};
 use super::property::Exhibit;
-use super::session::{Asserted, Demand};
+use super::session::Asserted;
 use super::tally::compare;
 use super::{Agreement, Check, Failure, Vacuous};
 use crate::domain::{Domain, Source, Stream};

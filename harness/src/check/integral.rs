@@ -12,11 +12,12 @@ mod sum;
 use std::cell::RefCell;
 use std::ops::Range;
 
+use super::demand::Demand;
 use super::disagreement::Simplest;
 use super::effort::Effort;
 use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
-use super::session::{Asserted, Demand, Session};
+use super::session::{Asserted, Session};
 use super::shrink::JudgeValues;
 use super::{Agreement, Failure, Probe};
 use crate::domain::{Domain, Held, Stream, Typed};

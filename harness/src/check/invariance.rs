@@ -1,10 +1,11 @@
 //! Results that stay the same when the arguments are transformed.
 
 use super::called::Running;
+use super::demand::Demand;
 use super::disagreement::arguments;
 use super::plan::{Plan, Recording};
 use super::property::{Exhibit, PRIMED};
-use super::session::{Asserted, Demand};
+use super::session::Asserted;
 use super::tally::compare;
 use super::{Agreement, Check, Failure, Vacuous};
 use crate::domain::{Domain, Stream};

@@ -5,10 +5,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::agreement::{Expected, with_reference};
 use super::called::Running;
+use super::demand::Demand;
 use super::parameter::Parameter;
 use super::plan::{Plan, Recording};
 use super::property::Exhibit;
-use super::session::{Asserted, Demand};
+use super::session::Asserted;
 use super::tally::{Judged, compare};
 use super::{Agreement, Check, Failure, Mismatch, Reference, Vacuous};
 use crate::domain::{Domain, Stream};

@@ -5,10 +5,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::called::Running;
 use super::companion::{Companion, WithCompanion};
+use super::demand::Demand;
 use super::parameter::{Parameter, ScalarParameter};
 use super::plan::{Plan, Recording};
 use super::property::{Exhibit, PRIMED};
-use super::session::{Asserted, Demand};
+use super::session::Asserted;
 use super::tally::{Class, Judged, classify};
 use super::{Agreement, Check, Failure, Vacuous};
 use crate::domain::{Domain, Origin, Source, Stream, complexity};

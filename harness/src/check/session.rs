@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::batch::{Batch, Rows};
 use super::called::{Called, Fitting, Results, Running};
+use super::demand::{Demand, number};
 use super::disagreement::{Expectation, arguments};
 use super::effort::Effort;
 use super::path_tally::PathTally;
@@ -12,29 +13,11 @@ use super::tally::{Judge, Shown, tally};
 use super::{CaseFailure, Failure, Plan, Simplest, Vacuous, parallel};
 use crate::domain::{Held, Numbering, Origin, Stream};
 use crate::path::Path;
-use crate::probe::{BATCH, CONSTANTS, Inputs};
-use crate::reflect::Function;
+use crate::probe::{BATCH, Inputs};
 use crate::run::{Descent, Identity, Memory, replay, with_inputs};
-use crate::value::Shape;
 
 /// Room for cases in a dispatch of few, for the values that a failing one is replaced by.
 const SMALLEST: usize = 256;
-
-/// What one verb asks of a session.
-pub(super) struct Demand {
-    /// Types of the arguments that the host supplies.
-    pub(super) arguments: Vec<Shape>,
-    /// Who supplies them: `the domain draws`.
-    pub(super) who: &'static str,
-    /// Whether the parts of the stream are the function's arguments.
-    pub(super) draws_arguments: bool,
-    /// Cases of a domain that isn't enumerated, unless the check says otherwise.
-    pub(super) cases: u64,
-    /// Values of a finite domain that are all tried unless a number of cases is asked for.
-    pub(super) enumerated: u64,
-    /// Calls of the function that a case makes in one dispatch, at most.
-    pub(super) calls: usize,
-}
 
 /// What a check is called and asserts.
 #[derive(Clone, Debug)]
@@ -77,38 +60,6 @@ pub(super) type JudgeBatch<'j> =
 
 /// Appends the lanes that are expected of calls with some rows of arguments.
 pub(super) type Expect<'e> = &'e (dyn Fn(Rows<'_>, &mut Vec<f64>) + Sync);
-
-/// The cases of a check under a seed, as many as its author and its verb want. None is an error.
-pub(super) fn number(
-    plan: &Plan<'_>,
-    function: &Function,
-    stream: &dyn Stream,
-    demand: &Demand,
-    seed: u64,
-    inputs: Inputs,
-) -> Result<Numbering, Failure> {
-    let (cases, enumerated) = match plan.cases {
-        Some(cases) => (cases, cases),
-        None => (demand.cases, demand.enumerated),
-    };
-    let few = CONSTANTS as u64;
-    let (cases, enumerated) = match inputs {
-        Inputs::Storage | Inputs::Uniform => (cases, enumerated),
-        Inputs::Constant => (cases.min(few), enumerated.min(few)),
-    };
-    let cases = Numbering::of(stream, seed, cases, enumerated);
-    let reason = match stream.emptiness() {
-        Some(emptiness) => {
-            let parameters = &function.parameters;
-            let named = emptiness.part.filter(|_| demand.draws_arguments);
-            let argument = named.and_then(|part| Some(parameters.get(part)?.0.clone()));
-            Vacuous::Empty { argument, emptiness }
-        }
-        None if cases.count == 0 => Vacuous::NoCases,
-        None => return Ok(cases),
-    };
-    Err(Failure::Domain { function: function.name.clone(), reason: Box::new(reason) })
-}
 
 impl<'a> Session<'a> {
     pub(super) fn open(

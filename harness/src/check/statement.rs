@@ -1,7 +1,8 @@
 //! Statements that hold for each case's arguments and result.
 
+use super::demand::Demand;
 use super::plan::{Plan, Recording};
-use super::session::{Asserted, Demand};
+use super::session::Asserted;
 use super::tally::finite;
 use super::{Agreement, Check, Failure, tolerances};
 use crate::domain::{Domain, Stream};

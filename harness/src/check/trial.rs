@@ -1,8 +1,9 @@
 //! How a plan is carried out: its session, a verb, the verdict and its record.
 
+use super::demand::Demand;
 use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
-use super::session::{Asserted, Demand, Session};
+use super::session::{Asserted, Session};
 use super::{Agreement, Census, Failure, inputs};
 use crate::domain::Stream;
 use crate::record::{PathRecord, Subject};

@@ -6,6 +6,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::functions::functions_of;
 use super::imports;
 use super::library::{Library, ModulePath};
 use super::linked::{Linked, author_path};
@@ -93,7 +94,7 @@ impl Package {
         if let (Ok(modules), Ok(library)) = (self.modules(), Library::open(self)) {
             for name in modules {
                 let Ok(parsed) = library.module(&ModulePath::root(&name)) else { continue };
-                known.extend(self.functions_of(&name, &parsed).into_iter().map(|item| item.name));
+                known.extend(functions_of(&name, &parsed).into_iter().map(|item| item.name));
                 if name == module {
                     let inactive = parsed.inactive.iter().find(|inactive| inactive.name == item);
                     condition = inactive.map(|inactive| inactive.condition.clone());

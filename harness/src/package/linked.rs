@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::depth::deepest;
 use super::library::{ModulePath, Sources};
 use super::splice::Spliced;
-use super::syntax::deepest;
 use crate::diagnostic::{SourceFile, Span};
 
 /// WGSL's names that generated kernels use. A shader under test may declare them, too, and gets

@@ -1,0 +1,31 @@
+//! What a file includes.
+
+use crate::package::library::EXTENSIONS;
+
+/// What a file includes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(in crate::package) enum Include {
+    /// By a path from the file: `./plane.wgsl`.
+    File(String),
+    /// By a name: `bbox`.
+    Name(String),
+}
+
+impl Include {
+    /// The name of the module, without folders.
+    pub(in crate::package) fn name(&self) -> &str {
+        match self {
+            Self::Name(name) => name,
+            Self::File(path) => {
+                let file = path.rsplit('/').next().unwrap_or_default();
+                without_extension(file)
+            }
+        }
+    }
+}
+
+/// A file's name without what says that it is a module.
+pub(in crate::package) fn without_extension(file: &str) -> &str {
+    let stem = EXTENSIONS.iter().find_map(|known| file.strip_suffix(known)?.strip_suffix('.'));
+    stem.unwrap_or(file)
+}

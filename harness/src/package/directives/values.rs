@@ -1,0 +1,106 @@
+//! Values of features: where a directive asks about one, and where `#{NAME}` stands for one.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::Reader;
+use super::ahead::value_of;
+use crate::diagnostic::{Diagnostic, Span};
+use crate::package::PackageError;
+use crate::package::feature::{Feature, is_on};
+
+impl Reader<'_> {
+    /// `#{NAME}`: the value of a feature.
+    pub(super) fn value(&mut self, at: usize) -> Result<(), PackageError> {
+        let rest = &self.text()[at..];
+        let Some(length) = rest.find('}') else {
+            return Err(self.error(at..at + 2, "`#{` has no `}`"));
+        };
+        let (range, name) = (at..at + length + 1, rest[2..length].trim().to_owned());
+        let Some(value) = self.features.get(&name).copied() else {
+            return Err(self.no_value(&name, range));
+        };
+        let value = value.to_string();
+        let (before, after) = (&self.text()[..at], &self.text()[range.end..]);
+        let is_part = |c: char| c.is_alphanumeric() || c == '_';
+        // `#{COUNT}u` is a number with its suffix.
+        let suffix = after.chars().take_while(|c| is_part(*c)).count();
+        if before.ends_with(is_part)
+            || suffix > 1
+            || suffix == 1 && !after.starts_with(['u', 'i', 'f', 'h'])
+        {
+            return Err(self.error(range, "a value can't be a part of a name"));
+        }
+        self.mask(range.start..range.end + suffix);
+        // Tokens of the value, for what looks at tokens; the text gets all of it.
+        for (byte, new) in self.bytes[range.clone()].iter_mut().zip(value.bytes()) {
+            *byte = new;
+        }
+        self.found.replaced.push((range, value));
+        Ok(())
+    }
+
+    pub(super) fn no_value(&self, name: &str, range: Range<usize>) -> PackageError {
+        let span = Span { file: Arc::clone(self.file), range };
+        let diagnostic = Diagnostic::new(format!("`{name}` has no value"))
+            .at(span, "")
+            .note(format!("set it: `.feature(\"{name}\", 3)`, or `--feature {name}=3`"));
+        PackageError::Shader(Box::new(diagnostic))
+    }
+
+    /// Whether a condition holds.
+    pub(super) fn holds(
+        &self,
+        word: &str,
+        rest: &str,
+        whole: &Range<usize>,
+    ) -> Result<bool, PackageError> {
+        if word != "if" {
+            if rest.is_empty() || rest.contains(char::is_whitespace) {
+                return Err(self.error(whole.clone(), &format!("`#{word}` names one feature")));
+            }
+            return Ok(is_on(&self.features, rest) == (word == "ifdef"));
+        }
+        let wrong = "conditions compare a feature with a value: `#if NAME >= 3`";
+        let at = rest.find(['=', '!', '<', '>']);
+        let at = at.ok_or_else(|| self.error(whole.clone(), wrong))?;
+        let (name, rest) = (rest[..at].trim(), &rest[at..]);
+        let length = rest.find(|c| !matches!(c, '=' | '!' | '<' | '>')).unwrap_or(rest.len());
+        let (operator, value) = (&rest[..length], rest[length..].trim());
+        let value = self.parsed(value, whole)?;
+        let holds: fn(std::cmp::Ordering) -> bool = match operator {
+            "==" => std::cmp::Ordering::is_eq,
+            "!=" => std::cmp::Ordering::is_ne,
+            ">" => std::cmp::Ordering::is_gt,
+            ">=" => std::cmp::Ordering::is_ge,
+            "<" => std::cmp::Ordering::is_lt,
+            "<=" => std::cmp::Ordering::is_le,
+            _ => return Err(self.error(whole.clone(), wrong)),
+        };
+        // What isn't set is neither equal nor different.
+        let Some(own) = self.features.get(name) else {
+            return Err(self.no_value(name, whole.clone()));
+        };
+        let equality = matches!(operator, "==" | "!=");
+        let order = match (own, value) {
+            (Feature::Number(own), Feature::Number(value)) => own.cmp(&value),
+            (Feature::Flag(own), Feature::Flag(value)) if equality => own.cmp(&value),
+            (own, value) => {
+                let message =
+                    format!("`{name}` is {own}, which `{operator} {value}` can't be asked of");
+                return Err(self.error(whole.clone(), &message));
+            }
+        };
+        Ok(holds(order))
+    }
+
+    /// A value as a directive has it; none: on.
+    pub(super) fn parsed(
+        &self,
+        value: &str,
+        whole: &Range<usize>,
+    ) -> Result<Feature, PackageError> {
+        let wrong = || self.error(whole.clone(), "values are whole numbers, `true` and `false`");
+        value_of(value).ok_or_else(wrong)
+    }
+}

@@ -1,0 +1,55 @@
+//! The functions of a package.
+
+use super::library::{Library, ModulePath};
+use super::syntax::{DeclarationKind, Module};
+use super::{Package, PackageError};
+use crate::diagnostic::Span;
+
+/// A function of a package, as found in its file.
+#[derive(Clone, Debug)]
+pub struct FunctionItem {
+    /// `module::name`, or `name` in a package of one module.
+    pub name: String,
+    /// Where its name stands.
+    pub span: Span,
+    /// Whether it is a shader entry point, which can't be called.
+    pub entry_point: bool,
+}
+
+impl Package {
+    /// All functions of all modules, in the order of modules and lines.
+    ///
+    /// # Errors
+    /// If a module can't be read or parsed.
+    pub fn functions(&self) -> Result<Vec<FunctionItem>, PackageError> {
+        let modules = self.modules()?;
+        let functions = modules.iter().map(|module| self.functions_in(module));
+        Ok(functions.collect::<Result<Vec<_>, _>>()?.concat())
+    }
+
+    /// The functions of one module (`""` in a package of one module), in the order of lines.
+    ///
+    /// # Errors
+    /// If the module can't be read or parsed.
+    pub fn functions_in(&self, module: &str) -> Result<Vec<FunctionItem>, PackageError> {
+        let (library, root) = (Library::open(self)?, ModulePath::root(module));
+        library.begin(&root)?;
+        let module_of = library.module(&root)?;
+        Ok(functions_of(module, &module_of))
+    }
+}
+
+/// Those of one module, called `name`.
+pub(super) fn functions_of(name: &str, module: &Module) -> Vec<FunctionItem> {
+    let functions = module.declarations.iter().filter_map(|declaration| {
+        let item = declaration.name.as_ref()?;
+        let name = if name.is_empty() { item.clone() } else { format!("{name}::{item}") };
+        let (span, entry_point) = (module.span(declaration.name_token), declaration.entry_point);
+        (declaration.kind == DeclarationKind::Function).then_some(FunctionItem {
+            name,
+            span,
+            entry_point,
+        })
+    });
+    functions.collect()
+}
