@@ -5,6 +5,7 @@
 //! (`header`), and each chunk before it is decompressed (`chunks`, `guard`). The codecs and the
 //! writer are the `exr` crate's.
 
+mod block;
 mod chunks;
 mod guard;
 mod header;

@@ -13,25 +13,9 @@ use exr::prelude::{
     ChannelDescription, Compression, IntegerBounds, SampleType, Text, TileDescription, Vec2,
 };
 
+use super::block::Block;
 use super::guard;
 use super::header::{Blocks, Bytes, FileHeader, PartHeader, Sample};
-
-/// A rectangle of a part's pixels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Block {
-    pub(super) x: usize,
-    pub(super) y: usize,
-    pub(super) width: usize,
-    pub(super) height: usize,
-}
-
-impl Block {
-    /// How many bytes its pixels have when they aren't compressed.
-    pub(super) fn bytes(self, part: &PartHeader) -> usize {
-        let pixel: usize = part.channels.iter().map(|channel| channel.sample.bytes()).sum();
-        self.width * self.height * pixel
-    }
-}
 
 /// Calls `each` with the samples of each block of a part's largest level: row by row, and in each
 /// row channel by channel.

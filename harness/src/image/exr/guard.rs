@@ -1,6 +1,6 @@
 //! What is checked of a chunk's data before a codec of the `exr` crate gets it.
 
-use super::chunks::Block;
+use super::block::Block;
 use super::header::{PartHeader, Sample};
 
 /// The counters that a DWA chunk begins with are lengths that the codec reserves, however little

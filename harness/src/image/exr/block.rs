@@ -1,0 +1,20 @@
+//! A rectangle of pixels that is compressed by itself.
+
+use super::header::PartHeader;
+
+/// A rectangle of a part's pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Block {
+    pub(super) x: usize,
+    pub(super) y: usize,
+    pub(super) width: usize,
+    pub(super) height: usize,
+}
+
+impl Block {
+    /// How many bytes its pixels have when they aren't compressed.
+    pub(super) fn bytes(self, part: &PartHeader) -> usize {
+        let pixel: usize = part.channels.iter().map(|channel| channel.sample.bytes()).sum();
+        self.width * self.height * pixel
+    }
+}
