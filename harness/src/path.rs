@@ -15,13 +15,18 @@ mod deadline;
 mod device;
 mod driver;
 mod name;
+#[cfg(feature = "routes")]
+mod route;
+#[cfg(not(feature = "routes"))]
+#[path = "path/no_route.rs"]
+mod route;
 mod selector;
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, OnceLock};
 
 pub(crate) use deadline::{Guard, guard};
-pub(crate) use device::{Device, MOST_ROUNDS, Turn};
+pub(crate) use device::{Device, MOST_ROUNDS, Pipeline, Turn};
 pub use driver::Adapter;
 pub use name::{Api, Path, Via};
 pub(crate) use selector::Selected;
@@ -118,6 +123,14 @@ pub enum PathError {
     None {
         /// Each path with its reason.
         reasons: Vec<String>,
+    },
+    /// The path's route doesn't take the shader.
+    #[error("path `{path}` doesn't take this shader: {message}")]
+    Route {
+        /// The path.
+        path: Path,
+        /// What naga, or the compiler behind it, says.
+        message: String,
     },
     /// The driver refused something.
     #[error("the driver of path `{path}` reports: {message}")]

@@ -34,8 +34,9 @@ pub(super) struct Painter<'a> {
 impl Painter<'_> {
     /// Draws everything; the image as a buffer.
     pub(super) fn draw(&self, bindings: &[Bindings]) -> Result<wgpu::Buffer, DrawError> {
-        let source = wgpu::ShaderSource::Naga(Cow::Owned(self.program.module().clone()));
         let image = crate::reflect::on_deep_stack(|| {
+            let module = self.device.drawn(self.program.module().clone())?;
+            let source = wgpu::ShaderSource::Naga(Cow::Owned(module));
             self.device.checked(|| {
                 let descriptor = wgpu::ShaderModuleDescriptor { label: None, source };
                 let shader = self.device.device.create_shader_module(descriptor);

@@ -11,7 +11,8 @@ use parking_lot::{ReentrantMutex, ReentrantMutexGuard};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::reflect::{self, Ir};
 
-use super::{Adapter, Api, Path, PathError, Via, driver, guard};
+use super::route::{self, Foreign, Routed};
+use super::{Adapter, Api, Path, PathError, driver, guard};
 use crate::settings;
 
 /// Rounds of all loops of an invocation together after which Mesa's llvmpipe leaves them
@@ -29,9 +30,33 @@ pub(crate) struct Device {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     color_format: wgpu::TextureFormat,
-    pipelines: Mutex<HashMap<blake3::Hash, Arc<wgpu::ComputePipeline>>>,
+    pipelines: Mutex<HashMap<blake3::Hash, Arc<Pipeline>>>,
     /// `None`: threads needn't take turns.
     turns: Option<ReentrantMutex<()>>,
+}
+
+/// A compute pipeline.
+pub(crate) struct Pipeline {
+    pub(crate) pipeline: wgpu::ComputePipeline,
+    /// The SPIR-V that it was made of, if it isn't wgpu's.
+    foreign: Option<Box<Foreign>>,
+}
+
+impl std::fmt::Debug for Pipeline {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.pipeline.fmt(f)
+    }
+}
+
+impl Pipeline {
+    /// Where a resource of WGSL's is bound: its group and binding. `None`: the pipeline doesn't have
+    /// it.
+    pub(crate) fn place(&self, group: u32, binding: u32) -> Option<(u32, u32)> {
+        match &self.foreign {
+            None => Some((group, binding)),
+            Some(foreign) => foreign.place(group, binding).map(|number| (0, number)),
+        }
+    }
 }
 
 /// What a thread holds while it is its turn. See [`Device::turn`].
@@ -43,8 +68,8 @@ impl Device {
         if path.api() == Api::Cpu {
             return Err(unavailable("Karat has no engine without a driver yet".to_owned()));
         }
-        if path.via() != Via::Direct {
-            return Err(unavailable("Karat translates for no other route yet".to_owned()));
+        if let Some(reason) = route::missing(path) {
+            return Err(unavailable(reason));
         }
         if !exists(path) {
             return Err(unavailable("this platform doesn't have it".to_owned()));
@@ -68,7 +93,7 @@ impl Device {
                     && wanted.as_ref().is_none_or(|wanted| name.contains(&wanted.to_lowercase()))
             })
             .collect();
-        candidates.sort_by_key(|adapter| preference(adapter.get_info().device_type));
+        candidates.sort_by_key(|adapter| preference(&adapter.get_info()));
         let adapter = candidates.into_iter().next().ok_or_else(|| {
             unavailable(match (wanted, path.driver()) {
                 (None, Some(family)) => format!("no adapter of the family `{family}` found"),
@@ -88,6 +113,10 @@ impl Device {
         if !adapter.get_downlevel_capabilities().flags.contains(compute) {
             return Err(unavailable("its driver has no compute shaders".to_owned()));
         }
+        let needed = route::features(path);
+        if !adapter.features().contains(needed) {
+            return Err(unavailable("its driver takes no shaders but wgpu's own".to_owned()));
+        }
         let optional = wgpu::Features::SHADER_F16
             | wgpu::Features::FLOAT32_FILTERABLE
             | wgpu::Features::FLOAT32_BLENDABLE
@@ -95,7 +124,7 @@ impl Device {
             | wgpu::Features::VERTEX_WRITABLE_STORAGE;
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("karat"),
-            required_features: adapter.features() & optional,
+            required_features: adapter.features() & optional | needed,
             required_limits: adapter.limits(),
             memory_hints: wgpu::MemoryHints::MemoryUsage,
             ..wgpu::DeviceDescriptor::default()
@@ -197,7 +226,7 @@ impl Device {
         &self,
         wgsl: &str,
         entry_point: &str,
-    ) -> Result<Arc<wgpu::ComputePipeline>, PathError> {
+    ) -> Result<Arc<Pipeline>, PathError> {
         let key = blake3::hash(wgsl.as_bytes());
         let lock = || self.pipelines.lock().expect("no thread panics while it holds the lock");
         if let Some(pipeline) = lock().get(&key) {
@@ -210,30 +239,56 @@ impl Device {
         Ok(pipeline)
     }
 
-    /// A compute pipeline of naga's IR.
+    /// A compute pipeline of naga's IR, along the path's route.
     pub(crate) fn pipeline_of_ir(
         &self,
         module: Ir,
         entry_point: &str,
-    ) -> Result<Arc<wgpu::ComputePipeline>, PathError> {
-        let source = wgpu::ShaderSource::Naga(Cow::Owned(module));
+    ) -> Result<Arc<Pipeline>, PathError> {
         // Translators and drivers recurse as deep as the shader nests.
-        reflect::on_deep_stack(|| {
-            self.checked(|| {
-                let module = self
-                    .device
-                    .create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
-                self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                    label: Some(entry_point),
-                    layout: None,
-                    module: &module,
-                    entry_point: Some(entry_point),
-                    compilation_options: wgpu::PipelineCompilationOptions::default(),
-                    cache: None,
-                })
+        reflect::on_deep_stack(|| match route::take(self.path, module, entry_point)? {
+            Routed::Ir(module) => {
+                let pipeline = self.pipeline_of_wgpu(module, entry_point)?;
+                Ok(Arc::new(Pipeline { pipeline, foreign: None }))
+            }
+            Routed::Spirv(foreign) => {
+                let pipeline = foreign.pipeline(self)?;
+                Ok(Arc::new(Pipeline { pipeline, foreign: Some(foreign) }))
+            }
+        })
+    }
+
+    /// What a frame is drawn with, along the path's route.
+    pub(crate) fn drawn(&self, module: Ir) -> Result<Ir, PathError> {
+        let undrawn = || PathError::Route {
+            path: self.path,
+            message: "frames aren't drawn with SPIR-V of other compilers".to_owned(),
+        };
+        match route::takes_wgpu(self.path) {
+            true => route::through_naga(self.path, module),
+            false => Err(undrawn()),
+        }
+    }
+
+    fn pipeline_of_wgpu(
+        &self,
+        module: Ir,
+        entry_point: &str,
+    ) -> Result<wgpu::ComputePipeline, PathError> {
+        let source = wgpu::ShaderSource::Naga(Cow::Owned(module));
+        self.checked(|| {
+            let module = self
+                .device
+                .create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
+            self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(entry_point),
+                layout: None,
+                module: &module,
+                entry_point: Some(entry_point),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: None,
             })
         })
-        .map(Arc::new)
     }
 
     /// Waits for all submitted work. The caller holds a deadline's guard.
@@ -306,13 +361,15 @@ fn backends(path: Path) -> wgpu::Backends {
     }
 }
 
-/// Hardware first; a software rasteriser last but one.
-fn preference(kind: wgpu::DeviceType) -> u8 {
-    match kind {
+/// Hardware first; a software rasteriser last but one. Of these Mesa's is what machines have where
+/// nobody chose: a second one beside it runs when it is named.
+fn preference(info: &wgpu::AdapterInfo) -> (u8, bool) {
+    let kind = match info.device_type {
         wgpu::DeviceType::DiscreteGpu => 0,
         wgpu::DeviceType::IntegratedGpu => 1,
         wgpu::DeviceType::VirtualGpu => 2,
         wgpu::DeviceType::Cpu => 3,
         wgpu::DeviceType::Other => 4,
-    }
+    };
+    (kind, driver::family(&info.name, &driver_of(info)) == "swiftshader")
 }

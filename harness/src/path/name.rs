@@ -62,7 +62,9 @@ impl Via {
     const ALL: [Self; 6] =
         [Self::Direct, Self::Wgsl, Self::Spirv, Self::Glsl, Self::Hlsl, Self::Msl];
 
-    const fn name(self) -> &'static str {
+    /// The name behind the `:` of a path.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Direct => "direct",
             Self::Wgsl => "wgsl",
@@ -71,6 +73,12 @@ impl Via {
             Self::Hlsl => "hlsl",
             Self::Msl => "msl",
         }
+    }
+}
+
+impl fmt::Display for Via {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
     }
 }
 

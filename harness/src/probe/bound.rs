@@ -5,14 +5,14 @@ use std::sync::Arc;
 
 use super::kernel::ENTRY_POINT;
 use super::{ProbeError, Resource};
-use crate::path::Device;
+use crate::path::{Device, Pipeline};
 
 /// The fixtures of each group, with their binding numbers.
 pub(super) type Resources = BTreeMap<u32, Vec<(u32, Resource)>>;
 
 /// A compiled kernel with its bindings.
 pub(super) struct Bound {
-    pub(super) pipeline: Arc<wgpu::ComputePipeline>,
+    pub(super) pipeline: Arc<Pipeline>,
     pub(super) groups: Vec<wgpu::BindGroup>,
 }
 
@@ -21,7 +21,7 @@ pub(super) fn compile(
     device: &Device,
     function: &str,
     text: &str,
-) -> Result<Arc<wgpu::ComputePipeline>, ProbeError> {
+) -> Result<Arc<Pipeline>, ProbeError> {
     device
         .compute_pipeline(text, ENTRY_POINT)
         .map_err(|error| ProbeError::Compile { function: function.to_owned(), error })
@@ -30,39 +30,33 @@ pub(super) fn compile(
 /// Binds the fixtures, and in group 0 the arguments, the results and the batch, in this order.
 pub(super) fn bind(
     device: &Device,
-    pipeline: Arc<wgpu::ComputePipeline>,
+    pipeline: Arc<Pipeline>,
     resources: &Resources,
     first_binding: u32,
     own: [Option<&wgpu::Buffer>; 3],
 ) -> Result<Bound, ProbeError> {
-    let last_group = resources.keys().copied().max().unwrap_or(0);
+    let fixtures = resources.iter().flat_map(|(group, resources)| {
+        resources.iter().map(|(binding, resource)| ((*group, *binding), resource.binding()))
+    });
+    let own = (first_binding..).zip(own).filter_map(|(binding, buffer)| {
+        buffer.map(|buffer| ((0, binding), buffer.as_entire_binding()))
+    });
+    let mut entries: BTreeMap<u32, Vec<wgpu::BindGroupEntry<'_>>> = BTreeMap::new();
+    for ((group, binding), resource) in fixtures.chain(own) {
+        if let Some((group, binding)) = pipeline.place(group, binding) {
+            entries.entry(group).or_default().push(wgpu::BindGroupEntry { binding, resource });
+        }
+    }
+    let last_group = entries.keys().copied().max().unwrap_or(0);
     let groups = device.checked(|| {
-        (0..=last_group)
-            .map(|group| {
-                let mut entries: Vec<_> = resources
-                    .get(&group)
-                    .into_iter()
-                    .flatten()
-                    .map(|(binding, resource)| wgpu::BindGroupEntry {
-                        binding: *binding,
-                        resource: resource.binding(),
-                    })
-                    .collect();
-                if group == 0 {
-                    for (offset, buffer) in (0..).zip(own) {
-                        entries.extend(buffer.map(|buffer| wgpu::BindGroupEntry {
-                            binding: first_binding + offset,
-                            resource: buffer.as_entire_binding(),
-                        }));
-                    }
-                }
-                device.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                    label: None,
-                    layout: &pipeline.get_bind_group_layout(group),
-                    entries: &entries,
-                })
+        let group = |group| {
+            device.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: None,
+                layout: &pipeline.pipeline.get_bind_group_layout(group),
+                entries: entries.get(&group).map_or(&[], Vec::as_slice),
             })
-            .collect()
+        };
+        (0..=last_group).map(group).collect()
     })?;
     Ok(Bound { pipeline, groups })
 }

@@ -9,7 +9,7 @@ use super::kernel::{Kernel, UNIFORM_WORDS, WORKGROUP};
 use super::poison::{self, Poison};
 use super::{Inputs, ProbeError, Probed, Resource, upload};
 use crate::fixture::{self, Fixtures};
-use crate::path::{Device, Turn, guard};
+use crate::path::{Device, Pipeline, Turn, guard};
 
 /// One kernel on one device.
 pub(super) struct Dispatcher<'d> {
@@ -60,7 +60,7 @@ impl<'d> Dispatcher<'d> {
         kernel: &Kernel,
         fixtures: &Fixtures,
         cases: usize,
-        pipeline: Option<Arc<wgpu::ComputePipeline>>,
+        pipeline: Option<Arc<Pipeline>>,
     ) -> Result<Self, ProbeError> {
         let Probed { program, function, .. } = probed;
 
@@ -213,7 +213,7 @@ impl<'d> Dispatcher<'d> {
             poison.fill(&mut encoder, &self.results, size);
             {
                 let mut pass = encoder.begin_compute_pass(&Default::default());
-                pass.set_pipeline(pipeline);
+                pass.set_pipeline(&pipeline.pipeline);
                 for (index, group) in (0..).zip(bindings) {
                     pass.set_bind_group(index, group, &[]);
                 }

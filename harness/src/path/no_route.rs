@@ -1,0 +1,46 @@
+//! What stands for routes in a library that is built without them.
+
+use super::device::Device;
+use super::{Path, PathError, Via};
+use crate::reflect::Ir;
+
+pub(super) fn missing(path: Path) -> Option<String> {
+    (path.via() != Via::Direct).then(|| "karat is built without its feature `routes`".to_owned())
+}
+
+pub(super) fn features(_: Path) -> wgpu::Features {
+    wgpu::Features::empty()
+}
+
+pub(super) fn takes_wgpu(_: Path) -> bool {
+    true
+}
+
+#[expect(clippy::unnecessary_wraps, reason = "as with routes")]
+pub(super) fn through_naga(_: Path, ir: Ir) -> Result<Ir, PathError> {
+    Ok(ir)
+}
+
+pub(super) enum Routed {
+    Ir(Ir),
+    #[expect(dead_code, reason = "there are no routes")]
+    Spirv(Box<Foreign>),
+}
+
+/// Nothing: only routes have it.
+pub(super) enum Foreign {}
+
+#[expect(clippy::unnecessary_wraps, reason = "as with routes")]
+pub(super) fn take(_: Path, ir: Ir, _: &str) -> Result<Routed, PathError> {
+    Ok(Routed::Ir(ir))
+}
+
+impl Foreign {
+    pub(super) fn pipeline(&self, _: &Device) -> Result<wgpu::ComputePipeline, PathError> {
+        match *self {}
+    }
+
+    pub(super) fn place(&self, _: u32, _: u32) -> Option<u32> {
+        match *self {}
+    }
+}

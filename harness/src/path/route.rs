@@ -1,0 +1,203 @@
+//! Routes: translations that run in place of the one that wgpu makes.
+
+use karat_foreign::spirv_as_it_is;
+use karat_translate::{Bindings, Code, Kind, Resource, Shader, Target, Texels, Tool, compile};
+
+use super::device::Device;
+use super::{Api, Path, PathError, Via};
+use crate::reflect::Ir;
+
+/// What compiles GLSL and HLSL to SPIR-V.
+const COMPILER: &str = "glslangValidator";
+
+/// Why a path's route can't be taken on this machine.
+pub(super) fn missing(path: Path) -> Option<String> {
+    let needs_compiler = match path.via() {
+        Via::Direct | Via::Wgsl | Via::Spirv => return None,
+        Via::Glsl | Via::Hlsl => path.api() == Api::Vulkan,
+        Via::Msl => false,
+    };
+    if !needs_compiler {
+        return Some(format!("there is no compiler from {} to what this API takes", path.via()));
+    }
+    let tool = Tool::all().iter().find_map(|tool| match tool {
+        Ok(tool) if tool.name() == COMPILER => Some(Ok(())),
+        Err(missing) if missing.name == COMPILER => Some(Err(missing)),
+        _ => None,
+    });
+    match tool {
+        Some(Ok(())) => None,
+        Some(Err(missing)) => Some(format!(
+            "`{COMPILER}` makes SPIR-V of {}: {} ({})",
+            path.via(),
+            missing.reason,
+            missing.remedy
+        )),
+        None => Some(format!("`{COMPILER}` isn't known")),
+    }
+}
+
+/// What wgpu's device needs for a route.
+pub(super) fn features(path: Path) -> wgpu::Features {
+    match path.via() {
+        Via::Glsl | Via::Hlsl => wgpu::Features::PASSTHROUGH_SHADERS,
+        Via::Direct | Via::Wgsl | Via::Spirv | Via::Msl => wgpu::Features::empty(),
+    }
+}
+
+/// A shader on its way to a driver.
+pub(super) enum Routed {
+    /// For wgpu, which translates it for its API.
+    Ir(Ir),
+    /// SPIR-V for the driver alone.
+    Spirv(Box<Foreign>),
+}
+
+/// SPIR-V of another compiler.
+pub(super) struct Foreign {
+    words: Vec<u32>,
+    entry_point: String,
+    workgroup_size: (u32, u32, u32),
+    bindings: Bindings,
+    layout: Vec<wgpu::BindGroupLayoutEntry>,
+}
+
+/// Whether what the route makes is for wgpu, and not for the driver alone.
+pub(super) fn takes_wgpu(path: Path) -> bool {
+    !matches!(path.via(), Via::Glsl | Via::Hlsl | Via::Msl)
+}
+
+/// Takes a compute shader along a route.
+pub(super) fn take(path: Path, ir: Ir, entry_point: &str) -> Result<Routed, PathError> {
+    if takes_wgpu(path) {
+        return through_naga(path, ir).map(Routed::Ir);
+    }
+    let on_route = |message: String| PathError::Route { path, message };
+    let target = match path.via() {
+        Via::Glsl => Target::Glsl,
+        Via::Hlsl => Target::Hlsl,
+        _ => Target::Msl,
+    };
+    let shader = Shader::of(ir).map_err(|error| on_route(error.to_string()))?;
+    let translation = shader.translate(target, Some(entry_point));
+    let translation = translation.map_err(|error| on_route(error.to_string()))?;
+    let layout = layout(path.via(), &translation.bindings).map_err(on_route)?;
+    let words = compile(&translation).map_err(|error| on_route(error.to_string()))?;
+    let name = translation.entry_points.first().map(|e| e.name.clone());
+    Ok(Routed::Spirv(Box::new(Foreign {
+        words,
+        entry_point: name.unwrap_or_default(),
+        workgroup_size: shader.workgroup_size(entry_point),
+        bindings: translation.bindings,
+        layout,
+    })))
+}
+
+/// Takes a shader out of naga and in again, where the route does so.
+pub(super) fn through_naga(path: Path, ir: Ir) -> Result<Ir, PathError> {
+    let target = match path.via() {
+        Via::Wgsl => Target::Wgsl,
+        Via::Spirv => Target::Spirv,
+        _ => return Ok(ir),
+    };
+    let on_route = |message: String| PathError::Route { path, message };
+    let shader = Shader::of(ir).map_err(|error| on_route(error.to_string()))?;
+    let translation = shader.translate(target, None);
+    let again = match translation.map_err(|error| on_route(error.to_string()))?.code {
+        Code::Text(text) => Shader::parse(&text),
+        Code::Words(words) => Shader::from_spirv(&words),
+    };
+    let again = again.map_err(|error| {
+        on_route(format!("naga writes {target} that it doesn't read again: {error}"))
+    });
+    Ok(again?.into_module())
+}
+
+impl Foreign {
+    /// The number of a resource in group 0, by its group and binding in WGSL; `None`: the kernel
+    /// doesn't use it.
+    pub(super) fn place(&self, group: u32, binding: u32) -> Option<u32> {
+        let used = self.bindings.iter().find(|r| r.used && r.wgsl == (group, binding));
+        used.map(|resource| resource.translated.1)
+    }
+
+    /// Its pipeline. wgpu knows nothing of its resources, so their layout is given.
+    pub(super) fn pipeline(&self, device: &Device) -> Result<wgpu::ComputePipeline, PathError> {
+        device.checked(|| {
+            let device = &device.device;
+            let module =
+                spirv_as_it_is(device, &self.words, &self.entry_point, self.workgroup_size);
+            let group = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: None,
+                entries: &self.layout,
+            });
+            let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: None,
+                bind_group_layouts: &[Some(&group)],
+                ..Default::default()
+            });
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(&self.entry_point),
+                layout: Some(&layout),
+                module: &module,
+                entry_point: Some(&self.entry_point),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: None,
+            })
+        })
+    }
+}
+
+/// The layout of the resources that an entry point uses; they are the first of the row.
+fn layout(via: Via, bindings: &Bindings) -> Result<Vec<wgpu::BindGroupLayoutEntry>, String> {
+    bindings.iter().filter(|resource| resource.used).map(|resource| entry(via, resource)).collect()
+}
+
+fn entry(via: Via, resource: &Resource) -> Result<wgpu::BindGroupLayoutEntry, String> {
+    let buffer =
+        |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+    let ty = match resource.kind {
+        Kind::Uniform => buffer(wgpu::BufferBindingType::Uniform),
+        Kind::Storage { read_only } => buffer(wgpu::BufferBindingType::Storage { read_only }),
+        Kind::Texture { .. } | Kind::Sampler if via == Via::Glsl => {
+            return Err(
+                "naga's GLSL joins each texture with a sampler, and wgpu's Vulkan has no such \
+                 binding"
+                    .to_owned(),
+            );
+        }
+        Kind::Sampler => {
+            return Err(
+                "naga's HLSL takes samplers from a heap of 2,048, which wgpu's Vulkan can't bind"
+                    .to_owned(),
+            );
+        }
+        Kind::Texture { dimensions, arrayed, texels } => wgpu::BindingType::Texture {
+            sample_type: match texels {
+                // Nothing filters it: there are no samplers.
+                Texels::Float => wgpu::TextureSampleType::Float { filterable: false },
+                Texels::Sint => wgpu::TextureSampleType::Sint,
+                Texels::Uint => wgpu::TextureSampleType::Uint,
+                Texels::Depth => wgpu::TextureSampleType::Depth,
+            },
+            view_dimension: match (dimensions, arrayed) {
+                (1, _) => wgpu::TextureViewDimension::D1,
+                (2, false) => wgpu::TextureViewDimension::D2,
+                (2, true) => wgpu::TextureViewDimension::D2Array,
+                (3, _) => wgpu::TextureViewDimension::D3,
+                (_, false) => wgpu::TextureViewDimension::Cube,
+                (_, true) => wgpu::TextureViewDimension::CubeArray,
+            },
+            multisampled: false,
+        },
+        _ => {
+            let (group, binding) = resource.wgsl;
+            return Err(format!(
+                "Karat binds uniform buffers, storage buffers and sampled textures on this route, \
+                 not what is at @group({group}) @binding({binding})"
+            ));
+        }
+    };
+    let visibility = wgpu::ShaderStages::COMPUTE;
+    Ok(wgpu::BindGroupLayoutEntry { binding: resource.translated.1, visibility, ty, count: None })
+}

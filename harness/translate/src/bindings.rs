@@ -1,0 +1,147 @@
+//! Where resources are bound, in WGSL and in a translation.
+
+use naga::valid::{GlobalUse, ModuleInfo};
+use naga::{
+    AddressSpace, EntryPoint, ImageClass, ImageDimension, Module, ScalarKind, StorageAccess,
+    TypeInner,
+};
+
+/// The resources of a shader, in the order in which they are bound in a translation.
+///
+/// GLSL has no groups, and registers of HLSL are numbered apart for buffers, textures and samplers.
+/// So for both all resources are numbered in one row: first those that the entry point uses, in the
+/// order of groups and bindings, then the others. A number means the same resource in each of them,
+/// and in the SPIR-V that compilers make of them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Bindings(Vec<Resource>);
+
+/// A resource with its places.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Resource {
+    /// Its group and binding in WGSL.
+    pub wgsl: (u32, u32),
+    /// Its group and binding, or space and register, in the translation.
+    pub translated: (u32, u32),
+    /// What it is.
+    pub kind: Kind,
+    /// Whether the entry point uses it; always so in translations of whole shaders.
+    pub used: bool,
+}
+
+/// What a resource is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Kind {
+    /// A uniform buffer.
+    Uniform,
+    /// A storage buffer; whether it is only read.
+    Storage {
+        /// Whether it is only read.
+        read_only: bool,
+    },
+    /// A sampled texture.
+    Texture {
+        /// Its dimensions, with 4 for a cube.
+        dimensions: u8,
+        /// Whether it is an array.
+        arrayed: bool,
+        /// What it holds.
+        texels: Texels,
+    },
+    /// A sampler.
+    Sampler,
+    /// Something of an extension, or a storage texture.
+    Other,
+}
+
+/// What a texture holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Texels {
+    /// `f32`
+    Float,
+    /// `i32`
+    Sint,
+    /// `u32`
+    Uint,
+    /// Depth.
+    Depth,
+}
+
+impl Bindings {
+    /// As they are in WGSL.
+    pub(crate) fn kept(module: &Module) -> Self {
+        let bound = bound(module, |_| true);
+        Self(bound.map(|r| Resource { translated: r.wgsl, ..r }).collect())
+    }
+
+    /// All in group 0, numbered in their order.
+    pub(crate) fn in_a_row(
+        module: &Module,
+        info: &ModuleInfo,
+        entry_point: Option<&EntryPoint>,
+    ) -> Self {
+        let index = entry_point
+            .and_then(|wanted| module.entry_points.iter().position(|e| std::ptr::eq(e, wanted)));
+        let used = |global| {
+            index.is_none_or(|index| info.get_entry_point(index)[global] != GlobalUse::empty())
+        };
+        let mut resources: Vec<_> = bound(module, used).collect();
+        resources.sort_unstable_by_key(|resource| (!resource.used, resource.wgsl));
+        for (number, resource) in (0..).zip(&mut resources) {
+            resource.translated = (0, number);
+        }
+        Self(resources)
+    }
+
+    /// Each resource.
+    pub fn iter(&self) -> impl Iterator<Item = &Resource> {
+        self.0.iter()
+    }
+
+    /// Where a resource is bound in the translation.
+    #[must_use]
+    pub fn of(&self, group: u32, binding: u32) -> Option<(u32, u32)> {
+        self.iter().find(|resource| resource.wgsl == (group, binding)).map(|r| r.translated)
+    }
+}
+
+fn bound(
+    module: &Module,
+    used: impl Fn(naga::Handle<naga::GlobalVariable>) -> bool,
+) -> impl Iterator<Item = Resource> {
+    module.global_variables.iter().filter_map(move |(handle, global)| {
+        let binding = global.binding?;
+        let kind = match global.space {
+            AddressSpace::Uniform => Kind::Uniform,
+            AddressSpace::Storage { access } => {
+                Kind::Storage { read_only: !access.contains(StorageAccess::STORE) }
+            }
+            _ => kind(&module.types[global.ty].inner),
+        };
+        let wgsl = (binding.group, binding.binding);
+        Some(Resource { wgsl, translated: wgsl, kind, used: used(handle) })
+    })
+}
+
+fn kind(inner: &TypeInner) -> Kind {
+    let TypeInner::Image { dim, arrayed, class } = inner else {
+        return match inner {
+            TypeInner::Sampler { .. } => Kind::Sampler,
+            _ => Kind::Other,
+        };
+    };
+    let texels = match class {
+        ImageClass::Sampled { kind: ScalarKind::Float, multi: false } => Texels::Float,
+        ImageClass::Sampled { kind: ScalarKind::Sint, multi: false } => Texels::Sint,
+        ImageClass::Sampled { kind: ScalarKind::Uint, multi: false } => Texels::Uint,
+        ImageClass::Depth { multi: false } => Texels::Depth,
+        _ => return Kind::Other,
+    };
+    let dimensions = match dim {
+        ImageDimension::D1 => 1,
+        ImageDimension::D2 => 2,
+        ImageDimension::D3 => 3,
+        ImageDimension::Cube => 4,
+    };
+    Kind::Texture { dimensions, arrayed: *arrayed, texels }
+}

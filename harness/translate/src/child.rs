@@ -1,0 +1,93 @@
+//! Programs of others. Each runs as a process of its own, for so long and no longer: whatever it does
+//! to itself is a verdict on it.
+
+use std::io::{self, Read, Seek};
+use std::process::{Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+/// How long a validator or a compiler may take for one shader. They take some 30 ms.
+const DEADLINE: Duration = Duration::from_secs(30);
+
+/// How often a program is asked whether it has ended, at first; then more and more seldom.
+const FIRST_PAUSE: Duration = Duration::from_micros(500);
+const LONGEST_PAUSE: Duration = Duration::from_millis(20);
+
+/// How a program ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum End {
+    Good,
+    /// With an exit code that isn't 0.
+    Bad,
+    /// By a signal, or as Windows ends what has crashed.
+    Crashed,
+    /// It was ended.
+    TimedOut,
+}
+
+/// A program that has run.
+pub(crate) struct Ran {
+    pub(crate) end: End,
+    /// What it wrote to both of its outputs.
+    pub(crate) output: String,
+}
+
+pub(crate) fn run(command: &mut Command) -> io::Result<Ran> {
+    run_for(command, DEADLINE)
+}
+
+/// Runs a program for at most so long.
+fn run_for(command: &mut Command, deadline: Duration) -> io::Result<Ran> {
+    // A file takes whatever is written; a pipe would have to be read meanwhile.
+    let mut output = tempfile::tempfile()?;
+    command.stdin(Stdio::null()).stdout(output.try_clone()?).stderr(output.try_clone()?);
+    let (mut child, start) = (command.spawn()?, Instant::now());
+    let mut pause = FIRST_PAUSE;
+    let end = loop {
+        if let Some(status) = child.try_wait()? {
+            break ended(status);
+        }
+        if start.elapsed() > deadline {
+            child.kill()?;
+            child.wait()?;
+            break End::TimedOut;
+        }
+        std::thread::sleep(pause);
+        pause = (pause * 2).min(LONGEST_PAUSE);
+    };
+    let mut bytes = Vec::new();
+    output.rewind()?;
+    output.read_to_end(&mut bytes)?;
+    Ok(Ran { end, output: String::from_utf8_lossy(&bytes).trim().to_owned() })
+}
+
+fn ended(status: ExitStatus) -> End {
+    /// Windows' codes of errors have their highest bits set: access violations, overflowed stacks.
+    const ERRORS: u32 = 0xc000_0000;
+    match status.code() {
+        Some(0) => End::Good,
+        Some(code) if cfg!(windows) && code.cast_unsigned() >= ERRORS => End::Crashed,
+        Some(_) => End::Bad,
+        None => End::Crashed,
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    fn shell(script: &str) -> Ran {
+        let mut command = Command::new("sh");
+        run_for(command.args(["-c", script]), Duration::from_millis(300)).expect("a shell")
+    }
+
+    #[test]
+    fn each_end_is_told_apart() {
+        let good = shell("echo a; echo b >&2");
+        assert_eq!((good.end, good.output.as_str()), (End::Good, "a\nb"));
+        let bad = shell("echo no; exit 3");
+        assert_eq!((bad.end, bad.output.as_str()), (End::Bad, "no"));
+        assert_eq!(shell("kill -SEGV $$").end, End::Crashed);
+        assert_eq!(shell("exec sleep 60").end, End::TimedOut);
+        assert_eq!(shell("exec cat").end, End::Good, "there is no input to wait for");
+    }
+}

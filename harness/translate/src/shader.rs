@@ -1,0 +1,220 @@
+//! A shader as naga has it.
+
+use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
+use naga::{Module, ShaderStage};
+
+use crate::{Target, Translation, write};
+
+/// Why there is no translation.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TranslateError {
+    /// naga doesn't read the shader.
+    #[error("naga doesn't read the shader: {0}")]
+    Unread(String),
+    /// The shader isn't valid.
+    #[error("naga finds the shader invalid: {0}")]
+    Invalid(String),
+    /// naga says that it can't write this.
+    #[error("naga doesn't write it as {target}: {message}")]
+    Unsupported {
+        /// The language.
+        target: Target,
+        /// naga's own words.
+        message: String,
+    },
+    /// naga panicked.
+    #[error("naga panics as it writes {target}: {message}")]
+    Panicked {
+        /// The language.
+        target: Target,
+        /// The panic's message.
+        message: String,
+    },
+    /// There is no such entry point.
+    #[error("the shader has no entry point `{0}`")]
+    NoEntryPoint(String),
+}
+
+/// What an entry point is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum Stage {
+    /// `@vertex`
+    Vertex,
+    /// `@fragment`
+    Fragment,
+    /// `@compute`
+    Compute,
+    /// A stage of an extension: mesh shaders, ray tracing.
+    Other,
+}
+
+impl Stage {
+    pub(crate) fn of(stage: ShaderStage) -> Self {
+        match stage {
+            ShaderStage::Vertex => Self::Vertex,
+            ShaderStage::Fragment => Self::Fragment,
+            ShaderStage::Compute => Self::Compute,
+            _ => Self::Other,
+        }
+    }
+
+    /// How glslang calls it.
+    pub(crate) fn short(self) -> &'static str {
+        match self {
+            Self::Vertex => "vert",
+            Self::Fragment => "frag",
+            Self::Compute => "comp",
+            Self::Other => "other",
+        }
+    }
+}
+
+impl fmt::Display for Stage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Vertex => "vertex",
+            Self::Fragment => "fragment",
+            Self::Compute => "compute",
+            Self::Other => "other",
+        })
+    }
+}
+
+/// An entry point of a shader or of a translation.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct EntryPoint {
+    /// Its stage.
+    pub stage: Stage,
+    /// Its name.
+    pub name: String,
+}
+
+/// A valid shader, with what naga knows of it.
+#[derive(Debug)]
+pub struct Shader {
+    pub(crate) module: Module,
+    pub(crate) info: ModuleInfo,
+}
+
+impl Shader {
+    /// Reads WGSL.
+    ///
+    /// # Errors
+    /// If naga doesn't read it, or finds it invalid.
+    pub fn parse(wgsl: &str) -> Result<Self, TranslateError> {
+        let module = on_deep_stack(|| naga::front::wgsl::parse_str(wgsl));
+        Self::of(module.map_err(|error| TranslateError::Unread(error.emit_to_string(wgsl)))?)
+    }
+
+    /// A module of naga's.
+    ///
+    /// # Errors
+    /// If naga finds it invalid.
+    pub fn of(module: Module) -> Result<Self, TranslateError> {
+        let mut validator = Validator::new(ValidationFlags::all(), Capabilities::all());
+        let info = on_deep_stack(|| {
+            let invalid = |error: naga::WithSpan<_>| causes(error.as_inner());
+            validator.validate(&module).map_err(invalid)
+        });
+        Ok(Self { info: info.map_err(TranslateError::Invalid)?, module })
+    }
+
+    /// Reads SPIR-V.
+    ///
+    /// # Errors
+    /// If naga doesn't read it, or finds it invalid.
+    pub fn from_spirv(words: &[u32]) -> Result<Self, TranslateError> {
+        // The Y axis was flipped when it was written.
+        let options = naga::front::spv::Options::default();
+        let frontend = naga::front::spv::Frontend::new(words.iter().copied(), &options);
+        let module = on_deep_stack(|| frontend.parse());
+        Self::of(module.map_err(|error| TranslateError::Unread(causes(&error)))?)
+    }
+
+    /// Its entry points, in the order of its text.
+    #[must_use]
+    pub fn entry_points(&self) -> Vec<EntryPoint> {
+        let own =
+            |e: &naga::EntryPoint| EntryPoint { stage: Stage::of(e.stage), name: e.name.clone() };
+        self.module.entry_points.iter().map(own).collect()
+    }
+
+    /// Invocations of a workgroup of a compute entry point; 0 of another one.
+    #[must_use]
+    pub fn workgroup_size(&self, entry_point: &str) -> (u32, u32, u32) {
+        let known = self.module.entry_points.iter().find(|e| e.name == entry_point);
+        known.map_or((0, 0, 0), |e| e.workgroup_size.into())
+    }
+
+    /// naga's IR.
+    #[must_use]
+    pub fn module(&self) -> &Module {
+        &self.module
+    }
+
+    /// Takes naga's IR.
+    #[must_use]
+    pub fn into_module(self) -> Module {
+        self.module
+    }
+
+    /// Translates one entry point, with what it uses, or the whole shader. A text of GLSL has one
+    /// entry point: it needs its name, if there are several.
+    ///
+    /// # Errors
+    /// If there is no such entry point, or naga can't write it in this language.
+    pub fn translate(
+        &self,
+        target: Target,
+        entry_point: Option<&str>,
+    ) -> Result<Translation, TranslateError> {
+        let known = |name: &str| self.module.entry_points.iter().find(|e| e.name == name);
+        let entry_point = match entry_point {
+            Some(name) => {
+                Some(known(name).ok_or_else(|| TranslateError::NoEntryPoint(name.to_owned()))?)
+            }
+            None => None,
+        };
+        // What a compiler of others does to its process is a verdict on it; naga is one of them.
+        let written = quietly(|| on_deep_stack(|| write::write(self, target, entry_point)));
+        match written {
+            Ok(Ok(translation)) => Ok(translation),
+            Ok(Err(message)) => Err(TranslateError::Unsupported { target, message }),
+            Err(message) => Err(TranslateError::Panicked { target, message }),
+        }
+    }
+}
+
+/// Runs what recurses as deep as a shader nests.
+fn on_deep_stack<T>(work: impl FnOnce() -> T) -> T {
+    /// naga's recursion takes up to some 20 KB a level without optimisation.
+    const STACK: usize = 256 << 20;
+    stacker::grow(STACK, work)
+}
+
+/// Runs what may panic; the message of its panic.
+pub(crate) fn quietly<T>(work: impl FnOnce() -> T) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(work)).map_err(|panic| {
+        let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+        text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_default()
+    })
+}
+
+/// An error with its causes.
+pub(crate) fn causes(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut source = error.source();
+    while let Some(cause) = source {
+        let cause_text = cause.to_string();
+        if !text.contains(&cause_text) {
+            text = format!("{text}: {cause_text}");
+        }
+        source = cause.source();
+    }
+    text
+}

@@ -1,0 +1,344 @@
+//! Validators: programs of others that judge a translation.
+
+use std::ffi::OsString;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+use crate::child::{self, End};
+use crate::{Code, EntryPoint, Shader, Target, Translation};
+
+/// What a tool thinks of a translation.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It finds nothing wrong.
+    Valid,
+    /// It rejects it, with this message.
+    Invalid(String),
+    /// It crashed, after writing this.
+    Crashed(String),
+    /// It didn't end in time.
+    TimedOut,
+}
+
+/// A verdict with what it takes to repeat it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Validation {
+    /// The tool's name.
+    pub tool: &'static str,
+    /// Its version, in its own words.
+    pub version: String,
+    /// The command; it names a file `shader.*` that holds the translation.
+    pub command: String,
+    /// What it thinks.
+    pub verdict: Verdict,
+}
+
+/// A validator on this machine.
+#[derive(Clone, Debug)]
+pub struct Tool {
+    known: &'static Known,
+    /// `None`: it is a part of this program.
+    program: Option<PathBuf>,
+    version: String,
+}
+
+/// A tool that this crate knows how to ask.
+#[derive(Debug)]
+struct Known {
+    name: &'static str,
+    /// What it judges.
+    targets: &'static [Target],
+    /// Arguments that make it say its version, and a word of its answer that no other program of
+    /// this name writes.
+    asked: &'static [&'static str],
+    says: &'static str,
+    /// How to get it.
+    remedy: &'static str,
+    arguments: fn(Target, &EntryPoint, file: &str) -> Vec<String>,
+}
+
+const NAGA: &str = "naga";
+
+/// naga itself, which reads its own WGSL and SPIR-V back.
+static BUILT_IN: Known = Known {
+    name: NAGA,
+    targets: &[Target::Wgsl, Target::Spirv],
+    asked: &[],
+    says: "",
+    remedy: "it is a part of karat",
+    arguments: |_, _, _| Vec::new(),
+};
+
+static KNOWN: [Known; 6] = [
+    Known {
+        name: "spirv-val",
+        targets: &[Target::Spirv],
+        asked: &["--version"],
+        says: "SPIRV-Tools",
+        remedy: "Debian, Fedora and Homebrew: spirv-tools; or Vulkan's SDK",
+        arguments: |_, _, file| words(&["--target-env", "vulkan1.1", file]),
+    },
+    Known {
+        name: "spirv-cross",
+        targets: &[Target::Spirv],
+        asked: &["--help"],
+        says: "SPIRV-Cross",
+        remedy: "Debian and Homebrew: spirv-cross; or Vulkan's SDK",
+        arguments: |_, entry_point, file| {
+            let (stage, name) = (entry_point.stage.short(), &*entry_point.name);
+            words(&[file, "--vulkan-semantics", "--entry", name, "--stage", stage])
+        },
+    },
+    Known {
+        name: "glslangValidator",
+        targets: &[Target::Glsl, Target::GlslEs, Target::Hlsl],
+        asked: &["--version"],
+        says: "Glslang Version",
+        remedy: "Debian: glslang-tools; Fedora and Homebrew: glslang; or Vulkan's SDK",
+        arguments: |target, entry_point, file| {
+            let (stage, name) = (entry_point.stage.short(), &*entry_point.name);
+            match target {
+                Target::Hlsl => {
+                    words(&["-D", "-V", "-S", stage, "-e", name, "-o", "out.spv", file])
+                }
+                _ => words(&["-S", stage, file]),
+            }
+        },
+    },
+    Known {
+        name: "dxc",
+        targets: &[Target::Hlsl, Target::Hlsl6],
+        asked: &["--version"],
+        says: "dxcompiler",
+        remedy: "its releases are on GitHub: microsoft/DirectXShaderCompiler; or Vulkan's SDK",
+        arguments: |target, entry_point, file| {
+            let stage = match entry_point.stage.short() {
+                "vert" => "vs",
+                "frag" => "ps",
+                _ => "cs",
+            };
+            let mut arguments = words(&["-E", &entry_point.name, "-Fo", "out.dxil"]);
+            match target {
+                Target::Hlsl6 => {
+                    arguments.extend(words(&[
+                        "-T",
+                        &format!("{stage}_6_2"),
+                        "-enable-16bit-types",
+                    ]));
+                }
+                _ => arguments.extend(words(&["-T", &format!("{stage}_6_0")])),
+            }
+            arguments.push(file.to_owned());
+            arguments
+        },
+    },
+    Known {
+        // Debian has another program of this name, a panel for desktops.
+        name: "tint",
+        targets: &[Target::Wgsl],
+        asked: &["--help"],
+        says: "--format",
+        remedy: "it is built from Dawn's sources: dawn.googlesource.com",
+        arguments: |_, _, file| words(&["--format", "wgsl", "-o", "out.wgsl", file]),
+    },
+    Known {
+        name: "xcrun",
+        targets: &[Target::Msl],
+        asked: &["metal", "--version"],
+        says: "metal",
+        remedy: "it is part of Xcode, on macOS alone",
+        arguments: |_, _, file| {
+            words(&["-sdk", "macosx", "metal", "-std=macos-metal2.4", "-c", file, "-o", "out.air"])
+        },
+    },
+];
+
+fn words(words: &[&str]) -> Vec<String> {
+    words.iter().map(|word| (*word).to_owned()).collect()
+}
+
+/// A tool that isn't here.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Missing {
+    /// Its name.
+    pub name: &'static str,
+    /// What it would judge.
+    pub targets: &'static [Target],
+    /// Why it isn't used.
+    pub reason: String,
+    /// How to get it.
+    pub remedy: &'static str,
+}
+
+impl Tool {
+    /// Every tool that is known: those that are here, with those that aren't. They are looked for
+    /// once a process, in `PATH` and in `VULKAN_SDK`.
+    pub fn all() -> &'static [Result<Self, Missing>] {
+        static ALL: OnceLock<Vec<Result<Tool, Missing>>> = OnceLock::new();
+        ALL.get_or_init(|| {
+            let version = format!("{} of this karat", crate::NAGA_VERSION);
+            let own = Self { known: &BUILT_IN, program: None, version };
+            let others = KNOWN.iter().map(|known| known.find(&folders()));
+            std::iter::once(Ok(own)).chain(others).collect()
+        })
+    }
+
+    /// The tools that are here and judge a language.
+    pub fn of(target: Target) -> impl Iterator<Item = &'static Self> {
+        let here = Self::all().iter().filter_map(|tool| tool.as_ref().ok());
+        here.filter(move |tool| tool.targets().contains(&target))
+    }
+
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        self.known.name
+    }
+
+    /// Its version, in its own words.
+    #[must_use]
+    pub fn version(&self) -> &str {
+        &self.version
+    }
+
+    /// What it judges.
+    #[must_use]
+    pub fn targets(&self) -> &'static [Target] {
+        self.known.targets
+    }
+
+    /// Asks what it thinks of a translation: of each entry point, and of the first that it rejects.
+    ///
+    /// # Errors
+    /// If the program can't be run, or no file be written for it.
+    pub fn validate(&self, translation: &Translation) -> io::Result<Validation> {
+        let Some(program) = &self.program else { return Ok(self.read_back(translation)) };
+        let folder = tempfile::tempdir()?;
+        let file = format!("shader.{}", translation.target.extension());
+        std::fs::write(folder.path().join(&file), translation.code.bytes())?;
+        let mut said = self.says(String::new(), Verdict::Valid);
+        for entry_point in &translation.entry_points {
+            let arguments = (self.known.arguments)(translation.target, entry_point, &file);
+            let mut command = Command::new(program);
+            let ran = child::run(command.args(&arguments).current_dir(folder.path()))?;
+            let verdict = match ran.end {
+                End::Good => Verdict::Valid,
+                End::Bad => Verdict::Invalid(ran.output),
+                End::Crashed => Verdict::Crashed(ran.output),
+                End::TimedOut => Verdict::TimedOut,
+            };
+            let rejects = verdict != Verdict::Valid;
+            said = self.says(format!("{} {}", self.name(), arguments.join(" ")), verdict);
+            if rejects {
+                break;
+            }
+        }
+        if said.command.is_empty() {
+            return Err(io::Error::other("there is no entry point to judge"));
+        }
+        Ok(said)
+    }
+
+    fn says(&self, command: String, verdict: Verdict) -> Validation {
+        Validation { tool: self.name(), version: self.version.clone(), command, verdict }
+    }
+
+    /// What naga thinks of its own translation.
+    fn read_back(&self, translation: &Translation) -> Validation {
+        let read = crate::shader::quietly(|| match &translation.code {
+            Code::Text(text) => Shader::parse(text).map_err(|error| error.to_string()),
+            Code::Words(words) => Shader::from_spirv(words).map_err(|error| error.to_string()),
+        });
+        let verdict = match read {
+            Ok(Ok(_)) => Verdict::Valid,
+            Ok(Err(message)) => Verdict::Invalid(message),
+            Err(message) => Verdict::Crashed(message),
+        };
+        let file = format!("naga shader.{}", translation.target.extension());
+        self.says(file, verdict)
+    }
+}
+
+impl Known {
+    fn find(&'static self, folders: &[PathBuf]) -> Result<Tool, Missing> {
+        let missing = |reason: String| Missing {
+            name: self.name,
+            targets: self.targets,
+            reason,
+            remedy: self.remedy,
+        };
+        let mut other = None;
+        for program in folders.iter().map(|folder| folder.join(program_name(self.name))) {
+            if !program.is_file() {
+                continue;
+            }
+            let said = child::run(Command::new(&program).args(self.asked));
+            let said = said.map(|ran| ran.output).unwrap_or_default();
+            if said.contains(self.says) {
+                let line = said.lines().find(|line| line.contains(self.says)).unwrap_or_default();
+                let version = if self.asked == ["--help"] { "" } else { line.trim() };
+                let version = version.to_owned();
+                return Ok(Tool { known: self, program: Some(program), version });
+            }
+            other = Some(program);
+        }
+        Err(missing(match other {
+            Some(program) => format!("`{}` is another program of this name", program.display()),
+            None => "it isn't in PATH".to_owned(),
+        }))
+    }
+}
+
+/// A program of the machine, for compiling: see [`compile`](crate::compile()).
+pub(crate) fn program(name: &str) -> Result<(&'static Path, &'static str), &'static Missing> {
+    let of_name = Tool::all().iter().find(|tool| match tool {
+        Ok(tool) => tool.name() == name,
+        Err(missing) => missing.name == name,
+    });
+    match of_name.expect("the tool is known") {
+        Ok(tool) => Ok((tool.program.as_deref().unwrap_or(Path::new("")), &tool.version)),
+        Err(missing) => Err(missing),
+    }
+}
+
+fn folders() -> Vec<PathBuf> {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let sdk = std::env::var_os("VULKAN_SDK").filter(|sdk: &OsString| !sdk.is_empty());
+    let sdk = sdk.into_iter().flat_map(|sdk| ["bin", "Bin"].map(|bin| Path::new(&sdk).join(bin)));
+    std::env::split_paths(&path).chain(sdk).filter(|folder| folder.is_absolute()).collect()
+}
+
+fn program_name(name: &str) -> String {
+    format!("{name}{}", std::env::consts::EXE_SUFFIX)
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
+    use super::*;
+
+    /// Debian's `tint` is a panel for desktops: a program is what it says that it is.
+    #[test]
+    fn a_program_of_the_same_name_is_not_the_tool() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let program = |name: &str, says: &str| {
+            let file = folder.path().join(name);
+            std::fs::write(&file, format!("#!/bin/sh\necho '{says}'\n")).expect("it is written");
+            let all = std::fs::Permissions::from_mode(0o755);
+            std::fs::set_permissions(&file, all).expect("it is ours");
+        };
+        program("tint", "tint: a lightweight panel");
+        program("spirv-val", "SPIRV-Tools v2099.1 unknown hash");
+        let known = |name: &str| KNOWN.iter().find(|known| known.name == name).expect(name);
+        let folders = [folder.path().to_owned()];
+        let error = known("tint").find(&folders).expect_err("it is a panel");
+        assert!(error.reason.contains("another program of this name"), "{}", error.reason);
+        let found = known("spirv-val").find(&folders).expect("it says so");
+        assert_eq!(found.version, "SPIRV-Tools v2099.1 unknown hash");
+        let error = known("dxc").find(&folders).expect_err("it isn't there");
+        assert_eq!(error.reason, "it isn't in PATH");
+    }
+}

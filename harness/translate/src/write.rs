@@ -1,0 +1,96 @@
+//! naga's back ends, with the options that wgpu gives them.
+
+mod glsl;
+mod hlsl;
+mod msl;
+mod spirv;
+mod wgsl;
+
+use std::borrow::Cow;
+
+use naga::back::pipeline_constants::process_overrides;
+use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
+use naga::valid::ModuleInfo;
+use naga::{EntryPoint, Module};
+
+use crate::{Bindings, Code, Shader, Stage, Target, Translation};
+
+/// What a back end wrote.
+struct Written {
+    code: Code,
+    /// The names of entry points, in the order of the module's, or of the one that was asked for.
+    entry_points: Vec<String>,
+    bindings: Bindings,
+    options: String,
+}
+
+/// One job for a back end.
+struct Job<'j> {
+    module: &'j Module,
+    info: &'j ModuleInfo,
+    entry_point: Option<&'j EntryPoint>,
+}
+
+impl Job<'_> {
+    /// The names of the entry points as they are in WGSL.
+    fn names(&self) -> Vec<String> {
+        match self.entry_point {
+            Some(one) => vec![one.name.clone()],
+            None => self.module.entry_points.iter().map(|e| e.name.clone()).collect(),
+        }
+    }
+}
+
+/// Indices out of range are moved into it, as wgpu has it where a driver doesn't check them.
+const RESTRICT: BoundsCheckPolicies = BoundsCheckPolicies {
+    index: BoundsCheckPolicy::Restrict,
+    buffer: BoundsCheckPolicy::Restrict,
+    image_load: BoundsCheckPolicy::Restrict,
+    // wgpu has none for arrays of bindings.
+    binding_array: BoundsCheckPolicy::Unchecked,
+};
+
+/// What [`RESTRICT`] is called in reports.
+const RESTRICTED: &str = "bounds checks restrict";
+
+pub(crate) fn write(
+    shader: &Shader,
+    target: Target,
+    entry_point: Option<&EntryPoint>,
+) -> Result<Translation, String> {
+    let wanted = entry_point.map(|e| (e.stage, e.name.as_str()));
+    // WGSL keeps its overrides.
+    let (module, info) = if target == Target::Wgsl || shader.module.overrides.is_empty() {
+        (Cow::Borrowed(&shader.module), Cow::Borrowed(&shader.info))
+    } else {
+        process_overrides(&shader.module, &shader.info, wanted, &Default::default())
+            .map_err(|error| crate::shader::causes(&error))?
+    };
+    let find =
+        |(stage, name)| module.entry_points.iter().find(|e| e.stage == stage && e.name == name);
+    let job = Job { module: &module, info: &info, entry_point: wanted.and_then(find) };
+    let written = match target {
+        Target::Spirv => spirv::write(&job),
+        Target::Glsl => glsl::write(&job, naga::back::glsl::Version::Desktop(450)),
+        Target::GlslEs => glsl::write(&job, naga::back::glsl::Version::new_gles(310)),
+        Target::Hlsl => hlsl::write(&job, naga::back::hlsl::ShaderModel::V5_1),
+        Target::Hlsl6 => hlsl::write(&job, naga::back::hlsl::ShaderModel::V6_2),
+        Target::Msl => msl::write(&job),
+        Target::Wgsl => wgsl::write(&job),
+    }?;
+    let stages = match job.entry_point {
+        Some(one) => vec![one.stage],
+        None => job.module.entry_points.iter().map(|e| e.stage).collect(),
+    };
+    let entry_points = stages
+        .into_iter()
+        .zip(written.entry_points)
+        .map(|(stage, name)| crate::EntryPoint { stage: Stage::of(stage), name });
+    Ok(Translation {
+        target,
+        code: written.code,
+        entry_points: entry_points.collect(),
+        bindings: written.bindings,
+        options: written.options,
+    })
+}

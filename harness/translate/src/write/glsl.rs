@@ -1,0 +1,55 @@
+//! GLSL, of desktops and of ES.
+
+use naga::back::glsl::{BindingMap, Options, PipelineOptions, Version, Writer, WriterFlags};
+use naga::{EntryPoint, ResourceBinding};
+
+use super::{Job, RESTRICT, Written};
+use crate::{Bindings, Code};
+
+pub(super) fn write(job: &Job<'_>, version: Version) -> Result<Written, String> {
+    let entry_point = one(job)?;
+    let bindings = Bindings::in_a_row(job.module, job.info, Some(entry_point));
+    let mut binding_map = BindingMap::new();
+    for resource in bindings.iter() {
+        let ((group, binding), (_, number)) = (resource.wgsl, resource.translated);
+        let number = u8::try_from(number).map_err(|_| "it has more than 256 resources")?;
+        binding_map.insert(ResourceBinding { group, binding }, number);
+    }
+    let options = Options {
+        version,
+        writer_flags: WriterFlags::ADJUST_COORDINATE_SPACE,
+        binding_map,
+        zero_initialize_workgroup_memory: true,
+    };
+    let pipeline = PipelineOptions {
+        shader_stage: entry_point.stage,
+        entry_point: entry_point.name.clone(),
+        multiview: None,
+    };
+    let mut text = String::new();
+    // wgpu leaves indices unchecked in GLSL; checked ones are what the other languages have.
+    let mut writer = Writer::new(&mut text, job.module, job.info, &options, &pipeline, RESTRICT)
+        .map_err(|error| crate::shader::causes(&error))?;
+    writer.write().map_err(|error| crate::shader::causes(&error))?;
+    let version = match version {
+        Version::Desktop(version) => format!("GLSL {version}"),
+        Version::Embedded { version, .. } => format!("GLSL ES {version}"),
+    };
+    Ok(Written {
+        code: Code::Text(text),
+        entry_points: vec!["main".to_owned()],
+        bindings,
+        options: format!(
+            "{version}, texel indices restricted, workgroup memory set to zero, y flipped"
+        ),
+    })
+}
+
+/// The entry point of the text.
+fn one<'j>(job: &Job<'j>) -> Result<&'j EntryPoint, String> {
+    match (job.entry_point, &*job.module.entry_points) {
+        (Some(entry_point), _) | (None, [entry_point]) => Ok(entry_point),
+        (None, []) => Err("GLSL is written of an entry point, and the shader has none".to_owned()),
+        (None, _) => Err("a text of GLSL has one entry point: name it".to_owned()),
+    }
+}

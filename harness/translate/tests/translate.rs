@@ -1,0 +1,196 @@
+//! Translations, and what tools think of them.
+
+use karat_translate::{
+    Code, CompileError, NAGA_VERSION, Shader, Stage, Target, Tool, TranslateError, Translation,
+    Verdict, compile,
+};
+
+const SHADER: &str = "
+struct Light { colour: vec3f, power: f32 }
+@group(1) @binding(2) var<uniform> light: Light;
+@group(0) @binding(7) var<storage, read> values: array<f32>;
+@group(2) @binding(0) var<storage, read_write> sums: array<f32>;
+var<workgroup> total: f32;
+
+fn scaled(x: f32) -> f32 { return x * light.power; }
+
+@compute @workgroup_size(64)
+fn add(@builtin(local_invocation_index) i: u32, @builtin(global_invocation_id) id: vec3u) {
+    if i == 63u { total = scaled(values[id.x]); }
+    workgroupBarrier();
+    sums[id.x] = total + dot(light.colour, vec3f(1.0));
+}
+
+@vertex
+fn corner(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
+    return vec4f(f32(i % 2u), f32(i / 2u), 0.0, 1.0);
+}
+
+@fragment
+fn shade() -> @location(0) vec4f { return vec4f(light.colour, 1.0); }
+";
+
+fn shader() -> Shader {
+    Shader::parse(SHADER).expect("valid")
+}
+
+fn translate(target: Target, entry_point: &str) -> Translation {
+    let translated = shader().translate(target, Some(entry_point));
+    translated.unwrap_or_else(|error| panic!("{target} {entry_point}: {error}"))
+}
+
+#[test]
+fn each_entry_point_is_written_in_each_language() {
+    for target in Target::ALL {
+        for (entry_point, stage) in
+            [("add", Stage::Compute), ("corner", Stage::Vertex), ("shade", Stage::Fragment)]
+        {
+            let translation = translate(target, entry_point);
+            assert!(!translation.options.is_empty());
+            let stages: Vec<Stage> = translation.entry_points.iter().map(|e| e.stage).collect();
+            match target {
+                // It writes whole modules only.
+                Target::Wgsl => assert!(stages.contains(&stage)),
+                _ => assert_eq!(stages, [stage], "{target} {entry_point}"),
+            }
+            if let Code::Text(text) = &translation.code {
+                for written in &translation.entry_points {
+                    assert!(
+                        text.contains(&written.name),
+                        "{target}: no {} in {text}",
+                        written.name
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// Resources of GLSL and HLSL are numbered in one row, whatever their groups.
+#[test]
+fn resources_keep_their_order() {
+    for target in [Target::Glsl, Target::GlslEs, Target::Hlsl, Target::Hlsl6] {
+        let bindings = translate(target, "add").bindings;
+        let row: Vec<_> = bindings.iter().map(|r| (r.wgsl, r.translated)).collect();
+        assert_eq!(row, [((0, 7), (0, 0)), ((1, 2), (0, 1)), ((2, 0), (0, 2))], "{target}");
+        assert_eq!(bindings.of(1, 2), Some((0, 1)));
+    }
+    let kept = translate(Target::Spirv, "add").bindings;
+    assert!(kept.iter().all(|r| r.wgsl == r.translated));
+}
+
+/// Every tool that is here finds every translation valid, and says so with its version and command.
+#[test]
+fn what_naga_writes_is_valid_for_the_tools_that_are_here() {
+    let mut asked = Vec::new();
+    for target in Target::ALL {
+        for entry_point in ["add", "corner", "shade"] {
+            let translation = translate(target, entry_point);
+            for tool in Tool::of(target) {
+                let said = tool.validate(&translation).expect("it runs");
+                assert_eq!(said.verdict, Verdict::Valid, "{target} {entry_point}: {said:?}");
+                assert!(said.command.starts_with(tool.name()) && said.tool == tool.name());
+                asked.push(tool.name());
+            }
+        }
+    }
+    assert!(asked.contains(&"naga"), "naga is always here");
+}
+
+/// A validator that finds nothing wrong with anything would find nothing wrong here.
+#[test]
+fn a_fault_is_seen_by_each_tool_that_judges_it() {
+    let spoiled = |target: Target| {
+        let mut translation = translate(target, "add");
+        match &mut translation.code {
+            Code::Text(text) => *text = text.replacen("total =", "undeclared_name =", 1),
+            // The result type of the last instruction that has one becomes that of nothing.
+            Code::Words(words) => {
+                let last = words.len() - 8;
+                words[last..].fill(0x0002_0001);
+            }
+        }
+        translation
+    };
+    for target in Target::ALL {
+        for tool in Tool::of(target) {
+            let translation = spoiled(target);
+            let said = tool.validate(&translation).expect("it runs");
+            assert!(
+                matches!(said.verdict, Verdict::Invalid(_) | Verdict::Crashed(_)),
+                "{target}: {} sees nothing in {:?}",
+                tool.name(),
+                translation.code.text()
+            );
+        }
+    }
+}
+
+#[test]
+fn glsl_and_hlsl_become_spirv() {
+    for target in [Target::Glsl, Target::GlslEs, Target::Hlsl] {
+        match compile(&translate(target, "add")) {
+            Ok(words) => {
+                assert_eq!(words[0], 0x0723_0203, "the magic number of SPIR-V");
+                let back = Shader::from_spirv(&words);
+                // naga need not read all that others write, but what it reads has the entry point.
+                if let Ok(back) = back {
+                    assert_eq!(back.entry_points().len(), 1);
+                }
+            }
+            Err(CompileError::NoCompiler { .. }) => {}
+            Err(error) => panic!("{target}: {error}"),
+        }
+    }
+    let error = compile(&translate(Target::Msl, "add")).expect_err("nobody compiles it so");
+    assert_eq!(error.to_string(), "no compiler is known that makes SPIR-V of msl");
+}
+
+#[test]
+fn a_compiler_says_what_it_rejects() {
+    let mut translation = translate(Target::Glsl, "add");
+    translation.code = Code::Text("#version 450\nvoid main() { nothing(); }\n".to_owned());
+    match compile(&translation) {
+        Err(CompileError::Rejected { message, command, .. }) => {
+            assert!(message.contains("nothing"), "{message}");
+            assert!(command.starts_with("glslangValidator -V"), "{command}");
+        }
+        Err(CompileError::NoCompiler { .. }) => {}
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn what_is_wrong_is_said() {
+    let error = Shader::parse("fn f( {").expect_err("not WGSL").to_string();
+    assert!(error.starts_with("naga doesn't read the shader: "), "{error}");
+    let error = Shader::parse("fn f() -> f32 { return 1u; }").expect_err("invalid").to_string();
+    assert!(error.contains("naga"), "{error}");
+    let error = shader().translate(Target::Hlsl, Some("ad")).expect_err("no such entry point");
+    assert_eq!(error, TranslateError::NoEntryPoint("ad".to_owned()));
+    let error = shader().translate(Target::Glsl, None).expect_err("three of them").to_string();
+    assert!(error.contains("has one entry point: name it"), "{error}");
+    let error = "hlls".parse::<Target>().expect_err("no such language");
+    assert!(error.contains("spirv, glsl, glsl-es, hlsl, hlsl6, msl, wgsl"), "{error}");
+}
+
+/// An override without a value can't be translated; one with a value has it.
+#[test]
+fn overrides_have_their_values() {
+    let shader = |value: &str| {
+        let text = format!(
+            "override scale: f32{value};\n{}",
+            SHADER.replace("x * light.power", "x * scale")
+        );
+        Shader::parse(&text).expect("valid").translate(Target::Hlsl, Some("add"))
+    };
+    let text = shader(" = 2.5").expect("it has a value");
+    assert!(text.code.text().is_some_and(|text| text.contains("2.5")));
+    assert!(matches!(shader(""), Err(TranslateError::Unsupported { .. })));
+}
+
+#[test]
+fn the_version_told_is_that_of_the_lock_file() {
+    let lock = include_str!("../../../Cargo.lock");
+    assert!(lock.contains(&format!("name = \"naga\"\nversion = \"{NAGA_VERSION}\"\n")));
+}
