@@ -75,6 +75,9 @@ impl Probed {
         &self.function
     }
 
+    /// The entry point of the kernel.
+    pub const ENTRY_POINT: &str = kernel::ENTRY_POINT;
+
     /// The whole text that is compiled: the function with all that it uses, then the kernel.
     #[must_use]
     pub fn kernel(&self) -> &str {

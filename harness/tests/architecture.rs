@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// The modules of the library from the bottom up: a module uses only those before it.
-const ORDER: [&str; 21] = [
+const ORDER: [&str; 22] = [
     "output",
     "diagnostic",
     "settings",
@@ -31,12 +31,15 @@ const ORDER: [&str; 21] = [
     "run",
     "check",
     "frame",
+    "matrix",
 ];
 
 /// Crates that only these modules may name.
-const OWNERS: [(&str, &[&str]); 8] = [
+const OWNERS: [(&str, &[&str]); 10] = [
     ("wgpu", &["path", "probe", "draw"]),
     ("naga", &["reflect"]),
+    ("karat_foreign", &["path"]),
+    ("karat_translate", &["path", "matrix"]),
     ("exr", &["image"]),
     ("png", &["image"]),
     ("flip_rs", &["metric"]),

@@ -14,6 +14,7 @@ mod doctor;
 mod goldens;
 mod heatmap;
 mod list;
+mod matrix;
 mod patience;
 mod preview;
 mod project;
@@ -23,6 +24,7 @@ mod review;
 mod show;
 mod table;
 mod test;
+mod translate;
 mod unreferenced;
 
 use std::io::Write;
@@ -117,6 +119,25 @@ enum Command {
     List(list::Args),
     /// Print the linked shader of a function with its generated kernel
     Show(show::Args),
+    /// Print what naga makes of a function or a module in another shading language
+    #[command(after_help = "Examples:\n  karat translate fresnel::schlick --to hlsl\n  \
+                            karat translate scene --to msl --validate\n  \
+                            karat translate scene --to glsl --entry-point fs_main --out scene.frag\n  \
+                            karat translate fresnel::schlick --to spirv | spirv-dis\n\
+                            The options are those that wgpu has; the first line tells them.\n\
+                            Exit codes: 0 translated, and valid if that was asked; 1 a validator \
+                            rejects it;\n2 naga doesn't translate it, or the shader can't be read.")]
+    Translate(translate::Args),
+    /// Translate every function and entry point, validate, run and compare what naga makes of them
+    #[command(after_help = "Examples:\n  karat matrix\n  karat matrix --crate bevy_pbr@0.20.1\n  \
+                            karat matrix --columns vulkan,vulkan:hlsl,msl --only fresnel\n  \
+                            karat matrix --require vulkan:hlsl=executed,msl=translated\n\
+                            A row is `translated` by naga, `valid` for all validators that are here, \
+                            `executed` on inputs drawn\nfrom its signature, and `agrees` with another \
+                            column. Without a validator nothing is valid.\n\
+                            Exit codes: 0 what --require names is reached; 1 it isn't; 2 a function \
+                            can't be read.")]
+    Matrix(matrix::Args),
     /// Call a function and print its value on every path
     #[command(after_help = "Examples:\n  karat call fresnel::schlick 0.04,0.04,0.04 0.3\n  \
                             karat call layering::thin_coat --path vulkan -- -1,0,0 1,1,1 0.5\n  \
@@ -262,6 +283,8 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
         Command::Check(args) => check::run(&args, out),
         Command::List(args) => list::run(&args, out),
         Command::Show(args) => show::run(&args, out),
+        Command::Translate(args) => translate::run(&args, out),
+        Command::Matrix(args) => matrix::run(&args, out),
         Command::Call(args) => call::run(&args, out),
         Command::Doctor(args) => doctor::run(&args, out),
         Command::Pending(args) => goldens::pending(&args, out),

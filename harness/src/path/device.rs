@@ -248,7 +248,7 @@ impl Device {
         // Translators and drivers recurse as deep as the shader nests.
         reflect::on_deep_stack(|| match route::take(self.path, module, entry_point)? {
             Routed::Ir(module) => {
-                let pipeline = self.pipeline_of_wgpu(module, entry_point)?;
+                let pipeline = self.pipeline_of_wgpu(*module, entry_point)?;
                 Ok(Arc::new(Pipeline { pipeline, foreign: None }))
             }
             Routed::Spirv(foreign) => {

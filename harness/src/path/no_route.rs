@@ -22,7 +22,7 @@ pub(super) fn through_naga(_: Path, ir: Ir) -> Result<Ir, PathError> {
 }
 
 pub(super) enum Routed {
-    Ir(Ir),
+    Ir(Box<Ir>),
     #[expect(dead_code, reason = "there are no routes")]
     Spirv(Box<Foreign>),
 }
@@ -32,7 +32,7 @@ pub(super) enum Foreign {}
 
 #[expect(clippy::unnecessary_wraps, reason = "as with routes")]
 pub(super) fn take(_: Path, ir: Ir, _: &str) -> Result<Routed, PathError> {
-    Ok(Routed::Ir(ir))
+    Ok(Routed::Ir(Box::new(ir)))
 }
 
 impl Foreign {

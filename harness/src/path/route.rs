@@ -48,7 +48,7 @@ pub(super) fn features(path: Path) -> wgpu::Features {
 /// A shader on its way to a driver.
 pub(super) enum Routed {
     /// For wgpu, which translates it for its API.
-    Ir(Ir),
+    Ir(Box<Ir>),
     /// SPIR-V for the driver alone.
     Spirv(Box<Foreign>),
 }
@@ -70,7 +70,7 @@ pub(super) fn takes_wgpu(path: Path) -> bool {
 /// Takes a compute shader along a route.
 pub(super) fn take(path: Path, ir: Ir, entry_point: &str) -> Result<Routed, PathError> {
     if takes_wgpu(path) {
-        return through_naga(path, ir).map(Routed::Ir);
+        return through_naga(path, ir).map(Box::new).map(Routed::Ir);
     }
     let on_route = |message: String| PathError::Route { path, message };
     let target = match path.via() {

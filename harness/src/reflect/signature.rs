@@ -142,6 +142,17 @@ impl Program {
         }
     }
 
+    /// The shape of the data of a buffer, or of an element of it where its array has no length; and
+    /// which of the two it is.
+    #[cfg(feature = "routes")]
+    pub(crate) fn buffer_data(&self, binding: &Binding) -> Option<(Shape, bool)> {
+        let endless = matches!(
+            &self.module.types[binding.ty].inner,
+            naga::TypeInner::Array { size: naga::ArraySize::Dynamic, .. }
+        );
+        Some((self.buffer_shape(binding.ty)?, endless))
+    }
+
     fn function_span(&self, handle: naga::Handle<naga::Function>) -> Span {
         let range = self.module.functions.get_span(handle).to_range().unwrap_or(0..0);
         self.resolve(range).unwrap_or(Span { file: Arc::clone(&self.linked.file), range: 0..0 })

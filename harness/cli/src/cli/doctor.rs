@@ -6,6 +6,7 @@ use karat::Path;
 use karat::golden::Profile;
 use karat::path::{Adapter, Api, Via};
 use karat::settings::{Variable, variables};
+use karat_translate::{Missing, Target, Tool};
 use serde::Serialize;
 
 use super::table::{BAD, DIM, GOOD, HEAD};
@@ -34,7 +35,40 @@ struct Report {
     selected: Vec<&'static str>,
     /// Why they run on none.
     unusable: Option<String>,
+    tools: Vec<ToolReport>,
     settings: Vec<SettingReport>,
+}
+
+/// A validator of translations.
+#[derive(Serialize)]
+struct ToolReport {
+    name: &'static str,
+    /// The languages that it judges.
+    judges: Vec<&'static str>,
+    version: Option<String>,
+    missing: Option<String>,
+    remedy: Option<String>,
+}
+
+fn tools() -> Vec<ToolReport> {
+    let names = |targets: &[Target]| targets.iter().map(|target| target.name()).collect();
+    let report = |tool: &Result<Tool, Missing>| match tool {
+        Ok(tool) => ToolReport {
+            name: tool.name(),
+            judges: names(tool.targets()),
+            version: Some(tool.version().to_owned()),
+            missing: None,
+            remedy: None,
+        },
+        Err(missing) => ToolReport {
+            name: missing.name,
+            judges: names(missing.targets),
+            version: None,
+            missing: Some(missing.reason.clone()),
+            remedy: Some(missing.remedy.to_owned()),
+        },
+    };
+    Tool::all().iter().map(report).collect()
 }
 
 fn names(paths: &[Path]) -> Vec<&'static str> {
@@ -110,6 +144,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         paths,
         selected: selected.as_ref().map_or_else(|_| Vec::new(), |paths| names(paths)),
         unusable: selected.err().map(|error| error.to_string()),
+        tools: tools(),
         settings: variables()
             .into_iter()
             .map(|Variable { name, value, about, .. }| SettingReport { name, value, about })
@@ -150,6 +185,26 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
         Some(error) => writeln!(out, "\n{BAD}checks run on no path:{BAD:#} {error}")?,
         None => writeln!(out, "\nchecks run on {}", report.selected.join(", "))?,
     }
+    writeln!(out, "\n{HEAD}validators of translations{HEAD:#}")?;
+    for ToolReport { name, judges, version, missing, remedy } in &report.tools {
+        let judges = judges.join(", ");
+        match (version, missing) {
+            (Some(version), _) => {
+                writeln!(
+                    out,
+                    "{GOOD}{name:<16}{GOOD:#} {judges}\n{DIM}                 {version}{DIM:#}"
+                )?;
+            }
+            (None, missing) => {
+                let missing = missing.as_deref().unwrap_or_default();
+                let remedy = remedy.as_deref().unwrap_or_default();
+                writeln!(
+                    out,
+                    "{name:<16} {judges}\n{DIM}                 not here: {missing}; {remedy}{DIM:#}"
+                )?;
+            }
+        }
+    }
     writeln!(out, "\n{HEAD}settings{HEAD:#}")?;
     for SettingReport { name, value, about } in &report.settings {
         let shown = value.as_deref().map_or_else(|| "not set".to_owned(), |v| format!("= {v}"));
@@ -160,8 +215,13 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
 
 /// How to get a path on this platform.
 fn remedy(path: Path) -> &'static str {
-    if path.api() == Api::Cpu || path.via() != Via::Direct {
-        return "nothing provides it yet";
+    match path.via() {
+        _ if path.api() == Api::Cpu => return "nothing provides it yet",
+        Via::Glsl | Via::Hlsl if path.api() == Api::Vulkan => {
+            return "install glslang (Debian: glslang-tools; Fedora, Arch and Homebrew: glslang)";
+        }
+        Via::Glsl | Via::Hlsl | Via::Msl => return "nothing provides it yet",
+        _ => {}
     }
     let usual = Path::ALL.into_iter().find(|usual| usual.api() == path.api());
     match usual.unwrap_or(path) {

@@ -1,0 +1,235 @@
+//! `karat matrix`
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::PathBuf;
+
+use anyhow::{Context, bail, ensure};
+use indicatif::{ProgressBar, ProgressStyle};
+use karat::matrix::{Cell, Column, Matrix, Row, Status, Stop};
+use karat::tolerance::{Abs, Rel};
+
+use super::project::Project;
+use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
+use super::{Ending, Outcome, PackageArgs, write_json};
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// Columns: paths (`vulkan:hlsl`) and languages (`msl`) [default: all that are usual]
+    #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
+    columns: Vec<Column>,
+    /// Fail unless every row gets that far: `vulkan:hlsl=executed`; may be a list
+    #[arg(long, value_name = "COLUMN=STATUS", value_delimiter = ',', value_parser = requirement)]
+    require: Vec<(String, Status)>,
+    /// Only rows whose name contains this; may be repeated
+    #[arg(long, value_name = "NAME")]
+    only: Vec<String>,
+    /// Inputs of each function
+    #[arg(long, value_name = "COUNT", default_value_t = 512)]
+    cases: usize,
+    /// How far two columns' results may differ, relative or absolute
+    #[arg(long, value_name = "BOUND", default_value_t = 1e-3, value_parser = bound)]
+    within: f64,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// Write the table as Markdown
+    #[arg(long, value_name = "FILE")]
+    markdown: Option<PathBuf>,
+    #[command(flatten)]
+    package: PackageArgs,
+}
+
+/// `vulkan:hlsl=executed`
+fn requirement(text: &str) -> Result<(String, Status), String> {
+    let (column, status) = text.split_once('=').ok_or("write COLUMN=STATUS")?;
+    let names = Status::ALL.map(Status::name).join(", ");
+    let known = Status::ALL.into_iter().find(|known| known.name() == status);
+    let status = known.ok_or_else(|| format!("`{status}` is no status; they are {names}"))?;
+    let column: Column = column.parse()?;
+    Ok((column.to_string(), status))
+}
+
+fn bound(text: &str) -> Result<f64, String> {
+    let bound = text.parse().map_err(|_| "a bound is a number such as 1e-3")?;
+    let usable = |bound: &f64| *bound >= 0.0 && bound.is_finite();
+    Some(bound).filter(usable).ok_or_else(|| "a bound is a number from 0 on".to_owned())
+}
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    let packages = Project::find()?.packages(&args.package)?;
+    ensure!(!packages.is_empty(), "`metadata.karat` lists no shader package");
+    let mut columns = if args.columns.is_empty() { Column::usual() } else { args.columns.clone() };
+    for (name, _) in &args.require {
+        let column: Column = name.parse().map_err(anyhow::Error::msg)?;
+        if !columns.contains(&column) {
+            columns.push(column);
+        }
+    }
+    let mut matrices = Vec::new();
+    for package in &packages {
+        // Drawn on a terminal alone.
+        let bar = ProgressBar::new(0).with_message(package.name());
+        bar.set_style(ProgressStyle::with_template("{msg}: {pos} of {len} rows {wide_bar}")?);
+        let request = package
+            .matrix()
+            .columns(columns.iter().copied())
+            .cases(args.cases)
+            .within(Rel(args.within).or(Abs(args.within)))
+            .only(args.only.iter().map(String::as_str));
+        let matrix = request.run_with(&|done, of| {
+            bar.set_length(of as u64);
+            bar.set_position(done as u64);
+        });
+        bar.finish_and_clear();
+        matrices.push(matrix?);
+    }
+    if args.json {
+        write_json(&matrices, out)?;
+    } else {
+        for matrix in &matrices {
+            write_text(matrix, out)?;
+        }
+    }
+    if let Some(file) = &args.markdown {
+        let text: Vec<String> = matrices.iter().map(markdown).collect();
+        std::fs::write(file, text.join("\n"))
+            .with_context(|| format!("can't write `{}`", file.display()))?;
+    }
+    let mut ending = Ending::Good;
+    for matrix in &matrices {
+        for (column, status) in &args.require {
+            if let Err(missed) = matrix.try_expect_but(column, *status, &[]) {
+                ending = Ending::Bad;
+                karat::output::tell(&format!("{}: {missed}", matrix.package));
+            }
+        }
+    }
+    if let Some(Row { name, error: Some(error), .. }) =
+        matrices.iter().flat_map(|m| &m.rows).find(|row| row.is_judged() && row.error.is_some())
+    {
+        bail!("`{name}` isn't in the matrix:\n{error}");
+    }
+    Ok(ending)
+}
+
+fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
+    writeln!(out, "{HEAD}{}{HEAD:#}, naga {}", matrix.package, matrix.naga)?;
+    for head in &matrix.columns {
+        let what = match (&head.adapter, &head.unavailable) {
+            (Some(adapter), _) => adapter.clone(),
+            (None, why) => why.clone().unwrap_or_default(),
+        };
+        writeln!(out, "{DIM}{:<12} {}: {what}{DIM:#}", head.name, head.language)?;
+    }
+    writeln!(out)?;
+    let mut names = vec![""];
+    names.extend(matrix.columns.iter().map(|head| head.name.as_str()));
+    let mut table = Table::new(&names, &[]);
+    for row in &matrix.rows {
+        let mut cells = vec![format!("{} ({})", row.name, row.kind)];
+        cells.extend(row.cells.iter().map(|cell| word(cell).to_owned()));
+        let style = match () {
+            () if row.error.is_some() => DIM,
+            () if row.cells.iter().any(is_bad) => BAD,
+            () if row.cells.iter().all(|c| c.status == Some(Status::Agrees)) => GOOD,
+            () => KNOWN,
+        };
+        table.row(style, cells);
+    }
+    table.write(out)?;
+    writeln!(out, "\n{}", summary(matrix))?;
+    for (why, rows) in reasons(matrix) {
+        let count = rows.len();
+        let few: Vec<&str> = rows.iter().take(4).map(String::as_str).collect();
+        let more = if count > 4 { format!(" and {} more", count - 4) } else { String::new() };
+        writeln!(out, "\n{why}\n{DIM}  {}{more}{DIM:#}", few.join(", "))?;
+    }
+    Ok(())
+}
+
+/// What a cell is called: how far it got, or that it is wrong.
+fn word(cell: &Cell) -> &'static str {
+    match (cell.status, &cell.stopped) {
+        (_, Some(Stop::Differs(_))) => "DIFFERS",
+        (_, Some(Stop::Rejected(_))) => "INVALID",
+        (None, _) => "unsupported",
+        (Some(status), _) => status.name(),
+    }
+}
+
+fn is_bad(cell: &Cell) -> bool {
+    matches!(cell.stopped, Some(Stop::Differs(_) | Stop::Rejected(_) | Stop::Unsupported(_)))
+}
+
+/// How many rows got how far on each column.
+fn summary(matrix: &Matrix) -> String {
+    let rows = matrix.rows.iter().filter(|row| row.is_judged());
+    let judged: Vec<&Row> = rows.collect();
+    let lines = matrix.columns.iter().enumerate().map(|(index, head)| {
+        let at_least = |status: Status| {
+            let reached =
+                |row: &&&Row| row.cells.get(index).and_then(|cell| cell.status) >= Some(status);
+            judged.iter().filter(reached).count()
+        };
+        let counts = Status::ALL.map(|status| format!("{} {status}", at_least(status)));
+        format!("{:<12} {}", head.name, counts.join(", "))
+    });
+    let lines: Vec<String> = lines.collect();
+    let skipped = matrix.rows.len() - judged.len();
+    format!(
+        "of {} rows ({skipped} more that nothing can call):\n{}",
+        judged.len(),
+        lines.join("\n")
+    )
+}
+
+/// Why rows stop, with the rows, the most frequent first.
+fn reasons(matrix: &Matrix) -> Vec<(String, Vec<String>)> {
+    let mut reasons: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for row in &matrix.rows {
+        if let Some(error) = &row.error {
+            let first = error.lines().next().unwrap_or_default();
+            reasons.entry(first.to_owned()).or_default().push(row.name.clone());
+        }
+        for (head, cell) in matrix.columns.iter().zip(&row.cells) {
+            if let Some(stop) = &cell.stopped {
+                let text = format!("{}: {}", head.name, stop.text().trim());
+                reasons.entry(text).or_default().push(row.name.clone());
+            }
+        }
+    }
+    let mut reasons: Vec<_> = reasons.into_iter().collect();
+    reasons.sort_by_key(|(_, rows)| std::cmp::Reverse(rows.len()));
+    reasons
+}
+
+/// The table for a page.
+fn markdown(matrix: &Matrix) -> String {
+    let mut text = format!("# Translations of `{}`, naga {}\n\n", matrix.package, matrix.naga);
+    text.push_str("| column | language | runs on |\n|---|---|---|\n");
+    for head in &matrix.columns {
+        let runs = head.adapter.as_deref().unwrap_or("nothing here");
+        text.push_str(&format!("| {} | {} | {runs} |\n", head.name, head.language));
+    }
+    text.push_str("\n| tool | version |\n|---|---|\n");
+    for (tool, version) in &matrix.validators {
+        text.push_str(&format!("| {tool} | {version} |\n"));
+    }
+    let names: Vec<&str> = matrix.columns.iter().map(|head| head.name.as_str()).collect();
+    text.push_str(&format!(
+        "\n| row | {} |\n|---|{}\n",
+        names.join(" | "),
+        "---|".repeat(names.len())
+    ));
+    for row in matrix.rows.iter().filter(|row| row.error.is_none()) {
+        let cells: Vec<&str> = row.cells.iter().map(word).collect();
+        text.push_str(&format!("| {} ({}) | {} |\n", row.name, row.kind, cells.join(" | ")));
+    }
+    text.push_str("\n## Why rows stop\n\n");
+    for (why, rows) in reasons(matrix) {
+        let why = why.replace('\n', " ");
+        text.push_str(&format!("- {} rows: {why} (`{}`)\n", rows.len(), rows.join("`, `")));
+    }
+    text
+}

@@ -1,0 +1,157 @@
+//! `karat translate`
+
+use std::io::{IsTerminal, Write};
+use std::path::PathBuf;
+
+use anyhow::{Context, bail, ensure};
+use karat::probe::Probed;
+use karat::reflect::Program;
+use karat_translate::{Code, Shader, Target, Tool, Translation, Validation, Verdict};
+
+use super::project::Project;
+use super::table::{BAD, DIM, GOOD};
+use super::{Ending, Outcome, PackageArgs};
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// The function, `module::name`, which gets a small entry point; or a module, with its own
+    what: String,
+    /// The language
+    #[arg(long, value_name = "LANGUAGE", value_parser = language())]
+    to: String,
+    /// One entry point of the module [default: all, one text each where the language wants that]
+    #[arg(long, value_name = "NAME")]
+    entry_point: Option<String>,
+    /// Write it to a file
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Ask the validators that are installed; `karat doctor` lists them
+    #[arg(long)]
+    validate: bool,
+    #[command(flatten)]
+    package: PackageArgs,
+}
+
+fn language() -> clap::builder::PossibleValuesParser {
+    Target::ALL.map(Target::name).into()
+}
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    let target: Target = args.to.parse().map_err(anyhow::Error::msg)?;
+    let (text, own) = source(args)?;
+    let shader = Shader::parse(&text)?;
+    let wanted: Vec<Option<String>> = match own.or_else(|| args.entry_point.clone()) {
+        Some(name) => vec![Some(name)],
+        None if target.is_of_one_entry_point() => {
+            shader.entry_points().into_iter().map(|e| Some(e.name)).collect()
+        }
+        None => vec![None],
+    };
+    ensure!(
+        !shader.entry_points().is_empty(),
+        "module `{}` has no entry point, and nothing else is translated: name a function of it, \
+         such as `{0}::f`",
+        args.what
+    );
+    let translations = wanted.iter().map(|name| shader.translate(target, name.as_deref()));
+    let translations = translations.collect::<Result<Vec<_>, _>>()?;
+    match &args.out {
+        Some(file) => {
+            let [translation] = &*translations else {
+                bail!(
+                    "a file of {target} holds one entry point, and `{}` has {}: name one with \
+                     --entry-point",
+                    args.what,
+                    translations.len()
+                );
+            };
+            std::fs::write(file, translation.code.bytes())
+                .with_context(|| format!("can't write `{}`", file.display()))?;
+        }
+        None => {
+            for translation in &translations {
+                print(translation, out)?;
+            }
+        }
+    }
+    if args.validate {
+        return validate(&translations, out);
+    }
+    Ok(Ending::Good)
+}
+
+/// The shader's text; and of a function the entry point that calls it.
+fn source(args: &Args) -> anyhow::Result<(String, Option<String>)> {
+    let project = Project::find()?;
+    for package in project.packages(&args.package)? {
+        if package.modules()?.contains(&args.what) {
+            let program = Program::of_module(&package, &args.what)?;
+            return Ok((program.text().to_owned(), None));
+        }
+    }
+    let package = project.package_of(&args.package, &args.what)?;
+    let probed = Probed::new(&package, &args.what)?;
+    ensure!(
+        args.entry_point.is_none(),
+        "`{}` is a function, and gets an entry point of its own: leave --entry-point out",
+        args.what
+    );
+    Ok((probed.kernel().to_owned(), Some(Probed::ENTRY_POINT.to_owned())))
+}
+
+fn print(translation: &Translation, out: &mut dyn Write) -> anyhow::Result<()> {
+    match &translation.code {
+        Code::Text(text) => {
+            let names: Vec<&str> =
+                translation.entry_points.iter().map(|e| e.name.as_str()).collect();
+            writeln!(out, "// {}; {}", translation.options, names.join(", "))?;
+            writeln!(out, "{}", text.trim_end())?;
+        }
+        Code::Words(words) if std::io::stdout().is_terminal() => {
+            bail!(
+                "SPIR-V is binary ({} words): name a file with --out, or pipe it, as into \
+                 `spirv-dis`",
+                words.len()
+            );
+        }
+        // Not through `out`, which is for text.
+        Code::Words(_) => {
+            let mut stdout = std::io::stdout().lock();
+            let written = stdout.write_all(&translation.code.bytes()).and_then(|()| stdout.flush());
+            match written {
+                Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {}
+                written => written.context("can't write the output")?,
+            }
+        }
+    }
+    Ok(())
+}
+
+fn validate(translations: &[Translation], out: &mut dyn Write) -> Outcome {
+    let mut ending = Ending::Good;
+    let mut asked = 0;
+    for translation in translations {
+        for tool in Tool::of(translation.target) {
+            let said = tool.validate(translation).with_context(|| tool.name().to_owned())?;
+            asked += 1;
+            if said.verdict != Verdict::Valid {
+                ending = Ending::Bad;
+            }
+            writeln!(out, "{}", line(&said))?;
+        }
+    }
+    ensure!(asked > 0, "no validator of it is installed: `karat doctor` tells how to get one");
+    Ok(ending)
+}
+
+fn line(said: &Validation) -> String {
+    let (style, text) = match &said.verdict {
+        Verdict::Valid => (GOOD, "valid".to_owned()),
+        Verdict::Invalid(message) => (BAD, format!("invalid\n{message}")),
+        Verdict::Crashed(message) => (BAD, format!("crashes\n{message}")),
+        Verdict::TimedOut => (BAD, "doesn't end".to_owned()),
+    };
+    let Validation { version, command, .. } = said;
+    let version = if version.is_empty() { String::new() } else { format!(" ({version})") };
+    format!("// {DIM}{command}{version}:{DIM:#} {style}{text}{style:#}")
+}

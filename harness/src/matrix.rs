@@ -1,0 +1,231 @@
+//! What each translation of a package's shaders is worth: function by function and entry point by
+//! entry point, on every route.
+//!
+//! A cell of the matrix is a row (a function or an entry point) on a column (an execution path, or a
+//! language that nothing here runs). It says how far the row gets: [`Status::Translated`] by naga,
+//! [`Status::Valid`] for every validator of the language that is installed, [`Status::Executed`] on
+//! inputs drawn from its signature, and [`Status::Agrees`] with another route. Where it gets no
+//! further, [`Stop`] says why, in naga's or the tool's own words. Nothing is assumed: without a
+//! validator nothing is valid, and without a driver nothing is executed.
+
+mod column;
+mod execute;
+mod inputs;
+mod reduce;
+mod row;
+mod table;
+
+use std::fmt;
+
+use serde::Serialize;
+
+pub use column::Column;
+pub use table::{Matrix, MatrixError, Missed};
+
+use crate::package::Package;
+use crate::tolerance::{Abs, Rel, Tolerance};
+
+/// How far a row gets on a column.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Status {
+    /// naga writes it in the column's language.
+    Translated,
+    /// Every validator of the language that is here accepts what naga wrote; there is at least one.
+    Valid,
+    /// It ran on each of the inputs, and wrote each result.
+    Executed,
+    /// Its results are those of another column.
+    Agrees,
+}
+
+impl Status {
+    /// All of them, from the least to the most.
+    pub const ALL: [Self; 4] = [Self::Translated, Self::Valid, Self::Executed, Self::Agrees];
+
+    /// The name in tables and on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Translated => "translated",
+            Self::Valid => "valid",
+            Self::Executed => "executed",
+            Self::Agrees => "agrees",
+        }
+    }
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// Why a row gets no further.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case", tag = "why", content = "says")]
+pub enum Stop {
+    /// naga doesn't write it; its words.
+    Unsupported(String),
+    /// A validator rejects it: which one, and its words.
+    Rejected(String),
+    /// No validator of the language is here.
+    NoValidator(String),
+    /// The column's path isn't here, or nothing here runs its language.
+    Unavailable(String),
+    /// It can't be run here, or running it failed.
+    NotRun(String),
+    /// It gives other results.
+    Differs(String),
+    /// No other column ran it, or no case has a finite result.
+    NothingToCompare(String),
+}
+
+impl Stop {
+    /// Its words.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        match self {
+            Self::Unsupported(text)
+            | Self::Rejected(text)
+            | Self::NoValidator(text)
+            | Self::Unavailable(text)
+            | Self::NotRun(text)
+            | Self::Differs(text)
+            | Self::NothingToCompare(text) => text,
+        }
+    }
+}
+
+/// What a validator said.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Said {
+    /// The command; `shader.*` holds the translation.
+    pub command: String,
+    /// The validator's version, in its own words.
+    pub version: String,
+    /// `valid`, or what it finds wrong.
+    pub verdict: String,
+}
+
+/// A row on a column.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Cell {
+    /// How far it got; `None`: not even a translation.
+    pub status: Option<Status>,
+    /// Why it got no further; `None`: there is nothing further.
+    pub stopped: Option<Stop>,
+    /// naga's options, in words.
+    pub options: String,
+    /// What the validators said.
+    pub validators: Vec<Said>,
+    /// Cases that were compared with another column.
+    pub compared: usize,
+    /// Cases in which the results differ by more than the tolerance.
+    pub differing: usize,
+    /// The largest distance, in `f32` steps, of all components that were compared.
+    pub worst_ulp: Option<u64>,
+}
+
+/// A function or an entry point on every column.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// `module::name`
+    pub name: String,
+    /// `function`, `vertex`, `fragment` or `compute`.
+    pub kind: String,
+    /// Where its author wrote it.
+    pub location: String,
+    /// Why no column has it: it can't be called by a kernel, or isn't valid.
+    pub error: Option<String>,
+    /// In the order of the columns; empty if there is an error.
+    pub cells: Vec<Cell>,
+}
+
+/// What a matrix is made of.
+#[derive(Clone, Debug)]
+pub struct Request {
+    package: Package,
+    columns: Vec<Column>,
+    cases: usize,
+    within: Tolerance,
+    only: Vec<String>,
+}
+
+/// Cases that each function is called with. They are there to tell translations apart, not to find
+/// the worst error of one.
+const CASES: usize = 512;
+
+/// How far results of two columns may be apart. Drivers' sines and cosines may be off by 2^-11, as
+/// WGSL has it, so a tolerance below that tells of drivers rather than of translations.
+const WITHIN: f64 = 1e-3;
+
+impl Package {
+    /// A matrix of the package's functions and entry points on every column; see
+    /// [`matrix`](crate::matrix).
+    ///
+    /// ```no_run
+    /// use karat::Package;
+    /// use karat::matrix::Status;
+    ///
+    /// static SHADERS: Package = karat::package!("shaders");
+    ///
+    /// let matrix = SHADERS.matrix().run().unwrap();
+    /// matrix.expect("vulkan:hlsl", Status::Valid);
+    /// ```
+    #[must_use]
+    pub fn matrix(&self) -> Request {
+        Request {
+            package: self.clone(),
+            columns: Column::usual(),
+            cases: CASES,
+            within: Rel(WITHIN).or(Abs(WITHIN)),
+            only: Vec::new(),
+        }
+    }
+}
+
+impl Request {
+    /// These columns only.
+    #[must_use]
+    pub fn columns(self, columns: impl IntoIterator<Item = Column>) -> Self {
+        Self { columns: columns.into_iter().collect(), ..self }
+    }
+
+    /// Calls each function with so many cases.
+    #[must_use]
+    pub fn cases(self, cases: usize) -> Self {
+        Self { cases, ..self }
+    }
+
+    /// Lets results of two columns differ by so much.
+    #[must_use]
+    pub fn within(self, tolerance: impl Into<Tolerance>) -> Self {
+        Self { within: tolerance.into(), ..self }
+    }
+
+    /// Only rows whose name contains one of these.
+    #[must_use]
+    pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
+        Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
+    }
+
+    /// Makes the matrix.
+    ///
+    /// # Errors
+    /// If the package can't be read, has no function and no entry point, or a setting is wrong.
+    pub fn run(&self) -> Result<Matrix, MatrixError> {
+        self.run_with(&|_, _| {})
+    }
+
+    /// [`run`](Self::run), which tells how many rows are done, and of how many.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn run_with(
+        &self,
+        progress: &(dyn Fn(usize, usize) + Sync),
+    ) -> Result<Matrix, MatrixError> {
+        table::make(self, progress)
+    }
+}

@@ -1,0 +1,90 @@
+//! The columns of a matrix.
+
+use std::fmt;
+use std::str::FromStr;
+
+use karat_translate::Target;
+
+use crate::path::{Api, Path, Via};
+
+/// A language that naga writes, and the execution path that runs it, if there is one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Column {
+    pub(super) target: Target,
+    pub(super) path: Option<Path>,
+}
+
+impl Column {
+    /// What every machine can have: the APIs with their languages, the routes on Vulkan, and two
+    /// languages that no path of ours runs.
+    #[must_use]
+    pub fn usual() -> Vec<Self> {
+        let names = [
+            "vulkan",
+            "gl",
+            "vulkan:wgsl",
+            "vulkan:spirv",
+            "vulkan:glsl",
+            "vulkan:hlsl",
+            "dx12",
+            "metal",
+            "glsl-es",
+            "hlsl6",
+        ];
+        names.iter().map(|name| name.parse().expect("a path or a language")).collect()
+    }
+
+    /// The column of a path.
+    #[must_use]
+    pub fn of_path(path: Path) -> Option<Self> {
+        let target = match (path.via(), path.api()) {
+            (Via::Direct, Api::Vulkan) | (Via::Spirv, _) => Target::Spirv,
+            (Via::Direct, Api::Gl) | (Via::Glsl, _) => Target::Glsl,
+            (Via::Direct, Api::Dx12) | (Via::Hlsl, _) => Target::Hlsl,
+            (Via::Direct, Api::Metal) | (Via::Msl, _) => Target::Msl,
+            (Via::Wgsl, _) => Target::Wgsl,
+            (Via::Direct, Api::Cpu) => return None,
+        };
+        Some(Self { target, path: Some(path) })
+    }
+
+    /// The language that is translated into.
+    #[must_use]
+    pub fn language(self) -> &'static str {
+        self.target.name()
+    }
+
+    /// The path that runs it.
+    #[must_use]
+    pub fn path(self) -> Option<Path> {
+        self.path
+    }
+}
+
+impl fmt::Display for Column {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.path {
+            Some(path) => path.fmt(f),
+            None => self.target.fmt(f),
+        }
+    }
+}
+
+/// A path (`vulkan:hlsl`) or a language (`msl`).
+impl FromStr for Column {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        if let Ok(target) = name.parse() {
+            return Ok(Self { target, path: None });
+        }
+        let path: Path = name.parse().map_err(|error| {
+            format!("{error}; a column is a path, or one of the languages {}", languages())
+        })?;
+        Self::of_path(path).ok_or_else(|| format!("nothing is translated for path `{path}`"))
+    }
+}
+
+fn languages() -> String {
+    Target::ALL.map(Target::name).join(", ")
+}

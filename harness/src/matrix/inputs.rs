@@ -1,0 +1,128 @@
+//! Inputs that a signature asks for, where no test says what they mean.
+
+use crate::domain::Source;
+use crate::fixture::{CubeMap, Fixture, Fixtures, Sampler, Texture};
+use crate::probe::Probed;
+use crate::reflect::{Binding, BindingKind};
+use crate::value::{Scalar, Shape};
+
+/// What is special among floats, the simplest first. Larger numbers are arguments that nobody means,
+/// and drivers may differ in them.
+const FLOATS: [f32; 6] = [0.0, 1.0, 0.5, -1.0, 0.25, 2.0];
+
+/// Integers are counts and indices as often as not: large ones are loops without an end.
+const MOST: u64 = 16;
+
+/// The arguments of cases, one row each: first what is special, then draws.
+pub(super) fn rows(probed: &Probed, cases: usize) -> Vec<u32> {
+    let shapes: Vec<&Shape> = probed.function().parameters.iter().map(|(_, s)| s).collect();
+    let mut rows = Vec::new();
+    for case in 0..cases as u64 {
+        let mut source = Source::new(SEED, case);
+        let plain = (case as usize) < FLOATS.len();
+        for shape in &shapes {
+            match plain {
+                true => rows.extend(shape.lanes().iter().map(|s| special(*s, case as usize))),
+                false => draw(shape, &mut source, &mut rows),
+            }
+        }
+    }
+    rows
+}
+
+/// The same rows for each function of one signature, on every machine.
+const SEED: u64 = 0x6d61_7472_6978; // "matrix"
+
+fn special(scalar: Scalar, index: usize) -> u32 {
+    match scalar {
+        Scalar::F32 | Scalar::F16 => FLOATS[index].to_bits(),
+        Scalar::I32 | Scalar::U32 => index as u32,
+        Scalar::Bool => (index % 2) as u32,
+    }
+}
+
+fn draw(shape: &Shape, source: &mut Source, rows: &mut Vec<u32>) {
+    match shape {
+        // Directions, as often as not: many functions take nothing else.
+        Shape::Vector { size, scalar: Scalar::F32 } if *size > 1 && source.below(2) == 0 => {
+            let values: Vec<f64> = (0..*size).map(|_| 2.0 * source.unit() - 1.0).collect();
+            let length = values.iter().map(|value| value * value).sum::<f64>().sqrt();
+            let length = if length > 0.0 { length } else { 1.0 };
+            #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
+            rows.extend(values.iter().map(|value| ((value / length) as f32).to_bits()));
+        }
+        Shape::Array { element, length } => {
+            (0..*length).for_each(|_| draw(element, source, rows));
+        }
+        Shape::Struct { members, .. } => {
+            members.iter().for_each(|(_, member)| draw(member, source, rows));
+        }
+        other => rows.extend(other.lanes().iter().map(|scalar| lane(*scalar, source))),
+    }
+}
+
+fn lane(scalar: Scalar, source: &mut Source) -> u32 {
+    match scalar {
+        Scalar::F32 | Scalar::F16 => {
+            let value = match source.below(8) {
+                0 => f64::from(FLOATS[source.below(FLOATS.len() as u64) as usize]),
+                1 => source.log_distance(),
+                2..6 => source.unit(),
+                _ => 8.0 * source.unit() - 4.0,
+            };
+            #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
+            let value = value as f32;
+            match scalar {
+                Scalar::F16 => half::f16::from_f32(value).to_f32().to_bits(),
+                _ => value.to_bits(),
+            }
+        }
+        Scalar::I32 => {
+            let value = i32::try_from(source.below(MOST)).unwrap_or_default();
+            (value - 4).cast_unsigned()
+        }
+        Scalar::U32 => u32::try_from(source.below(MOST)).unwrap_or_default(),
+        Scalar::Bool => source.bits() & 1,
+    }
+}
+
+/// Something for each resource that the function reads; or the one that there is nothing for.
+pub(super) fn fixtures(probed: &Probed) -> Result<Fixtures, String> {
+    let one = |binding: &Binding| {
+        let fixture = fixture(probed, binding).ok_or_else(|| {
+            format!("it reads `{}`, a {}, for which no data is made up", binding.path, binding.kind)
+        })?;
+        Ok((binding.path.clone(), fixture))
+    };
+    probed.function().bindings.iter().map(one).collect()
+}
+
+/// Texels along a side, and elements of an array whose length the shader doesn't say.
+const SIDE: u32 = 16;
+const ELEMENTS: usize = 64;
+
+fn fixture(probed: &Probed, binding: &Binding) -> Option<Fixture> {
+    let mut source = Source::new(SEED, u64::from(binding.group) << 32 | u64::from(binding.binding));
+    Some(match binding.kind {
+        BindingKind::Uniform | BindingKind::Storage { .. } => {
+            let (shape, unsized_) = probed.program.buffer_data(binding)?;
+            let mut lanes = Vec::new();
+            let count = if unsized_ { ELEMENTS } else { 1 };
+            (0..count).for_each(|_| draw(&shape, &mut source, &mut lanes));
+            Fixture::of_lanes(shape, lanes, unsized_)
+        }
+        // Smooth, so that a filter's few bits of weight don't matter much.
+        BindingKind::Texture2d => {
+            let wave = |x: u32, y: u32| {
+                let (x, y) = (x as f32 / SIDE as f32, y as f32 / SIDE as f32);
+                glam::Vec4::new(x, y, 0.5 * (x + y), 1.0)
+            };
+            Texture::from_fn(SIDE, SIDE, wave).with_mips().into()
+        }
+        BindingKind::TextureCube => {
+            CubeMap::from_fn(SIDE, |d| d * 0.5 + glam::Vec3::ONE).with_mips().into()
+        }
+        BindingKind::Sampler => Sampler::Linear.into(),
+        BindingKind::Other => return None,
+    })
+}

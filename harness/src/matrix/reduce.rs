@@ -1,0 +1,122 @@
+//! The simplest input on which two columns differ.
+
+use super::execute::{Ready, agree};
+use crate::tolerance::Tolerance;
+use crate::value::Scalar;
+
+/// Rounds of simplification: each makes one component simpler.
+const ROUNDS: usize = 24;
+
+/// Two columns that differ, and by which tolerance.
+pub(super) struct Pair<'r, 'p> {
+    pub(super) expected: &'r Ready<'p>,
+    pub(super) actual: &'r Ready<'p>,
+    pub(super) arguments: &'r [Scalar],
+    pub(super) results: &'r [Scalar],
+    pub(super) within: &'r Tolerance,
+}
+
+impl Pair<'_, '_> {
+    /// Makes the arguments simpler as long as the columns differ, with the results of both.
+    pub(super) fn reduce(&self, mut row: Vec<u32>) -> Option<(Vec<u32>, Vec<u32>, Vec<u32>)> {
+        for _ in 0..ROUNDS {
+            let simpler = self.simpler(&row);
+            let found = self.first_that_differs(&simpler)?;
+            match found {
+                Some(index) => row.clone_from(&simpler[index]),
+                None => break,
+            }
+        }
+        let results = |ready: &Ready<'_>| ready.results(&row, 1).ok();
+        let (expected, actual) = (results(self.expected)?, results(self.actual)?);
+        Some((row, expected, actual))
+    }
+
+    /// Of these rows, the first on which the columns differ; `None` outside: one can't be run.
+    fn first_that_differs(&self, rows: &[Vec<u32>]) -> Option<Option<usize>> {
+        if rows.is_empty() {
+            return Some(None);
+        }
+        let words = rows.concat();
+        let expected = self.expected.results(&words, rows.len()).ok()?;
+        let actual = self.actual.results(&words, rows.len()).ok()?;
+        let width = self.results.len();
+        let differs = |index: &usize| {
+            let of = |results: &[u32]| results[index * width..][..width].to_vec();
+            let (expected, actual) = (of(&expected), of(&actual));
+            let finite = self.results.iter().zip(&expected);
+            let finite = finite.clone().all(|(s, word)| s.decode(*word).is_finite());
+            finite && !agree(self.results, &expected, &actual, self.within)
+        };
+        Some((0..rows.len()).find(differs))
+    }
+
+    /// The same row with one component simpler, in each way.
+    fn simpler(&self, row: &[u32]) -> Vec<Vec<u32>> {
+        let mut found = Vec::new();
+        for (index, scalar) in self.arguments.iter().enumerate() {
+            for word in simpler_words(*scalar, row[index]) {
+                let mut next = row.to_vec();
+                next[index] = word;
+                found.push(next);
+            }
+        }
+        found
+    }
+}
+
+/// What is simpler than a word, the simplest first.
+fn simpler_words(scalar: Scalar, word: u32) -> Vec<u32> {
+    match scalar {
+        Scalar::F32 | Scalar::F16 => {
+            let value = f32::from_bits(word);
+            let candidates =
+                [0.0, 1.0, 0.5, -1.0, value.trunc(), (value * 8.0).round() / 8.0, value.abs()];
+            let simple = |x: f32| (x.fract() != 0.0, digits(x), x.abs().to_bits(), x < 0.0);
+            let simpler = candidates.into_iter().filter(|c| simple(*c) < simple(value));
+            simpler.map(f32::to_bits).collect()
+        }
+        Scalar::I32 | Scalar::U32 => {
+            let value = word.cast_signed();
+            [0, 1, value / 2]
+                .into_iter()
+                .filter(|c| c.unsigned_abs() < value.unsigned_abs())
+                .map(i32::cast_unsigned)
+                .collect()
+        }
+        Scalar::Bool => {
+            if word == 0 {
+                Vec::new()
+            } else {
+                vec![0]
+            }
+        }
+    }
+}
+
+/// How many digits a value is written with.
+fn digits(value: f32) -> usize {
+    value.to_string().len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Each step leads to something simpler, so that steps end.
+    #[test]
+    fn simpler_words_get_simpler() {
+        for scalar in [Scalar::F32, Scalar::I32, Scalar::U32, Scalar::Bool] {
+            for start in [0, 1, 7, 1_000_000, 0.3_f32.to_bits(), (-7.77_f32).to_bits()] {
+                let mut seen = vec![start];
+                let mut word = start;
+                while let Some(next) = simpler_words(scalar, word).last() {
+                    assert!(!seen.contains(next), "{scalar:?} {start} comes back to {next}");
+                    seen.push(*next);
+                    word = *next;
+                }
+            }
+        }
+        assert!(simpler_words(Scalar::F32, 0).is_empty());
+    }
+}

@@ -1,0 +1,291 @@
+//! One row: translated, validated, executed and compared on each column.
+
+use karat_translate::{Shader, Target, Tool, TranslateError, Translation, Verdict};
+
+use super::execute::{Comparison, Ready, compare, shown};
+use super::reduce::Pair;
+use super::{Cell, Column, Request, Row, Said, Status, Stop, inputs};
+use crate::package::FunctionItem;
+use crate::probe::{ProbeError, Probed};
+use crate::reflect::{Program, ReflectError};
+use crate::value::Scalar;
+
+/// What a row is about, and its row.
+pub(super) fn make(request: &Request, item: &FunctionItem) -> Row {
+    let row = |kind: &str, error, cells| Row {
+        name: item.name.clone(),
+        kind: kind.to_owned(),
+        location: item.span.to_string(),
+        error,
+        cells,
+    };
+    if item.entry_point {
+        return match of_entry_point(request, item) {
+            Ok((kind, cells)) => row(&kind, None, cells),
+            Err(error) => row("entry point", Some(error), Vec::new()),
+        };
+    }
+    match Probed::new(&request.package, &item.name) {
+        Ok(probed) => match Shader::parse(probed.kernel()) {
+            Ok(shader) => row("function", None, of_function(request, &probed, &shader)),
+            Err(error) => row("function", Some(error.to_string()), Vec::new()),
+        },
+        // It has no value to pass or to compare, or belongs to another stage: nothing calls it.
+        Err(ProbeError::Reflect(ReflectError::Unprobeable(why))) => {
+            row("not callable", Some(why.to_string()), Vec::new())
+        }
+        Err(error) => row("function", Some(error.to_string()), Vec::new()),
+    }
+}
+
+/// The translations of one shader into each language that a column wants, made once.
+struct Translations<'s> {
+    shader: &'s Shader,
+    entry_point: &'s str,
+    made: Vec<(Target, Made)>,
+}
+
+/// A translation with what the validators say of it.
+type Made = Result<(Translation, Vec<Said>), TranslateError>;
+
+impl Translations<'_> {
+    /// How far translation and validation get.
+    fn cell(&mut self, target: Target) -> Cell {
+        let index = match self.made.iter().position(|(made, _)| *made == target) {
+            Some(index) => index,
+            None => {
+                let translation = self.shader.translate(target, Some(self.entry_point));
+                self.made.push((
+                    target,
+                    translation.map(|t| {
+                        let said = judged(&t);
+                        (t, said)
+                    }),
+                ));
+                self.made.len() - 1
+            }
+        };
+        let nothing = Cell {
+            status: None,
+            stopped: None,
+            options: String::new(),
+            validators: Vec::new(),
+            compared: 0,
+            differing: 0,
+            worst_ulp: None,
+        };
+        match &self.made[index].1 {
+            Err(error) => {
+                let stopped = Some(Stop::Unsupported(error.to_string()));
+                Cell { stopped, ..nothing }
+            }
+            Ok((translation, said)) => {
+                let rejects = said.iter().find(|said| said.verdict != VALID);
+                let (status, stopped) = match rejects {
+                    Some(said) => {
+                        let text = format!("`{}`: {}", said.command, said.verdict);
+                        (Status::Translated, Some(Stop::Rejected(text)))
+                    }
+                    None if said.is_empty() => {
+                        (Status::Translated, Some(Stop::NoValidator(no_validator(target))))
+                    }
+                    None => (Status::Valid, None),
+                };
+                let (options, validators) = (translation.options.clone(), said.clone());
+                Cell { status: Some(status), stopped, options, validators, ..nothing }
+            }
+        }
+    }
+}
+
+const VALID: &str = "valid";
+
+/// What each validator that is here says of a translation.
+fn judged(translation: &Translation) -> Vec<Said> {
+    let say = |tool: &Tool| match tool.validate(translation) {
+        Ok(said) => Said {
+            command: said.command,
+            version: said.version,
+            verdict: match said.verdict {
+                Verdict::Valid => VALID.to_owned(),
+                Verdict::Invalid(message) => format!("invalid: {message}"),
+                Verdict::Crashed(message) => format!("the validator crashes: {message}"),
+                Verdict::TimedOut => "the validator doesn't end".to_owned(),
+            },
+        },
+        Err(error) => Said {
+            command: tool.name().to_owned(),
+            version: tool.version().to_owned(),
+            verdict: format!("it can't be run: {error}"),
+        },
+    };
+    Tool::of(translation.target).map(say).collect()
+}
+
+fn no_validator(target: Target) -> String {
+    let missing = Tool::all().iter().filter_map(|tool| tool.as_ref().err());
+    let names: Vec<_> = missing.filter(|m| m.targets.contains(&target)).map(|m| m.name).collect();
+    format!("none of the validators of {target} is here: {}", names.join(", "))
+}
+
+fn of_entry_point(request: &Request, item: &FunctionItem) -> Result<(String, Vec<Cell>), String> {
+    let (module, own) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
+    let program = Program::of_module(&request.package.for_validating(module), module);
+    let program = program.map_err(|error| error.to_string())?;
+    let shader = Shader::parse(program.text()).map_err(|error| error.to_string())?;
+    let name = program.entry_point_name(own);
+    let known = shader.entry_points().into_iter().find(|e| e.name == name);
+    let known = known.ok_or_else(|| format!("naga has no entry point `{name}`"))?;
+    let mut translations =
+        Translations { shader: &shader, entry_point: &known.name, made: Vec::new() };
+    let cells = request.columns.iter().map(|column| {
+        let mut cell = translations.cell(column.target);
+        if cell.stopped.is_none() {
+            cell.stopped = Some(Stop::NotRun(format!(
+                "a {} entry point is translated and validated; functions are run",
+                known.stage
+            )));
+        }
+        cell
+    });
+    Ok((known.stage.to_string(), cells.collect()))
+}
+
+/// What a column made of the inputs.
+struct Ran<'p> {
+    column: usize,
+    ready: Ready<'p>,
+    results: Vec<u32>,
+}
+
+fn of_function(request: &Request, probed: &Probed, shader: &Shader) -> Vec<Cell> {
+    let entry_point = Probed::ENTRY_POINT;
+    let mut translations = Translations { shader, entry_point, made: Vec::new() };
+    let mut cells: Vec<Cell> =
+        request.columns.iter().map(|column| translations.cell(column.target)).collect();
+    let rows = inputs::rows(probed, request.cases);
+    let fixtures = inputs::fixtures(probed);
+    let mut ran: Vec<Ran<'_>> = Vec::new();
+    for (index, column) in request.columns.iter().enumerate() {
+        let cell = &mut cells[index];
+        if cell.stopped.is_some() {
+            continue;
+        }
+        let results = match (&fixtures, column.path) {
+            (_, None) => Err(Stop::Unavailable(format!("no path here runs {}", column.target))),
+            (Err(why), _) => Err(Stop::NotRun(why.clone())),
+            (Ok(fixtures), Some(path)) => run(request, path, probed, fixtures, &rows),
+        };
+        match results {
+            Ok((ready, results)) => {
+                cell.status = Some(Status::Executed);
+                ran.push(Ran { column: index, ready, results });
+            }
+            Err(stop) => cell.stopped = Some(stop),
+        }
+    }
+    compare_all(request, probed, &rows, &ran, &mut cells);
+    cells
+}
+
+fn run<'p>(
+    request: &Request,
+    path: crate::path::Path,
+    probed: &'p Probed,
+    fixtures: &'p crate::fixture::Fixtures,
+    rows: &[u32],
+) -> Result<(Ready<'p>, Vec<u32>), Stop> {
+    // A path that isn't here is one thing, a function that doesn't run there another.
+    crate::path::adapter(path).map_err(|error| Stop::Unavailable(error.to_string()))?;
+    let ready = Ready::new(path, probed, fixtures, request.cases).map_err(Stop::NotRun)?;
+    let results = ready.results(rows, request.cases).map_err(Stop::NotRun)?;
+    Ok((ready, results))
+}
+
+/// Compares each column with the first one that ran, and that one with the next.
+fn compare_all(
+    request: &Request,
+    probed: &Probed,
+    rows: &[u32],
+    ran: &[Ran<'_>],
+    cells: &mut [Cell],
+) {
+    let scalars = probed.function().result.lanes();
+    let [first, others @ ..] = ran else { return };
+    if others.is_empty() {
+        let alone = "no other column ran it".to_owned();
+        cells[first.column].stopped = Some(Stop::NothingToCompare(alone));
+        return;
+    }
+    let mut agreeing: Option<Comparison> = None;
+    for other in others {
+        let seen = compare(&scalars, &first.results, &other.results, &request.within);
+        let baseline = request.columns[first.column];
+        let cell = &mut cells[other.column];
+        (cell.compared, cell.differing, cell.worst_ulp) =
+            (seen.compared, seen.differing.len(), seen.worst_ulp);
+        if seen.compared == 0 {
+            let none = "no case has a finite result".to_owned();
+            cell.stopped = Some(Stop::NothingToCompare(none));
+        } else if let Some(case) = seen.differing.first() {
+            let text = difference(request, probed, rows, (first, other), *case, baseline);
+            let (count, compared) = (seen.differing.len(), seen.compared);
+            let text = format!("{count} of {compared} cases differ from `{baseline}`: {text}");
+            cell.stopped = Some(Stop::Differs(text));
+        } else {
+            cell.status = Some(Status::Agrees);
+            agreeing.get_or_insert(seen);
+        }
+    }
+    // What one agrees with agrees with it.
+    let cell = &mut cells[first.column];
+    match agreeing {
+        Some(seen) => {
+            cell.status = Some(Status::Agrees);
+            (cell.compared, cell.worst_ulp) = (seen.compared, seen.worst_ulp);
+        }
+        None => {
+            let none = "no other column agrees with it".to_owned();
+            cell.stopped = Some(Stop::NothingToCompare(none));
+        }
+    }
+}
+
+/// The simplest input on which two columns differ, with what each returns.
+fn difference(
+    request: &Request,
+    probed: &Probed,
+    rows: &[u32],
+    (first, other): (&Ran<'_>, &Ran<'_>),
+    case: usize,
+    baseline: Column,
+) -> String {
+    let function = probed.function();
+    let arguments: Vec<Scalar> =
+        function.parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
+    let results = function.result.lanes();
+    let pair = Pair {
+        expected: &first.ready,
+        actual: &other.ready,
+        arguments: &arguments,
+        results: &results,
+        within: &request.within,
+    };
+    let row = rows[case * arguments.len()..][..arguments.len()].to_vec();
+    let of = |ran: &Ran<'_>| ran.results[case * results.len()..][..results.len()].to_vec();
+    let (row, expected, actual) =
+        pair.reduce(row.clone()).unwrap_or_else(|| (row, of(first), of(other)));
+    let mut at = 0;
+    let named = function.parameters.iter().map(|(name, shape)| {
+        let count = shape.lanes().len();
+        at += count;
+        format!("{name} = {}", shown(&arguments[at - count..at], &row[at - count..at]))
+    });
+    let named = named.collect::<Vec<_>>().join("; ");
+    let column = request.columns[other.column];
+    format!(
+        "at {named} `{column}` returns {}, `{baseline}` {}",
+        shown(&results, &actual),
+        shown(&results, &expected)
+    )
+}

@@ -1,0 +1,257 @@
+//! All rows, and what is wanted of them.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use karat_translate::{NAGA_VERSION, Tool};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::{Column, Request, Row, Status, row};
+use crate::diagnostic::nearest;
+use crate::package::{FunctionItem, PackageError};
+use crate::path::{self, PathError};
+use crate::settings::{self, SettingsError};
+
+/// Functions and entry points on every column.
+#[derive(Clone, Debug, Serialize)]
+pub struct Matrix {
+    /// The package.
+    pub package: String,
+    /// The version of naga whose translations these are. Users of other versions have others.
+    pub naga: String,
+    /// The validators that judged, with their versions.
+    pub validators: BTreeMap<String, String>,
+    /// The columns, with their adapters.
+    pub columns: Vec<Head>,
+    /// The rows, in the order of modules and lines.
+    pub rows: Vec<Row>,
+}
+
+/// The head of a column.
+#[derive(Clone, Debug, Serialize)]
+pub struct Head {
+    /// Its name.
+    pub name: String,
+    /// The language that is translated into.
+    pub language: String,
+    /// What runs it: adapter and driver.
+    pub adapter: Option<String>,
+    /// Why nothing runs it.
+    pub unavailable: Option<String>,
+}
+
+/// Why there is no matrix.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MatrixError {
+    /// The package can't be read.
+    #[error(transparent)]
+    Package(#[from] PackageError),
+    /// The environment has a setting that can't be used.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// There is no row.
+    #[error("package `{package}` has no function and no entry point{}", match only.as_slice() {
+        [] => String::new(),
+        names => format!(" whose name contains `{}`", names.join("` or `")),
+    })]
+    Nothing {
+        /// The package.
+        package: String,
+        /// What names were to contain.
+        only: Vec<String>,
+    },
+    /// There is no column, or no case.
+    #[error("a matrix has at least one column and one case")]
+    Empty,
+    /// A column is named twice.
+    #[error("the column `{0}` is named twice")]
+    Repeated(String),
+}
+
+pub(super) fn make(
+    request: &Request,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Matrix, MatrixError> {
+    settings::current()?;
+    if request.columns.is_empty() || request.cases == 0 {
+        return Err(MatrixError::Empty);
+    }
+    for (index, column) in request.columns.iter().enumerate() {
+        if request.columns[..index].contains(column) {
+            return Err(MatrixError::Repeated(column.to_string()));
+        }
+    }
+    let items = items(request)?;
+    let package = request.package.name();
+    if items.is_empty() {
+        return Err(MatrixError::Nothing { package, only: request.only.clone() });
+    }
+    // Devices are opened before the rows need them, one after the other.
+    let columns = request.columns.iter().map(head).collect();
+    let done = AtomicUsize::new(0);
+    let one = |item: &FunctionItem| {
+        let row = row::make(request, item);
+        progress(done.fetch_add(1, Ordering::Relaxed) + 1, items.len());
+        row
+    };
+    let rows = items.par_iter().map(one).collect();
+    let here = Tool::all().iter().filter_map(|tool| tool.as_ref().ok());
+    let validators = here.map(|tool| (tool.name().to_owned(), tool.version().to_owned())).collect();
+    Ok(Matrix { package, naga: NAGA_VERSION.to_owned(), validators, columns, rows })
+}
+
+/// The functions and entry points. A module that can't be read is an error: it would hide its own.
+fn items(request: &Request) -> Result<Vec<FunctionItem>, PackageError> {
+    let items = request.package.functions()?;
+    let wanted = |item: &FunctionItem| {
+        request.only.is_empty() || request.only.iter().any(|part| item.name.contains(part))
+    };
+    Ok(items.into_iter().filter(wanted).collect())
+}
+
+fn head(column: &Column) -> Head {
+    let opened = column.path().map(path::adapter);
+    let (adapter, unavailable) = match opened {
+        None => (None, Some(format!("no path runs {}", column.language()))),
+        Some(Ok(adapter)) => (Some(format!("{}, {}", adapter.name, adapter.driver)), None),
+        Some(Err(error @ PathError::Unavailable { .. })) => (None, Some(error.to_string())),
+        Some(Err(error)) => (None, Some(error.to_string())),
+    };
+    let (name, language) = (column.to_string(), column.language().to_owned());
+    Head { name, language, adapter, unavailable }
+}
+
+/// What a matrix lacks.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Missed {
+    /// No column has this name.
+    #[error("the matrix has no column `{name}`{}",
+        nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
+    NoColumn {
+        /// What was asked for.
+        name: String,
+        /// The closest column.
+        nearest: Option<String>,
+    },
+    /// No row is a function that can be called, or an entry point.
+    #[error("the matrix has no row to judge: no function can be called")]
+    NoRow,
+    /// Rows don't get that far.
+    #[error("{} of {of} rows don't get to `{status}` on `{column}`:\n{}", rows.len(), list(rows))]
+    Rows {
+        /// The column.
+        column: String,
+        /// What they should get to.
+        status: Status,
+        /// Each with the reason.
+        rows: Vec<(String, String)>,
+        /// Of how many.
+        of: usize,
+    },
+    /// Rows that are declared to fail pass.
+    #[error("on `{column}` these rows get to `{status}`, though they are declared not to; delete \
+             their declarations: {}", rows.join(", "))]
+    Passing {
+        /// The column.
+        column: String,
+        /// What they get to.
+        status: Status,
+        /// The rows.
+        rows: Vec<String>,
+    },
+    /// A declaration names no row.
+    #[error("a declaration names the row `{name}`, which the matrix doesn't have")]
+    NoSuchRow {
+        /// The row.
+        name: String,
+    },
+}
+
+fn list(rows: &[(String, String)]) -> String {
+    let lines: Vec<String> = rows.iter().map(|(name, why)| format!("  {name}: {why}")).collect();
+    lines.join("\n")
+}
+
+impl Matrix {
+    /// Wants every row to get to a status on a column. Functions that no kernel can call aren't
+    /// judged.
+    ///
+    /// # Panics
+    /// If a row doesn't get that far, or there is no such column or no row.
+    #[track_caller]
+    pub fn expect(&self, column: &str, status: Status) {
+        self.expect_but(column, status, &[]);
+    }
+
+    /// [`expect`](Self::expect) of all rows but those that are declared with a reason. These must
+    /// not get that far: a declaration that isn't true any more is an error.
+    ///
+    /// # Panics
+    /// As [`expect`](Self::expect); or if a declared row gets that far.
+    #[track_caller]
+    pub fn expect_but(&self, column: &str, status: Status, known: &[(&str, &str)]) {
+        self.try_expect_but(column, status, known).unwrap_or_else(|missed| panic!("{missed}"));
+    }
+
+    /// [`expect_but`](Self::expect_but) without the panic.
+    ///
+    /// # Errors
+    /// If a row doesn't get that far, a declared one does, or there is no such column or no row.
+    pub fn try_expect_but(
+        &self,
+        column: &str,
+        status: Status,
+        known: &[(&str, &str)],
+    ) -> Result<(), Missed> {
+        let names = || self.columns.iter().map(|head| head.name.as_str());
+        let index = names().position(|name| name == column).ok_or_else(|| Missed::NoColumn {
+            name: column.to_owned(),
+            nearest: nearest(column, names()).map(str::to_owned),
+        })?;
+        if let Some((name, _)) = known.iter().find(|(k, _)| self.rows.iter().all(|r| r.name != *k))
+        {
+            return Err(Missed::NoSuchRow { name: (*name).to_owned() });
+        }
+        let judged: Vec<&Row> = self.rows.iter().filter(|row| row.is_judged()).collect();
+        if judged.is_empty() {
+            return Err(Missed::NoRow);
+        }
+        let (mut missing, mut passing) = (Vec::new(), Vec::new());
+        for row in &judged {
+            let reached = row.cells.get(index).and_then(|cell| cell.status) >= Some(status);
+            let declared = known.iter().any(|(name, _)| *name == row.name);
+            match (reached, declared) {
+                (false, false) => missing.push((row.name.clone(), row.why(index))),
+                (true, true) => passing.push(row.name.clone()),
+                (true, false) | (false, true) => {}
+            }
+        }
+        let column = column.to_owned();
+        if !missing.is_empty() {
+            return Err(Missed::Rows { column, status, rows: missing, of: judged.len() });
+        }
+        if !passing.is_empty() {
+            return Err(Missed::Passing { column, status, rows: passing });
+        }
+        Ok(())
+    }
+}
+
+impl Row {
+    /// Whether there is anything to judge: not where no kernel can call the function.
+    #[must_use]
+    pub fn is_judged(&self) -> bool {
+        self.kind != "not callable"
+    }
+
+    /// Why it gets no further on a column.
+    #[must_use]
+    pub fn why(&self, column: usize) -> String {
+        let stopped = self.cells.get(column).and_then(|cell| cell.stopped.as_ref());
+        let text = stopped.map(super::Stop::text).or(self.error.as_deref());
+        text.unwrap_or("it isn't known why").to_owned()
+    }
+}
