@@ -22,6 +22,8 @@ mod pipes;
 mod report;
 #[path = "cli/runs.rs"]
 mod runs;
+#[path = "cli/translations.rs"]
+mod translations;
 #[path = "cli/unreferenced.rs"]
 mod unreferenced;
 

@@ -6,6 +6,7 @@ use super::execute::{Comparison, Ready, compare, shown};
 use super::reduce::Pair;
 use super::{Cell, Column, Request, Row, Said, Status, Stop, inputs};
 use crate::package::FunctionItem;
+use crate::path::Via;
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::{Program, ReflectError};
 use crate::value::Scalar;
@@ -42,7 +43,15 @@ pub(super) fn make(request: &Request, item: &FunctionItem) -> Row {
 struct Translations<'s> {
     shader: &'s Shader,
     entry_point: &'s str,
-    made: Vec<(Target, Made)>,
+    made: Vec<((Target, Reader), Made)>,
+}
+
+/// Who has to read a translation, besides the validators.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Reader {
+    Driver,
+    /// naga, which takes it in again.
+    Naga,
 }
 
 /// A translation with what the validators say of it.
@@ -50,18 +59,20 @@ type Made = Result<(Translation, Vec<Said>), TranslateError>;
 
 impl Translations<'_> {
     /// How far translation and validation get.
-    fn cell(&mut self, target: Target) -> Cell {
-        let index = match self.made.iter().position(|(made, _)| *made == target) {
+    fn cell(&mut self, column: Column) -> Cell {
+        let target = column.target;
+        let again = column.path.is_some_and(|path| matches!(path.via(), Via::Spirv | Via::Wgsl));
+        let reader = if again { Reader::Naga } else { Reader::Driver };
+        let wanted = (target, reader);
+        let index = match self.made.iter().position(|(made, _)| *made == wanted) {
             Some(index) => index,
             None => {
                 let translation = self.shader.translate(target, Some(self.entry_point));
-                self.made.push((
-                    target,
-                    translation.map(|t| {
-                        let said = judged(&t);
-                        (t, said)
-                    }),
-                ));
+                let made = translation.map(|t| {
+                    let said = judged(&t, reader);
+                    (t, said)
+                });
+                self.made.push((wanted, made));
                 self.made.len() - 1
             }
         };
@@ -101,7 +112,7 @@ impl Translations<'_> {
 const VALID: &str = "valid";
 
 /// What each validator that is here says of a translation.
-fn judged(translation: &Translation) -> Vec<Said> {
+fn judged(translation: &Translation, reader: Reader) -> Vec<Said> {
     let say = |tool: &Tool| match tool.validate(translation) {
         Ok(said) => Said {
             command: said.command,
@@ -119,7 +130,9 @@ fn judged(translation: &Translation) -> Vec<Said> {
             verdict: format!("it can't be run: {error}"),
         },
     };
-    Tool::of(translation.target).map(say).collect()
+    let naga = Some(Tool::naga())
+        .filter(|naga| reader == Reader::Naga && !naga.targets().contains(&translation.target));
+    Tool::of(translation.target).chain(naga).map(say).collect()
 }
 
 fn no_validator(target: Target) -> String {
@@ -139,7 +152,7 @@ fn of_entry_point(request: &Request, item: &FunctionItem) -> Result<(String, Vec
     let mut translations =
         Translations { shader: &shader, entry_point: &known.name, made: Vec::new() };
     let cells = request.columns.iter().map(|column| {
-        let mut cell = translations.cell(column.target);
+        let mut cell = translations.cell(*column);
         if cell.stopped.is_none() {
             cell.stopped = Some(Stop::NotRun(format!(
                 "a {} entry point is translated and validated; functions are run",
@@ -162,7 +175,7 @@ fn of_function(request: &Request, probed: &Probed, shader: &Shader) -> Vec<Cell>
     let entry_point = Probed::ENTRY_POINT;
     let mut translations = Translations { shader, entry_point, made: Vec::new() };
     let mut cells: Vec<Cell> =
-        request.columns.iter().map(|column| translations.cell(column.target)).collect();
+        request.columns.iter().map(|column| translations.cell(*column)).collect();
     let rows = inputs::rows(probed, request.cases);
     let fixtures = inputs::fixtures(probed);
     let mut ran: Vec<Ran<'_>> = Vec::new();

@@ -61,10 +61,10 @@ struct Known {
 
 const NAGA: &str = "naga";
 
-/// naga itself, which reads its own WGSL and SPIR-V back.
+/// naga itself.
 static BUILT_IN: Known = Known {
     name: NAGA,
-    targets: &[Target::Wgsl, Target::Spirv],
+    targets: &[Target::Wgsl],
     asked: &[],
     says: "",
     remedy: "it is a part of karat",
@@ -186,9 +186,19 @@ impl Tool {
     }
 
     /// The tools that are here and judge a language.
+    ///
+    /// naga judges its own WGSL. Of SPIR-V it reads a part only, so that it rejects much that is
+    /// valid: it is no judge of that, but [`naga`](Self::naga) can be asked.
     pub fn of(target: Target) -> impl Iterator<Item = &'static Self> {
         let here = Self::all().iter().filter_map(|tool| tool.as_ref().ok());
         here.filter(move |tool| tool.targets().contains(&target))
+    }
+
+    /// naga, which reads its own WGSL and SPIR-V back.
+    #[must_use]
+    pub fn naga() -> &'static Self {
+        let first = Self::all().first().and_then(|tool| tool.as_ref().ok());
+        first.expect("naga is a part of this program")
     }
 
     /// Its name.

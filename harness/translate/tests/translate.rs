@@ -95,6 +95,8 @@ fn what_naga_writes_is_valid_for_the_tools_that_are_here() {
         }
     }
     assert!(asked.contains(&"naga"), "naga is always here");
+    let read = Tool::naga().validate(&translate(Target::Spirv, "add")).expect("it runs");
+    assert_eq!(read.verdict, Verdict::Valid);
 }
 
 /// A validator that finds nothing wrong with anything would find nothing wrong here.

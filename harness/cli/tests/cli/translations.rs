@@ -1,0 +1,253 @@
+//! `karat translate` and `karat matrix`.
+
+use super::*;
+
+const BLEND: &str = "/// A line.\nfn blend(x: f32, y: f32) -> f32 { return x * 3.0 - y; }\n\
+                     fn count(n: u32) -> u32 { return n + 1u; }\n\
+                     fn raise(p: ptr<function, f32>) { *p += 1.0; }\n";
+
+const FRAME: &str = "@vertex fn corner(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {\n    \
+                     return vec4f(f32(i), 0.0, 0.0, 1.0);\n}\n\
+                     @fragment fn shade() -> @location(0) vec4f { return vec4f(1.0); }\n";
+
+fn shaders() -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "Cargo.toml", "[workspace]\n");
+    write(&folder.path().join("shaders"), "maths.wgsl", BLEND);
+    write(&folder.path().join("shaders"), "frame.wgsl", FRAME);
+    folder
+}
+
+#[test]
+fn a_function_is_printed_in_each_language() {
+    let folder = shaders();
+    for (language, mark) in [
+        ("glsl", "#version 450 core"),
+        ("glsl-es", "#version 310 es"),
+        ("hlsl", "[numthreads(64, 1, 1)]"),
+        ("hlsl6", "HLSL for shader model 6.2"),
+        ("msl", "#include <metal_stdlib>"),
+        ("wgsl", "fn blend("),
+    ] {
+        let text = karat(folder.path(), &["translate", "maths::blend", "--to", language]).good();
+        assert!(text.starts_with("// ") && text.contains(mark), "{language}: {text}");
+        assert!(text.contains('3'), "{language}: {text}");
+    }
+    // SPIR-V is words, also where it is piped.
+    let bytes = command(folder.path(), &["translate", "maths::blend", "--to", "spirv"]).output();
+    let bytes = bytes.expect("it runs").stdout;
+    assert_eq!(bytes[..4], 0x0723_0203_u32.to_le_bytes());
+    let file = folder.path().join("blend.spv");
+    let out = ["translate", "maths::blend", "--to", "spirv", "--out", "blend.spv"];
+    assert_eq!(karat(folder.path(), &out).good(), "");
+    assert_eq!(std::fs::read(file).expect("it is written"), bytes);
+}
+
+#[test]
+fn a_module_is_printed_with_its_entry_points() {
+    let folder = shaders();
+    let glsl = karat(folder.path(), &["translate", "frame", "--to", "glsl"]).good();
+    assert_eq!(glsl.matches("#version 450").count(), 2, "one text an entry point: {glsl}");
+    let one = ["translate", "frame", "--to", "glsl", "--entry-point", "shade"];
+    assert_eq!(karat(folder.path(), &one).good().matches("#version 450").count(), 1);
+    let hlsl = karat(folder.path(), &["translate", "frame", "--to", "hlsl"]).good();
+    assert!(hlsl.contains("corner, shade") && hlsl.contains("SV_Target0"), "{hlsl}");
+    let valid = ["translate", "frame", "--to", "wgsl", "--validate"];
+    let said = karat(folder.path(), &valid).good();
+    assert!(said.contains("naga shader.wgsl") && said.contains("valid"), "{said}");
+}
+
+#[test]
+fn what_cannot_be_translated_says_so() {
+    let folder = shaders();
+    let error = |arguments: &[&str]| {
+        let ran = karat(folder.path(), &[&["translate"], arguments].concat());
+        assert_eq!(ran.code, Some(2), "{ran:?}");
+        ran.err
+    };
+    assert!(error(&["maths::blend", "--to", "hlls"]).contains("'hlsl'"), "the nearest is told");
+    assert!(error(&["maths::blnd", "--to", "hlsl"]).contains("maths::blend"));
+    assert!(error(&["maths", "--to", "hlsl"]).contains("name a function of it"));
+    let raise = error(&["maths::raise", "--to", "hlsl"]);
+    assert!(raise.contains("a pointer"), "{raise}");
+    let entry = error(&["frame", "--to", "hlsl", "--entry-point", "shad"]);
+    assert!(entry.contains("no entry point `shad`"), "{entry}");
+    let out = error(&["frame", "--to", "glsl", "--out", "frame.glsl"]);
+    assert!(out.contains("name one with --entry-point"), "{out}");
+    let both = error(&["maths::blend", "--to", "glsl", "--entry-point", "main"]);
+    assert!(both.contains("leave --entry-point out"), "{both}");
+}
+
+/// The cells of one row, by column.
+fn row(
+    matrix: &serde_json::Value,
+    name: &str,
+) -> std::collections::BTreeMap<String, serde_json::Value> {
+    let columns = matrix[0]["columns"].as_array().expect("columns");
+    let rows = matrix[0]["rows"].as_array().expect("rows");
+    let row = rows.iter().find(|row| row["name"] == name).unwrap_or_else(|| panic!("no {name}"));
+    let cells = row["cells"].as_array().expect("cells").iter();
+    let names = columns.iter().map(|column| column["name"].as_str().expect("a name").to_owned());
+    names.zip(cells.cloned()).collect()
+}
+
+#[test]
+fn the_matrix_says_how_far_each_row_gets() {
+    let folder = shaders();
+    let ran = karat(folder.path(), &["matrix", "--json", "--cases", "64"]);
+    let matrix = json(&ran.good());
+    let blend = row(&matrix, "maths::blend");
+    for column in ["vulkan", "gl", "vulkan:wgsl", "vulkan:spirv", "vulkan:glsl", "vulkan:hlsl"] {
+        let cell = &blend[column];
+        assert_eq!(cell["status"], "agrees", "{column}: {cell}");
+        assert_eq!(cell["compared"], 64, "{column}: {cell}");
+        assert!(cell["validators"].as_array().is_some_and(|said| !said.is_empty()), "{cell}");
+    }
+    // Nothing runs these, and nothing is assumed of them.
+    assert_eq!(blend["metal"]["status"], "translated");
+    assert_eq!(blend["metal"]["stopped"]["why"], "no_validator");
+    assert_eq!(blend["dx12"]["status"], "valid");
+    assert_eq!(blend["dx12"]["stopped"]["why"], "unavailable");
+    let shade = row(&matrix, "frame::shade");
+    assert_eq!(shade["vulkan"]["status"], "valid");
+    // Functions that no kernel calls are rows without cells.
+    assert!(row(&matrix, "maths::raise").is_empty());
+
+    let text = karat(folder.path(), &["matrix", "--cases", "64", "--only", "maths"]).good();
+    let line = |name: &str| text.lines().find(|line| line.starts_with(name)).map(str::to_owned);
+    let count = line("maths::count (function)").expect("a row");
+    assert_eq!(count.matches("agrees").count(), 6, "{count}");
+    assert!(line("maths::raise (not callable)").is_some_and(|raise| !raise.contains("agrees")));
+    assert!(!text.contains("frame::"), "{text}");
+}
+
+#[test]
+fn what_is_required_of_the_matrix_decides() {
+    let folder = shaders();
+    let matrix = |arguments: &[&str]| {
+        let common = ["matrix", "--cases", "16", "--columns", "vulkan,vulkan:hlsl,msl"];
+        karat(folder.path(), &[&common[..], arguments].concat())
+    };
+    let only = ["--only", "blend", "--only", "count"];
+    matrix(&[&only[..], &["--require", "vulkan:hlsl=agrees,msl=translated"]].concat()).good();
+    let ran = matrix(&["--require", "vulkan:hlsl=executed"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert!(ran.err.contains("2 of 4 rows don't get to `executed` on `vulkan:hlsl`"), "{ran:?}");
+    assert!(ran.err.contains("frame::corner: a vertex entry point"), "{ran:?}");
+    let ran = matrix(&[&only[..], &["--require", "msl=valid"]].concat());
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert!(ran.err.contains("none of the validators of msl is here"), "{ran:?}");
+    for (wrong, message) in [
+        (&["--require", "vulkan=good"][..], "`good` is no status; they are translated, valid"),
+        (&["--require", "vulkan"], "write COLUMN=STATUS"),
+        (&["--require", "vulkn=valid"], "did you mean `vulkan`?"),
+        (&["--within=-1"], "a bound is a number from 0 on"),
+        (&["--only", "nothing"], "whose name contains `nothing`"),
+    ] {
+        let ran = matrix(wrong);
+        assert_eq!(ran.code, Some(2), "{ran:?}");
+        assert!(ran.err.contains(message), "{ran:?}");
+    }
+    let none = karat(folder.path(), &["matrix", "--cases", "0"]);
+    assert!(none.error().contains("at least one column and one case"));
+    let twice = karat(folder.path(), &["matrix", "--columns", "vulkan,vulkan"]);
+    assert!(twice.error().contains("`vulkan` is named twice"));
+}
+
+/// Faults that are planted behind naga's back, by a compiler that changes what it is given or what
+/// it makes. Each is caught at its status, on its column alone.
+#[cfg(unix)]
+mod planted {
+    use std::os::unix::fs::PermissionsExt;
+
+    use super::*;
+
+    /// Where a program of the machine is; these come with `cargo ci setup`.
+    fn program(name: &str) -> std::path::PathBuf {
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        let found = std::env::split_paths(&path).map(|folder| folder.join(name));
+        found.into_iter().find(|file| file.is_file()).unwrap_or_else(|| {
+            panic!("`{name}` isn't here: `cargo ci setup` installs the validators")
+        })
+    }
+
+    /// The matrix with a glslang that does this before and after its work.
+    fn with_glslang(before: &str, after: &str) -> serde_json::Value {
+        let folder = shaders();
+        let bin = folder.path().join("bin");
+        let real = program("glslangValidator");
+        let script = format!(
+            "#!/bin/sh\ncase \"$*\" in *--version*) exec {real} --version;; esac\n\
+             {before}\n{real} \"$@\" || exit $?\n{after}\n",
+            real = real.display()
+        );
+        write(&bin, "glslangValidator", &script);
+        let all = std::fs::Permissions::from_mode(0o755);
+        std::fs::set_permissions(bin.join("glslangValidator"), all).expect("it is ours");
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        let path = std::env::split_paths(&path).collect::<Vec<_>>();
+        let path = std::env::join_paths([vec![bin], path].concat()).expect("folders");
+        let arguments = [
+            "matrix",
+            "--json",
+            "--only",
+            "maths::blend",
+            "--columns",
+            "vulkan,vulkan:wgsl,vulkan:glsl,vulkan:hlsl",
+        ];
+        json(&output(command(folder.path(), &arguments).env("PATH", path)).good())
+    }
+
+    fn states(matrix: &serde_json::Value) -> Vec<(String, String, String)> {
+        let text = |value: &serde_json::Value| value.as_str().unwrap_or_default().to_owned();
+        row(matrix, "maths::blend")
+            .into_iter()
+            .map(|(column, cell)| (column, text(&cell["status"]), text(&cell["stopped"]["why"])))
+            .collect()
+    }
+
+    fn expected(wrong: &str, status: &str, why: &str) -> Vec<(String, String, String)> {
+        ["vulkan", "vulkan:glsl", "vulkan:hlsl", "vulkan:wgsl"]
+            .map(|column| match column == wrong {
+                true => (column.to_owned(), status.to_owned(), why.to_owned()),
+                false => (column.to_owned(), "agrees".to_owned(), String::new()),
+            })
+            .to_vec()
+    }
+
+    #[test]
+    fn an_operator_of_hlsl_that_is_another_one_is_seen() {
+        let change = "[ -f shader.hlsl ] && sed -i 's/3[.]0) - /3.0) + /' shader.hlsl";
+        let matrix = with_glslang(change, "");
+        assert_eq!(states(&matrix), expected("vulkan:hlsl", "executed", "differs"));
+        let cell = &row(&matrix, "maths::blend")["vulkan:hlsl"];
+        let says = cell["stopped"]["says"].as_str().expect("a text").to_owned();
+        // The simplest input that shows it.
+        assert!(says.contains("at x = 0; y = 1 `vulkan:hlsl` returns 1, `vulkan` -1"), "{says}");
+    }
+
+    #[test]
+    fn operands_of_spirv_that_are_swapped_are_seen() {
+        let (dis, r#as) = (program("spirv-dis"), program("spirv-as"));
+        let swap = format!(
+            "if [ -f out.spv ] && [ -f shader.glsl ]; then\n{} --raw-id out.spv | sed -E \
+             's/(OpFSub %[^ ]+) (%[^ ]+) (%[^ ]+)/\\1 \\3 \\2/' > out.txt\n\
+             {} --target-env vulkan1.1 --preserve-numeric-ids out.txt -o out.spv\nfi",
+            dis.display(),
+            r#as.display()
+        );
+        let matrix = with_glslang("", &swap);
+        assert_eq!(states(&matrix), expected("vulkan:glsl", "executed", "differs"));
+    }
+
+    #[test]
+    fn glsl_that_no_longer_compiles_is_seen() {
+        let matrix = with_glslang("[ -f shader.glsl ] && echo 'nonsense;' >> shader.glsl", "");
+        assert_eq!(states(&matrix), expected("vulkan:glsl", "translated", "rejected"));
+        let crashes = "[ -f shader.hlsl ] && kill -SEGV $$";
+        let matrix = with_glslang(crashes, "");
+        assert_eq!(states(&matrix), expected("vulkan:hlsl", "translated", "rejected"));
+        let says = &row(&matrix, "maths::blend")["vulkan:hlsl"]["stopped"]["says"];
+        assert!(says.as_str().is_some_and(|says| says.contains("crashes")), "{says}");
+    }
+}
