@@ -21,6 +21,7 @@ pub(crate) fn set_up() -> ExitCode {
     let mut steps = Steps::new("cargo ci setup");
     let _ = steps.run("setup", setup::install_missing)
         && steps.run("browser", setup::install_browser)
+        && steps.run("validators", setup::install_validators)
         && steps.run("build", build)
         && steps.run("paths", suite::open_paths);
     steps.finish()

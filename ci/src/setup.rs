@@ -13,6 +13,7 @@ mod gl;
 mod host;
 mod install;
 mod manifest;
+mod validators;
 mod vulkan;
 
 /// The paths that every test must have run on: on Linux both that Mesa offers in software,
@@ -54,6 +55,23 @@ pub(crate) fn install_browser() -> Result<()> {
     match browser::find(&Host::current()) {
         Some(program) => eprintln!("browser: found {}", program.display()),
         None => bail!("{}", install::advice(&Family::of(&host), Wanted::Browser)),
+    }
+    Ok(())
+}
+
+/// Installs the validators of naga's translations, if one is missing. The demo needs none.
+pub(crate) fn install_validators() -> Result<()> {
+    let host = Host::current();
+    if !validators::missing(&host).is_empty() {
+        install::run(&Family::of(&host), Privilege::current(), Wanted::Validators)?;
+    }
+    match validators::missing(&Host::current()).as_slice() {
+        [] => eprintln!("validators: found {}", validators::NAMES.join(", ")),
+        missing => bail!(
+            "{} missing; {}",
+            missing.join(", "),
+            install::advice(&Family::of(&host), Wanted::Validators)
+        ),
     }
     Ok(())
 }

@@ -17,6 +17,7 @@ pub(crate) fn run() -> ExitCode {
     let mut steps = Steps::new("cargo ci test");
     steps.run("setup", setup::install_missing);
     steps.run("browser", setup::install_browser);
+    steps.run("validators", setup::install_validators);
     lint::steps(&mut steps);
     steps.run("build", build);
     steps.run("paths", open_paths);

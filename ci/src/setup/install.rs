@@ -1,4 +1,5 @@
-//! Installing Mesa's software drivers, and a browser, with the distribution's own package manager.
+//! Installing Mesa's software drivers, a browser, and validators of translations, with the
+//! distribution's own package manager.
 
 use std::process::Command;
 
@@ -14,6 +15,8 @@ pub(crate) enum Wanted {
     Drivers,
     /// Chromium, for the tests of the review page.
     Browser,
+    /// What judges and compiles naga's translations.
+    Validators,
 }
 
 /// Distributions by package manager.
@@ -61,14 +64,33 @@ impl Family {
         match wanted {
             Wanted::Drivers => self.drivers(),
             Wanted::Browser => self.browser(),
+            Wanted::Validators => self.validators(),
+        }
+    }
+
+    fn validators(&self) -> &'static [Package] {
+        match self {
+            Self::Debian => &[
+                UPDATE,
+                Package {
+                    failing: Failing::Fatal,
+                    line: "apt-get -o DPkg::Lock::Timeout=120 install -y --no-install-recommends \
+                           spirv-tools glslang-tools spirv-cross",
+                },
+            ],
+            Self::Fedora => &[Package {
+                failing: Failing::Fatal,
+                line: "dnf install -y spirv-tools glslang spirv-cross",
+            }],
+            Self::Arch => &[Package {
+                failing: Failing::Fatal,
+                line: "pacman -Sy --noconfirm --needed spirv-tools glslang spirv-cross",
+            }],
+            Self::Other(_) => &[],
         }
     }
 
     fn browser(&self) -> &'static [Package] {
-        const UPDATE: Package = Package {
-            failing: Failing::Tolerated,
-            line: "apt-get -o DPkg::Lock::Timeout=120 update",
-        };
         match self {
             // Ubuntu has no such package (its Chromium is a snap), but its CI images have Chrome.
             Self::Debian => &[
@@ -91,12 +113,7 @@ impl Family {
     fn drivers(&self) -> &'static [Package] {
         match self {
             Self::Debian => &[
-                Package {
-                    // A stale or broken list of one repository need not concern our packages:
-                    // the install decides.
-                    failing: Failing::Tolerated,
-                    line: "apt-get -o DPkg::Lock::Timeout=120 update",
-                },
+                UPDATE,
                 Package {
                     failing: Failing::Fatal,
                     line: "apt-get -o DPkg::Lock::Timeout=120 install -y --no-install-recommends \
@@ -116,6 +133,10 @@ impl Family {
         }
     }
 }
+
+/// A stale or broken list of one repository need not concern our packages: the install decides.
+const UPDATE: Package =
+    Package { failing: Failing::Tolerated, line: "apt-get -o DPkg::Lock::Timeout=120 update" };
 
 /// One run of a package manager.
 struct Package {
@@ -187,6 +208,7 @@ pub(crate) fn run(family: &Family, privilege: Privilege, wanted: Wanted) -> Resu
                 return Err(error).context(match wanted {
                     Wanted::Drivers => "could not install Mesa's software drivers",
                     Wanted::Browser => "could not install Chromium",
+                    Wanted::Validators => "could not install the validators of translations",
                 });
             }
         }
@@ -202,6 +224,7 @@ pub(crate) fn advice(family: &Family, wanted: Wanted) -> String {
                 "the Vulkan loader, Mesa's lavapipe (Vulkan), libEGL and Mesa's llvmpipe (GL)"
             }
             Wanted::Browser => "Chromium or Chrome (KARAT_BROWSER names its program)",
+            Wanted::Validators => "spirv-tools, glslang and spirv-cross, or Vulkan's SDK",
         };
         return format!(
             "setup can't install packages on `{name}`; install {what}, then run `cargo ci setup` \

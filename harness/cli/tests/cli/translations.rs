@@ -79,6 +79,7 @@ fn what_cannot_be_translated_says_so() {
 }
 
 /// The cells of one row, by column.
+#[cfg(target_os = "linux")]
 fn row(
     matrix: &serde_json::Value,
     name: &str,
@@ -91,6 +92,7 @@ fn row(
     names.zip(cells.cloned()).collect()
 }
 
+#[cfg(target_os = "linux")]
 #[test]
 fn the_matrix_says_how_far_each_row_gets() {
     let folder = shaders();
@@ -121,6 +123,7 @@ fn the_matrix_says_how_far_each_row_gets() {
     assert!(!text.contains("frame::"), "{text}");
 }
 
+#[cfg(target_os = "linux")]
 #[test]
 fn what_is_required_of_the_matrix_decides() {
     let folder = shaders();
@@ -156,7 +159,7 @@ fn what_is_required_of_the_matrix_decides() {
 
 /// Faults that are planted behind naga's back, by a compiler that changes what it is given or what
 /// it makes. Each is caught at its status, on its column alone.
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 mod planted {
     use std::os::unix::fs::PermissionsExt;
 
