@@ -29,7 +29,7 @@ pub(crate) fn set_up() -> ExitCode {
 
 /// Builds for the whole workspace, as the tests are: for fewer packages Cargo would choose other
 /// features of shared dependencies, and compile them twice.
-fn build() -> anyhow::Result<()> {
+pub(crate) fn build() -> anyhow::Result<()> {
     command::run(&mut command::cargo(&["build", "--workspace", "--locked", "--bin", "karat"]))
 }
 

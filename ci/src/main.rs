@@ -15,6 +15,7 @@ mod corpus;
 mod demo;
 mod licence;
 mod lint;
+mod matrix;
 mod mutants;
 #[path = "../../harness/src/record/folder.rs"]
 #[expect(unreachable_pub, reason = "it is public in the harness, which is compiled later")]
@@ -78,6 +79,9 @@ enum Task {
         #[arg(last = true)]
         arguments: Vec<String>,
     },
+    /// Translate, validate, run and compare the shader library on every route, and write
+    /// `docs/translations.md`.
+    Matrix,
     /// Make every mutant of the shader library, and see whether its tests kill it; this takes hours.
     ///
     /// The tests try a few of them in each run. What became of which is written to
@@ -96,6 +100,7 @@ fn main() -> ExitCode {
         Task::Test => suite::run(),
         Task::Lint => lint::run(),
         Task::Corpus { list, json } => step::verdict(corpus::run(list, json)),
+        Task::Matrix => step::verdict(matrix::run()),
         Task::Bench { arguments } => step::verdict(bench::run(&arguments)),
         Task::Mutants { names } => step::verdict(mutants::run(&names)),
     }

@@ -11,6 +11,7 @@
 mod column;
 mod execute;
 mod inputs;
+mod markdown;
 mod reduce;
 mod row;
 mod table;

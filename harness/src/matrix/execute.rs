@@ -3,7 +3,7 @@
 use crate::executor::Executor;
 use crate::fixture::Fixtures;
 use crate::path::{self, Device, Path};
-use crate::probe::{Call, Prepared, Probed};
+use crate::probe::{Call, Prepared, ProbeError, Probed};
 use crate::tolerance::{Tolerance, ulp_distance};
 use crate::value::{Scalar, format_f32};
 
@@ -23,7 +23,11 @@ impl<'p> Ready<'p> {
     ) -> Result<Self, String> {
         let device: &'static Device = path::open(path).map_err(|error| error.to_string())?;
         let call = Call { probed, fixtures, cases };
-        let prepared = device.prepare(&call).map_err(|error| error.to_string())?;
+        let prepared = device.prepare(&call).map_err(|error| match error {
+            // Without the function's name, so that equal reasons are one.
+            ProbeError::Compile { error, .. } => error.to_string(),
+            other => other.to_string(),
+        })?;
         let function = probed.function();
         let words_in = function.parameters.iter().map(|(_, shape)| shape.lanes().len()).sum();
         Ok(Self { prepared, words_in, words_out: function.result.lanes().len() })

@@ -155,7 +155,7 @@ fn of_entry_point(request: &Request, item: &FunctionItem) -> Result<(String, Vec
         let mut cell = translations.cell(*column);
         if cell.stopped.is_none() {
             cell.stopped = Some(Stop::NotRun(format!(
-                "a {} entry point is translated and validated; functions are run",
+                "a {} entry point isn't run, only translated and validated",
                 known.stage
             )));
         }

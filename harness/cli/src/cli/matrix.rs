@@ -1,6 +1,5 @@
 //! `karat matrix`
 
-use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -92,7 +91,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         }
     }
     if let Some(file) = &args.markdown {
-        let text: Vec<String> = matrices.iter().map(markdown).collect();
+        let text: Vec<String> = matrices.iter().map(Matrix::markdown).collect();
         std::fs::write(file, text.join("\n"))
             .with_context(|| format!("can't write `{}`", file.display()))?;
     }
@@ -128,7 +127,7 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
     let mut table = Table::new(&names, &[]);
     for row in &matrix.rows {
         let mut cells = vec![format!("{} ({})", row.name, row.kind)];
-        cells.extend(row.cells.iter().map(|cell| word(cell).to_owned()));
+        cells.extend(row.cells.iter().map(|cell| cell.word().to_owned()));
         let style = match () {
             () if row.error.is_some() => DIM,
             () if row.cells.iter().any(is_bad) => BAD,
@@ -139,7 +138,7 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
     }
     table.write(out)?;
     writeln!(out, "\n{}", summary(matrix))?;
-    for (why, rows) in reasons(matrix) {
+    for (why, rows) in matrix.reasons() {
         let count = rows.len();
         let few: Vec<&str> = rows.iter().take(4).map(String::as_str).collect();
         let more = if count > 4 { format!(" and {} more", count - 4) } else { String::new() };
@@ -148,88 +147,18 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What a cell is called: how far it got, or that it is wrong.
-fn word(cell: &Cell) -> &'static str {
-    match (cell.status, &cell.stopped) {
-        (_, Some(Stop::Differs(_))) => "DIFFERS",
-        (_, Some(Stop::Rejected(_))) => "INVALID",
-        (None, _) => "unsupported",
-        (Some(status), _) => status.name(),
-    }
-}
-
 fn is_bad(cell: &Cell) -> bool {
     matches!(cell.stopped, Some(Stop::Differs(_) | Stop::Rejected(_) | Stop::Unsupported(_)))
 }
 
 /// How many rows got how far on each column.
 fn summary(matrix: &Matrix) -> String {
-    let rows = matrix.rows.iter().filter(|row| row.is_judged());
-    let judged: Vec<&Row> = rows.collect();
+    let judged = matrix.rows.iter().filter(|row| row.is_judged()).count();
     let lines = matrix.columns.iter().enumerate().map(|(index, head)| {
-        let at_least = |status: Status| {
-            let reached =
-                |row: &&&Row| row.cells.get(index).and_then(|cell| cell.status) >= Some(status);
-            judged.iter().filter(reached).count()
-        };
-        let counts = Status::ALL.map(|status| format!("{} {status}", at_least(status)));
+        let counts = Status::ALL.map(|status| format!("{} {status}", matrix.count(index, status)));
         format!("{:<12} {}", head.name, counts.join(", "))
     });
     let lines: Vec<String> = lines.collect();
-    let skipped = matrix.rows.len() - judged.len();
-    format!(
-        "of {} rows ({skipped} more that nothing can call):\n{}",
-        judged.len(),
-        lines.join("\n")
-    )
-}
-
-/// Why rows stop, with the rows, the most frequent first.
-fn reasons(matrix: &Matrix) -> Vec<(String, Vec<String>)> {
-    let mut reasons: BTreeMap<String, Vec<String>> = BTreeMap::new();
-    for row in &matrix.rows {
-        if let Some(error) = &row.error {
-            let first = error.lines().next().unwrap_or_default();
-            reasons.entry(first.to_owned()).or_default().push(row.name.clone());
-        }
-        for (head, cell) in matrix.columns.iter().zip(&row.cells) {
-            if let Some(stop) = &cell.stopped {
-                let text = format!("{}: {}", head.name, stop.text().trim());
-                reasons.entry(text).or_default().push(row.name.clone());
-            }
-        }
-    }
-    let mut reasons: Vec<_> = reasons.into_iter().collect();
-    reasons.sort_by_key(|(_, rows)| std::cmp::Reverse(rows.len()));
-    reasons
-}
-
-/// The table for a page.
-fn markdown(matrix: &Matrix) -> String {
-    let mut text = format!("# Translations of `{}`, naga {}\n\n", matrix.package, matrix.naga);
-    text.push_str("| column | language | runs on |\n|---|---|---|\n");
-    for head in &matrix.columns {
-        let runs = head.adapter.as_deref().unwrap_or("nothing here");
-        text.push_str(&format!("| {} | {} | {runs} |\n", head.name, head.language));
-    }
-    text.push_str("\n| tool | version |\n|---|---|\n");
-    for (tool, version) in &matrix.validators {
-        text.push_str(&format!("| {tool} | {version} |\n"));
-    }
-    let names: Vec<&str> = matrix.columns.iter().map(|head| head.name.as_str()).collect();
-    text.push_str(&format!(
-        "\n| row | {} |\n|---|{}\n",
-        names.join(" | "),
-        "---|".repeat(names.len())
-    ));
-    for row in matrix.rows.iter().filter(|row| row.error.is_none()) {
-        let cells: Vec<&str> = row.cells.iter().map(word).collect();
-        text.push_str(&format!("| {} ({}) | {} |\n", row.name, row.kind, cells.join(" | ")));
-    }
-    text.push_str("\n## Why rows stop\n\n");
-    for (why, rows) in reasons(matrix) {
-        let why = why.replace('\n', " ");
-        text.push_str(&format!("- {} rows: {why} (`{}`)\n", rows.len(), rows.join("`, `")));
-    }
-    text
+    let skipped = matrix.rows.len() - judged;
+    format!("of {} rows ({skipped} more that nothing can call):\n{}", judged, lines.join("\n"))
 }

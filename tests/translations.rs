@@ -1,0 +1,96 @@
+//! Every translation of the library: how far each function and entry point gets on each route is
+//! what `docs/translations.md` says. `cargo ci matrix` writes that page.
+
+use std::collections::BTreeMap;
+
+use karat::matrix::{Column, Matrix};
+use shaders::PBR;
+
+/// The routes that CI runs.
+const COLUMNS: [&str; 8] =
+    ["vulkan", "gl", "vulkan:wgsl", "vulkan:spirv", "vulkan:glsl", "vulkan:hlsl", "metal", "hlsl6"];
+
+/// The words of a table: by row, those of its columns.
+type Words = BTreeMap<String, BTreeMap<String, String>>;
+
+/// The words of the rows in a page.
+fn words(page: &str) -> Words {
+    let cells = |line: &str| -> Vec<String> {
+        let inside = line.trim().trim_matches('|').split('|');
+        inside.map(|cell| cell.trim().to_owned()).collect()
+    };
+    let mut lines = page.lines().skip_while(|line| !line.starts_with("| row |"));
+    let columns = lines.next().map(cells).unwrap_or_default();
+    let rows = lines.skip(1).take_while(|line| line.starts_with('|')).map(cells);
+    rows.map(|row| {
+        let words = columns.iter().cloned().zip(row.iter().cloned()).skip(1).collect();
+        (row[0].clone(), words)
+    })
+    .collect()
+}
+
+/// What differs between two tables, in the columns that both have.
+fn differences(written: &Words, made: &Words) -> Vec<String> {
+    let mut found = Vec::new();
+    for (row, words) in made {
+        let Some(known) = written.get(row) else {
+            found.push(format!("{row} is new"));
+            continue;
+        };
+        for (column, word) in words {
+            match known.get(column) {
+                Some(known) if known != word => {
+                    found.push(format!("{row} on {column}: {word}, and was {known}"));
+                }
+                Some(_) => {}
+                None => found.push(format!("{column} is new")),
+            }
+        }
+    }
+    let gone = written.keys().filter(|row| !made.contains_key(*row));
+    found.extend(gone.map(|row| format!("{row} is gone")));
+    found
+}
+
+fn matrix() -> Matrix {
+    let columns = COLUMNS.map(|name| name.parse::<Column>().expect("a column"));
+    PBR.matrix().columns(columns).run().expect("the library is valid")
+}
+
+#[cfg_attr(not(target_os = "linux"), ignore = "the page is that of Mesa's drivers")]
+#[test]
+fn each_row_gets_as_far_as_the_page_says() {
+    let page =
+        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/translations.md"));
+    let written = words(&page.expect("the page is there"));
+    let matrix = matrix();
+    let here = |name: &str| matrix.columns.iter().any(|c| c.name == name && c.adapter.is_some());
+    assert!(here("vulkan") && here("gl"), "CI has both: {:?}", matrix.columns);
+    let made = words(&matrix.markdown());
+    assert!(written.len() > 200 && made.len() > 200, "{} and {}", written.len(), made.len());
+    let found = differences(&written, &made);
+    assert!(
+        found.is_empty(),
+        "not as docs/translations.md says; `cargo ci matrix` writes it anew:\n{}",
+        found.join("\n")
+    );
+}
+
+/// A page that says something else is seen, in each way.
+#[test]
+fn another_page_is_seen() {
+    let page =
+        "| row | a | b |\n|---|---|---|\n| f | valid | agrees |\n| g | valid | valid |\n\n## x";
+    let written = words(page);
+    assert_eq!(written["f"]["b"], "agrees");
+    assert!(differences(&written, &written).is_empty());
+    for (changed, seen) in [
+        (page.replace("agrees", "DIFFERS"), "f on b: DIFFERS, and was agrees"),
+        (page.replace("| g |", "| h |"), "h is new"),
+        (page.replace("| g | valid | valid |\n", ""), "g is gone"),
+        (page.replace("| b |", "| c |"), "c is new"),
+    ] {
+        let found = differences(&written, &words(&changed));
+        assert!(found.iter().any(|line| line == seen), "{found:?}");
+    }
+}
