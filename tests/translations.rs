@@ -3,7 +3,8 @@
 
 use std::collections::BTreeMap;
 
-use karat::matrix::{Column, Matrix};
+use karat::Package;
+use karat::matrix::{Column, Matrix, Status};
 use shaders::PBR;
 
 /// The routes that CI runs.
@@ -93,4 +94,46 @@ fn another_page_is_seen() {
         let found = differences(&written, &words(&changed));
         assert!(found.iter().any(|line| line == seen), "{found:?}");
     }
+}
+
+/// What naga's translation of a module does on a column is declared by row: it fails there, and on no
+/// other column.
+fn naga_fails(column: &str, module: &str, row: &str, reason: &str) {
+    let package = Package::from_modules("bugs", [("bugs", module)]);
+    let columns = ["vulkan", column].map(|name| name.parse().expect("a column"));
+    let matrix = package.matrix().columns(columns).cases(16).run().expect("it is valid");
+    matrix.expect("vulkan", Status::Valid);
+    matrix.expect_but(column, Status::Valid, &[(row, reason)]);
+}
+
+/// GLSL lets outputs be invariant and nothing else. naga writes the word for the position that a
+/// fragment shader takes, too, where both stages share a structure. Mesa takes it.
+#[test]
+fn positions_of_fragments_are_invariant_in_glsl() {
+    let module = "struct Shared { @invariant @builtin(position) at: vec4f }\n\
+                  struct Plain { @builtin(position) at: vec4f }\n\
+                  @fragment fn shade(in: Shared) -> @location(0) vec4f { return in.at; }\n\
+                  @fragment fn plain(in: Plain) -> @location(0) vec4f { return in.at; }\n";
+    naga_fails(
+        "glsl",
+        module,
+        "bugs::shade",
+        "naga 30.0.1 writes `invariant` for an input of a fragment shader",
+    );
+}
+
+/// A texel of unsigned coordinates, with its index restricted: naga clamps them with a vector of
+/// `u32` whose components are `i32` (`OpConstantComposite %v2uint %int_1 %int_1`). `spirv-val` 2023.1
+/// and Mesa take it; naga doesn't take it back.
+#[test]
+fn unsigned_texel_coordinates_are_clamped_by_signed_ones() {
+    let module = "@group(0) @binding(0) var image: texture_2d<f32>;\n\
+                  fn unsigned_texel(at: vec2u) -> vec4f { return textureLoad(image, at, 0); }\n\
+                  fn signed_texel(at: vec2i) -> vec4f { return textureLoad(image, at, 0); }\n";
+    naga_fails(
+        "vulkan:spirv",
+        module,
+        "bugs::unsigned_texel",
+        "naga 30.0.1 makes a constant vec2u of two i32",
+    );
 }
