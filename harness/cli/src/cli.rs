@@ -14,6 +14,7 @@ mod doctor;
 mod goldens;
 mod heatmap;
 mod list;
+mod loader;
 mod matrix;
 mod patience;
 mod preview;
@@ -249,6 +250,14 @@ fn feature(text: &str) -> Result<(String, Feature), String> {
 
 /// Runs the command of the process's arguments.
 pub(crate) fn run() -> ExitCode {
+    match loader::with_second_driver() {
+        None => {}
+        Some(Ok(code)) => return code,
+        Some(Err(error)) => {
+            complain(&whole(&error));
+            return ExitCode::from(2);
+        }
+    }
     let mut out = Output::stdout();
     let result = match Cli::try_parse() {
         Ok(cli) => settled(cli.command, &mut out).map(ExitCode::from),

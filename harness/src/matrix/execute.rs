@@ -10,6 +10,7 @@ use crate::value::{Scalar, format_f32};
 /// A function that is ready on a path.
 pub(super) struct Ready<'p> {
     prepared: Box<dyn Prepared + 'p>,
+    path: Path,
     words_in: usize,
     words_out: usize,
 }
@@ -20,36 +21,32 @@ impl<'p> Ready<'p> {
         probed: &'p Probed,
         fixtures: &'p Fixtures,
         cases: usize,
-    ) -> Result<Self, String> {
-        let device: &'static Device = path::open(path).map_err(|error| error.to_string())?;
+    ) -> Result<Self, ProbeError> {
+        let device: &'static Device = path::open(path)?;
         let call = Call { probed, fixtures, cases };
-        let prepared = device.prepare(&call).map_err(|error| match error {
-            // Without the function's name, so that equal reasons are one.
-            ProbeError::Compile { error, .. } => error.to_string(),
-            other => other.to_string(),
-        })?;
+        let prepared = device.prepare(&call)?;
         let function = probed.function();
         let words_in = function.parameters.iter().map(|(_, shape)| shape.lanes().len()).sum();
-        Ok(Self { prepared, words_in, words_out: function.result.lanes().len() })
+        Ok(Self { prepared, path, words_in, words_out: function.result.lanes().len() })
     }
 
     /// The results of some cases, one after the other.
-    pub(super) fn results(&self, rows: &[u32], cases: usize) -> Result<Vec<u32>, String> {
+    pub(super) fn results(&self, rows: &[u32], cases: usize) -> Result<Vec<u32>, ProbeError> {
         let mut results = Vec::with_capacity(cases * self.words_out);
         let most = self.prepared.capacity();
         for first in (0..cases).step_by(most) {
             let count = most.min(cases - first);
             let part = &rows[first * self.words_in..][..count * self.words_in];
-            let started = self.prepared.start(count, part).map_err(|error| error.to_string())?;
+            let started = self.prepared.start(count, part)?;
             started(&mut |words, stride| {
                 for case in words.chunks_exact(stride) {
                     results.extend_from_slice(&case[..self.words_out]);
                 }
-            })
-            .map_err(|error| error.to_string())?;
+            })?;
         }
-        if results.len() != cases * self.words_out {
-            return Err(format!("{} words came back for {cases} cases", results.len()));
+        let (expected, found) = (cases * self.words_out, results.len());
+        if found != expected {
+            return Err(ProbeError::Length { path: self.path, expected, found });
         }
         Ok(results)
     }

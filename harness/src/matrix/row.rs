@@ -179,15 +179,19 @@ fn of_function(request: &Request, probed: &Probed, shader: &Shader) -> Vec<Cell>
     let rows = inputs::rows(probed, request.cases);
     let fixtures = inputs::fixtures(probed);
     let mut ran: Vec<Ran<'_>> = Vec::new();
+    // Where one driver says that a loop doesn't end, others would hang.
+    let mut endless: Option<String> = None;
     for (index, column) in request.columns.iter().enumerate() {
         let cell = &mut cells[index];
         if cell.stopped.is_some() {
             continue;
         }
-        let results = match (&fixtures, column.path) {
-            (_, None) => Err(Stop::Unavailable(format!("no path here runs {}", column.target))),
-            (Err(why), _) => Err(Stop::NotRun(why.clone())),
-            (Ok(fixtures), Some(path)) => run(request, path, probed, fixtures, &rows),
+        let results = match (&fixtures, column.path, &endless) {
+            (_, None, _) => Err(Stop::Unavailable(format!("no path here runs {}", column.target))),
+            (Err(why), ..) | (_, _, Some(why)) => Err(Stop::NotRun(why.clone())),
+            (Ok(fixtures), Some(path), None) => {
+                run(request, path, probed, fixtures, &rows, &mut endless)
+            }
         };
         match results {
             Ok((ready, results)) => {
@@ -207,11 +211,23 @@ fn run<'p>(
     probed: &'p Probed,
     fixtures: &'p crate::fixture::Fixtures,
     rows: &[u32],
+    endless: &mut Option<String>,
 ) -> Result<(Ready<'p>, Vec<u32>), Stop> {
     // A path that isn't here is one thing, a function that doesn't run there another.
     crate::path::adapter(path).map_err(|error| Stop::Unavailable(error.to_string()))?;
-    let ready = Ready::new(path, probed, fixtures, request.cases).map_err(Stop::NotRun)?;
-    let results = ready.results(rows, request.cases).map_err(Stop::NotRun)?;
+    let mut stop = |error: ProbeError| {
+        Stop::NotRun(match error {
+            // Without the function's name, so that equal reasons are one.
+            ProbeError::Compile { error, .. } => error.to_string(),
+            ProbeError::Rounds { .. } => {
+                *endless = Some(format!("on `{path}` a loop of it doesn't end for these inputs"));
+                error.to_string()
+            }
+            other => other.to_string(),
+        })
+    };
+    let ready = Ready::new(path, probed, fixtures, request.cases).map_err(&mut stop)?;
+    let results = ready.results(rows, request.cases).map_err(stop)?;
     Ok((ready, results))
 }
 

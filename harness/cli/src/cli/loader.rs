@@ -1,0 +1,72 @@
+//! A second Vulkan driver beside the system's: SwiftShader, which Chromium brings along.
+//!
+//! Vulkan's loader reads which drivers there are from the environment, before the first of them
+//! loads. So where a path names SwiftShader, this program starts itself anew with the loader's
+//! variable set; tests that it runs inherit it.
+
+use std::ffi::{OsStr, OsString};
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+
+use anyhow::Context;
+
+/// What a path names.
+const NAMED: &str = "@swiftshader";
+
+/// The loader's variables. If one is set, its user has chosen.
+const ADD: &str = "VK_ADD_DRIVER_FILES";
+const CHOSEN: [&str; 3] = [ADD, "VK_DRIVER_FILES", "VK_ICD_FILENAMES"];
+
+/// Where browsers keep SwiftShader's manifest.
+const MANIFESTS: [&str; 5] = [
+    "/usr/lib/chromium/vk_swiftshader_icd.json",
+    "/usr/lib64/chromium-browser/vk_swiftshader_icd.json",
+    "/usr/lib/chromium-browser/vk_swiftshader_icd.json",
+    "/opt/google/chrome/vk_swiftshader_icd.json",
+    "/opt/chromium/vk_swiftshader_icd.json",
+];
+
+/// Starts the program anew with the second driver, if a path names it and it isn't there already.
+/// `None`: go on.
+pub(super) fn with_second_driver() -> Option<anyhow::Result<ExitCode>> {
+    let arguments: Vec<OsString> = std::env::args_os().skip(1).collect();
+    let asked = ["KARAT_PATHS", "KARAT_REQUIRE"].map(std::env::var_os).into_iter().flatten();
+    let chosen = CHOSEN.iter().any(|name| std::env::var_os(name).is_some());
+    if chosen || !is_named(arguments.iter().cloned().chain(asked)) {
+        return None;
+    }
+    let manifest = MANIFESTS.iter().map(PathBuf::from).find(|file| file.is_file())?;
+    Some(again(&arguments, &manifest))
+}
+
+fn is_named(words: impl Iterator<Item = OsString>) -> bool {
+    words.into_iter().any(|word| word.to_string_lossy().contains(NAMED))
+}
+
+fn again(arguments: &[OsString], manifest: &Path) -> anyhow::Result<ExitCode> {
+    let program = std::env::current_exe().context("can't find out where this program is")?;
+    let mut command = Command::new(program);
+    command.args(arguments).env(ADD, OsStr::new(manifest));
+    // In place of this process where systems can, so that signals reach it.
+    #[cfg(unix)]
+    return Err(std::os::unix::process::CommandExt::exec(&mut command).into());
+    #[cfg(not(unix))]
+    {
+        let status = command.status().context("can't start this program anew")?;
+        let code = status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(2);
+        Ok(ExitCode::from(code))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_paths_of_the_second_driver_ask_for_it() {
+        let named = |words: &[&str]| is_named(words.iter().map(|word| OsString::from(*word)));
+        assert!(named(&["test", "--paths", "vulkan,vulkan@swiftshader"]));
+        assert!(named(&["matrix", "--columns=vulkan:spirv@swiftshader"]));
+        assert!(!named(&["test", "--paths", "vulkan@llvmpipe", "swiftshader"]));
+    }
+}
