@@ -6,6 +6,8 @@
 //! [`Executor`](crate::executor::Executor).
 
 mod bound;
+#[cfg(feature = "routes")]
+mod compute;
 mod dispatcher;
 mod inputs;
 mod kernel;
@@ -15,6 +17,8 @@ mod rounds;
 mod runner;
 mod upload;
 
+#[cfg(feature = "routes")]
+pub(crate) use compute::{Data, run_entry_point};
 pub use inputs::Inputs;
 pub(crate) use kernel::{CONSTANTS, Kernel};
 pub use prepared::{Call, Prepared, Reader, Started};

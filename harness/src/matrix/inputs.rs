@@ -2,8 +2,8 @@
 
 use crate::domain::Source;
 use crate::fixture::{CubeMap, Fixture, Fixtures, Sampler, Texture};
-use crate::probe::Probed;
-use crate::reflect::{Binding, BindingKind};
+use crate::probe::{Data, Probed};
+use crate::reflect::{Binding, BindingKind, Program};
 use crate::value::{Scalar, Shape};
 
 /// What is special among floats, the simplest first. Larger numbers are arguments that nobody means,
@@ -96,6 +96,36 @@ pub(super) fn fixtures(probed: &Probed) -> Result<Fixtures, String> {
     };
     probed.function().bindings.iter().map(one).collect()
 }
+
+/// Data for each buffer of an entry point, the same on each column; or the resource that there is
+/// none for.
+pub(super) fn data(program: &Program, bindings: &[Binding]) -> Result<Vec<Data>, String> {
+    let one = |binding: &Binding| {
+        let Binding { group, binding: number, kind, .. } = *binding;
+        let mut source = Source::new(SEED, u64::from(group) << 32 | u64::from(number));
+        if !matches!(kind, BindingKind::Uniform | BindingKind::Storage { .. }) {
+            return Err(format!(
+                "it uses `{}`, a {kind}, and entry points are run with buffers alone",
+                binding.path
+            ));
+        }
+        let bytes = match program.buffer_data(binding) {
+            Some((shape, endless)) => {
+                let mut lanes = Vec::new();
+                let count = if endless { ELEMENTS } else { 1 };
+                (0..count).for_each(|_| draw(&shape, &mut source, &mut lanes));
+                program.bytes(binding, &lanes).map_err(|error| error.to_string())?
+            }
+            // Atomics, and structures that end in an array.
+            None => program.zeros(binding, ELEMENTS),
+        };
+        Ok(Data { group, binding: number, kind, bytes })
+    };
+    bindings.iter().map(one).collect()
+}
+
+/// Invocations of an entry point, at least.
+pub(super) const INVOCATIONS: u32 = 64;
 
 /// Texels along a side, and elements of an array whose length the shader doesn't say.
 const SIDE: u32 = 16;

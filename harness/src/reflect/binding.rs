@@ -75,6 +75,28 @@ impl Program {
         Some(self.bindings(|global| info[global]))
     }
 
+    /// The resources of a compute entry point, by its name in the text, and the invocations of its
+    /// workgroup.
+    #[cfg(feature = "routes")]
+    pub(crate) fn compute_entry_point(&self, name: &str) -> Option<(Vec<Binding>, [u32; 3])> {
+        let mut entries = self.module.entry_points.iter();
+        let index = entries
+            .position(|entry| entry.name == name && entry.stage == naga::ShaderStage::Compute)?;
+        let info = self.info.get_entry_point(index);
+        let size = self.module.entry_points[index].workgroup_size;
+        Some((self.bindings(|global| info[global]), size))
+    }
+
+    /// The bytes of a buffer whose type has no shape that a host could fill: zeros, with room for
+    /// `elements` more where it ends in an array without a length.
+    #[cfg(feature = "routes")]
+    pub(crate) fn zeros(&self, binding: &Binding, elements: usize) -> Vec<u8> {
+        /// The largest alignment of an element that isn't an array or a structure.
+        const ELEMENT: usize = 16;
+        let size = self.layouter()[binding.ty].size as usize + elements * ELEMENT;
+        vec![0; size.next_multiple_of(ELEMENT)]
+    }
+
     /// The first binding number of group 0 that the program leaves free.
     pub(crate) fn free_binding(&self) -> u32 {
         let used = self.module.global_variables.iter().filter_map(|(_, global)| {

@@ -142,6 +142,16 @@ impl Program {
         }
     }
 
+    /// The bytes of a buffer, from the lanes of its value or of its elements.
+    #[cfg(feature = "routes")]
+    pub(crate) fn bytes(
+        &self,
+        binding: &Binding,
+        lanes: &[u32],
+    ) -> Result<Vec<u8>, super::LayoutError> {
+        super::bytes_of(&self.module, &self.layouter, binding.ty, lanes)
+    }
+
     /// The shape of the data of a buffer, or of an element of it where its array has no length; and
     /// which of the two it is.
     #[cfg(feature = "routes")]

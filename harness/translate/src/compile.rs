@@ -4,7 +4,7 @@ use std::io;
 use std::process::Command;
 
 use crate::child::{self, End};
-use crate::{Target, Translation, tool};
+use crate::{Target, Translation, layout, tool};
 
 /// Why there is no SPIR-V.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -50,6 +50,14 @@ pub enum CompileError {
         /// What it wrote.
         message: String,
     },
+    /// The compiler lays a uniform buffer out in another way than naga means it.
+    #[error("`{command}` doesn't lay uniform buffers out as Direct3D does: {message}")]
+    Layout {
+        /// The command.
+        command: String,
+        /// Which member is where.
+        message: String,
+    },
     /// The compiler can't be run.
     #[error("`{command}` can't be run: {message}")]
     Unrunnable {
@@ -78,7 +86,8 @@ pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
     let common = ["-V", "--target-env", "vulkan1.1", "-S", stage, "-o", "out.spv", &*file];
     let own: &[&str] = match target {
         Target::Glsl | Target::GlslEs => &[],
-        Target::Hlsl => &["-D", "-e", &entry_point.name],
+        // naga lays buffers out as HLSL does.
+        Target::Hlsl => &["-D", "--hlsl-offsets", "-e", &entry_point.name],
         Target::Hlsl6 | Target::Msl | Target::Spirv | Target::Wgsl => {
             return Err(CompileError::NoWay { target });
         }
@@ -116,5 +125,9 @@ pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
     if words.is_empty() || !rest.is_empty() {
         return Err(broke("writes no SPIR-V"));
     }
-    Ok(words.iter().map(|word| u32::from_le_bytes(*word)).collect())
+    let words: Vec<u32> = words.iter().map(|word| u32::from_le_bytes(*word)).collect();
+    match layout::fault(&translation.uniforms, &words).filter(|_| target == Target::Hlsl) {
+        Some(message) => Err(CompileError::Layout { command, message }),
+        None => Ok(words),
+    }
 }

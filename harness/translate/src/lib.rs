@@ -17,6 +17,7 @@
 mod bindings;
 mod child;
 mod compile;
+mod layout;
 mod shader;
 mod target;
 mod tool;

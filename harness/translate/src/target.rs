@@ -122,4 +122,6 @@ pub struct Translation {
     pub bindings: Bindings,
     /// naga's options, in words.
     pub options: String,
+    /// The structures in uniform buffers, with the offsets of their members.
+    pub(crate) uniforms: Vec<crate::layout::Members>,
 }

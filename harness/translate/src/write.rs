@@ -92,5 +92,6 @@ pub(crate) fn write(
         entry_points: entry_points.collect(),
         bindings: written.bindings,
         options: written.options,
+        uniforms: crate::layout::uniform_structures(&module),
     })
 }

@@ -196,3 +196,31 @@ fn the_version_told_is_that_of_the_lock_file() {
     let lock = include_str!("../../../Cargo.lock");
     assert!(lock.contains(&format!("name = \"naga\"\nversion = \"{NAGA_VERSION}\"\n")));
 }
+
+/// glslang puts a number behind a matrix of three rows, Direct3D behind its last row. That is no
+/// translation to judge naga's by.
+#[test]
+fn another_layout_of_a_uniform_buffer_is_refused() {
+    let shader = |members: &str| {
+        let text = format!(
+            "struct P {{ {members} }}\n@group(0) @binding(0) var<uniform> p: P;\n\
+             @group(0) @binding(1) var<storage, read_write> out: array<f32>;\n\
+             @compute @workgroup_size(1) fn main() {{ out[0] = p.last; }}"
+        );
+        let shader = Shader::parse(&text).expect("valid");
+        compile(&shader.translate(Target::Hlsl, Some("main")).expect("naga writes it"))
+    };
+    for members in ["scale: f32, list: array<vec4f, 3>, last: f32", "v: vec3f, last: f32"] {
+        match shader(members) {
+            Ok(_) | Err(CompileError::NoCompiler { .. }) => {}
+            Err(error) => panic!("{members}: {error}"),
+        }
+    }
+    match shader("m: mat3x3f, last: f32") {
+        Err(CompileError::Layout { message, .. }) => {
+            assert!(message.contains("`last`") && message.contains("at byte 48"), "{message}");
+        }
+        Err(CompileError::NoCompiler { .. }) => {}
+        other => panic!("{other:?}"),
+    }
+}

@@ -123,6 +123,51 @@ fn the_matrix_says_how_far_each_row_gets() {
     assert!(!text.contains("frame::"), "{text}");
 }
 
+/// What functions don't have: workgroup memory, a barrier, atomics, buffers of several groups.
+const SUMS: &str = "struct Params { scale: f32, m: mat4x4f, list: array<vec4f, 3> }\n\
+    @group(0) @binding(0) var<uniform> params: Params;\n\
+    @group(1) @binding(3) var<storage, read_write> sums: array<f32>;\n\
+    @group(1) @binding(4) var<storage, read_write> bins: array<atomic<u32>, 8>;\n\
+    @group(2) @binding(0) var<storage, read> ints: array<u32>;\n\
+    @group(2) @binding(1) var image: texture_2d<f32>;\n\
+    var<workgroup> last: f32;\n\
+    @compute @workgroup_size(64)\n\
+    fn add(@builtin(local_invocation_index) i: u32) {\n    \
+        if i == 63u { last = params.scale * 2.0 + params.m[1].y; }\n    workgroupBarrier();\n    \
+        sums[i] = last + params.list[i % 3u].z + f32(i);\n    \
+        atomicAdd(&bins[i % 8u], ints[i] + 1u);\n}\n\
+    @compute @workgroup_size(1)\n\
+    fn texels() { sums[0] = textureLoad(image, vec2i(), 0).x; }\n\
+    @compute @workgroup_size(1)\n\
+    fn nothing() {}\n";
+
+#[cfg(target_os = "linux")]
+#[test]
+fn compute_entry_points_with_buffers_are_run() {
+    let folder = shaders();
+    write(folder.path(), "sums.wgsl", SUMS);
+    let columns = "vulkan,gl,vulkan:wgsl,vulkan:spirv,vulkan:glsl,vulkan:hlsl,msl";
+    let arguments = ["matrix", "--json", "--package", "sums.wgsl", "--columns", columns];
+    let matrix = json(&karat(folder.path(), &arguments).good());
+    for (column, cell) in row(&matrix, "add") {
+        match column.as_str() {
+            "msl" => assert_eq!(cell["status"], "translated", "{cell}"),
+            _ => {
+                assert_eq!(cell["status"], "agrees", "{column}: {cell}");
+                // 64 sums and what is behind them, and 8 bins.
+                assert!(cell["compared"].as_u64().is_some_and(|words| words >= 72), "{cell}");
+            }
+        }
+    }
+    let texels = &row(&matrix, "texels")["vulkan"];
+    assert_eq!(
+        (&texels["status"], &texels["stopped"]["why"]),
+        (&json("\"valid\""), &json("\"not_run\""))
+    );
+    let nothing = &row(&matrix, "nothing")["gl"];
+    assert_eq!(nothing["stopped"]["why"], "nothing_to_compare", "{nothing}");
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn what_is_required_of_the_matrix_decides() {

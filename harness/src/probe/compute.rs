@@ -1,0 +1,106 @@
+//! A whole compute entry point on a device: its buffers before and after.
+
+use std::collections::BTreeMap;
+
+use super::ProbeError;
+use crate::path::{Device, guard};
+use crate::reflect::{BindingKind, Program};
+
+/// A buffer of an entry point.
+#[derive(Clone, Debug)]
+pub(crate) struct Data {
+    pub(crate) group: u32,
+    pub(crate) binding: u32,
+    pub(crate) kind: BindingKind,
+    pub(crate) bytes: Vec<u8>,
+}
+
+/// Runs an entry point, by its name in the program's text, over one row of workgroups. The words of
+/// the buffers that it may write, in the order of `data`.
+pub(crate) fn run_entry_point(
+    device: &Device,
+    program: &Program,
+    name: &str,
+    workgroups: u32,
+    data: &[Data],
+) -> Result<Vec<Vec<u32>>, ProbeError> {
+    let (path, of) = (device.path(), name.to_owned());
+    let _turn = device.turn();
+    let _deadline = guard(move || format!("the entry point `{of}` on path {path}"));
+    let pipeline = device
+        .pipeline_of_ir(program.module().clone(), name)
+        .map_err(|error| ProbeError::Compile { function: name.to_owned(), error })?;
+    let buffers = device.checked(|| {
+        let buffer = |data: &Data| {
+            use wgpu::BufferUsages as Usage;
+            let usage = match data.kind {
+                BindingKind::Uniform => Usage::UNIFORM,
+                _ => Usage::STORAGE | Usage::COPY_SRC,
+            };
+            let buffer = device.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("data"),
+                size: data.bytes.len() as u64,
+                usage: usage | Usage::COPY_DST,
+                mapped_at_creation: false,
+            });
+            device.queue.write_buffer(&buffer, 0, &data.bytes);
+            buffer
+        };
+        data.iter().map(buffer).collect::<Vec<_>>()
+    })?;
+    let mut entries: BTreeMap<u32, Vec<wgpu::BindGroupEntry<'_>>> = BTreeMap::new();
+    for (data, buffer) in data.iter().zip(&buffers) {
+        if let Some((group, binding)) = pipeline.place(data.group, data.binding) {
+            let resource = buffer.as_entire_binding();
+            entries.entry(group).or_default().push(wgpu::BindGroupEntry { binding, resource });
+        }
+    }
+    let written: Vec<&wgpu::Buffer> = data
+        .iter()
+        .zip(&buffers)
+        .filter(|(data, _)| data.kind == BindingKind::Storage { writable: true })
+        .map(|(_, buffer)| buffer)
+        .collect();
+    let staging = device.checked(|| {
+        let last = entries.keys().copied().max();
+        let groups: Vec<wgpu::BindGroup> = (0..last.map_or(0, |last| last + 1))
+            .map(|group| {
+                device.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                    label: None,
+                    layout: &pipeline.pipeline.get_bind_group_layout(group),
+                    entries: entries.get(&group).map_or(&[], Vec::as_slice),
+                })
+            })
+            .collect();
+        let staging: Vec<wgpu::Buffer> = written
+            .iter()
+            .map(|buffer| {
+                device.device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some("staging"),
+                    size: buffer.size(),
+                    usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+                    mapped_at_creation: false,
+                })
+            })
+            .collect();
+        let mut encoder = device.device.create_command_encoder(&Default::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(&pipeline.pipeline);
+            for (index, group) in (0..).zip(&groups) {
+                pass.set_bind_group(index, group, &[]);
+            }
+            pass.dispatch_workgroups(workgroups, 1, 1);
+        }
+        for (from, to) in written.iter().zip(&staging) {
+            encoder.copy_buffer_to_buffer(from, 0, to, 0, from.size());
+        }
+        device.queue.submit([encoder.finish()]);
+        staging
+    })?;
+    let words = |buffer: &wgpu::Buffer| {
+        let read = |bytes: &[u8]| bytemuck::pod_collect_to_vec::<u8, u32>(bytes);
+        Ok(device.read_back(buffer, buffer.size(), read)?)
+    };
+    staging.iter().map(words).collect()
+}

@@ -1,0 +1,108 @@
+//! Whether a compiler lays uniform buffers out as naga means them.
+//!
+//! naga's HLSL counts on Direct3D's packing: a number fits behind the last row of a matrix of three
+//! rows. glslang puts it behind the whole matrix, without a word, and each member behind it is read
+//! from another place. So the offsets in glslang's SPIR-V are compared with those of WGSL.
+
+use std::collections::BTreeMap;
+
+use naga::{AddressSpace, Module, TypeInner};
+
+/// The members of a structure of WGSL, with their offsets.
+pub(crate) type Members = Vec<(String, u32)>;
+
+/// The structures in a module's uniform buffers, also those in others.
+pub(crate) fn uniform_structures(module: &Module) -> Vec<Members> {
+    let uniforms = module.global_variables.iter().filter(|(_, g)| g.space == AddressSpace::Uniform);
+    let mut types: Vec<_> = uniforms.map(|(_, global)| global.ty).collect();
+    let mut found: Vec<Members> = Vec::new();
+    while let Some(ty) = types.pop() {
+        match &module.types[ty].inner {
+            TypeInner::Array { base, .. } => types.push(*base),
+            TypeInner::Struct { members, .. } => {
+                types.extend(members.iter().map(|member| member.ty));
+                let name = |m: &naga::StructMember| plain(m.name.as_deref().unwrap_or_default());
+                let structure = members.iter().map(|m| (name(m), m.offset)).collect();
+                if !found.contains(&structure) {
+                    found.push(structure);
+                }
+            }
+            _ => {}
+        }
+    }
+    found
+}
+
+/// naga appends `_` to names that would be others' otherwise.
+fn plain(name: &str) -> String {
+    name.trim_end_matches('_').to_owned()
+}
+
+/// What is wrong with the layout of a structure in SPIR-V, if something is.
+pub(crate) fn fault(structures: &[Members], words: &[u32]) -> Option<String> {
+    let made = structures_of(words);
+    for wanted in structures {
+        let names = |members: &Members| members.iter().map(|(n, _)| n.clone()).collect::<Vec<_>>();
+        let of_name: Vec<&Members> = made.iter().filter(|m| names(m) == names(wanted)).collect();
+        if of_name.is_empty() {
+            return Some(format!(
+                "the structure of `{}` isn't found again in its SPIR-V, so that its layout can't be \
+                 compared",
+                names(wanted).join("`, `")
+            ));
+        }
+        if of_name.contains(&wanted) {
+            continue;
+        }
+        let members = wanted.iter().zip(of_name[0]);
+        let wrong = members.into_iter().find(|((_, wanted), (_, made))| wanted != made);
+        if let Some(((name, wanted), (_, made))) = wrong {
+            return Some(format!(
+                "it lays `{name}` out at byte {made}, where naga's HLSL and Direct3D have it at byte \
+                 {wanted}"
+            ));
+        }
+    }
+    None
+}
+
+/// The structures of SPIR-V with their members' names and offsets, without naga's padding.
+fn structures_of(words: &[u32]) -> Vec<Members> {
+    // Numbers of the specification: instructions, and the decoration `Offset`.
+    const OP_MEMBER_NAME: u32 = 6;
+    const OP_MEMBER_DECORATE: u32 = 72;
+    const OFFSET: u32 = 35;
+    /// Words before the first instruction.
+    const HEADER: usize = 5;
+    let mut members: BTreeMap<(u32, u32), (String, Option<u32>)> = BTreeMap::new();
+    let mut rest = words.get(HEADER..).unwrap_or_default();
+    while let Some((first, _)) = rest.split_first() {
+        let (length, operation) = ((first >> 16) as usize, first & 0xffff);
+        let Some(instruction) = rest.get(..length.max(1)) else { break };
+        match instruction {
+            [_, structure, member, name @ ..] if operation == OP_MEMBER_NAME => {
+                let bytes: Vec<u8> = name.iter().flat_map(|word| word.to_le_bytes()).collect();
+                let end = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
+                let name = plain(&String::from_utf8_lossy(&bytes[..end]));
+                members.entry((*structure, *member)).or_default().0 = name;
+            }
+            [_, structure, member, OFFSET, offset] if operation == OP_MEMBER_DECORATE => {
+                members.entry((*structure, *member)).or_default().1 = Some(*offset);
+            }
+            _ => {}
+        }
+        rest = &rest[length.max(1)..];
+    }
+    let mut structures: BTreeMap<u32, Members> = BTreeMap::new();
+    for ((structure, _), (name, offset)) in members {
+        if let Some(offset) = offset.filter(|_| !is_padding(&name)) {
+            structures.entry(structure).or_default().push((name, offset));
+        }
+    }
+    structures.into_values().collect()
+}
+
+/// What naga adds to structures of HLSL.
+fn is_padding(name: &str) -> bool {
+    name.starts_with("_pad") || name.starts_with("_end_pad")
+}
