@@ -61,44 +61,77 @@ pub(super) struct Comparison {
     pub(super) worst_ulp: Option<u64>,
 }
 
-/// Compares results case by case. A case whose first result has a component that isn't finite is
-/// left out: WGSL lets implementations assume that there is none.
-pub(super) fn compare(
-    scalars: &[Scalar],
-    expected: &[u32],
-    actual: &[u32],
-    within: &Tolerance,
-) -> Comparison {
-    let mut comparison = Comparison::default();
-    let cases = expected.chunks_exact(scalars.len()).zip(actual.chunks_exact(scalars.len()));
-    for (index, (expected, actual)) in cases.enumerate() {
-        let finite = scalars.iter().zip(expected).all(|(s, word)| s.decode(*word).is_finite());
-        if !finite {
-            continue;
-        }
-        comparison.compared += 1;
-        let ulp = scalars.iter().zip(expected.iter().zip(actual)).filter_map(distance).max();
-        comparison.worst_ulp = comparison.worst_ulp.max(ulp);
-        if !agree(scalars, expected, actual, within) {
-            comparison.differing.push(index);
-        }
-    }
-    comparison
+/// How results of a function are compared.
+#[derive(Clone, Debug)]
+pub(super) struct Judge<'j> {
+    scalars: &'j [Scalar],
+    within: &'j Tolerance,
+    /// The largest result of each component, at most 1: what an absolute bound is relative to.
+    /// Otherwise a function whose results are all small would agree with anything.
+    scales: Vec<f64>,
 }
 
-/// Whether one case agrees.
-pub(super) fn agree(
-    scalars: &[Scalar],
-    expected: &[u32],
-    actual: &[u32],
-    within: &Tolerance,
-) -> bool {
-    scalars.iter().zip(expected.iter().zip(actual)).all(|(scalar, (expected, actual))| {
-        if !scalar.is_float() {
-            return expected == actual;
+impl<'j> Judge<'j> {
+    /// For these results of the first column.
+    pub(super) fn new(scalars: &'j [Scalar], within: &'j Tolerance, expected: &[u32]) -> Self {
+        let mut scales = vec![0.0_f64; scalars.len()];
+        for case in expected.chunks_exact(scalars.len()) {
+            for (scale, (scalar, word)) in scales.iter_mut().zip(scalars.iter().zip(case)) {
+                let size = scalar.decode(*word).abs();
+                *scale = scale.max(if size.is_finite() { size.min(1.0) } else { 0.0 });
+            }
         }
-        within.measure(0, f32::from_bits(*actual), scalar.decode(*expected)).passes()
-    })
+        let one = |scale: f64| if scale > 0.0 { scale } else { 1.0 };
+        Self { scalars, within, scales: scales.into_iter().map(one).collect() }
+    }
+
+    /// Compares results case by case. Where a float of the first result isn't finite, the floats of
+    /// this case are left out: WGSL lets implementations assume that there is none, so what
+    /// is computed along with it isn't determined, either.
+    pub(super) fn compare(&self, expected: &[u32], actual: &[u32]) -> Comparison {
+        let width = self.scalars.len();
+        let mut comparison = Comparison::default();
+        let cases = expected.chunks_exact(width).zip(actual.chunks_exact(width));
+        for (index, (expected, actual)) in cases.enumerate() {
+            if !self.is_compared(expected) {
+                continue;
+            }
+            comparison.compared += 1;
+            if self.is_finite(expected) {
+                let lanes = self.scalars.iter().zip(expected.iter().zip(actual));
+                let worst = lanes.filter_map(distance).max();
+                comparison.worst_ulp = comparison.worst_ulp.max(worst);
+            }
+            if !self.agree(expected, actual) {
+                comparison.differing.push(index);
+            }
+        }
+        comparison
+    }
+
+    /// Whether a case has a component that is compared.
+    pub(super) fn is_compared(&self, expected: &[u32]) -> bool {
+        self.is_finite(expected) || self.scalars.iter().any(|scalar| !scalar.is_float())
+    }
+
+    fn is_finite(&self, expected: &[u32]) -> bool {
+        self.scalars.iter().zip(expected).all(|(s, word)| s.decode(*word).is_finite())
+    }
+
+    /// Whether one case agrees.
+    pub(super) fn agree(&self, expected: &[u32], actual: &[u32]) -> bool {
+        let finite = self.is_finite(expected);
+        let lanes = self.scalars.iter().zip(&self.scales).zip(expected.iter().zip(actual));
+        lanes.into_iter().all(|((scalar, scale), (expected, actual))| {
+            let wanted = scalar.decode(*expected);
+            if !scalar.is_float() {
+                return expected == actual;
+            }
+            // Both in the unit of the largest result, so that an absolute bound is one of that.
+            let found = scalar.decode(*actual) / scale;
+            !finite || self.within.measure_sum(0, found, wanted / scale).passes()
+        })
+    }
 }
 
 /// Steps of `f32` between two components; what may be flushed to 0 is 0.
@@ -133,26 +166,41 @@ mod tests {
         let scalars = [Scalar::F32, Scalar::U32];
         let within = Rel(1e-3).or(Abs(1e-3));
         let expected: Vec<u32> = (0..65_536_u32).flat_map(|i| [(i as f32).to_bits(), i]).collect();
-        let same = compare(&scalars, &expected, &expected, &within);
+        let judge = Judge::new(&scalars, &within, &expected);
+        let same = judge.compare(&expected, &expected);
         assert_eq!((same.compared, same.differing.len(), same.worst_ulp), (65_536, 0, Some(0)));
         for bit in [30, 22, 15] {
             let mut actual = expected.clone();
             actual[2 * 40_000] ^= 1 << bit;
-            assert_eq!(compare(&scalars, &expected, &actual, &within).differing, [40_000], "{bit}");
+            assert_eq!(judge.compare(&expected, &actual).differing, [40_000], "{bit}");
         }
         let mut actual = expected.clone();
         actual[2 * 7 + 1] ^= 1;
-        assert_eq!(compare(&scalars, &expected, &actual, &within).differing, [7], "of an integer");
+        assert_eq!(judge.compare(&expected, &actual).differing, [7], "of an integer");
     }
 
     #[test]
     fn what_is_not_finite_is_left_out_and_never_agrees() {
-        let (scalars, within) = ([Scalar::F32], Tolerance::from(Abs(1.0)));
+        let (scalars, within) = ([Scalar::F32, Scalar::I32], Tolerance::from(Abs(1.0)));
+        let words = |values: [f32; 3], number: u32| values.map(|v| [v.to_bits(), number]).concat();
+        let expected = words([f32::NAN, 1.0, f32::INFINITY], 7);
+        let judge = Judge::new(&scalars, &within, &expected);
+        assert!(judge.compare(&expected, &expected).differing.is_empty());
+        let seen = judge.compare(&expected, &words([1.0, f32::NAN, 1.0], 7));
+        assert_eq!((seen.compared, &*seen.differing), (3, &[1][..]));
+        // The other component is compared all the same.
+        assert_eq!(judge.compare(&expected, &words([1.0, 1.0, 1.0], 8)).differing, [0, 1, 2]);
+        let alone = Judge::new(&scalars[..1], &within, &expected);
+        assert_eq!(alone.compare(&[f32::NAN.to_bits()], &[0]).compared, 0);
+    }
+
+    #[test]
+    fn small_results_are_compared_by_their_size() {
+        let (scalars, within) = ([Scalar::F32], Rel(1e-3).or(Abs(1e-3)));
         let words = |values: [f32; 3]| values.map(f32::to_bits);
-        let expected = words([f32::NAN, 1.0, f32::INFINITY]);
-        let seen = compare(&scalars, &expected, &expected, &within);
-        assert_eq!((seen.compared, seen.differing.len()), (1, 0));
-        let seen = compare(&scalars, &expected, &words([1.0, f32::NAN, 1.0]), &within);
-        assert_eq!((seen.compared, &*seen.differing), (1, &[1][..]));
+        let expected = words([0.0, 1e-5, -1e-5]);
+        let judge = Judge::new(&scalars, &within, &expected);
+        assert_eq!(judge.compare(&expected, &words([0.0, -1e-5, -1e-5])).differing, [1]);
+        assert!(judge.compare(&expected, &words([1e-9, 1e-5, -1e-5])).differing.is_empty());
     }
 }

@@ -19,25 +19,28 @@ impl Cell {
 }
 
 impl Matrix {
-    /// Why rows stop, each reason with its column and its rows, the most frequent first.
+    /// Why rows stop, each reason with its column and its rows: first what is wrong, then what isn't
+    /// here or isn't run; of each the most frequent first.
     #[must_use]
     pub fn reasons(&self) -> Vec<(String, Vec<String>)> {
-        let mut reasons: BTreeMap<String, Vec<String>> = BTreeMap::new();
+        let mut reasons: BTreeMap<(bool, String), Vec<String>> = BTreeMap::new();
         for row in &self.rows {
             if let Some(error) = &row.error {
                 let first = error.lines().next().unwrap_or_default();
-                reasons.entry(first.to_owned()).or_default().push(row.name.clone());
+                reasons.entry((false, first.to_owned())).or_default().push(row.name.clone());
             }
             for (head, cell) in self.columns.iter().zip(&row.cells) {
                 if let Some(stop) = &cell.stopped {
                     let text = format!("{}: {}", head.name, stop.text().trim());
-                    reasons.entry(text).or_default().push(row.name.clone());
+                    let wrong =
+                        matches!(stop, Stop::Differs(_) | Stop::Rejected(_) | Stop::Unsupported(_));
+                    reasons.entry((!wrong, text)).or_default().push(row.name.clone());
                 }
             }
         }
         let mut reasons: Vec<_> = reasons.into_iter().collect();
-        reasons.sort_by_key(|(_, rows)| std::cmp::Reverse(rows.len()));
-        reasons
+        reasons.sort_by_key(|((late, _), rows)| (*late, std::cmp::Reverse(rows.len())));
+        reasons.into_iter().map(|((_, why), rows)| (why, rows)).collect()
     }
 
     /// The matrix as a page of Markdown: what ran, how many rows got how far, each row, and why rows

@@ -1,7 +1,6 @@
 //! The simplest input on which two columns differ.
 
-use super::execute::{Ready, agree};
-use crate::tolerance::Tolerance;
+use super::execute::{Judge, Ready};
 use crate::value::Scalar;
 
 /// Rounds of simplification: each makes one component simpler.
@@ -13,7 +12,7 @@ pub(super) struct Pair<'r, 'p> {
     pub(super) actual: &'r Ready<'p>,
     pub(super) arguments: &'r [Scalar],
     pub(super) results: &'r [Scalar],
-    pub(super) within: &'r Tolerance,
+    pub(super) judge: &'r Judge<'r>,
 }
 
 impl Pair<'_, '_> {
@@ -44,9 +43,7 @@ impl Pair<'_, '_> {
         let differs = |index: &usize| {
             let of = |results: &[u32]| results[index * width..][..width].to_vec();
             let (expected, actual) = (of(&expected), of(&actual));
-            let finite = self.results.iter().zip(&expected);
-            let finite = finite.clone().all(|(s, word)| s.decode(*word).is_finite());
-            finite && !agree(self.results, &expected, &actual, self.within)
+            self.judge.is_compared(&expected) && !self.judge.agree(&expected, &actual)
         };
         Some((0..rows.len()).find(differs))
     }

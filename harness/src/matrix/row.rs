@@ -2,7 +2,7 @@
 
 use karat_translate::{Shader, Target, Tool, TranslateError, Translation, Verdict};
 
-use super::execute::{Comparison, Ready, compare, shown};
+use super::execute::{Comparison, Judge, Ready, shown};
 use super::reduce::Pair;
 use super::{Cell, Column, Request, Row, Said, Status, Stop, inputs};
 use crate::package::FunctionItem;
@@ -92,16 +92,25 @@ impl Translations<'_> {
                 Cell { stopped, ..nothing }
             }
             Ok((translation, said)) => {
-                let rejects = said.iter().find(|said| said.verdict != VALID);
+                let (own, of_route) = said.split_at(said.len() - usize::from(reads(reader, said)));
+                let rejects = rejection(own);
                 let (status, stopped) = match rejects {
                     Some(said) => {
                         let text = format!("`{}`: {}", said.command, said.verdict);
                         (Status::Translated, Some(Stop::Rejected(text)))
                     }
-                    None if said.is_empty() => {
+                    None if own.is_empty() => {
                         (Status::Translated, Some(Stop::NoValidator(no_validator(target))))
                     }
-                    None => (Status::Valid, None),
+                    None => (
+                        Status::Valid,
+                        of_route.iter().find(|said| said.verdict != VALID).map(|said| {
+                            Stop::Unsupported(format!(
+                                "naga doesn't read it back: {}",
+                                said.verdict
+                            ))
+                        }),
+                    ),
                 };
                 let (options, validators) = (translation.options.clone(), said.clone());
                 Cell { status: Some(status), stopped, options, validators, ..nothing }
@@ -111,6 +120,21 @@ impl Translations<'_> {
 }
 
 const VALID: &str = "valid";
+
+/// Whether the last that is said is whether naga reads the translation back, which is no verdict on
+/// it.
+fn reads(reader: Reader, said: &[Said]) -> bool {
+    reader == Reader::Naga && said.last().is_some_and(|said| said.command.ends_with(".spv"))
+}
+
+/// The validator that rejects a translation. `spirv-cross` writes source text of it, and doesn't know
+/// all that is valid: where `spirv-val` accepts, it isn't asked.
+fn rejection(said: &[Said]) -> Option<&Said> {
+    let of = |said: &Said, tool: &str| said.command.starts_with(tool);
+    let accepted = said.iter().any(|said| of(said, "spirv-val") && said.verdict == VALID);
+    let counts = |said: &&Said| !(accepted && of(said, "spirv-cross"));
+    said.iter().filter(counts).find(|said| said.verdict != VALID)
+}
 
 /// What each validator that is here says of a translation.
 fn judged(translation: &Translation, reader: Reader) -> Vec<Said> {
@@ -334,9 +358,10 @@ fn compare_all(
         cells[first.column].stopped = Some(Stop::NothingToCompare(alone));
         return;
     }
+    let judge = Judge::new(&scalars, &request.within, &first.results);
     let mut agreeing: Option<Comparison> = None;
     for other in others {
-        let seen = compare(&scalars, &first.results, &other.results, &request.within);
+        let seen = judge.compare(&first.results, &other.results);
         let baseline = request.columns[first.column];
         let cell = &mut cells[other.column];
         (cell.compared, cell.differing, cell.worst_ulp) =
@@ -345,7 +370,7 @@ fn compare_all(
             let none = "no case has a finite result".to_owned();
             cell.stopped = Some(Stop::NothingToCompare(none));
         } else if let Some(case) = seen.differing.first() {
-            let text = difference(request, probed, rows, (first, other), *case, baseline);
+            let text = difference(request, probed, rows, (first, other), *case, &judge);
             let (count, compared) = (seen.differing.len(), seen.compared);
             let text = format!("{count} of {compared} cases differ from `{baseline}`: {text}");
             cell.stopped = Some(Stop::Differs(text));
@@ -375,7 +400,7 @@ fn difference(
     rows: &[u32],
     (first, other): (&Ran<'_>, &Ran<'_>),
     case: usize,
-    baseline: Column,
+    judge: &Judge<'_>,
 ) -> String {
     let function = probed.function();
     let arguments: Vec<Scalar> =
@@ -386,7 +411,7 @@ fn difference(
         actual: &other.ready,
         arguments: &arguments,
         results: &results,
-        within: &request.within,
+        judge,
     };
     let row = rows[case * arguments.len()..][..arguments.len()].to_vec();
     let of = |ran: &Ran<'_>| ran.results[case * results.len()..][..results.len()].to_vec();
@@ -399,10 +424,31 @@ fn difference(
         format!("{name} = {}", shown(&arguments[at - count..at], &row[at - count..at]))
     });
     let named = named.collect::<Vec<_>>().join("; ");
-    let column = request.columns[other.column];
+    let (column, baseline) = (request.columns[other.column], request.columns[first.column]);
     format!(
         "at {named} `{column}` returns {}, `{baseline}` {}",
         shown(&results, &actual),
         shown(&results, &expected)
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spirv_cross_rejects_nothing_that_spirv_val_accepts() {
+        let said = |command: &str, verdict: &str| Said {
+            command: command.to_owned(),
+            version: String::new(),
+            verdict: verdict.to_owned(),
+        };
+        let (good, bad) =
+            (said("spirv-val shader.spv", VALID), said("spirv-cross shader.spv", "no"));
+        assert_eq!(rejection(&[good.clone(), bad.clone()]), None);
+        assert_eq!(rejection(std::slice::from_ref(&bad)), Some(&bad));
+        let val = said("spirv-val shader.spv", "invalid");
+        assert_eq!(rejection(&[val.clone(), bad]), Some(&val));
+        assert_eq!(rejection(&[good]), None);
+    }
 }

@@ -22,6 +22,8 @@ pub struct Matrix {
     pub naga: String,
     /// The validators that judged, with their versions.
     pub validators: BTreeMap<String, String>,
+    /// Inputs of each function.
+    pub cases: usize,
     /// The columns, with their adapters.
     pub columns: Vec<Head>,
     /// The rows, in the order of modules and lines.
@@ -65,10 +67,21 @@ pub enum MatrixError {
     /// There is no column, or no case.
     #[error("a matrix has at least one column and one case")]
     Empty,
+    /// There are more cases than are kept in memory.
+    #[error("a matrix has at most {most} cases a function, not {cases}")]
+    TooMany {
+        /// What was asked for.
+        cases: usize,
+        /// What is possible.
+        most: usize,
+    },
     /// A column is named twice.
     #[error("the column `{0}` is named twice")]
     Repeated(String),
 }
+
+/// Cases of a function, all in memory on each column: as many as `karat call` takes.
+const MOST_CASES: usize = 1 << 22;
 
 pub(super) fn make(
     request: &Request,
@@ -77,6 +90,9 @@ pub(super) fn make(
     settings::current()?;
     if request.columns.is_empty() || request.cases == 0 {
         return Err(MatrixError::Empty);
+    }
+    if request.cases > MOST_CASES {
+        return Err(MatrixError::TooMany { cases: request.cases, most: MOST_CASES });
     }
     for (index, column) in request.columns.iter().enumerate() {
         if request.columns[..index].contains(column) {
@@ -99,7 +115,8 @@ pub(super) fn make(
     let rows = items.par_iter().map(one).collect();
     let here = Tool::all().iter().filter_map(|tool| tool.as_ref().ok());
     let validators = here.map(|tool| (tool.name().to_owned(), tool.version().to_owned())).collect();
-    Ok(Matrix { package, naga: NAGA_VERSION.to_owned(), validators, columns, rows })
+    let (naga, cases) = (NAGA_VERSION.to_owned(), request.cases);
+    Ok(Matrix { package, naga, validators, cases, columns, rows })
 }
 
 /// The functions and entry points. A module that can't be read is an error: it would hide its own.

@@ -2,7 +2,7 @@
 //! to itself is a verdict on it.
 
 use std::io::{self, Read, Seek};
-use std::process::{Command, ExitStatus, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 /// How long a validator or a compiler may take for one shader. They take some 30 ms.
@@ -40,6 +40,9 @@ fn run_for(command: &mut Command, deadline: Duration) -> io::Result<Ran> {
     // A file takes whatever is written; a pipe would have to be read meanwhile.
     let mut output = tempfile::tempfile()?;
     command.stdin(Stdio::null()).stdout(output.try_clone()?).stderr(output.try_clone()?);
+    // A group of its own, so that what it has started ends with it.
+    #[cfg(unix)]
+    std::os::unix::process::CommandExt::process_group(command, 0);
     let (mut child, start) = (command.spawn()?, Instant::now());
     let mut pause = FIRST_PAUSE;
     let end = loop {
@@ -47,8 +50,7 @@ fn run_for(command: &mut Command, deadline: Duration) -> io::Result<Ran> {
             break ended(status);
         }
         if start.elapsed() > deadline {
-            child.kill()?;
-            child.wait()?;
+            end(&mut child)?;
             break End::TimedOut;
         }
         std::thread::sleep(pause);
@@ -58,6 +60,22 @@ fn run_for(command: &mut Command, deadline: Duration) -> io::Result<Ran> {
     output.rewind()?;
     output.read_to_end(&mut bytes)?;
     Ok(Ran { end, output: String::from_utf8_lossy(&bytes).trim().to_owned() })
+}
+
+/// Ends a program, and what it has started.
+fn end(child: &mut Child) -> io::Result<()> {
+    #[cfg(unix)]
+    {
+        let group = format!("-{}", child.id());
+        // Without the program `kill` what it has started stays, and nothing else is lost.
+        let _ = Command::new("kill").args(["-KILL", "--", &group]).stderr(Stdio::null()).status();
+    }
+    // It has ended if its group has.
+    match child.kill() {
+        Err(error) if error.kind() != io::ErrorKind::InvalidInput => return Err(error),
+        _ => {}
+    }
+    child.wait().map(drop)
 }
 
 fn ended(status: ExitStatus) -> End {
@@ -89,5 +107,16 @@ mod tests {
         assert_eq!(shell("kill -SEGV $$").end, End::Crashed);
         assert_eq!(shell("exec sleep 60").end, End::TimedOut);
         assert_eq!(shell("exec cat").end, End::Good, "there is no input to wait for");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn what_a_program_has_started_ends_with_it() {
+        let ran = shell("sleep 60 & echo $!; wait");
+        assert_eq!(ran.end, End::TimedOut);
+        let status = std::fs::read_to_string(format!("/proc/{}/status", ran.output));
+        // It is gone, or nobody has taken notice yet.
+        let gone = status.map_or(true, |status| status.contains("State:\tZ"));
+        assert!(gone, "process {} is left", ran.output);
     }
 }

@@ -1,6 +1,7 @@
 //! SPIR-V by compilers that aren't naga: of naga's GLSL and HLSL.
 
 use std::io;
+use std::path::Path;
 use std::process::Command;
 
 use crate::child::{self, End};
@@ -50,6 +51,16 @@ pub enum CompileError {
         /// What it wrote.
         message: String,
     },
+    /// The compiler makes SPIR-V that isn't valid.
+    #[error("`{command}` makes invalid SPIR-V of naga's {target}: {message}")]
+    Invalid {
+        /// The language.
+        target: Target,
+        /// The command.
+        command: String,
+        /// The words of `spirv-val`.
+        message: String,
+    },
     /// The compiler lays a uniform buffer out in another way than naga means it.
     #[error("`{command}` doesn't lay uniform buffers out as Direct3D does: {message}")]
     Layout {
@@ -70,6 +81,18 @@ pub enum CompileError {
 
 /// glslang, which reads GLSL and HLSL.
 const GLSLANG: &str = "glslangValidator";
+
+/// The first word of SPIR-V.
+const MAGIC: u32 = 0x0723_0203;
+
+/// What `spirv-val` has against `out.spv`, if it is here: drivers take what compilers make on trust.
+fn rejected(folder: &Path) -> io::Result<Option<String>> {
+    let Ok((program, _)) = tool::program("spirv-val") else { return Ok(None) };
+    let mut command = Command::new(program);
+    command.args(["--target-env", "vulkan1.1", "out.spv"]).current_dir(folder);
+    let ran = child::run(&mut command)?;
+    Ok(Some(ran.output).filter(|_| ran.end != End::Good))
+}
 
 /// SPIR-V 1.3 for Vulkan 1.1 of a translation with one entry point, by a compiler that isn't naga.
 /// Its bindings are those of the translation.
@@ -126,6 +149,12 @@ pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
         return Err(broke("writes no SPIR-V"));
     }
     let words: Vec<u32> = words.iter().map(|word| u32::from_le_bytes(*word)).collect();
+    if words[0] != MAGIC {
+        return Err(broke("writes no SPIR-V"));
+    }
+    if let Some(message) = rejected(folder.path()).map_err(unrunnable)? {
+        return Err(CompileError::Invalid { target, command, message });
+    }
     match layout::fault(&translation.uniforms, &words).filter(|_| target == Target::Hlsl) {
         Some(message) => Err(CompileError::Layout { command, message }),
         None => Ok(words),

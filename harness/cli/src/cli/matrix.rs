@@ -127,7 +127,7 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
     let mut table = Table::new(&names, &[]);
     for row in &matrix.rows {
         let mut cells = vec![format!("{} ({})", row.name, row.kind)];
-        cells.extend(row.cells.iter().map(|cell| cell.word().to_owned()));
+        cells.extend(row.cells.iter().map(|cell| shown(cell, row, matrix.cases)));
         let style = match () {
             () if row.error.is_some() => DIM,
             () if row.cells.iter().any(is_bad) => BAD,
@@ -145,6 +145,15 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
         writeln!(out, "\n{why}\n{DIM}  {}{more}{DIM:#}", few.join(", "))?;
     }
     Ok(())
+}
+
+/// A cell's word; and how many cases stand behind it, where most have no finite result.
+fn shown(cell: &Cell, row: &Row, cases: usize) -> String {
+    let few = row.kind == "function" && cell.compared * 2 < cases;
+    match cell.status {
+        Some(Status::Agrees) if few => format!("{} in {}", cell.word(), cell.compared),
+        _ => cell.word().to_owned(),
+    }
 }
 
 fn is_bad(cell: &Cell) -> bool {

@@ -84,8 +84,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 fn source(args: &Args) -> anyhow::Result<(String, Option<String>)> {
     let project = Project::find()?;
     for package in project.packages(&args.package)? {
-        if package.modules()?.contains(&args.what) {
-            let program = Program::of_module(&package, &args.what)?;
+        let modules = package.modules()?;
+        // A package of one file has a module without a name.
+        let alone = (package.name() == args.what).then(String::new);
+        let module = Some(&args.what).or(alone.as_ref()).filter(|m| modules.contains(m));
+        let module = module.or(alone.as_ref().filter(|m| modules.contains(m)));
+        if let Some(module) = module {
+            let program = Program::of_module(&package, module)?;
             return Ok((program.text().to_owned(), None));
         }
     }

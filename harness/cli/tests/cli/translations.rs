@@ -52,6 +52,8 @@ fn a_module_is_printed_with_its_entry_points() {
     assert_eq!(karat(folder.path(), &one).good().matches("#version 450").count(), 1);
     let hlsl = karat(folder.path(), &["translate", "frame", "--to", "hlsl"]).good();
     assert!(hlsl.contains("corner, shade") && hlsl.contains("SV_Target0"), "{hlsl}");
+    let file = ["translate", "frame", "--to", "hlsl", "--package", "shaders/frame.wgsl"];
+    assert_eq!(karat(folder.path(), &file).good(), hlsl, "a file alone is a package");
     let valid = ["translate", "frame", "--to", "wgsl", "--validate"];
     let said = karat(folder.path(), &valid).good();
     assert!(said.contains("naga shader.wgsl") && said.contains("valid"), "{said}");
@@ -196,6 +198,8 @@ fn what_is_required_of_the_matrix_decides() {
         assert_eq!(ran.code, Some(2), "{ran:?}");
         assert!(ran.err.contains(message), "{ran:?}");
     }
+    let many = karat(folder.path(), &["matrix", "--cases", "99999999999"]);
+    assert!(many.error().contains("at most 4194304 cases"));
     let none = karat(folder.path(), &["matrix", "--cases", "0"]);
     assert!(none.error().contains("at least one column and one case"));
     let twice = karat(folder.path(), &["matrix", "--columns", "vulkan,vulkan"]);

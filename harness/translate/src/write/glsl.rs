@@ -1,6 +1,7 @@
 //! GLSL, of desktops and of ES.
 
 use naga::back::glsl::{BindingMap, Options, PipelineOptions, Version, Writer, WriterFlags};
+use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
 use naga::{EntryPoint, ResourceBinding};
 
 use super::{Job, RESTRICT, Written};
@@ -27,10 +28,18 @@ pub(super) fn write(job: &Job<'_>, version: Version) -> Result<Written, String> 
         multiview: None,
     };
     let mut text = String::new();
-    // wgpu leaves indices unchecked in GLSL; checked ones are what the other languages have.
-    let mut writer = Writer::new(&mut text, job.module, job.info, &options, &pipeline, RESTRICT)
+    // naga checks texels alone in GLSL.
+    let policies = match version {
+        Version::Desktop(_) => RESTRICT,
+        // It has no query of levels, which the check needs; wgpu has none there, either.
+        Version::Embedded { .. } => {
+            BoundsCheckPolicies { image_load: BoundsCheckPolicy::Unchecked, ..RESTRICT }
+        }
+    };
+    let mut writer = Writer::new(&mut text, job.module, job.info, &options, &pipeline, policies)
         .map_err(|error| crate::shader::causes(&error))?;
     writer.write().map_err(|error| crate::shader::causes(&error))?;
+    let is_es = matches!(version, Version::Embedded { .. });
     let version = match version {
         Version::Desktop(version) => format!("GLSL {version}"),
         Version::Embedded { version, .. } => format!("GLSL ES {version}"),
@@ -40,7 +49,8 @@ pub(super) fn write(job: &Job<'_>, version: Version) -> Result<Written, String> 
         entry_points: vec!["main".to_owned()],
         bindings,
         options: format!(
-            "{version}, texel indices restricted, workgroup memory set to zero, y flipped"
+            "{version}, {}, workgroup memory set to zero, y flipped",
+            if is_es { "indices unchecked" } else { "texel indices restricted, others unchecked" }
         ),
     })
 }
