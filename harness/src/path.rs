@@ -368,7 +368,7 @@ mod tests {
             let nobody: Path = format!("{}@nobody", device.path()).parse().expect("a name");
             let error = open(nobody).expect_err("no such driver").to_string();
             assert!(error.contains("no adapter of the family `nobody`"), "{error}");
-            let route: Path = format!("{}:wgsl", device.path()).parse().expect("a route");
+            let route: Path = format!("{}:msl", device.path()).parse().expect("a route");
             assert!(open(route).is_err(), "{route}");
         }
         let error = open(Path::CPU).expect_err("there is no engine").to_string();

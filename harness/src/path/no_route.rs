@@ -5,7 +5,8 @@ use super::{Path, PathError, Via};
 use crate::reflect::Ir;
 
 pub(super) fn missing(path: Path) -> Option<String> {
-    (path.via() != Via::Direct).then(|| "karat is built without its feature `routes`".to_owned())
+    (path.via() != Via::Direct).then(|| "karat is built without routes: write features = [\"routes\"] at its dependency in Cargo.toml"
+            .to_owned())
 }
 
 pub(super) fn features(_: Path) -> wgpu::Features {

@@ -125,6 +125,43 @@ fn the_matrix_says_how_far_each_row_gets() {
     assert!(!text.contains("frame::"), "{text}");
 }
 
+/// A route is a path: a function is called there as anywhere.
+#[cfg(target_os = "linux")]
+#[test]
+fn routes_are_paths() {
+    let folder = shaders();
+    let image = "@group(0) @binding(0) var image: texture_2d<f32>;\n\
+                 @group(0) @binding(1) var near: sampler;\n\
+                 fn texel(x: f32) -> vec4f { return textureSampleLevel(image, near, vec2f(x), 0.0); }\n";
+    write(&folder.path().join("shaders"), "image.wgsl", image);
+    let call = |path: &str, function: &[&str]| {
+        karat(folder.path(), &[&["call", "--path", path], function].concat())
+    };
+    for route in
+        ["vulkan:wgsl", "vulkan:spirv", "vulkan:glsl", "vulkan:hlsl", "gl:wgsl", "gl:spirv"]
+    {
+        let out = call(route, &["maths::blend", "2", "1"]).good();
+        assert!(out.contains(route) && out.contains('5'), "{out}");
+        // And opens, as doctor says.
+        karat(folder.path(), &["doctor", "--require", route]).good();
+    }
+    for (route, message) in [
+        ("gl:hlsl", "there is no compiler from hlsl to what this API takes"),
+        ("vulkan:msl", "there is no compiler from msl to what this API takes"),
+    ] {
+        let ran = call(route, &["maths::blend", "2", "1"]);
+        assert!(ran.code != Some(0) && ran.err.contains(message), "{ran:?}");
+    }
+    // What a route can't bind is no result, and says why.
+    let matrix = ["matrix", "--json", "--only", "texel"];
+    let matrix = json(&karat(folder.path(), &matrix).good());
+    for (column, why) in [("vulkan:glsl", "joins each texture"), ("vulkan:hlsl", "from a heap")] {
+        let cell = &row(&matrix, "image::texel")[column];
+        assert_eq!(cell["status"], "valid", "{cell}");
+        assert!(cell["stopped"]["says"].as_str().is_some_and(|says| says.contains(why)), "{cell}");
+    }
+}
+
 /// What functions don't have: workgroup memory, a barrier, atomics, buffers of several groups.
 const SUMS: &str = "struct Params { scale: f32, m: mat4x4f, list: array<vec4f, 3> }\n\
     @group(0) @binding(0) var<uniform> params: Params;\n\
