@@ -9,6 +9,7 @@
 //! validator nothing is valid, and without a driver nothing is executed.
 
 mod column;
+mod compute;
 mod execute;
 mod inputs;
 mod markdown;

@@ -52,6 +52,14 @@ impl<'p> Ready<'p> {
     }
 }
 
+/// Why something wasn't run; without the function's name, so that equal reasons are one.
+pub(super) fn not_run(error: ProbeError) -> String {
+    match error {
+        ProbeError::Compile { error, .. } => error.to_string(),
+        other => other.to_string(),
+    }
+}
+
 /// How the results of two columns compare.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Comparison {

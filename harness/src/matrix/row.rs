@@ -2,14 +2,14 @@
 
 use karat_translate::{Shader, Target, Tool, TranslateError, Translation, Verdict};
 
-use super::execute::{Comparison, Judge, Ready, shown};
+use super::compute::run_entry_points;
+use super::execute::{Comparison, Judge, Ready, not_run, shown};
 use super::reduce::Pair;
 use super::{Cell, Column, Request, Row, Said, Status, Stop, inputs};
 use crate::package::FunctionItem;
 use crate::path::Via;
-use crate::probe::{Data, ProbeError, Probed, run_entry_point};
+use crate::probe::{ProbeError, Probed};
 use crate::reflect::{Program, ReflectError};
-use crate::tolerance::Tolerance;
 use crate::value::Scalar;
 
 /// What a row is about, and its row.
@@ -188,97 +188,6 @@ fn of_entry_point(request: &Request, item: &FunctionItem) -> Result<(String, Vec
     };
     run_entry_points(request, &program, &known.name, data.as_ref(), &mut cells);
     Ok((stage.to_string(), cells))
-}
-
-/// Runs a compute entry point on each column that got so far, and compares what it wrote.
-fn run_entry_points(
-    request: &Request,
-    program: &Program,
-    name: &str,
-    data: Result<&(Vec<Data>, u32), &String>,
-    cells: &mut [Cell],
-) {
-    let mut ran: Vec<(usize, Vec<u32>)> = Vec::new();
-    for (index, column) in request.columns.iter().enumerate() {
-        let cell = &mut cells[index];
-        if cell.stopped.is_some() {
-            continue;
-        }
-        let words = match (data, column.path) {
-            (_, None) => Err(Stop::Unavailable(format!("no path here runs {}", column.target))),
-            (Err(why), _) => Err(Stop::NotRun(why.clone())),
-            (Ok((data, workgroups)), Some(path)) => match crate::path::open(path) {
-                Err(error) => Err(Stop::Unavailable(error.to_string())),
-                Ok(device) => run_entry_point(device, program, name, *workgroups, data)
-                    .map_err(|error| Stop::NotRun(not_run(error))),
-            },
-        };
-        match words {
-            Ok(words) => {
-                cell.status = Some(Status::Executed);
-                ran.push((index, words.concat()));
-            }
-            Err(stop) => cell.stopped = Some(stop),
-        }
-    }
-    let Some(((first, expected), others)) = ran.split_first() else { return };
-    let mut agreeing = None;
-    for (index, actual) in others {
-        let (baseline, cell) = (request.columns[*first], &mut cells[*index]);
-        cell.compared = expected.len();
-        let differs = |(a, b): &(&u32, &u32)| !same_word(**a, **b, &request.within);
-        let places: Vec<usize> = (0..expected.len().max(actual.len()))
-            .filter(|at| match (expected.get(*at), actual.get(*at)) {
-                (Some(a), Some(b)) => differs(&(a, b)),
-                _ => true,
-            })
-            .collect();
-        cell.differing = places.len();
-        if expected.is_empty() {
-            cell.stopped = Some(Stop::NothingToCompare("it writes no buffer".to_owned()));
-        } else if let Some(place) = places.first() {
-            let word = |words: &[u32]| words.get(*place).map_or(0, |word| *word);
-            cell.stopped = Some(Stop::Differs(format!(
-                "{} of {} words of its buffers differ from `{baseline}`: word {place} is {:#010x}, \
-                 there {:#010x}",
-                places.len(),
-                expected.len(),
-                word(actual),
-                word(expected)
-            )));
-        } else {
-            cell.status = Some(Status::Agrees);
-            agreeing = Some(expected.len());
-        }
-    }
-    let cell = &mut cells[*first];
-    match agreeing {
-        Some(compared) => (cell.status, cell.compared) = (Some(Status::Agrees), compared),
-        None if others.is_empty() => {
-            cell.stopped = Some(Stop::NothingToCompare("no other column ran it".to_owned()));
-        }
-        None => {
-            let none = "no other column agrees with it".to_owned();
-            cell.stopped = Some(Stop::NothingToCompare(none));
-        }
-    }
-}
-
-/// Whether two words of a buffer are the same number. It isn't known which of them are floats: a pair
-/// whose words differ is one of floats if both are normal ones.
-fn same_word(expected: u32, actual: u32, within: &Tolerance) -> bool {
-    let [a, b] = [expected, actual].map(f32::from_bits);
-    let both_normal = a.is_normal() && b.is_normal();
-    // `==` of floats: 0 and -0 are one number.
-    expected == actual || a == b || (both_normal && within.measure(0, b, f64::from(a)).passes())
-}
-
-/// Why something wasn't run; without the function's name, so that equal reasons are one.
-fn not_run(error: ProbeError) -> String {
-    match error {
-        ProbeError::Compile { error, .. } => error.to_string(),
-        other => other.to_string(),
-    }
 }
 
 /// What a column made of the inputs.
