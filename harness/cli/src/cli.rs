@@ -28,6 +28,7 @@ mod test;
 mod translate;
 mod unreferenced;
 
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -354,6 +355,14 @@ fn spare<'a>(
         }
     }
     Ok(())
+}
+
+/// Refuses an output that is a module of one of these packages.
+fn spare_shaders(what: &str, output: &Path, packages: &[karat::Package]) -> anyhow::Result<()> {
+    let functions = packages.iter().filter_map(|package| package.functions().ok()).flatten();
+    let files: BTreeSet<PathBuf> =
+        functions.map(|function| PathBuf::from(&function.span.file.name)).collect();
+    spare(what, output, files.iter().map(PathBuf::as_path))
 }
 
 /// What went wrong and why, each cause once: many an error's text has its cause's in it already, so

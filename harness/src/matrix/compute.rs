@@ -42,25 +42,20 @@ pub(super) fn run_entry_points(
     for (index, actual) in others {
         let (baseline, cell) = (request.columns[*first], &mut cells[*index]);
         cell.compared = expected.len();
-        let differs = |(a, b): &(&u32, &u32)| !same_word(**a, **b, &request.within);
-        let places: Vec<usize> = (0..expected.len().max(actual.len()))
-            .filter(|at| match (expected.get(*at), actual.get(*at)) {
-                (Some(a), Some(b)) => differs(&(a, b)),
-                _ => true,
-            })
-            .collect();
+        // The same buffers were read back on each.
+        let differs = |at: &usize| !same_word(expected[*at], actual[*at], &request.within);
+        let places: Vec<usize> = (0..expected.len()).filter(differs).collect();
         cell.differing = places.len();
         if expected.is_empty() {
             cell.stopped = Some(Stop::NothingToCompare("it writes no buffer".to_owned()));
         } else if let Some(place) = places.first() {
-            let word = |words: &[u32]| words.get(*place).map_or(0, |word| *word);
             cell.stopped = Some(Stop::Differs(format!(
                 "{} of {} words of its buffers differ from `{baseline}`: word {place} is {:#010x}, \
                  there {:#010x}",
                 places.len(),
                 expected.len(),
-                word(actual),
-                word(expected)
+                actual[*place],
+                expected[*place]
             )));
         } else {
             cell.status = Some(Status::Agrees);

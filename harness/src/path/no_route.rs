@@ -5,8 +5,9 @@ use super::{Path, PathError, Via};
 use crate::reflect::Ir;
 
 pub(super) fn missing(path: Path) -> Option<String> {
-    (path.via() != Via::Direct).then(|| "karat is built without routes: write features = [\"routes\"] at its dependency in Cargo.toml"
-            .to_owned())
+    let reason = "karat is built without routes: write features = [\"routes\"] at its dependency in \
+                  Cargo.toml";
+    (path.via() != Via::Direct).then(|| reason.to_owned())
 }
 
 pub(super) fn features(_: Path) -> wgpu::Features {

@@ -5,12 +5,13 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
+use karat::image::write_whole;
 use karat::matrix::{Cell, Column, Matrix, Row, Status, Stop};
 use karat::tolerance::{Abs, Rel};
 
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
-use super::{Ending, Outcome, PackageArgs, write_json};
+use super::{Ending, Outcome, PackageArgs, spare_shaders, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -58,6 +59,9 @@ fn bound(text: &str) -> Result<f64, String> {
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let packages = Project::find()?.packages(&args.package)?;
     ensure!(!packages.is_empty(), "`metadata.karat` lists no shader package");
+    if let Some(file) = &args.markdown {
+        spare_shaders("table", file, &packages)?;
+    }
     let mut columns = if args.columns.is_empty() { Column::usual() } else { args.columns.clone() };
     for (name, _) in &args.require {
         let column: Column = name.parse().map_err(anyhow::Error::msg)?;
@@ -92,7 +96,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     if let Some(file) = &args.markdown {
         let text: Vec<String> = matrices.iter().map(Matrix::markdown).collect();
-        std::fs::write(file, text.join("\n"))
+        write_whole(file, text.join("\n").as_bytes())
             .with_context(|| format!("can't write `{}`", file.display()))?;
     }
     let mut ending = Ending::Good;

@@ -4,13 +4,14 @@ use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 
 use anyhow::{Context, bail, ensure};
+use karat::image::write_whole;
 use karat::probe::Probed;
 use karat::reflect::Program;
 use karat_translate::{Code, Shader, Target, Tool, Translation, Validation, Verdict};
 
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD};
-use super::{Ending, Outcome, PackageArgs};
+use super::{Ending, Outcome, PackageArgs, spare_shaders};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -38,6 +39,10 @@ fn language() -> clap::builder::PossibleValuesParser {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let target: Target = args.to.parse().map_err(anyhow::Error::msg)?;
+    let packages = Project::find()?.packages(&args.package)?;
+    if let Some(file) = &args.out {
+        spare_shaders("translation", file, &packages)?;
+    }
     let (text, own) = source(args)?;
     let shader = Shader::parse(&text)?;
     let wanted: Vec<Option<String>> = match own.or_else(|| args.entry_point.clone()) {
@@ -65,7 +70,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
                     translations.len()
                 );
             };
-            std::fs::write(file, translation.code.bytes())
+            write_whole(file, &translation.code.bytes())
                 .with_context(|| format!("can't write `{}`", file.display()))?;
         }
         None => {

@@ -76,6 +76,10 @@ fn what_cannot_be_translated_says_so() {
     assert!(entry.contains("no entry point `shad`"), "{entry}");
     let out = error(&["frame", "--to", "glsl", "--out", "frame.glsl"]);
     assert!(out.contains("name one with --entry-point"), "{out}");
+    let over = error(&["maths::blend", "--to", "wgsl", "--out", "shaders/maths.wgsl"]);
+    assert!(over.contains("would overwrite"), "{over}");
+    let text = std::fs::read_to_string(folder.path().join("shaders/maths.wgsl"));
+    assert_eq!(text.expect("it is there"), BLEND);
     let both = error(&["maths::blend", "--to", "glsl", "--entry-point", "main"]);
     assert!(both.contains("leave --entry-point out"), "{both}");
 }
