@@ -10,18 +10,25 @@
 
 mod column;
 mod compute;
+mod divergence;
+mod excerpt;
 mod execute;
 mod inputs;
+mod judge;
+mod lets;
 mod markdown;
 mod reduce;
 mod row;
+mod subject;
 mod table;
 
 use std::fmt;
+use std::sync::Arc;
 
 use serde::Serialize;
 
 pub use column::Column;
+pub use divergence::{Divergence, Intermediate};
 pub use table::{Matrix, MatrixError, Missed};
 
 use crate::package::Package;
@@ -111,7 +118,7 @@ pub struct Said {
 }
 
 /// A row on a column.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Cell {
     /// How far it got; `None`: not even a translation.
     pub status: Option<Status>,
@@ -127,6 +134,44 @@ pub struct Cell {
     pub differing: usize,
     /// The largest distance, in `f32` steps, of all components that were compared.
     pub worst_ulp: Option<u64>,
+    /// Where the results differ, the simplest input and the first value that differs.
+    pub divergence: Option<Divergence>,
+    /// The translation, if it is a text.
+    #[serde(skip)]
+    pub text: Option<Arc<str>>,
+    /// The lines of the function or entry point in that text, from 1 on, both included.
+    #[serde(skip)]
+    pub text_lines: Option<(usize, usize)>,
+}
+
+impl Cell {
+    /// Whether its results are others than those of the column that it is compared with.
+    #[must_use]
+    pub fn differs(&self) -> bool {
+        matches!(self.stopped, Some(Stop::Differs(_)))
+    }
+}
+
+/// What the author wrote.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Source {
+    /// The file.
+    pub file: String,
+    /// The line of the text's first character, from 1 on.
+    pub line: usize,
+    /// The function or entry point, with its attributes.
+    pub text: String,
+}
+
+/// A buffer that an entry point was run with.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Buffer {
+    /// Its group.
+    pub group: u32,
+    /// Its binding.
+    pub binding: u32,
+    /// What it held before the run.
+    pub bytes: Vec<u8>,
 }
 
 /// A function or an entry point on every column.
@@ -138,6 +183,16 @@ pub struct Row {
     pub kind: String,
     /// Where its author wrote it.
     pub location: String,
+    /// What its author wrote.
+    #[serde(skip)]
+    pub source: Source,
+    /// The text that is translated: with all that it uses, and of a function with the kernel that
+    /// calls it.
+    #[serde(skip)]
+    pub text: Arc<str>,
+    /// What an entry point that differs was run with.
+    #[serde(skip)]
+    pub buffers: Vec<Buffer>,
     /// Why no column has it: it can't be called by a kernel, or isn't valid.
     pub error: Option<String>,
     /// In the order of the columns; empty if there is an error.

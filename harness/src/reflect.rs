@@ -181,6 +181,18 @@ impl Program {
         self.linked.spliced.resolve(range)
     }
 
+    /// What naga's validator knows of the module.
+    #[cfg(feature = "routes")]
+    pub(crate) fn info(&self) -> &ModuleInfo {
+        &self.info
+    }
+
+    /// The name in the text of a declaration by its author's path.
+    #[cfg(feature = "routes")]
+    pub(crate) fn name_of<'a>(&'a self, path: &'a str) -> &'a str {
+        self.linked.name_of(path).unwrap_or(path)
+    }
+
     pub(crate) fn layouter(&self) -> &Layouter {
         &self.layouter
     }

@@ -1,13 +1,14 @@
 //! Compute entry points: run on each column, and what they wrote compared.
 
-use super::execute::not_run;
-use super::{Cell, Request, Status, Stop};
+use super::execute::{Comparison, not_run};
+use super::row::conclude;
+use super::{Buffer, Cell, Request, Status, Stop};
 use crate::probe::{Data, run_entry_point};
 use crate::reflect::Program;
 use crate::tolerance::Tolerance;
 
 /// Runs a compute entry point on each column that got so far, and compares what it wrote.
-pub(super) fn run_entry_points(
+pub(super) fn run_entry_point_on_each(
     request: &Request,
     program: &Program,
     name: &str,
@@ -62,16 +63,13 @@ pub(super) fn run_entry_points(
             agreeing = Some(expected.len());
         }
     }
-    let cell = &mut cells[*first];
-    match agreeing {
-        Some(compared) => (cell.status, cell.compared) = (Some(Status::Agrees), compared),
-        None if others.is_empty() => {
-            cell.stopped = Some(Stop::NothingToCompare("no other column ran it".to_owned()));
-        }
-        None => {
-            let none = "no other column agrees with it".to_owned();
-            cell.stopped = Some(Stop::NothingToCompare(none));
-        }
+    let agreeing = agreeing.map(|compared| Comparison { compared, ..Comparison::default() });
+    conclude(&mut cells[*first], agreeing, others.len());
+}
+
+impl Buffer {
+    pub(super) fn of(data: Data) -> Self {
+        Self { group: data.group, binding: data.binding, bytes: data.bytes }
     }
 }
 

@@ -7,15 +7,22 @@ use crate::probe::{Call, Prepared, ProbeError, Probed};
 use crate::tolerance::{Tolerance, ulp_distance};
 use crate::value::{Scalar, format_f32};
 
+/// What a column made of the inputs.
+pub(super) struct Ran<'p> {
+    pub(super) column: usize,
+    pub(super) runs: Runs<'p>,
+    pub(super) results: Vec<u32>,
+}
+
 /// A function that is ready on a path.
-pub(super) struct Ready<'p> {
+pub(super) struct Runs<'p> {
     prepared: Box<dyn Prepared + 'p>,
     path: Path,
     words_in: usize,
     words_out: usize,
 }
 
-impl<'p> Ready<'p> {
+impl<'p> Runs<'p> {
     pub(super) fn new(
         path: Path,
         probed: &'p Probed,
@@ -28,6 +35,10 @@ impl<'p> Ready<'p> {
         let function = probed.function();
         let words_in = function.parameters.iter().map(|(_, shape)| shape.lanes().len()).sum();
         Ok(Self { prepared, path, words_in, words_out: function.result.lanes().len() })
+    }
+
+    pub(super) fn path(&self) -> Path {
+        self.path
     }
 
     /// The results of some cases, one after the other.

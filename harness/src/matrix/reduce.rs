@@ -1,6 +1,6 @@
 //! The simplest input on which two columns differ.
 
-use super::execute::{Judge, Ready};
+use super::execute::{Judge, Runs};
 use crate::value::Scalar;
 
 /// Rounds of simplification: each makes one component simpler.
@@ -8,8 +8,8 @@ const ROUNDS: usize = 24;
 
 /// Two columns that differ, and by which tolerance.
 pub(super) struct Pair<'r, 'p> {
-    pub(super) expected: &'r Ready<'p>,
-    pub(super) actual: &'r Ready<'p>,
+    pub(super) expected: &'r Runs<'p>,
+    pub(super) actual: &'r Runs<'p>,
     pub(super) arguments: &'r [Scalar],
     pub(super) results: &'r [Scalar],
     pub(super) judge: &'r Judge<'r>,
@@ -26,7 +26,7 @@ impl Pair<'_, '_> {
                 None => break,
             }
         }
-        let results = |ready: &Ready<'_>| ready.results(&row, 1).ok();
+        let results = |ready: &Runs<'_>| ready.results(&row, 1).ok();
         let (expected, actual) = (results(self.expected)?, results(self.actual)?);
         Some((row, expected, actual))
     }

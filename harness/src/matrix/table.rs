@@ -7,7 +7,9 @@ use karat_translate::{NAGA_VERSION, Tool};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{Column, Request, Row, Status, row};
+use super::judge::Judged;
+use super::subject::{Ready, Subject, prepare};
+use super::{Cell, Column, Request, Row, Status, row};
 use crate::diagnostic::nearest;
 use crate::package::{FunctionItem, PackageError};
 use crate::path::{self, PathError};
@@ -83,6 +85,10 @@ pub enum MatrixError {
 /// Cases of a function, all in memory on each column: as many as `karat call` takes.
 const MOST_CASES: usize = 1 << 22;
 
+/// Rows that are translated, judged and run together: enough for a process of a validator to judge
+/// several, and few enough that their texts don't fill the memory.
+const TOGETHER: usize = 64;
+
 pub(super) fn make(
     request: &Request,
     progress: &(dyn Fn(usize, usize) + Sync),
@@ -104,15 +110,33 @@ pub(super) fn make(
     if items.is_empty() {
         return Err(MatrixError::Nothing { package, only: request.only.clone() });
     }
+    let all = items.len();
     // Devices are opened before the rows need them, one after the other.
     let columns = request.columns.iter().map(head).collect();
     let done = AtomicUsize::new(0);
-    let one = |item: &FunctionItem| {
-        let row = row::make(request, item);
-        progress(done.fetch_add(1, Ordering::Relaxed) + 1, items.len());
-        row
-    };
-    let rows = items.par_iter().map(one).collect();
+    let rows = items.chunks(TOGETHER).flat_map(|items| {
+        let subjects: Vec<Subject> = items.par_iter().map(|item| prepare(request, item)).collect();
+        let ready: Vec<&Ready> = subjects.iter().filter_map(Subject::ready).collect();
+        let judged = Judged::of(&ready, &request.columns);
+        let mut rows = 0..;
+        let mut of = |ready: &Ready| {
+            let row = rows.next().unwrap_or_default();
+            request.columns.iter().map(|c| judged.cell(row, ready, *c)).collect()
+        };
+        let cells: Vec<Option<Vec<Cell>>> =
+            subjects.iter().map(|subject| subject.ready().map(&mut of)).collect();
+        let one = |(subject, cells): (Subject, Option<Vec<Cell>>)| {
+            let row = match (subject, cells) {
+                (Subject::Ready(ready), Some(cells)) => row::run(request, *ready, cells),
+                (Subject::Ready(ready), None) => ready.row(Vec::new()),
+                (Subject::Row(row), _) => *row,
+            };
+            progress(done.fetch_add(1, Ordering::Relaxed) + 1, all);
+            row
+        };
+        subjects.into_par_iter().zip(cells).map(one).collect::<Vec<Row>>()
+    });
+    let rows = rows.collect();
     let here = Tool::all().iter().filter_map(|tool| tool.as_ref().ok());
     let validators = here.map(|tool| (tool.name().to_owned(), tool.version().to_owned())).collect();
     let (naga, cases) = (NAGA_VERSION.to_owned(), request.cases);

@@ -12,6 +12,8 @@ pub struct FunctionItem {
     pub name: String,
     /// Where its name stands.
     pub span: Span,
+    /// All of it, with its attributes.
+    pub whole: Span,
     /// Whether it is a shader entry point, which can't be called.
     pub entry_point: bool,
 }
@@ -45,9 +47,13 @@ pub(super) fn functions_of(name: &str, module: &Module) -> Vec<FunctionItem> {
         let item = declaration.name.as_ref()?;
         let name = if name.is_empty() { item.clone() } else { format!("{name}::{item}") };
         let (span, entry_point) = (module.span(declaration.name_token), declaration.entry_point);
+        let first = module.span(declaration.tokens.start);
+        let last = module.span(declaration.tokens.end.saturating_sub(1));
+        let whole = Span { range: first.range.start..last.range.end, ..first };
         (declaration.kind == DeclarationKind::Function).then_some(FunctionItem {
             name,
             span,
+            whole,
             entry_point,
         })
     });

@@ -80,12 +80,7 @@ impl Bindings {
         info: &ModuleInfo,
         entry_point: Option<&EntryPoint>,
     ) -> Self {
-        let index = entry_point
-            .and_then(|wanted| module.entry_points.iter().position(|e| std::ptr::eq(e, wanted)));
-        let used = |global| {
-            index.is_none_or(|index| info.get_entry_point(index)[global] != GlobalUse::empty())
-        };
-        let mut resources: Vec<_> = bound(module, used).collect();
+        let mut resources: Vec<_> = bound(module, uses(module, info, entry_point)).collect();
         resources.sort_unstable_by_key(|resource| (!resource.used, resource.wgsl));
         for (number, resource) in (0..).zip(&mut resources) {
             resource.translated = (0, number);
@@ -102,6 +97,19 @@ impl Bindings {
     #[must_use]
     pub fn of(&self, group: u32, binding: u32) -> Option<(u32, u32)> {
         self.iter().find(|resource| resource.wgsl == (group, binding)).map(|r| r.translated)
+    }
+}
+
+/// Whether an entry point uses a variable; without one each is used.
+pub(crate) fn uses(
+    module: &Module,
+    info: &ModuleInfo,
+    entry_point: Option<&EntryPoint>,
+) -> impl Fn(naga::Handle<naga::GlobalVariable>) -> bool {
+    let index = entry_point
+        .and_then(|wanted| module.entry_points.iter().position(|e| std::ptr::eq(e, wanted)));
+    move |global| {
+        index.is_none_or(|index| info.get_entry_point(index)[global] != GlobalUse::empty())
     }
 }
 

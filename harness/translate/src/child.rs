@@ -25,6 +25,7 @@ pub(crate) enum End {
 }
 
 /// A program that has run.
+#[derive(Clone, Debug)]
 pub(crate) struct Ran {
     pub(crate) end: End,
     /// What it wrote to both of its outputs.

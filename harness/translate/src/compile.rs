@@ -1,11 +1,13 @@
 //! SPIR-V by compilers that aren't naga: of naga's GLSL and HLSL.
 
+use std::collections::VecDeque;
 use std::io;
 use std::path::Path;
 use std::process::Command;
+use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::child::{self, End};
-use crate::{Target, Translation, layout, tool};
+use crate::child::{self, End, Ran};
+use crate::{EntryPoint, Target, Translation, layout, tool};
 
 /// Why there is no SPIR-V.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -80,18 +82,88 @@ pub enum CompileError {
 }
 
 /// glslang, which reads GLSL and HLSL.
-const GLSLANG: &str = "glslangValidator";
+pub(crate) const GLSLANG: &str = "glslangValidator";
+
+/// Its arguments; `None`: it makes no SPIR-V of this language.
+pub(crate) fn arguments(target: Target, one: &EntryPoint, file: &str) -> Option<Vec<String>> {
+    let own: &[&str] = match target {
+        Target::Glsl | Target::GlslEs => &[],
+        // naga lays buffers out as HLSL does.
+        Target::Hlsl => &["-D", "--hlsl-offsets", "-e", &one.name],
+        Target::Hlsl6 | Target::Msl | Target::Spirv | Target::Wgsl => return None,
+    };
+    let stage = one.stage.short();
+    let common = ["-V", "--target-env", "vulkan1.1", "-S", stage, "-o", OUTPUT, file];
+    Some(own.iter().chain(&common).map(|argument| (*argument).to_owned()).collect())
+}
+
+/// The file that it writes.
+const OUTPUT: &str = "out.spv";
+
+/// What became of a text.
+#[derive(Debug)]
+pub(crate) struct Compiled {
+    pub(crate) ran: Ran,
+    /// What it wrote, if that is SPIR-V.
+    words: Option<Vec<u32>>,
+}
+
+/// Runs glslang on a translation. Who has its HLSL judged runs it next, which is the same command: so
+/// what became of the last ones is kept.
+pub(crate) fn run(
+    program: &Path,
+    arguments: &[String],
+    translation: &Translation,
+) -> io::Result<Arc<Compiled>> {
+    /// As many as are judged together, before they run.
+    const KEPT: usize = 128;
+    static LAST: Mutex<VecDeque<(Vec<String>, String, Arc<Compiled>)>> =
+        Mutex::new(VecDeque::new());
+    let text = translation.code.text().unwrap_or_default();
+    let last = || LAST.lock().unwrap_or_else(PoisonError::into_inner);
+    let same = |(made_by, of, _): &&(Vec<String>, String, _)| made_by == arguments && of == text;
+    if let Some((.., compiled)) = last().iter().find(same) {
+        return Ok(Arc::clone(compiled));
+    }
+    let folder = tempfile::tempdir()?;
+    let file = arguments.last().map(String::as_str).unwrap_or_default();
+    std::fs::write(folder.path().join(file), text)?;
+    let ran = child::run(Command::new(program).args(arguments).current_dir(folder.path()))?;
+    let words = match ran.end {
+        End::Good => spirv(&std::fs::read(folder.path().join(OUTPUT))?),
+        End::Bad | End::Crashed | End::TimedOut => None,
+    };
+    let compiled = Arc::new(Compiled { ran, words });
+    let mut last = last();
+    last.push_front((arguments.to_vec(), text.to_owned(), Arc::clone(&compiled)));
+    last.truncate(KEPT);
+    Ok(compiled)
+}
+
+fn spirv(bytes: &[u8]) -> Option<Vec<u32>> {
+    let (words, rest) = bytes.as_chunks::<4>();
+    let words: Vec<u32> = words.iter().map(|word| u32::from_le_bytes(*word)).collect();
+    (words.first() == Some(&MAGIC) && rest.is_empty()).then_some(words)
+}
 
 /// The first word of SPIR-V.
 const MAGIC: u32 = 0x0723_0203;
 
-/// What `spirv-val` has against `out.spv`, if it is here: drivers take what compilers make on trust.
-fn rejected(folder: &Path) -> io::Result<Option<String>> {
+/// What `spirv-val` has against SPIR-V, if it is here: drivers take what compilers make on trust.
+fn rejected(words: &[u32]) -> io::Result<Option<String>> {
     let Ok((program, _)) = tool::program("spirv-val") else { return Ok(None) };
+    let folder = tempfile::tempdir()?;
+    let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    std::fs::write(folder.path().join(OUTPUT), bytes)?;
     let mut command = Command::new(program);
-    command.args(["--target-env", "vulkan1.1", "out.spv"]).current_dir(folder);
+    command.args(["--target-env", "vulkan1.1", OUTPUT]).current_dir(folder.path());
     let ran = child::run(&mut command)?;
-    Ok(Some(ran.output).filter(|_| ran.end != End::Good))
+    Ok(match ran.end {
+        End::Good => None,
+        End::Bad => Some(ran.output),
+        End::Crashed => Some(format!("`spirv-val` crashes: {}", ran.output)),
+        End::TimedOut => Some("`spirv-val` doesn't end".to_owned()),
+    })
 }
 
 /// SPIR-V 1.3 for Vulkan 1.1 of a translation with one entry point, by a compiler that isn't naga.
@@ -100,22 +172,12 @@ fn rejected(folder: &Path) -> io::Result<Option<String>> {
 /// # Errors
 /// If there is no compiler for its language, or the compiler rejects it, crashes or doesn't end.
 pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
-    let (target, text) = (translation.target, translation.code.text());
-    let (Some(text), [entry_point]) = (text, &*translation.entry_points) else {
+    let target = translation.target;
+    let [entry_point] = &*translation.entry_points else {
         return Err(CompileError::NoWay { target });
     };
-    let stage = entry_point.stage.short();
     let file = format!("shader.{}", target.extension());
-    let common = ["-V", "--target-env", "vulkan1.1", "-S", stage, "-o", "out.spv", &*file];
-    let own: &[&str] = match target {
-        Target::Glsl | Target::GlslEs => &[],
-        // naga lays buffers out as HLSL does.
-        Target::Hlsl => &["-D", "--hlsl-offsets", "-e", &entry_point.name],
-        Target::Hlsl6 | Target::Msl | Target::Spirv | Target::Wgsl => {
-            return Err(CompileError::NoWay { target });
-        }
-    };
-    let arguments = [own, &common].concat();
+    let arguments = arguments(target, entry_point, &file).ok_or(CompileError::NoWay { target })?;
     let command = format!("{GLSLANG} {}", arguments.join(" "));
     let (program, _) = tool::program(GLSLANG).map_err(|missing| CompileError::NoCompiler {
         target,
@@ -127,32 +189,18 @@ pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
         command: command.clone(),
         message: error.to_string(),
     };
-    let folder = tempfile::tempdir().map_err(unrunnable)?;
-    std::fs::write(folder.path().join(&file), text).map_err(unrunnable)?;
-    let ran = child::run(Command::new(program).args(&arguments).current_dir(folder.path()))
-        .map_err(unrunnable)?;
-    let broke = |how| CompileError::Broke {
-        target,
-        command: command.clone(),
-        how,
-        message: ran.output.clone(),
-    };
-    match ran.end {
+    let compiled = run(program, &arguments, translation).map_err(unrunnable)?;
+    let message = || compiled.ran.output.clone();
+    let broke =
+        |how| CompileError::Broke { target, command: command.clone(), how, message: message() };
+    match compiled.ran.end {
         End::Good => {}
-        End::Bad => return Err(CompileError::Rejected { target, command, message: ran.output }),
+        End::Bad => return Err(CompileError::Rejected { target, command, message: message() }),
         End::Crashed => return Err(broke("crashes")),
         End::TimedOut => return Err(broke("doesn't end")),
     }
-    let bytes = std::fs::read(folder.path().join("out.spv")).map_err(unrunnable)?;
-    let (words, rest) = bytes.as_chunks::<4>();
-    if words.is_empty() || !rest.is_empty() {
-        return Err(broke("writes no SPIR-V"));
-    }
-    let words: Vec<u32> = words.iter().map(|word| u32::from_le_bytes(*word)).collect();
-    if words[0] != MAGIC {
-        return Err(broke("writes no SPIR-V"));
-    }
-    if let Some(message) = rejected(folder.path()).map_err(unrunnable)? {
+    let words = compiled.words.clone().ok_or_else(|| broke("writes no SPIR-V"))?;
+    if let Some(message) = rejected(&words).map_err(unrunnable)? {
         return Err(CompileError::Invalid { target, command, message });
     }
     match layout::fault(&translation.uniforms, &words).filter(|_| target == Target::Hlsl) {

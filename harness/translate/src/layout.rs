@@ -6,14 +6,26 @@
 
 use std::collections::BTreeMap;
 
-use naga::{AddressSpace, Module, TypeInner};
+use naga::valid::ModuleInfo;
+use naga::{AddressSpace, EntryPoint, Module, TypeInner};
+
+use crate::bindings::uses;
 
 /// The members of a structure of WGSL, with their offsets.
 pub(crate) type Members = Vec<(String, u32)>;
 
-/// The structures in a module's uniform buffers, also those in others.
-pub(crate) fn uniform_structures(module: &Module) -> Vec<Members> {
-    let uniforms = module.global_variables.iter().filter(|(_, g)| g.space == AddressSpace::Uniform);
+/// The structures in the uniform buffers that an entry point uses, also those in others; of all
+/// buffers without one.
+pub(crate) fn uniform_structures(
+    module: &Module,
+    info: &ModuleInfo,
+    entry_point: Option<&EntryPoint>,
+) -> Vec<Members> {
+    let used = uses(module, info, entry_point);
+    let uniforms = module
+        .global_variables
+        .iter()
+        .filter(|(handle, global)| global.space == AddressSpace::Uniform && used(*handle));
     let mut types: Vec<_> = uniforms.map(|(_, global)| global.ty).collect();
     let mut found: Vec<Members> = Vec::new();
     while let Some(ty) = types.pop() {

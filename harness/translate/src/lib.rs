@@ -14,6 +14,7 @@
 //! assert!(hlsl.code.text().unwrap().contains("numthreads(1, 1, 1)"));
 //! ```
 
+mod batch;
 mod bindings;
 mod child;
 mod compile;

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-use crate::child::{self, End};
-use crate::{Code, EntryPoint, Shader, Target, Translation};
+use crate::child::{self, End, Ran};
+use crate::{Code, EntryPoint, Shader, Target, Translation, compile};
 
 /// What a tool thinks of a translation.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -56,6 +56,9 @@ struct Known {
     says: &'static str,
     /// How to get it.
     remedy: &'static str,
+    /// What it judges several files of in one process, and names each.
+    several: &'static [Target],
+    /// Its arguments, of which the last is the file.
     arguments: fn(Target, &EntryPoint, file: &str) -> Vec<String>,
 }
 
@@ -68,6 +71,7 @@ static BUILT_IN: Known = Known {
     asked: &[],
     says: "",
     remedy: "it is a part of karat",
+    several: &[],
     arguments: |_, _, _| Vec::new(),
 };
 
@@ -78,6 +82,7 @@ static KNOWN: [Known; 6] = [
         asked: &["--version"],
         says: "SPIRV-Tools",
         remedy: "Debian, Fedora and Homebrew: spirv-tools; or Vulkan's SDK",
+        several: &[],
         arguments: |_, _, file| words(&["--target-env", "vulkan1.1", file]),
     },
     Known {
@@ -86,9 +91,10 @@ static KNOWN: [Known; 6] = [
         asked: &["--help"],
         says: "SPIRV-Cross",
         remedy: "Debian and Homebrew: spirv-cross; or Vulkan's SDK",
+        several: &[],
         arguments: |_, entry_point, file| {
             let (stage, name) = (entry_point.stage.short(), &*entry_point.name);
-            words(&[file, "--vulkan-semantics", "--entry", name, "--stage", stage])
+            words(&["--vulkan-semantics", "--entry", name, "--stage", stage, file])
         },
     },
     Known {
@@ -97,12 +103,11 @@ static KNOWN: [Known; 6] = [
         asked: &["--version"],
         says: "Glslang Version",
         remedy: "Debian: glslang-tools; Fedora and Homebrew: glslang; or Vulkan's SDK",
+        several: &[Target::Glsl, Target::GlslEs],
         arguments: |target, entry_point, file| {
-            let (stage, name) = (entry_point.stage.short(), &*entry_point.name);
+            let stage = entry_point.stage.short();
             match target {
-                Target::Hlsl => {
-                    words(&["-D", "-V", "-S", stage, "-e", name, "-o", "out.spv", file])
-                }
+                Target::Hlsl => compile::arguments(target, entry_point, file).unwrap_or_default(),
                 _ => words(&["-S", stage, file]),
             }
         },
@@ -113,6 +118,7 @@ static KNOWN: [Known; 6] = [
         asked: &["--version"],
         says: "dxcompiler",
         remedy: "its releases are on GitHub: microsoft/DirectXShaderCompiler; or Vulkan's SDK",
+        several: &[],
         arguments: |target, entry_point, file| {
             let stage = match entry_point.stage.short() {
                 "vert" => "vs",
@@ -141,6 +147,7 @@ static KNOWN: [Known; 6] = [
         asked: &["--help"],
         says: "--format",
         remedy: "it is built from Dawn's sources: dawn.googlesource.com",
+        several: &[],
         arguments: |_, _, file| words(&["--format", "wgsl", "-o", "out.wgsl", file]),
     },
     Known {
@@ -149,8 +156,9 @@ static KNOWN: [Known; 6] = [
         asked: &["metal", "--version"],
         says: "metal",
         remedy: "it is part of Xcode, on macOS alone",
+        several: &[],
         arguments: |_, _, file| {
-            words(&["-sdk", "macosx", "metal", "-std=macos-metal2.4", "-c", file, "-o", "out.air"])
+            words(&["-sdk", "macosx", "metal", "-std=macos-metal2.4", "-o", "out.air", "-c", file])
         },
     },
 ];
@@ -225,20 +233,19 @@ impl Tool {
     /// If the program can't be run, or no file be written for it.
     pub fn validate(&self, translation: &Translation) -> io::Result<Validation> {
         let Some(program) = &self.program else { return Ok(self.read_back(translation)) };
+        if let Some(arguments) = self.compiles(translation) {
+            let ran = compile::run(program, &arguments, translation)?.ran.clone();
+            return Ok(self.says(format!("{} {}", self.name(), arguments.join(" ")), verdict(ran)));
+        }
         let folder = tempfile::tempdir()?;
-        let file = format!("shader.{}", translation.target.extension());
+        let file = file_of(translation.target);
         std::fs::write(folder.path().join(&file), translation.code.bytes())?;
         let mut said = self.says(String::new(), Verdict::Valid);
         for entry_point in &translation.entry_points {
             let arguments = (self.known.arguments)(translation.target, entry_point, &file);
             let mut command = Command::new(program);
             let ran = child::run(command.args(&arguments).current_dir(folder.path()))?;
-            let verdict = match ran.end {
-                End::Good => Verdict::Valid,
-                End::Bad => Verdict::Invalid(ran.output),
-                End::Crashed => Verdict::Crashed(ran.output),
-                End::TimedOut => Verdict::TimedOut,
-            };
+            let verdict = verdict(ran);
             let rejects = verdict != Verdict::Valid;
             said = self.says(format!("{} {}", self.name(), arguments.join(" ")), verdict);
             if rejects {
@@ -251,7 +258,30 @@ impl Tool {
         Ok(said)
     }
 
-    fn says(&self, command: String, verdict: Verdict) -> Validation {
+    /// Its program; `None`: it is a part of this one.
+    pub(crate) fn program(&self) -> Option<&Path> {
+        self.program.as_deref()
+    }
+
+    /// Its arguments for a translation of one entry point.
+    pub(crate) fn arguments(&self, translation: &Translation) -> Option<Vec<String>> {
+        let [entry_point] = &*translation.entry_points else { return None };
+        let target = translation.target;
+        Some((self.known.arguments)(target, entry_point, &file_of(target)))
+    }
+
+    /// The arguments by which a translation is compiled, if that is how this tool judges it.
+    fn compiles(&self, translation: &Translation) -> Option<Vec<String>> {
+        let own = self.name() == compile::GLSLANG && translation.target == Target::Hlsl;
+        own.then(|| self.arguments(translation)).flatten()
+    }
+
+    /// Whether one process of it judges several files of a language.
+    pub(crate) fn judges_files(&self, target: Target) -> bool {
+        self.known.several.contains(&target)
+    }
+
+    pub(crate) fn says(&self, command: String, verdict: Verdict) -> Validation {
         Validation { tool: self.name(), version: self.version.clone(), command, verdict }
     }
 
@@ -269,6 +299,20 @@ impl Tool {
         let file = format!("naga shader.{}", translation.target.extension());
         self.says(file, verdict)
     }
+}
+
+fn verdict(ran: Ran) -> Verdict {
+    match ran.end {
+        End::Good => Verdict::Valid,
+        End::Bad => Verdict::Invalid(ran.output),
+        End::Crashed => Verdict::Crashed(ran.output),
+        End::TimedOut => Verdict::TimedOut,
+    }
+}
+
+/// What a translation is called, where a command names it.
+fn file_of(target: Target) -> String {
+    format!("shader.{}", target.extension())
 }
 
 impl Known {

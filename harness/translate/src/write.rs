@@ -92,6 +92,6 @@ pub(crate) fn write(
         entry_points: entry_points.collect(),
         bindings: written.bindings,
         options: written.options,
-        uniforms: crate::layout::uniform_structures(&module),
+        uniforms: crate::layout::uniform_structures(&module, &info, job.entry_point),
     })
 }

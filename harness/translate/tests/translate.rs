@@ -128,6 +128,41 @@ fn a_fault_is_seen_by_each_tool_that_judges_it() {
     }
 }
 
+/// What is judged together is judged as if each were alone: one that is wrong spoils no other.
+#[test]
+fn several_are_judged_as_each_alone() {
+    for target in Target::ALL {
+        let good = translate(target, "add");
+        let mut bad = good.clone();
+        match &mut bad.code {
+            Code::Text(text) => *text = text.replacen("total =", "undeclared_name =", 1),
+            Code::Words(words) => {
+                let last = words.len() - 8;
+                words[last..].fill(0x0002_0001);
+            }
+        }
+        let whole = shader().translate(target, None);
+        let mut all: Vec<&Translation> = vec![&good; 40];
+        all[37] = &bad;
+        all.extend(whole.as_ref());
+        for tool in Tool::of(target) {
+            let alone = |one: &&Translation| tool.validate(one).expect("it runs");
+            let (of_good, of_bad) = (alone(&&good), alone(&&bad));
+            assert_ne!(of_good.verdict, of_bad.verdict, "{target} {}", tool.name());
+            let said: Vec<_> =
+                tool.validate_all(&all).into_iter().map(|one| one.expect("it runs")).collect();
+            assert_eq!(said.len(), all.len());
+            for (index, said) in said.iter().enumerate() {
+                match index {
+                    37 => assert_eq!(*said, of_bad),
+                    0..40 => assert_eq!(*said, of_good),
+                    _ => assert_eq!(*said, alone(&all[index])),
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn glsl_and_hlsl_become_spirv() {
     for target in [Target::Glsl, Target::GlslEs, Target::Hlsl] {

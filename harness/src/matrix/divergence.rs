@@ -1,0 +1,141 @@
+//! Why two columns differ: the simplest input, and the first let-binding whose value differs there.
+
+use serde::Serialize;
+
+use super::excerpt::definition_line;
+use super::execute::{Judge, Ran, Runs, shown};
+use super::lets::{Let, lets};
+use super::reduce::Pair;
+use super::{Request, inputs};
+use crate::probe::Probed;
+use crate::value::Scalar;
+
+/// Two columns that differ.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Divergence {
+    /// The column that this one is compared with.
+    pub baseline: String,
+    /// The simplest input found: each argument with its value.
+    pub arguments: Vec<(String, String)>,
+    /// What this column returns.
+    pub here: String,
+    /// What the baseline returns.
+    pub there: String,
+    /// The arguments' words, as the kernel reads them.
+    pub words: Vec<u32>,
+    /// The results' words: of this column and of the baseline.
+    pub results: (Vec<u32>, Vec<u32>),
+    /// The first let-binding of the function whose value differs; `None` if each agrees, so that the
+    /// difference is in the result's own expression or in what isn't bound by `let`.
+    pub first: Option<Intermediate>,
+}
+
+/// A let-binding whose value differs.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Intermediate {
+    /// Its name.
+    pub name: String,
+    /// Its place in the author's file.
+    pub location: Option<String>,
+    /// The line of that place.
+    pub line: Option<usize>,
+    /// Its value on this column.
+    pub here: String,
+    /// Its value on the baseline.
+    pub there: String,
+    /// Its line in this column's translation.
+    pub text_line: Option<usize>,
+}
+
+impl Divergence {
+    /// What differs, in a sentence or two.
+    #[must_use]
+    pub fn sentence(&self, column: &str) -> String {
+        let named: Vec<String> =
+            self.arguments.iter().map(|(name, value)| format!("{name} = {value}")).collect();
+        let Self { baseline, here, there, .. } = self;
+        let at = if named.is_empty() { String::new() } else { format!("at {} ", named.join("; ")) };
+        let mut text = format!("{at}`{column}` returns {here}, `{baseline}` {there}");
+        if let Some(Intermediate { name, location, here, there, .. }) = &self.first {
+            let place = location.as_ref().map_or_else(String::new, |at| format!(" ({at})"));
+            text += &format!("; `{name}`{place} differs first: {here}, and {there}");
+        }
+        text
+    }
+}
+
+/// What is known of a case that differs between two columns. `text` is the translation of the second
+/// one, with the lines of the function.
+pub(super) fn divergence(
+    request: &Request,
+    probed: &Probed,
+    rows: &[u32],
+    (first, other): (&Ran<'_>, &Ran<'_>),
+    case: usize,
+    judge: &Judge<'_>,
+    text: Option<(&str, (usize, usize))>,
+) -> Divergence {
+    let function = probed.function();
+    let arguments: Vec<Scalar> =
+        function.parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
+    let results = function.result.lanes();
+    let pair = Pair {
+        expected: &first.runs,
+        actual: &other.runs,
+        arguments: &arguments,
+        results: &results,
+        judge,
+    };
+    let row = rows[case * arguments.len()..][..arguments.len()].to_vec();
+    let of = |ran: &Ran<'_>| ran.results[case * results.len()..][..results.len()].to_vec();
+    let (row, expected, actual) =
+        pair.reduce(row.clone()).unwrap_or_else(|| (row, of(first), of(other)));
+    let mut at = 0;
+    let named = function.parameters.iter().map(|(name, shape)| {
+        let count = shape.lanes().len();
+        at += count;
+        (name.clone(), shown(&arguments[at - count..at], &row[at - count..at]))
+    });
+    let named = named.collect();
+    let found = lets(probed)
+        .into_iter()
+        .find_map(|one| differing(request, &one, &row, (&first.runs, &other.runs), text));
+    Divergence {
+        baseline: request.columns[first.column].to_string(),
+        arguments: named,
+        here: shown(&results, &actual),
+        there: shown(&results, &expected),
+        words: row,
+        results: (actual, expected),
+        first: found,
+    }
+}
+
+/// The values of a let-binding, if they differ.
+fn differing(
+    request: &Request,
+    one: &Let,
+    row: &[u32],
+    (first, other): (&Runs<'_>, &Runs<'_>),
+    text: Option<(&str, (usize, usize))>,
+) -> Option<Intermediate> {
+    let fixtures = inputs::fixtures(&one.probed).ok()?;
+    let value = |runs: &Runs<'_>| {
+        Runs::new(runs.path(), &one.probed, &fixtures, 1).ok()?.results(row, 1).ok()
+    };
+    let (there, here) = (value(first)?, value(other)?);
+    let scalars = one.probed.function().result.lanes();
+    let judge = Judge::new(&scalars, &request.within, &there);
+    if !judge.is_compared(&there) || judge.agree(&there, &here) {
+        return None;
+    }
+    let line = one.span.as_ref().map(|span| span.file.line_column(span.range.start).0);
+    Some(Intermediate {
+        name: one.name.clone(),
+        location: one.span.as_ref().map(ToString::to_string),
+        line,
+        here: shown(&scalars, &here),
+        there: shown(&scalars, &there),
+        text_line: text.and_then(|(text, lines)| definition_line(text, lines, &one.name)),
+    })
+}

@@ -1,0 +1,75 @@
+//! Where a function and its variables are in what naga wrote.
+
+/// The lines of a function in a translation, from 1 on, both included. naga keeps names, but for what
+/// it appends to one that is taken or reserved; GLSL calls each entry point `main`.
+pub(super) fn function_lines(text: &str, name: &str, entry_point: bool) -> Option<(usize, usize)> {
+    let heads = |line: &str| {
+        let top = line.starts_with(|c: char| c.is_alphabetic());
+        let called = |name: &str| {
+            words(line).any(|(word, rest)| is(word, name) && rest.trim_start().starts_with('('))
+        };
+        top && !line.trim_end().ends_with(';') && (called(name) || (entry_point && called("main")))
+    };
+    let first = text.lines().position(heads)?;
+    let rest = text.lines().skip(first).position(|line| line.trim_end() == "}")?;
+    Some((first + 1, first + rest + 1))
+}
+
+/// The line, from 1 on, that gives a variable its value.
+pub(super) fn definition_line(
+    text: &str,
+    (first, last): (usize, usize),
+    name: &str,
+) -> Option<usize> {
+    let defines = |line: &str| {
+        words(line).any(|(word, rest)| {
+            let rest = rest.trim_start();
+            is(word, name) && rest.starts_with('=') && !rest.starts_with("==")
+        })
+    };
+    let lines = text.lines().enumerate().skip(first - 1).take(last + 1 - first);
+    lines.map(|(index, line)| (index + 1, line)).find(|(_, line)| defines(line)).map(|(at, _)| at)
+}
+
+/// The identifiers of a line, each with what follows it.
+fn words(line: &str) -> impl Iterator<Item = (&str, &str)> {
+    let part = |c: char| c.is_alphanumeric() || c == '_';
+    let mut rest = line;
+    std::iter::from_fn(move || {
+        rest = &rest[rest.find(part)?..];
+        let end = rest.find(|c| !part(c)).unwrap_or(rest.len());
+        let word = &rest[..end];
+        rest = &rest[end..];
+        Some((word, rest))
+    })
+}
+
+/// Whether a name is naga's for this one: `f0` is `f0_`, and a second `x` is `x_1`.
+fn is(word: &str, name: &str) -> bool {
+    let Some(appended) = word.strip_prefix(name.trim_end_matches('_')) else { return false };
+    appended.chars().all(|c| c == '_' || c.is_ascii_digit())
+        && (appended.is_empty() || appended.starts_with('_'))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MSL: &str = "#include <metal_stdlib>\n\
+                       float other(float x) {\n    return x;\n}\n\
+                       float f0_(\n    float x_1\n) {\n    float d = x_1;\n    bool e = d == x_1;\n    \
+                       return d;\n}\n";
+
+    #[test]
+    fn functions_and_their_variables_are_found() {
+        assert_eq!(function_lines(MSL, "f0", false), Some((5, 11)));
+        assert_eq!(function_lines(MSL, "other", false), Some((2, 4)));
+        assert_eq!(function_lines(MSL, "f", false), None);
+        assert_eq!(definition_line(MSL, (5, 11), "d"), Some(8));
+        assert_eq!(definition_line(MSL, (5, 11), "e"), Some(9));
+        assert_eq!(definition_line(MSL, (2, 4), "d"), None);
+        let glsl = "void helper() {\n}\nvoid main() {\n    return;\n}\n";
+        assert_eq!(function_lines(glsl, "shade", true), Some((3, 5)));
+        assert_eq!(function_lines(glsl, "shade", false), None);
+    }
+}

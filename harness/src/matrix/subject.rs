@@ -1,0 +1,148 @@
+//! What a row is about, and its translations.
+
+use karat_translate::{Shader, Target, TranslateError, Translation};
+
+use super::{Column, Request, Row, Source};
+use crate::package::FunctionItem;
+use crate::path::Via;
+use crate::probe::{ProbeError, Probed};
+use crate::reflect::{Program, ReflectError};
+
+/// A function or an entry point with its translations; or its row, if it has none.
+pub(super) enum Subject {
+    Row(Box<Row>),
+    Ready(Box<Ready>),
+}
+
+/// What there is to run.
+pub(super) struct Ready {
+    pub(super) row: Row,
+    pub(super) about: About,
+    /// Into each language that a column wants, in the order of the columns.
+    pub(super) made: Vec<Made>,
+}
+
+/// A function in its kernel, or an entry point of its module.
+pub(super) enum About {
+    Function(Box<Probed>),
+    EntryPoint { program: std::sync::Arc<Program>, name: String },
+}
+
+/// A translation into a language.
+pub(super) struct Made {
+    pub(super) target: Target,
+    pub(super) translation: Result<Translation, TranslateError>,
+}
+
+impl Subject {
+    pub(super) fn ready(&self) -> Option<&Ready> {
+        match self {
+            Self::Ready(ready) => Some(ready),
+            Self::Row(_) => None,
+        }
+    }
+}
+
+impl Ready {
+    /// The translation that a column runs or judges.
+    pub(super) fn of(&self, column: Column) -> &Made {
+        let made = self.made.iter().find(|made| made.target == column.target);
+        made.expect("each column's language is written")
+    }
+
+    /// The row with these cells.
+    pub(super) fn row(self, cells: Vec<super::Cell>) -> Row {
+        Row { cells, ..self.row }
+    }
+
+    /// The text that is translated.
+    pub(super) fn text(&self) -> &str {
+        match &self.about {
+            About::Function(probed) => probed.kernel(),
+            About::EntryPoint { program, .. } => program.text(),
+        }
+    }
+
+    /// The name of the function or entry point in that text.
+    pub(super) fn name(&self) -> &str {
+        match &self.about {
+            About::Function(probed) => {
+                let path = &probed.function().name;
+                probed.program.name_of(path)
+            }
+            About::EntryPoint { name, .. } => name,
+        }
+    }
+}
+
+/// Whether naga has to read what it wrote for this column.
+pub(super) fn is_read_back(column: Column) -> bool {
+    column.path.is_some_and(|path| matches!(path.via(), Via::Spirv | Via::Wgsl))
+}
+
+/// Links, reflects and translates.
+pub(super) fn prepare(request: &Request, item: &FunctionItem) -> Subject {
+    let text = item.whole.file.text.get(item.whole.range.clone()).unwrap_or_default();
+    let (line, _) = item.whole.file.line_column(item.whole.range.start);
+    let row = |kind: &str, error: Option<String>| Row {
+        name: item.name.clone(),
+        kind: kind.to_owned(),
+        location: item.span.to_string(),
+        text: "".into(),
+        buffers: Vec::new(),
+        source: Source { file: item.span.file.name.clone(), line, text: text.to_owned() },
+        error,
+        cells: Vec::new(),
+    };
+    let failed = |kind: &str, error: String| Subject::Row(Box::new(row(kind, Some(error))));
+    if item.entry_point {
+        return match entry_point(request, item) {
+            Ok((shader, program, name, kind)) => {
+                let made = translated(request, &shader, &name);
+                let about = About::EntryPoint { program, name };
+                Subject::Ready(Box::new(Ready { row: row(&kind, None), about, made }))
+            }
+            Err(error) => failed("entry point", error),
+        };
+    }
+    match Probed::new(&request.package, &item.name) {
+        Ok(probed) => match Shader::parse(probed.kernel()) {
+            Ok(shader) => {
+                let made = translated(request, &shader, Probed::ENTRY_POINT);
+                let about = About::Function(Box::new(probed));
+                Subject::Ready(Box::new(Ready { row: row("function", None), about, made }))
+            }
+            Err(error) => failed("function", error.to_string()),
+        },
+        // It has no value to pass or to compare, or belongs to another stage: nothing calls it.
+        Err(ProbeError::Reflect(ReflectError::Unprobeable(why))) => {
+            failed("not callable", why.to_string())
+        }
+        Err(error) => failed("function", error.to_string()),
+    }
+}
+
+type EntryPoint = (Shader, std::sync::Arc<Program>, String, String);
+
+fn entry_point(request: &Request, item: &FunctionItem) -> Result<EntryPoint, String> {
+    let (module, own) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
+    let program = Program::of_module(&request.package.for_validating(module), module);
+    let program = program.map_err(|error| error.to_string())?;
+    let shader = Shader::parse(program.text()).map_err(|error| error.to_string())?;
+    let name = program.entry_point_name(own).to_owned();
+    let known = shader.entry_points().into_iter().find(|e| e.name == name);
+    let stage = known.ok_or_else(|| format!("naga has no entry point `{name}`"))?.stage;
+    Ok((shader, program, name, stage.to_string()))
+}
+
+fn translated(request: &Request, shader: &Shader, entry_point: &str) -> Vec<Made> {
+    let mut made: Vec<Made> = Vec::new();
+    for column in &request.columns {
+        let target = column.target;
+        if made.iter().all(|made| made.target != target) {
+            let translation = shader.translate(target, Some(entry_point));
+            made.push(Made { target, translation });
+        }
+    }
+    made
+}

@@ -1,0 +1,92 @@
+//! Many translations by one process of a tool.
+//!
+//! glslang spends most of its time on GLSL's own declarations, before it reads a shader: it judges ten
+//! files of one process in the time of two processes.
+
+use std::io;
+use std::process::Command;
+
+use crate::child::{self, End};
+use crate::{Stage, Target, Tool, Translation, Validation, Verdict};
+
+/// Files of one process. A file that is rejected costs a process for each of its neighbours.
+const FILES: usize = 32;
+
+impl Tool {
+    /// Asks what it thinks of each of several translations: what [`validate`](Self::validate) says,
+    /// with fewer processes.
+    ///
+    /// # Errors
+    /// As [`validate`](Self::validate), each for its translation.
+    pub fn validate_all(&self, translations: &[&Translation]) -> Vec<io::Result<Validation>> {
+        let mut said: Vec<Option<io::Result<Validation>>> =
+            translations.iter().map(|_| None).collect();
+        for (target, stage) in kinds(translations) {
+            let of_kind = |index: &usize| kind(translations[*index]) == Some((target, stage));
+            let indices: Vec<usize> = (0..translations.len()).filter(of_kind).collect();
+            for indices in indices.chunks(FILES) {
+                let batch: Vec<&Translation> = indices.iter().map(|at| translations[*at]).collect();
+                if self.all_valid(target, &batch) {
+                    for (index, translation) in indices.iter().zip(batch) {
+                        said[*index] = Some(Ok(self.says_valid(translation)));
+                    }
+                }
+            }
+        }
+        let each = said.into_iter().zip(translations);
+        each.map(|(said, one)| said.unwrap_or_else(|| self.validate(one))).collect()
+    }
+
+    /// Whether one process that reads all of them finds nothing wrong. If it doesn't say so, each is
+    /// asked about alone.
+    fn all_valid(&self, target: Target, batch: &[&Translation]) -> bool {
+        batch.len() > 1 && self.judges_files(target) && self.find_nothing(batch).unwrap_or(false)
+    }
+
+    fn find_nothing(&self, batch: &[&Translation]) -> io::Result<bool> {
+        let folder = tempfile::tempdir()?;
+        let names: Vec<String> =
+            (0..batch.len()).map(|n| format!("{n}.{}", batch[n].target.extension())).collect();
+        for (translation, name) in batch.iter().zip(&names) {
+            std::fs::write(folder.path().join(name), translation.code.bytes())?;
+        }
+        let Some(mut command) = self.command(batch[0], &names) else { return Ok(false) };
+        let ran = child::run(command.current_dir(folder.path()))?;
+        // It names each file that it has read.
+        let read = |name: &String| ran.output.lines().any(|line| line == name);
+        Ok(ran.end == End::Good && names.iter().all(read))
+    }
+
+    /// The tool with its arguments for one translation, but for several files.
+    fn command(&self, first: &Translation, files: &[String]) -> Option<Command> {
+        let mut command = Command::new(self.program()?);
+        let mut arguments = self.arguments(first)?;
+        arguments.pop(); // the file
+        command.args(arguments).args(files);
+        Some(command)
+    }
+
+    /// What [`validate`](Self::validate) says of what is valid.
+    fn says_valid(&self, translation: &Translation) -> Validation {
+        let arguments = self.arguments(translation).unwrap_or_default();
+        self.says(format!("{} {}", self.name(), arguments.join(" ")), Verdict::Valid)
+    }
+}
+
+/// What a process can read several of.
+fn kind(translation: &Translation) -> Option<(Target, Stage)> {
+    match &*translation.entry_points {
+        [one] => Some((translation.target, one.stage)),
+        _ => None,
+    }
+}
+
+fn kinds(translations: &[&Translation]) -> Vec<(Target, Stage)> {
+    let mut kinds = Vec::new();
+    for kind in translations.iter().filter_map(|translation| kind(translation)) {
+        if !kinds.contains(&kind) {
+            kinds.push(kind);
+        }
+    }
+    kinds
+}
