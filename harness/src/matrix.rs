@@ -15,9 +15,11 @@ mod excerpt;
 mod execute;
 mod inputs;
 mod judge;
+mod known;
 mod lets;
 mod markdown;
 mod reduce;
+mod reference;
 mod row;
 mod subject;
 mod table;
@@ -29,7 +31,10 @@ use serde::Serialize;
 
 pub use column::Column;
 pub use divergence::{Divergence, Intermediate};
-pub use table::{Matrix, MatrixError, Missed};
+pub use karat_translate::Code;
+pub use known::{Finding, Known};
+pub use reference::Reference;
+pub use table::{Head, Matrix, MatrixError, Missed};
 
 use crate::package::Package;
 use crate::tolerance::{Abs, Rel, Tolerance};
@@ -61,6 +66,16 @@ impl Status {
             Self::Executed => "executed",
             Self::Agrees => "agrees",
         }
+    }
+}
+
+impl std::str::FromStr for Status {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let known = Self::ALL.into_iter().find(|status| status.name() == name);
+        let names = Self::ALL.map(Self::name).join(", ");
+        known.ok_or_else(|| format!("`{name}` is no status; they are {names}"))
     }
 }
 
@@ -136,15 +151,25 @@ pub struct Cell {
     pub worst_ulp: Option<u64>,
     /// Where the results differ, the simplest input and the first value that differs.
     pub divergence: Option<Divergence>,
-    /// The translation, if it is a text.
+    /// What the function's own tests found on this path; see [`Matrix::judge_by`].
+    pub reference: Option<Reference>,
+    /// What is declared not to work.
+    pub known: Option<Known>,
+    /// The translation.
     #[serde(skip)]
-    pub text: Option<Arc<str>>,
+    pub code: Option<Arc<Code>>,
     /// The lines of the function or entry point in that text, from 1 on, both included.
     #[serde(skip)]
     pub text_lines: Option<(usize, usize)>,
 }
 
 impl Cell {
+    /// The translation, if it is a text.
+    #[must_use]
+    pub fn text(&self) -> Option<&str> {
+        self.code.as_ref()?.text()
+    }
+
     /// Whether its results are others than those of the column that it is compared with.
     #[must_use]
     pub fn differs(&self) -> bool {
@@ -207,6 +232,7 @@ pub struct Request {
     cases: usize,
     within: Tolerance,
     only: Vec<String>,
+    known: Vec<Known>,
 }
 
 /// Cases that each function is called with. They are there to tell translations apart, not to find
@@ -238,6 +264,7 @@ impl Package {
             cases: CASES,
             within: Rel(WITHIN).or(Abs(WITHIN)),
             only: Vec::new(),
+            known: Vec::new(),
         }
     }
 }
@@ -265,6 +292,16 @@ impl Request {
     #[must_use]
     pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
         Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
+    }
+
+    /// Declares that a row doesn't get to a status on a column, or on the paths of a selector
+    /// (`:hlsl`, `@swiftshader`). It is a [finding](Matrix::findings) if it does. `[[matrix]]` in
+    /// `karat.toml` declares the same.
+    #[must_use]
+    pub fn fails_on(mut self, column: &str, row: &str, status: Status, reason: &str) -> Self {
+        let [row, column, reason] = [row, column, reason].map(str::to_owned);
+        self.known.push(Known { row, column, status, reason });
+        self
     }
 
     /// Makes the matrix.

@@ -35,6 +35,8 @@ pub use functions::FunctionItem;
 #[cfg(test)]
 pub(crate) use linked::KERNEL_WORDS;
 pub(crate) use linked::Linked;
+#[cfg(feature = "routes")]
+pub(crate) use manifest::KnownRows;
 
 use cargo::Found;
 use library::ModulePath;
@@ -290,6 +292,12 @@ impl Package {
             Origin::Crate { .. } => return self.found().map(drop),
         };
         if there { Ok(()) } else { Err(PackageError::Missing(shown(&self.root()))) }
+    }
+
+    /// What `karat.toml` declares of the matrix of translations.
+    #[cfg(feature = "routes")]
+    pub(crate) fn known_rows(&self) -> Result<Vec<KnownRows>, PackageError> {
+        Ok(manifest::Manifest::of(self)?.known_rows())
     }
 
     /// The paths of all modules, sorted.

@@ -80,6 +80,10 @@ pub(super) struct Comparison {
     pub(super) worst_ulp: Option<u64>,
 }
 
+/// What a component counts as at least, as a share of the largest one: with the tolerance of 1e-3 that
+/// is usual, 1e-6 of it, some 8 steps of `f32`.
+const CANCELLED: f64 = 1e-3;
+
 /// How results of a function are compared.
 #[derive(Clone, Debug)]
 pub(super) struct Judge<'j> {
@@ -100,7 +104,9 @@ impl<'j> Judge<'j> {
                 *scale = scale.max(if size.is_finite() { size.min(1.0) } else { 0.0 });
             }
         }
-        let one = |scale: f64| if scale > 0.0 { scale } else { 1.0 };
+        // Beside a large component a small one is what is left of terms that cancel.
+        let least = CANCELLED * scales.iter().copied().fold(0.0, f64::max);
+        let one = |scale: f64| if scale > 0.0 { scale.max(least) } else { 1.0 };
         Self { scalars, within, scales: scales.into_iter().map(one).collect() }
     }
 

@@ -72,9 +72,9 @@ impl Judged {
             }
             None => (Status::Valid, None),
         };
-        let text = translation.code.text().map(Arc::from);
+        let code = Some(Arc::new(translation.code.clone()));
         let options = translation.options.clone();
-        Cell { status: Some(status), stopped, options, validators, text, ..nothing }
+        Cell { status: Some(status), stopped, options, validators, code, ..nothing }
     }
 }
 

@@ -6,10 +6,11 @@ use std::fmt::Write;
 use super::{Cell, Matrix, Status, Stop};
 
 impl Cell {
-    /// What a table calls it: how far it got, or that it is wrong.
+    /// What a table calls it: how far it got, that it is wrong, or that this is known.
     #[must_use]
     pub fn word(&self) -> &'static str {
         match (self.status, &self.stopped) {
+            _ if self.known.is_some() && !self.contradicts() => "known",
             (_, Some(Stop::Differs(_))) => "DIFFERS",
             (_, Some(Stop::Rejected(_))) => "INVALID",
             (None, _) => "unsupported",
@@ -30,7 +31,10 @@ impl Matrix {
                 reasons.entry((false, first.to_owned())).or_default().push(row.name.clone());
             }
             for (head, cell) in self.columns.iter().zip(&row.cells) {
-                if let Some(stop) = &cell.stopped {
+                if let Some(known) = cell.known.as_ref().filter(|_| !cell.contradicts()) {
+                    let text = format!("{}: known: {}", head.name, known.reason);
+                    reasons.entry((true, text)).or_default().push(row.name.clone());
+                } else if let Some(stop) = &cell.stopped {
                     let text = format!("{}: {}", head.name, stop.text().trim());
                     let wrong =
                         matches!(stop, Stop::Differs(_) | Stop::Rejected(_) | Stop::Unsupported(_));

@@ -15,7 +15,7 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
     for cell in &mut cells {
         let entry_point = matches!(ready.about, About::EntryPoint { .. });
         let lines = |text: &str| function_lines(text, ready.name(), entry_point);
-        cell.text_lines = cell.text.as_deref().and_then(lines);
+        cell.text_lines = cell.text().and_then(lines);
     }
     let mut buffers = Vec::new();
     match &ready.about {
@@ -114,7 +114,7 @@ fn compare_all(
             let none = "no case has a finite result".to_owned();
             cell.stopped = Some(Stop::NothingToCompare(none));
         } else if let Some(case) = seen.differing.first() {
-            let text = cell.text.as_deref().zip(cell.text_lines);
+            let text = cell.text().zip(cell.text_lines);
             let found = divergence(request, probed, rows, (first, other), *case, &judge, text);
             let (count, compared) = (seen.differing.len(), seen.compared);
             cell.stopped = Some(Stop::Differs(format!(

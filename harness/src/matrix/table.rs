@@ -8,10 +8,11 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::judge::Judged;
+use super::known::{Known, declare};
 use super::subject::{Ready, Subject, prepare};
 use super::{Cell, Column, Request, Row, Status, row};
 use crate::diagnostic::nearest;
-use crate::package::{FunctionItem, PackageError};
+use crate::package::{KnownRows, PackageError};
 use crate::path::{self, PathError};
 use crate::settings::{self, SettingsError};
 
@@ -77,6 +78,16 @@ pub enum MatrixError {
         /// What is possible.
         most: usize,
     },
+    /// A declaration of what doesn't work can't be true.
+    #[error("row `{row}` is declared not to work on `{column}`: {why}")]
+    Known {
+        /// The row.
+        row: String,
+        /// The column.
+        column: String,
+        /// What is wrong with it.
+        why: String,
+    },
     /// A column is named twice.
     #[error("the column `{0}` is named twice")]
     Repeated(String),
@@ -105,7 +116,14 @@ pub(super) fn make(
             return Err(MatrixError::Repeated(column.to_string()));
         }
     }
-    let items = items(request)?;
+    let mut items = request.package.functions()?;
+    let known = known(request)?;
+    for known in &known {
+        known.expect_sound(items.iter().map(|item| &*item.name))?;
+    }
+    items.retain(|item| {
+        request.only.is_empty() || request.only.iter().any(|part| item.name.contains(part))
+    });
     let package = request.package.name();
     if items.is_empty() {
         return Err(MatrixError::Nothing { package, only: request.only.clone() });
@@ -136,20 +154,31 @@ pub(super) fn make(
         };
         subjects.into_par_iter().zip(cells).map(one).collect::<Vec<Row>>()
     });
-    let rows = rows.collect();
+    let mut rows: Vec<Row> = rows.collect();
+    declare(&known, &request.columns, &mut rows);
     let here = Tool::all().iter().filter_map(|tool| tool.as_ref().ok());
     let validators = here.map(|tool| (tool.name().to_owned(), tool.version().to_owned())).collect();
     let (naga, cases) = (NAGA_VERSION.to_owned(), request.cases);
     Ok(Matrix { package, naga, validators, cases, columns, rows })
 }
 
-/// The functions and entry points. A module that can't be read is an error: it would hide its own.
-fn items(request: &Request) -> Result<Vec<FunctionItem>, PackageError> {
-    let items = request.package.functions()?;
-    let wanted = |item: &FunctionItem| {
-        request.only.is_empty() || request.only.iter().any(|part| item.name.contains(part))
-    };
-    Ok(items.into_iter().filter(wanted).collect())
+/// What is declared in the test and in `karat.toml`.
+fn known(request: &Request) -> Result<Vec<Known>, MatrixError> {
+    let mut all = request.known.clone();
+    for written in request.package.known_rows()? {
+        let KnownRows { rows, columns, status, reason } = written;
+        for row in &rows {
+            for column in &columns {
+                let (row, column, reason) = (row.clone(), column.clone(), reason.clone());
+                let status = status.parse().map_err(|why| {
+                    let (row, column) = (row.clone(), column.clone());
+                    MatrixError::Known { row, column, why }
+                })?;
+                all.push(Known { row, column, status, reason });
+            }
+        }
+    }
+    Ok(all)
 }
 
 fn head(column: &Column) -> Head {
@@ -262,7 +291,11 @@ impl Matrix {
         }
         let (mut missing, mut passing) = (Vec::new(), Vec::new());
         for row in &judged {
-            let reached = row.cells.get(index).and_then(|cell| cell.status) >= Some(status);
+            let cell = row.cells.get(index);
+            let reached = cell.and_then(|cell| cell.status) >= Some(status);
+            if !reached && cell.is_some_and(|cell| cell.is_known_to_miss(status)) {
+                continue;
+            }
             let declared = known.iter().any(|(name, _)| *name == row.name);
             match (reached, declared) {
                 (false, false) => missing.push((row.name.clone(), row.why(index))),

@@ -1,4 +1,5 @@
-//! `karat.toml` beside the modules of a folder: features, and what expands modules.
+//! `karat.toml` beside the modules of a folder: features, what expands modules, and what is known not
+//! to work in the matrix of translations.
 
 use std::collections::{BTreeMap, HashMap};
 use std::io::Read;
@@ -28,6 +29,18 @@ pub(super) struct Manifest {
     /// A program with its arguments that prints a module as WGSL. The module's file is its last
     /// argument, and it runs in the folder of the modules.
     preprocess: Vec<String>,
+    /// What is declared not to work on a column of the matrix of translations.
+    matrix: Vec<KnownRows>,
+}
+
+/// Rows of the matrix of translations that are declared not to get to a status, as it is written.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct KnownRows {
+    pub(crate) rows: Vec<String>,
+    pub(crate) columns: Vec<String>,
+    pub(crate) status: String,
+    pub(crate) reason: String,
 }
 
 /// As it is written.
@@ -37,6 +50,8 @@ struct Written {
     #[serde(default)]
     features: BTreeMap<String, toml::Value>,
     preprocess: Option<Vec<String>>,
+    #[serde(default)]
+    matrix: Vec<KnownRows>,
 }
 
 /// What a program may print of one module: far more than any has.
@@ -59,7 +74,7 @@ impl Manifest {
             Err(none) if none.kind() == std::io::ErrorKind::NotFound => return Ok(Self::default()),
             Err(other) => return Err(error(other.to_string())),
         };
-        let Written { features, preprocess } = toml::from_str(&text)
+        let Written { features, preprocess, matrix } = toml::from_str(&text)
             .map_err(|reason| error(reason.to_string().trim_end().to_owned()))?;
         let feature = |(name, value): (String, toml::Value)| match value {
             toml::Value::Boolean(on) => Ok((name, Feature::Flag(on))),
@@ -73,9 +88,15 @@ impl Manifest {
             }
             command => {
                 let read = Some(FileRead::of(&file, text.as_bytes()));
-                Ok(Self { read, features, preprocess: command.unwrap_or_default() })
+                Ok(Self { read, features, preprocess: command.unwrap_or_default(), matrix })
             }
         }
+    }
+
+    /// What is declared of the matrix of translations.
+    #[cfg(feature = "routes")]
+    pub(super) fn known_rows(self) -> Vec<KnownRows> {
+        self.matrix
     }
 
     /// Whether modules are what a program prints.

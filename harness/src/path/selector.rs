@@ -49,6 +49,12 @@ impl Selector {
         }
     }
 
+    /// Whether it selects a path.
+    #[cfg(feature = "routes")]
+    pub(crate) fn selects(&self, path: Path, adapter: &Adapter) -> bool {
+        self.fits(path, adapter).is_some()
+    }
+
     /// How much of what it names is so of a path; `None`: something isn't.
     fn fits(&self, path: Path, adapter: &Adapter) -> Option<usize> {
         let Parts { api, via, driver } = self.parts?;

@@ -1,12 +1,17 @@
 //! `karat matrix`
 
+mod html;
+mod junit;
+mod reproduce;
+
 use std::io::Write;
 use std::path::PathBuf;
 
 use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::image::write_whole;
-use karat::matrix::{Cell, Column, Matrix, Row, Status, Stop};
+use karat::matrix::{Cell, Column, Finding, Matrix, Row, Status, Stop};
+use karat::record::{Record, Recorded};
 use karat::tolerance::{Abs, Rel};
 
 use super::project::Project;
@@ -36,6 +41,18 @@ pub(super) struct Args {
     /// Write the table as Markdown
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
+    /// Write a page: each cell with its evidence, and the translation beside the author's text
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+    /// Write JUnit XML
+    #[arg(long, value_name = "FILE")]
+    junit: Option<PathBuf>,
+    /// Write a folder for each row that differs or is rejected, to be attached to a bug report
+    #[arg(long, value_name = "DIR")]
+    reproduce: Option<PathBuf>,
+    /// Judge functions by what their tests found on the same paths, in the record of the last run
+    #[arg(long)]
+    tests: bool,
     #[command(flatten)]
     package: PackageArgs,
 }
@@ -43,9 +60,7 @@ pub(super) struct Args {
 /// `vulkan:hlsl=executed`
 fn requirement(text: &str) -> Result<(String, Status), String> {
     let (column, status) = text.split_once('=').ok_or("write COLUMN=STATUS")?;
-    let names = Status::ALL.map(Status::name).join(", ");
-    let known = Status::ALL.into_iter().find(|known| known.name() == status);
-    let status = known.ok_or_else(|| format!("`{status}` is no status; they are {names}"))?;
+    let status = status.parse()?;
     let column: Column = column.parse()?;
     Ok((column.to_string(), status))
 }
@@ -57,11 +72,13 @@ fn bound(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
-    let packages = Project::find()?.packages(&args.package)?;
+    let project = Project::find()?;
+    let packages = project.packages(&args.package)?;
     ensure!(!packages.is_empty(), "`metadata.karat` lists no shader package");
-    if let Some(file) = &args.markdown {
+    for file in [&args.markdown, &args.html, &args.junit].into_iter().flatten() {
         spare_shaders("table", file, &packages)?;
     }
+    let records = if args.tests { records(&project)? } else { Vec::new() };
     let mut columns = if args.columns.is_empty() { Column::usual() } else { args.columns.clone() };
     for (name, _) in &args.require {
         let column: Column = name.parse().map_err(anyhow::Error::msg)?;
@@ -87,6 +104,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         bar.finish_and_clear();
         matrices.push(matrix?);
     }
+    if args.tests {
+        let judged: usize = matrices.iter_mut().map(|matrix| matrix.judge_by(&records)).sum();
+        ensure!(
+            judged > 0,
+            "no test of the last run was on these functions and paths as they are now: run \
+             `karat test` with KARAT_PATHS=vulkan,vulkan:hlsl, or whatever the columns are"
+        );
+    }
     if args.json {
         write_json(&matrices, out)?;
     } else {
@@ -94,11 +119,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             write_text(matrix, out)?;
         }
     }
-    if let Some(file) = &args.markdown {
-        let text: Vec<String> = matrices.iter().map(Matrix::markdown).collect();
-        write_whole(file, text.join("\n").as_bytes())
-            .with_context(|| format!("can't write `{}`", file.display()))?;
-    }
+    write_files(args, &matrices)?;
     let mut ending = Ending::Good;
     for matrix in &matrices {
         for (column, status) in &args.require {
@@ -108,12 +129,59 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             }
         }
     }
-    if let Some(Row { name, error: Some(error), .. }) =
-        matrices.iter().flat_map(|m| &m.rows).find(|row| row.is_judged() && row.error.is_some())
-    {
-        bail!("`{name}` isn't in the matrix:\n{error}");
+    let findings: Vec<Finding> = matrices.iter().flat_map(Matrix::findings).collect();
+    if !findings.is_empty() {
+        ending = Ending::Bad;
+        let one = findings.len() == 1;
+        karat::output::tell(&format!(
+            "{} of the matrix {} wrong, and not declared to be: {}",
+            if one { "one cell".to_owned() } else { format!("{} cells", findings.len()) },
+            if one { "is" } else { "are" },
+            few(findings.iter().map(|finding| format!("{} on {}", finding.row, finding.column)))
+        ));
     }
+    expect_no_errors(&matrices)?;
     Ok(ending)
+}
+
+/// A row that isn't in the matrix is an error: nothing is known of it.
+fn expect_no_errors(matrices: &[Matrix]) -> anyhow::Result<()> {
+    let rows = || matrices.iter().flat_map(|m| &m.rows).filter(|row| row.is_judged());
+    let Some(error) = rows().find_map(|row| row.error.as_ref()) else { return Ok(()) };
+    let same = rows().filter(|row| row.error.as_ref() == Some(error));
+    bail!("these rows aren't in the matrix: {}\n{error}", few(same.map(|row| row.name.clone())))
+}
+
+/// The first of many names.
+fn few(names: impl Iterator<Item = String>) -> String {
+    let all: Vec<String> = names.collect();
+    let more = all.len().saturating_sub(4);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    format!("{}{more}", all[..all.len().min(4)].join(", "))
+}
+
+fn records(project: &Project) -> anyhow::Result<Vec<Record>> {
+    let folder = project.record();
+    let recorded = Recorded::read(&folder)?;
+    let missing = || format!("there is no record of a run (`{}`)", folder.display());
+    Ok(recorded.with_context(missing)?.records)
+}
+
+fn write_files(args: &Args, matrices: &[Matrix]) -> anyhow::Result<()> {
+    let write = |file: &Option<PathBuf>, text: &dyn Fn() -> anyhow::Result<String>| match file {
+        Some(file) => write_whole(file, text()?.as_bytes())
+            .with_context(|| format!("can't write `{}`", file.display())),
+        None => Ok(()),
+    };
+    let markdown = || Ok(matrices.iter().map(Matrix::markdown).collect::<Vec<_>>().join("\n"));
+    write(&args.markdown, &markdown)?;
+    write(&args.html, &|| html::page(matrices))?;
+    write(&args.junit, &|| junit::text(matrices, &args.require))?;
+    if let Some(folder) = &args.reproduce {
+        let written = reproduce::write(folder, matrices)?;
+        karat::output::tell(&format!("{} folders in `{}`", written.len(), folder.display()));
+    }
+    Ok(())
 }
 
 fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
@@ -143,10 +211,7 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
     table.write(out)?;
     writeln!(out, "\n{}", summary(matrix))?;
     for (why, rows) in matrix.reasons() {
-        let count = rows.len();
-        let few: Vec<&str> = rows.iter().take(4).map(String::as_str).collect();
-        let more = if count > 4 { format!(" and {} more", count - 4) } else { String::new() };
-        writeln!(out, "\n{why}\n{DIM}  {}{more}{DIM:#}", few.join(", "))?;
+        writeln!(out, "\n{why}\n{DIM}  {}{DIM:#}", few(rows.into_iter()))?;
     }
     Ok(())
 }
@@ -161,7 +226,8 @@ fn shown(cell: &Cell, row: &Row, cases: usize) -> String {
 }
 
 fn is_bad(cell: &Cell) -> bool {
-    matches!(cell.stopped, Some(Stop::Differs(_) | Stop::Rejected(_) | Stop::Unsupported(_)))
+    cell.known.is_none()
+        && matches!(cell.stopped, Some(Stop::Differs(_) | Stop::Rejected(_) | Stop::Unsupported(_)))
 }
 
 /// How many rows got how far on each column.

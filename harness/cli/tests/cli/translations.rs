@@ -253,6 +253,8 @@ fn what_is_required_of_the_matrix_decides() {
 mod planted {
     use std::os::unix::fs::PermissionsExt;
 
+    use base64::Engine;
+
     use super::*;
 
     /// Where a program of the machine is; these come with `cargo ci setup`.
@@ -264,9 +266,15 @@ mod planted {
         })
     }
 
-    /// The matrix with a glslang that does this before and after its work.
+    /// The matrix with a glslang that does this before and after its work. It has a finding.
     fn with_glslang(before: &str, after: &str) -> serde_json::Value {
-        let folder = shaders();
+        let ran = run_with_glslang(&shaders(), before, after, &["--json"]);
+        assert_eq!(ran.code, Some(1), "{ran:?}");
+        assert!(ran.err.contains("one cell of the matrix is wrong, and not declared"), "{ran:?}");
+        json(&ran.out)
+    }
+
+    fn run_with_glslang(folder: &TempDir, before: &str, after: &str, more: &[&str]) -> Ran {
         let bin = folder.path().join("bin");
         let real = program("glslangValidator");
         let script = format!(
@@ -280,15 +288,120 @@ mod planted {
         let path = std::env::var_os("PATH").unwrap_or_default();
         let path = std::env::split_paths(&path).collect::<Vec<_>>();
         let path = std::env::join_paths([vec![bin], path].concat()).expect("folders");
-        let arguments = [
-            "matrix",
-            "--json",
-            "--only",
-            "maths::blend",
-            "--columns",
-            "vulkan,vulkan:wgsl,vulkan:glsl,vulkan:hlsl",
-        ];
-        json(&output(command(folder.path(), &arguments).env("PATH", path)).good())
+        let columns = "vulkan,vulkan:wgsl,vulkan:glsl,vulkan:hlsl";
+        let common = ["matrix", "--only", "maths::blend", "--columns", columns];
+        output(command(folder.path(), &[&common, more].concat()).env("PATH", path))
+    }
+
+    /// A glslang that adds where naga's HLSL subtracts.
+    const ANOTHER_OPERATOR: &str =
+        "[ -f shader.hlsl ] && sed -i 's/ - y/ + y/; s/_ - /_ + /' shader.hlsl";
+
+    #[test]
+    fn a_difference_is_explained_in_each_output() {
+        let folder = shaders();
+        let text = "fn blend(x: f32, y: f32) -> f32 {\n    let thrice = x * 3.0;\n    \
+                    let less = thrice - y;\n    return less * 2.0;\n}\n";
+        write(&folder.path().join("shaders"), "maths.wgsl", text);
+        let outputs = ["--html", "m.html", "--junit", "m.xml", "--reproduce", "bugs"];
+        let ran = run_with_glslang(&folder, ANOTHER_OPERATOR, "", &outputs);
+        assert_eq!(ran.code, Some(1), "{ran:?}");
+        let explained = "at x = 0; y = 1 `vulkan:hlsl` returns 2, `vulkan` -2; `less` \
+                         (shaders/maths.wgsl:3:16) differs first: 1, and -1";
+        assert!(ran.out.contains(explained), "{ran:?}");
+        let read = |name: &str| {
+            let file = folder.path().join(name);
+            std::fs::read_to_string(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()))
+        };
+        let page = matrix_of_page(&read("m.html"));
+        let cell = &page["rows"][0]["cells"][3];
+        assert_eq!(cell["divergence"]["first"]["line"], 3, "{cell}");
+        let text = &page["texts"][cell["text"].as_u64().expect("an index") as usize];
+        let line = cell["divergence"]["first"]["text_line"].as_u64().expect("a line") as usize;
+        let line = text.as_str().and_then(|text| text.lines().nth(line - 1)).expect("it is there");
+        assert!(line.trim_start().starts_with("float less = "), "{line}");
+        assert_eq!(page["rows"][0]["source"]["line"], 1);
+
+        let xml = read("m.xml");
+        let report = roxmltree::Document::parse(&xml).expect("XML");
+        let cases = report.descendants().filter(|node| node.has_tag_name("testcase"));
+        let failed: Vec<&str> = cases
+            .filter(|case| case.children().any(|node| node.has_tag_name("failure")))
+            .filter_map(|case| case.attribute("classname"))
+            .collect();
+        assert_eq!(failed, ["shaders.vulkan:hlsl"]);
+
+        let bug = "bugs/shaders/maths.blend@vulkan-hlsl";
+        let readme = read(&format!("{bug}/README.md"));
+        for part in [
+            explained,
+            "| `y` | 1 |",
+            "| `vulkan:hlsl` | 2 | 0x40000000 |",
+            "The first let-binding that differs is `less` at shaders/maths.wgsl:3:16",
+            "let thrice = x * 3.0;",
+            "glslangValidator -D",
+            "naga 30.0.1",
+        ] {
+            assert!(readme.contains(part), "no `{part}` in {readme}");
+        }
+        assert!(read(&format!("{bug}/shader.wgsl")).contains("karat_probe"));
+        assert!(read(&format!("{bug}/vulkan-hlsl.hlsl")).contains("numthreads"));
+        let words = std::fs::read(folder.path().join(bug).join("vulkan.spv")).expect("SPIR-V");
+        assert_eq!(words[..4], 0x0723_0203_u32.to_le_bytes());
+        let values = json(&read(&format!("{bug}/values.json")));
+        assert_eq!(values["case"]["arguments"][1], "0x3f800000");
+    }
+
+    /// What is declared must be so, and must be about what is there.
+    #[test]
+    fn what_is_declared_must_fail() {
+        let folder = shaders();
+        let declare = |rows: &str, columns: &str, status: &str, reason: &str| {
+            let text = format!(
+                "[[matrix]]\nrows = [\"{rows}\"]\ncolumns = [\"{columns}\"]\nstatus = \
+                 \"{status}\"\nreason = \"{reason}\"\n"
+            );
+            write(&folder.path().join("shaders"), "karat.toml", &text);
+        };
+        for column in ["vulkan:hlsl", ":hlsl", "vulkan:hlsl@llvmpipe"] {
+            declare("maths::blend", column, "agrees", "the compiler is wrong");
+            let ran = run_with_glslang(&folder, ANOTHER_OPERATOR, "", &[]);
+            assert!(ran.good().contains("known: the compiler is wrong"), "{column}");
+        }
+        let required = ["--require", "vulkan:hlsl=agrees"];
+        run_with_glslang(&folder, ANOTHER_OPERATOR, "", &required).good();
+        let healthy = run_with_glslang(&folder, "", "", &["--html", "m.html"]);
+        assert_eq!(healthy.code, Some(1), "{healthy:?}");
+        assert!(healthy.err.contains("maths::blend on vulkan:hlsl"), "{healthy:?}");
+        for (rows, column, status, reason, message) in [
+            ("maths::blnd", "vulkan", "agrees", "x", "no such row; did you mean `maths::blend`?"),
+            ("maths::blend", "vulkn", "agrees", "x", "there is no execution path `vulkn`"),
+            ("maths::blend", "vulkan", "agree", "x", "`agree` is no status; they are translated"),
+            ("maths::blend", "vulkan", "agrees", " ", "it has no reason"),
+        ] {
+            declare(rows, column, status, reason);
+            let ran = run_with_glslang(&folder, "", "", &[]);
+            assert_eq!(ran.code, Some(2), "{ran:?}");
+            assert!(ran.err.contains(message), "{ran:?}");
+        }
+        // A route that is declared isn't the direct one.
+        declare("maths::blend", "vulkan", "agrees", "not so");
+        let ran = run_with_glslang(&folder, "", "", &[]);
+        assert!(
+            ran.err.contains("maths::blend on vulkan") && !ran.err.contains(":wgsl"),
+            "{ran:?}"
+        );
+    }
+
+    /// The data of the page.
+    fn matrix_of_page(page: &str) -> serde_json::Value {
+        use std::io::Read;
+        let (_, data) = page.split_once("data-encoding=\"deflate\">").expect("its data");
+        let (data, _) = data.split_once("</script>").expect("the element's end");
+        let bytes = base64::engine::general_purpose::STANDARD.decode(data).expect("base64");
+        let mut text = String::new();
+        flate2::read::ZlibDecoder::new(&bytes[..]).read_to_string(&mut text).expect("zlib");
+        json(&text)["matrices"][0].clone()
     }
 
     fn states(matrix: &serde_json::Value) -> Vec<(String, String, String)> {

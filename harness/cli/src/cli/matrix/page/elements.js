@@ -1,0 +1,47 @@
+"use strict";
+// The page of `karat matrix --html`: rows are functions and entry points, columns are routes.
+//
+// What the data says is put in as text, never as HTML, because a shader's author may be anyone. What
+// is shown is told by the address, so that a link shows the same to others.
+
+// Elements.
+
+const byId = (id) => document.getElementById(id);
+
+// Makes an element: `element("td", { className: "number" }, "1.5")`.
+function element(tag, properties = {}, ...children) {
+  const made = Object.assign(document.createElement(tag), properties);
+  made.append(...children.filter((child) => child !== null && child !== undefined));
+  return made;
+}
+const button = (properties, ...children) => element("button", { type: "button", ...properties }, ...children);
+const link = (text, onclick) => button({ className: "link", onclick }, text);
+
+// Characters that show nothing, or turn the order of others around, are shown by their numbers: text
+// must not look other than a compiler reads it.
+const HIDDEN = /[\u0000-\u0008\u000b-\u001f\u007f-\u009f\u00ad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff]/g;
+const plain = (text) =>
+  String(text ?? "").replace(/\r\n/g, "\n").replace(HIDDEN, (c) => `\\u{${c.codePointAt(0).toString(16)}}`);
+
+const many = (count, one, more = `${one}s`) => `${count.toLocaleString("en")} ${count === 1 ? one : more}`;
+
+function announce(told, text, restore) {
+  told.textContent = text;
+  setTimeout(() => told.replaceChildren(...restore), 1500);
+}
+
+async function copy(text, told) {
+  const restore = [...told.childNodes];
+  try {
+    await navigator.clipboard.writeText(text);
+    announce(told, "Copied", restore);
+  } catch {
+    // Some browsers forbid it to pages that are files.
+    const area = element("textarea", { value: text });
+    document.body.append(area);
+    area.select();
+    const done = document.execCommand("copy");
+    area.remove();
+    announce(told, done ? "Copied" : "The browser forbids it", restore);
+  }
+}

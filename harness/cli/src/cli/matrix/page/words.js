@@ -1,0 +1,48 @@
+// Words.
+
+const STATUSES = ["translated", "valid", "executed", "agrees"];
+// What a cell is, in the order of bars and toggles. `sign` is there for those who see no colours.
+const SORTS = new Map(Object.entries({
+  agrees: { sign: "✓", about: "it ran, and its results are those of another column" },
+  executed: { sign: "▷", about: "it ran on all inputs, and wrote all results" },
+  valid: { sign: "◐", about: "all validators of the language that are here accept it" },
+  translated: { sign: "○", about: "naga writes it" },
+  differs: { sign: "≠", word: "DIFFERS", about: "it ran, and its results are other than those of the column it is compared with" },
+  invalid: { sign: "✗", word: "INVALID", about: "a validator rejects what naga wrote" },
+  unsupported: { sign: "⊘", about: "naga doesn't write it; behind another word: naga wrote it, but can't take it further on this route" },
+  known: { sign: "≡", word: "known", about: "the package declares that this fails, and it does; it isn't counted as a finding" },
+}));
+const FINDINGS = ["differs", "invalid", "unsupported", "reference"];
+const WHY = new Map(Object.entries({
+  unsupported: "naga can't take it further",
+  rejected: "A validator rejects it",
+  no_validator: "No validator of the language is here",
+  unavailable: "Nothing here runs it",
+  not_run: "It isn't run",
+  differs: "Its results differ",
+  nothing_to_compare: "There is nothing to compare it with",
+}));
+
+// The word that the table of `karat matrix` uses.
+function wordOf(cell) {
+  const why = cell.stopped?.why;
+  if (why === "differs") return "DIFFERS";
+  if (why === "rejected") return "INVALID";
+  return STATUSES.includes(cell.status) ? cell.status : "unsupported";
+}
+
+// The sort gives the colour and the sign; the classes are what the toggles ask for.
+// A cell is `idle` where nothing here runs its whole column: there it is no news.
+function judge(cell, head) {
+  const word = wordOf(cell);
+  const blocked = cell.stopped?.why === "unsupported" && word !== "unsupported";
+  const failed = cell.reference?.passed === false;
+  if (cell.known) return { word, blocked, failed, sort: "known", classes: ["known"] };
+  const found = { DIFFERS: "differs", INVALID: "invalid", unsupported: "unsupported" }[word];
+  const classes = [found ?? (blocked ? "unsupported" : word === "agrees" ? "agrees" : head.adapter ? "open" : "idle")];
+  if (failed) classes.push("reference");
+  return { word, blocked, failed, sort: found ?? word, classes };
+}
+const signOf = (sort) => SORTS.get(sort).sign;
+const lastOf = (name) => name.slice(name.lastIndexOf("::") + (name.includes("::") ? 2 : 0));
+const moduleOf = (name) => (name.includes("::") ? name.slice(0, name.lastIndexOf("::")) : "");

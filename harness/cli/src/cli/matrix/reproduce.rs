@@ -1,0 +1,178 @@
+//! What a row does wrong, as a folder that can be attached to a report of a bug.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use karat::image::write_whole;
+use karat::matrix::{Cell, Divergence, Head, Matrix, Row, Stop};
+use serde_json::json;
+
+/// Writes a folder for each cell that differs or is rejected. Those that were written.
+pub(super) fn write(folder: &Path, matrices: &[Matrix]) -> anyhow::Result<Vec<PathBuf>> {
+    let mut written = Vec::new();
+    for matrix in matrices {
+        for row in &matrix.rows {
+            for (head, cell) in matrix.columns.iter().zip(&row.cells) {
+                if !matches!(cell.stopped, Some(Stop::Differs(_) | Stop::Rejected(_))) {
+                    continue;
+                }
+                let name = format!("{}@{}", row.name.replace("::", "."), head.name);
+                let place = folder.join(matrix.package.as_str()).join(plain(&name));
+                one(&place, matrix, row, head, cell)
+                    .with_context(|| format!("can't write `{}`", place.display()))?;
+                written.push(place);
+            }
+        }
+    }
+    Ok(written)
+}
+
+/// A name for a file: no system has `:` or `/` in one.
+fn plain(name: &str) -> String {
+    let kept = |c: char| if c.is_alphanumeric() || "._@-".contains(c) { c } else { '-' };
+    name.chars().map(kept).collect()
+}
+
+fn one(place: &Path, matrix: &Matrix, row: &Row, head: &Head, cell: &Cell) -> anyhow::Result<()> {
+    std::fs::create_dir_all(place)?;
+    let file = |name: &str, bytes: &[u8]| write_whole(&place.join(name), bytes);
+    file("shader.wgsl", row.text.as_bytes())?;
+    let mut files = vec![(
+        "shader.wgsl".to_owned(),
+        if row.kind == "function" {
+            "the function with all that it uses, and the kernel that calls it: `karat_in` are the \
+             arguments' words, `karat_out` the results', each case followed by a canary"
+        } else {
+            "the entry point's module with all that it uses"
+        },
+    )];
+    let baseline = cell.divergence.as_ref().map(|found| found.baseline.as_str());
+    let columns = matrix.columns.iter().zip(&row.cells);
+    for (head, cell) in columns.filter(|(h, _)| h.name == head.name || Some(&*h.name) == baseline) {
+        let name = format!("{}.{}", plain(&head.name), extension(&head.language));
+        if let Some(code) = &cell.code {
+            file(&name, &code.bytes())?;
+            files.push((name, "naga's translation on this column"));
+        }
+    }
+    if cell.divergence.is_some() || !row.buffers.is_empty() {
+        let text = serde_json::to_string_pretty(&values(row, cell))?;
+        file("values.json", text.as_bytes())?;
+        files.push(("values.json".to_owned(), "inputs and results, as words"));
+    }
+    let text = readme(matrix, row, head, cell, &files)?;
+    file("README.md", text.as_bytes())?;
+    Ok(())
+}
+
+/// How files of a language end.
+fn extension(language: &str) -> &str {
+    match language {
+        "spirv" => "spv",
+        "glsl-es" => "glsl",
+        "hlsl6" => "hlsl",
+        "msl" => "metal",
+        other => other,
+    }
+}
+
+fn hex(words: &[u32]) -> Vec<String> {
+    words.iter().map(|word| format!("{word:#010x}")).collect()
+}
+
+fn values(row: &Row, cell: &Cell) -> serde_json::Value {
+    let buffers = row.buffers.iter().map(|buffer| {
+        let words: Vec<u32> =
+            buffer.bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word)).collect();
+        json!({ "group": buffer.group, "binding": buffer.binding, "words": hex(&words) })
+    });
+    let divergence = cell.divergence.as_ref().map(|found| {
+        json!({
+            "arguments": hex(&found.words),
+            "result": hex(&found.results.0),
+            "result_of_baseline": hex(&found.results.1),
+        })
+    });
+    json!({ "case": divergence, "buffers": buffers.collect::<Vec<_>>() })
+}
+
+fn readme(
+    matrix: &Matrix,
+    row: &Row,
+    head: &Head,
+    cell: &Cell,
+    files: &[(String, &str)],
+) -> Result<String, std::fmt::Error> {
+    let mut text = String::new();
+    let verb = if cell.differs() { "differs" } else { "is rejected" };
+    writeln!(text, "# `{}` {verb} on `{}`\n", row.name, head.name)?;
+    let why = cell.stopped.as_ref().map_or("", Stop::text);
+    writeln!(text, "```text\n{}\n```\n", why.trim())?;
+    writeln!(text, "- naga {}, {}", matrix.naga, cell.options)?;
+    let baseline = cell.divergence.as_ref().map(|found| found.baseline.as_str());
+    for one in &matrix.columns {
+        if let (true, Some(adapter)) =
+            (one.name == head.name || Some(&*one.name) == baseline, &one.adapter)
+        {
+            writeln!(text, "- `{}` ran on {adapter}", one.name)?;
+        }
+    }
+    if let Some(found) = &cell.divergence {
+        write_divergence(&mut text, head, found)?;
+    }
+    let source = &row.source;
+    writeln!(text, "\n## The author's text\n\n`{}:{}`\n", source.file, source.line)?;
+    writeln!(text, "```wgsl\n{}\n```", source.text.trim_end())?;
+    writeln!(text, "\n## Files\n")?;
+    for (name, what) in files {
+        writeln!(text, "- `{name}`: {what}")?;
+    }
+    if !cell.validators.is_empty() {
+        let language = extension(&head.language);
+        let name = plain(&head.name);
+        writeln!(text, "\n## Commands\n\n`shader.{language}` is `{name}.{language}`.\n")?;
+        for said in &cell.validators {
+            let (command, version) = (&said.command, &said.version);
+            writeln!(text, "```sh\n{command}   # {version}\n```\n")?;
+            writeln!(text, "```text\n{}\n```\n", said.verdict.trim())?;
+        }
+    }
+    let (package, name) = (&matrix.package, &row.name);
+    writeln!(
+        text,
+        "Karat repeats it: `karat matrix --only {name} --columns {}` in `{package}`.",
+        {
+            let all = baseline.into_iter().chain([&*head.name]);
+            all.collect::<Vec<_>>().join(",")
+        }
+    )?;
+    Ok(text)
+}
+
+fn write_divergence(text: &mut String, head: &Head, found: &Divergence) -> std::fmt::Result {
+    writeln!(text, "\n## The simplest input\n\n| argument | value |\n|---|---|")?;
+    for (name, value) in &found.arguments {
+        writeln!(text, "| `{name}` | {value} |")?;
+    }
+    writeln!(text, "\nIn words: {}\n", hex(&found.words).join(" "))?;
+    writeln!(text, "| column | result | words |\n|---|---|---|")?;
+    let (here, there) = (hex(&found.results.0).join(" "), hex(&found.results.1).join(" "));
+    writeln!(text, "| `{}` | {} | {here} |", head.name, found.here)?;
+    writeln!(text, "| `{}` | {} | {there} |", found.baseline, found.there)?;
+    match &found.first {
+        Some(first) => {
+            let place = first.location.as_ref().map_or_else(String::new, |at| format!(" at {at}"));
+            writeln!(
+                text,
+                "\nThe first let-binding that differs is `{}`{place}: {} here, {} there.",
+                first.name, first.here, first.there
+            )?;
+            if let Some(line) = first.text_line {
+                writeln!(text, "It is line {line} of the translation.")?;
+            }
+        }
+        None => writeln!(text, "\nNo let-binding of the function differs before its result does.")?,
+    }
+    Ok(())
+}

@@ -1,0 +1,143 @@
+//! What is declared not to work, and what is found that isn't declared.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::{Cell, Column, Matrix, MatrixError, Row, Status, Stop};
+use crate::diagnostic::nearest;
+use crate::path::{Path, Selector, adapter};
+
+/// A row that is declared not to get to a status on some columns. It must not get there.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Known {
+    /// `module::name`
+    pub row: String,
+    /// A column (`vulkan:hlsl`, `msl`), or a selector of paths (`:hlsl`, `@swiftshader`).
+    pub column: String,
+    /// What it doesn't get to.
+    pub status: Status,
+    /// Why.
+    pub reason: String,
+}
+
+impl Known {
+    /// Refuses what names no row, no column or no reason. `rows` are those of the whole package.
+    pub(super) fn expect_sound<'r>(
+        &self,
+        mut rows: impl Iterator<Item = &'r str> + Clone,
+    ) -> Result<(), MatrixError> {
+        let wrong = |why: String| {
+            let (row, column) = (self.row.clone(), self.column.clone());
+            MatrixError::Known { row, column, why }
+        };
+        if self.reason.trim().is_empty() {
+            return Err(wrong("it has no reason".to_owned()));
+        }
+        if rows.clone().all(|row| row != self.row) {
+            let near = nearest(&self.row, &mut rows);
+            let near = near.map_or_else(String::new, |row| format!("; did you mean `{row}`?"));
+            return Err(wrong(format!("the package has no such row{near}")));
+        }
+        match self.column.parse::<Column>() {
+            Ok(_) => {}
+            Err(_) => Selector::from(&*self.column)
+                .expect_sound()
+                .map_err(|error| wrong(error.to_string()))?,
+        }
+        Ok(())
+    }
+
+    fn is_of(&self, column: Column) -> bool {
+        if self.column == column.to_string() {
+            return true;
+        }
+        let Some(path) = column.path() else { return false };
+        // `vulkan` as a column is the direct route; as a selector it would be all of them.
+        let other_route = self.column.parse::<Path>().is_ok_and(|named| named.via() != path.via());
+        let selector = Selector::from(&*self.column);
+        !other_route && adapter(path).is_ok_and(|adapter| selector.selects(path, &adapter))
+    }
+}
+
+/// Notes in each cell what is declared of it.
+pub(super) fn declare(known: &[Known], columns: &[Column], rows: &mut [Row]) {
+    for row in rows {
+        for (column, cell) in columns.iter().zip(&mut row.cells) {
+            let of = |known: &&Known| known.row == row.name && known.is_of(*column);
+            // Of several the one that promises least.
+            cell.known = known.iter().filter(of).min_by_key(|known| known.status).cloned();
+        }
+    }
+}
+
+impl Cell {
+    /// Whether it is declared not to get to this status, or not even to a lesser one.
+    #[must_use]
+    pub fn is_known_to_miss(&self, status: Status) -> bool {
+        self.known.as_ref().is_some_and(|known| known.status <= status)
+    }
+
+    /// Whether it gets to what it is declared not to get to.
+    pub(super) fn contradicts(&self) -> bool {
+        self.known.as_ref().is_some_and(|known| self.status >= Some(known.status))
+    }
+}
+
+/// A row that is wrong on a column, or declared to be and isn't.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// The row.
+    pub row: String,
+    /// The column.
+    pub column: String,
+    /// What is wrong.
+    pub why: String,
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "`{}` on `{}`: {}", self.row, self.column, self.why)
+    }
+}
+
+impl Matrix {
+    /// Rows that a validator rejects or whose results differ, if that isn't declared; and rows that
+    /// are declared to fail and don't.
+    #[must_use]
+    pub fn findings(&self) -> Vec<Finding> {
+        let mut findings = Vec::new();
+        for row in &self.rows {
+            for (head, cell) in self.columns.iter().zip(&row.cells) {
+                let wrong = match &cell.stopped {
+                    _ if cell.contradicts() => cell.known.as_ref().map(|known| {
+                        format!(
+                            "it gets to `{}`, though it is declared not to: delete the declaration",
+                            known.status
+                        )
+                    }),
+                    Some(Stop::Rejected(text) | Stop::Differs(text)) if cell.known.is_none() => {
+                        Some(text.clone())
+                    }
+                    _ => None,
+                };
+                findings.extend(wrong.map(|why| Finding {
+                    row: row.name.clone(),
+                    column: head.name.clone(),
+                    why,
+                }));
+            }
+        }
+        findings
+    }
+
+    /// Wants nothing to be found.
+    ///
+    /// # Panics
+    /// If there is a [finding](Self::findings).
+    #[track_caller]
+    pub fn expect_no_findings(&self) {
+        let findings: Vec<String> = self.findings().iter().map(ToString::to_string).collect();
+        assert!(findings.is_empty(), "{} findings:\n{}", findings.len(), findings.join("\n"));
+    }
+}
