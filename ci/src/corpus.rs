@@ -25,6 +25,41 @@ a feature`); because it isn't WGSL any more, or naga lacks something (`invalid f
 
 ";
 
+/// What stands above the table of translations.
+const ROUTES_HEAD: &str = "\
+# Shaders that others wrote, on each route
+
+Made by `cargo ci corpus --routes` from the list in `ci/corpus.toml`. *In the matrix* are functions that a
+kernel can call and entry points of valid modules; [corpus.md](corpus.md) says why the others aren't. A
+function runs on 64 inputs that are made up from its signature, and agrees if another column returns the
+same within 1e-3. *Wrong* are cells whose results differ, that a validator rejects, or that naga doesn't
+write; most of the rejections are glslang's of naga's HLSL. Digits in messages are `#`.
+
+";
+
+/// Takes the shaders of a list through each translation. The table of the usual list is that of the
+/// documentation.
+pub(crate) fn run_routes(list: Option<PathBuf>, json: Option<PathBuf>) -> Result<()> {
+    let documented = list.is_none();
+    let list = list.unwrap_or_else(|| command::root().join("ci/corpus.toml"));
+    let mut corpus = command::cargo(&["run", "--locked", "--package", "karat"]);
+    corpus.args(["--features", "routes", "--example", "corpus_matrix", "--"]);
+    corpus.arg(list).stderr(Stdio::inherit());
+    if let Some(folder) = json {
+        corpus.arg("--json").arg(folder);
+    }
+    let output = corpus.output().context("cargo doesn't run")?;
+    let table = String::from_utf8(output.stdout).context("the table isn't text")?;
+    eprint!("{table}");
+    ensure!(output.status.success(), "the corpus has faults");
+    if documented {
+        let file = command::root().join("docs/corpus-translations.md");
+        std::fs::write(&file, format!("{ROUTES_HEAD}{table}"))
+            .with_context(|| format!("can't write `{}`", file.display()))?;
+    }
+    Ok(())
+}
+
 /// Reads the shaders of a list. The table of the usual list is that of the documentation.
 pub(crate) fn run(list: Option<PathBuf>, json: Option<PathBuf>) -> Result<()> {
     let documented = list.is_none();

@@ -69,7 +69,11 @@ enum Task {
     Corpus {
         /// The list of crates and folders [default: ci/corpus.toml]
         list: Option<PathBuf>,
-        /// Write the rows as JSON, too
+        /// Take each function through every translation, instead; the table goes to
+        /// docs/corpus-translations.md
+        #[arg(long)]
+        routes: bool,
+        /// Write the rows as JSON, too; of routes, into a folder
         #[arg(long, value_name = "FILE")]
         json: Option<PathBuf>,
     },
@@ -99,7 +103,8 @@ fn main() -> ExitCode {
         Task::Demo => demo::run(),
         Task::Test => suite::run(),
         Task::Lint => lint::run(),
-        Task::Corpus { list, json } => step::verdict(corpus::run(list, json)),
+        Task::Corpus { list, routes: false, json } => step::verdict(corpus::run(list, json)),
+        Task::Corpus { list, routes: true, json } => step::verdict(corpus::run_routes(list, json)),
         Task::Matrix => step::verdict(matrix::run()),
         Task::Bench { arguments } => step::verdict(bench::run(&arguments)),
         Task::Mutants { names } => step::verdict(mutants::run(&names)),

@@ -22,43 +22,20 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::panic::catch_unwind;
-use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use karat::Package;
-use karat::package::{Feature, FunctionItem};
+use karat::package::FunctionItem;
 use karat::probe::{ProbeError, Probed};
 use karat::reflect::{Program, ReflectError};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct List {
-    shaders: Vec<Wanted>,
-}
+#[path = "corpus/list.rs"]
+mod list;
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Wanted {
-    #[serde(rename = "crate")]
-    krate: Option<String>,
-    folder: Option<String>,
-    root: Option<String>,
-    #[serde(default)]
-    features: BTreeMap<String, Value>,
-    /// More features of single modules, which mean nothing without them.
-    #[serde(default)]
-    with: BTreeMap<String, Vec<String>>,
-}
-
-#[derive(Clone, Copy, Deserialize)]
-#[serde(untagged)]
-enum Value {
-    Flag(bool),
-    Number(i64),
-}
+use list::{List, Wanted};
 
 /// What became of a crate or a folder.
 #[derive(Default, Serialize)]
@@ -94,18 +71,16 @@ fn main() -> ExitCode {
         eprintln!("error: name a list of crates: `corpus ci/corpus.toml`");
         return ExitCode::from(2);
     };
-    let read = std::fs::read_to_string(&list).map_err(|error| error.to_string());
-    let wanted = read.and_then(|text| toml::from_str::<List>(&text).map_err(|e| e.to_string()));
-    let wanted = match wanted {
-        Ok(list) => list.shaders,
+    let wanted = match List::read(&list) {
+        Ok(wanted) => wanted,
         Err(error) => {
-            eprintln!("error: `{list}`: {error}");
+            eprintln!("error: {error}");
             return ExitCode::from(2);
         }
     };
     let (mut rows, mut faults) = (Vec::new(), Vec::new());
     for wanted in &wanted {
-        let row = wanted.read(verbose, &mut faults);
+        let row = Row::of(wanted, verbose, &mut faults);
         eprintln!("{}: {} of {} functions", row.name, row.callable, row.functions);
         rows.push(row);
     }
@@ -168,26 +143,17 @@ fn table(rows: &[Row]) -> String {
     text
 }
 
-impl Wanted {
-    fn read(&self, verbose: bool, faults: &mut Vec<String>) -> Row {
-        let name = self.krate.clone().or_else(|| self.folder.clone()).unwrap_or_default();
-        let mut row = Row { name: name.clone(), ..Row::default() };
-        let opened = match (&self.krate, &self.folder) {
-            (Some(krate), _) => Package::open_crate(Path::new("."), krate, self.root.as_deref()),
-            (None, folder) => Package::open(folder.as_deref().unwrap_or(".")),
-        };
-        let package = match opened {
+impl Row {
+    fn of(wanted: &Wanted, verbose: bool, faults: &mut Vec<String>) -> Self {
+        let name = wanted.name();
+        let mut row = Self { name: name.clone(), ..Row::default() };
+        let package = match wanted.open() {
             Ok(package) => package,
             Err(error) => {
                 faults.push(format!("{name}: {error}"));
                 return row;
             }
         };
-        let set = |package: Package, (name, value): (&String, &Value)| match value {
-            Value::Flag(on) => package.feature(name, *on),
-            Value::Number(value) => package.feature(name, Feature::Number(*value)),
-        };
-        let package = self.features.iter().fold(package, set);
         let modules = match package.modules() {
             Ok(modules) => modules,
             Err(error) => {
@@ -198,7 +164,7 @@ impl Wanted {
         for module in modules {
             let began = Instant::now();
             let of_module = || format!("{name}, module `{module}`");
-            let more = self.with.get(&module).into_iter().flatten();
+            let more = wanted.with.get(&module).into_iter().flatten();
             let package = more.fold(package.clone(), |package, name| package.feature(name, true));
             match catch_unwind(|| of(&package, &module, verbose)) {
                 Ok((found, wrong)) => {

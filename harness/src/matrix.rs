@@ -204,7 +204,7 @@ pub struct Buffer {
 pub struct Row {
     /// `module::name`
     pub name: String,
-    /// `function`, `vertex`, `fragment` or `compute`.
+    /// `function`, `vertex`, `fragment` or `compute`; `not callable`, or `module`, if there is an error.
     pub kind: String,
     /// Where its author wrote it.
     pub location: String,

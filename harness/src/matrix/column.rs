@@ -41,6 +41,7 @@ impl Column {
             (Via::Direct, Api::Vulkan) | (Via::Spirv, _) => Target::Spirv,
             (Via::Direct, Api::Gl) | (Via::Glsl, _) => Target::Glsl,
             (Via::Direct, Api::Dx12) | (Via::Hlsl, _) => Target::Hlsl,
+            (Via::HlslDxc, _) => Target::Hlsl6,
             (Via::Direct, Api::Metal) | (Via::Msl, _) => Target::Msl,
             (Via::Wgsl, _) => Target::Wgsl,
             (Via::Direct, Api::Cpu) => return None,

@@ -10,9 +10,9 @@ use serde::Serialize;
 use super::judge::Judged;
 use super::known::{Known, declare};
 use super::subject::{Ready, Subject, prepare};
-use super::{Cell, Column, Request, Row, Status, row};
+use super::{Cell, Column, Request, Row, Source, Status, row};
 use crate::diagnostic::nearest;
-use crate::package::{KnownRows, PackageError};
+use crate::package::{FunctionItem, KnownRows, Package, PackageError};
 use crate::path::{self, PathError};
 use crate::settings::{self, SettingsError};
 
@@ -116,16 +116,17 @@ pub(super) fn make(
             return Err(MatrixError::Repeated(column.to_string()));
         }
     }
-    let mut items = request.package.functions()?;
+    let (mut items, mut unread) = items(&request.package)?;
     let known = known(request)?;
     for known in &known {
         known.expect_sound(items.iter().map(|item| &*item.name))?;
     }
-    items.retain(|item| {
-        request.only.is_empty() || request.only.iter().any(|part| item.name.contains(part))
-    });
+    let wanted =
+        |name: &str| request.only.is_empty() || request.only.iter().any(|part| name.contains(part));
+    items.retain(|item| wanted(&item.name));
+    unread.retain(|row| wanted(&row.name));
     let package = request.package.name();
-    if items.is_empty() {
+    if items.is_empty() && unread.is_empty() {
         return Err(MatrixError::Nothing { package, only: request.only.clone() });
     }
     let all = items.len();
@@ -154,12 +155,24 @@ pub(super) fn make(
         };
         subjects.into_par_iter().zip(cells).map(one).collect::<Vec<Row>>()
     });
-    let mut rows: Vec<Row> = rows.collect();
+    let mut rows: Vec<Row> = rows.chain(unread).collect();
     declare(&known, &request.columns, &mut rows);
     let here = Tool::all().iter().filter_map(|tool| tool.as_ref().ok());
     let validators = here.map(|tool| (tool.name().to_owned(), tool.version().to_owned())).collect();
     let (naga, cases) = (NAGA_VERSION.to_owned(), request.cases);
     Ok(Matrix { package, naga, validators, cases, columns, rows })
+}
+
+/// The functions and entry points; and a row for each module that can't be read.
+fn items(package: &Package) -> Result<(Vec<FunctionItem>, Vec<Row>), PackageError> {
+    let (mut items, mut unread) = (Vec::new(), Vec::new());
+    for module in package.modules()? {
+        match package.functions_in(&module) {
+            Ok(functions) => items.extend(functions),
+            Err(error) => unread.push(Row::of_module(&module, error.to_string())),
+        }
+    }
+    Ok((items, unread))
 }
 
 /// What is declared in the test and in `karat.toml`.
@@ -315,6 +328,21 @@ impl Matrix {
 }
 
 impl Row {
+    /// A module that can't be read.
+    fn of_module(module: &str, error: String) -> Self {
+        let source = Source { file: String::new(), line: 1, text: String::new() };
+        Self {
+            name: module.to_owned(),
+            kind: "module".to_owned(),
+            location: String::new(),
+            source,
+            text: "".into(),
+            buffers: Vec::new(),
+            error: Some(error),
+            cells: Vec::new(),
+        }
+    }
+
     /// Whether there is anything to judge: not where no kernel can call the function.
     #[must_use]
     pub fn is_judged(&self) -> bool {

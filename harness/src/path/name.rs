@@ -52,15 +52,17 @@ pub enum Via {
     Spirv,
     /// GLSL.
     Glsl,
-    /// HLSL.
+    /// HLSL, by glslang.
     Hlsl,
+    /// HLSL, by Microsoft's compiler.
+    HlslDxc,
     /// Metal's language.
     Msl,
 }
 
 impl Via {
-    const ALL: [Self; 6] =
-        [Self::Direct, Self::Wgsl, Self::Spirv, Self::Glsl, Self::Hlsl, Self::Msl];
+    const ALL: [Self; 7] =
+        [Self::Direct, Self::Wgsl, Self::Spirv, Self::Glsl, Self::Hlsl, Self::HlslDxc, Self::Msl];
 
     /// The name behind the `:` of a path.
     #[must_use]
@@ -71,6 +73,7 @@ impl Via {
             Self::Spirv => "spirv",
             Self::Glsl => "glsl",
             Self::Hlsl => "hlsl",
+            Self::HlslDxc => "hlsl-dxc",
             Self::Msl => "msl",
         }
     }

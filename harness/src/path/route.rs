@@ -1,48 +1,44 @@
 //! Routes: translations that run in place of the one that wgpu makes.
 
 use karat_foreign::spirv_as_it_is;
-use karat_translate::{Bindings, Code, Kind, Resource, Shader, Target, Texels, Tool, compile};
+use karat_translate::{
+    Bindings, Code, Kind, Resource, Shader, Target, Texels, Tool, compile, compiler,
+};
 
 use super::device::Device;
 use super::{Api, Path, PathError, Via};
 use crate::reflect::Ir;
 
-/// What compiles GLSL and HLSL to SPIR-V.
-const COMPILER: &str = "glslangValidator";
-
 /// Why a path's route can't be taken on this machine.
 pub(super) fn missing(path: Path) -> Option<String> {
-    let needs_compiler = match path.via() {
-        Via::Direct | Via::Wgsl | Via::Spirv => return None,
-        Via::Glsl | Via::Hlsl => path.api() == Api::Vulkan,
-        Via::Msl => false,
-    };
-    if !needs_compiler {
-        return Some(format!("there is no compiler from {} to what this API takes", path.via()));
+    if takes_wgpu(path) {
+        return None;
     }
-    let tool = Tool::all().iter().find_map(|tool| match tool {
-        Ok(tool) if tool.name() == COMPILER => Some(Ok(())),
-        Err(missing) if missing.name == COMPILER => Some(Err(missing)),
-        _ => None,
-    });
-    match tool {
-        Some(Ok(())) => None,
-        Some(Err(missing)) => Some(format!(
-            "`{COMPILER}` makes SPIR-V of {}: {} ({})",
-            path.via(),
-            missing.reason,
-            missing.remedy
-        )),
-        None => Some(format!("`{COMPILER}` isn't known")),
+    let compiler = compiler(target(path)).filter(|_| path.api() == Api::Vulkan);
+    let Some(compiler) = compiler else {
+        return Some(format!("there is no compiler from {} to what this API takes", path.via()));
+    };
+    let missing = Tool::all().iter().filter_map(|tool| tool.as_ref().err());
+    let missing = missing.into_iter().find(|missing| missing.name == compiler)?;
+    let (via, reason, remedy) = (path.via(), &missing.reason, missing.remedy);
+    Some(format!("`{compiler}` makes SPIR-V of {via}: {reason} ({remedy})"))
+}
+
+/// What naga writes for a route whose result goes to the driver alone.
+fn target(path: Path) -> Target {
+    match path.via() {
+        Via::Glsl => Target::Glsl,
+        Via::Hlsl => Target::Hlsl,
+        Via::HlslDxc => Target::Hlsl6,
+        Via::Msl => Target::Msl,
+        Via::Wgsl => Target::Wgsl,
+        Via::Direct | Via::Spirv => Target::Spirv,
     }
 }
 
 /// What wgpu's device needs for a route.
 pub(super) fn features(path: Path) -> wgpu::Features {
-    match path.via() {
-        Via::Glsl | Via::Hlsl => wgpu::Features::PASSTHROUGH_SHADERS,
-        Via::Direct | Via::Wgsl | Via::Spirv | Via::Msl => wgpu::Features::empty(),
-    }
+    if takes_wgpu(path) { wgpu::Features::empty() } else { wgpu::Features::PASSTHROUGH_SHADERS }
 }
 
 /// A shader on its way to a driver.
@@ -64,7 +60,7 @@ pub(super) struct Foreign {
 
 /// Whether what the route makes is for wgpu, and not for the driver alone.
 pub(super) fn takes_wgpu(path: Path) -> bool {
-    !matches!(path.via(), Via::Glsl | Via::Hlsl | Via::Msl)
+    matches!(path.via(), Via::Direct | Via::Wgsl | Via::Spirv)
 }
 
 /// Takes a compute shader along a route.
@@ -73,13 +69,8 @@ pub(super) fn take(path: Path, ir: Ir, entry_point: &str) -> Result<Routed, Path
         return through_naga(path, ir).map(Box::new).map(Routed::Ir);
     }
     let on_route = |message: String| PathError::Route { path, message };
-    let target = match path.via() {
-        Via::Glsl => Target::Glsl,
-        Via::Hlsl => Target::Hlsl,
-        _ => Target::Msl,
-    };
     let shader = Shader::of(ir).map_err(|error| on_route(error.to_string()))?;
-    let translation = shader.translate(target, Some(entry_point));
+    let translation = shader.translate(target(path), Some(entry_point));
     let translation = translation.map_err(|error| on_route(error.to_string()))?;
     let layout = layout(path.via(), &translation.bindings).map_err(on_route)?;
     let words = compile(&translation).map_err(|error| on_route(error.to_string()))?;

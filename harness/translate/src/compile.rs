@@ -7,7 +7,7 @@ use std::process::Command;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::child::{self, End, Ran};
-use crate::{EntryPoint, Target, Translation, layout, tool};
+use crate::{EntryPoint, Stage, Target, Translation, layout, tool};
 
 /// Why there is no SPIR-V.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -84,17 +84,60 @@ pub enum CompileError {
 /// glslang, which reads GLSL and HLSL.
 pub(crate) const GLSLANG: &str = "glslangValidator";
 
-/// Its arguments; `None`: it makes no SPIR-V of this language.
+/// Microsoft's compiler of HLSL.
+const DXC: &str = "dxc";
+
+/// The program that compiles a language to SPIR-V, if one is known.
+#[must_use]
+pub fn compiler(target: Target) -> Option<&'static str> {
+    match target {
+        Target::Glsl | Target::GlslEs | Target::Hlsl => Some(GLSLANG),
+        Target::Hlsl6 => Some(DXC),
+        Target::Msl | Target::Spirv | Target::Wgsl => None,
+    }
+}
+
+/// The compiler's arguments; `None`: none makes SPIR-V of this language.
 pub(crate) fn arguments(target: Target, one: &EntryPoint, file: &str) -> Option<Vec<String>> {
     let own: &[&str] = match target {
         Target::Glsl | Target::GlslEs => &[],
         // naga lays buffers out as HLSL does.
         Target::Hlsl => &["-D", "--hlsl-offsets", "-e", &one.name],
-        Target::Hlsl6 | Target::Msl | Target::Spirv | Target::Wgsl => return None,
+        Target::Hlsl6 => return Some(of_dxc(one, file)),
+        Target::Msl | Target::Spirv | Target::Wgsl => return None,
     };
     let stage = one.stage.short();
     let common = ["-V", "--target-env", "vulkan1.1", "-S", stage, "-o", OUTPUT, file];
     Some(own.iter().chain(&common).map(|argument| (*argument).to_owned()).collect())
+}
+
+/// DXC's arguments. Buffers are laid out as Direct3D does; its own validator judges DXIL alone.
+fn of_dxc(one: &EntryPoint, file: &str) -> Vec<String> {
+    let profile = format!("{}_6_2", profile(one));
+    let words = [
+        "-spirv",
+        "-fspv-target-env=vulkan1.1",
+        "-fvk-use-dx-layout",
+        "-Vd",
+        "-enable-16bit-types",
+        "-T",
+        &profile,
+        "-E",
+        &one.name,
+        "-Fo",
+        OUTPUT,
+        file,
+    ];
+    words.map(str::to_owned).to_vec()
+}
+
+/// What Direct3D calls a stage.
+pub(crate) fn profile(one: &EntryPoint) -> &'static str {
+    match one.stage {
+        Stage::Vertex => "vs",
+        Stage::Fragment => "ps",
+        Stage::Compute | Stage::Other => "cs",
+    }
 }
 
 /// The file that it writes.
@@ -108,7 +151,7 @@ pub(crate) struct Compiled {
     words: Option<Vec<u32>>,
 }
 
-/// Runs glslang on a translation. Who has its HLSL judged runs it next, which is the same command: so
+/// Runs a compiler on a translation. Who has its HLSL judged runs it next, which is the same command: so
 /// what became of the last ones is kept.
 pub(crate) fn run(
     program: &Path,
@@ -178,8 +221,9 @@ pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
     };
     let file = format!("shader.{}", target.extension());
     let arguments = arguments(target, entry_point, &file).ok_or(CompileError::NoWay { target })?;
-    let command = format!("{GLSLANG} {}", arguments.join(" "));
-    let (program, _) = tool::program(GLSLANG).map_err(|missing| CompileError::NoCompiler {
+    let compiler = compiler(target).ok_or(CompileError::NoWay { target })?;
+    let command = format!("{compiler} {}", arguments.join(" "));
+    let (program, _) = tool::program(compiler).map_err(|missing| CompileError::NoCompiler {
         target,
         name: missing.name,
         reason: missing.reason.clone(),
@@ -203,7 +247,8 @@ pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
     if let Some(message) = rejected(&words).map_err(unrunnable)? {
         return Err(CompileError::Invalid { target, command, message });
     }
-    match layout::fault(&translation.uniforms, &words).filter(|_| target == Target::Hlsl) {
+    let is_hlsl = matches!(target, Target::Hlsl | Target::Hlsl6);
+    match layout::fault(&translation.uniforms, &words).filter(|_| is_hlsl) {
         Some(message) => Err(CompileError::Layout { command, message }),
         None => Ok(words),
     }

@@ -25,7 +25,7 @@ mod tool;
 mod write;
 
 pub use bindings::{Bindings, Kind, Resource, Texels};
-pub use compile::{CompileError, compile};
+pub use compile::{CompileError, compile, compiler};
 pub use shader::{EntryPoint, Shader, Stage, TranslateError};
 pub use target::{Code, Target, Translation};
 pub use tool::{Missing, Tool, Validation, Verdict};

@@ -120,11 +120,7 @@ static KNOWN: [Known; 6] = [
         remedy: "its releases are on GitHub: microsoft/DirectXShaderCompiler; or Vulkan's SDK",
         several: &[],
         arguments: |target, entry_point, file| {
-            let stage = match entry_point.stage.short() {
-                "vert" => "vs",
-                "frag" => "ps",
-                _ => "cs",
-            };
+            let stage = compile::profile(entry_point);
             let mut arguments = words(&["-E", &entry_point.name, "-Fo", "out.dxil"]);
             match target {
                 Target::Hlsl6 => {

@@ -128,6 +128,20 @@ fn a_fault_is_seen_by_each_tool_that_judges_it() {
     }
 }
 
+/// Values that come with a draw have a place in each language.
+#[test]
+fn immediates_are_written() {
+    let text = "enable immediate_address_space;\nvar<immediate> scale: f32;\n\
+                @fragment fn shade() -> @location(0) vec4f { return vec4f(scale); }";
+    let plain = text.split_once('\n').map_or("", |(_, rest)| rest);
+    let shader = Shader::parse(text).or_else(|_| Shader::parse(plain)).expect("valid");
+    for target in Target::ALL {
+        if let Err(error) = shader.translate(target, Some("shade")) {
+            panic!("{target}: {error}");
+        }
+    }
+}
+
 /// What is judged together is judged as if each were alone: one that is wrong spoils no other.
 #[test]
 fn several_are_judged_as_each_alone() {

@@ -220,7 +220,10 @@ fn remedy(path: Path) -> &'static str {
         Via::Glsl | Via::Hlsl if path.api() == Api::Vulkan => {
             return "install glslang (Debian: glslang-tools; Fedora, Arch and Homebrew: glslang)";
         }
-        Via::Glsl | Via::Hlsl | Via::Msl => return "nothing provides it yet",
+        Via::HlslDxc if path.api() == Api::Vulkan => {
+            return "install dxc, from GitHub (microsoft/DirectXShaderCompiler) or Vulkan's SDK";
+        }
+        Via::Glsl | Via::Hlsl | Via::HlslDxc | Via::Msl => return "nothing provides it yet",
         _ => {}
     }
     let usual = Path::ALL.into_iter().find(|usual| usual.api() == path.api());

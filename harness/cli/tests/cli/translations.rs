@@ -247,6 +247,50 @@ fn what_is_required_of_the_matrix_decides() {
     assert!(twice.error().contains("`vulkan` is named twice"));
 }
 
+/// What tests found on a path decides there; a verdict on another text of the module says nothing.
+#[cfg(target_os = "linux")]
+#[test]
+fn tests_judge_the_functions_that_they_have() {
+    let folder = shaders();
+    let module = folder.path().join("shaders/maths.wgsl");
+    let record = |test: &str, path: &str, failures: u64, hash: &str| {
+        let verdict = if failures > 0 { "fail" } else { "pass" };
+        let record = serde_json::json!({
+            "schema": karat::record::SCHEMA, "test": test, "verdict": verdict, "message": null,
+            "subject": {
+                "kind": "function", "package": "shaders", "function": "maths::blend",
+                "check": "agrees_with", "assertion": "4 ulp", "location": "", "seed": 1,
+            },
+            "paths": [{
+                "adapter": { "path": path, "name": "a", "driver": "d", "software": true },
+                "cases": 10, "failures": failures, "worst": "1 ulp", "ratio": 0.25,
+                "asserted": "4 ulp", "known_issue": null,
+            }],
+            "read": [{ "file": module, "hash": hash }],
+        });
+        format!("{record}\n")
+    };
+    let matrix = |lines: &[String]| {
+        write(&folder.path().join("target/karat/record"), "1.jsonl", &lines.concat());
+        let arguments = ["--only", "blend", "--columns", "vulkan,vulkan:wgsl", "--json", "--tests"];
+        karat(folder.path(), &[&["matrix"], &arguments[..]].concat())
+    };
+    let hash = karat::record::FileRead::now(&module).hash;
+    let one = |path: &str, failures: u64| record("blends", path, failures, &hash);
+    let good = json(&matrix(&[one("vulkan", 0), one("vulkan:wgsl", 0)]).good());
+    let reference = &row(&good, "maths::blend")["vulkan:wgsl"]["reference"];
+    assert_eq!(*reference, serde_json::json!({ "checks": 1, "failed": [], "worst": 0.25 }));
+    let bad = matrix(&[one("vulkan", 0), one("vulkan:wgsl", 3)]);
+    assert_eq!(bad.code, Some(1), "{bad:?}");
+    let cell = &row(&json(&bad.out), "maths::blend")["vulkan:wgsl"];
+    assert_eq!(cell["status"], "executed");
+    assert_eq!(cell["stopped"]["says"], "its tests fail on this path: `blends`");
+    let other = "0".repeat(64);
+    let stale = matrix(&[record("blends", "vulkan:wgsl", 3, &other)]);
+    assert_eq!(stale.code, Some(2), "{stale:?}");
+    assert!(stale.err.contains("no test of the last run was on these functions"), "{stale:?}");
+}
+
 /// Faults that are planted behind naga's back, by a compiler that changes what it is given or what
 /// it makes. Each is caught at its status, on its column alone.
 #[cfg(target_os = "linux")]
@@ -272,6 +316,46 @@ mod planted {
         assert_eq!(ran.code, Some(1), "{ran:?}");
         assert!(ran.err.contains("one cell of the matrix is wrong, and not declared"), "{ran:?}");
         json(&ran.out)
+    }
+
+    /// Microsoft's compiler isn't in Debian: a script takes its arguments and asks glslang. What is
+    /// tested is the route, not the compiler.
+    #[test]
+    fn dxc_is_asked_as_it_wants_to_be() {
+        let folder = shaders();
+        let bin = folder.path().join("bin");
+        let script = format!(
+            "#!/bin/sh\n[ \"$1\" = --version ] && echo 'dxcompiler.so: 1.8' && exit\n\
+             case \"$*\" in *'-spirv -fspv-target-env=vulkan1.1 -fvk-use-dx-layout -Vd'*) \
+             echo \"$*\" >> {asked} ;; esac\n\
+             for last; do :; done\n\
+             while [ $# -gt 0 ]; do\n\
+             case \"$1\" in -E) entry=$2 ;; -Fo) out=$2 ;; -T) profile=$2 ;; esac; shift\ndone\n\
+             [ \"$profile\" = cs_6_2 ] || [ \"$profile\" = cs_6_0 ] || exit 9\n\
+             exec {glslang} -D --hlsl-offsets -V --target-env vulkan1.1 -S comp -e $entry -o $out $last\n",
+            asked = folder.path().join("asked").display(),
+            glslang = program("glslangValidator").display(),
+        );
+        write(&bin, "dxc", &script);
+        let all = std::fs::Permissions::from_mode(0o755);
+        std::fs::set_permissions(bin.join("dxc"), all).expect("it is ours");
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        let path = std::env::split_paths(&path).collect::<Vec<_>>();
+        let path = std::env::join_paths([vec![bin], path].concat()).expect("folders");
+        let columns = ["--columns", "vulkan,vulkan:hlsl-dxc,hlsl6", "--only", "blend", "--json"];
+        let arguments = [&["matrix"], &columns[..]].concat();
+        let ran = output(command(folder.path(), &arguments).env("PATH", &path));
+        let cells = row(&json(&ran.good()), "maths::blend");
+        assert_eq!(cells["vulkan:hlsl-dxc"]["status"], "agrees");
+        assert_eq!(cells["hlsl6"]["status"], "valid");
+        let asked = std::fs::read_to_string(folder.path().join("asked")).expect("it was asked");
+        assert!(asked.contains("-T cs_6_2 -E karat_probe -Fo out.spv shader.hlsl"), "{asked}");
+        let without = karat(folder.path(), &arguments).good();
+        let cell = &row(&json(&without), "maths::blend")["vulkan:hlsl-dxc"];
+        if cell["status"] != "agrees" {
+            let says = cell["stopped"]["says"].as_str().expect("a reason");
+            assert!(says.contains("validators of hlsl6") && says.contains("dxc"), "{says}");
+        }
     }
 
     fn run_with_glslang(folder: &TempDir, before: &str, after: &str, more: &[&str]) -> Ran {

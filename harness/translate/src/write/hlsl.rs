@@ -13,6 +13,7 @@ use crate::{Bindings, Code};
 const SAMPLERS: u8 = 1;
 const SAMPLER_INDICES: u8 = 2;
 const CONSTANTS: u8 = 3;
+const IMMEDIATES: u8 = 4;
 
 /// Samplers of naga's heap.
 const HEAP: u32 = 2048;
@@ -38,6 +39,7 @@ pub(super) fn write(job: &Job<'_>, shader_model: ShaderModel) -> Result<Written,
         },
         sampler_buffer_binding_map: indices,
         special_constants_binding: needs_constants(job.module).then(|| target(CONSTANTS, 0)),
+        immediates_target: Some(target(IMMEDIATES, 0)),
         ..Options::default()
     };
     let pipeline =
