@@ -119,6 +119,13 @@ pub(super) fn data(program: &Program, bindings: &[Binding]) -> Result<Vec<Data>,
             // Atomics, and structures that end in an array.
             None => program.zeros(binding, ELEMENTS),
         };
+        if bytes.len() > MOST_BYTES {
+            return Err(format!(
+                "it uses `{}` of {} bytes, and entry points are run with at most {MOST_BYTES} a buffer",
+                binding.path,
+                bytes.len()
+            ));
+        }
         Ok(Data { group, binding: number, kind, bytes })
     };
     bindings.iter().map(one).collect()
@@ -126,6 +133,10 @@ pub(super) fn data(program: &Program, bindings: &[Binding]) -> Result<Vec<Data>,
 
 /// Invocations of an entry point, at least.
 pub(super) const INVOCATIONS: u32 = 64;
+
+/// A buffer of an entry point, at most. Mesa's GL takes minutes to compile a shader whose arrays have a
+/// million elements.
+const MOST_BYTES: usize = 1 << 20;
 
 /// Texels along a side, and elements of an array whose length the shader doesn't say.
 const SIDE: u32 = 16;

@@ -158,13 +158,14 @@ pub(crate) fn run(
     arguments: &[String],
     translation: &Translation,
 ) -> io::Result<Arc<Compiled>> {
+    /// The arguments, the text, and what became of it.
+    type Known = (Vec<String>, String, Arc<Compiled>);
     /// As many as are judged together, before they run.
     const KEPT: usize = 128;
-    static LAST: Mutex<VecDeque<(Vec<String>, String, Arc<Compiled>)>> =
-        Mutex::new(VecDeque::new());
+    static LAST: Mutex<VecDeque<Known>> = Mutex::new(VecDeque::new());
     let text = translation.code.text().unwrap_or_default();
     let last = || LAST.lock().unwrap_or_else(PoisonError::into_inner);
-    let same = |(made_by, of, _): &&(Vec<String>, String, _)| made_by == arguments && of == text;
+    let same = |(made_by, of, _): &&Known| made_by == arguments && of == text;
     if let Some((.., compiled)) = last().iter().find(same) {
         return Ok(Arc::clone(compiled));
     }
