@@ -157,3 +157,20 @@ fn remainders_of_negative_integers_differ_in_glsl() {
         "naga 30.0.1 writes GLSL's `%`, which is undefined for negative operands",
     );
 }
+
+/// WGSL clamps a float that no integer has: -1 is 0 as a `u32`. naga does that in SPIR-V, HLSL and MSL,
+/// and writes GLSL's conversion as it is, which is undefined there. Bevy's clusters and `kludgine` come
+/// upon it.
+#[cfg_attr(not(target_os = "linux"), ignore = "another driver's GL may have the right values")]
+#[test]
+fn floats_out_of_range_become_other_integers_in_glsl() {
+    let module = "fn whole(x: f32) -> u32 { return u32(x); }\n\
+                  fn clamped(x: f32) -> u32 { return u32(clamp(x, 0.0, 4.0)); }\n";
+    naga_fails(
+        "gl",
+        Status::Agrees,
+        module,
+        "bugs::whole",
+        "naga 30.0.1 writes GLSL's conversion, which is undefined for negative floats",
+    );
+}

@@ -61,7 +61,7 @@ fn watch_rounds(
 ) -> Result<(), DrawError> {
     let binding = program.free_binding();
     let limit = u32::try_from(MOST_ROUNDS).expect("it fits");
-    let Watched { program, loops } = program.watching_rounds(binding, limit);
+    let Watched { program, loops } = program.watching_rounds(binding, limit, false);
     let size = 4 * loops.len() as u64;
     let buffer = |usage| {
         device.device.create_buffer(&wgpu::BufferDescriptor {

@@ -3,7 +3,7 @@
 use super::execute::{Comparison, not_run};
 use super::row::conclude;
 use super::{Buffer, Cell, Request, Status, Stop};
-use crate::probe::{Data, run_entry_point};
+use crate::probe::{Data, ProbeError, run_entry_point};
 use crate::reflect::Program;
 use crate::tolerance::Tolerance;
 
@@ -16,9 +16,15 @@ pub(super) fn run_entry_point_on_each(
     cells: &mut [Cell],
 ) {
     let mut ran: Vec<(usize, Vec<u32>)> = Vec::new();
+    // What doesn't end on one column isn't tried on others.
+    let mut endless: Option<Stop> = None;
     for (index, column) in request.columns.iter().enumerate() {
         let cell = &mut cells[index];
         if cell.stopped.is_some() {
+            continue;
+        }
+        if let Some(stop) = endless.as_ref().filter(|_| column.path.is_some()) {
+            cell.stopped = Some(stop.clone());
             continue;
         }
         let words = match (data, column.path) {
@@ -26,8 +32,16 @@ pub(super) fn run_entry_point_on_each(
             (Err(why), _) => Err(Stop::NotRun(why.clone())),
             (Ok((data, workgroups)), Some(path)) => match crate::path::open(path) {
                 Err(error) => Err(Stop::Unavailable(error.to_string())),
-                Ok(device) => run_entry_point(device, program, name, *workgroups, data)
-                    .map_err(|error| Stop::NotRun(not_run(error))),
+                Ok(device) => {
+                    run_entry_point(device, program, name, *workgroups, data).map_err(|error| {
+                        let rounds = matches!(error, ProbeError::Rounds { .. });
+                        let stop = Stop::NotRun(not_run(error));
+                        if rounds {
+                            endless = Some(stop.clone());
+                        }
+                        stop
+                    })
+                }
             },
         };
         match words {

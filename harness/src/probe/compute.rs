@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use super::ProbeError;
-use crate::path::{Device, guard};
-use crate::reflect::{BindingKind, Program};
+use crate::diagnostic::{Diagnostic, Span};
+use crate::path::{Device, MOST_ROUNDS, guard};
+use crate::reflect::{BindingKind, Program, Watched};
 
 /// A buffer of an entry point.
 #[derive(Clone, Debug)]
@@ -17,7 +18,47 @@ pub(crate) struct Data {
 
 /// Runs an entry point, by its name in the program's text, over one row of workgroups. The words of
 /// the buffers that it may write, in the order of `data`.
+///
+/// Whose loops have no bound that naga's IR shows runs first in a copy whose loops are left after
+/// [`MOST_ROUNDS`] rounds: what doesn't end with these data would hang a driver.
 pub(crate) fn run_entry_point(
+    device: &Device,
+    program: &Program,
+    name: &str,
+    workgroups: u32,
+    data: &[Data],
+) -> Result<Vec<Vec<u32>>, ProbeError> {
+    if program.most_rounds().is_none_or(|rounds| rounds >= MOST_ROUNDS) {
+        let limit = u32::try_from(MOST_ROUNDS).expect("it fits");
+        let binding = program.free_binding();
+        let Watched { program, loops } = program.watching_rounds(binding, limit, true);
+        let bound = program.compute_entry_point(name).map(|(bindings, _)| bindings);
+        let counted = bound.iter().flatten().any(|b| (b.group, b.binding) == (0, binding));
+        // Another entry point of the module may have the loops.
+        if counted {
+            let kind = BindingKind::Storage { writable: true };
+            let counts = Data { group: 0, binding, kind, bytes: vec![0; 4 * loops.len()] };
+            let data = [data, &[counts]].concat();
+            let written = execute(device, &program, name, workgroups, &data)?;
+            expect_ends(&loops, written.last().map_or(&[][..], Vec::as_slice))?;
+        }
+    }
+    execute(device, program, name, workgroups, data)
+}
+
+/// Refuses what has made too many rounds, with the loop that was left most often.
+fn expect_ends(loops: &[Option<Span>], counts: &[u32]) -> Result<(), ProbeError> {
+    let most = loops.iter().zip(counts).max_by_key(|(_, count)| **count);
+    let Some((place, count)) = most.filter(|(_, count)| **count > 0) else { return Ok(()) };
+    let message = format!("with made-up data this loop goes round {count} times or more");
+    let mut diagnostic = Diagnostic::new(message);
+    if let Some(place) = place {
+        diagnostic = diagnostic.at(place.first_line(), "");
+    }
+    Err(ProbeError::Rounds { case: 0, diagnostic: Box::new(diagnostic) })
+}
+
+fn execute(
     device: &Device,
     program: &Program,
     name: &str,

@@ -182,7 +182,9 @@ const SUMS: &str = "struct Params { scale: f32, m: mat4x4f, list: array<vec4f, 3
     @compute @workgroup_size(1)\n\
     fn texels() { sums[0] = textureLoad(image, vec2i(), 0).x; }\n\
     @compute @workgroup_size(1)\n\
-    fn nothing() {}\n";
+    fn nothing() {}\n\
+    @compute @workgroup_size(1)\n\
+    fn waits() { while atomicLoad(&bins[0]) < 1000000000u { atomicAdd(&bins[1], 1u); } sums[0] = 1.0; }\n";
 
 #[cfg(target_os = "linux")]
 #[test]
@@ -207,6 +209,14 @@ fn compute_entry_points_with_buffers_are_run() {
         (&texels["status"], &texels["stopped"]["why"]),
         (&json("\"valid\""), &json("\"not_run\""))
     );
+    // It would hang a driver, and the deadline would end the whole matrix.
+    for column in ["vulkan", "gl", "vulkan:hlsl"] {
+        let waits = &row(&matrix, "waits")[column];
+        assert_eq!(waits["stopped"]["why"], "not_run", "{waits}");
+        let says = waits["stopped"]["says"].as_str().expect("a reason");
+        assert!(says.contains("with made-up data this loop goes round"), "{says}");
+        assert!(says.contains("sums.wgsl:20:14"), "{says}");
+    }
     let nothing = &row(&matrix, "nothing")["gl"];
     assert_eq!(nothing["stopped"]["why"], "nothing_to_compare", "{nothing}");
 }

@@ -26,8 +26,9 @@ impl Watched {
 
 impl Program {
     /// A copy in which an invocation that has made `limit` rounds in all its loops writes their
-    /// number to the storage buffer at this binding of group 0, at the index of the loop.
-    pub(crate) fn watching_rounds(&self, binding: u32, limit: u32) -> Watched {
+    /// number to the storage buffer at this binding of group 0, at the index of the loop, and leaves
+    /// the loop if it is to.
+    pub(crate) fn watching_rounds(&self, binding: u32, limit: u32, leave: bool) -> Watched {
         let loops: Vec<_> = self
             .bodies()
             .flat_map(loops_of)
@@ -83,6 +84,9 @@ impl Program {
                 let fun = AtomicFunction::Max;
                 let atomic = Statement::Atomic { pointer, fun, value, result: Some(result) };
                 accept.push(atomic, NOWHERE);
+                if leave {
+                    accept.push(Statement::Break, NOWHERE);
+                }
                 let reject = Block::new();
                 block.push(Statement::If { condition, accept, reject }, NOWHERE);
                 block
