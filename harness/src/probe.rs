@@ -5,6 +5,7 @@
 //! doesn't run, or runs on other data, is an error and never a verdict. What runs it is an
 //! [`Executor`](crate::executor::Executor).
 
+mod borders;
 mod bound;
 #[cfg(feature = "routes")]
 mod compute;

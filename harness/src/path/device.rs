@@ -167,6 +167,12 @@ impl Device {
         self.adapter.is_llvmpipe()
     }
 
+    /// Whether the driver fills the borders of a cube map's faces only when something is drawn with
+    /// it, and leaves them to chance for kernels.
+    pub(crate) fn fills_borders_by_draws(&self) -> bool {
+        self.adapter.is_swiftshader()
+    }
+
     /// Says which loop the driver leaves before it ends.
     pub(crate) fn left_loop(&self, of: &str, rounds: u32, place: Option<&Span>) -> Diagnostic {
         let path = self.path;

@@ -25,11 +25,14 @@ impl fmt::Display for Adapter {
 /// Mesa's rasteriser, whose Vulkan is lavapipe.
 const LLVMPIPE: &str = "llvmpipe";
 
+/// Google's rasteriser, which Chromium brings along.
+const SWIFTSHADER: &str = "swiftshader";
+
 /// What drivers and adapters call themselves, and the family. Software comes first, as the name
 /// of a rasteriser may be followed by that of the processor it runs on.
 const FAMILIES: [(&str, &str); 17] = [
     ("llvmpipe", LLVMPIPE),
-    ("swiftshader", "swiftshader"),
+    ("swiftshader", SWIFTSHADER),
     ("basic render", "warp"),
     ("softpipe", "softpipe"),
     ("nvidia", "nvidia"),
@@ -73,6 +76,10 @@ impl Adapter {
     #[must_use]
     pub fn is_llvmpipe(&self) -> bool {
         self.family() == LLVMPIPE
+    }
+
+    pub(crate) fn is_swiftshader(&self) -> bool {
+        self.family() == SWIFTSHADER
     }
 
     /// Whether it is lavapipe, llvmpipe on Vulkan: any machine can have it.

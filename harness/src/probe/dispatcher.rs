@@ -7,8 +7,8 @@ use std::sync::Arc;
 use super::bound::{Bound, Resources, bind, compile};
 use super::kernel::{Kernel, UNIFORM_WORDS, WORKGROUP};
 use super::poison::{self, Poison};
-use super::{Inputs, ProbeError, Probed, Resource, upload};
-use crate::fixture::{self, Fixtures};
+use super::{Inputs, ProbeError, Probed, Resource, borders, upload};
+use crate::fixture::{self, Fixture, Fixtures};
 use crate::path::{Device, Pipeline, Turn, guard};
 
 /// One kernel on one device.
@@ -97,6 +97,9 @@ impl<'d> Dispatcher<'d> {
         fixture::check_used(&function.bindings, fixtures)?;
         for (binding, fixture) in fixture::resolve(&function.bindings, fixtures)? {
             let resource = upload(device, program, binding, fixture)?;
+            if let (Fixture::CubeMap(_), Resource::View(view)) = (fixture, &resource) {
+                borders::fill(device, view)?;
+            }
             resources.entry(binding.group).or_default().push((binding.binding, resource));
         }
         let own = [arguments.as_ref(), Some(&results), Some(&batch)];
