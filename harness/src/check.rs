@@ -14,6 +14,7 @@ mod demand;
 mod disagreement;
 mod effort;
 mod equivariance;
+mod flush;
 mod inputs;
 mod integral;
 mod invariance;

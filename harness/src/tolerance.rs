@@ -278,7 +278,11 @@ impl Tolerance {
                 let relative = if flushed { 0.0 } else { error / expected.abs() };
                 LaneError::new(relative, *bound, Unit::Rel)
             }
-            Self::Abs(bound) => LaneError::new(error, *bound, Unit::Abs),
+            Self::Abs(bound) => {
+                // Here a small result is an error of its own size, but 0 for a subnormal is none.
+                let flushed = value == 0.0 && expected.abs() < f64::from(f32::MIN_POSITIVE);
+                LaneError::new(if flushed { 0.0 } else { error }, *bound, Unit::Abs)
+            }
             Self::Any(parts) => parts
                 .iter()
                 .map(|part| part.measure_sum(lane, value, expected))

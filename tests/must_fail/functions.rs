@@ -372,3 +372,85 @@ fn results_that_may_all_be_flushed() {
     }
     assert!(matches!(check(0.5, Rel(1e-3).into()), Err(Failure::Disagreement(_))));
 }
+
+/// What a driver flushes may be flushed by the shader itself, which is the same on each driver:
+/// `flush` takes what is nearer to 0 than `least` for 0.
+fn flushing(least: &str, body: &str) -> Package {
+    let wgsl = format!(
+        "fn flush(x: f32) -> f32 {{\n    let size = bitcast<u32>(x) & 0x7fffffffu;\n    \
+         return select(x, 0.0, size < {least});\n}}\n\
+         fn size(x: f32) -> f32 {{ return f32(bitcast<u32>(x) & 0x7fffffffu); }}\n\
+         fn f(x: f32, y: f32) -> f32 {{ return {body}; }}"
+    );
+    Package::from_source("planted", &wgsl)
+}
+
+/// Bits of the least normal f32, and of the next one.
+const SUBNORMAL: &str = "0x800000u";
+const ONE_NORMAL: &str = "0x800001u";
+
+/// A step at 0, and a second argument that is kept.
+fn step(x: f64, y: f64) -> f64 {
+    if x > 0.0 { 1.0 + y } else { y }
+}
+
+/// Subnormal arguments may be zeros, each by itself; nothing else may.
+#[test]
+fn only_subnormal_arguments_may_be_flushed() {
+    let numbers = || (Edges::f32(), OneOf(vec![0.0_f32, 1e-45, 0.5]));
+    let check = |least: &str, body: &str| {
+        let package = flushing(least, body);
+        package.function("f").over(numbers()).try_agrees_with(step, Ulp(1.0))
+    };
+    let right = "select(y, 1.0 + y, flush(x) > 0.0)";
+    check("0u", "select(y, 1.0 + y, size(x) > 0.0 && bitcast<i32>(x) > 0)").expect("as given");
+    check(SUBNORMAL, right).expect("subnormals are zeros");
+    check("0x400000u", right).expect("some of them are");
+    for (least, body) in [
+        (ONE_NORMAL, right),                                // a normal is flushed, too
+        (SUBNORMAL, "select(y, 1.0 + y, flush(x) >= 0.0)"), // wrong at 0 as well
+        (SUBNORMAL, "select(y, 1.0 + y, flush(x) > 0.5)"),  // wrong at normals
+        (SUBNORMAL, "select(y, 1.0 + y, flush(x) > 0.0) + select(0.0, 0.5, size(x) == 1.0)"),
+        (SUBNORMAL, "select(0.0, 1.0 + y, flush(x) > 0.0)"), // y goes with x
+        (SUBNORMAL, "select(y, 1.0 + y, flush(x) > 0.0) / select(1.0, 0.0, size(x) == 1.0)"),
+    ] {
+        let found = disagreement(check(least, body));
+        let path = &found.paths[0];
+        assert!(path.census.failures < path.census.cases, "{body} is right in places");
+    }
+}
+
+/// The same of statements, and of limits.
+#[test]
+fn statements_and_limits_may_be_those_of_flushed_arguments() {
+    let holds = |x: f32, result: f32| f64::from(result) == step(f64::from(x), 0.0);
+    let check = |least: &str| {
+        let package = flushing(least, "select(y, 1.0 + y, flush(x) > 0.0)");
+        let function = package.function("f").over((Edges::f32(), Just(0.0)));
+        function.try_satisfies("is the step", move |(x, _), result: f32| holds(x, result))
+    };
+    check(SUBNORMAL).expect("subnormals are zeros");
+    disagreement(check(ONE_NORMAL));
+
+    let steps = Limit::toward(0.0, [0.1, 0.01, 0.001]);
+    let limit = |least: &str| {
+        let package = flushing(least, "select(y, 1.0 + y, flush(x) > 0.0)");
+        let function = package.function("f").over((Edges::f32(), Just(0.0)));
+        function.try_at_limit("y", steps.clone(), step, Abs(2e-3))
+    };
+    limit(SUBNORMAL).expect("subnormals are zeros");
+    disagreement(limit(ONE_NORMAL));
+}
+
+/// A reference that has no value at 0 is no excuse: the result is that of the argument as given,
+/// or wrong.
+#[test]
+fn nothing_is_excused_where_the_flushed_argument_has_no_reference() {
+    let check = |result: &str| {
+        let package = flushing(SUBNORMAL, result);
+        let function = package.function("f").over((OneOf(vec![1e-45_f32, 1.0]), Just(0.0)));
+        function.try_agrees_with(|x: f64, _: f64| x.ln() / 100.0, Abs(1e-2))
+    };
+    check("select(-1.0328, 0.0, size(x) > 1.0)").expect("ln(1e-45) / 100, and ln(1)");
+    disagreement(check("select(-1.06, 0.0, size(x) > 1.0)"));
+}

@@ -2,7 +2,9 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use super::batch::{Batch, Rows};
 use super::demand::Demand;
+use super::flush::allowing_flushes;
 use super::plan::{Plan, Recording};
 use super::session::{Asserted, Expect};
 use super::tally::{Judge, Judged, compare, is_within};
@@ -40,6 +42,10 @@ struct Comparison<'c> {
     scalars: &'c [Scalar],
     /// Those of each case, one after the other.
     expected: &'c [f64],
+    batch: &'c Batch,
+    /// The lanes of the arguments, and what is expected of others than those given.
+    arguments: &'c [Scalar],
+    expect: Expect<'c>,
     tolerance: &'c Tolerance,
     /// Whether some result showed something.
     told_apart: &'c AtomicBool,
@@ -57,7 +63,13 @@ impl Judge for Comparison<'_> {
         if !self.told_apart.load(Ordering::Relaxed) && tells(self.scalars, actual, expected) {
             self.told_apart.store(true, Ordering::Relaxed);
         }
-        compare(self.scalars, actual, expected, self.tolerance)
+        let given = compare(self.scalars, actual, expected, self.tolerance);
+        allowing_flushes(self.arguments, self.batch.arguments(case), given, |row| {
+            let mut expected = Vec::with_capacity(self.scalars.len());
+            (self.expect)(Rows::new(row, row.len(), 1), &mut expected);
+            // Where the reference isn't finite, nothing passes.
+            compare(self.scalars, actual, &expected, self.tolerance)
+        })
     }
 
     fn is_within(&self, case: usize, actual: &[u32], ratio: f64) -> bool {
@@ -135,13 +147,17 @@ impl Plan<'_> {
             tolerances.expect_usable(&session.called)?;
             let (scalars, tolerances) =
                 (session.called.scalars(), tolerances.of_paths(&session.called));
+            let arguments = session.called.argument_scalars();
             let told_apart = AtomicBool::new(false);
             let tallies = session.run(&mut |batch, dispatches| {
                 // The device works on the dispatches meanwhile.
-                let expected = session.expected(batch, batch.rows(), expected.expect)?;
+                let lanes = session.expected(batch, batch.rows(), expected.expect)?;
                 let comparison = |path: usize| Comparison {
                     scalars: &scalars,
-                    expected: &expected,
+                    expected: &lanes,
+                    batch,
+                    arguments: &arguments,
+                    expect: expected.expect,
                     tolerance: tolerances[path],
                     told_apart: &told_apart,
                 };

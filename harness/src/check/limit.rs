@@ -4,8 +4,10 @@ use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::agreement::{Expected, with_reference};
+use super::batch::Rows;
 use super::called::Running;
 use super::demand::Demand;
+use super::flush::allowing_flushes;
 use super::parameter::Parameter;
 use super::plan::{Plan, Recording};
 use super::property::Exhibit;
@@ -152,6 +154,7 @@ impl Plan<'_> {
             called.expect_result(&expected.shape, "the reference returns")?;
             tolerances.expect_usable(&session.called)?;
             let (scalars, tolerances) = (called.scalars(), tolerances.of_paths(&session.called));
+            let arguments = called.argument_scalars();
             let varied = argument.scalar(function)?;
             if !matches!(varied.scalar, Scalar::F32) {
                 return Err(Mismatch::NoFloat(varied.name).of(function));
@@ -172,20 +175,17 @@ impl Plan<'_> {
                 };
                 let target = at(limit.target);
                 let rows = batch.with_lanes(&target);
-                let expected = session.expected(batch, rows, expected.expect)?;
-                let expected = |case: usize| &expected[case * scalars.len()..][..scalars.len()];
+                let lanes = session.expected(batch, rows, expected.expect)?;
+                let given = |case: usize| &lanes[case * scalars.len()..][..scalars.len()];
                 let results = limit.steps.iter().map(|step| session.results(batch, &at(*step)));
                 let results = results.collect::<Result<Vec<_>, _>>()?;
                 // The step that decides, and what it decides.
-                let decisive = |path: usize, case: usize| -> (usize, Judged) {
+                let decisive = |path: usize, case: usize, expected: &[f64]| -> (usize, Judged) {
                     let judged = |step: usize| {
                         let actual = results[step][path].of(case);
-                        compare(&scalars, actual, expected(case), tolerances[path])
+                        compare(&scalars, actual, expected, tolerances[path])
                     };
                     let mut before = judged(0);
-                    if !before.measure.passes() {
-                        approaches.store(true, Ordering::Relaxed);
-                    }
                     for step in 1..limit.steps.len() {
                         let now = judged(step);
                         // An infinite error doesn't fall either: the first step has to be finite.
@@ -198,15 +198,27 @@ impl Plan<'_> {
                     (limit.steps.len() - 1, before)
                 };
                 let exhibit = |path: usize, case: usize| {
-                    let (step, judged) = decisive(path, case);
+                    let (step, judged) = decisive(path, case, given(case));
                     let mut lanes = batch.arguments(case).to_vec();
                     lanes[varied.lane] = limit.steps[step].to_bits();
                     let actual = results[step][path].of(case).to_vec();
-                    let expected = expected(case).to_vec();
+                    let expected = given(case).to_vec();
                     Exhibit { lanes, varied: Vec::new(), compared: "", actual, expected, judged }
                 };
                 let last = &results[results.len() - 1];
-                let judge = |path, case| decisive(path, case).1;
+                let judge = |path: usize, case: usize| {
+                    let first = results[0][path].of(case);
+                    let near = compare(&scalars, first, given(case), tolerances[path]);
+                    if !near.measure.passes() {
+                        approaches.store(true, Ordering::Relaxed);
+                    }
+                    let judged = decisive(path, case, given(case)).1;
+                    allowing_flushes(&arguments, rows.of(case), judged, |row| {
+                        let mut flushed = Vec::with_capacity(scalars.len());
+                        (expected.expect)(Rows::new(row, row.len(), 1), &mut flushed);
+                        decisive(path, case, &flushed).1
+                    })
+                };
                 Ok(session.judge_results(batch, last, judge, exhibit))
             })?;
             let otherwise = Vacuous::AtLimit { argument: argument.clone(), step: limit.steps[0] };

@@ -1,9 +1,10 @@
 //! Statements that hold for each case's arguments and result.
 
 use super::demand::Demand;
+use super::flush::allowing_flushes;
 use super::plan::{Plan, Recording};
 use super::session::Asserted;
-use super::tally::finite;
+use super::tally::{Judged, finite};
 use super::{Agreement, Check, Failure, tolerances};
 use crate::domain::{Domain, Stream};
 use crate::run::or_panic;
@@ -82,13 +83,19 @@ impl Plan<'_> {
             tolerances::expect_none(&self.tolerance_on, session.asserted.check, &session.called)?;
             session.called.expect_result(shape, "the statement takes")?;
             let scalars = session.called.scalars();
+            let lanes = session.called.argument_scalars();
             session.run(&mut |batch, dispatches| {
                 let judge = |case: usize, actual: &[u32]| {
-                    let mut judged = finite(&scalars, actual);
-                    if judged.measure.passes() {
-                        judged.measure = LaneError::statement(holds(batch.arguments(case), actual));
+                    let judged = finite(&scalars, actual);
+                    if !judged.measure.passes() {
+                        return judged;
                     }
-                    judged
+                    let of = |row: &[u32]| Judged {
+                        measure: LaneError::statement(holds(row, actual)),
+                        ..judged
+                    };
+                    let arguments = batch.arguments(case);
+                    allowing_flushes(&lanes, arguments, of(arguments), of)
                 };
                 session.judge(batch, dispatches, |_| None, |_| &judge)
             })

@@ -1,0 +1,80 @@
+//! What WGSL lets an implementation make of subnormal arguments.
+//!
+//! Each operation may flush a subnormal operand to zero, of either sign, whatever others do
+//! (section 15.7.2). So a result may be that of the arguments as given, or that of arguments of
+//! which any subnormals are zeros. Nothing is said here of subnormals on the way.
+
+use super::tally::Judged;
+use crate::value::Scalar;
+
+/// Subnormals of a case that are flushed one by one: 3^4 rows. Where there are more, all of them
+/// are flushed or none.
+const APART: usize = 4;
+
+/// The least normal `f16`, 2^-14.
+const LEAST_F16: f32 = 6.103_515_6e-5;
+
+/// Judges a case by its arguments, and where it fails, by what they may be flushed to. One that
+/// passes by none of these has the error of the arguments as given.
+pub(super) fn allowing_flushes(
+    scalars: &[Scalar],
+    arguments: &[u32],
+    given: Judged,
+    judge: impl Fn(&[u32]) -> Judged,
+) -> Judged {
+    if given.measure.passes() {
+        return given;
+    }
+    let flushed = Flushed::of(scalars, arguments).map(|row| judge(&row));
+    flushed.into_iter().find(|judged| judged.measure.passes()).unwrap_or(given)
+}
+
+fn is_subnormal(scalar: Scalar, word: u32) -> bool {
+    let value = f32::from_bits(word);
+    match scalar {
+        Scalar::F32 => value.is_subnormal(),
+        Scalar::F16 => value != 0.0 && value.abs() < LEAST_F16,
+        Scalar::I32 | Scalar::U32 | Scalar::Bool => false,
+    }
+}
+
+/// The rows that an implementation may take a row for, without the row itself.
+struct Flushed<'r> {
+    row: &'r [u32],
+    /// The lanes that are subnormal, in groups that are flushed together.
+    lanes: Vec<Vec<usize>>,
+    /// Which row is next: a digit of 3 for each group, which is as given, 0 or -0.
+    next: usize,
+}
+
+impl<'r> Flushed<'r> {
+    fn of(scalars: &[Scalar], row: &'r [u32]) -> Self {
+        let lanes = scalars.iter().zip(row).enumerate();
+        let lanes = lanes.filter(|(_, (scalar, word))| is_subnormal(**scalar, **word));
+        let lanes: Vec<usize> = lanes.map(|(lane, _)| lane).collect();
+        let apart = lanes.len() <= APART;
+        let lanes =
+            if apart { lanes.into_iter().map(|lane| vec![lane]).collect() } else { vec![lanes] };
+        Self { row, lanes, next: 1 }
+    }
+}
+
+impl Iterator for Flushed<'_> {
+    type Item = Vec<u32>;
+
+    fn next(&mut self) -> Option<Vec<u32>> {
+        let (mut digits, mut row) = (self.next, self.row.to_vec());
+        for lane in &self.lanes {
+            for lane in lane {
+                match digits % 3 {
+                    0 => {}
+                    1 => row[*lane] = 0.0_f32.to_bits(),
+                    _ => row[*lane] = (-0.0_f32).to_bits(),
+                }
+            }
+            digits /= 3;
+        }
+        self.next += 1;
+        (digits == 0).then_some(row)
+    }
+}
