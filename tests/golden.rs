@@ -1,6 +1,7 @@
 //! The frames of the shader library against their goldens.
 
 use frames::{Shot, open_paths};
+use karat::golden::FrameTolerance;
 use karat::prelude::*;
 use karat::{Goldens, Image};
 
@@ -26,6 +27,28 @@ fn gl_tolerance(name: &str) -> f32 {
     }
 }
 
+/// What SwiftShader shows in a pixel lies up to 1/32 of a pixel elsewhere (`frames::is_snapped`).
+/// Each outline shows that, and each highlight: no gate for single pixels says much. HDR-FLIP finds up
+/// to 0.050 in a tile and 0.0057 in the mean of the spheres, where faults of shaders have tiles of
+/// 0.09 and more. What says more of this driver is `second_opinion`, which computes what pixels may
+/// show within that 1/32.
+fn swiftshader_tolerance(name: &str) -> FrameTolerance {
+    let gate = || FrameTolerance::gate(karat::metric::DEFAULT_RELATIVE);
+    let flip = |tile, mean| {
+        let seen = vec![FrameTolerance::FlipTile(tile), FrameTolerance::FlipMean(mean)];
+        FrameTolerance::Any(vec![gate(), FrameTolerance::All(seen)])
+    };
+    match name {
+        // No outlines.
+        "environment" | "irradiance" => gate(),
+        // White on white, but for the edge of the table at outlines. 0.081 found.
+        "furnace" => FrameTolerance::gate(0.1),
+        // Few outlines. 0.021 and 0.00074 found.
+        "lambert" | "lambert_parallax" => flip(0.03, 0.001),
+        _ => flip(0.06, 0.007),
+    }
+}
+
 /// Maps that frames look up are computed on the first path, so that each path is judged for what
 /// it does itself; the maps have frames of their own.
 fn golden(name: &str) {
@@ -35,6 +58,7 @@ fn golden(name: &str) {
         // The gate alone: lavapipe draws the same everywhere, and mutants are to be seen.
         .tolerance(karat::metric::DEFAULT_RELATIVE)
         .tolerance_on(Path::GL, gl_tolerance(name))
+        .tolerance_on("@swiftshader", swiftshader_tolerance(name))
         .matches(&GOLDEN, name);
 }
 
@@ -116,7 +140,8 @@ fn diffuse_and_specular_add_up_to_the_scene() {
 
 /// White materials in white light vanish: what is left of the spheres is the error of the table
 /// that gives the lost energy back, interpolated between 128 x 128 entries, at the outlines of the
-/// rougher ones (0.0084 found).
+/// rougher ones (0.0084 found). Where vertices are snapped, a pixel at an outline may show what is
+/// nearer to it, and its error (0.08 found in the golden's size).
 #[test]
 fn the_spheres_vanish_in_the_furnace() {
     for path in open_paths() {
@@ -125,7 +150,8 @@ fn the_spheres_vanish_in_the_furnace() {
             pixel[..3].iter().all(|value| (value - 1.0).abs() <= bound)
         };
         let count = |bound| furnace.pixels().iter().filter(|pixel| !within(bound, pixel)).count();
-        assert_eq!(count(1e-2), 0, "on {path}");
+        let most = if frames::is_snapped(path) { 0.1 } else { 1e-2 };
+        assert_eq!(count(most), 0, "on {path}");
         assert!(count(1e-6) > 2000, "on {path} {} pixels show spheres", count(1e-6));
     }
 }

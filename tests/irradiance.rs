@@ -1,9 +1,13 @@
 //! Diffuse light from an environment: constant, where all ways are exact; linear and a cosine
 //! lobe, which have closed forms; and all ways against each other.
 
+use std::f64::consts::SQRT_2;
+
 use glam::{DVec3, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, irradiance};
+
+use crate::drivers::{SINE, SWIFTSHADER};
 
 /// What smooth environments of about 1 may be off by when they are sampled.
 ///
@@ -116,6 +120,9 @@ fn the_loop_is_off_by_what_it_says() {
     furnace("irradiance::loop_corrected")
         .over(UnitVector)
         .cases(64)
+        // A weight is cos sin, off by sqrt(2) times what a sine is off; 4032 of them, each times
+        // 0.025 0.1 / pi, make 3.21.
+        .tolerance_on(SWIFTSHADER, Abs(3.21 * SQRT_2 * SINE))
         .agrees_with(|n: DVec3| irradiance::loop_corrected(n, |_| DVec3::ONE), Abs(2e-5));
     furnace("irradiance::loop_corrected")
         .over(UnitVector)

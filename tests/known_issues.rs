@@ -1,6 +1,9 @@
 //! What drivers do wrong, declared: each of these is found as long as it lasts.
 
+use glam::{DVec3, Vec3};
 use karat::prelude::*;
+
+use crate::drivers::SWIFTSHADER;
 
 /// WGSL's `mix` is as accurate as x (1 - a) + y a, which is y at a = 1. (So the library's masks are
 /// written out: white over a bright base would show what rounding leaves of the base.)
@@ -11,5 +14,35 @@ fn mix_ends_at_its_second_value() {
         .function("blending::blend")
         .over((1.0..=50.0, 1e-4..=1.0, Just(1.0)))
         .fails_on(Path::GL, "Mesa's llvmpipe computes mix as x + (y - x) * a, which cancels")
+        .fails_on(SWIFTSHADER, "FMix is a * (y - x) + x (SpirvShaderGLSLstd450.cpp), which cancels")
         .agrees_with(|_: f64, y: f64, _: f64| y, Ulp(1.0));
 }
+
+/// Each face has its own direction for a colour, so a corner shows the mean of three. Vulkan 1.3,
+/// section 16.5.4, has Z win over Y and Y over X where components are equally large.
+#[test]
+fn a_corner_of_a_cube_belongs_to_a_face() {
+    let module = "@group(0) @binding(0) var cube: texture_cube<f32>;
+                  @group(0) @binding(1) var cube_sampler: sampler;
+                  fn look(d: vec3f) -> vec3f {
+                      return textureSampleLevel(cube, cube_sampler, d, 0.0).rgb;
+                  }";
+    let axes = Vec3::AXES.into_iter().flat_map(|axis| [axis, -axis]);
+    let faces = axes.map(|axis| axis.extend(1.0).to_array()).collect();
+    let sign = || OneOf(vec![-1.0_f32, 1.0]);
+    Package::from_modules("corners", [("corners", module)])
+        .function("corners::look")
+        .with("cube", CubeMap::from_texels(1, faces))
+        .with("cube_sampler", Sampler::Linear)
+        .over((sign(), sign(), sign()).map(|(x, y, z)| Vec3::new(x, y, z)))
+        .fails_on(Path::GL, SEAMS)
+        .fails_on(SWIFTSHADER, CORNERS)
+        .agrees_with(|d: DVec3| d / 3.0, Abs(3.0 / 512.0)); // weights of 8 bits
+}
+
+/// On wgpu's GL.
+pub(crate) const SEAMS: &str = "wgpu leaves desktop GL's seamless cube maps off: faces are clamped";
+
+/// On SwiftShader.
+pub(crate) const CORNERS: &str = "where all three components are equally large no axis is the major one, \
+                           and a point of the wrong face is sampled (`cubeFace` in SamplerCore.cpp)";

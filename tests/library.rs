@@ -7,6 +7,7 @@ mod brdf;
 mod camera;
 mod compensation;
 mod distribution;
+mod drivers;
 mod environment;
 mod fresnel;
 mod geometry;

@@ -51,11 +51,13 @@ fn irradiance_from_intensity() {
         .agrees_with(radiometry::irradiance_from_intensity, Ulp(6.0).or(UNDERFLOW));
 }
 
-/// Twice as far needs four times the intensity, to the bit: these are powers of two.
+/// Twice as far needs four times the intensity, to the bit: these are powers of two. An intensity
+/// of 1e-20 is 1e-32 at the farthest and most grazing; what is darker may be flushed on one side.
 #[test]
 fn irradiance_falls_with_the_square_of_the_distance() {
+    let light = LIGHT.filter(|light: &f32| *light == 0.0 || *light >= 1e-20);
     PBR.function("radiometry::irradiance_from_intensity")
-        .over((LIGHT, COSINE, DISTANCE))
+        .over((light, COSINE, DISTANCE))
         .invariant_under(
             |(intensity, cosine, distance)| (4.0 * intensity, cosine, 2.0 * distance),
             Ulp(0.0),
@@ -85,12 +87,13 @@ fn irradiance_from_cap() {
         .agrees_with(radiometry::irradiance_from_cap, Ulp(9.0).or(UNDERFLOW));
 }
 
-/// Two divisions, of 2.5 ulp each, and three products.
+/// Two divisions, of 2.5 ulp each, and three products. The first of these may be flushed: 1.2e-38 of
+/// area, from a millimetre away, of a radiance of 1e9, are 1.2e-23.
 #[test]
 fn irradiance_from_patch() {
     PBR.function("radiometry::irradiance_from_patch")
         .over((LIGHT, 0.0..=1e4, 0.0..=1.0, 0.0..=1.0, DISTANCE))
-        .agrees_with(radiometry::irradiance_from_patch, Ulp(8.0).or(UNDERFLOW));
+        .agrees_with(radiometry::irradiance_from_patch, Ulp(8.0).or(Abs(1.2e-23)));
     PBR.function("radiometry::patch_solid_angle")
         .over((0.0..=1e4, 0.0..=1.0, DISTANCE))
         .agrees_with(radiometry::patch_solid_angle, Ulp(6.0).or(UNDERFLOW));

@@ -4,6 +4,8 @@ use glam::{DVec2, Mat3, UVec2, UVec3, Vec2, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, math, sampling};
 
+use crate::drivers::{SHORT_HALFWAY, SWIFTSHADER};
+
 /// Two numbers in 0..=1. The ends are included: a bit-reversed counter may round to 1.
 fn unit_square() -> impl Domain<Value = Vec2> {
     (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(x, y)| Vec2::new(x, y))
@@ -157,15 +159,17 @@ fn beckmann_normal() {
 }
 
 /// log promises 2^-21 = 4.8e-7 near 1 and 3 ulp elsewhere: 4.5e-6 of the value at 0.105, where the
-/// series hands over. The series is as good as its division.
+/// series hands over. The series is as good as its division, whose quotient, half of x, may be
+/// flushed.
 #[test]
 fn minus_log_of_rest() {
     PBR.function("sampling::minus_log_of_rest")
         .over(0.0..=BELOW_ONE)
         .agrees_with(sampling::minus_log_of_rest, Rel(6e-6).or(UNDERFLOW));
-    PBR.function("sampling::minus_log_of_rest")
-        .over(0.0..=0.099)
-        .agrees_with(sampling::minus_log_of_rest, Ulp(8.0));
+    PBR.function("sampling::minus_log_of_rest").over(0.0..=0.099).agrees_with(
+        sampling::minus_log_of_rest,
+        Ulp(8.0).or(Abs(2.0 * f64::from(f32::MIN_POSITIVE))),
+    );
 }
 
 /// (alpha, v, u), with views down to the horizon.
@@ -194,13 +198,21 @@ fn ggx_visible_normal() {
         .agrees_with(sampling::ggx_visible_normal, Abs(2e-3));
 }
 
-/// Also those that are left out above: grazing views and normals, narrow lobes.
+/// Also those that are left out above: grazing views and normals, narrow lobes. A halfway vector of
+/// length s has s^2 / 2 of the view in it, from which an error of sin and cos takes up to its own
+/// size, sqrt(2) 2^-11: where s is 0.04 or more, there is something left on each driver.
 #[test]
 fn visible_normals_are_visible() {
-    PBR.function("sampling::ggx_visible_normal").over(seen_normals()).satisfies(
-        "is a unit vector of the upper hemisphere, on the side of the view",
-        |(_, v, _), h: Vec3| (h.length() - 1.0).abs() < 1e-6 && h.z > 0.0 && v.dot(h) > -1e-6,
-    );
+    let visible = |(_, v, _): (f32, Vec3, Vec2), h: Vec3| {
+        (h.length() - 1.0).abs() < 1e-6 && h.z > 0.0 && v.dot(h) > -1e-6
+    };
+    let statement = "is a unit vector of the upper hemisphere, on the side of the view";
+    let long = seen_normals().filter(|(alpha, v, u)| halfway_length(*alpha, *v, *u) > 0.04);
+    PBR.function("sampling::ggx_visible_normal").over(long).satisfies(statement, visible);
+    PBR.function("sampling::ggx_visible_normal")
+        .over(seen_normals())
+        .fails_on(SWIFTSHADER, SHORT_HALFWAY)
+        .satisfies(statement, visible);
 }
 
 /// At normal incidence all facets are seen: the two samplers have the same map.
@@ -388,6 +400,7 @@ fn beckmann_normal_follows_its_pdf() {
 fn ggx_visible_normal_follows_its_pdf() {
     PBR.function("sampling::ggx_visible_normal")
         .sampled_over(seen(), |&(alpha, v), u: Vec2| (alpha, v, u))
+        .fails_on(SWIFTSHADER, SHORT_HALFWAY) // a facet that shows its back has no density
         .follows(PBR.function("sampling::ggx_visible_normal_pdf"), |&(alpha, v), h: Vec3| {
             (alpha, v, h)
         });

@@ -6,6 +6,12 @@ use glam::{DVec2, DVec3, Vec2, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, environment, fresnel, specular};
 
+use crate::drivers::SWIFTSHADER;
+
+/// What the azimuths of samples are off by shows in the mean over them. SwiftShader's sine and cosine
+/// are off by up to 1.9e-4, with either sign: half of that is found.
+const AZIMUTHS: Abs = Abs(2e-4);
+
 /// A normal, and a view on its side of the surface with N.V of at least `least`.
 fn seen(least: f32) -> impl Domain<Value = (Vec3, Vec3)> {
     (UnitVector, UnitVector)
@@ -55,7 +61,8 @@ fn estimate() {
     for (least, tolerance) in [(0.1, Abs(1e-5)), (1e-3, Abs(5e-4))] {
         let domain =
             (UnitRgb, widths(), seen(least)).map(|(f0, alpha, (n, v))| (f0, alpha, n, v, 16_u32));
-        furnace().over(domain).cases(8192).agrees_with(
+        let check = furnace().over(domain).cases(8192);
+        check.tolerance_on(SWIFTSHADER, AZIMUTHS).agrees_with(
             |f0: DVec3, alpha: f64, n: DVec3, v: DVec3, samples: u32| {
                 specular::estimate(f0, alpha, n, v, samples, white)
             },
@@ -176,7 +183,8 @@ fn constant_light_is_exact_at_every_level() {
     let domain =
         (UnitRgb, widths(), seen(0.1)).map(|(f0, alpha, (n, v))| (f0, alpha, n, v, 16_u32, SIZE));
     let cube_map = CubeMap::from_fn(SIZE, |_| Vec3::ONE).with_mips();
-    probe("specular::filtered_estimate", cube_map).over(domain).cases(8192).agrees_with(
+    let check = probe("specular::filtered_estimate", cube_map).over(domain).cases(8192);
+    check.tolerance_on(SWIFTSHADER, AZIMUTHS).agrees_with(
         |f0: DVec3, alpha: f64, n: DVec3, v: DVec3, samples: u32, _: u32| {
             specular::estimate(f0, alpha, n, v, samples, white)
         },
@@ -191,6 +199,7 @@ fn split_sum_table() {
         PBR.function("specular::split_sum_table")
             .over((widths(), least..=1.0, Integers(1..=64_u32)))
             .cases(8192)
+            .tolerance_on(SWIFTSHADER, AZIMUTHS)
             .agrees_with(specular::split_sum_table, tolerance);
     }
 }
@@ -206,7 +215,8 @@ fn the_table_conserves_energy() {
         });
 }
 
-/// One product more than the sum, all positive.
+/// One product more than the sum, all positive. Products and sum may be flushed, before and after the
+/// light multiplies them: (2 50 + 1) 1.2e-38.
 #[test]
 fn split_sum() {
     let table = (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(x, y)| Vec2::new(x, y));
@@ -214,7 +224,7 @@ fn split_sum() {
         (0.0..=50.0_f32, 0.0..=50.0_f32, 0.0..=50.0_f32).map(|(r, g, b)| Vec3::new(r, g, b));
     PBR.function("specular::split_sum")
         .over((UnitRgb, table, light))
-        .agrees_with(specular::split_sum, Ulp(3.0));
+        .agrees_with(specular::split_sum, Ulp(3.0).or(Abs(1.2e-36)));
 }
 
 #[test]
@@ -275,7 +285,8 @@ fn the_split_sum_is_exact_for_constant_light() {
         let view = |c: f32| Vec3::new(((1.0 - c) * (1.0 + c)).sqrt(), 0.0, c);
         let domain = (UnitRgb, widths(), least..=1.0_f32)
             .map(move |(f0, alpha, c)| (f0, alpha, Vec3::Z, view(c), 64_u32));
-        furnace().over(domain).cases(8192).agrees_with(
+        let check = furnace().over(domain).cases(8192);
+        check.tolerance_on(SWIFTSHADER, AZIMUTHS).agrees_with(
             |f0: DVec3, alpha: f64, _: DVec3, v: DVec3, samples: u32| {
                 let table = specular::split_sum_table(alpha, v.z, samples);
                 specular::split_sum(f0, table, DVec3::ONE)

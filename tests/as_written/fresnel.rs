@@ -1,7 +1,8 @@
 //! Schlick's formula by `pow`.
 
 use glam::Vec3;
-use karat::check::{Disagreement, Failure};
+use karat::check::{Agreement, Disagreement, Failure};
+use karat::path::Adapter;
 use karat::prelude::*;
 use shaders::{PBR, fresnel};
 
@@ -22,11 +23,20 @@ fn pow_of_a_cosine_above_one() {
     // Normalised in f32, as a shader does it.
     let unit = (UnitVector, 0.1..=10.0_f32).map(|(v, distance)| (distance * v).normalize());
     let seen = unit.map(|v| (Vec3::splat(0.04), v, v));
-    let found = caught(
-        PBR.function("as_written::fresnel::schlick")
-            .over(seen)
-            .try_agrees_with(|f0: glam::DVec3, _: glam::DVec3, _: glam::DVec3| f0, Abs(1e-6)),
-    );
+    let result = PBR
+        .function("as_written::fresnel::schlick")
+        .over(seen)
+        .try_agrees_with(|f0: glam::DVec3, _: glam::DVec3, _: glam::DVec3| f0, Abs(1e-6));
+    // The power of a negative number is undefined in WGSL. SwiftShader has a small one, so this
+    // mistake doesn't show there.
+    let is_swiftshader = |adapter: &Adapter| adapter.family() == "swiftshader";
+    if let Ok(Agreement { paths, .. }) = &result
+        && paths.iter().all(|(adapter, _)| is_swiftshader(adapter))
+    {
+        return;
+    }
+    let found = caught(result);
+    assert!(found.agreeing.iter().all(|(adapter, _)| is_swiftshader(adapter)), "{found}");
     for path in &found.paths {
         let share = path.census.nan as f64 / path.census.cases as f64;
         assert!((0.1..0.3).contains(&share), "{share} are NaN on {}", path.adapter);

@@ -84,7 +84,8 @@ impl Shot {
     }
 }
 
-/// The paths that open, in the order in which tests take them.
+/// The paths that open, in the order in which tests take them: those of each API, and those that the
+/// environment names besides, such as a second driver.
 ///
 /// # Panics
 ///
@@ -92,9 +93,27 @@ impl Shot {
 #[must_use]
 pub fn open_paths() -> Vec<Path> {
     let open = Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok());
-    let open: Vec<Path> = open.collect();
+    let mut open: Vec<Path> = open.collect();
+    for path in karat::path::selected().unwrap_or_default() {
+        if !open.contains(&path) {
+            open.push(path);
+        }
+    }
     assert!(!open.is_empty(), "no execution path opens, so nothing would be checked");
     open
+}
+
+/// Whether a driver puts vertices on 16ths of a pixel, as SwiftShader does: its
+/// `subPixelPrecisionBits` is 4, the least that Vulkan allows, where Mesa's is 8. What a pixel shows
+/// is a mean of what vertices show, and so it is moved by as much as they, 1/32 of a pixel at most.
+///
+/// # Panics
+///
+/// If the path doesn't open.
+#[must_use]
+pub fn is_snapped(path: Path) -> bool {
+    let adapter = karat::path::adapter(path).expect("a path that is drawn on opens");
+    adapter.family() == "swiftshader"
 }
 
 /// The studio as a cube map with mip levels.

@@ -20,7 +20,7 @@ use shaders::scene::{self, Painted, Samples};
 use shaders::{irradiance, maps, probe_room, sampling};
 
 use shade::{Gather, Light, Surface, compensated, look_up, shade};
-use trace::Scene;
+use trace::{Hit, Ray, Scene};
 
 static GOLDEN: Goldens = karat::goldens!("../golden");
 
@@ -43,6 +43,12 @@ const ROUNDING: f64 = 1.5e-3;
 /// On wgpu's GL here texels and frames are half floats, off by 4.9e-4 each; so are roughness and
 /// f0, on which lobes and their samples depend.
 const GL_ROUNDING: f64 = 1e-2;
+
+/// By how much what a pixel shows is moved where vertices are snapped: see `frames::is_snapped`.
+const SNAPPED: f64 = 1.0 / 32.0;
+
+/// Points across the square in which a snapped pixel is looked for, a side.
+const PLACES: i32 = 5;
 
 /// Where the second opinion comes from for a frame of the 64 spheres.
 struct Spheres {
@@ -115,6 +121,20 @@ impl Spheres {
         Some((pixel, Surface::new(painted, &self.mask, hit, ray)))
     }
 
+    /// The values that a pixel may have if what it shows is moved by a fraction of a pixel.
+    fn snapped(&self, pixel: (u32, u32), shaded: impl Fn(&Surface) -> DVec3) -> (DVec3, DVec3) {
+        range(|by| {
+            let ray = self.scene.ray_beside(pixel, by);
+            self.scene.trace(ray).map_or_else(
+                || look_up(&self.light, true, ray.direction, 0.0),
+                |hit| {
+                    let painted = self.painted[hit.instance as usize];
+                    shaded(&Surface::new(painted, &self.mask, hit, ray))
+                },
+            )
+        })
+    }
+
     /// Pixels between spheres, and their rays.
     fn gaps(&self) -> Vec<((u32, u32), DVec3)> {
         let between = |instance: u32| {
@@ -139,6 +159,17 @@ fn first_path() -> Path {
     open_paths()[0]
 }
 
+/// The least and the largest of the values over the square in which a snapped pixel is.
+fn range(value: impl Fn(DVec2) -> DVec3) -> (DVec3, DVec3) {
+    let at = |step: i32| SNAPPED * (2.0 * f64::from(step) / f64::from(PLACES - 1) - 1.0);
+    let places = (0..PLACES * PLACES).map(|i| DVec2::new(at(i % PLACES), at(i / PLACES)));
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for value in places.map(value) {
+        (low, high) = (low.min(value), high.max(value));
+    }
+    (low, high)
+}
+
 /// An image to be judged.
 struct Exhibit {
     /// What drew it; `None`: it is the golden.
@@ -150,6 +181,11 @@ impl Exhibit {
     /// wgpu's desktop GL doesn't filter across the edges of cube-map faces.
     fn is_seamless(&self) -> bool {
         self.path != Some(Path::GL)
+    }
+
+    /// Whether outlines and interpolated values are where they are to 1/32 of a pixel only.
+    fn is_snapped(&self) -> bool {
+        self.path.is_some_and(frames::is_snapped)
     }
 
     /// By how much a value may be off that is computed from the same samples.
@@ -209,6 +245,20 @@ fn complaint(
     (!good).then(|| format!("{what} {pixel:?}: {seen} for {expected}, {bound} allowed"))
 }
 
+/// What is wrong with a channel that isn't within the range in which a snapped pixel is.
+fn snapped_complaint(
+    exhibit: &Exhibit,
+    pixel: (u32, u32),
+    seen: DVec3,
+    (low, high): (DVec3, DVec3),
+) -> Option<String> {
+    // Between the places where it is computed it may be a little lower or higher.
+    let between = (high - low) / f64::from(PLACES - 1);
+    let (below, above) = (between + exhibit.rounding(low), between + exhibit.rounding(high));
+    let good = seen.cmpge(low - below).all() && seen.cmple(high + above).all();
+    (!good).then(|| format!("snapped {pixel:?}: {seen}, which isn't in {low} to {high}"))
+}
+
 /// Complaints about the pixels of a frame of the 64 spheres: by formula, and for the golden, as it
 /// takes longer, a third of them by integral.
 fn complaints(name: &str, exhibit: &Exhibit) -> Vec<String> {
@@ -230,7 +280,17 @@ fn complaints(name: &str, exhibit: &Exhibit) -> Vec<String> {
         let same = if filtered { Gather::Filtered(&samples) } else { Gather::Same(&samples) };
         let (seen, same) = (seen(image, *pixel), shaded(same));
         let allowed = exhibit.rounding(same);
-        let mut found = Vec::from_iter(complaint("formula", *pixel, seen, same, allowed));
+        let mut formula = complaint("formula", *pixel, seen, same, allowed);
+        if formula.is_some() && exhibit.is_snapped() {
+            let gather =
+                || if filtered { Gather::Filtered(&samples) } else { Gather::Same(&samples) };
+            let range = spheres.snapped(*pixel, |surface| {
+                let light = Light { map: &spheres.light, seamless, gather: gather() };
+                spheres.shade(name, surface, &light)
+            });
+            formula = snapped_complaint(exhibit, *pixel, seen, range);
+        }
+        let mut found = Vec::from_iter(formula);
         if exhibit.path.is_none() && unbiased && asked(index) {
             let moved: Vec<_> = diffuse
                 .iter()
@@ -379,20 +439,42 @@ fn lambert_objects(name: &str, corrected: bool) {
             // Every 29th pixel: no column is left out, as 29 divides neither width nor height.
             let pixel = (index * 29 % width, index * 29 / width);
             let (seen, ray) = (seen(&exhibit.image, pixel), scene.ray(pixel));
+            let wall = |ray: Ray| {
+                let along = direction(ray.origin, ray.direction);
+                look_up(&room, seamless, along, 0.0)
+            };
+            let object = |hit: &Hit| {
+                let along = direction(hit.position, hit.normal.normalize());
+                (along, probe_room::COLOUR * look_up(&map, seamless, along, 0.0))
+            };
+            // Where the pixel's own ray doesn't explain it, one beside it may.
+            let unexplained = |complaint: Option<String>| match complaint {
+                Some(_) if exhibit.is_snapped() => {
+                    let range = range(|by| {
+                        let ray = scene.ray_beside(pixel, by);
+                        scene.trace(ray).map_or_else(|| wall(ray), |hit| object(&hit).1)
+                    });
+                    snapped_complaint(&exhibit, pixel, seen, range)
+                }
+                complaint => complaint,
+            };
             let mut found = Vec::new();
             if let Some(hit) = scene.trace(ray) {
-                let along = direction(hit.position, hit.normal.normalize());
-                let same = probe_room::COLOUR * look_up(&map, seamless, along, 0.0);
-                found.extend(complaint("map", pixel, seen, same, exhibit.rounding(same)));
+                let (along, same) = object(&hit);
+                let complained = complaint("map", pixel, seen, same, exhibit.rounding(same));
+                found.extend(unexplained(complained));
+                if exhibit.is_snapped() {
+                    return found; // the integral is another's, too
+                }
                 let light = |l: DVec3| look_up(&room, true, l, 0.0);
                 let irradiance = irradiance::midpoint(along.normalize(), 252, 64, light);
                 let integral = probe_room::COLOUR * irradiance;
                 let bound = exhibit.rounding(integral) + 1e-2 * integral;
                 found.extend(complaint("integral", pixel, seen, integral, bound));
             } else {
-                let along = direction(ray.origin, ray.direction);
-                let same = look_up(&room, seamless, along, 0.0);
-                found.extend(complaint("wall", pixel, seen, same, exhibit.rounding(same)));
+                let same = wall(ray);
+                let complained = complaint("wall", pixel, seen, same, exhibit.rounding(same));
+                found.extend(unexplained(complained));
             }
             found
         };

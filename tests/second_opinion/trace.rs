@@ -56,9 +56,14 @@ impl Scene {
     }
 
     /// The ray through the middle of a pixel.
-    pub(crate) fn ray(&self, (x, y): (u32, u32)) -> Ray {
+    pub(crate) fn ray(&self, pixel: (u32, u32)) -> Ray {
+        self.ray_beside(pixel, DVec2::ZERO)
+    }
+
+    /// The ray through a point that is `by` pixels from the middle of a pixel.
+    pub(crate) fn ray_beside(&self, (x, y): (u32, u32), by: DVec2) -> Ray {
         let (width, height) = (f64::from(self.size.0), f64::from(self.size.1));
-        let (x, y) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
+        let (x, y) = (f64::from(x) + 0.5 + by.x, f64::from(y) + 0.5 + by.y);
         let ndc = DVec2::new(2.0 * x / width - 1.0, 1.0 - 2.0 * y / height);
         let direction = shaders::camera::view_direction(self.camera, ndc).normalize();
         Ray { origin: self.eye, direction }
