@@ -33,17 +33,16 @@ pub(crate) fn albedo_rule(albedo: &Vec3) -> Vec<((Vec3, Vec3), f64)> {
     hemisphere(16).into_iter().map(|(l, weight)| ((*albedo, l), weight)).collect()
 }
 
-/// Rounding of `albedo / pi` and of the planted constant, two steps of `f32`; and where it is
-/// below the least normal f32, it may be flushed, which is 3.7e-38 of the integral.
-fn rounded_albedo() -> Tolerance {
-    Rel(1.2e-7).or(Abs(3.7e-38))
-}
+/// Rounding of `albedo / pi` and of the planted constant: two steps of `f32`.
+const ALBEDO: Rel = Rel(1.2e-7);
 
 #[test]
 fn an_integral_that_is_right() {
     let package = diffuse("0.318309886");
     let integral = || package.function("brdf::eval").integral(UnitRgb, albedo_rule);
-    let agreement = integral().agrees_with(|albedo| albedo.as_dvec3(), rounded_albedo());
+    // An albedo / pi below the least normal f32 may be flushed: 3.7e-38 of the integral.
+    let tolerance = ALBEDO.or(Abs(3.7e-38));
+    let agreement = integral().agrees_with(|albedo| albedo.as_dvec3(), tolerance);
     assert_eq!(agreement.cases, 256);
     let agreement = integral().cases(1000).try_is_at_most(|_| 1.0, 1.2e-7);
     assert_eq!(agreement.expect("no albedo is above 1").cases, 1000);
@@ -59,14 +58,14 @@ fn a_wrong_constant_in_an_integral() {
     let package = diffuse("0.33333334");
     let over = |cases| package.function("brdf::eval").integral(OneOf(cases), albedo_rule);
     let found = over([0.0, 0.25, 0.5, 0.75, 1.0].map(Vec3::splat).to_vec());
-    let found = disagreement(found.try_agrees_with(|albedo| albedo.as_dvec3(), rounded_albedo()));
+    let found = disagreement(found.try_agrees_with(|albedo| albedo.as_dvec3(), ALBEDO));
     assert_eq!((found.check, &*found.assertion), ("integral.agrees_with", "rel 1.2e-7"));
     for path in &found.paths {
         assert_eq!((path.census.cases, path.census.failures, path.census.too_high), (5, 4, 4));
         assert!(path.replay.contains("KARAT_CASE=brdf::eval/integral.agrees_with/"), "{found}");
     }
     let found = over(vec![Vec3::new(0.0, 0.0, 0.75)]);
-    let found = disagreement(found.try_agrees_with(|albedo| albedo.as_dvec3(), rounded_albedo()));
+    let found = disagreement(found.try_agrees_with(|albedo| albedo.as_dvec3(), ALBEDO));
     for path in &found.paths {
         let integral = path.worst.integral.as_ref().expect("the check is one of integrals");
         assert_eq!((&*path.worst.component, integral.nodes), (".z", 256));
