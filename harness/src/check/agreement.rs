@@ -94,7 +94,9 @@ where
 {
     /// Checks that the function agrees with a reference to within a tolerance.
     ///
-    /// The reference receives the very `f32` values that the shader gets, widened to `f64`.
+    /// The reference receives the very `f32` values that the shader gets, widened to `f64`. Where a
+    /// result disagrees and some of them are subnormal, it is asked again with zeros in their place,
+    /// as WGSL lets drivers flush them.
     ///
     /// # Panics
     /// With the [`Failure`], if a case disagrees or nothing could be compared.

@@ -12,7 +12,7 @@ use crate::value::Scalar;
 const APART: usize = 4;
 
 /// The least normal `f16`, 2^-14.
-const LEAST_F16: f32 = 6.103_515_6e-5;
+const LEAST_F16: f32 = 1.0 / 16_384.0;
 
 /// Judges a case by its arguments, and where it fails, by what they may be flushed to. One that
 /// passes by none of these has the error of the arguments as given.
@@ -76,5 +76,61 @@ impl Iterator for Flushed<'_> {
         }
         self.next += 1;
         (digits == 0).then_some(row)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check::tally::Class;
+    use crate::tolerance::LaneError;
+
+    fn rows(scalars: &[Scalar], values: &[f32]) -> Vec<Vec<f32>> {
+        let words: Vec<u32> = values.iter().map(|value| value.to_bits()).collect();
+        let rows = Flushed::of(scalars, &words);
+        rows.map(|row| row.into_iter().map(f32::from_bits).collect()).collect()
+    }
+
+    const TINY: f32 = f32::from_bits(1);
+
+    #[test]
+    fn subnormals_alone_are_flushed_each_by_itself() {
+        let f32s = [Scalar::F32; 3];
+        assert!(rows(&f32s, &[0.0, f32::MIN_POSITIVE, -1.0]).is_empty());
+        assert!(rows(&[Scalar::U32, Scalar::I32], &[TINY, TINY]).is_empty(), "words, no floats");
+        let found = rows(&f32s, &[1.0, -TINY, 2.0]);
+        assert_eq!(found, [[1.0, 0.0, 2.0], [1.0, -0.0, 2.0]]);
+        assert!(!found[0][1].is_sign_negative() && found[1][1].is_sign_negative());
+        let found = rows(&f32s, &[TINY, 1.0, 2.0 * TINY]);
+        assert_eq!(found.len(), 8, "9 combinations without the row itself");
+        assert!(found.contains(&vec![TINY, 1.0, 0.0]) && found.contains(&vec![0.0, 1.0, 0.0]));
+        assert!(found.iter().all(|row| row[1] == 1.0));
+        // Those of f16 are larger.
+        let half = 5e-5;
+        assert_eq!(rows(&[Scalar::F16, Scalar::F32], &[half, half]).len(), 2);
+    }
+
+    #[test]
+    fn many_subnormals_are_flushed_together() {
+        assert_eq!(rows(&[Scalar::F32; APART], &[TINY; APART]).len(), 80);
+        let found = rows(&[Scalar::F32; 6], &[TINY, TINY, 1.0, TINY, TINY, TINY]);
+        assert_eq!(found, [[0.0, 0.0, 1.0, 0.0, 0.0, 0.0]; 2]);
+    }
+
+    /// What passes isn't judged again, and what fails each time has the error that it was given.
+    #[test]
+    fn the_arguments_as_given_come_first() {
+        let judged = |holds: bool, lane: usize| Judged {
+            measure: LaneError::statement(holds),
+            lane,
+            class: Class::Other,
+        };
+        let row = [TINY.to_bits()];
+        let allow = |given: bool, flushed: bool| {
+            allowing_flushes(&[Scalar::F32], &row, judged(given, 0), |_| judged(flushed, 1))
+        };
+        assert_eq!([(true, true), (true, false)].map(|(a, b)| allow(a, b).lane), [0, 0]);
+        assert!(allow(false, true).measure.passes());
+        assert_eq!((allow(false, false).lane, allow(false, false).measure.passes()), (0, false));
     }
 }

@@ -30,7 +30,9 @@ where
     ///     });
     /// ```
     ///
-    /// A result with a component that is NaN or infinite fails, whatever the statement says.
+    /// A result with a component that is NaN or infinite fails, whatever the statement says. Where it
+    /// doesn't hold and some arguments are subnormal, it may hold for zeros in their place, as WGSL
+    /// lets drivers flush them.
     ///
     /// # Panics
     /// With the [`Failure`], if a case doesn't satisfy it or nothing could be checked.
