@@ -44,6 +44,8 @@ fn nothing_that_is_not_a_number_passes() {
 #[test]
 fn flushed_denormals_are_equal_and_cancellation_has_its_band() {
     assert!(passes(Ulp(0.0), 0.0, 1e-39));
+    assert!(passes(Abs(0.0), 0.0, 1e-39) && !passes(Abs(0.0), 1e-39, 0.0));
+    assert!(!passes(Abs(0.0), 0.0, 1.2e-38), "that is normal");
     assert!(!passes(Ulp(4.0), 1e-9, 0.0));
     assert!(passes(Ulp(4.0).near_zero(1e-2), 1e-9, 0.0));
     assert!(!passes(Ulp(4.0).near_zero(1e-2), 1e-8, 0.0), "4 steps at 0.01 are 3.7e-9");
