@@ -23,6 +23,8 @@ mod record;
 mod setup;
 mod step;
 mod suite;
+#[path = "../../harness/cli/src/cli/loader/swiftshader.rs"]
+mod swiftshader;
 
 /// Everything that CI runs, run the same way here.
 #[derive(Parser)]

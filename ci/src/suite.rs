@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use crate::record::Running;
 use crate::setup::{self, PATHS};
 use crate::step::Steps;
-use crate::{command, lint};
+use crate::{command, lint, swiftshader};
 
 /// Runs every step, whatever became of those before it. What comes after the tests prints to stderr,
 /// so that the test runner's closing lines are the last thing on stdout; but GitHub's annotations
@@ -21,6 +21,10 @@ pub(crate) fn run() -> ExitCode {
     lint::steps(&mut steps);
     steps.run("build", build);
     steps.run("paths", open_paths);
+    // Before the tests, whose last lines on stdout are those that readers of a log want.
+    if swiftshader::manifest().is_some() {
+        steps.run("swiftshader", second_driver);
+    }
     steps.run("tests", test);
     steps.run("report", report);
     steps.run("goldens", unreferenced);
@@ -55,6 +59,17 @@ fn test() -> Result<()> {
         .and_then(|()| running.end())
         .with_context(|| format!("can't keep the record in `{}`", records.display()))
         .and(outcome)
+}
+
+/// The shader library on a Vulkan driver that wasn't tuned for: SwiftShader, which the browser of the
+/// review's tests brings along.
+fn second_driver() -> Result<()> {
+    let manifest = swiftshader::manifest().context("SwiftShader is gone")?;
+    let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
+    test.args(["--test", "library", "--test", "golden"]);
+    const PATH: &str = "vulkan@swiftshader";
+    test.env(swiftshader::ADD, manifest).env("KARAT_PATHS", PATH).env("KARAT_REQUIRE", PATH);
+    command::run_aside(&mut test)
 }
 
 /// JUnit and, on GitHub, annotations and the job's summary. A check that failed has failed the

@@ -3,6 +3,7 @@
 use super::execute::{Comparison, not_run};
 use super::row::conclude;
 use super::{Buffer, Cell, Request, Status, Stop};
+use crate::path::{Api, Device};
 use crate::probe::{Data, ProbeError, run_entry_point};
 use crate::reflect::Program;
 use crate::tolerance::Tolerance;
@@ -32,6 +33,11 @@ pub(super) fn run_entry_point_on_each(
             (Err(why), _) => Err(Stop::NotRun(why.clone())),
             (Ok((data, workgroups)), Some(path)) => match crate::path::open(path) {
                 Err(error) => Err(Stop::Unavailable(error.to_string())),
+                Ok(device) if is_slow(device, program) => Err(Stop::NotRun(format!(
+                    "{} takes minutes to compile the {} barriers of its module",
+                    device.adapter().name,
+                    program.barriers()
+                ))),
                 Ok(device) => {
                     run_entry_point(device, program, name, *workgroups, data).map_err(|error| {
                         let rounds = matches!(error, ProbeError::Rounds { .. });
@@ -79,6 +85,15 @@ pub(super) fn run_entry_point_on_each(
     }
     let agreeing = agreeing.map(|compared| Comparison { compared, ..Comparison::default() });
     conclude(&mut cells[*first], agreeing, others.len());
+}
+
+/// Whether a driver wouldn't compile a module's entry points in time. llvmpipe's GL makes a coroutine
+/// of each barrier; vello's `binning`, with four, takes
+/// minutes, and `flatten`, with none, a second.
+fn is_slow(device: &Device, program: &Program) -> bool {
+    const MOST_BARRIERS: usize = 3;
+    let barriers = device.path().api() == Api::Gl && device.adapter().is_llvmpipe();
+    barriers && program.barriers() > MOST_BARRIERS
 }
 
 impl Buffer {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::ProbeError;
 use crate::diagnostic::{Diagnostic, Span};
-use crate::path::{Device, MOST_ROUNDS, guard};
+use crate::path::{Device, guard};
 use crate::reflect::{BindingKind, Program, Watched};
 
 /// A buffer of an entry point.
@@ -16,11 +16,14 @@ pub(crate) struct Data {
     pub(crate) bytes: Vec<u8>,
 }
 
+/// Rounds of an invocation that made-up data may make. More take a software driver seconds.
+const PATIENCE: u32 = 4096;
+
 /// Runs an entry point, by its name in the program's text, over one row of workgroups. The words of
 /// the buffers that it may write, in the order of `data`.
 ///
 /// Whose loops have no bound that naga's IR shows runs first in a copy whose loops are left after
-/// [`MOST_ROUNDS`] rounds: what doesn't end with these data would hang a driver.
+/// [`PATIENCE`] rounds: what doesn't end with these data would hang a driver.
 pub(crate) fn run_entry_point(
     device: &Device,
     program: &Program,
@@ -28,10 +31,9 @@ pub(crate) fn run_entry_point(
     workgroups: u32,
     data: &[Data],
 ) -> Result<Vec<Vec<u32>>, ProbeError> {
-    if program.most_rounds().is_none_or(|rounds| rounds >= MOST_ROUNDS) {
-        let limit = u32::try_from(MOST_ROUNDS).expect("it fits");
+    if program.most_rounds().is_none_or(|rounds| rounds >= u64::from(PATIENCE)) {
         let binding = program.free_binding();
-        let Watched { program, loops } = program.watching_rounds(binding, limit, true);
+        let Watched { program, loops } = program.watching_rounds(binding, PATIENCE, true);
         let bound = program.compute_entry_point(name).map(|(bindings, _)| bindings);
         let counted = bound.iter().flatten().any(|b| (b.group, b.binding) == (0, binding));
         // Another entry point of the module may have the loops.

@@ -23,6 +23,20 @@ use crate::diagnostic::Span;
 pub(crate) const COUNTERS: &str = "karat_rounds";
 
 impl Program {
+    /// How many barriers there are in all functions and entry points.
+    #[cfg(feature = "routes")]
+    pub(crate) fn barriers(&self) -> usize {
+        let functions = self.module.functions.iter().map(|(_, function)| &function.body);
+        let entries = self.module.entry_points.iter().map(|entry| &entry.function.body);
+        let mut count = 0;
+        for body in functions.chain(entries) {
+            walk(body, false, &mut |statement, _, _| {
+                count += usize::from(matches!(statement, Statement::ControlBarrier(_)));
+            });
+        }
+        count
+    }
+
     /// How many loops there are, in the order in which [`count_rounds`] numbers them.
     pub(crate) fn loops(&self) -> usize {
         let functions = self.module.functions.iter().map(|(_, function)| &function.body);

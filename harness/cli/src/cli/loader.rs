@@ -4,27 +4,20 @@
 //! loads. So where a path names SwiftShader, this program starts itself anew with the loader's
 //! variable set; tests that it runs inherit it.
 
+mod swiftshader;
+
 use std::ffi::{OsStr, OsString};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, ExitCode};
 
 use anyhow::Context;
+use swiftshader::ADD;
 
 /// What a path names.
 const NAMED: &str = "@swiftshader";
 
 /// The loader's variables. If one is set, its user has chosen.
-const ADD: &str = "VK_ADD_DRIVER_FILES";
 const CHOSEN: [&str; 3] = [ADD, "VK_DRIVER_FILES", "VK_ICD_FILENAMES"];
-
-/// Where browsers keep SwiftShader's manifest.
-const MANIFESTS: [&str; 5] = [
-    "/usr/lib/chromium/vk_swiftshader_icd.json",
-    "/usr/lib64/chromium-browser/vk_swiftshader_icd.json",
-    "/usr/lib/chromium-browser/vk_swiftshader_icd.json",
-    "/opt/google/chrome/vk_swiftshader_icd.json",
-    "/opt/chromium/vk_swiftshader_icd.json",
-];
 
 /// Starts the program anew with the second driver, if a path names it and it isn't there already.
 /// `None`: go on.
@@ -35,8 +28,7 @@ pub(super) fn with_second_driver() -> Option<anyhow::Result<ExitCode>> {
     if chosen || !is_named(arguments.iter().cloned().chain(asked)) {
         return None;
     }
-    let manifest = MANIFESTS.iter().map(PathBuf::from).find(|file| file.is_file())?;
-    Some(again(&arguments, &manifest))
+    Some(again(&arguments, &swiftshader::manifest()?))
 }
 
 fn is_named(words: impl Iterator<Item = OsString>) -> bool {
