@@ -44,6 +44,21 @@ impl Steps {
         passed
     }
 
+    /// Runs steps while others run, and keeps the verdicts of both. What they print is mixed.
+    pub(crate) fn beside(
+        &mut self,
+        others: impl FnOnce(&mut Self) + Send,
+        own: impl FnOnce(&mut Self),
+    ) {
+        let mut apart = Self::new(self.task);
+        std::thread::scope(|scope| {
+            let running = scope.spawn(|| others(&mut apart));
+            own(self);
+            running.join().expect("steps return their errors");
+        });
+        self.done.append(&mut apart.done);
+    }
+
     /// Prints the closing lines. The exit code is that of the first step that failed.
     pub(crate) fn finish(self) -> ExitCode {
         eprintln!("{}", summary(self.task, &self.done, self.started.elapsed()));
@@ -98,6 +113,21 @@ mod tests {
 
     fn step(name: &'static str, milliseconds: u64, outcome: Result<()>) -> Step {
         Step { name, wall: Duration::from_millis(milliseconds), outcome }
+    }
+
+    #[test]
+    fn steps_beside_others_are_kept() {
+        let mut steps = Steps::new("cargo ci test");
+        steps.beside(
+            |others| {
+                others.run("setup", || anyhow::bail!("no network"));
+            },
+            |own| {
+                own.run("clippy", || Ok(()));
+            },
+        );
+        let kept: Vec<_> = steps.done.iter().map(|s| (s.name, s.outcome.is_ok())).collect();
+        assert_eq!(kept, [("clippy", true), ("setup", false)]);
     }
 
     #[test]

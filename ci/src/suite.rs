@@ -15,10 +15,13 @@ use crate::{command, lint, swiftshader};
 /// belong there.
 pub(crate) fn run() -> ExitCode {
     let mut steps = Steps::new("cargo ci test");
-    steps.run("setup", setup::install_missing);
-    steps.run("browser", setup::install_browser);
-    steps.run("validators", setup::install_validators);
-    lint::steps(&mut steps);
+    // Packages come from a network while lints, which need none of them, keep the processor busy.
+    let packages = |steps: &mut Steps| {
+        steps.run("setup", setup::install_missing);
+        steps.run("browser", setup::install_browser);
+        steps.run("validators", setup::install_validators);
+    };
+    steps.beside(packages, lint::steps);
     steps.run("build", build);
     steps.run("paths", open_paths);
     // Before the tests, whose last lines on stdout are those that readers of a log want.
