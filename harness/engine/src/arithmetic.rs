@@ -1,0 +1,479 @@
+//! The arithmetics that a program runs in.
+
+use std::fmt::Debug;
+
+use crate::interval::{Interval, Range, Truth};
+
+/// What numbers are while a program runs: [`F32`], [`F64`] or [`Intervals`].
+///
+/// The trait is sealed: each builtin has one rule for each arithmetic, side by side in the folder
+/// `rules`, and a fourth arithmetic would need a fourth rule everywhere.
+pub trait Arithmetic: Rules {}
+
+/// IEEE single precision, rounded to nearest: a conforming GPU.
+#[derive(Clone, Copy, Debug)]
+pub struct F32;
+
+/// The shadow: the same program with floats of double precision. Integers are exact, as in [`F32`].
+#[derive(Clone, Copy, Debug)]
+pub struct F64;
+
+/// Bounds of every result that the WGSL specification allows.
+#[derive(Clone, Copy, Debug)]
+pub struct Intervals;
+
+impl Arithmetic for F32 {}
+impl Arithmetic for F64 {}
+impl Arithmetic for Intervals {}
+
+/// One rule from floats to floats, in each arithmetic.
+pub trait FloatRule<const I: usize, const O: usize> {
+    /// In [`F32`].
+    fn single(x: [f32; I]) -> [f32; O];
+    /// In [`F64`].
+    fn double(x: [f64; I]) -> [f64; O];
+    /// In [`Intervals`].
+    fn interval(x: [Interval; I]) -> [Interval; O];
+}
+
+/// One rule from integers to an integer. Words are the bits of an `i32` or a `u32`.
+pub trait IntRule<const I: usize> {
+    /// Whether the result is an `i32`.
+    const SIGNED: bool;
+    /// In [`F32`] and [`F64`].
+    fn exact(x: [u32; I]) -> u32;
+    /// In [`Intervals`].
+    fn range(x: [Range; I]) -> Range;
+}
+
+/// One rule from floats to an integer.
+pub trait ToIntRule<const I: usize> {
+    /// Whether the result is an `i32`.
+    const SIGNED: bool;
+    /// In [`F32`].
+    fn single(x: [f32; I]) -> u32;
+    /// In [`F64`].
+    fn double(x: [f64; I]) -> u32;
+    /// In [`Intervals`].
+    fn interval(x: [Interval; I]) -> Range;
+}
+
+/// One rule from an integer to floats.
+pub trait FromIntRule<const O: usize> {
+    /// In [`F32`].
+    fn single(x: u32) -> [f32; O];
+    /// In [`F64`].
+    fn double(x: u32) -> [f64; O];
+    /// In [`Intervals`].
+    fn interval(x: Range) -> [Interval; O];
+}
+
+/// One rule from a float and an integer to a float.
+pub trait MixedRule {
+    /// In [`F32`].
+    fn single(x: f32, i: u32) -> f32;
+    /// In [`F64`].
+    fn double(x: f64, i: u32) -> f64;
+    /// In [`Intervals`].
+    fn interval(x: Interval, i: Range) -> Interval;
+}
+
+/// What an integer may be: the first and the last, as its type reads them.
+pub(crate) type Bounds = (i64, i64);
+
+pub(crate) mod sealed {
+    use super::*;
+
+    /// What the machine asks of an arithmetic.
+    pub trait Rules: Copy + Debug + Send + Sync + 'static {
+        /// A float of any width.
+        type Float: Copy + Default + Debug + Send + Sync;
+        /// An `i32` or a `u32`.
+        type Int: Copy + Default + Debug + Send + Sync;
+        /// A boolean, which is also what masks are made of.
+        type Bool: Copy + Default + Debug + Send + Sync + PartialEq;
+
+        /// Whether a boolean may be undecided, so that masks within a loop are relative to its
+        /// entry.
+        const UNDECIDED: bool;
+
+        fn float(x: f32) -> Self::Float;
+        fn int(x: u32, signed: bool) -> Self::Int;
+        fn bool(x: bool) -> Self::Bool;
+
+        fn float_rule<R: FloatRule<I, O>, const I: usize, const O: usize>(
+            x: [Self::Float; I],
+        ) -> [Self::Float; O];
+        fn int_rule<R: IntRule<I>, const I: usize>(x: [Self::Int; I]) -> Self::Int;
+        fn to_int<R: ToIntRule<I>, const I: usize>(x: [Self::Float; I]) -> Self::Int;
+        fn from_int<R: FromIntRule<O>, const O: usize>(x: Self::Int) -> [Self::Float; O];
+        fn mixed<R: MixedRule>(x: Self::Float, i: Self::Int) -> Self::Float;
+
+        fn float_equal(a: Self::Float, b: Self::Float) -> Self::Bool;
+        fn float_less(a: Self::Float, b: Self::Float) -> Self::Bool;
+        fn float_less_equal(a: Self::Float, b: Self::Float) -> Self::Bool;
+        fn int_equal(a: Self::Int, b: Self::Int) -> Self::Bool;
+        fn int_less(a: Self::Int, b: Self::Int, signed: bool) -> Self::Bool;
+
+        fn and(a: Self::Bool, b: Self::Bool) -> Self::Bool;
+        fn or(a: Self::Bool, b: Self::Bool) -> Self::Bool;
+        fn not(a: Self::Bool) -> Self::Bool;
+        /// Whether it may be true.
+        fn possible(a: Self::Bool) -> bool;
+        /// A boolean that is neither, where there is one: what joins values.
+        fn undecided() -> Self::Bool;
+        /// Whether it may be false.
+        fn avoidable(a: Self::Bool) -> bool;
+
+        /// `yes` where `c` holds, `no` where it doesn't, what holds both where it is undecided.
+        fn select_float(c: Self::Bool, yes: Self::Float, no: Self::Float) -> Self::Float;
+        fn select_int(c: Self::Bool, yes: Self::Int, no: Self::Int) -> Self::Int;
+        fn select_bool(c: Self::Bool, yes: Self::Bool, no: Self::Bool) -> Self::Bool;
+
+        /// The values that an index may have. `signed` says how its bits are read.
+        fn bounds(i: Self::Int, signed: bool) -> Bounds;
+
+        /// The value rounded to half precision; the shadow and intervals leave it as it is.
+        fn to_half(x: Self::Float) -> Self::Float;
+        /// The value with subnormals flushed to zero.
+        fn flush(x: Self::Float) -> Self::Float;
+        /// Notes which operation made a value unbounded: the earliest that `inputs` know of, or
+        /// `site`.
+        fn note(x: Self::Float, inputs: &mut dyn Iterator<Item = Self::Float>, site: u32) -> Self::Float;
+        /// Whether `note` does anything.
+        const NOTES: bool;
+        /// Any value at all, because of operation `site`; `None` where there is no such value.
+        fn unknown_float(site: u32) -> Option<Self::Float>;
+        /// Any integer at all.
+        fn unknown_int(signed: bool) -> Option<Self::Int>;
+        /// Either boolean.
+        fn unknown_bool() -> Option<Self::Bool>;
+
+        /// The float as memory holds it: the nearest `f32`, or the middle of an interval.
+        fn float_word(x: Self::Float) -> u32;
+        /// The integer as memory holds it, the least of a range.
+        fn int_word(x: Self::Int) -> u32;
+        /// The boolean as memory holds it: 0, or 1 where it may be true.
+        fn bool_word(x: Self::Bool) -> u32 {
+            u32::from(Self::possible(x))
+        }
+
+        /// What a filter makes of texels: the sum of `weights` times `values`, which each lie in
+        /// `hull`.
+        fn filtered(texels: &[(f64, f32)], hull: (f32, f32)) -> Self::Float;
+        /// The coordinate as filters compute with it.
+        fn coordinate(x: Self::Float) -> f64;
+    }
+}
+
+use sealed::Rules;
+
+macro_rules! exact_integers_and_booleans {
+    () => {
+        type Int = u32;
+        type Bool = bool;
+        const UNDECIDED: bool = false;
+        const NOTES: bool = false;
+
+        fn int(x: u32, _signed: bool) -> u32 {
+            x
+        }
+        fn bool(x: bool) -> bool {
+            x
+        }
+        #[inline(always)]
+        fn int_rule<R: IntRule<I>, const I: usize>(x: [u32; I]) -> u32 {
+            R::exact(x)
+        }
+        #[inline(always)]
+        fn float_equal(a: Self::Float, b: Self::Float) -> bool {
+            a == b
+        }
+        #[inline(always)]
+        fn float_less(a: Self::Float, b: Self::Float) -> bool {
+            a < b
+        }
+        #[inline(always)]
+        fn float_less_equal(a: Self::Float, b: Self::Float) -> bool {
+            a <= b
+        }
+        #[inline(always)]
+        fn int_equal(a: u32, b: u32) -> bool {
+            a == b
+        }
+        #[inline(always)]
+        fn int_less(a: u32, b: u32, signed: bool) -> bool {
+            if signed { a.cast_signed() < b.cast_signed() } else { a < b }
+        }
+        #[inline(always)]
+        fn and(a: bool, b: bool) -> bool {
+            a & b
+        }
+        #[inline(always)]
+        fn or(a: bool, b: bool) -> bool {
+            a | b
+        }
+        #[inline(always)]
+        fn not(a: bool) -> bool {
+            !a
+        }
+        #[inline(always)]
+        fn possible(a: bool) -> bool {
+            a
+        }
+        #[inline(always)]
+        fn undecided() -> bool {
+            true
+        }
+        #[inline(always)]
+        fn avoidable(a: bool) -> bool {
+            !a
+        }
+        #[inline(always)]
+        fn select_float(c: bool, yes: Self::Float, no: Self::Float) -> Self::Float {
+            if c { yes } else { no }
+        }
+        #[inline(always)]
+        fn select_int(c: bool, yes: u32, no: u32) -> u32 {
+            if c { yes } else { no }
+        }
+        #[inline(always)]
+        fn select_bool(c: bool, yes: bool, no: bool) -> bool {
+            (c & yes) | (!c & no)
+        }
+        #[inline(always)]
+        fn bounds(i: u32, signed: bool) -> Bounds {
+            let value = if signed { i64::from(i.cast_signed()) } else { i64::from(i) };
+            (value, value)
+        }
+        #[inline(always)]
+        fn note(x: Self::Float, _: &mut dyn Iterator<Item = Self::Float>, _: u32) -> Self::Float {
+            x
+        }
+        fn unknown_float(_: u32) -> Option<Self::Float> {
+            None
+        }
+        fn unknown_int(_: bool) -> Option<u32> {
+            None
+        }
+        fn unknown_bool() -> Option<bool> {
+            None
+        }
+        fn int_word(x: u32) -> u32 {
+            x
+        }
+    };
+}
+
+impl Rules for F32 {
+    type Float = f32;
+    exact_integers_and_booleans!();
+
+    fn float(x: f32) -> f32 {
+        x
+    }
+    #[inline(always)]
+    fn float_rule<R: FloatRule<I, O>, const I: usize, const O: usize>(x: [f32; I]) -> [f32; O] {
+        R::single(x)
+    }
+    #[inline(always)]
+    fn to_int<R: ToIntRule<I>, const I: usize>(x: [f32; I]) -> u32 {
+        R::single(x)
+    }
+    #[inline(always)]
+    fn from_int<R: FromIntRule<O>, const O: usize>(x: u32) -> [f32; O] {
+        R::single(x)
+    }
+    #[inline(always)]
+    fn mixed<R: MixedRule>(x: f32, i: u32) -> f32 {
+        R::single(x, i)
+    }
+    fn to_half(x: f32) -> f32 {
+        half::f16::from_f32(x).to_f32()
+    }
+    #[inline(always)]
+    fn flush(x: f32) -> f32 {
+        if x.abs() < f32::MIN_POSITIVE { 0.0f32.copysign(x) } else { x }
+    }
+    fn float_word(x: f32) -> u32 {
+        x.to_bits()
+    }
+    fn filtered(texels: &[(f64, f32)], _: (f32, f32)) -> f32 {
+        // Weights of a 2D filter are products of two f32; GPUs have fewer bits.
+        texels.iter().map(|&(weight, value)| weight * f64::from(value)).sum::<f64>() as f32
+    }
+    fn coordinate(x: f32) -> f64 {
+        f64::from(x)
+    }
+}
+
+impl Rules for F64 {
+    type Float = f64;
+    exact_integers_and_booleans!();
+
+    fn float(x: f32) -> f64 {
+        f64::from(x)
+    }
+    #[inline(always)]
+    fn float_rule<R: FloatRule<I, O>, const I: usize, const O: usize>(x: [f64; I]) -> [f64; O] {
+        R::double(x)
+    }
+    #[inline(always)]
+    fn to_int<R: ToIntRule<I>, const I: usize>(x: [f64; I]) -> u32 {
+        R::double(x)
+    }
+    #[inline(always)]
+    fn from_int<R: FromIntRule<O>, const O: usize>(x: u32) -> [f64; O] {
+        R::double(x)
+    }
+    #[inline(always)]
+    fn mixed<R: MixedRule>(x: f64, i: u32) -> f64 {
+        R::double(x, i)
+    }
+    fn to_half(x: f64) -> f64 {
+        x
+    }
+    #[inline(always)]
+    fn flush(x: f64) -> f64 {
+        x
+    }
+    fn float_word(x: f64) -> u32 {
+        (x as f32).to_bits()
+    }
+    fn filtered(texels: &[(f64, f32)], _: (f32, f32)) -> f64 {
+        texels.iter().map(|&(weight, value)| weight * f64::from(value)).sum()
+    }
+    fn coordinate(x: f64) -> f64 {
+        x
+    }
+}
+
+impl Rules for Intervals {
+    type Float = Interval;
+    type Int = Range;
+    type Bool = Truth;
+    const UNDECIDED: bool = true;
+    const NOTES: bool = true;
+
+    fn float(x: f32) -> Interval {
+        Interval::point(x)
+    }
+    fn int(x: u32, signed: bool) -> Range {
+        Range::of_word(x, signed)
+    }
+    fn bool(x: bool) -> Truth {
+        Truth::from(x)
+    }
+    fn float_rule<R: FloatRule<I, O>, const I: usize, const O: usize>(
+        x: [Interval; I],
+    ) -> [Interval; O] {
+        R::interval(x)
+    }
+    fn int_rule<R: IntRule<I>, const I: usize>(x: [Range; I]) -> Range {
+        R::range(x)
+    }
+    fn to_int<R: ToIntRule<I>, const I: usize>(x: [Interval; I]) -> Range {
+        R::interval(x)
+    }
+    fn from_int<R: FromIntRule<O>, const O: usize>(x: Range) -> [Interval; O] {
+        R::interval(x)
+    }
+    fn mixed<R: MixedRule>(x: Interval, i: Range) -> Interval {
+        R::interval(x, i)
+    }
+    fn float_equal(a: Interval, b: Interval) -> Truth {
+        a.equals(b)
+    }
+    fn float_less(a: Interval, b: Interval) -> Truth {
+        a.less(b)
+    }
+    fn float_less_equal(a: Interval, b: Interval) -> Truth {
+        a.less_equal(b)
+    }
+    fn int_equal(a: Range, b: Range) -> Truth {
+        a.equals(b)
+    }
+    fn int_less(a: Range, b: Range, _signed: bool) -> Truth {
+        a.less(b)
+    }
+    fn and(a: Truth, b: Truth) -> Truth {
+        a.and(b)
+    }
+    fn or(a: Truth, b: Truth) -> Truth {
+        a.or(b)
+    }
+    fn not(a: Truth) -> Truth {
+        a.not()
+    }
+    fn undecided() -> Truth {
+        Truth::Undecided
+    }
+    fn possible(a: Truth) -> bool {
+        a != Truth::False
+    }
+    fn avoidable(a: Truth) -> bool {
+        a != Truth::True
+    }
+    fn select_float(c: Truth, yes: Interval, no: Interval) -> Interval {
+        match c {
+            Truth::True => yes,
+            Truth::False => no,
+            Truth::Undecided => yes.join(no),
+        }
+    }
+    fn select_int(c: Truth, yes: Range, no: Range) -> Range {
+        match c {
+            Truth::True => yes,
+            Truth::False => no,
+            Truth::Undecided => yes.join(no),
+        }
+    }
+    fn select_bool(c: Truth, yes: Truth, no: Truth) -> Truth {
+        match c {
+            Truth::True => yes,
+            Truth::False => no,
+            Truth::Undecided if yes == no => yes,
+            Truth::Undecided => Truth::Undecided,
+        }
+    }
+    fn bounds(i: Range, _signed: bool) -> Bounds {
+        (i.lo(), i.hi())
+    }
+    fn to_half(x: Interval) -> Interval {
+        x
+    }
+    fn flush(x: Interval) -> Interval {
+        x
+    }
+    #[expect(clippy::filter_next, reason = "a trait object has no `find_map`")]
+    fn note(x: Interval, inputs: &mut dyn Iterator<Item = Interval>, site: u32) -> Interval {
+        if x.is_bounded() {
+            return x;
+        }
+        let cause = inputs.filter_map(Interval::cause).next();
+        x.caused_by(cause.unwrap_or(site))
+    }
+    fn unknown_float(site: u32) -> Option<Interval> {
+        Some(Interval::UNBOUNDED.caused_by(site))
+    }
+    fn unknown_int(signed: bool) -> Option<Range> {
+        Some(Range::full(signed))
+    }
+    fn unknown_bool() -> Option<Truth> {
+        Some(Truth::Undecided)
+    }
+    fn float_word(x: Interval) -> u32 {
+        x.middle().to_bits()
+    }
+    fn int_word(x: Range) -> u32 {
+        x.lo() as u32
+    }
+    fn filtered(_: &[(f64, f32)], hull: (f32, f32)) -> Interval {
+        // The specification bounds no filter. Each is a weighted mean of texels, whatever its
+        // weights are, so that it lies between the least and the greatest.
+        Interval::between(hull.0, hull.1)
+    }
+    fn coordinate(x: Interval) -> f64 {
+        f64::from(x.middle())
+    }
+}

@@ -1,0 +1,318 @@
+//! A lowered program: operations over registers, in one list, with jumps between them.
+
+use naga::{AtomicFunction, Span};
+
+use crate::rules::{FloatRule, FromInt, Integer, Scale, ToInt};
+use crate::scalar::{File, Scalar};
+
+/// A register: a column of lanes in one of the three files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(crate) struct Reg {
+    pub(crate) file: File,
+    pub(crate) index: u32,
+}
+
+/// How two numbers compare. The converses are lowered with their operands exchanged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Compare {
+    Equal,
+    NotEqual,
+    Less,
+    LessEqual,
+}
+
+/// What an operation does. Its registers are in [`Code::pool`], results first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Op {
+    Float(FloatRule),
+    Integer(Integer),
+    ToInt(ToInt),
+    FromInt(FromInt),
+    Scale(Scale),
+    /// Rounds to half precision.
+    ToHalf,
+    CompareFloat(Compare),
+    CompareInt(Compare, bool),
+    And,
+    Or,
+    Not,
+    /// Whether two booleans differ.
+    Differ,
+    /// Whether a float is NaN, or infinite.
+    IsNan,
+    IsInf,
+    /// Result; condition, value where it holds, value where it doesn't.
+    Select(File),
+    /// Copies for all lanes.
+    Move(File),
+    /// Copies for active lanes.
+    Store(File),
+    /// Result; first register of a range; indices. Which of them is in [`Code::walks`].
+    Gather(File, u32),
+    /// First register of a range; value; indices.
+    Scatter(File, u32),
+    /// Result; that many candidates; index. `true` when the index is signed.
+    Pick(File, u32, bool),
+    /// Result; index into the constants of a table.
+    Table(File, u32),
+    /// Result; indices. The walk is in bytes of a buffer.
+    Load(Scalar, u32),
+    /// Value; indices.
+    Write(Scalar, u32),
+    /// Result (u32); indices.
+    ArrayLength(u32),
+    /// Result (or none); value; compared value (or none); indices.
+    Atomic(u32),
+    /// Results; operands. Which are in [`Code::images`].
+    Image(u32),
+
+    /// Condition. Jumps when it holds nowhere.
+    If,
+    /// Condition of its `If`. Jumps when it holds everywhere.
+    Else,
+    /// Jumps to the end of what encloses it when no lane is left, as do the other ends.
+    EndIf,
+    Switch,
+    /// Condition; whether lanes come from the case before.
+    Case(bool),
+    EndSwitch,
+    Loop,
+    /// A round begins: fuel is spent.
+    Round,
+    Continuing,
+    /// Condition.
+    BreakIf,
+    /// Jumps back while a lane is active.
+    EndLoop,
+    /// Jumps when no lane is left.
+    Skip,
+    Call,
+    EndCall,
+    /// How many frames it leaves, without its target.
+    Break(u32),
+    Continue(u32),
+    Return(u32),
+    /// A named value is complete: its registers, of the three files in order, are in the pool.
+    Mark(u32),
+    Barrier,
+    Halt,
+}
+
+/// One operation, where its registers are, where it jumps to and where it comes from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Instruction {
+    pub(crate) op: Op,
+    /// Its first register in the pool.
+    pub(crate) at: u32,
+    pub(crate) target: u32,
+    pub(crate) site: u32,
+}
+
+/// How far an index moves, and how many values it may have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Step {
+    pub(crate) stride: u32,
+    pub(crate) count: Count,
+    pub(crate) signed: bool,
+}
+
+/// How many elements there are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Count {
+    Fixed(u32),
+    /// As many as fit into the buffer after this many bytes, with this stride.
+    Runtime { offset: u32, stride: u32 },
+}
+
+/// How indices find a register, or bytes of a buffer.
+#[derive(Clone, Debug)]
+pub(crate) struct Walk {
+    pub(crate) buffer: u32,
+    pub(crate) offset: u32,
+    pub(crate) steps: Vec<Step>,
+    pub(crate) atomic: Option<AtomicOp>,
+}
+
+/// What an atomic does to a word.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AtomicOp {
+    pub(crate) function: AtomicFunction,
+    pub(crate) scalar: Scalar,
+    pub(crate) result: bool,
+}
+
+/// Where an operation comes from.
+#[derive(Clone, Debug)]
+pub struct Site {
+    /// The function that the author wrote it in.
+    pub function: String,
+    /// The handle of the expression in that function, where it is one.
+    pub expression: Option<naga::Handle<naga::Expression>>,
+    /// The name of the let-binding, where it is one.
+    pub name: Option<String>,
+    /// Its bytes in the source.
+    pub span: Span,
+}
+
+/// A constant that fills a register.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Constant {
+    pub(crate) scalar: Scalar,
+    pub(crate) word: u32,
+}
+
+/// How many registers of each file an operation has: results, then arguments.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Shape {
+    pub(crate) outs: [u32; 3],
+    pub(crate) ins: [u32; 3],
+}
+
+/// A variable in the memory of a workgroup, or a buffer.
+#[derive(Clone, Debug)]
+pub(crate) struct BufferSlot {
+    pub(crate) binding: Binding,
+    pub(crate) name: String,
+    pub(crate) span: Span,
+    /// The least size that the type needs, in bytes.
+    pub(crate) least: u32,
+    pub(crate) written: bool,
+}
+
+/// What a buffer's bytes are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Binding {
+    /// Of the caller's resources.
+    Resource { group: u32, binding: u32 },
+    /// Of the workgroup, zero at its start.
+    Workgroup,
+}
+
+/// All of a lowered program.
+#[derive(Debug, Default)]
+pub(crate) struct Code {
+    pub(crate) instructions: Vec<Instruction>,
+    pub(crate) pool: Vec<u32>,
+    pub(crate) sites: Vec<Site>,
+    pub(crate) walks: Vec<Walk>,
+    pub(crate) tables: Vec<(Vec<Constant>, bool)>,
+    pub(crate) images: Vec<ImageOp>,
+    pub(crate) buffers: Vec<BufferSlot>,
+    pub(crate) textures: Vec<HandleSlot>,
+    pub(crate) samplers: Vec<HandleSlot>,
+    /// Registers with one value for all lanes, for good.
+    pub(crate) constants: Vec<(Reg, Constant)>,
+    pub(crate) registers: [u32; 3],
+    pub(crate) parameters: Vec<(Reg, Scalar)>,
+    pub(crate) results: Vec<(Reg, Scalar)>,
+    /// Shapes of named values.
+    pub(crate) marks: Vec<[u32; 3]>,
+    /// The first operation in half precision.
+    pub(crate) half: Option<Span>,
+    /// Ranges of registers that are found by index, which stay together.
+    pub(crate) pinned: Vec<(File, u32, u32)>,
+}
+
+/// A texture or a sampler.
+#[derive(Clone, Debug)]
+pub(crate) struct HandleSlot {
+    pub(crate) group: u32,
+    pub(crate) binding: u32,
+    pub(crate) name: String,
+    pub(crate) span: Span,
+}
+
+/// What an operation on a texture is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum ImageOp {
+    /// Placeholder until textures are lowered.
+    Query,
+}
+
+impl Code {
+    /// How many registers an operation has.
+    pub(crate) fn shape(&self, op: Op) -> Shape {
+        let one = |file: File| {
+            let mut counts = [0; 3];
+            counts[file as usize] = 1;
+            counts
+        };
+        let with = |mut counts: [u32; 3], file: File, more: u32| {
+            counts[file as usize] += more;
+            counts
+        };
+        let float = one(File::Float);
+        let int = one(File::Int);
+        let bool = one(File::Bool);
+        match op {
+            Op::Float(rule) => {
+                let (ins, outs) = rule.arity();
+                Shape { outs: [outs as u32, 0, 0], ins: [ins as u32, 0, 0] }
+            }
+            Op::Integer(rule) => Shape { outs: int, ins: [0, rule.arity() as u32, 0] },
+            Op::ToInt(rule) => Shape { outs: int, ins: [rule.arity() as u32, 0, 0] },
+            Op::FromInt(rule) => Shape { outs: [rule.arity() as u32, 0, 0], ins: int },
+            Op::Scale(_) => Shape { outs: float, ins: [1, 1, 0] },
+            Op::ToHalf => Shape { outs: float, ins: float },
+            Op::CompareFloat(_) => Shape { outs: bool, ins: [2, 0, 0] },
+            Op::CompareInt(..) => Shape { outs: bool, ins: [0, 2, 0] },
+            Op::And | Op::Or | Op::Differ => Shape { outs: bool, ins: [0, 0, 2] },
+            Op::Not => Shape { outs: bool, ins: bool },
+            Op::IsNan | Op::IsInf => Shape { outs: bool, ins: float },
+            Op::Select(file) => Shape { outs: one(file), ins: with(with([0; 3], file, 2), File::Bool, 1) },
+            Op::Move(file) | Op::Store(file) => Shape { outs: one(file), ins: one(file) },
+            Op::Gather(file, walk) => {
+                let indices = self.walks[walk as usize].steps.len() as u32;
+                Shape { outs: one(file), ins: with(one(file), File::Int, indices) }
+            }
+            Op::Scatter(file, walk) => {
+                let indices = self.walks[walk as usize].steps.len() as u32;
+                Shape { outs: one(file), ins: with(one(file), File::Int, indices) }
+            }
+            Op::Pick(file, count, _) => {
+                Shape { outs: one(file), ins: with(with([0; 3], file, count), File::Int, 1) }
+            }
+            Op::Table(file, _) => Shape { outs: one(file), ins: int },
+            Op::Load(scalar, walk) => {
+                let indices = self.walks[walk as usize].steps.len() as u32;
+                Shape { outs: one(scalar.file()), ins: [0, indices, 0] }
+            }
+            Op::Write(scalar, walk) => {
+                let indices = self.walks[walk as usize].steps.len() as u32;
+                Shape { outs: [0; 3], ins: with(one(scalar.file()), File::Int, indices) }
+            }
+            Op::ArrayLength(_) => Shape { outs: int, ins: [0; 3] },
+            Op::Atomic(walk) => {
+                let walk = &self.walks[walk as usize];
+                let indices = walk.steps.len() as u32;
+                let Some(atomic) = walk.atomic else { return Shape::default() };
+                let compared = matches!(
+                    atomic.function,
+                    AtomicFunction::Exchange { compare: Some(_) }
+                );
+                Shape {
+                    outs: [0, u32::from(atomic.result), u32::from(atomic.result && compared)],
+                    ins: [0, 1 + u32::from(compared) + indices, 0],
+                }
+            }
+            Op::Image(_) => Shape::default(),
+            Op::If | Op::Else | Op::Case(_) | Op::BreakIf => Shape { outs: [0; 3], ins: bool },
+            Op::Mark(mark) => Shape { outs: [0; 3], ins: self.marks[mark as usize] },
+            Op::EndIf
+            | Op::Switch
+            | Op::EndSwitch
+            | Op::Loop
+            | Op::Round
+            | Op::Continuing
+            | Op::EndLoop
+            | Op::Skip
+            | Op::Call
+            | Op::EndCall
+            | Op::Break(_)
+            | Op::Continue(_)
+            | Op::Return(_)
+            | Op::Barrier
+            | Op::Halt => Shape::default(),
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! Compute entry points: invocations of a workgroup are the lanes of one chunk.
+
+use naga::{BuiltIn, Module, Span, TypeInner};
+
+use crate::arithmetic::Arithmetic;
+use crate::code::Binding;
+use crate::lower::Settings;
+use crate::machine::Machine;
+use crate::observer::Observer;
+use crate::options::Options;
+use crate::program::Program;
+use crate::refusal::{Refusal, Stop};
+use crate::resources::Resources;
+
+/// WebGPU's limit is 256 invocations; devices may offer this many.
+const MOST_INVOCATIONS: u32 = 1024;
+
+/// What an entry point is given, and how many invocations a workgroup has.
+#[derive(Debug)]
+pub(crate) struct Entry {
+    size: [u32; 3],
+    /// For each scalar of the parameters, the builtin and its component.
+    inputs: Vec<(BuiltIn, usize)>,
+}
+
+impl Entry {
+    pub(crate) fn of(
+        module: &Module,
+        point: &naga::EntryPoint,
+        _settings: &Settings,
+    ) -> Result<Self, Refusal> {
+        let refuse = |what: &str| Refusal::new(what, Span::UNDEFINED);
+        if point.workgroup_size_overrides.is_some_and(|sizes| sizes.iter().any(Option::is_some)) {
+            return Err(refuse("a workgroup size that is an override expression"));
+        }
+        let invocations = point.workgroup_size.iter().fold(1u32, |n, k| n.saturating_mul(*k));
+        if invocations > MOST_INVOCATIONS {
+            return Err(refuse(&format!("workgroups of {invocations} invocations")));
+        }
+        let mut inputs = Vec::new();
+        let mut add = |binding: &Option<naga::Binding>, inner: &TypeInner| {
+            let Some(naga::Binding::BuiltIn(builtin)) = binding else {
+                return Err(refuse("an input that is no builtin"));
+            };
+            let components = if let TypeInner::Vector { size, .. } = inner { *size as usize } else { 1 };
+            inputs.extend((0..components).map(|component| (*builtin, component)));
+            Ok(())
+        };
+        for argument in &point.function.arguments {
+            match &module.types[argument.ty].inner {
+                TypeInner::Struct { members, .. } => {
+                    for member in members {
+                        add(&member.binding, &module.types[member.ty].inner)?;
+                    }
+                }
+                inner => add(&argument.binding, inner)?,
+            }
+        }
+        for (builtin, _) in &inputs {
+            if !matches!(
+                builtin,
+                BuiltIn::GlobalInvocationId
+                    | BuiltIn::LocalInvocationId
+                    | BuiltIn::LocalInvocationIndex
+                    | BuiltIn::WorkGroupId
+                    | BuiltIn::NumWorkGroups
+                    | BuiltIn::WorkGroupSize
+            ) {
+                return Err(refuse(&format!("the builtin input {builtin:?}")));
+            }
+        }
+        Ok(Self { size: point.workgroup_size, inputs })
+    }
+}
+
+impl Program {
+    /// Runs a compute entry point, one workgroup after the other: that is one of the orders that
+    /// the specification allows. Storage that it writes is changed in `resources`.
+    ///
+    /// In intervals nothing can be written; such a program is stopped.
+    ///
+    /// # Errors
+    ///
+    /// When a resource is missing, or an invocation spends its fuel; its case is then the index of
+    /// the invocation among all, workgroup after workgroup.
+    pub fn dispatch<A: Arithmetic>(
+        &self,
+        workgroups: [u32; 3],
+        resources: &mut Resources,
+        options: &Options,
+        observer: &impl Observer<A>,
+    ) -> Result<(), Stop> {
+        let Some(entry) = &self.entry else {
+            return Err(Stop::Misuse("a function is called, not dispatched"));
+        };
+        self.has_rules::<A>()?;
+        let code = self.code();
+        if let (true, Some(slot)) = (A::UNDECIDED, code.buffers.iter().find(|slot| slot.written)) {
+            return Err(Stop::NoRule { what: "a buffer that is written", span: slot.span });
+        }
+        let [x, y, z] = entry.size;
+        let invocations = (x * y * z) as usize;
+        let written: Vec<((u32, u32), Vec<u8>)> = {
+            let mut memory = self.memory::<A>(resources)?;
+            let mut machine = Machine::<A>::new(code, options, invocations);
+            let mut group = 0;
+            for gz in 0..workgroups[2] {
+                for gy in 0..workgroups[1] {
+                    for gx in 0..workgroups[0] {
+                        for lane in 0..invocations {
+                            let index = lane as u32;
+                            let local = [index % x, index / x % y, index / (x * y)];
+                            let id = [gx, gy, gz];
+                            for (&(register, scalar), (builtin, k)) in
+                                code.parameters.iter().zip(&entry.inputs)
+                            {
+                                let word = match builtin {
+                                    BuiltIn::GlobalInvocationId => {
+                                        id[*k].wrapping_mul(entry.size[*k]).wrapping_add(local[*k])
+                                    }
+                                    BuiltIn::LocalInvocationId => local[*k],
+                                    BuiltIn::LocalInvocationIndex => index,
+                                    BuiltIn::WorkGroupId => id[*k],
+                                    BuiltIn::NumWorkGroups => workgroups[*k],
+                                    _ => entry.size[*k],
+                                };
+                                machine.set(register.index, scalar, lane, word);
+                            }
+                        }
+                        for (slot, buffer) in code.buffers.iter().zip(&mut memory.buffers) {
+                            if slot.binding == Binding::Workgroup {
+                                buffer.clear();
+                            }
+                        }
+                        let first = group * invocations;
+                        machine.run(invocations, first, &mut memory, observer).map_err(|spent| {
+                            let case = first + spent.lane;
+                            Stop::Fuel { span: spent.span, case, rounds: options.fuel }
+                        })?;
+                        group += 1;
+                    }
+                }
+            }
+            let slots = code.buffers.iter().zip(memory.buffers);
+            slots
+                .filter(|(slot, _)| slot.written)
+                .filter_map(|(slot, buffer)| match slot.binding {
+                    Binding::Resource { group, binding } => {
+                        Some(((group, binding), buffer.bytes.into_owned()))
+                    }
+                    Binding::Workgroup => None,
+                })
+                .collect()
+        };
+        resources.buffers.extend(written);
+        Ok(())
+    }
+}

@@ -1,0 +1,439 @@
+//! Intervals of floats and integers, and booleans that may be undecided.
+
+use std::f64::consts::PI;
+
+/// What a float may be, by the WGSL specification: every `f32` from `lo` to `hi`, or anything at
+/// all, NaN included, when it is unbounded.
+///
+/// A result that overflows, or whose accuracy the specification doesn't bound, is unbounded, and so
+/// is all that is computed from it: an implementation may assume that neither infinities nor NaN
+/// occur. Bounds are rounded outwards to `f32`.
+#[derive(Clone, Copy, Debug)]
+pub struct Interval {
+    lo: f32,
+    hi: f32,
+    /// One more than the site that made it unbounded; 0 when there is none.
+    cause: u32,
+}
+
+impl Default for Interval {
+    fn default() -> Self {
+        Self::point(0.0)
+    }
+}
+
+impl PartialEq for Interval {
+    /// Compares bounds, not what made them infinite.
+    fn eq(&self, other: &Self) -> bool {
+        self.lo == other.lo && self.hi == other.hi
+    }
+}
+
+impl Interval {
+    /// Anything at all.
+    pub const UNBOUNDED: Self = Self { lo: f32::NEG_INFINITY, hi: f32::INFINITY, cause: 0 };
+
+    /// One float, or anything when it isn't finite.
+    #[must_use]
+    pub fn point(x: f32) -> Self {
+        Self::between(x, x)
+    }
+
+    /// Every float from `lo` to `hi`, or anything when a bound isn't finite.
+    #[must_use]
+    pub fn between(lo: f32, hi: f32) -> Self {
+        if lo.is_finite() && hi.is_finite() && lo <= hi {
+            Self { lo, hi, cause: 0 }
+        } else {
+            Self::UNBOUNDED
+        }
+    }
+
+    /// The least value, negative infinity when unbounded.
+    #[must_use]
+    pub fn lo(self) -> f32 {
+        self.lo
+    }
+
+    /// The greatest value, infinity when unbounded.
+    #[must_use]
+    pub fn hi(self) -> f32 {
+        self.hi
+    }
+
+    /// Whether both bounds are finite.
+    #[must_use]
+    pub fn is_bounded(self) -> bool {
+        self.lo.is_finite() && self.hi.is_finite()
+    }
+
+    /// Whether it allows `x`. Unbounded, it allows NaN and infinities, too.
+    #[must_use]
+    pub fn contains(self, x: f64) -> bool {
+        !self.is_bounded() || (f64::from(self.lo) <= x && x <= f64::from(self.hi))
+    }
+
+    /// The site of the operation that made it unbounded, where it is.
+    pub(crate) fn cause(self) -> Option<u32> {
+        self.cause.checked_sub(1)
+    }
+
+    pub(crate) fn caused_by(self, site: u32) -> Self {
+        Self { cause: site + 1, ..self }
+    }
+
+    pub(crate) fn middle(self) -> f32 {
+        if self.is_bounded() {
+            f64::midpoint(f64::from(self.lo), f64::from(self.hi)) as f32
+        } else {
+            f32::NAN
+        }
+    }
+
+    /// From exact bounds: outwards to `f32`, and with zero where a subnormal may be flushed.
+    pub(crate) fn outwards(lo: f64, hi: f64) -> Self {
+        if !(lo.abs() <= f64::from(f32::MAX) && hi.abs() <= f64::from(f32::MAX) && lo <= hi) {
+            return Self::UNBOUNDED;
+        }
+        let mut low = lo as f32;
+        if f64::from(low) > lo {
+            low = low.next_down();
+        }
+        let mut high = hi as f32;
+        if f64::from(high) < hi {
+            high = high.next_up();
+        }
+        Self { lo: low, hi: high, cause: 0 }.flushed()
+    }
+
+    /// With zero where one of its values is subnormal.
+    pub(crate) fn flushed(self) -> Self {
+        let tiny = f32::MIN_POSITIVE;
+        let mut flushed = self;
+        if self.lo > 0.0 && self.lo < tiny {
+            flushed.lo = 0.0;
+        }
+        if self.hi < 0.0 && self.hi > -tiny {
+            flushed.hi = 0.0;
+        }
+        flushed
+    }
+
+    /// What holds both.
+    pub(crate) fn join(self, other: Self) -> Self {
+        if self.is_bounded() && other.is_bounded() {
+            return Self { lo: self.lo.min(other.lo), hi: self.hi.max(other.hi), cause: 0 };
+        }
+        Self { cause: if self.cause == 0 { other.cause } else { self.cause }, ..Self::UNBOUNDED }
+    }
+
+    /// Bounds in `f64`, subnormals flushed or not.
+    pub(crate) fn bounds(self) -> Option<(f64, f64)> {
+        let flushed = self.flushed();
+        self.is_bounded().then(|| (f64::from(flushed.lo), f64::from(flushed.hi)))
+    }
+
+    /// `f` of both bounds, for a monotonic function whose results are exact to `error`.
+    pub(crate) fn monotonic(self, f: impl Fn(f64) -> f64, error: impl Fn(f64, f64) -> f64) -> Self {
+        let Some((lo, hi)) = self.bounds() else { return Self::UNBOUNDED };
+        let (a, b) = (f(lo), f(hi));
+        // Between the bounds an ulp may be twice what it is at the one nearer to zero.
+        let wider = if lo == hi { 1.0 } else { 2.0 };
+        let (ea, eb) = (wider * error(lo, a), wider * error(hi, b));
+        Self::outwards((a - ea).min(b - eb), (a + ea).max(b + eb))
+    }
+
+    pub(crate) fn add(self, other: Self) -> Self {
+        let (Some((a, b)), Some((c, d))) = (self.bounds(), other.bounds()) else {
+            return Self::UNBOUNDED;
+        };
+        // Sums of two f32 that differ by more than 2^29 aren't exact in f64, so widen by what the
+        // sum itself may have lost; it is far below half an ulp of f32.
+        Self::outwards(lower(a + c), upper(b + d))
+    }
+
+    pub(crate) fn neg(self) -> Self {
+        Self { lo: -self.hi, hi: -self.lo, ..self }
+    }
+
+    pub(crate) fn sub(self, other: Self) -> Self {
+        self.add(other.neg())
+    }
+
+    pub(crate) fn mul(self, other: Self) -> Self {
+        let (Some((a, b)), Some((c, d))) = (self.bounds(), other.bounds()) else {
+            return Self::UNBOUNDED;
+        };
+        // Products of two f32 are exact in f64.
+        let products = [a * c, a * d, b * c, b * d];
+        Self::outwards(least(&products), greatest(&products))
+    }
+
+    /// x * x, which is never negative.
+    pub(crate) fn square(self) -> Self {
+        let Some((lo, hi)) = self.bounds() else { return Self::UNBOUNDED };
+        let least = if lo <= 0.0 && hi >= 0.0 { 0.0 } else { (lo * lo).min(hi * hi) };
+        Self::outwards(least, (lo * lo).max(hi * hi))
+    }
+
+    /// 2.5 ulp for divisors of magnitude 2^-126 to 2^126.
+    pub(crate) fn div(self, other: Self) -> Self {
+        let (Some((a, b)), Some((c, d))) = (self.bounds(), other.bounds()) else {
+            return Self::UNBOUNDED;
+        };
+        let least_divisor = c.abs().min(d.abs());
+        let greatest_divisor = c.abs().max(d.abs());
+        if (c <= 0.0 && d >= 0.0)
+            || least_divisor < 2f64.powi(-126)
+            || greatest_divisor > 2f64.powi(126)
+        {
+            return Self::UNBOUNDED;
+        }
+        let quotients = [a / c, a / d, b / c, b / d];
+        let (lo, hi) = (least(&quotients), greatest(&quotients));
+        Self::outwards(lo - 2.5 * ulp(lo), hi + 2.5 * ulp(hi))
+    }
+
+    /// Exact: either argument, as they are ordered.
+    pub(crate) fn min(self, other: Self) -> Self {
+        self.both(other, f32::min)
+    }
+
+    pub(crate) fn max(self, other: Self) -> Self {
+        self.both(other, f32::max)
+    }
+
+    fn both(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
+        if !self.is_bounded() || !other.is_bounded() {
+            return Self::UNBOUNDED;
+        }
+        let (a, b) = (self.flushed(), other.flushed());
+        Self { lo: f(a.lo, b.lo), hi: f(a.hi, b.hi), cause: 0 }
+    }
+
+    /// 2 ulp, for what is above zero.
+    pub(crate) fn inverse_sqrt(self) -> Self {
+        match self.bounds() {
+            Some((lo, _)) if lo > 0.0 => {
+                self.monotonic(|x| 1.0 / x.sqrt(), |_, y| 2.0 * ulp(y))
+            }
+            _ => Self::UNBOUNDED,
+        }
+    }
+
+    /// 1 / inverseSqrt(x), and 0 for what is 0.
+    pub(crate) fn sqrt(self) -> Self {
+        let Some((lo, hi)) = self.bounds() else { return Self::UNBOUNDED };
+        if lo < 0.0 {
+            return Self::UNBOUNDED;
+        }
+        if hi == 0.0 {
+            return Self::point(0.0);
+        }
+        let upper = Self::point(1.0).div(Self::point(hi as f32).inverse_sqrt());
+        if lo == 0.0 {
+            return upper.join(Self::point(0.0));
+        }
+        upper.join(Self::point(1.0).div(Self::point(lo as f32).inverse_sqrt()))
+    }
+
+    /// Absolute 2^-11 on [-pi, pi], for sin and cos. `offset` is 0 for sin, 1/4 turn for cos.
+    pub(crate) fn wave(self, cosine: bool) -> Self {
+        let Some((lo, hi)) = self.bounds() else { return Self::UNBOUNDED };
+        // The domain's end is the f32 nearest to pi, which is a little above it.
+        let end = f64::from(std::f32::consts::PI);
+        if lo < -end || hi > end {
+            return Self::UNBOUNDED;
+        }
+        let f = |x: f64| if cosine { x.cos() } else { x.sin() };
+        let tops = if cosine { [0.0, f64::NAN] } else { [PI / 2.0, f64::NAN] };
+        let bottoms = if cosine { [PI, -PI] } else { [-PI / 2.0, f64::NAN] };
+        let inside = |points: [f64; 2]| points.iter().any(|&p| lo <= p && p <= hi);
+        let most = if inside(tops) { 1.0 } else { f(lo).max(f(hi)) };
+        let least = if inside(bottoms) { -1.0 } else { f(lo).min(f(hi)) };
+        let error = 2f64.powi(-11);
+        Self::outwards(least - error, most + error)
+    }
+
+    pub(crate) fn exp2(self) -> Self {
+        self.monotonic(f64::exp2, |x, y| (3.0 + 2.0 * x.abs()) * ulp(y))
+    }
+
+    pub(crate) fn exp(self) -> Self {
+        self.monotonic(f64::exp, |x, y| (3.0 + 2.0 * x.abs()) * ulp(y))
+    }
+
+    /// Logarithms: absolute 2^-21 on [0.5, 2], 3 ulp elsewhere above zero.
+    pub(crate) fn logarithm(self, f: impl Fn(f64) -> f64) -> Self {
+        match self.bounds() {
+            Some((lo, hi)) if lo > 0.0 => {
+                let error = |x: f64, y: f64| {
+                    if (0.5..=2.0).contains(&x) { 2f64.powi(-21) } else { 3.0 * ulp(y) }
+                };
+                let mut all = self.monotonic(&f, error);
+                // Inside, the error may be greater than at either end.
+                for edge in [0.5, 2.0] {
+                    if lo < edge && edge < hi {
+                        all = all.join(Self::point(edge as f32).monotonic(&f, error));
+                    }
+                }
+                all
+            }
+            _ => Self::UNBOUNDED,
+        }
+    }
+
+    pub(crate) fn less(self, other: Self) -> Truth {
+        let (Some((a, b)), Some((c, d))) = (self.bounds(), other.bounds()) else {
+            return Truth::Undecided;
+        };
+        Truth::between(b < c, a >= d)
+    }
+
+    pub(crate) fn less_equal(self, other: Self) -> Truth {
+        let (Some((a, b)), Some((c, d))) = (self.bounds(), other.bounds()) else {
+            return Truth::Undecided;
+        };
+        Truth::between(b <= c, a > d)
+    }
+
+    pub(crate) fn equals(self, other: Self) -> Truth {
+        let (Some((a, b)), Some((c, d))) = (self.bounds(), other.bounds()) else {
+            return Truth::Undecided;
+        };
+        Truth::between(a == b && b == c && c == d, b < c || d < a)
+    }
+}
+
+/// The distance between the two `f32` about `x`.
+pub(crate) fn ulp(x: f64) -> f64 {
+    let exponent = if x == 0.0 { -126 } else { libm::ilogb(x).max(-126) };
+    2f64.powi(exponent - 23)
+}
+
+fn lower(x: f64) -> f64 {
+    x.next_down()
+}
+
+fn upper(x: f64) -> f64 {
+    x.next_up()
+}
+
+fn least(of: &[f64]) -> f64 {
+    of.iter().copied().fold(f64::INFINITY, f64::min)
+}
+
+fn greatest(of: &[f64]) -> f64 {
+    of.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// What an integer may be: every one from `lo` to `hi`, as its type reads them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Range {
+    lo: i64,
+    hi: i64,
+}
+
+impl Range {
+    /// Every integer from `lo` to `hi`, which are `i32` or `u32`.
+    pub(crate) fn between(lo: i64, hi: i64) -> Self {
+        debug_assert!(lo <= hi, "{lo} to {hi}");
+        Self { lo, hi }
+    }
+
+    /// `lo` to `hi`, or any integer of the type when they leave it.
+    pub(crate) fn or_full(lo: i64, hi: i64, signed: bool) -> Self {
+        let full = Self::full(signed);
+        if full.lo <= lo && lo <= hi && hi <= full.hi { Self { lo, hi } } else { full }
+    }
+
+    pub(crate) fn of_word(x: u32, signed: bool) -> Self {
+        let x = if signed { i64::from(x.cast_signed()) } else { i64::from(x) };
+        Self { lo: x, hi: x }
+    }
+
+    pub(crate) fn full(signed: bool) -> Self {
+        if signed {
+            Self { lo: i64::from(i32::MIN), hi: i64::from(i32::MAX) }
+        } else {
+            Self { lo: 0, hi: i64::from(u32::MAX) }
+        }
+    }
+
+    /// The least.
+    #[must_use]
+    pub fn lo(self) -> i64 {
+        self.lo
+    }
+
+    /// The greatest.
+    #[must_use]
+    pub fn hi(self) -> i64 {
+        self.hi
+    }
+
+    /// Its only word, where there is one.
+    pub(crate) fn word(self) -> Option<u32> {
+        (self.lo == self.hi).then_some(self.lo as u32)
+    }
+
+    pub(crate) fn join(self, other: Self) -> Self {
+        Self { lo: self.lo.min(other.lo), hi: self.hi.max(other.hi) }
+    }
+
+    pub(crate) fn less(self, other: Self) -> Truth {
+        Truth::between(self.hi < other.lo, self.lo >= other.hi)
+    }
+
+    pub(crate) fn equals(self, other: Self) -> Truth {
+        let one = self.lo == self.hi && self == other;
+        Truth::between(one, self.hi < other.lo || other.hi < self.lo)
+    }
+}
+
+/// A boolean that may be undecided.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Truth {
+    /// No.
+    #[default]
+    False,
+    /// Yes.
+    True,
+    /// Either, within what the specification allows.
+    Undecided,
+}
+
+impl From<bool> for Truth {
+    fn from(x: bool) -> Self {
+        if x { Self::True } else { Self::False }
+    }
+}
+
+impl Truth {
+    fn between(surely: bool, never: bool) -> Self {
+        match (surely, never) {
+            (true, _) => Self::True,
+            (_, true) => Self::False,
+            _ => Self::Undecided,
+        }
+    }
+
+    pub(crate) fn and(self, other: Self) -> Self {
+        Self::between(
+            self == Self::True && other == Self::True,
+            self == Self::False || other == Self::False,
+        )
+    }
+
+    pub(crate) fn or(self, other: Self) -> Self {
+        self.not().and(other.not()).not()
+    }
+
+    pub(crate) fn not(self) -> Self {
+        match self {
+            Self::False => Self::True,
+            Self::True => Self::False,
+            Self::Undecided => Self::Undecided,
+        }
+    }
+}

@@ -1,0 +1,404 @@
+//! From naga's IR to a [`Code`]: calls are inlined, values become registers.
+//!
+//! Inlining makes pointers, textures and samplers that are passed to functions known while lowering,
+//! so that neither exists at run time. What it costs is bounded by [`MOST_OPERATIONS`].
+
+mod control;
+mod expression;
+mod image;
+mod math;
+mod memory;
+mod operator;
+
+use std::collections::HashMap;
+use std::rc::Rc;
+
+use naga::{
+    AddressSpace, Arena, Expression, Function, Handle, Module, Override, Span, TypeInner,
+    proc::TypeResolution,
+    valid::{FunctionInfo, ModuleInfo},
+};
+
+use crate::code::{BufferSlot, Code, Constant, HandleSlot, Instruction, Op, Reg, Site};
+use crate::refusal::Refusal;
+use crate::scalar::{Counts, File, Layouts, Scalar};
+use memory::Place;
+
+/// Once calls are inlined, a program has at most this many operations: some ten times what the
+/// largest shaders of engines have, and few enough to be lowered in a second.
+const MOST_OPERATIONS: usize = 1 << 20;
+
+/// What is kept free of the stack for one level of nesting, and how much is added when less is.
+const STACK: (usize, usize) = (128 << 10, 2 << 20);
+
+/// Values of overrides, by name or by id in decimal.
+pub type Overrides = HashMap<String, f64>;
+
+/// How a program is lowered.
+#[derive(Clone, Debug, Default)]
+pub struct Settings {
+    /// Values of overrides, by name, or by id in decimal where they have one.
+    pub overrides: Overrides,
+    /// Whether `a * b + c` is rounded once, as many GPUs do.
+    pub contract: bool,
+    /// Whether observers are shown let-bindings.
+    pub named: bool,
+}
+
+/// What an expression stands for.
+#[derive(Clone, Debug)]
+pub(crate) enum Value {
+    /// One register a scalar, in order.
+    Flat(Rc<[Reg]>),
+    Place(Rc<Place>),
+    Texture(u32, Handle<naga::Type>),
+    Sampler(u32),
+}
+
+/// Expressions of a function, or of the module, and what they are.
+pub(crate) struct Scope<'m> {
+    name: String,
+    expressions: &'m Arena<Expression>,
+    types: Types<'m>,
+    function: Option<&'m Function>,
+    values: Vec<Option<Value>>,
+    arguments: Vec<Value>,
+    locals: HashMap<Handle<naga::LocalVariable>, Rc<Place>>,
+    /// Where returns store their value; `None` when the only one is at the end.
+    result: Option<Rc<[Reg]>>,
+    returned: Option<Value>,
+    /// Whether it returns from elsewhere than its end, and so has a frame.
+    early: bool,
+}
+
+#[derive(Clone, Copy)]
+enum Types<'m> {
+    Function(&'m FunctionInfo),
+    Module(&'m ModuleInfo),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Frame {
+    If,
+    Switch,
+    Loop,
+    Call,
+}
+
+struct Open {
+    frame: Frame,
+    /// Operations that jump to the end of what is open when no lane is left.
+    skips: Vec<usize>,
+}
+
+pub(crate) struct Lower<'m> {
+    module: &'m Module,
+    info: &'m ModuleInfo,
+    settings: &'m Settings,
+    layouts: Layouts<'m>,
+    code: Code,
+    constants: HashMap<(Constant, File), Reg>,
+    words: HashMap<Reg, Constant>,
+    globals: HashMap<Handle<naga::GlobalVariable>, Value>,
+    overrides: HashMap<Handle<Override>, Value>,
+    constant_values: HashMap<Handle<naga::Constant>, Value>,
+    open: Vec<Open>,
+    /// Whether the program is an entry point, whose invocations share memory.
+    shared: bool,
+    site: u32,
+    span: Span,
+}
+
+type Lowered<T> = Result<T, Refusal>;
+
+impl<'m> Lower<'m> {
+    pub(crate) fn new(
+        module: &'m Module,
+        info: &'m ModuleInfo,
+        settings: &'m Settings,
+        shared: bool,
+    ) -> Self {
+        let mut code = Code::default();
+        code.sites.push(Site {
+            function: String::new(),
+            expression: None,
+            name: None,
+            span: Span::UNDEFINED,
+        });
+        Self {
+            module,
+            info,
+            settings,
+            layouts: Layouts::new(module),
+            code,
+            constants: HashMap::new(),
+            words: HashMap::new(),
+            globals: HashMap::new(),
+            overrides: HashMap::new(),
+            constant_values: HashMap::new(),
+            open: Vec::new(),
+            shared,
+            site: 0,
+            span: Span::UNDEFINED,
+        }
+    }
+
+    /// Lowers `function` with `parameters` for arguments, as the whole program.
+    pub(crate) fn program(
+        mut self,
+        function: &'m Function,
+        info: &'m FunctionInfo,
+        name: &str,
+    ) -> Lowered<Code> {
+        self.prologue(info)?;
+        let mut arguments = Vec::new();
+        for argument in &function.arguments {
+            self.span = self.module.types.get_span(argument.ty);
+            let inner = self.layouts.inner(argument.ty);
+            if !matches!(
+                inner,
+                TypeInner::Scalar(_)
+                    | TypeInner::Vector { .. }
+                    | TypeInner::Matrix { .. }
+                    | TypeInner::Array { .. }
+                    | TypeInner::Struct { .. }
+            ) {
+                return Err(self.refuse(format!("a {} as parameter", crate::scalar::kind(inner))));
+            }
+            let scalars = self.scalars(inner)?;
+            let registers: Rc<[Reg]> =
+                scalars.iter().map(|scalar| self.fresh(scalar.file())).collect();
+            self.code.parameters.extend(registers.iter().copied().zip(scalars));
+            arguments.push(Value::Flat(registers));
+        }
+        let result = self.inline(function, info, name, arguments)?;
+        if let (Some(Value::Flat(registers)), Some(result)) = (result, &function.result) {
+            let scalars = self.scalars(self.layouts.inner(result.ty))?;
+            // Results are registers of their own, so that each is written by an operation.
+            for (register, scalar) in registers.iter().zip(scalars) {
+                let own = self.fresh(register.file);
+                self.emit(Op::Move(register.file), &[own], &[*register])?;
+                self.code.results.push((own, scalar));
+            }
+        }
+        self.emit(Op::Halt, &[], &[])?;
+        Ok(self.code)
+    }
+
+    /// Overrides and private variables that the function uses, before anything else.
+    fn prologue(&mut self, info: &FunctionInfo) -> Lowered<()> {
+        let mut scope = self.module_scope();
+        for (handle, declared) in self.module.overrides.iter() {
+            self.span = self.module.overrides.get_span(handle);
+            let given = declared
+                .id
+                .and_then(|id| self.settings.overrides.get(&id.to_string()))
+                .or_else(|| declared.name.as_ref().and_then(|n| self.settings.overrides.get(n)));
+            let inner = self.layouts.inner(declared.ty);
+            let value = match (given, declared.init) {
+                (Some(&given), _) => {
+                    let scalar = self.scalars(inner)?[0];
+                    Value::Flat(Rc::new([self.constant(scalar, override_word(scalar, given))]))
+                }
+                (None, Some(init)) => self.value(&mut scope, init)?,
+                (None, None) => continue,
+            };
+            if let Value::Flat(registers) = &value
+                && let Some(constant) = self.words.get(&registers[0])
+            {
+                self.layouts.lengths.insert(handle, constant.word);
+            }
+            self.overrides.insert(handle, value);
+        }
+        for (handle, variable) in self.module.global_variables.iter() {
+            if info[handle].is_empty() {
+                continue;
+            }
+            self.span = self.module.global_variables.get_span(handle);
+            let value = self.global(handle, variable, &mut scope)?;
+            self.globals.insert(handle, value);
+        }
+        Ok(())
+    }
+
+    fn global(
+        &mut self,
+        handle: Handle<naga::GlobalVariable>,
+        variable: &'m naga::GlobalVariable,
+        scope: &mut Scope<'m>,
+    ) -> Lowered<Value> {
+        let name = variable.name.clone().unwrap_or_default();
+        let span = self.module.global_variables.get_span(handle);
+        let inner = self.layouts.inner(variable.ty);
+        let slot = |binding: &naga::ResourceBinding| HandleSlot {
+            group: binding.group,
+            binding: binding.binding,
+            name: name.clone(),
+            span,
+        };
+        match (variable.space, inner) {
+            (AddressSpace::Private, _) => {
+                let init = match variable.init {
+                    Some(init) => Some(self.value(scope, init)?),
+                    None => None,
+                };
+                self.variable(inner, init)
+            }
+            (AddressSpace::Handle, TypeInner::Image { .. }) => {
+                let Some(binding) = &variable.binding else {
+                    return Err(self.refuse("a texture without a binding"));
+                };
+                self.code.textures.push(slot(binding));
+                Ok(Value::Texture(self.code.textures.len() as u32 - 1, variable.ty))
+            }
+            (AddressSpace::Handle, TypeInner::Sampler { .. }) => {
+                let Some(binding) = &variable.binding else {
+                    return Err(self.refuse("a sampler without a binding"));
+                };
+                self.code.samplers.push(slot(binding));
+                Ok(Value::Sampler(self.code.samplers.len() as u32 - 1))
+            }
+            (AddressSpace::Handle, other) => {
+                Err(self.refuse(format!("a {} as a resource", crate::scalar::kind(other))))
+            }
+            (AddressSpace::Uniform | AddressSpace::Storage { .. }, _) => {
+                let Some(binding) = &variable.binding else {
+                    return Err(self.refuse("a buffer without a binding"));
+                };
+                let binding = crate::code::Binding::Resource {
+                    group: binding.group,
+                    binding: binding.binding,
+                };
+                Ok(self.buffer(binding, name, span, inner))
+            }
+            (AddressSpace::WorkGroup, _) => {
+                if !self.shared {
+                    return Err(self.refuse(format!(
+                        "a function with the workgroup variable `{name}`, which cases would share"
+                    )));
+                }
+                Ok(self.buffer(crate::code::Binding::Workgroup, name, span, inner))
+            }
+            (space, _) => Err(self.refuse(format!("a variable in address space {space:?}"))),
+        }
+    }
+
+    fn buffer(
+        &mut self,
+        binding: crate::code::Binding,
+        name: String,
+        span: Span,
+        inner: &TypeInner,
+    ) -> Value {
+        let least = inner.try_size(self.module.to_ctx()).unwrap_or(0);
+        self.code.buffers.push(BufferSlot { binding, name, span, least, written: false });
+        let slot = self.code.buffers.len() as u32 - 1;
+        Value::Place(Rc::new(Place::buffer(slot, inner.clone())))
+    }
+
+    /// A variable of the function or the invocation, zero or `init` at its start.
+    fn variable(&mut self, inner: &TypeInner, init: Option<Value>) -> Lowered<Value> {
+        let scalars = self.scalars(inner)?;
+        let counts = self.counts(inner)?;
+        let base = self.code.registers;
+        self.code.registers = std::array::from_fn(|k| base[k] + counts[k]);
+        let place = Place::local(base, counts, inner.clone());
+        let registers = place.registers(&scalars, [0; 3]);
+        let init = match init {
+            Some(Value::Flat(init)) => init,
+            _ => scalars.iter().map(|&scalar| self.constant(scalar, 0)).collect(),
+        };
+        for (to, from) in registers.iter().zip(init.iter()) {
+            self.emit(Op::Move(to.file), &[*to], &[*from])?;
+        }
+        Ok(Value::Place(Rc::new(place)))
+    }
+
+    fn module_scope(&self) -> Scope<'m> {
+        let expressions = &self.module.global_expressions;
+        Scope {
+            name: String::new(),
+            expressions,
+            types: Types::Module(self.info),
+            function: None,
+            values: vec![None; expressions.len()],
+            arguments: Vec::new(),
+            locals: HashMap::new(),
+            result: None,
+            returned: None,
+            early: false,
+        }
+    }
+
+    fn refuse(&self, what: impl Into<String>) -> Refusal {
+        Refusal::new(what, self.span)
+    }
+
+    fn counts(&self, inner: &TypeInner) -> Lowered<Counts> {
+        self.layouts.counts(inner).map_err(|what| self.refuse(what))
+    }
+
+    fn scalars(&self, inner: &TypeInner) -> Lowered<Vec<Scalar>> {
+        self.layouts.scalars(inner).map_err(|what| self.refuse(what))
+    }
+
+    fn scalar(&self, scalar: naga::Scalar) -> Lowered<Scalar> {
+        Scalar::of(scalar).map_err(|what| self.refuse(what))
+    }
+
+    fn fresh(&mut self, file: File) -> Reg {
+        let index = &mut self.code.registers[file as usize];
+        *index += 1;
+        Reg { file, index: *index - 1 }
+    }
+
+    /// The register that holds a constant. Floats of half precision are given by their `f32`.
+    fn constant(&mut self, scalar: Scalar, word: u32) -> Reg {
+        let constant = Constant { scalar, word };
+        let key = (constant, scalar.file());
+        if let Some(&found) = self.constants.get(&key) {
+            return found;
+        }
+        let register = self.fresh(scalar.file());
+        self.constants.insert(key, register);
+        self.words.insert(register, constant);
+        self.code.constants.push((register, constant));
+        register
+    }
+
+    fn float(&mut self, x: f32) -> Reg {
+        self.constant(Scalar::F32, x.to_bits())
+    }
+
+    /// Appends an operation. Registers are in the order of the files, as `Code::shape` has them.
+    fn emit(&mut self, op: Op, outs: &[Reg], ins: &[Reg]) -> Lowered<usize> {
+        if self.code.instructions.len() >= MOST_OPERATIONS {
+            return Err(self.refuse(format!(
+                "a program of more than {MOST_OPERATIONS} operations, once its calls are inlined"
+            )));
+        }
+        let at = self.code.pool.len() as u32;
+        self.code.pool.extend(outs.iter().chain(ins).map(|register| register.index));
+        self.code.instructions.push(Instruction { op, at, target: u32::MAX, site: self.site });
+        Ok(self.code.instructions.len() - 1)
+    }
+
+    fn type_of(&self, scope: &Scope<'m>, handle: Handle<Expression>) -> TypeInner {
+        let resolution: &TypeResolution = match scope.types {
+            Types::Function(info) => &info[handle].ty,
+            Types::Module(info) => &info[handle],
+        };
+        resolution.inner_with(&self.module.types).clone()
+    }
+}
+
+/// The word of an override's value, which is given as `f64`.
+fn override_word(scalar: Scalar, given: f64) -> u32 {
+    match scalar {
+        Scalar::F32 => (given as f32).to_bits(),
+        Scalar::F16 => half::f16::from_f64(given).to_f32().to_bits(),
+        Scalar::I32 => (given as i32).cast_unsigned(),
+        Scalar::U32 => given as u32,
+        Scalar::Bool => u32::from(given != 0.0),
+    }
+}

@@ -1,0 +1,378 @@
+//! Statements: control flow, stores and calls.
+
+use std::collections::HashMap;
+
+use naga::{Block, Expression, Function, Handle, Statement, SwitchValue, valid::FunctionInfo};
+
+use super::{Frame, Lower, Lowered, Open, STACK, Scope, Types, Value};
+use crate::code::{Compare, Op, Reg, Site};
+use crate::scalar::{File, Scalar};
+
+impl<'m> Lower<'m> {
+    /// Lowers a call of `function`; the result's registers are the value it returns.
+    pub(super) fn inline(
+        &mut self,
+        function: &'m Function,
+        info: &'m FunctionInfo,
+        name: &str,
+        arguments: Vec<Value>,
+    ) -> Lowered<Option<Value>> {
+        stacker::maybe_grow(STACK.0, STACK.1, || {
+            self.inline_here(function, info, name, arguments)
+        })
+    }
+
+    fn inline_here(
+        &mut self,
+        function: &'m Function,
+        info: &'m FunctionInfo,
+        name: &str,
+        arguments: Vec<Value>,
+    ) -> Lowered<Option<Value>> {
+        let mut scope = Scope {
+            name: name.to_owned(),
+            expressions: &function.expressions,
+            types: Types::Function(info),
+            function: Some(function),
+            values: vec![None; function.expressions.len()],
+            arguments,
+            locals: HashMap::new(),
+            result: None,
+            returned: None,
+            early: returns(&function.body) > usize::from(ends_with_return(&function.body)),
+        };
+        for (handle, variable) in function.local_variables.iter() {
+            self.span = function.local_variables.get_span(handle);
+            let init = match variable.init {
+                Some(init) => Some(self.value(&mut scope, init)?),
+                None => None,
+            };
+            let Value::Place(place) = self.variable(self.layouts.inner(variable.ty), init)? else {
+                continue;
+            };
+            scope.locals.insert(handle, place);
+        }
+        if !scope.early {
+            self.block(&mut scope, &function.body)?;
+            return Ok(scope.returned);
+        }
+        if let Some(result) = &function.result {
+            let scalars = self.scalars(self.layouts.inner(result.ty))?;
+            scope.result = Some(scalars.iter().map(|s| self.fresh(s.file())).collect());
+            // Something has been written before the first masked store joins with it.
+            for (scalar, register) in scalars.iter().zip(scope.result.iter().flat_map(|r| r.iter())) {
+                let zero = self.constant(*scalar, 0);
+                self.emit(Op::Move(register.file), &[*register], &[zero])?;
+            }
+        }
+        let start = self.emit(Op::Call, &[], &[])?;
+        self.open(Frame::Call);
+        self.block(&mut scope, &function.body)?;
+        let end = self.close(Op::EndCall)?;
+        self.code.instructions[start].target = end as u32;
+        Ok(scope.result.map(Value::Flat))
+    }
+
+    fn open(&mut self, frame: Frame) {
+        self.open.push(Open { frame, skips: Vec::new() });
+    }
+
+    /// Ends a part of the innermost frame: lanes that run out before jump to what comes next.
+    fn land(&mut self) {
+        let here = self.code.instructions.len() as u32;
+        if let Some(open) = self.open.last_mut() {
+            for skip in open.skips.drain(..) {
+                self.code.instructions[skip].target = here;
+            }
+        }
+    }
+
+    /// Ends the innermost frame, and what encloses it gets the jump of lanes that have run out.
+    fn close(&mut self, op: Op) -> Lowered<usize> {
+        self.land();
+        self.open.pop();
+        let end = self.emit(op, &[], &[])?;
+        self.code.instructions[end].target = end as u32 + 1;
+        if let Some(outer) = self.open.last_mut() {
+            outer.skips.push(end);
+        }
+        Ok(end)
+    }
+
+    fn block(&mut self, scope: &mut Scope<'m>, block: &'m Block) -> Lowered<()> {
+        stacker::maybe_grow(STACK.0, STACK.1, || {
+            for (statement, span) in block.span_iter() {
+                self.span = *span;
+                self.statement(scope, statement, *span)?;
+            }
+            Ok(())
+        })
+    }
+
+    fn enter_statement(&mut self, scope: &Scope<'m>, span: naga::Span) {
+        self.span = span;
+        self.code.sites.push(Site {
+            function: scope.name.clone(),
+            expression: None,
+            name: None,
+            span,
+        });
+        self.site = self.code.sites.len() as u32 - 1;
+    }
+
+    fn statement(
+        &mut self,
+        scope: &mut Scope<'m>,
+        statement: &'m Statement,
+        span: naga::Span,
+    ) -> Lowered<()> {
+        match *statement {
+            Statement::Emit(ref range) => {
+                for handle in range.clone() {
+                    // Emitted anew each time that control comes by, so never from before.
+                    scope.values[handle.index()] = None;
+                    let value = self.value(scope, handle)?;
+                    self.mark(scope, handle, &value)?;
+                }
+            }
+            Statement::Block(ref block) => self.block(scope, block)?,
+            Statement::If { condition, ref accept, ref reject } => {
+                let condition = self.flat(scope, condition)?[0];
+                self.enter_statement(scope, span);
+                let mut jump = self.emit(Op::If, &[], &[condition])?;
+                self.open(Frame::If);
+                self.block(scope, accept)?;
+                if !reject.is_empty() {
+                    self.land();
+                    let other = self.emit(Op::Else, &[], &[condition])?;
+                    self.code.instructions[jump].target = other as u32;
+                    jump = other;
+                    self.block(scope, reject)?;
+                }
+                let end = self.close(Op::EndIf)?;
+                self.code.instructions[jump].target = end as u32;
+            }
+            Statement::Switch { selector, ref cases } => {
+                self.switch(scope, span, selector, cases)?;
+            }
+            Statement::Loop { ref body, ref continuing, break_if } => {
+                self.enter_statement(scope, span);
+                let site = self.site;
+                let start = self.emit(Op::Loop, &[], &[])?;
+                self.open(Frame::Loop);
+                let round = self.emit(Op::Round, &[], &[])?;
+                self.block(scope, body)?;
+                self.land();
+                self.emit(Op::Continuing, &[], &[])?;
+                self.block(scope, continuing)?;
+                self.land();
+                if let Some(condition) = break_if {
+                    let condition = self.flat(scope, condition)?[0];
+                    self.emit(Op::BreakIf, &[], &[condition])?;
+                }
+                self.site = site;
+                self.span = span;
+                let end = self.close(Op::EndLoop)?;
+                // Its own jump is that back; what follows it is the way out.
+                self.code.instructions[end].target = round as u32;
+                if let Some(outer) = self.open.last_mut() {
+                    outer.skips.pop();
+                }
+                self.code.instructions[start].target = end as u32;
+                let out = self.emit(Op::Skip, &[], &[])?;
+                self.code.instructions[out].target = out as u32 + 1;
+                if let Some(outer) = self.open.last_mut() {
+                    outer.skips.push(out);
+                }
+            }
+            Statement::Break => {
+                let depth = self.depth(|frame| matches!(frame, Frame::Loop | Frame::Switch))?;
+                self.emit(Op::Break(depth), &[], &[])?;
+            }
+            Statement::Continue => {
+                let depth = self.depth(|frame| frame == Frame::Loop)?;
+                self.emit(Op::Continue(depth), &[], &[])?;
+            }
+            Statement::Return { value } => {
+                let value = match value {
+                    Some(value) => Some(self.value(scope, value)?),
+                    None => None,
+                };
+                match (&scope.result, &value) {
+                    (Some(result), Some(Value::Flat(value))) => {
+                        self.enter_statement(scope, span);
+                        for (to, from) in result.clone().iter().zip(value.iter()) {
+                            self.emit(Op::Store(to.file), &[*to], &[*from])?;
+                        }
+                    }
+                    _ => scope.returned = value,
+                }
+                if scope.early {
+                    let depth = self.depth(|frame| frame == Frame::Call)?;
+                    self.emit(Op::Return(depth), &[], &[])?;
+                }
+            }
+            Statement::Store { pointer, value } => {
+                let place = self.place(scope, pointer)?;
+                let value = self.flat(scope, value)?;
+                self.enter_statement(scope, span);
+                self.store(&place, &value)?;
+            }
+            Statement::Call { function, ref arguments, result } => {
+                let mut values = Vec::new();
+                for &argument in arguments {
+                    values.push(self.value(scope, argument)?);
+                }
+                let called = &self.module.functions[function];
+                let name = called.name.clone().unwrap_or_default();
+                let value = self.inline(called, &self.info[function], &name, values)?;
+                self.enter_statement(scope, span);
+                if let Some(result) = result {
+                    if let Some(value) = &value {
+                        self.mark(scope, result, value)?;
+                    }
+                    scope.values[result.index()] = value;
+                }
+            }
+            Statement::Atomic { pointer, fun, value, result } => {
+                self.enter_statement(scope, span);
+                self.atomic(scope, pointer, fun, value, result)?;
+            }
+            Statement::WorkGroupUniformLoad { pointer, result } => {
+                let place = self.place(scope, pointer)?;
+                self.enter_statement(scope, span);
+                self.emit(Op::Barrier, &[], &[])?;
+                scope.values[result.index()] = Some(self.load(&place)?);
+            }
+            Statement::ControlBarrier(_) | Statement::MemoryBarrier(_) => {
+                if !self.shared {
+                    return Err(self.refuse("a barrier, for which cases would wait"));
+                }
+                self.enter_statement(scope, span);
+                self.emit(Op::Barrier, &[], &[])?;
+            }
+            Statement::ImageStore { .. } => self.image_store(scope, statement, span)?,
+            Statement::Kill => return Err(self.refuse("discard, which only fragments have")),
+            Statement::ImageAtomic { .. } => return Err(self.refuse("atomics on textures")),
+            Statement::RayQuery { .. } | Statement::RayPipelineFunction(_) => {
+                return Err(self.refuse("ray queries"));
+            }
+            Statement::SubgroupBallot { .. }
+            | Statement::SubgroupGather { .. }
+            | Statement::SubgroupCollectiveOperation { .. } => {
+                return Err(self.refuse("subgroup operations"));
+            }
+            Statement::CooperativeStore { .. } => return Err(self.refuse("cooperative matrices")),
+        }
+        Ok(())
+    }
+
+    /// How many frames lie above the innermost one that `is` the target.
+    fn depth(&self, is: impl Fn(Frame) -> bool) -> Lowered<u32> {
+        match self.open.iter().rev().position(|open| is(open.frame)) {
+            Some(depth) => Ok(depth as u32),
+            None => Err(self.refuse("a jump out of nothing")),
+        }
+    }
+
+    fn switch(
+        &mut self,
+        scope: &mut Scope<'m>,
+        span: naga::Span,
+        selector: Handle<Expression>,
+        cases: &'m [naga::SwitchCase],
+    ) -> Lowered<()> {
+        let signed = self.signed(scope, selector);
+        let selector = self.flat(scope, selector)?[0];
+        self.enter_statement(scope, span);
+        let mut conditions: Vec<Option<Reg>> = Vec::new();
+        let mut any: Option<Reg> = None;
+        for case in cases {
+            let word = match case.value {
+                SwitchValue::I32(x) => x.cast_unsigned(),
+                SwitchValue::U32(x) => x,
+                SwitchValue::Default => {
+                    conditions.push(None);
+                    continue;
+                }
+            };
+            let scalar = if signed { Scalar::I32 } else { Scalar::U32 };
+            let constant = self.constant(scalar, word);
+            let op = Op::CompareInt(Compare::Equal, signed);
+            let condition = self.boolean(op, &[selector, constant])?;
+            conditions.push(Some(condition));
+            any = Some(match any {
+                Some(any) => self.boolean(Op::Or, &[any, condition])?,
+                None => condition,
+            });
+        }
+        let default = match any {
+            Some(any) => self.boolean(Op::Not, &[any])?,
+            None => self.constant(Scalar::Bool, 1),
+        };
+        let start = self.emit(Op::Switch, &[], &[])?;
+        self.open(Frame::Switch);
+        let mut before: Option<usize> = None;
+        let mut falls = false;
+        for (case, condition) in cases.iter().zip(conditions) {
+            self.land();
+            let condition = condition.unwrap_or(default);
+            let jump = self.emit(Op::Case(falls), &[], &[condition])?;
+            if let Some(before) = before {
+                self.code.instructions[before].target = jump as u32;
+            }
+            before = Some(jump);
+            falls = case.fall_through;
+            self.block(scope, &case.body)?;
+        }
+        let end = self.close(Op::EndSwitch)?;
+        if let Some(before) = before {
+            self.code.instructions[before].target = end as u32;
+        }
+        self.code.instructions[start].target = end as u32;
+        Ok(())
+    }
+
+    /// Shows a named value to observers, once it is there.
+    fn mark(
+        &mut self,
+        scope: &Scope<'m>,
+        handle: Handle<Expression>,
+        value: &Value,
+    ) -> Lowered<()> {
+        let named = scope.function.is_some_and(|f| f.named_expressions.contains_key(&handle));
+        let (true, true, Value::Flat(registers)) = (self.settings.named, named, value) else {
+            return Ok(());
+        };
+        self.enter_expression(scope, handle);
+        let mut sorted = registers.to_vec();
+        sorted.sort_by_key(|register| register.file);
+        let count = |file: File| sorted.iter().filter(|r| r.file == file).count() as u32;
+        self.code.marks.push([count(File::Float), count(File::Int), count(File::Bool)]);
+        self.emit(Op::Mark(self.code.marks.len() as u32 - 1), &[], &sorted)?;
+        Ok(())
+    }
+}
+
+/// How many returns a block has, in all its parts.
+fn returns(block: &Block) -> usize {
+    stacker::maybe_grow(STACK.0, STACK.1, || {
+        block
+            .iter()
+            .map(|statement| match statement {
+                Statement::Return { .. } => 1,
+                Statement::Block(block) => returns(block),
+                Statement::If { accept, reject, .. } => returns(accept) + returns(reject),
+                Statement::Switch { cases, .. } => {
+                    cases.iter().map(|case| returns(&case.body)).sum()
+                }
+                Statement::Loop { body, continuing, .. } => returns(body) + returns(continuing),
+                _ => 0,
+            })
+            .sum()
+    })
+}
+
+fn ends_with_return(block: &Block) -> bool {
+    matches!(block.last(), Some(Statement::Return { .. }))
+}

@@ -1,0 +1,414 @@
+//! Operators, selections and conversions.
+
+use std::rc::Rc;
+
+use naga::{
+    BinaryOperator, Expression, Handle, RelationalFunction, ScalarKind, TypeInner, UnaryOperator,
+};
+
+use super::{Lower, Lowered, Scope, Value};
+use crate::code::{Compare, Op, Reg};
+use crate::rules::{Basic, FloatRule, FromInt, Geometry, Integer, ToInt};
+use crate::scalar::{File, Scalar};
+
+impl<'m> Lower<'m> {
+    /// A rule of one result, rounded to half precision where `half` says so.
+    pub(super) fn float_op(&mut self, rule: FloatRule, ins: &[Reg], half: bool) -> Lowered<Reg> {
+        Ok(self.float_ops(rule, ins, half)?[0])
+    }
+
+    pub(super) fn float_ops(
+        &mut self,
+        rule: FloatRule,
+        ins: &[Reg],
+        half: bool,
+    ) -> Lowered<Vec<Reg>> {
+        let outs: Vec<Reg> = (0..rule.arity().1).map(|_| self.fresh(File::Float)).collect();
+        self.emit(Op::Float(rule), &outs, ins)?;
+        outs.into_iter().map(|out| self.rounded(out, half)).collect()
+    }
+
+    pub(super) fn rounded(&mut self, register: Reg, half: bool) -> Lowered<Reg> {
+        if !half {
+            return Ok(register);
+        }
+        self.code.half.get_or_insert(self.span);
+        let out = self.fresh(File::Float);
+        self.emit(Op::ToHalf, &[out], &[register])?;
+        Ok(out)
+    }
+
+    pub(super) fn basic(&mut self, rule: Basic, ins: &[Reg], half: bool) -> Lowered<Reg> {
+        self.float_op(FloatRule::Basic(rule), ins, half)
+    }
+
+    pub(super) fn integer(&mut self, rule: Integer, ins: &[Reg]) -> Lowered<Reg> {
+        let out = self.fresh(File::Int);
+        self.emit(Op::Integer(rule), &[out], ins)?;
+        Ok(out)
+    }
+
+    pub(super) fn boolean(&mut self, op: Op, ins: &[Reg]) -> Lowered<Reg> {
+        let out = self.fresh(File::Bool);
+        self.emit(op, &[out], ins)?;
+        Ok(out)
+    }
+
+    pub(super) fn select(&mut self, condition: Reg, yes: Reg, no: Reg) -> Lowered<Reg> {
+        let out = self.fresh(yes.file);
+        self.emit(Op::Select(yes.file), &[out], &[yes, no, condition])?;
+        Ok(out)
+    }
+
+    /// The scalar of a scalar, vector or matrix.
+    pub(super) fn scalar_of(&self, inner: &TypeInner) -> Lowered<Scalar> {
+        match *inner {
+            TypeInner::Scalar(scalar)
+            | TypeInner::Vector { scalar, .. }
+            | TypeInner::Matrix { scalar, .. } => self.scalar(scalar),
+            ref other => Err(self.refuse(format!("an operator on a {}", crate::scalar::kind(other)))),
+        }
+    }
+
+    pub(super) fn unary(
+        &mut self,
+        scope: &mut Scope<'m>,
+        op: UnaryOperator,
+        operand: Handle<Expression>,
+    ) -> Lowered<Value> {
+        let scalar = self.scalar_of(&self.type_of(scope, operand))?;
+        let registers = self.flat(scope, operand)?;
+        let mut values = Vec::new();
+        for &register in registers.iter() {
+            values.push(match (op, scalar) {
+                (UnaryOperator::Negate, Scalar::F32 | Scalar::F16) => {
+                    self.basic(Basic::Negate, &[register], false)?
+                }
+                (UnaryOperator::Negate, Scalar::I32) => self.integer(Integer::NegateI, &[register])?,
+                (UnaryOperator::LogicalNot, Scalar::Bool) => self.boolean(Op::Not, &[register])?,
+                (UnaryOperator::BitwiseNot, Scalar::I32) => self.integer(Integer::NotI, &[register])?,
+                (UnaryOperator::BitwiseNot, Scalar::U32) => self.integer(Integer::NotU, &[register])?,
+                _ => return Err(self.refuse(format!("operator {op:?} on {scalar:?}"))),
+            });
+        }
+        Ok(Value::Flat(values.into()))
+    }
+
+    pub(super) fn binary(
+        &mut self,
+        scope: &mut Scope<'m>,
+        op: BinaryOperator,
+        left: Handle<Expression>,
+        right: Handle<Expression>,
+    ) -> Lowered<Value> {
+        let (site, span) = (self.site, self.span);
+        let left_type = self.type_of(scope, left);
+        let right_type = self.type_of(scope, right);
+        let x = self.flat(scope, left)?;
+        let y = self.flat(scope, right)?;
+        (self.site, self.span) = (site, span);
+        let scalar = self.scalar_of(&left_type)?;
+        if op == BinaryOperator::Multiply
+            && let Some(product) = self.matrix_product(&left_type, &right_type, &x, &y, scalar)?
+        {
+            return Ok(Value::Flat(product.into()));
+        }
+        let fused = self.fused(scope, op, left, right, scalar)?;
+        let count = x.len().max(y.len());
+        let pick = |of: &Rc<[Reg]>, k: usize| of[if of.len() == 1 { 0 } else { k }];
+        let mut values = Vec::new();
+        for k in 0..count {
+            let (a, b) = (pick(&x, k), pick(&y, k));
+            values.push(match &fused {
+                Some(Fused { factors: [p, q], negate, rest, negate_rest }) => {
+                    let mut p = pick(p, k);
+                    let mut rest = pick(rest, k);
+                    if *negate {
+                        p = self.basic(Basic::Negate, &[p], false)?;
+                    }
+                    if *negate_rest {
+                        rest = self.basic(Basic::Negate, &[rest], false)?;
+                    }
+                    self.basic(Basic::Fma, &[p, pick(q, k), rest], false)?
+                }
+                None => self.binary_scalar(op, scalar, a, b)?,
+            });
+        }
+        Ok(Value::Flat(values.into()))
+    }
+
+    fn binary_scalar(&mut self, op: BinaryOperator, scalar: Scalar, a: Reg, b: Reg) -> Lowered<Reg> {
+        use BinaryOperator as B;
+        let half = scalar == Scalar::F16;
+        let order = |op: B| match op {
+            B::Equal => Some((Compare::Equal, false)),
+            B::NotEqual => Some((Compare::NotEqual, false)),
+            B::Less => Some((Compare::Less, false)),
+            B::LessEqual => Some((Compare::LessEqual, false)),
+            B::Greater => Some((Compare::Less, true)),
+            B::GreaterEqual => Some((Compare::LessEqual, true)),
+            _ => None,
+        };
+        if let (Some((compare, exchanged)), true) = (order(op), scalar != Scalar::Bool) {
+            let ins = if exchanged { [b, a] } else { [a, b] };
+            let op = match scalar.file() {
+                File::Float => Op::CompareFloat(compare),
+                _ => Op::CompareInt(compare, scalar.signed()),
+            };
+            return self.boolean(op, &ins);
+        }
+        match (op, scalar) {
+            (B::Multiply, Scalar::F32 | Scalar::F16) if a == b => {
+                self.basic(Basic::Square, &[a], half)
+            }
+            (_, Scalar::F32 | Scalar::F16) => {
+                let rule = match op {
+                    B::Add => Basic::Add,
+                    B::Subtract => Basic::Subtract,
+                    B::Multiply => Basic::Multiply,
+                    B::Divide => Basic::Divide,
+                    B::Modulo => Basic::Remainder,
+                    _ => return Err(self.refuse(format!("operator {op:?} on floats"))),
+                };
+                self.basic(rule, &[a, b], half)
+            }
+            (_, Scalar::I32 | Scalar::U32) => {
+                let (signed, unsigned) = match op {
+                    B::Add => (Integer::AddI, Integer::AddU),
+                    B::Subtract => (Integer::SubtractI, Integer::SubtractU),
+                    B::Multiply => (Integer::MultiplyI, Integer::MultiplyU),
+                    B::Divide => (Integer::DivideI, Integer::DivideU),
+                    B::Modulo => (Integer::RemainderI, Integer::RemainderU),
+                    B::And => (Integer::AndI, Integer::AndU),
+                    B::ExclusiveOr => (Integer::XorI, Integer::XorU),
+                    B::InclusiveOr => (Integer::OrI, Integer::OrU),
+                    B::ShiftLeft => (Integer::ShiftLeftI, Integer::ShiftLeftU),
+                    B::ShiftRight => (Integer::ShiftRightI, Integer::ShiftRightU),
+                    _ => return Err(self.refuse(format!("operator {op:?} on integers"))),
+                };
+                self.integer(if scalar.signed() { signed } else { unsigned }, &[a, b])
+            }
+            (B::And | B::LogicalAnd, Scalar::Bool) => self.boolean(Op::And, &[a, b]),
+            (B::InclusiveOr | B::LogicalOr, Scalar::Bool) => self.boolean(Op::Or, &[a, b]),
+            (B::NotEqual | B::ExclusiveOr, Scalar::Bool) => self.boolean(Op::Differ, &[a, b]),
+            (B::Equal, Scalar::Bool) => {
+                let differ = self.boolean(Op::Differ, &[a, b])?;
+                self.boolean(Op::Not, &[differ])
+            }
+            _ => Err(self.refuse(format!("operator {op:?} on booleans"))),
+        }
+    }
+
+    /// A sum of which one term is a product, where the settings fuse them.
+    fn fused(
+        &mut self,
+        scope: &mut Scope<'m>,
+        op: BinaryOperator,
+        left: Handle<Expression>,
+        right: Handle<Expression>,
+        scalar: Scalar,
+    ) -> Lowered<Option<Fused>> {
+        let subtract = op == BinaryOperator::Subtract;
+        if !self.settings.contract
+            || scalar != Scalar::F32
+            || !(subtract || op == BinaryOperator::Add)
+        {
+            return Ok(None);
+        }
+        for (product, rest, is_right) in [(left, right, false), (right, left, true)] {
+            let Expression::Binary { op: BinaryOperator::Multiply, left: p, right: q } =
+                scope.expressions[product]
+            else {
+                continue;
+            };
+            // Products of matrices are sums already.
+            let matrix = |lower: &Self, scope: &Scope<'m>, handle| {
+                matches!(lower.type_of(scope, handle), TypeInner::Matrix { .. })
+            };
+            if matrix(self, scope, p) || matrix(self, scope, q) {
+                continue;
+            }
+            let factors = [self.flat(scope, p)?, self.flat(scope, q)?];
+            let rest = self.flat(scope, rest)?;
+            return Ok(Some(Fused {
+                factors,
+                negate: subtract && is_right,
+                rest,
+                negate_rest: subtract && !is_right,
+            }));
+        }
+        Ok(None)
+    }
+
+    /// Products that aren't by component.
+    fn matrix_product(
+        &mut self,
+        left: &TypeInner,
+        right: &TypeInner,
+        x: &[Reg],
+        y: &[Reg],
+        scalar: Scalar,
+    ) -> Lowered<Option<Vec<Reg>>> {
+        let half = scalar == Scalar::F16;
+        let row = |m: &[Reg], row: usize, rows: usize| -> Vec<Reg> {
+            m.iter().skip(row).step_by(rows).copied().collect()
+        };
+        let mut values = Vec::new();
+        match (left, right) {
+            (TypeInner::Matrix { rows, .. }, TypeInner::Vector { .. }) => {
+                for k in 0..*rows as usize {
+                    values.push(self.dot(&row(x, k, *rows as usize), y, half)?);
+                }
+            }
+            (TypeInner::Vector { .. }, TypeInner::Matrix { rows, .. }) => {
+                for column in y.chunks(*rows as usize) {
+                    values.push(self.dot(x, column, half)?);
+                }
+            }
+            (TypeInner::Matrix { rows, .. }, TypeInner::Matrix { rows: inner, .. }) => {
+                for column in y.chunks(*inner as usize) {
+                    for k in 0..*rows as usize {
+                        values.push(self.dot(&row(x, k, *rows as usize), column, half)?);
+                    }
+                }
+            }
+            _ => return Ok(None),
+        }
+        Ok(Some(values))
+    }
+
+    /// The sum of products of two vectors of floats.
+    pub(super) fn dot(&mut self, x: &[Reg], y: &[Reg], half: bool) -> Lowered<Reg> {
+        let rule = match x.len() {
+            1 => return self.basic(Basic::Multiply, &[x[0], y[0]], half),
+            2 => Geometry::Dot2,
+            3 => Geometry::Dot3,
+            4 => Geometry::Dot4,
+            n => return Err(self.refuse(format!("a vector of {n} components"))),
+        };
+        self.float_op(FloatRule::Geometry(rule), &[x, y].concat(), half)
+    }
+
+    pub(super) fn relational(
+        &mut self,
+        scope: &mut Scope<'m>,
+        function: RelationalFunction,
+        argument: Handle<Expression>,
+    ) -> Lowered<Value> {
+        let registers = self.flat(scope, argument)?;
+        let mut values = Vec::new();
+        match function {
+            RelationalFunction::All | RelationalFunction::Any => {
+                let op = if function == RelationalFunction::All { Op::And } else { Op::Or };
+                let mut all = registers[0];
+                for &next in &registers[1..] {
+                    all = self.boolean(op, &[all, next])?;
+                }
+                values.push(all);
+            }
+            RelationalFunction::IsNan | RelationalFunction::IsInf => {
+                let op = if function == RelationalFunction::IsNan { Op::IsNan } else { Op::IsInf };
+                for &register in registers.iter() {
+                    values.push(self.boolean(op, &[register])?);
+                }
+            }
+        }
+        Ok(Value::Flat(values.into()))
+    }
+
+    pub(super) fn convert(
+        &mut self,
+        scope: &mut Scope<'m>,
+        handle: Handle<Expression>,
+        operand: Handle<Expression>,
+        kind: ScalarKind,
+        convert: Option<u8>,
+    ) -> Lowered<Value> {
+        let from = self.scalar_of(&self.type_of(scope, operand))?;
+        let result = self.type_of(scope, handle);
+        let to = self.scalar_of(&result)?;
+        let registers = self.flat(scope, operand)?;
+        if convert.is_none() && (from == Scalar::F16 || to == Scalar::F16) && from != to {
+            return Err(self.refuse("a bitcast of half precision"));
+        }
+        let mut values = Vec::new();
+        for &register in registers.iter() {
+            values.push(match convert {
+                Some(_) => self.convert_scalar(register, from, to)?,
+                None => self.bitcast(register, from, to, kind)?,
+            });
+        }
+        Ok(Value::Flat(values.into()))
+    }
+
+    fn convert_scalar(&mut self, x: Reg, from: Scalar, to: Scalar) -> Lowered<Reg> {
+        let half = to == Scalar::F16;
+        Ok(match (from, to) {
+            (Scalar::F32, Scalar::F16) => self.rounded(x, true)?,
+            (Scalar::F32 | Scalar::F16, Scalar::F32 | Scalar::F16) => x,
+            (Scalar::F32 | Scalar::F16, Scalar::I32) => self.to_int(ToInt::Signed, &[x])?,
+            (Scalar::F32 | Scalar::F16, Scalar::U32) => self.to_int(ToInt::Unsigned, &[x])?,
+            (Scalar::F32 | Scalar::F16, Scalar::Bool) => {
+                let zero = self.float(0.0);
+                self.boolean(Op::CompareFloat(Compare::NotEqual), &[x, zero])?
+            }
+            (Scalar::I32, Scalar::F32 | Scalar::F16) => {
+                let float = self.from_int(FromInt::Signed, x)?[0];
+                self.rounded(float, half)?
+            }
+            (Scalar::U32, Scalar::F32 | Scalar::F16) => {
+                let float = self.from_int(FromInt::Unsigned, x)?[0];
+                self.rounded(float, half)?
+            }
+            (Scalar::I32, Scalar::U32) => self.integer(Integer::ToU, &[x])?,
+            (Scalar::U32, Scalar::I32) => self.integer(Integer::ToI, &[x])?,
+            (Scalar::I32 | Scalar::U32, Scalar::Bool) => {
+                let zero = self.constant(from, 0);
+                self.boolean(Op::CompareInt(Compare::NotEqual, from.signed()), &[x, zero])?
+            }
+            (Scalar::Bool, Scalar::F32 | Scalar::F16) => {
+                let (one, zero) = (self.float(1.0), self.float(0.0));
+                self.select(x, one, zero)?
+            }
+            (Scalar::Bool, Scalar::I32 | Scalar::U32) => {
+                let (one, zero) = (self.constant(to, 1), self.constant(to, 0));
+                self.select(x, one, zero)?
+            }
+            (Scalar::I32, Scalar::I32)
+            | (Scalar::U32, Scalar::U32)
+            | (Scalar::Bool, Scalar::Bool) => x,
+        })
+    }
+
+    fn bitcast(&mut self, x: Reg, from: Scalar, to: Scalar, kind: ScalarKind) -> Lowered<Reg> {
+        Ok(match (from, to) {
+            (Scalar::F32, Scalar::I32) => self.to_int(ToInt::BitsSigned, &[x])?,
+            (Scalar::F32, Scalar::U32) => self.to_int(ToInt::BitsUnsigned, &[x])?,
+            (Scalar::I32 | Scalar::U32, Scalar::F32) => self.from_int(FromInt::Bits, x)?[0],
+            (Scalar::I32, Scalar::U32) => self.integer(Integer::ToU, &[x])?,
+            (Scalar::U32, Scalar::I32) => self.integer(Integer::ToI, &[x])?,
+            _ if from == to => x,
+            _ => return Err(self.refuse(format!("a bitcast of {from:?} to {kind:?}"))),
+        })
+    }
+
+    pub(super) fn to_int(&mut self, rule: ToInt, ins: &[Reg]) -> Lowered<Reg> {
+        let out = self.fresh(File::Int);
+        self.emit(Op::ToInt(rule), &[out], ins)?;
+        Ok(out)
+    }
+
+    pub(super) fn from_int(&mut self, rule: FromInt, x: Reg) -> Lowered<Vec<Reg>> {
+        let outs: Vec<Reg> = (0..rule.arity()).map(|_| self.fresh(File::Float)).collect();
+        self.emit(Op::FromInt(rule), &outs, &[x])?;
+        Ok(outs)
+    }
+}
+
+/// `p q + rest`, with signs.
+struct Fused {
+    factors: [Rc<[Reg]>; 2],
+    negate: bool,
+    rest: Rc<[Reg]>,
+    negate_rest: bool,
+}

@@ -1,0 +1,469 @@
+//! Runs a program for one chunk of lanes, one operation after the other.
+
+mod images;
+mod masks;
+mod memory;
+
+use naga::Span;
+
+use crate::arithmetic::sealed::Rules;
+use crate::code::{Code, Compare, Instruction, Op, Site};
+use crate::columns::Columns;
+use crate::observer::{Lanes, Observer, OutOfRange};
+use crate::options::Options;
+use crate::scalar::{File, Scalar};
+pub(crate) use masks::Masks;
+pub(crate) use memory::{Buffer, Memory};
+
+/// A loop that ran for too long, and the lane that did.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Spent {
+    pub(crate) span: Span,
+    pub(crate) lane: usize,
+}
+
+/// The registers and masks of one thread.
+pub(crate) struct Machine<'p, A: Rules> {
+    code: &'p Code,
+    options: &'p Options,
+    pub(crate) floats: Columns<A::Float>,
+    pub(crate) ints: Columns<A::Int>,
+    pub(crate) bools: Columns<A::Bool>,
+    masks: Masks<A>,
+    /// Loop rounds that each lane has left.
+    fuel: Vec<u64>,
+    /// Rounds for which each lane's exit has been undecided.
+    undecided: Vec<u64>,
+    /// The loop in which a lane's exit stayed undecided, as its site.
+    lost: Vec<Option<u32>>,
+    width: usize,
+}
+
+impl<'p, A: Rules> Machine<'p, A> {
+    pub(crate) fn new(code: &'p Code, options: &'p Options, width: usize) -> Self {
+        let [floats, ints, bools] = code.registers.map(|count| count as usize);
+        let mut machine = Self {
+            code,
+            options,
+            floats: Columns::new(floats, width),
+            ints: Columns::new(ints, width),
+            bools: Columns::new(bools, width),
+            masks: Masks::new(width),
+            fuel: vec![0; width],
+            undecided: vec![0; width],
+            lost: vec![None; width],
+            width,
+        };
+        for &(register, constant) in &code.constants {
+            let index = register.index;
+            match register.file {
+                File::Float => {
+                    let x = A::flush(A::float(f32::from_bits(constant.word)));
+                    machine.floats.get_mut(index).fill(x);
+                }
+                File::Int => {
+                    let x = A::int(constant.word, constant.scalar.signed());
+                    machine.ints.get_mut(index).fill(x);
+                }
+                File::Bool => machine.bools.get_mut(index).fill(A::bool(constant.word != 0)),
+            }
+        }
+        machine
+    }
+
+    /// Sets one scalar of a parameter, for lane `lane`.
+    pub(crate) fn set(&mut self, register: u32, scalar: Scalar, lane: usize, word: u32) {
+        match scalar {
+            Scalar::F32 => {
+                let x = A::float(f32::from_bits(word));
+                let x = if self.options.flush { A::flush(x) } else { x };
+                self.floats.get_mut(register)[lane] = x;
+            }
+            Scalar::F16 => {
+                let x = half::f16::from_bits(word as u16).to_f32();
+                self.floats.get_mut(register)[lane] = A::float(x);
+            }
+            Scalar::I32 | Scalar::U32 => {
+                self.ints.get_mut(register)[lane] = A::int(word, scalar.signed());
+            }
+            Scalar::Bool => self.bools.get_mut(register)[lane] = A::bool(word != 0),
+        }
+    }
+
+    /// Runs the program for the first `active` lanes, of which the first is `case`.
+    pub(crate) fn run<O: Observer<A>>(
+        &mut self,
+        active: usize,
+        case: usize,
+        memory: &mut Memory<'_, A>,
+        observer: &O,
+    ) -> Result<(), Spent>
+    where
+        A: crate::arithmetic::Arithmetic,
+    {
+        self.masks.start(active);
+        self.fuel.fill(self.options.fuel);
+        self.undecided.fill(self.options.undecided);
+        self.lost.fill(None);
+        let code = self.code;
+        let mut at = 0;
+        loop {
+            let instruction = &code.instructions[at];
+            at += 1;
+            let shape = code.shape(instruction.op);
+            let count = (shape.outs.iter().sum::<u32>() + shape.ins.iter().sum::<u32>()) as usize;
+            let start = instruction.at as usize;
+            let registers = &code.pool[start..start + count];
+            match instruction.op {
+                Op::Float(rule) => {
+                    rule.run::<A>(&mut self.floats, registers);
+                    self.after_floats(instruction, registers, rule.arity());
+                    if O::ACTIVE {
+                        let outs = &registers[..rule.arity().1];
+                        self.show(observer, instruction, case, outs);
+                    }
+                }
+                Op::Integer(rule) => rule.run::<A>(&mut self.ints, registers),
+                Op::ToInt(rule) => rule.run::<A>(&self.floats, &mut self.ints, registers),
+                Op::FromInt(rule) => {
+                    rule.run::<A>(&mut self.floats, &self.ints, registers);
+                    self.after_floats(instruction, &registers[..rule.arity()], (0, rule.arity()));
+                    if O::ACTIVE {
+                        self.show(observer, instruction, case, &registers[..rule.arity()]);
+                    }
+                }
+                Op::Scale(rule) => {
+                    rule.run::<A>(&mut self.floats, &self.ints, registers);
+                    self.after_floats(instruction, &registers[..2], (1, 1));
+                    if O::ACTIVE {
+                        self.show(observer, instruction, case, &registers[..1]);
+                    }
+                }
+                Op::ToHalf => self.floats.map::<1, 1>(registers, |[x]| [A::to_half(x)]),
+                Op::CompareFloat(compare) => self.compare_floats(compare, registers),
+                Op::CompareInt(compare, signed) => self.compare_ints(compare, signed, registers),
+                Op::And => self.bools.map::<2, 1>(registers, |[a, b]| [A::and(a, b)]),
+                Op::Or => self.bools.map::<2, 1>(registers, |[a, b]| [A::or(a, b)]),
+                Op::Not => self.bools.map::<1, 1>(registers, |[a]| [A::not(a)]),
+                Op::Differ => self.bools.map::<2, 1>(registers, |[a, b]| {
+                    [A::or(A::and(a, A::not(b)), A::and(A::not(a), b))]
+                }),
+                Op::IsNan => {
+                    let x = self.floats.get(registers[1]);
+                    for (out, &x) in self.bools.get_mut(registers[0]).iter_mut().zip(x) {
+                        *out = A::not(A::float_equal(x, x));
+                    }
+                }
+                Op::IsInf => {
+                    let x = self.floats.get(registers[1]);
+                    let infinities = [f32::INFINITY, f32::NEG_INFINITY].map(A::float);
+                    for (out, &x) in self.bools.get_mut(registers[0]).iter_mut().zip(x) {
+                        let [a, b] = infinities.map(|infinity| A::float_equal(x, infinity));
+                        *out = A::or(a, b);
+                    }
+                }
+                Op::Select(file) => self.select(file, registers),
+                Op::Move(File::Float) => self.floats.copy(registers[0], registers[1]),
+                Op::Move(File::Int) => self.ints.copy(registers[0], registers[1]),
+                Op::Move(File::Bool) => self.bools.copy(registers[0], registers[1]),
+                Op::Store(file) => self.store(file, registers),
+                Op::Gather(file, walk) => {
+                    let outs = self.gather(file, walk, registers);
+                    self.report(observer, instruction, case, outs);
+                }
+                Op::Scatter(file, walk) => {
+                    let outs = self.scatter(file, walk, registers);
+                    self.report(observer, instruction, case, outs);
+                }
+                Op::Pick(file, count, signed) => {
+                    let outs = self.pick(file, count, signed, registers);
+                    self.report(observer, instruction, case, outs);
+                }
+                Op::Table(file, table) => {
+                    let outs = self.table(file, table, registers);
+                    self.report(observer, instruction, case, outs);
+                }
+                Op::Load(scalar, walk) => {
+                    let outs = self.load(scalar, walk, registers, memory);
+                    self.report(observer, instruction, case, outs);
+                }
+                Op::Write(scalar, walk) => {
+                    let outs = self.write(scalar, walk, registers, memory);
+                    self.report(observer, instruction, case, outs);
+                }
+                Op::ArrayLength(walk) => self.array_length(walk, registers[0], memory),
+                Op::Atomic(walk) => self.atomic(walk, registers, memory),
+                Op::Image(image) => {
+                    let outs = self.image(image, registers, memory);
+                    self.report(observer, instruction, case, outs);
+                }
+                Op::If => {
+                    if !self.masks.enter_if(self.bools.get(registers[0])) {
+                        at = instruction.target as usize;
+                    }
+                }
+                Op::Else => {
+                    if !self.masks.enter_else(self.bools.get(registers[0])) {
+                        at = instruction.target as usize;
+                    }
+                }
+                Op::EndIf | Op::EndSwitch | Op::EndCall => {
+                    if !self.masks.leave() {
+                        at = instruction.target as usize;
+                    }
+                }
+                Op::Skip => {
+                    if !self.masks.any() {
+                        at = instruction.target as usize;
+                    }
+                }
+                Op::Switch | Op::Call => {
+                    if !self.masks.enter() {
+                        at = instruction.target as usize;
+                    }
+                }
+                Op::Case(falls) => {
+                    if !self.masks.enter_case(self.bools.get(registers[0]), falls) {
+                        at = instruction.target as usize;
+                    }
+                }
+                Op::Loop => {
+                    if !self.masks.enter_loop() {
+                        at = instruction.target as usize;
+                    }
+                }
+                Op::Round => self.round(instruction)?,
+                Op::Continuing => self.masks.continuing(),
+                Op::BreakIf => self.masks.break_if(self.bools.get(registers[0])),
+                Op::EndLoop => {
+                    if self.masks.any() {
+                        at = instruction.target as usize;
+                    } else {
+                        self.masks.leave_loop();
+                    }
+                }
+                Op::Break(depth) => self.masks.exit(depth, true),
+                Op::Continue(depth) => self.masks.exit(depth, false),
+                Op::Return(depth) => self.masks.exit(depth, false),
+                Op::Mark(mark) => {
+                    if O::ACTIVE {
+                        let [floats, ints, bools] = code.marks[mark as usize].map(|n| n as usize);
+                        let float = registers[..floats].iter().map(|&r| self.floats.get(r));
+                        let int = registers[floats..floats + ints].iter();
+                        let bool = registers[floats + ints..floats + ints + bools].iter();
+                        observer.named(&Lanes {
+                            site: &code.sites[instruction.site as usize],
+                            case,
+                            floats: &float.collect::<Vec<_>>(),
+                            ints: &int.map(|&r| self.ints.get(r)).collect::<Vec<_>>(),
+                            bools: &bool.map(|&r| self.bools.get(r)).collect::<Vec<_>>(),
+                            active: self.masks.active(),
+                        });
+                    }
+                }
+                // All invocations of a workgroup are lanes of this chunk, so each is here.
+                Op::Barrier => {}
+                Op::Halt => break,
+            }
+        }
+        self.forget_lost();
+        Ok(())
+    }
+
+    /// Flushes what is subnormal, and notes what became unbounded.
+    #[inline]
+    fn after_floats(&mut self, instruction: &Instruction, registers: &[u32], arity: (usize, usize)) {
+        let (ins, outs) = arity;
+        if self.options.flush {
+            for &out in &registers[..outs] {
+                for x in self.floats.get_mut(out) {
+                    *x = A::flush(*x);
+                }
+            }
+        }
+        if A::NOTES {
+            for k in 0..outs {
+                let args = &registers[outs..outs + ins];
+                // A result may have taken the place of an argument, whose cause it then has lost;
+                // registers aren't shared in programs that note causes.
+                let noted: Vec<A::Float> = (0..self.width)
+                    .map(|lane| {
+                        let mut causes = args.iter().map(|&arg| self.floats.get(arg)[lane]);
+                        let x = self.floats.get(registers[k])[lane];
+                        A::note(x, &mut causes, instruction.site)
+                    })
+                    .collect();
+                self.floats.get_mut(registers[k]).copy_from_slice(&noted);
+            }
+        }
+    }
+
+    fn show<O: Observer<A>>(&self, observer: &O, instruction: &Instruction, case: usize, outs: &[u32])
+    where
+        A: crate::arithmetic::Arithmetic,
+    {
+        let floats: Vec<&[A::Float]> = outs.iter().map(|&out| self.floats.get(out)).collect();
+        observer.floats(&Lanes {
+            site: self.site(instruction),
+            case,
+            floats: &floats,
+            ints: &[],
+            bools: &[],
+            active: self.masks.active(),
+        });
+    }
+
+    fn site(&self, instruction: &Instruction) -> &'p Site {
+        &self.code.sites[instruction.site as usize]
+    }
+
+    fn report<O: Observer<A>>(
+        &self,
+        observer: &O,
+        instruction: &Instruction,
+        case: usize,
+        lane: Option<usize>,
+    ) where
+        A: crate::arithmetic::Arithmetic,
+    {
+        if let (true, Some(lane)) = (O::ACTIVE, lane) {
+            observer.out_of_range(&OutOfRange { site: self.site(instruction), case: case + lane });
+        }
+    }
+
+    fn compare_floats(&mut self, compare: Compare, registers: &[u32]) {
+        let [out, a, b] = [registers[0], registers[1], registers[2]];
+        let (a, b) = (self.floats.get(a), self.floats.get(b));
+        let out = self.bools.get_mut(out);
+        match compare {
+            Compare::Equal => zip(out, a, b, A::float_equal),
+            Compare::NotEqual => zip(out, a, b, |a, b| A::not(A::float_equal(a, b))),
+            Compare::Less => zip(out, a, b, A::float_less),
+            Compare::LessEqual => zip(out, a, b, A::float_less_equal),
+        }
+    }
+
+    fn compare_ints(&mut self, compare: Compare, signed: bool, registers: &[u32]) {
+        let [out, a, b] = [registers[0], registers[1], registers[2]];
+        let (a, b) = (self.ints.get(a), self.ints.get(b));
+        let out = self.bools.get_mut(out);
+        match (compare, signed) {
+            (Compare::Equal, _) => zip(out, a, b, A::int_equal),
+            (Compare::NotEqual, _) => zip(out, a, b, |a, b| A::not(A::int_equal(a, b))),
+            (Compare::Less, true) => zip(out, a, b, |a, b| A::int_less(a, b, true)),
+            (Compare::Less, false) => zip(out, a, b, |a, b| A::int_less(a, b, false)),
+            (Compare::LessEqual, true) => zip(out, a, b, |a, b| A::not(A::int_less(b, a, true))),
+            (Compare::LessEqual, false) => zip(out, a, b, |a, b| A::not(A::int_less(b, a, false))),
+        }
+    }
+
+    fn select(&mut self, file: File, registers: &[u32]) {
+        let [out, yes, no, condition] = [registers[0], registers[1], registers[2], registers[3]];
+        let condition = self.bools.get(condition);
+        match file {
+            File::Float => self.floats.write(out, |floats, out| {
+                blend(out, condition, floats.get(yes), floats.get(no), A::select_float);
+            }),
+            File::Int => self.ints.write(out, |ints, out| {
+                blend(out, condition, ints.get(yes), ints.get(no), A::select_int);
+            }),
+            File::Bool => self.bools.map::<3, 1>(registers, |[yes, no, c]| [A::select_bool(c, yes, no)]),
+        }
+    }
+
+    fn store(&mut self, file: File, registers: &[u32]) {
+        let [to, from] = [registers[0], registers[1]];
+        let all = self.masks.all();
+        let mask = self.masks.active();
+        match file {
+            File::Float if all => self.floats.copy(to, from),
+            File::Int if all => self.ints.copy(to, from),
+            File::Bool if all => self.bools.copy(to, from),
+            File::Float => self.floats.write(to, |floats, out| {
+                blend(out, mask, floats.get(from), floats.get(to), A::select_float);
+            }),
+            File::Int => self.ints.write(to, |ints, out| {
+                blend(out, mask, ints.get(from), ints.get(to), A::select_int);
+            }),
+            File::Bool => self.bools.write(to, |bools, out| {
+                blend(out, mask, bools.get(from), bools.get(to), A::select_bool);
+            }),
+        }
+    }
+
+    /// A loop goes round once more.
+    fn round(&mut self, instruction: &Instruction) -> Result<(), Spent> {
+        let span = self.site(instruction).span;
+        let mask = self.masks.current();
+        let mut spent = false;
+        for (fuel, &mask) in self.fuel.iter_mut().zip(mask) {
+            let cost = u64::from(A::possible(mask));
+            spent |= *fuel < cost;
+            *fuel = fuel.saturating_sub(cost);
+        }
+        if spent {
+            let over = |lane: usize| self.fuel[lane] == 0 && A::possible(mask[lane]);
+            return Err(Spent { span, lane: (0..self.width).find(|&lane| over(lane)).unwrap_or(0) });
+        }
+        if A::UNDECIDED {
+            for lane in 0..self.width {
+                let mask = self.masks.current()[lane];
+                if A::possible(mask) && A::avoidable(mask) {
+                    if self.undecided[lane] == 0 {
+                        self.lost[lane].get_or_insert(instruction.site);
+                        self.masks.drop_from_loop(lane);
+                    } else {
+                        self.undecided[lane] -= 1;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// What lanes returned whose loop never decided to end is anything at all.
+    fn forget_lost(&mut self) {
+        for lane in 0..self.width {
+            let Some(site) = self.lost[lane] else { continue };
+            for &(register, scalar) in &self.code.results {
+                match register.file {
+                    File::Float => {
+                        if let Some(x) = A::unknown_float(site) {
+                            self.floats.get_mut(register.index)[lane] = x;
+                        }
+                    }
+                    File::Int => {
+                        if let Some(x) = A::unknown_int(scalar.signed()) {
+                            self.ints.get_mut(register.index)[lane] = x;
+                        }
+                    }
+                    File::Bool => {
+                        if let Some(x) = A::unknown_bool() {
+                            self.bools.get_mut(register.index)[lane] = x;
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn zip<T: Copy, B>(out: &mut [B], a: &[T], b: &[T], f: impl Fn(T, T) -> B) {
+    for ((out, &a), &b) in out.iter_mut().zip(a).zip(b) {
+        *out = f(a, b);
+    }
+}
+
+#[inline(always)]
+fn blend<T: Copy, B: Copy>(
+    out: &mut [T],
+    condition: &[B],
+    yes: &[T],
+    no: &[T],
+    select: impl Fn(B, T, T) -> T,
+) {
+    for (((out, &c), &yes), &no) in out.iter_mut().zip(condition).zip(yes).zip(no) {
+        *out = select(c, yes, no);
+    }
+}

@@ -1,0 +1,275 @@
+//! Which lanes are active: masks for divergent control flow.
+//!
+//! Every construct that is open has a frame with the mask that it was entered with, and the lanes
+//! that have left it for good, by a jump to something outside of it. At its end the mask is what it
+//! was at the start, less what left.
+//!
+//! Where a boolean may be undecided, so may a mask. Within a loop the mask is then relative to the
+//! loop's entry: a loop in a branch that may not be taken still knows when it ends. What is stored
+//! is blended by the product of both.
+
+use crate::arithmetic::sealed::Rules;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Branch,
+    Loop,
+}
+
+struct Frame<A: Rules> {
+    kind: Kind,
+    saved: Box<[A::Bool]>,
+    left: Box<[A::Bool]>,
+    /// Of a loop: lanes that broke out of it.
+    broken: Box<[A::Bool]>,
+    /// Of a loop where masks are relative: the product of the masks outside of it.
+    outside: Box<[A::Bool]>,
+}
+
+/// The mask and the frames of what is open.
+pub(crate) struct Masks<A: Rules> {
+    current: Box<[A::Bool]>,
+    /// The product of the masks outside the innermost loop, where masks are relative.
+    outside: Box<[A::Bool]>,
+    /// What stores blend by, where masks are relative.
+    product: Box<[A::Bool]>,
+    frames: Vec<Frame<A>>,
+    /// Frames that were open before, for reuse.
+    spare: Vec<Frame<A>>,
+    any: bool,
+    all: bool,
+    width: usize,
+}
+
+impl<A: Rules> Masks<A> {
+    pub(crate) fn new(width: usize) -> Self {
+        let empty = || vec![A::bool(false); width].into_boxed_slice();
+        Self {
+            current: empty(),
+            outside: empty(),
+            product: empty(),
+            frames: Vec::new(),
+            spare: Vec::new(),
+            any: false,
+            all: false,
+            width,
+        }
+    }
+
+    /// Begins with the first `active` lanes, and nothing open.
+    pub(crate) fn start(&mut self, active: usize) {
+        self.spare.append(&mut self.frames);
+        for (lane, mask) in self.current.iter_mut().enumerate() {
+            *mask = A::bool(lane < active);
+        }
+        self.outside.fill(A::bool(true));
+        self.changed();
+    }
+
+    /// Whether any lane may be active.
+    #[inline]
+    pub(crate) fn any(&self) -> bool {
+        self.any
+    }
+
+    /// Whether each lane surely is active.
+    #[inline]
+    pub(crate) fn all(&self) -> bool {
+        self.all
+    }
+
+    /// The mask since the innermost loop began.
+    pub(crate) fn current(&self) -> &[A::Bool] {
+        &self.current
+    }
+
+    /// The mask by which stores blend.
+    #[inline]
+    pub(crate) fn active(&self) -> &[A::Bool] {
+        if A::UNDECIDED { &self.product } else { &self.current }
+    }
+
+    fn changed(&mut self) {
+        let mut any = false;
+        let mut all = true;
+        for &mask in &self.current {
+            any |= A::possible(mask);
+            all &= !A::avoidable(mask);
+        }
+        if A::UNDECIDED {
+            for ((product, &outside), &current) in
+                self.product.iter_mut().zip(&self.outside).zip(&self.current)
+            {
+                *product = A::and(outside, current);
+                all &= !A::avoidable(*product);
+            }
+        }
+        self.any = any;
+        self.all = all;
+    }
+
+    fn push(&mut self, kind: Kind) {
+        let empty = || vec![A::bool(false); self.width].into_boxed_slice();
+        let mut frame = self.spare.pop().unwrap_or_else(|| Frame {
+            kind,
+            saved: empty(),
+            left: empty(),
+            broken: empty(),
+            outside: empty(),
+        });
+        frame.kind = kind;
+        frame.saved.copy_from_slice(&self.current);
+        frame.left.fill(A::bool(false));
+        if kind == Kind::Loop {
+            frame.broken.fill(A::bool(false));
+        }
+        self.frames.push(frame);
+    }
+
+    /// Opens a branch. Each of these returns whether a lane is active afterwards.
+    pub(crate) fn enter(&mut self) -> bool {
+        self.push(Kind::Branch);
+        self.any
+    }
+
+    pub(crate) fn enter_if(&mut self, condition: &[A::Bool]) -> bool {
+        self.push(Kind::Branch);
+        for (mask, &condition) in self.current.iter_mut().zip(condition) {
+            *mask = A::and(*mask, condition);
+        }
+        self.changed();
+        self.any
+    }
+
+    pub(crate) fn enter_else(&mut self, condition: &[A::Bool]) -> bool {
+        if let Some(frame) = self.frames.last() {
+            for ((mask, &saved), &condition) in
+                self.current.iter_mut().zip(&frame.saved).zip(condition)
+            {
+                *mask = A::and(saved, A::not(condition));
+            }
+        }
+        self.changed();
+        self.any
+    }
+
+    pub(crate) fn enter_case(&mut self, condition: &[A::Bool], falls: bool) -> bool {
+        if let Some(frame) = self.frames.last() {
+            for ((mask, &saved), &condition) in
+                self.current.iter_mut().zip(&frame.saved).zip(condition)
+            {
+                let fallen = if falls { *mask } else { A::bool(false) };
+                *mask = A::or(A::and(saved, condition), fallen);
+            }
+        }
+        self.changed();
+        self.any
+    }
+
+    /// Closes a branch.
+    pub(crate) fn leave(&mut self) -> bool {
+        if let Some(frame) = self.frames.pop() {
+            for ((mask, &saved), &left) in
+                self.current.iter_mut().zip(&frame.saved).zip(&frame.left)
+            {
+                *mask = A::and(saved, A::not(left));
+            }
+            self.spare.push(frame);
+        }
+        self.changed();
+        self.any
+    }
+
+    pub(crate) fn enter_loop(&mut self) -> bool {
+        self.push(Kind::Loop);
+        if A::UNDECIDED {
+            if let Some(frame) = self.frames.last_mut() {
+                frame.outside.copy_from_slice(&self.outside);
+            }
+            for (outside, mask) in self.outside.iter_mut().zip(&mut self.current) {
+                *outside = A::and(*outside, *mask);
+                *mask = A::bool(A::possible(*mask));
+            }
+            self.changed();
+        }
+        self.any
+    }
+
+    /// Lanes that continued come back.
+    pub(crate) fn continuing(&mut self) {
+        if let Some(frame) = self.frames.last() {
+            let gone = frame.broken.iter().zip(&frame.left);
+            for ((mask, &saved), (&broken, &left)) in
+                self.current.iter_mut().zip(&frame.saved).zip(gone)
+            {
+                let start = if A::UNDECIDED { A::bool(A::possible(saved)) } else { saved };
+                *mask = A::and(start, A::not(A::or(broken, left)));
+            }
+        }
+        self.changed();
+    }
+
+    pub(crate) fn break_if(&mut self, condition: &[A::Bool]) {
+        if let Some(frame) = self.frames.last_mut() {
+            for ((mask, broken), &condition) in
+                self.current.iter_mut().zip(&mut frame.broken).zip(condition)
+            {
+                *broken = A::or(*broken, A::and(*mask, condition));
+                *mask = A::and(*mask, A::not(condition));
+            }
+        }
+        self.changed();
+    }
+
+    /// Takes a lane out of the innermost loop.
+    pub(crate) fn drop_from_loop(&mut self, lane: usize) {
+        self.current[lane] = A::bool(false);
+        if let Some(frame) = self.frames.last_mut() {
+            frame.broken[lane] = A::bool(true);
+        }
+        self.changed();
+    }
+
+    pub(crate) fn leave_loop(&mut self) {
+        if let Some(frame) = self.frames.pop() {
+            for ((mask, &saved), &left) in
+                self.current.iter_mut().zip(&frame.saved).zip(&frame.left)
+            {
+                *mask = A::and(saved, A::not(left));
+            }
+            if A::UNDECIDED {
+                self.outside.copy_from_slice(&frame.outside);
+            }
+            self.spare.push(frame);
+        }
+        self.changed();
+    }
+
+    /// Active lanes jump to the end of the frame below the `depth` innermost ones; out of a loop
+    /// when `breaks`.
+    pub(crate) fn exit(&mut self, depth: u32, breaks: bool) {
+        let target = self.frames.len().saturating_sub(1 + depth as usize);
+        // The mask relative to the frame at hand.
+        let mut leaving = self.current.clone();
+        for frame in self.frames[target + 1..].iter_mut().rev() {
+            for (left, &leaving) in frame.left.iter_mut().zip(&leaving) {
+                *left = A::or(*left, leaving);
+            }
+            if A::UNDECIDED && frame.kind == Kind::Loop {
+                for (leaving, &saved) in leaving.iter_mut().zip(&frame.saved) {
+                    *leaving = A::and(*leaving, saved);
+                }
+            }
+        }
+        if let Some(frame) = self.frames.get_mut(target)
+            && breaks
+            && frame.kind == Kind::Loop
+        {
+            for (broken, &leaving) in frame.broken.iter_mut().zip(&leaving) {
+                *broken = A::or(*broken, leaving);
+            }
+        }
+        self.current.fill(A::bool(false));
+        self.changed();
+    }
+}

@@ -1,0 +1,444 @@
+//! Registers and bytes that are found by index.
+
+use std::borrow::Cow;
+
+use naga::AtomicFunction;
+
+use super::Machine;
+use crate::arithmetic::sealed::Rules;
+use crate::code::{Count, Step, Walk};
+use crate::columns::Columns;
+use crate::scalar::{File, Scalar};
+
+/// The bytes of a buffer. Where it is written, floats keep what `f32` can't hold beside them.
+#[derive(Clone, Debug)]
+pub(crate) struct Buffer<'a, A: Rules> {
+    pub(crate) bytes: Cow<'a, [u8]>,
+    /// For each word, the float that was written there, if its word is still the same.
+    floats: Vec<Option<A::Float>>,
+}
+
+impl<'a, A: Rules> Buffer<'a, A> {
+    pub(crate) fn new(bytes: Cow<'a, [u8]>, written: bool) -> Self {
+        let words = if written { bytes.len().div_ceil(4) } else { 0 };
+        Self { bytes, floats: vec![None; words] }
+    }
+
+    /// Sets all bytes to zero.
+    pub(crate) fn clear(&mut self) {
+        self.bytes.to_mut().fill(0);
+        self.floats.fill(None);
+    }
+
+    fn word(&self, at: usize) -> u32 {
+        match self.bytes.get(at..at + 4) {
+            Some(bytes) => u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]),
+            None => 0,
+        }
+    }
+
+    fn put(&mut self, at: usize, word: &[u8]) {
+        if let Some(bytes) = self.bytes.to_mut().get_mut(at..at + word.len()) {
+            bytes.copy_from_slice(word);
+        }
+    }
+
+    fn half(&self, at: usize) -> f32 {
+        match self.bytes.get(at..at + 2) {
+            Some(bytes) => half::f16::from_le_bytes([bytes[0], bytes[1]]).to_f32(),
+            None => 0.0,
+        }
+    }
+
+    fn float(&self, at: usize) -> A::Float {
+        let word = self.word(at);
+        match self.floats.get(at / 4) {
+            Some(&Some(float)) if A::float_word(float) == word => float,
+            _ => A::float(f32::from_bits(word)),
+        }
+    }
+}
+
+/// What the lanes of a chunk share.
+#[derive(Clone, Debug)]
+pub(crate) struct Memory<'a, A: Rules> {
+    pub(crate) buffers: Vec<Buffer<'a, A>>,
+    pub(crate) textures: Vec<&'a crate::texture::Texture>,
+    pub(crate) samplers: Vec<&'a crate::texture::Sampler>,
+}
+
+impl Step {
+    /// How many elements there are, given the bytes of the buffer.
+    fn length(&self, bytes: usize) -> u64 {
+        match self.count {
+            Count::Fixed(count) => u64::from(count),
+            Count::Runtime { offset, stride } => {
+                (bytes as u64).saturating_sub(u64::from(offset)) / u64::from(stride.max(1))
+            }
+        }
+    }
+}
+
+/// The offsets that indices may lead to, and whether one of them was clamped.
+fn walk_lane<A: Rules>(
+    walk: &Walk,
+    indices: &[u32],
+    ints: &Columns<A::Int>,
+    lane: usize,
+    bytes: usize,
+    mut visit: impl FnMut(usize),
+) -> bool {
+    let mut clamped = false;
+    let mut one = u64::from(walk.offset);
+    let mut many: Vec<u64> = Vec::new();
+    for (step, &index) in walk.steps.iter().zip(indices) {
+        let last = step.length(bytes).saturating_sub(1) as i64;
+        let (lo, hi) = A::bounds(ints.get(index)[lane], step.signed);
+        clamped |= lo < 0 || hi > last;
+        let (lo, hi) = (lo.clamp(0, last), hi.clamp(0, last));
+        if lo == hi && many.is_empty() {
+            one += lo as u64 * u64::from(step.stride);
+            continue;
+        }
+        let before = if many.is_empty() { vec![one] } else { std::mem::take(&mut many) };
+        for index in lo..=hi {
+            many.extend(before.iter().map(|at| at + index as u64 * u64::from(step.stride)));
+        }
+    }
+    if many.is_empty() {
+        visit(one as usize);
+    } else {
+        many.into_iter().for_each(|at| visit(at as usize));
+    }
+    clamped
+}
+
+/// Gathers from `columns` into a register. Returns the first active lane whose index was clamped.
+macro_rules! gathered {
+    ($self:ident, $columns:ident, $select:path, $registers:ident, $base:expr, $indices:expr, $walk:ident) => {{
+        let mut first = None;
+        let (base, indices) = ($base, $indices);
+        for lane in 0..$self.width {
+            let mut value = None;
+            let clamped = walk_lane::<A>($walk, indices, &$self.ints, lane, 0, |at| {
+                let here = $self.$columns.get(base + at as u32)[lane];
+                value = Some(match value {
+                    Some(before) => $select(A::undecided(), before, here),
+                    None => here,
+                });
+            });
+            if clamped && A::possible($self.masks.active()[lane]) {
+                first = first.or(Some(lane));
+            }
+            if let Some(value) = value {
+                $self.$columns.get_mut($registers[0])[lane] = value;
+            }
+        }
+        first
+    }};
+}
+
+macro_rules! scattered {
+    ($self:ident, $columns:ident, $select:path, $base:expr, $value:expr, $indices:expr, $walk:ident) => {{
+        let mut first = None;
+        let (base, from, indices) = ($base, $value, $indices);
+        for lane in 0..$self.width {
+            let mask = $self.masks.active()[lane];
+            if !A::possible(mask) {
+                continue;
+            }
+            let value = $self.$columns.get(from)[lane];
+            let mut places = Vec::new();
+            let clamped =
+                walk_lane::<A>($walk, indices, &$self.ints, lane, 0, |at| places.push(at as u32));
+            if clamped {
+                first = first.or(Some(lane));
+            }
+            let mask = if places.len() > 1 { A::and(mask, A::undecided()) } else { mask };
+            for at in places {
+                let place = &mut $self.$columns.get_mut(base + at)[lane];
+                *place = $select(mask, value, *place);
+            }
+        }
+        first
+    }};
+}
+
+impl<A: Rules> Machine<'_, A> {
+    pub(super) fn gather(&mut self, file: File, walk: u32, registers: &[u32]) -> Option<usize> {
+        let walk = &self.code.walks[walk as usize];
+        let n = walk.steps.len();
+        match file {
+            File::Float => {
+                gathered!(self, floats, A::select_float, registers, registers[1], &registers[2..], walk)
+            }
+            File::Int => {
+                gathered!(self, ints, A::select_int, registers, registers[1], &registers[2..], walk)
+            }
+            File::Bool => {
+                gathered!(self, bools, A::select_bool, registers, registers[1 + n], &registers[1..=n], walk)
+            }
+        }
+    }
+
+    pub(super) fn scatter(&mut self, file: File, walk: u32, registers: &[u32]) -> Option<usize> {
+        let walk = &self.code.walks[walk as usize];
+        let n = walk.steps.len();
+        let base = registers[0];
+        match file {
+            File::Float => {
+                scattered!(self, floats, A::select_float, base, registers[1], &registers[2..], walk)
+            }
+            File::Int => {
+                scattered!(self, ints, A::select_int, base, registers[1], &registers[2..], walk)
+            }
+            File::Bool => {
+                scattered!(self, bools, A::select_bool, base, registers[1 + n], &registers[1..=n], walk)
+            }
+        }
+    }
+
+    /// The candidate that an index chooses, for each lane.
+    fn chosen(&self, index: u32, signed: bool, count: usize, lane: usize) -> (usize, usize, bool) {
+        let last = count.saturating_sub(1) as i64;
+        let (lo, hi) = A::bounds(self.ints.get(index)[lane], signed);
+        let clamped = (lo < 0 || hi > last) && A::possible(self.masks.active()[lane]);
+        (lo.clamp(0, last) as usize, hi.clamp(0, last) as usize, clamped)
+    }
+
+    pub(super) fn pick(
+        &mut self,
+        file: File,
+        count: u32,
+        signed: bool,
+        registers: &[u32],
+    ) -> Option<usize> {
+        let count = count as usize;
+        let (index, candidates) = match file {
+            File::Bool => (registers[1], &registers[2..]),
+            _ => (registers[1 + count], &registers[1..=count]),
+        };
+        let mut first = None;
+        for lane in 0..self.width {
+            let (lo, hi, clamped) = self.chosen(index, signed, count, lane);
+            if clamped {
+                first = first.or(Some(lane));
+            }
+            macro_rules! picked {
+                ($columns:ident, $select:path) => {{
+                    let mut value = self.$columns.get(candidates[lo])[lane];
+                    for &candidate in &candidates[lo + 1..=hi.max(lo)] {
+                        value = $select(A::undecided(), value, self.$columns.get(candidate)[lane]);
+                    }
+                    self.$columns.get_mut(registers[0])[lane] = value;
+                }};
+            }
+            match file {
+                File::Float => picked!(floats, A::select_float),
+                File::Int => picked!(ints, A::select_int),
+                File::Bool => picked!(bools, A::select_bool),
+            }
+        }
+        first
+    }
+
+    pub(super) fn table(&mut self, file: File, table: u32, registers: &[u32]) -> Option<usize> {
+        let (table, signed) = &self.code.tables[table as usize];
+        let mut first = None;
+        for lane in 0..self.width {
+            let (lo, hi, clamped) = self.chosen(registers[1], *signed, table.len(), lane);
+            if clamped {
+                first = first.or(Some(lane));
+            }
+            let entries = &table[lo..=hi];
+            match file {
+                File::Float => {
+                    let values = entries.iter().map(|entry| A::float(f32::from_bits(entry.word)));
+                    let value = values.reduce(|a, b| A::select_float(A::undecided(), a, b));
+                    if let Some(value) = value {
+                        self.floats.get_mut(registers[0])[lane] = value;
+                    }
+                }
+                File::Int => {
+                    let values = entries.iter().map(|entry| A::int(entry.word, entry.scalar.signed()));
+                    let value = values.reduce(|a, b| A::select_int(A::undecided(), a, b));
+                    if let Some(value) = value {
+                        self.ints.get_mut(registers[0])[lane] = value;
+                    }
+                }
+                File::Bool => {
+                    let values = entries.iter().map(|entry| A::bool(entry.word != 0));
+                    let value = values.reduce(|a, b| A::select_bool(A::undecided(), a, b));
+                    if let Some(value) = value {
+                        self.bools.get_mut(registers[0])[lane] = value;
+                    }
+                }
+            }
+        }
+        first
+    }
+
+    pub(super) fn load(
+        &mut self,
+        scalar: Scalar,
+        walk: u32,
+        registers: &[u32],
+        memory: &Memory<'_, A>,
+    ) -> Option<usize> {
+        let walk = &self.code.walks[walk as usize];
+        let buffer = &memory.buffers[walk.buffer as usize];
+        let length = buffer.bytes.len();
+        let mut first = None;
+        // Without an index, each lane loads the same.
+        let lanes = if walk.steps.is_empty() { 1 } else { self.width };
+        for lane in 0..lanes {
+            let mut places = Vec::new();
+            let clamped = walk_lane::<A>(walk, &registers[1..], &self.ints, lane, length, |at| {
+                places.push(at);
+            });
+            if clamped && A::possible(self.masks.active()[lane]) {
+                first = first.or(Some(lane));
+            }
+            let join = A::undecided();
+            match scalar {
+                Scalar::F32 | Scalar::F16 => {
+                    let values = places.iter().map(|&at| match scalar {
+                        Scalar::F32 => buffer.float(at),
+                        _ => A::float(buffer.half(at)),
+                    });
+                    if let Some(x) = values.reduce(|a, b| A::select_float(join, a, b)) {
+                        let x = if self.options.flush { A::flush(x) } else { x };
+                        self.floats.get_mut(registers[0])[lane] = x;
+                    }
+                }
+                Scalar::I32 | Scalar::U32 => {
+                    let values = places.iter().map(|&at| A::int(buffer.word(at), scalar.signed()));
+                    if let Some(x) = values.reduce(|a, b| A::select_int(join, a, b)) {
+                        self.ints.get_mut(registers[0])[lane] = x;
+                    }
+                }
+                Scalar::Bool => {
+                    let byte = |at: usize| buffer.bytes.get(at).is_some_and(|byte| *byte != 0);
+                    let values = places.iter().map(|&at| A::bool(byte(at)));
+                    if let Some(x) = values.reduce(|a, b| A::select_bool(join, a, b)) {
+                        self.bools.get_mut(registers[0])[lane] = x;
+                    }
+                }
+            }
+        }
+        if lanes == 1 {
+            match scalar.file() {
+                File::Float => fill(self.floats.get_mut(registers[0])),
+                File::Int => fill(self.ints.get_mut(registers[0])),
+                File::Bool => fill(self.bools.get_mut(registers[0])),
+            }
+        }
+        first
+    }
+
+    pub(super) fn write(
+        &mut self,
+        scalar: Scalar,
+        walk: u32,
+        registers: &[u32],
+        memory: &mut Memory<'_, A>,
+    ) -> Option<usize> {
+        let walk = &self.code.walks[walk as usize];
+        let n = walk.steps.len();
+        let (value, indices) = match scalar {
+            Scalar::Bool => (registers[n], &registers[..n]),
+            _ => (registers[0], &registers[1..]),
+        };
+        let buffer = &mut memory.buffers[walk.buffer as usize];
+        let length = buffer.bytes.len();
+        let mut first = None;
+        for lane in 0..self.width {
+            if !A::possible(self.masks.active()[lane]) {
+                continue;
+            }
+            let mut at = 0;
+            if walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to) {
+                first = first.or(Some(lane));
+            }
+            match scalar {
+                Scalar::F32 => {
+                    let x = self.floats.get(value)[lane];
+                    buffer.put(at, &A::float_word(x).to_le_bytes());
+                    if let Some(float) = buffer.floats.get_mut(at / 4) {
+                        *float = Some(x);
+                    }
+                }
+                Scalar::F16 => {
+                    let x = f32::from_bits(A::float_word(self.floats.get(value)[lane]));
+                    buffer.put(at, &half::f16::from_f32(x).to_le_bytes());
+                }
+                Scalar::I32 | Scalar::U32 => {
+                    buffer.put(at, &A::int_word(self.ints.get(value)[lane]).to_le_bytes());
+                }
+                Scalar::Bool => buffer.put(at, &[A::bool_word(self.bools.get(value)[lane]) as u8]),
+            }
+        }
+        first
+    }
+
+    pub(super) fn array_length(&mut self, walk: u32, out: u32, memory: &Memory<'_, A>) {
+        let walk = &self.code.walks[walk as usize];
+        let bytes = memory.buffers[walk.buffer as usize].bytes.len();
+        let length = walk.steps.first().map_or(0, |step| step.length(bytes));
+        self.ints.get_mut(out).fill(A::int(u32::try_from(length).unwrap_or(u32::MAX), false));
+    }
+
+    /// Lane after lane, in order: one of the orders that the specification allows.
+    pub(super) fn atomic(&mut self, walk: u32, registers: &[u32], memory: &mut Memory<'_, A>) {
+        let walk = &self.code.walks[walk as usize];
+        let Some(atomic) = walk.atomic else { return };
+        let compared = matches!(atomic.function, AtomicFunction::Exchange { compare: Some(_) });
+        let outs = usize::from(atomic.result) + usize::from(atomic.result && compared);
+        let operand = registers[outs];
+        let indices = &registers[outs + 1 + usize::from(compared)..];
+        let buffer = &mut memory.buffers[walk.buffer as usize];
+        let length = buffer.bytes.len();
+        let signed = atomic.scalar.signed();
+        for lane in 0..self.width {
+            if !A::possible(self.masks.active()[lane]) {
+                continue;
+            }
+            let mut at = 0;
+            walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to);
+            let old = buffer.word(at);
+            let x = A::int_word(self.ints.get(operand)[lane]);
+            let order = |less: bool| {
+                let x_is_less = if signed { x.cast_signed() < old.cast_signed() } else { x < old };
+                if x_is_less == less { x } else { old }
+            };
+            let mut exchanged = true;
+            let new = match atomic.function {
+                AtomicFunction::Add => old.wrapping_add(x),
+                AtomicFunction::Subtract => old.wrapping_sub(x),
+                AtomicFunction::And => old & x,
+                AtomicFunction::ExclusiveOr => old ^ x,
+                AtomicFunction::InclusiveOr => old | x,
+                AtomicFunction::Min => order(true),
+                AtomicFunction::Max => order(false),
+                AtomicFunction::Exchange { compare: None } => x,
+                AtomicFunction::Exchange { compare: Some(_) } => {
+                    exchanged = A::int_word(self.ints.get(registers[outs + 1])[lane]) == old;
+                    if exchanged { x } else { old }
+                }
+            };
+            buffer.put(at, &new.to_le_bytes());
+            if atomic.result {
+                self.ints.get_mut(registers[0])[lane] = A::int(old, signed);
+                if compared {
+                    self.bools.get_mut(registers[1])[lane] = A::bool(exchanged);
+                }
+            }
+        }
+    }
+}
+
+fn fill<T: Copy>(lanes: &mut [T]) {
+    if let Some(&first) = lanes.first() {
+        lanes.fill(first);
+    }
+}

@@ -1,0 +1,57 @@
+//! What watches a run.
+
+use crate::arithmetic::Arithmetic;
+use crate::code::Site;
+
+/// Values of all lanes at one operation.
+#[derive(Debug)]
+pub struct Lanes<'a, A: Arithmetic> {
+    /// Where the author wrote it.
+    pub site: &'a Site,
+    /// The case that the first lane is.
+    pub case: usize,
+    /// Its floats: a slice of lanes for each.
+    pub floats: &'a [&'a [A::Float]],
+    /// Its integers.
+    pub ints: &'a [&'a [A::Int]],
+    /// Its booleans.
+    pub bools: &'a [&'a [A::Bool]],
+    /// Which lanes are here; values of others mean nothing.
+    pub active: &'a [A::Bool],
+}
+
+/// An index that left its array, and was clamped.
+#[derive(Debug)]
+pub struct OutOfRange<'a> {
+    /// Where the author wrote it.
+    pub site: &'a Site,
+    /// The first case of the chunk in which it did.
+    pub case: usize,
+}
+
+/// Sees what a run computes. All methods do nothing by default, and `()` observes nothing at no
+/// cost. Chunks run on several threads at once.
+pub trait Observer<A: Arithmetic>: Sync {
+    /// Whether it is called at all.
+    const ACTIVE: bool = true;
+
+    /// An operation gave floats: one for each result, before it is rounded to half precision.
+    fn floats(&self, lanes: &Lanes<'_, A>) {
+        let _ = lanes;
+    }
+
+    /// A let-binding got its value; only in programs lowered with [`named`](crate::Settings::named).
+    /// Scalars are sorted: floats, integers, booleans.
+    fn named(&self, lanes: &Lanes<'_, A>) {
+        let _ = lanes;
+    }
+
+    /// An index was clamped into its array.
+    fn out_of_range(&self, index: &OutOfRange<'_>) {
+        let _ = index;
+    }
+}
+
+impl<A: Arithmetic> Observer<A> for () {
+    const ACTIVE: bool = false;
+}

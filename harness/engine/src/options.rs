@@ -1,0 +1,20 @@
+//! How a program runs.
+
+/// How a program runs.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Rounds of all loops together that a case may run: 2^20 by default, far above what a pixel
+    /// can afford and some seconds at most until a loop without end is found.
+    pub fuel: u64,
+    /// Rounds for which the exit of a loop may be undecided before its results are unbounded, in
+    /// intervals: 256 by default. Bounds that haven't converged by then rarely do.
+    pub undecided: u64,
+    /// Whether subnormals are flushed to zero, in `f32`: arguments and results of each operation.
+    pub flush: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { fuel: 1 << 20, undecided: 256, flush: false }
+    }
+}

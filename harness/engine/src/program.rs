@@ -1,0 +1,256 @@
+//! A program: made once of a module, run often.
+
+use std::borrow::Cow;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use naga::valid::ModuleInfo;
+use naga::{Module, ShaderStage, Span};
+use rayon::prelude::*;
+
+use crate::arithmetic::Arithmetic;
+use crate::code::{Binding, Code, Site};
+use crate::lower::{Lower, Settings};
+use crate::machine::{Buffer, Machine, Memory};
+use crate::observer::Observer;
+use crate::options::Options;
+use crate::refusal::{Refusal, Stop};
+use crate::resources::Resources;
+use crate::results::Results;
+use crate::scalar::{File, Scalar};
+
+/// Lanes of a chunk: a column of floats is then 1 KiB, so that some thirty are in a cache of the
+/// first level, and what finding an operation costs is shared by 256 cases.
+const LANES: usize = 256;
+
+/// Columns are as wide as the cases need, in steps of this many lanes: two vectors of AVX.
+const STEP: usize = 16;
+
+/// A function or an entry point, lowered.
+#[derive(Debug)]
+pub struct Program {
+    code: Code,
+    pub(crate) entry: Option<crate::dispatch::Entry>,
+}
+
+impl Program {
+    /// Lowers the function `name` of a valid module.
+    ///
+    /// # Errors
+    ///
+    /// The first thing in it that the engine doesn't execute.
+    pub fn function(
+        module: &Module,
+        info: &ModuleInfo,
+        name: &str,
+        settings: &Settings,
+    ) -> Result<Self, Refusal> {
+        let mut functions = module.functions.iter();
+        let Some((handle, function)) = functions.find(|(_, f)| f.name.as_deref() == Some(name))
+        else {
+            return Err(Refusal::new(format!("`{name}`: there is no such function"), Span::UNDEFINED));
+        };
+        let code = Lower::new(module, info, settings, false).program(function, &info[handle], name)?;
+        Ok(Self { code: crate::allocate::allocated(code), entry: None })
+    }
+
+    /// Lowers the compute entry point `name` of a valid module.
+    ///
+    /// # Errors
+    ///
+    /// The first thing in it that the engine doesn't execute.
+    pub fn entry_point(
+        module: &Module,
+        info: &ModuleInfo,
+        name: &str,
+        settings: &Settings,
+    ) -> Result<Self, Refusal> {
+        let mut points = module.entry_points.iter().enumerate();
+        let Some((index, point)) = points.find(|(_, point)| point.name == name) else {
+            let what = format!("`{name}`: there is no such entry point");
+            return Err(Refusal::new(what, Span::UNDEFINED));
+        };
+        if point.stage != ShaderStage::Compute {
+            return Err(Refusal::new(format!("entry points of stage {:?}", point.stage), Span::UNDEFINED));
+        }
+        let entry = crate::dispatch::Entry::of(module, point, settings)?;
+        let lower = Lower::new(module, info, settings, true);
+        let code = lower.program(&point.function, info.get_entry_point(index), name)?;
+        Ok(Self { code: crate::allocate::allocated(code), entry: Some(entry) })
+    }
+
+    /// What a row of arguments is made of.
+    #[must_use]
+    pub fn parameters(&self) -> Vec<Scalar> {
+        self.code.parameters.iter().map(|(_, scalar)| *scalar).collect()
+    }
+
+    /// What a row of results is made of.
+    #[must_use]
+    pub fn results(&self) -> Vec<Scalar> {
+        self.code.results.iter().map(|(_, scalar)| *scalar).collect()
+    }
+
+    /// Where the operations come from; what makes an interval unbounded is one of them.
+    #[must_use]
+    pub fn sites(&self) -> &[Site] {
+        &self.code.sites
+    }
+
+    /// Where an interval became unbounded, when this program computed it.
+    #[must_use]
+    pub fn cause(&self, interval: crate::Interval) -> Option<&Site> {
+        self.code.sites.get(interval.cause()? as usize)
+    }
+
+    /// How many operations it has, and how many registers of floats, integers and booleans.
+    #[must_use]
+    pub fn size(&self) -> (usize, [u32; 3]) {
+        (self.code.instructions.len(), self.code.registers)
+    }
+
+    pub(crate) fn code(&self) -> &Code {
+        &self.code
+    }
+
+    /// Calls the function for `cases` rows of arguments.
+    ///
+    /// # Errors
+    ///
+    /// When the rows aren't whole, a resource is missing, or a case spends its fuel.
+    pub fn call<A: Arithmetic>(
+        &self,
+        cases: usize,
+        rows: &[u32],
+        resources: &Resources,
+        options: &Options,
+        observer: &impl Observer<A>,
+    ) -> Result<Results<A>, Stop> {
+        if self.entry.is_some() {
+            return Err(Stop::Misuse("an entry point is dispatched, not called"));
+        }
+        let width = self.code.parameters.len();
+        if Some(rows.len()) != width.checked_mul(cases) {
+            return Err(Stop::Rows { found: rows.len(), width, cases });
+        }
+        self.has_rules::<A>()?;
+        let memory = self.memory::<A>(resources)?;
+        let scalars = self.results();
+        let chunks = cases.div_ceil(LANES);
+        // Chunks behind the first one that failed needn't run; those before it may fail earlier.
+        let failed = AtomicUsize::new(usize::MAX);
+        let lanes = LANES.min(cases.next_multiple_of(STEP));
+        let run = |state: &mut (Machine<'_, A>, Memory<'_, A>), chunk: usize| {
+            if failed.load(Ordering::Relaxed) < chunk {
+                return Ok(Results { scalars: Vec::new(), floats: vec![], ints: vec![], bools: vec![], cases: 0 });
+            }
+            let first = chunk * LANES;
+            let active = LANES.min(cases - first);
+            let (machine, memory) = state;
+            for lane in 0..active {
+                let row = &rows[(first + lane) * width..][..width];
+                for (&(register, scalar), &word) in self.code.parameters.iter().zip(row) {
+                    machine.set(register.index, scalar, lane, word);
+                }
+            }
+            match machine.run(active, first, memory, observer) {
+                Ok(()) => Ok(self.collect(machine, active)),
+                Err(spent) => {
+                    failed.fetch_min(chunk, Ordering::Relaxed);
+                    let case = first + spent.lane;
+                    Err(Stop::Fuel { span: spent.span, case, rounds: options.fuel })
+                }
+            }
+        };
+        let machine = || (Machine::<A>::new(&self.code, options, lanes), memory.clone());
+        let parts: Vec<Result<Results<A>, Stop>> = if chunks <= 1 {
+            (0..chunks).map(|chunk| run(&mut machine(), chunk)).collect()
+        } else {
+            (0..chunks).into_par_iter().map_init(machine, run).collect()
+        };
+        let mut all = Results { scalars, floats: vec![], ints: vec![], bools: vec![], cases };
+        for part in parts {
+            let part = part?;
+            all.floats.extend_from_slice(&part.floats);
+            all.ints.extend_from_slice(&part.ints);
+            all.bools.extend_from_slice(&part.bools);
+        }
+        Ok(all)
+    }
+
+    fn collect<A: Arithmetic>(&self, machine: &Machine<'_, A>, active: usize) -> Results<A> {
+        let of = |file: File| self.code.results.iter().filter(move |(r, _)| r.file == file);
+        let floats: Vec<&[A::Float]> =
+            of(File::Float).map(|(r, _)| machine.floats.get(r.index)).collect();
+        let ints: Vec<&[A::Int]> = of(File::Int).map(|(r, _)| machine.ints.get(r.index)).collect();
+        let bools: Vec<&[A::Bool]> =
+            of(File::Bool).map(|(r, _)| machine.bools.get(r.index)).collect();
+        Results {
+            scalars: Vec::new(),
+            floats: interleaved(&floats, active),
+            ints: interleaved(&ints, active),
+            bools: interleaved(&bools, active),
+            cases: active,
+        }
+    }
+
+    /// Whether this arithmetic has a rule for all of it.
+    pub(crate) fn has_rules<A: Arithmetic>(&self) -> Result<(), Stop> {
+        match self.code.half {
+            Some(span) if A::UNDECIDED => Err(Stop::NoRule { what: "half precision", span }),
+            _ => Ok(()),
+        }
+    }
+
+    pub(crate) fn memory<'r, A: Arithmetic>(
+        &self,
+        resources: &'r Resources,
+    ) -> Result<Memory<'r, A>, Stop> {
+        let mut memory = Memory { buffers: Vec::new(), textures: Vec::new(), samplers: Vec::new() };
+        for slot in &self.code.buffers {
+            let bytes = match slot.binding {
+                Binding::Workgroup => Cow::Owned(vec![0; slot.least as usize]),
+                Binding::Resource { group, binding } => {
+                    let Some(bytes) = resources.buffers.get(&(group, binding)) else {
+                        let (name, span) = (slot.name.clone(), slot.span);
+                        return Err(Stop::Missing { kind: "buffer", name, group, binding, span });
+                    };
+                    Cow::Borrowed(bytes.as_slice())
+                }
+            };
+            if bytes.len() < slot.least as usize {
+                let (found, needed) = (bytes.len(), slot.least as usize);
+                return Err(Stop::Short { name: slot.name.clone(), found, needed });
+            }
+            memory.buffers.push(Buffer::new(bytes, slot.written));
+        }
+        for slot in &self.code.textures {
+            match resources.textures.get(&(slot.group, slot.binding)) {
+                Some(texture) => memory.textures.push(texture),
+                None => return Err(slot.missing("texture")),
+            }
+        }
+        for slot in &self.code.samplers {
+            match resources.samplers.get(&(slot.group, slot.binding)) {
+                Some(sampler) => memory.samplers.push(sampler),
+                None => return Err(slot.missing("sampler")),
+            }
+        }
+        Ok(memory)
+    }
+}
+
+impl crate::code::HandleSlot {
+    fn missing(&self, kind: &'static str) -> Stop {
+        let (name, span) = (self.name.clone(), self.span);
+        Stop::Missing { kind, name, group: self.group, binding: self.binding, span }
+    }
+}
+
+/// Rows of the first `active` lanes of columns.
+fn interleaved<T: Copy>(columns: &[&[T]], active: usize) -> Vec<T> {
+    let mut rows = Vec::with_capacity(columns.len() * active);
+    for lane in 0..active {
+        rows.extend(columns.iter().map(|column| column[lane]));
+    }
+    rows
+}

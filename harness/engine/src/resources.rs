@@ -1,0 +1,48 @@
+//! What the caller binds.
+
+use std::collections::BTreeMap;
+
+use crate::texture::{Sampler, Texture};
+
+/// Buffers, textures and samplers, by group and binding.
+#[derive(Clone, Debug, Default)]
+pub struct Resources {
+    pub(crate) buffers: BTreeMap<(u32, u32), Vec<u8>>,
+    pub(crate) textures: BTreeMap<(u32, u32), Texture>,
+    pub(crate) samplers: BTreeMap<(u32, u32), Sampler>,
+}
+
+impl Resources {
+    /// None at all.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Binds a buffer: bytes in the layout of its type, little-endian.
+    pub fn set_buffer(&mut self, group: u32, binding: u32, bytes: impl Into<Vec<u8>>) {
+        self.buffers.insert((group, binding), bytes.into());
+    }
+
+    /// The bytes of a buffer, which a dispatch may have written.
+    #[must_use]
+    pub fn buffer(&self, group: u32, binding: u32) -> Option<&[u8]> {
+        self.buffers.get(&(group, binding)).map(Vec::as_slice)
+    }
+
+    /// Binds a texture.
+    pub fn set_texture(&mut self, group: u32, binding: u32, texture: Texture) {
+        self.textures.insert((group, binding), texture);
+    }
+
+    /// A texture, which a dispatch may have written.
+    #[must_use]
+    pub fn texture(&self, group: u32, binding: u32) -> Option<&Texture> {
+        self.textures.get(&(group, binding))
+    }
+
+    /// Binds a sampler.
+    pub fn set_sampler(&mut self, group: u32, binding: u32, sampler: Sampler) {
+        self.samplers.insert((group, binding), sampler);
+    }
+}

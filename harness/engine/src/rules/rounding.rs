@@ -1,0 +1,102 @@
+//! Whole parts, fractions and exponents of floats.
+
+use super::float_rules;
+use crate::interval::Interval;
+
+float_rules! {
+    /// Whole parts, fractions and exponents.
+    Rounding {
+        Floor[1, 1] = Floor {
+            single: |[x]| [x.floor()],
+            double: |[x]| [x.floor()],
+            interval: |[x]| [stepped(x, f64::floor)],
+        }
+        Ceil[1, 1] = Ceil {
+            single: |[x]| [x.ceil()],
+            double: |[x]| [x.ceil()],
+            interval: |[x]| [stepped(x, f64::ceil)],
+        }
+        /// Halves to even.
+        Round[1, 1] = Round {
+            single: |[x]| [x.round_ties_even()],
+            double: |[x]| [x.round_ties_even()],
+            interval: |[x]| [stepped(x, f64::round_ties_even)],
+        }
+        Trunc[1, 1] = Trunc {
+            single: |[x]| [x.trunc()],
+            double: |[x]| [x.trunc()],
+            interval: |[x]| [stepped(x, f64::trunc)],
+        }
+        /// x - floor(x), which rounds to 1 just below zero.
+        Fract[1, 1] = Fract {
+            single: |[x]| [x - x.floor()],
+            double: |[x]| [x - x.floor()],
+            interval: |[x]| {
+                // Where the floor is one integer, it is the same in both places.
+                let floor = stepped(x, f64::floor);
+                let fraction = x.sub(floor);
+                [if floor.is_bounded() && floor.lo() != floor.hi() {
+                    Interval::between(0.0, 1.0)
+                } else {
+                    fraction
+                }]
+            },
+        }
+        /// x - trunc(x), which is what modf calls the fraction.
+        Fraction[1, 1] {
+            single: |[x]| [if x.is_infinite() { 0.0f32.copysign(x) } else { x - x.trunc() }],
+            double: |[x]| [if x.is_infinite() { 0.0f64.copysign(x) } else { x - x.trunc() }],
+            interval: |[x]| {
+                let whole = stepped(x, f64::trunc);
+                [if whole.is_bounded() && whole.lo() != whole.hi() {
+                    Interval::between(-1.0, 1.0)
+                } else {
+                    x.sub(whole)
+                }]
+            },
+        }
+        /// Of frexp, in [0.5, 1) or zero.
+        Mantissa[1, 1] {
+            single: |[x]| [libm::frexpf(x).0],
+            double: |[x]| [libm::frexp(x).0],
+            interval: |[x]| [mantissa(x)],
+        }
+        /// Nearest even in half precision; beyond its range infinite.
+        Quantize[1, 1] = QuantizeToF16 {
+            single: |[x]| [half::f16::from_f32(x).to_f32()],
+            double: |[x]| [half::f16::from_f64(x).to_f64()],
+            interval: |[x]| [quantized(x)],
+        }
+    }
+}
+
+fn stepped(x: Interval, f: impl Fn(f64) -> f64) -> Interval {
+    match x.bounds() {
+        Some((lo, hi)) => Interval::outwards(f(lo), f(hi)),
+        None => Interval::UNBOUNDED,
+    }
+}
+
+fn mantissa(x: Interval) -> Interval {
+    match x.bounds() {
+        Some((lo, hi)) if lo == hi => Interval::outwards(libm::frexp(lo).0, libm::frexp(lo).0),
+        Some(_) => Interval::between(-1.0, 1.0),
+        None => Interval::UNBOUNDED,
+    }
+}
+
+/// Either neighbour in half precision, whose subnormals may be flushed.
+fn quantized(x: Interval) -> Interval {
+    let Some((lo, hi)) = x.bounds() else { return Interval::UNBOUNDED };
+    let greatest = half::f16::MAX.to_f64();
+    if lo < -greatest || hi > greatest {
+        return Interval::UNBOUNDED;
+    }
+    let steps = |x: f64| 2f64.powi(if x == 0.0 { -24 } else { (libm::ilogb(x) - 10).max(-24) });
+    let below = (lo / steps(lo)).floor() * steps(lo);
+    let above = (hi / steps(hi)).ceil() * steps(hi);
+    let least_normal = half::f16::MIN_POSITIVE.to_f64();
+    let below = if below > 0.0 && below < least_normal { 0.0 } else { below };
+    let above = if above < 0.0 && above > -least_normal { 0.0 } else { above };
+    Interval::outwards(below, above)
+}
