@@ -1,7 +1,357 @@
-//! Which registers values share.
+//! What isn't needed is removed, and values that don't live at the same time share a register.
+//!
+//! The program is one list in which control only goes forward, but for the ends of loops. So a value
+//! lives from its first to its last place in the list, and to the end of each loop that it is used
+//! in but not defined in.
 
-use crate::code::Code;
+use crate::code::{Code, Op, Shape};
+use crate::scalar::File;
 
-pub(crate) fn allocated(code: Code) -> Code {
+/// The places at which a register occurs.
+#[derive(Clone, Copy, Debug)]
+struct Life {
+    first: u32,
+    last: u32,
+    /// How often it is written.
+    writes: u32,
+    /// How often it is read.
+    reads: u32,
+}
+
+const NEVER: Life = Life { first: u32::MAX, last: 0, writes: 0, reads: 0 };
+
+/// One register of an operation: its file, its place in the pool, whether it is written.
+#[derive(Clone, Copy, Debug)]
+struct Operand {
+    file: File,
+    at: usize,
+    written: bool,
+}
+
+const FILES: [File; 3] = [File::Float, File::Int, File::Bool];
+
+fn operands(shape: Shape, start: u32) -> impl Iterator<Item = Operand> {
+    let mut at = start as usize;
+    let parts = [(shape.outs, true), (shape.ins, false)];
+    let each = parts.into_iter().flat_map(|(counts, written)| {
+        FILES.into_iter().flat_map(move |file| {
+            std::iter::repeat_n((file, written), counts[file as usize] as usize)
+        })
+    });
+    each.map(move |(file, written)| {
+        at += 1;
+        Operand { file, at: at - 1, written }
+    })
+}
+
+/// Removes what isn't used, forwards copies and assigns registers.
+pub(crate) fn allocated(mut code: Code) -> Code {
+    forward_copies(&mut code);
+    remove_unused(&mut code);
+    assign(&mut code);
     code
+}
+
+/// Per file and register.
+type Table<T> = [Vec<T>; 3];
+
+fn table<T: Clone>(code: &Code, value: &T) -> Table<T> {
+    std::array::from_fn(|file| vec![value.clone(); code.registers[file] as usize])
+}
+
+fn lives(code: &Code) -> Table<Life> {
+    let mut lives = table(code, &NEVER);
+    for (register, _) in &code.parameters {
+        let life = &mut lives[register.file as usize][register.index as usize];
+        life.first = 0;
+        life.writes += 1;
+    }
+    for (place, instruction) in code.instructions.iter().enumerate() {
+        for operand in operands(code.shape(instruction.op), instruction.at) {
+            let life = &mut lives[operand.file as usize][code.pool[operand.at] as usize];
+            life.first = life.first.min(place as u32);
+            life.last = life.last.max(place as u32);
+            life.writes += u32::from(operand.written);
+            life.reads += u32::from(!operand.written);
+        }
+    }
+    for (register, _) in &code.results {
+        let life = &mut lives[register.file as usize][register.index as usize];
+        life.last = code.instructions.len() as u32;
+        life.reads += 1;
+    }
+    lives
+}
+
+/// The loops of a program: where each begins and ends, and which encloses it.
+struct Loops {
+    /// For each place, the innermost loop that it is in.
+    of: Vec<Option<u32>>,
+    loops: Vec<(u32, u32, Option<u32>)>,
+}
+
+impl Loops {
+    fn of(code: &Code) -> Self {
+        let mut open: Vec<u32> = Vec::new();
+        let mut loops: Vec<(u32, u32, Option<u32>)> = Vec::new();
+        let mut of = Vec::with_capacity(code.instructions.len() + 1);
+        for (place, instruction) in code.instructions.iter().enumerate() {
+            if instruction.op == Op::Loop {
+                loops.push((place as u32, u32::MAX, open.last().copied()));
+                open.push(loops.len() as u32 - 1);
+            }
+            of.push(open.last().copied());
+            if instruction.op == Op::EndLoop
+                && let Some(ended) = open.pop()
+            {
+                loops[ended as usize].1 = place as u32;
+            }
+        }
+        of.push(None);
+        Self { of, loops }
+    }
+
+    /// The last place at which a value of `defined` is needed that is used at `used`.
+    fn needed(&self, defined: u32, used: u32) -> u32 {
+        let mut last = used;
+        let mut inner = self.of[used as usize];
+        while let Some(index) = inner {
+            let (start, end, outer) = self.loops[index as usize];
+            if start > defined {
+                last = last.max(end);
+            }
+            inner = outer;
+        }
+        last
+    }
+}
+
+fn is_pinned(code: &Code, file: File, register: u32) -> bool {
+    code.pinned.iter().any(|&(pinned, base, count)| {
+        pinned == file && (base..base + count).contains(&register)
+    })
+}
+
+/// Reads of a copy become reads of what it copies, where that isn't written meanwhile.
+fn forward_copies(code: &mut Code) {
+    let lives = lives(code);
+    let loops = Loops::of(code);
+    // Where each register is written, in order.
+    let mut writes: Table<Vec<u32>> = table(code, &Vec::new());
+    // Until where each register's value is needed, by where it is first written.
+    let mut needed: Table<u32> = table(code, &0);
+    for (place, instruction) in code.instructions.iter().enumerate() {
+        if let Op::Scatter(file, _) = instruction.op {
+            let base = code.pool[instruction.at as usize];
+            for &(pinned, first, count) in &code.pinned {
+                if pinned == file && (first..first + count).contains(&base) {
+                    for register in first..first + count {
+                        writes[file as usize][register as usize].push(place as u32);
+                    }
+                }
+            }
+            continue;
+        }
+        for operand in operands(code.shape(instruction.op), instruction.at) {
+            let (file, register) = (operand.file as usize, code.pool[operand.at] as usize);
+            if operand.written {
+                writes[file][register].push(place as u32);
+            } else {
+                let defined = lives[file][register].first;
+                let until = loops.needed(defined, place as u32);
+                needed[file][register] = needed[file][register].max(until);
+            }
+        }
+    }
+    for (register, _) in &code.results {
+        needed[register.file as usize][register.index as usize] = code.instructions.len() as u32;
+    }
+    let mut renamed: Table<Option<u32>> = table(code, &None);
+    for (place, instruction) in code.instructions.iter().enumerate() {
+        let Op::Move(file) = instruction.op else { continue };
+        let [to, from] = [0, 1].map(|k| code.pool[instruction.at as usize + k]);
+        let f = file as usize;
+        // What is copied may be a copy itself.
+        let from = renamed[f][from as usize].unwrap_or(from);
+        let life = lives[f][to as usize];
+        if life.writes != 1 || is_pinned(code, file, to) {
+            continue;
+        }
+        let until = needed[f][to as usize];
+        let after = writes[f][from as usize].partition_point(|&write| write <= place as u32);
+        if writes[f][from as usize].get(after).is_some_and(|&write| write <= until) {
+            continue;
+        }
+        renamed[f][to as usize] = Some(from);
+        needed[f][from as usize] = needed[f][from as usize].max(until);
+    }
+    for instruction in 0..code.instructions.len() {
+        let instruction = code.instructions[instruction];
+        for operand in operands(code.shape(instruction.op), instruction.at) {
+            let register = code.pool[operand.at] as usize;
+            if let (false, Some(other)) = (operand.written, renamed[operand.file as usize][register]) {
+                code.pool[operand.at] = other;
+            }
+        }
+    }
+    for (register, _) in &mut code.results {
+        if let Some(other) = renamed[register.file as usize][register.index as usize] {
+            register.index = other;
+        }
+    }
+}
+
+/// Whether an operation does nothing but write its results.
+fn is_pure(op: Op) -> bool {
+    match op {
+        Op::Float(_)
+        | Op::Integer(_)
+        | Op::ToInt(_)
+        | Op::FromInt(_)
+        | Op::Scale(_)
+        | Op::ToHalf
+        | Op::CompareFloat(_)
+        | Op::CompareInt(..)
+        | Op::And
+        | Op::Or
+        | Op::Not
+        | Op::Differ
+        | Op::IsNan
+        | Op::IsInf
+        | Op::Select(_)
+        | Op::Move(_)
+        | Op::Store(_)
+        | Op::Gather(..)
+        | Op::Pick(..)
+        | Op::Table(..)
+        | Op::Load(..)
+        | Op::ArrayLength(_) => true,
+        _ => false,
+    }
+}
+
+fn remove_unused(code: &mut Code) {
+    let mut reads = table(code, &0u32);
+    for instruction in &code.instructions {
+        for operand in operands(code.shape(instruction.op), instruction.at) {
+            if !operand.written {
+                reads[operand.file as usize][code.pool[operand.at] as usize] += 1;
+            }
+        }
+    }
+    for (register, _) in &code.results {
+        reads[register.file as usize][register.index as usize] += 1;
+    }
+    for &(file, base, count) in &code.pinned {
+        for register in base..base + count {
+            reads[file as usize][register as usize] += 1;
+        }
+    }
+    let mut removed = vec![false; code.instructions.len()];
+    // A variable may be read before the place at which it is written, so once isn't enough.
+    loop {
+        let mut changed = false;
+        for place in (0..code.instructions.len()).rev() {
+            let instruction = code.instructions[place];
+            if removed[place] || !is_pure(instruction.op) {
+                continue;
+            }
+            let all = || operands(code.shape(instruction.op), instruction.at);
+            let read = |o: Operand| reads[o.file as usize][code.pool[o.at] as usize] > 0;
+            if all().any(|operand| operand.written && read(operand)) {
+                continue;
+            }
+            removed[place] = true;
+            changed = true;
+            for operand in all().filter(|operand| !operand.written) {
+                reads[operand.file as usize][code.pool[operand.at] as usize] -= 1;
+            }
+        }
+        if !changed {
+            break;
+        }
+    }
+    let mut next = 0;
+    let mut moved: Vec<u32> = Vec::with_capacity(removed.len() + 1);
+    for &removed in &removed {
+        moved.push(next);
+        next += u32::from(!removed);
+    }
+    moved.push(next);
+    let mut kept = removed.iter().map(|removed| !removed);
+    code.instructions.retain(|_| kept.next().unwrap_or(true));
+    for instruction in &mut code.instructions {
+        if let Some(&target) = moved.get(instruction.target as usize) {
+            instruction.target = target;
+        }
+    }
+}
+
+/// Gives each register that occurs one of as few as possible.
+fn assign(code: &mut Code) {
+    let mut lives = lives(code);
+    let loops = Loops::of(code);
+    for (place, instruction) in code.instructions.iter().enumerate() {
+        for operand in operands(code.shape(instruction.op), instruction.at) {
+            let life = &mut lives[operand.file as usize][code.pool[operand.at] as usize];
+            life.last = life.last.max(loops.needed(life.first, place as u32));
+        }
+    }
+    let mut assigned: Table<Option<u32>> = table(code, &None);
+    let mut counts = [0u32; 3];
+    let mut fresh = |file: File| {
+        counts[file as usize] += 1;
+        counts[file as usize] - 1
+    };
+    // Constants and what is found by index keep theirs for good.
+    for &(file, base, count) in &code.pinned {
+        for register in base..base + count {
+            assigned[file as usize][register as usize] = Some(fresh(file));
+        }
+    }
+    code.constants.retain(|(register, _)| {
+        let life = lives[register.file as usize][register.index as usize];
+        let used = life.reads > 0;
+        if used {
+            assigned[register.file as usize][register.index as usize] = Some(fresh(register.file));
+        }
+        used
+    });
+    for file in FILES {
+        let f = file as usize;
+        let mut order: Vec<u32> = (0..code.registers[f])
+            .filter(|&r| assigned[f][r as usize].is_none() && lives[f][r as usize].writes > 0)
+            .collect();
+        order.sort_by_key(|&register| lives[f][register as usize].first);
+        let mut active: std::collections::BinaryHeap<std::cmp::Reverse<(u32, u32)>> =
+            Default::default();
+        let mut free: Vec<u32> = Vec::new();
+        for register in order {
+            let life = lives[f][register as usize];
+            // Not at its last place itself: there results are written beside it.
+            while let Some(&std::cmp::Reverse((last, old))) = active.peek()
+                && last < life.first
+            {
+                active.pop();
+                free.push(old);
+            }
+            let new = free.pop().unwrap_or_else(|| fresh(file));
+            assigned[f][register as usize] = Some(new);
+            active.push(std::cmp::Reverse((life.last.max(life.first), new)));
+        }
+    }
+    let of = |file: File, register: u32| assigned[file as usize][register as usize].unwrap_or(0);
+    for instruction in 0..code.instructions.len() {
+        let instruction = code.instructions[instruction];
+        for operand in operands(code.shape(instruction.op), instruction.at) {
+            code.pool[operand.at] = of(operand.file, code.pool[operand.at]);
+        }
+    }
+    for (register, _) in code.parameters.iter_mut().chain(&mut code.results) {
+        register.index = of(register.file, register.index);
+    }
+    for (register, _) in &mut code.constants {
+        register.index = of(register.file, register.index);
+    }
+    code.registers = counts;
 }
