@@ -225,6 +225,7 @@ fn is_pure(op: Op) -> bool {
         | Op::Pick(..)
         | Op::Table(..)
         | Op::Load(..)
+        | Op::Image(_)
         | Op::ArrayLength(_) => true,
         _ => false,
     }

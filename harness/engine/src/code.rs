@@ -222,11 +222,42 @@ pub(crate) struct HandleSlot {
     pub(crate) span: Span,
 }
 
-/// What an operation on a texture is.
+/// An operation on a texture.
+///
+/// Its operands in order. Floats: coordinates, reference, level or both gradients. Integers:
+/// coordinates, layer, sample, level; or layer and offset.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum ImageOp {
-    /// Placeholder until textures are lowered.
-    Query,
+pub(crate) struct ImageOp {
+    pub(crate) texture: u32,
+    pub(crate) sampler: u32,
+    pub(crate) kind: ImageKind,
+    pub(crate) coordinates: u32,
+    pub(crate) arrayed: bool,
+    /// Which integer operands are signed, a bit each.
+    pub(crate) signed: u32,
+    /// Whether its texels are signed integers.
+    pub(crate) signed_texels: bool,
+    pub(crate) outs: [u32; 3],
+    pub(crate) ins: [u32; 3],
+}
+
+/// What an operation on a texture does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum ImageKind {
+    Sample { detail: Detail, compare: bool, gather: Option<u8>, clamp: bool },
+    Load { level: bool, sample: bool, signed: bool },
+    Size,
+    Levels,
+    Layers,
+    Samples,
+}
+
+/// Where a sample has its level of detail from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Detail {
+    Zero,
+    Exact,
+    Gradient,
 }
 
 impl Code {
@@ -295,7 +326,10 @@ impl Code {
                     ins: [0, 1 + u32::from(compared) + indices, 0],
                 }
             }
-            Op::Image(_) => Shape::default(),
+            Op::Image(image) => {
+                let image = &self.images[image as usize];
+                Shape { outs: image.outs, ins: image.ins }
+            }
             Op::If | Op::Else | Op::Case(_) | Op::BreakIf => Shape { outs: [0; 3], ins: bool },
             Op::Mark(mark) => Shape { outs: [0; 3], ins: self.marks[mark as usize] },
             Op::EndIf

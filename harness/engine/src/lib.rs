@@ -29,4 +29,4 @@ pub use refusal::{Refusal, Stop};
 pub use resources::Resources;
 pub use results::{Lane, LaneOf, Results};
 pub use scalar::Scalar;
-pub use texture::{Sampler, Texture};
+pub use texture::{Address, Comparison, Dimension, Filter, Sampler, Texels, Texture, TextureError};

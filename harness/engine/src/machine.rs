@@ -185,6 +185,9 @@ impl<'p, A: Rules> Machine<'p, A> {
                 }
                 Op::Load(scalar, walk) => {
                     let outs = self.load(scalar, walk, registers, memory);
+                    if A::NOTES && scalar.file() == File::Float {
+                        self.after_floats(instruction, &registers[..1], (0, 1));
+                    }
                     self.report(observer, instruction, case, outs);
                 }
                 Op::Write(scalar, walk) => {
@@ -195,6 +198,13 @@ impl<'p, A: Rules> Machine<'p, A> {
                 Op::Atomic(walk) => self.atomic(walk, registers, memory),
                 Op::Image(image) => {
                     let outs = self.image(image, registers, memory);
+                    let [floats, from] = [shape.outs[0], shape.ins[0]].map(|n| n as usize);
+                    if floats > 0 {
+                        self.after_floats(instruction, &registers[..floats + from], (from, floats));
+                        if O::ACTIVE {
+                            self.show(observer, instruction, case, &registers[..floats]);
+                        }
+                    }
                     self.report(observer, instruction, case, outs);
                 }
                 Op::If => {

@@ -57,6 +57,8 @@ macro_rules! float_rules {
             }
 
             /// The rule that a builtin applies to each component.
+            #[expect(clippy::allow_attributes, reason = "not each family has builtins by component")]
+            #[allow(dead_code, reason = "not each family has builtins by component")]
             pub(crate) fn builtin(function: naga::MathFunction) -> Option<Self> {
                 $($(if function == naga::MathFunction::$math { return Some(Self::$name); })?)*
                 let _ = function;
@@ -115,11 +117,6 @@ macro_rules! integer_rules {
             /// How many integers it takes.
             pub(crate) fn arity(self) -> usize {
                 match self { $(Self::$name => $i,)* }
-            }
-
-            /// Whether the result is an `i32`.
-            pub(crate) fn signed(self) -> bool {
-                match self { $(Self::$name => $signed,)* }
             }
 
             /// The rule that a builtin applies to each component.

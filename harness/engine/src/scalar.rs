@@ -38,15 +38,6 @@ impl Scalar {
         self == Self::I32
     }
 
-    /// Bytes in a buffer.
-    pub(crate) fn bytes(self) -> u32 {
-        match self {
-            Self::F16 => 2,
-            Self::Bool => 1,
-            Self::F32 | Self::I32 | Self::U32 => 4,
-        }
-    }
-
     /// The scalar that naga means, or what it is called when there is none here.
     pub(crate) fn of(scalar: naga::Scalar) -> Result<Self, String> {
         match (scalar.kind, scalar.width) {

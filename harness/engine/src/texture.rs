@@ -1,9 +1,287 @@
-//! Textures and samplers, as data.
+//! Textures and samplers, as data, and how WebGPU filters them.
+
+mod cube;
+mod sample;
+
+use thiserror::Error;
+
+pub(crate) use sample::{Footprint, Level, Place};
+
+/// How coordinates find texels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dimension {
+    /// By one coordinate.
+    D1,
+    /// By two, and a layer.
+    D2,
+    /// By three.
+    D3,
+    /// By a direction, and a layer. Faces are layers in the order +X, -X, +Y, -Y, +Z, -Z.
+    Cube,
+}
+
+/// The texels of one mip level: rows, then slices or layers. Samples of a texel are neighbours.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Texels {
+    /// Four channels of `f32`, as formats that hold fewer read: 0, 0, 0, 1 where there is none.
+    Float(Vec<[f32; 4]>),
+    /// Four channels of `i32`.
+    Sint(Vec<[i32; 4]>),
+    /// Four channels of `u32`.
+    Uint(Vec<[u32; 4]>),
+    /// Depths.
+    Depth(Vec<f32>),
+}
+
+impl Texels {
+    fn len(&self) -> usize {
+        match self {
+            Self::Float(texels) => texels.len(),
+            Self::Sint(texels) => texels.len(),
+            Self::Uint(texels) => texels.len(),
+            Self::Depth(texels) => texels.len(),
+        }
+    }
+}
+
+/// Why texels are no texture.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum TextureError {
+    /// A level has too few texels, or too many.
+    #[error("level {level} has {found} texels, its size needs {needed}")]
+    Level {
+        /// Which level.
+        level: usize,
+        /// How many texels it has.
+        found: usize,
+        /// How many it needs.
+        needed: u64,
+    },
+    /// A size of zero, no level at all, faces that aren't square or six.
+    #[error("{0}")]
+    Shape(&'static str),
+}
 
 /// A texture.
-#[derive(Clone, Debug, Default)]
-pub struct Texture;
+#[derive(Clone, Debug)]
+pub struct Texture {
+    dimension: Dimension,
+    size: [u32; 3],
+    samples: u32,
+    levels: Vec<Texels>,
+    /// The least and the greatest value of each channel.
+    hull: [(f32, f32); 4],
+}
 
-/// A sampler.
-#[derive(Clone, Debug, Default)]
-pub struct Sampler;
+impl Texture {
+    /// A texture of `size` texels (width, height, and depth or layers; six layers a cube), with its
+    /// mip levels from the largest. `samples` is 1 unless it is multisampled.
+    ///
+    /// # Errors
+    ///
+    /// When sizes and texels don't fit.
+    pub fn new(
+        dimension: Dimension,
+        size: [u32; 3],
+        samples: u32,
+        levels: Vec<Texels>,
+    ) -> Result<Self, TextureError> {
+        if size.contains(&0) || samples == 0 || levels.is_empty() {
+            return Err(TextureError::Shape("a texture without texels"));
+        }
+        if dimension == Dimension::Cube && (size[0] != size[1] || size[2] % 6 != 0) {
+            return Err(TextureError::Shape("a cube has six square faces a layer"));
+        }
+        if samples > 1 && levels.len() > 1 {
+            return Err(TextureError::Shape("a multisampled texture has one level"));
+        }
+        if levels.len() > 32 {
+            return Err(TextureError::Shape("a texture of more than 32 levels"));
+        }
+        let mut texture = Self { dimension, size, samples, levels, hull: [(0.0, 0.0); 4] };
+        for (level, texels) in texture.levels.iter().enumerate() {
+            let [w, h, d] = texture.level_size(level as u32).map(u64::from);
+            let needed = w
+                .checked_mul(h)
+                .and_then(|n| n.checked_mul(d))
+                .and_then(|n| n.checked_mul(u64::from(samples)))
+                .ok_or(TextureError::Shape("a texture of more than 2^64 texels"))?;
+            if texels.len() as u64 != needed {
+                return Err(TextureError::Level { level, found: texels.len(), needed });
+            }
+        }
+        texture.hull = std::array::from_fn(|channel| texture.hull_of(channel));
+        Ok(texture)
+    }
+
+    fn hull_of(&self, channel: usize) -> (f32, f32) {
+        let mut hull = (f32::INFINITY, f32::NEG_INFINITY);
+        let mut add = |x: f32| {
+            // NaN leaves no bounds at all.
+            hull = if x.is_nan() { (f32::NAN, f32::NAN) } else { (hull.0.min(x), hull.1.max(x)) };
+        };
+        for texels in &self.levels {
+            match texels {
+                Texels::Float(texels) => texels.iter().for_each(|texel| add(texel[channel])),
+                Texels::Depth(texels) => texels.iter().copied().for_each(&mut add),
+                Texels::Sint(_) | Texels::Uint(_) => {}
+            }
+        }
+        hull
+    }
+
+    pub(crate) fn hull(&self, channel: usize) -> (f32, f32) {
+        self.hull[channel]
+    }
+
+    /// How coordinates find its texels.
+    #[must_use]
+    pub fn dimension(&self) -> Dimension {
+        self.dimension
+    }
+
+    /// Width, height, and depth or layers of the largest level.
+    #[must_use]
+    pub fn size(&self) -> [u32; 3] {
+        self.size
+    }
+
+    /// How many mip levels it has.
+    #[must_use]
+    pub fn levels(&self) -> u32 {
+        self.levels.len() as u32
+    }
+
+    /// How many samples a texel has.
+    #[must_use]
+    pub fn samples(&self) -> u32 {
+        self.samples
+    }
+
+    /// The size of one level. Layers stay as many as they are.
+    #[must_use]
+    pub fn level_size(&self, level: u32) -> [u32; 3] {
+        let level = level.min(31);
+        let [w, h, d] = self.size;
+        let shrunk = |n: u32| (n >> level).max(1);
+        match self.dimension {
+            Dimension::D1 => [shrunk(w), 1, 1],
+            Dimension::D2 | Dimension::Cube => [shrunk(w), shrunk(h), d],
+            Dimension::D3 => [shrunk(w), shrunk(h), shrunk(d)],
+        }
+    }
+
+    fn index(&self, level: u32, at: [u32; 3], sample: u32) -> usize {
+        let [w, h, _] = self.level_size(level).map(|n| n as usize);
+        let [x, y, z] = at.map(|n| n as usize);
+        ((z * h + y) * w + x) * self.samples as usize + sample as usize
+    }
+
+    /// A texel's channels as words.
+    pub(crate) fn texel(&self, level: u32, at: [u32; 3], sample: u32) -> [u32; 4] {
+        let index = self.index(level, at, sample);
+        match self.levels.get(level as usize) {
+            Some(Texels::Float(texels)) => texels[index].map(f32::to_bits),
+            Some(Texels::Sint(texels)) => texels[index].map(i32::cast_unsigned),
+            Some(Texels::Uint(texels)) => texels[index],
+            Some(Texels::Depth(texels)) => [texels[index].to_bits(), 0, 0, 1f32.to_bits()],
+            None => [0; 4],
+        }
+    }
+
+    /// A channel of a texel as a float.
+    pub(crate) fn channel(&self, level: u32, at: [u32; 3], channel: usize) -> f32 {
+        f32::from_bits(self.texel(level, at, 0)[channel])
+    }
+}
+
+/// What coordinates beyond the edge find.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Address {
+    /// The texel at the edge.
+    #[default]
+    ClampToEdge,
+    /// The texture again.
+    Repeat,
+    /// The texture again, mirrored each other time.
+    MirrorRepeat,
+}
+
+/// Which texels count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Filter {
+    /// The nearest.
+    #[default]
+    Nearest,
+    /// Those about the coordinates, by distance.
+    Linear,
+}
+
+/// How a reference compares with a depth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Comparison {
+    /// Never.
+    Never,
+    /// reference < depth.
+    Less,
+    /// reference == depth.
+    Equal,
+    /// reference <= depth.
+    LessEqual,
+    /// reference > depth.
+    Greater,
+    /// reference != depth.
+    NotEqual,
+    /// reference >= depth.
+    GreaterEqual,
+    /// Always.
+    Always,
+}
+
+impl Comparison {
+    pub(crate) fn holds(self, reference: f64, depth: f64) -> bool {
+        match self {
+            Self::Never => false,
+            Self::Less => reference < depth,
+            Self::Equal => reference == depth,
+            Self::LessEqual => reference <= depth,
+            Self::Greater => reference > depth,
+            Self::NotEqual => reference != depth,
+            Self::GreaterEqual => reference >= depth,
+            Self::Always => true,
+        }
+    }
+}
+
+/// A sampler; WebGPU's default one unless something is changed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sampler {
+    /// For each coordinate.
+    pub address: [Address; 3],
+    /// Where a texel is larger than a pixel.
+    pub mag: Filter,
+    /// Where it is smaller.
+    pub min: Filter,
+    /// Between mip levels.
+    pub mip: Filter,
+    /// The least level of detail.
+    pub lod_min: f32,
+    /// The greatest level of detail.
+    pub lod_max: f32,
+    /// Of a comparison sampler.
+    pub compare: Option<Comparison>,
+}
+
+impl Default for Sampler {
+    fn default() -> Self {
+        Self {
+            address: [Address::ClampToEdge; 3],
+            mag: Filter::Nearest,
+            min: Filter::Nearest,
+            mip: Filter::Nearest,
+            lod_min: 0.0,
+            lod_max: 32.0, // WebGPU's default, above each level that there is
+            compare: None,
+        }
+    }
+}

@@ -2,14 +2,240 @@
 
 use super::{Machine, Memory};
 use crate::arithmetic::sealed::Rules;
+use crate::code::{Detail, ImageKind, ImageOp};
+use crate::texture::{Dimension, Footprint, Level, Place, Sampler, Texture};
+
+/// The registers of an operation on a texture, by what they hold.
+struct Operands<'a> {
+    outs: &'a [u32],
+    floats: &'a [u32],
+    ints: &'a [u32],
+}
 
 impl<A: Rules> Machine<'_, A> {
+    /// Returns the first active lane whose index was clamped.
     pub(super) fn image(
         &mut self,
-        _image: u32,
-        _registers: &[u32],
-        _memory: &mut Memory<'_, A>,
+        image: u32,
+        registers: &[u32],
+        memory: &Memory<'_, A>,
     ) -> Option<usize> {
+        let op = &self.code.images[image as usize];
+        let texture = memory.textures[op.texture as usize];
+        let outs = op.outs.iter().sum::<u32>() as usize;
+        let (outs, ins) = registers.split_at(outs);
+        let (floats, ints) = ins.split_at(op.ins[0] as usize);
+        let operands = Operands { outs, floats, ints };
+        match op.kind {
+            ImageKind::Levels => self.uniform(outs[0], texture.levels()),
+            ImageKind::Samples => self.uniform(outs[0], texture.samples()),
+            ImageKind::Layers => {
+                let faces = if texture.dimension() == Dimension::Cube { 6 } else { 1 };
+                self.uniform(outs[0], texture.size()[2] / faces);
+            }
+            ImageKind::Size => return self.size(op, texture, &operands),
+            ImageKind::Load { .. } => return self.load_texels(op, texture, &operands),
+            ImageKind::Sample { .. } => {
+                if let Some(&sampler) = memory.samplers.get(op.sampler as usize) {
+                    return self.sample(op, texture, sampler, &operands);
+                }
+            }
+        }
         None
     }
+
+    fn uniform(&mut self, out: u32, word: u32) {
+        self.ints.get_mut(out).fill(A::int(word, false));
+    }
+
+    /// Integer operand `k` of a lane, and whether it was beyond 0 to `last`.
+    fn index(&self, op: &ImageOp, register: u32, k: usize, lane: usize, last: u32) -> Index {
+        let (lo, hi) = A::bounds(self.ints.get(register)[lane], op.signed >> k & 1 == 1);
+        let clamped = lo < 0 || hi > i64::from(last);
+        let inside = |i: i64| i.clamp(0, i64::from(last)) as u32;
+        Index { at: inside(lo), one: inside(lo) == inside(hi), clamped }
+    }
+
+    fn size(&mut self, op: &ImageOp, texture: &Texture, operands: &Operands<'_>) -> Option<usize> {
+        let mut first = None;
+        for lane in 0..self.width {
+            let mut level = 0;
+            if let Some(&register) = operands.ints.first() {
+                let index = self.index(op, register, 0, lane, texture.levels() - 1);
+                level = index.at;
+                if index.clamped && A::possible(self.masks.active()[lane]) {
+                    first = first.or(Some(lane));
+                }
+            }
+            let size = texture.level_size(level);
+            for (&out, n) in operands.outs.iter().zip(size) {
+                self.ints.get_mut(out)[lane] = A::int(n, false);
+            }
+        }
+        first
+    }
+
+    fn load_texels(
+        &mut self,
+        op: &ImageOp,
+        texture: &Texture,
+        operands: &Operands<'_>,
+    ) -> Option<usize> {
+        let ImageKind::Load { level, sample, signed } = op.kind else { return None };
+        let mut first = None;
+        for lane in 0..self.width {
+            // In order: coordinates, layer, sample, level.
+            let n = operands.ints.len();
+            let mut clamped = false;
+            let mut one = true;
+            let mut read = |k: usize, last: u32| {
+                let index = self.index(op, operands.ints[k], k, lane, last);
+                clamped |= index.clamped;
+                one &= index.one;
+                index.at
+            };
+            let level = if level { read(n - 1, texture.levels() - 1) } else { 0 };
+            let size = texture.level_size(level);
+            let mut at = [0; 3];
+            let coordinates = op.coordinates as usize;
+            for (k, at) in at.iter_mut().enumerate().take(coordinates) {
+                *at = read(k, size[k] - 1);
+            }
+            if op.arrayed {
+                at[2] = read(coordinates, size[2] - 1);
+            }
+            let sample =
+                if sample { read(coordinates + usize::from(op.arrayed), texture.samples() - 1) } else { 0 };
+            if clamped && A::possible(self.masks.active()[lane]) {
+                first = first.or(Some(lane));
+            }
+            let words = texture.texel(level, at, sample);
+            for (channel, &out) in operands.outs.iter().enumerate() {
+                if op.outs[0] > 0 {
+                    let x = A::float(f32::from_bits(words[channel]));
+                    let x = if one { x } else { A::filtered(&[(1.0, 0.0)], texture.hull(channel)) };
+                    self.floats.get_mut(out)[lane] = x;
+                } else {
+                    let x = A::int(words[channel], signed);
+                    let x = if one { x } else { A::unknown_int(signed).unwrap_or(x) };
+                    self.ints.get_mut(out)[lane] = x;
+                }
+            }
+        }
+        first
+    }
+
+    fn sample(
+        &mut self,
+        op: &ImageOp,
+        texture: &Texture,
+        sampler: &Sampler,
+        operands: &Operands<'_>,
+    ) -> Option<usize> {
+        let ImageKind::Sample { detail, compare, gather, clamp } = op.kind else { return None };
+        let coordinates = op.coordinates as usize;
+        let mut first = None;
+        for lane in 0..self.width {
+            let float = |k: usize| {
+                operands.floats.get(k).map_or(0.0, |&r| A::coordinate(self.floats.get(r)[lane]))
+            };
+            let vector = |start: usize| {
+                std::array::from_fn(|k| if k < coordinates { float(start + k) } else { 0.0 })
+            };
+            let mut place = Place { at: vector(0), layer: 0, offset: [0; 3] };
+            if clamp {
+                for k in 0..coordinates {
+                    let half = 0.5 / f64::from(texture.size()[k]);
+                    place.at[k] = place.at[k].clamp(half, 1.0 - half);
+                }
+            }
+            let mut next_int = 0;
+            if op.arrayed {
+                let faces = if texture.dimension() == Dimension::Cube { 6 } else { 1 };
+                let last = (texture.size()[2] / faces).saturating_sub(1);
+                let index = self.index(op, operands.ints[0], 0, lane, last);
+                place.layer = index.at;
+                next_int = 1;
+                if index.clamped && A::possible(self.masks.active()[lane]) {
+                    first = first.or(Some(lane));
+                }
+            }
+            for (k, &register) in operands.ints[next_int..].iter().enumerate().take(3) {
+                let (offset, _) = A::bounds(self.ints.get(register)[lane], true);
+                place.offset[k] = offset as i32;
+            }
+            let after = coordinates + usize::from(compare);
+            let reference = if compare { Some(float(coordinates)) } else { None };
+            let level = match detail {
+                Detail::Zero => Level::Exact(0.0),
+                Detail::Exact => Level::Exact(float(after)),
+                Detail::Gradient => Level::Gradient(vector(after), vector(after + coordinates)),
+            };
+            let unbounded = A::NOTES
+                && operands.floats.iter().any(|&r| A::coordinate(self.floats.get(r)[lane]).is_nan());
+            let value = |footprint: &Footprint, channel: usize| -> A::Float {
+                if unbounded {
+                    return A::float(f32::NAN);
+                }
+                filtered::<A>(texture, sampler, footprint, channel, reference)
+            };
+            if let Some(channel) = gather {
+                let footprints = texture.gathered(sampler, place);
+                if op.outs[0] > 0 {
+                    let values = footprints.map(|footprint| value(&footprint, channel as usize));
+                    for (&out, value) in operands.outs.iter().zip(values) {
+                        self.floats.get_mut(out)[lane] = value;
+                    }
+                } else {
+                    for (&out, footprint) in operands.outs.iter().zip(footprints) {
+                        let word = footprint
+                            .texels
+                            .first()
+                            .map_or(0, |&(_, level, at)| texture.texel(level, at, 0)[channel as usize]);
+                        self.ints.get_mut(out)[lane] = A::int(word, op.signed_texels);
+                    }
+                }
+                continue;
+            }
+            let footprint = texture.footprint(sampler, place, level);
+            for (channel, &out) in operands.outs.iter().enumerate() {
+                let x = value(&footprint, channel);
+                self.floats.get_mut(out)[lane] = x;
+            }
+        }
+        first
+    }
+}
+
+struct Index {
+    at: u32,
+    one: bool,
+    clamped: bool,
+}
+
+fn filtered<A: Rules>(
+    texture: &Texture,
+    sampler: &Sampler,
+    footprint: &Footprint,
+    channel: usize,
+    reference: Option<f64>,
+) -> A::Float {
+    let values = footprint.texels.iter().map(|&(weight, level, at)| {
+        let texel = texture.channel(level, at, channel);
+        match (reference, sampler.compare) {
+            (Some(reference), Some(compare)) => {
+                (weight, f32::from(u8::from(compare.holds(reference, f64::from(texel)))))
+            }
+            _ => (weight, texel),
+        }
+    });
+    let hull = if reference.is_some() { (0.0, 1.0) } else { texture.hull(channel) };
+    if let ([(_, level, at)], None) = (footprint.texels.as_slice(), reference)
+        && !A::NOTES
+    {
+        // One texel is exact, infinities included.
+        return A::float(texture.channel(*level, *at, channel));
+    }
+    let values: Vec<(f64, f32)> = values.collect();
+    A::filtered(&values, hull)
 }

@@ -1,0 +1,56 @@
+//! Faces of cubes, and texels beyond their edges.
+
+/// The face that a direction points to, and where on it: from 0 to 1, from the top left.
+/// WebGPU's table of faces is Vulkan's, "Cube Map Face Selection".
+pub(super) fn face(direction: [f64; 3]) -> (usize, f64, f64) {
+    let [x, y, z] = direction;
+    let (ax, ay, az) = (x.abs(), y.abs(), z.abs());
+    // At equal magnitudes z comes before y, and y before x.
+    let (face, s, t, major) = if az >= ax && az >= ay {
+        if z < 0.0 { (5, -x, -y, az) } else { (4, x, -y, az) }
+    } else if ay >= ax {
+        if y < 0.0 { (3, x, -z, ay) } else { (2, x, z, ay) }
+    } else if x < 0.0 {
+        (1, z, -y, ax)
+    } else {
+        (0, -z, -y, ax)
+    };
+    (face, 0.5 * (s / major + 1.0), 0.5 * (t / major + 1.0))
+}
+
+/// The direction through a point of a face, which may lie beyond its edge.
+pub(super) fn direction(face: usize, u: f64, v: f64) -> [f64; 3] {
+    let (s, t) = (2.0 * u - 1.0, 2.0 * v - 1.0);
+    match face {
+        0 => [1.0, -t, -s],
+        1 => [-1.0, -t, s],
+        2 => [s, 1.0, t],
+        3 => [s, -1.0, -t],
+        4 => [s, -t, 1.0],
+        _ => [-s, -t, -1.0],
+    }
+}
+
+/// The texel of a neighbouring face that lies beyond an edge, by at most one texel.
+pub(super) fn beyond(face_index: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32) {
+    let n = f64::from(size);
+    // The centre of the texel beyond the edge lies half a texel outside of the face, where the
+    // neighbour's first texels are, seen from the cube's centre a little nearer to the edge. That
+    // moves it along the edge, too, by less than half a texel towards the middle, so its coordinate
+    // along the edge is kept, and only the face found by direction.
+    let (u, v) = ((x as f64 + 0.5) / n, (y as f64 + 0.5) / n);
+    let clamped = |w: f64| w.clamp(0.5 / n, 1.0 - 0.5 / n);
+    let outside_u = !(0.0..=1.0).contains(&u);
+    let (edge_u, edge_v) = if outside_u { (u, clamped(v)) } else { (clamped(u), v) };
+    // Onto the plane of the neighbour: one step along the edge's normal is one step in depth.
+    let step = |w: f64| if w < 0.0 { (0.0, -w) } else if w > 1.0 { (1.0, w - 1.0) } else { (w, 0.0) };
+    let ((on_u, du), (on_v, dv)) = (step(edge_u), step(edge_v));
+    let mut at = direction(face_index, on_u, on_v);
+    let depth = 2.0 * du.max(dv);
+    let axis = face_index / 2;
+    at[axis] -= depth * at[axis].signum();
+    // The coordinate beyond the edge is the neighbour's major axis, so the face is sure.
+    let (face_there, u, v) = face(at);
+    let texel = |w: f64| ((w * n).floor().max(0.0) as u32).min(size - 1);
+    (face_there, texel(u), texel(v))
+}
