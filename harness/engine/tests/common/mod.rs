@@ -3,7 +3,7 @@
 
 use karat_engine::{Arithmetic, F32, F64, Interval, Intervals, Lane, Options, Program, Resources, Settings};
 
-pub fn module(source: &str) -> (naga::Module, naga::valid::ModuleInfo) {
+pub(crate) fn module(source: &str) -> (naga::Module, naga::valid::ModuleInfo) {
     let module = match naga::front::wgsl::parse_str(source) {
         Ok(module) => module,
         Err(error) => panic!("{}", error.emit_to_string(source)),
@@ -19,19 +19,19 @@ pub fn module(source: &str) -> (naga::Module, naga::valid::ModuleInfo) {
     (module, info)
 }
 
-pub fn program(source: &str, name: &str) -> Program {
+pub(crate) fn program(source: &str, name: &str) -> Program {
     let (module, info) = module(source);
     Program::function(&module, &info, name, &Settings::default()).unwrap()
 }
 
 /// Calls `f` of the source with rows of words.
-pub fn words(source: &str, rows: &[u32]) -> Vec<u32> {
+pub(crate) fn words(source: &str, rows: &[u32]) -> Vec<u32> {
     let program = program(source, "f");
     let cases = rows.len() / program.parameters().len().max(1);
     call::<F32>(&program, cases, rows).words()
 }
 
-pub fn call<A: Arithmetic>(
+pub(crate) fn call<A: Arithmetic>(
     program: &Program,
     cases: usize,
     rows: &[u32],
@@ -40,13 +40,13 @@ pub fn call<A: Arithmetic>(
 }
 
 /// Floats in, floats out, in `f32`.
-pub fn floats(source: &str, rows: &[f32]) -> Vec<f32> {
+pub(crate) fn floats(source: &str, rows: &[f32]) -> Vec<f32> {
     let rows: Vec<u32> = rows.iter().map(|x| x.to_bits()).collect();
     words(source, &rows).into_iter().map(f32::from_bits).collect()
 }
 
 /// Floats in, floats out, in `f64`.
-pub fn doubles(source: &str, rows: &[f32]) -> Vec<f64> {
+pub(crate) fn doubles(source: &str, rows: &[f32]) -> Vec<f64> {
     let rows: Vec<u32> = rows.iter().map(|x| x.to_bits()).collect();
     let program = program(source, "f");
     let cases = rows.len() / program.parameters().len().max(1);
@@ -61,7 +61,7 @@ pub fn doubles(source: &str, rows: &[f32]) -> Vec<f64> {
 }
 
 /// Floats in, intervals out.
-pub fn intervals(source: &str, rows: &[f32]) -> Vec<Interval> {
+pub(crate) fn intervals(source: &str, rows: &[f32]) -> Vec<Interval> {
     let rows: Vec<u32> = rows.iter().map(|x| x.to_bits()).collect();
     let program = program(source, "f");
     let cases = rows.len() / program.parameters().len().max(1);
