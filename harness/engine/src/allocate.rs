@@ -354,5 +354,9 @@ fn assign(code: &mut Code) {
     for (register, _) in &mut code.constants {
         register.index = of(register.file, register.index);
     }
+    for place in 0..code.instructions.len() {
+        let Shape { outs, ins } = code.shape(code.instructions[place].op);
+        code.instructions[place].count = outs.iter().chain(&ins).sum();
+    }
     code.registers = counts;
 }

@@ -104,6 +104,8 @@ pub(crate) struct Instruction {
     pub(crate) op: Op,
     /// Its first register in the pool.
     pub(crate) at: u32,
+    /// How many registers it has there, once registers are assigned.
+    pub(crate) count: u32,
     pub(crate) target: u32,
     pub(crate) site: u32,
 }

@@ -107,25 +107,24 @@ impl Program {
             for gz in 0..workgroups[2] {
                 for gy in 0..workgroups[1] {
                     for gx in 0..workgroups[0] {
-                        for lane in 0..invocations {
-                            let index = lane as u32;
-                            let local = [index % x, index / x % y, index / (x * y)];
-                            let id = [gx, gy, gz];
-                            for (&(register, scalar), (builtin, k)) in
-                                code.parameters.iter().zip(&entry.inputs)
-                            {
-                                let word = match builtin {
+                        let id = [gx, gy, gz];
+                        for (&(register, scalar), &(builtin, k)) in
+                            code.parameters.iter().zip(&entry.inputs)
+                        {
+                            let word = |index: u32| {
+                                let local = [index % x, index / x % y, index / (x * y)][k];
+                                match builtin {
                                     BuiltIn::GlobalInvocationId => {
-                                        id[*k].wrapping_mul(entry.size[*k]).wrapping_add(local[*k])
+                                        id[k].wrapping_mul(entry.size[k]).wrapping_add(local)
                                     }
-                                    BuiltIn::LocalInvocationId => local[*k],
+                                    BuiltIn::LocalInvocationId => local,
                                     BuiltIn::LocalInvocationIndex => index,
-                                    BuiltIn::WorkGroupId => id[*k],
-                                    BuiltIn::NumWorkGroups => workgroups[*k],
-                                    _ => entry.size[*k],
-                                };
-                                machine.set(register.index, scalar, lane, word);
-                            }
+                                    BuiltIn::WorkGroupId => id[k],
+                                    BuiltIn::NumWorkGroups => workgroups[k],
+                                    _ => entry.size[k],
+                                }
+                            };
+                            machine.set(register.index, scalar, (0..x * y * z).map(word));
                         }
                         for (slot, buffer) in code.buffers.iter().zip(&mut memory.buffers) {
                             if slot.binding == Binding::Workgroup {

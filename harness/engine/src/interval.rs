@@ -147,9 +147,7 @@ impl Interval {
         let (Some((a, b)), Some((c, d))) = (self.bounds(), other.bounds()) else {
             return Self::UNBOUNDED;
         };
-        // Sums of two f32 that differ by more than 2^29 aren't exact in f64, so widen by what the
-        // sum itself may have lost; it is far below half an ulp of f32.
-        Self::outwards(lower(a + c), upper(b + d))
+        Self::outwards(lower_sum(a, c), upper_sum(b, d))
     }
 
     pub(crate) fn neg(self) -> Self {
@@ -311,12 +309,20 @@ pub(crate) fn ulp(x: f64) -> f64 {
     2f64.powi(exponent - 23)
 }
 
-fn lower(x: f64) -> f64 {
-    x.next_down()
+/// What a sum in `f64` lost to rounding, exactly. Knuth, TAOCP 4.2.2, theorem B.
+fn lost(a: f64, b: f64, sum: f64) -> f64 {
+    let part = sum - a;
+    (a - (sum - part)) + (b - part)
 }
 
-fn upper(x: f64) -> f64 {
-    x.next_up()
+fn lower_sum(a: f64, b: f64) -> f64 {
+    let sum = a + b;
+    if lost(a, b, sum) < 0.0 { sum.next_down() } else { sum }
+}
+
+fn upper_sum(a: f64, b: f64) -> f64 {
+    let sum = a + b;
+    if lost(a, b, sum) > 0.0 { sum.next_up() } else { sum }
 }
 
 fn least(of: &[f64]) -> f64 {

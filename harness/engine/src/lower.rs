@@ -379,7 +379,13 @@ impl<'m> Lower<'m> {
         }
         let at = self.code.pool.len() as u32;
         self.code.pool.extend(outs.iter().chain(ins).map(|register| register.index));
-        self.code.instructions.push(Instruction { op, at, target: u32::MAX, site: self.site });
+        self.code.instructions.push(Instruction {
+            op,
+            at,
+            count: 0,
+            target: u32::MAX,
+            site: self.site,
+        });
         Ok(self.code.instructions.len() - 1)
     }
 

@@ -71,22 +71,31 @@ impl<'p, A: Rules> Machine<'p, A> {
         machine
     }
 
-    /// Sets one scalar of a parameter, for lane `lane`.
-    pub(crate) fn set(&mut self, register: u32, scalar: Scalar, lane: usize, word: u32) {
+    /// Sets one scalar of a parameter, for the lanes that `words` gives a word for.
+    pub(crate) fn set(&mut self, register: u32, scalar: Scalar, words: impl Iterator<Item = u32>) {
+        let flush = self.options.flush;
         match scalar {
             Scalar::F32 => {
-                let x = A::float(f32::from_bits(word));
-                let x = if self.options.flush { A::flush(x) } else { x };
-                self.floats.get_mut(register)[lane] = x;
+                for (x, word) in self.floats.get_mut(register).iter_mut().zip(words) {
+                    let float = A::float(f32::from_bits(word));
+                    *x = if flush { A::flush(float) } else { float };
+                }
             }
             Scalar::F16 => {
-                let x = half::f16::from_bits(word as u16).to_f32();
-                self.floats.get_mut(register)[lane] = A::float(x);
+                for (x, word) in self.floats.get_mut(register).iter_mut().zip(words) {
+                    *x = A::float(half::f16::from_bits(word as u16).to_f32());
+                }
             }
             Scalar::I32 | Scalar::U32 => {
-                self.ints.get_mut(register)[lane] = A::int(word, scalar.signed());
+                for (x, word) in self.ints.get_mut(register).iter_mut().zip(words) {
+                    *x = A::int(word, scalar.signed());
+                }
             }
-            Scalar::Bool => self.bools.get_mut(register)[lane] = A::bool(word != 0),
+            Scalar::Bool => {
+                for (x, word) in self.bools.get_mut(register).iter_mut().zip(words) {
+                    *x = A::bool(word != 0);
+                }
+            }
         }
     }
 
@@ -110,10 +119,8 @@ impl<'p, A: Rules> Machine<'p, A> {
         loop {
             let instruction = &code.instructions[at];
             at += 1;
-            let shape = code.shape(instruction.op);
-            let count = (shape.outs.iter().sum::<u32>() + shape.ins.iter().sum::<u32>()) as usize;
             let start = instruction.at as usize;
-            let registers = &code.pool[start..start + count];
+            let registers = &code.pool[start..start + instruction.count as usize];
             match instruction.op {
                 Op::Float(rule) => {
                     rule.run::<A>(&mut self.floats, registers);
@@ -198,6 +205,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                 Op::Atomic(walk) => self.atomic(walk, registers, memory),
                 Op::Image(image) => {
                     let outs = self.image(image, registers, memory);
+                    let shape = code.shape(instruction.op);
                     let [floats, from] = [shape.outs[0], shape.ins[0]].map(|n| n as usize);
                     if floats > 0 {
                         self.after_floats(instruction, &registers[..floats + from], (from, floats));

@@ -146,11 +146,10 @@ impl Program {
             let first = chunk * LANES;
             let active = LANES.min(cases - first);
             let (machine, memory) = state;
-            for lane in 0..active {
-                let row = &rows[(first + lane) * width..][..width];
-                for (&(register, scalar), &word) in self.code.parameters.iter().zip(row) {
-                    machine.set(register.index, scalar, lane, word);
-                }
+            let chunk_rows = &rows[first * width..(first + active) * width];
+            for (k, &(register, scalar)) in self.code.parameters.iter().enumerate() {
+                let column = chunk_rows.iter().skip(k).step_by(width).copied();
+                machine.set(register.index, scalar, column);
             }
             match machine.run(active, first, memory, observer) {
                 Ok(()) => Ok(self.collect(machine, active)),
