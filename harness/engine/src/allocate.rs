@@ -358,5 +358,19 @@ fn assign(code: &mut Code) {
         let Shape { outs, ins } = code.shape(code.instructions[place].op);
         code.instructions[place].count = outs.iter().chain(&ins).sum();
     }
+    let mut mutable: [Vec<u32>; 3] = Default::default();
+    for instruction in &code.instructions {
+        if let Op::Store(file) = instruction.op {
+            mutable[file as usize].push(code.pool[instruction.at as usize]);
+        }
+    }
+    for &(file, base, count) in &code.pinned {
+        mutable[file as usize].extend((base..base + count).map(|register| of(file, register)));
+    }
+    for registers in &mut mutable {
+        registers.sort_unstable();
+        registers.dedup();
+    }
+    code.mutable = mutable;
     code.registers = counts;
 }

@@ -211,6 +211,8 @@ pub(crate) struct Code {
     pub(crate) marks: Vec<[u32; 3]>,
     /// The first operation in half precision.
     pub(crate) half: Option<Span>,
+    /// Registers that are stored to, which worlds of a lane differ in.
+    pub(crate) mutable: [Vec<u32>; 3],
     /// Ranges of registers that are found by index, which stay together.
     pub(crate) pinned: Vec<(File, u32, u32)>,
 }

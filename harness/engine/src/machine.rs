@@ -3,6 +3,7 @@
 mod images;
 mod masks;
 mod memory;
+mod worlds;
 
 use naga::Span;
 
@@ -12,8 +13,20 @@ use crate::columns::Columns;
 use crate::observer::{Lanes, Observer, OutOfRange};
 use crate::options::Options;
 use crate::scalar::{File, Scalar};
-pub(crate) use masks::Masks;
+use masks::Masks;
 pub(crate) use memory::{Buffer, Memory};
+use worlds::{Files, Worlds};
+
+/// The registers, borrowed apart from the masks.
+macro_rules! files {
+    ($machine:expr) => {
+        Files {
+            floats: &mut $machine.floats,
+            ints: &mut $machine.ints,
+            bools: &mut $machine.bools,
+        }
+    };
+}
 
 /// A loop that ran for too long, and the lane that did.
 #[derive(Clone, Copy, Debug)]
@@ -29,7 +42,10 @@ pub(crate) struct Machine<'p, A: Rules> {
     pub(crate) floats: Columns<A::Float>,
     pub(crate) ints: Columns<A::Int>,
     pub(crate) bools: Columns<A::Bool>,
+    /// The masks where each condition is decided.
     masks: Masks<A>,
+    /// The masks where one may not be.
+    worlds: Worlds<'p, A>,
     /// Loop rounds that each lane has left.
     fuel: Vec<u64>,
     /// Rounds for which each lane's exit has been undecided.
@@ -48,7 +64,8 @@ impl<'p, A: Rules> Machine<'p, A> {
             floats: Columns::new(floats, width),
             ints: Columns::new(ints, width),
             bools: Columns::new(bools, width),
-            masks: Masks::new(width),
+            masks: Masks::new(if A::UNDECIDED { 0 } else { width }),
+            worlds: Worlds::new(code, if A::UNDECIDED { width } else { 0 }),
             fuel: vec![0; width],
             undecided: vec![0; width],
             lost: vec![None; width],
@@ -110,7 +127,11 @@ impl<'p, A: Rules> Machine<'p, A> {
     where
         A: crate::arithmetic::Arithmetic,
     {
-        self.masks.start(active);
+        if A::UNDECIDED {
+            self.worlds.start(active);
+        } else {
+            self.masks.start(active);
+        }
         self.fuel.fill(self.options.fuel);
         self.undecided.fill(self.options.undecided);
         self.lost.fill(None);
@@ -215,54 +236,27 @@ impl<'p, A: Rules> Machine<'p, A> {
                     }
                     self.report(observer, instruction, case, outs);
                 }
-                Op::If => {
-                    if !self.masks.enter_if(self.bools.get(registers[0])) {
-                        at = instruction.target as usize;
-                    }
-                }
-                Op::Else => {
-                    if !self.masks.enter_else(self.bools.get(registers[0])) {
-                        at = instruction.target as usize;
-                    }
-                }
-                Op::EndIf | Op::EndSwitch | Op::EndCall => {
-                    if !self.masks.leave() {
-                        at = instruction.target as usize;
-                    }
-                }
-                Op::Skip => {
-                    if !self.masks.any() {
-                        at = instruction.target as usize;
-                    }
-                }
-                Op::Switch | Op::Call => {
-                    if !self.masks.enter() {
-                        at = instruction.target as usize;
-                    }
-                }
-                Op::Case(falls) => {
-                    if !self.masks.enter_case(self.bools.get(registers[0]), falls) {
-                        at = instruction.target as usize;
-                    }
-                }
-                Op::Loop => {
-                    if !self.masks.enter_loop() {
-                        at = instruction.target as usize;
-                    }
-                }
                 Op::Round => self.round(instruction)?,
-                Op::Continuing => self.masks.continuing(),
-                Op::BreakIf => self.masks.break_if(self.bools.get(registers[0])),
-                Op::EndLoop => {
-                    if self.masks.any() {
+                Op::If
+                | Op::Else
+                | Op::EndIf
+                | Op::Switch
+                | Op::Case(_)
+                | Op::EndSwitch
+                | Op::Loop
+                | Op::Continuing
+                | Op::BreakIf
+                | Op::EndLoop
+                | Op::Skip
+                | Op::Call
+                | Op::EndCall
+                | Op::Break(_)
+                | Op::Continue(_)
+                | Op::Return(_) => {
+                    if self.control(instruction.op, registers) {
                         at = instruction.target as usize;
-                    } else {
-                        self.masks.leave_loop();
                     }
                 }
-                Op::Break(depth) => self.masks.exit(depth, true),
-                Op::Continue(depth) => self.masks.exit(depth, false),
-                Op::Return(depth) => self.masks.exit(depth, false),
                 Op::Mark(mark) => {
                     if O::ACTIVE {
                         let [floats, ints, bools] = code.marks[mark as usize].map(|n| n as usize);
@@ -275,7 +269,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                             floats: &float.collect::<Vec<_>>(),
                             ints: &int.map(|&r| self.ints.get(r)).collect::<Vec<_>>(),
                             bools: &bool.map(|&r| self.bools.get(r)).collect::<Vec<_>>(),
-                            active: self.masks.active(),
+                            active: self.active(),
                         });
                     }
                 }
@@ -286,6 +280,90 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
         self.forget_lost();
         Ok(())
+    }
+
+    #[inline]
+    fn active(&self) -> &[A::Bool] {
+        if A::UNDECIDED { self.worlds.active() } else { self.masks.active() }
+    }
+
+    /// Changes the mask. Returns whether control jumps to the operation's target.
+    fn control(&mut self, op: Op, registers: &[u32]) -> bool {
+        if A::UNDECIDED { self.control_worlds(op, registers) } else { self.control_masks(op, registers) }
+    }
+
+    fn control_masks(&mut self, op: Op, registers: &[u32]) -> bool {
+        let masks = &mut self.masks;
+        let condition = registers.first().map_or(&[][..], |&register| self.bools.get(register));
+        match op {
+            Op::If => !masks.enter_if(condition),
+            Op::Else => !masks.enter_else(condition),
+            Op::Case(falls) => !masks.enter_case(condition, falls),
+            Op::Loop => !masks.enter_loop(),
+            Op::Switch | Op::Call => !masks.enter(),
+            Op::EndIf | Op::EndSwitch | Op::EndCall => !masks.leave(),
+            Op::Skip => !masks.any(),
+            Op::EndLoop if masks.any() => true,
+            Op::EndLoop => {
+                masks.leave();
+                false
+            }
+            Op::Continuing => {
+                masks.continuing();
+                false
+            }
+            Op::BreakIf => {
+                masks.break_if(condition);
+                false
+            }
+            Op::Break(depth) => {
+                masks.exit(depth, true);
+                false
+            }
+            Op::Continue(depth) | Op::Return(depth) => {
+                masks.exit(depth, false);
+                false
+            }
+            _ => false,
+        }
+    }
+
+    fn control_worlds(&mut self, op: Op, registers: &[u32]) -> bool {
+        let condition: Vec<A::Bool> =
+            registers.first().map_or(Vec::new(), |&register| self.bools.get(register).to_vec());
+        let mut files = files!(self);
+        let worlds = &mut self.worlds;
+        match op {
+            Op::If => !worlds.enter_if(&files, &condition),
+            Op::Else => !worlds.enter_else(&mut files, &condition),
+            Op::Case(falls) => !worlds.enter_case(&mut files, &condition, falls),
+            Op::Loop | Op::Switch | Op::Call => !worlds.enter(),
+            Op::EndIf => !worlds.leave(&mut files, true),
+            Op::EndSwitch | Op::EndCall => !worlds.leave(&mut files, false),
+            Op::Skip => !worlds.any(),
+            Op::EndLoop if worlds.any() => true,
+            Op::EndLoop => {
+                worlds.leave(&mut files, false);
+                false
+            }
+            Op::Continuing => {
+                worlds.continuing(&mut files);
+                false
+            }
+            Op::BreakIf => {
+                worlds.break_if(&files, &condition);
+                false
+            }
+            Op::Break(depth) | Op::Return(depth) => {
+                worlds.exit(&files, depth, false);
+                false
+            }
+            Op::Continue(depth) => {
+                worlds.exit(&files, depth, true);
+                false
+            }
+            _ => false,
+        }
     }
 
     /// Flushes what is subnormal, and notes what became unbounded.
@@ -327,7 +405,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             floats: &floats,
             ints: &[],
             bools: &[],
-            active: self.masks.active(),
+            active: self.active(),
         });
     }
 
@@ -391,8 +469,8 @@ impl<'p, A: Rules> Machine<'p, A> {
 
     fn store(&mut self, file: File, registers: &[u32]) {
         let [to, from] = [registers[0], registers[1]];
-        let all = self.masks.all();
-        let mask = self.masks.active();
+        let all = if A::UNDECIDED { self.worlds.all() } else { self.masks.all() };
+        let mask = if A::UNDECIDED { self.worlds.active() } else { self.masks.active() };
         match file {
             File::Float if all => self.floats.copy(to, from),
             File::Int if all => self.ints.copy(to, from),
@@ -412,27 +490,29 @@ impl<'p, A: Rules> Machine<'p, A> {
     /// A loop goes round once more.
     fn round(&mut self, instruction: &Instruction) -> Result<(), Spent> {
         let span = self.site(instruction).span;
-        let mask = self.masks.current();
+        let mask = if A::UNDECIDED { self.worlds.active() } else { self.masks.active() };
         let mut spent = false;
         for (fuel, &mask) in self.fuel.iter_mut().zip(mask) {
             let cost = u64::from(A::possible(mask));
             spent |= *fuel < cost;
-            *fuel = fuel.saturating_sub(cost);
+            // One more than the last round, so that who spent it is known from who just has none.
+            *fuel = if *fuel < cost { u64::MAX } else { *fuel - cost };
         }
         if spent {
-            let over = |lane: usize| self.fuel[lane] == 0 && A::possible(mask[lane]);
-            return Err(Spent { span, lane: (0..self.width).find(|&lane| over(lane)).unwrap_or(0) });
+            let lane = self.fuel.iter().position(|&fuel| fuel == u64::MAX).unwrap_or(0);
+            return Err(Spent { span, lane });
         }
         if A::UNDECIDED {
             for lane in 0..self.width {
-                let mask = self.masks.current()[lane];
-                if A::possible(mask) && A::avoidable(mask) {
-                    if self.undecided[lane] == 0 {
-                        self.lost[lane].get_or_insert(instruction.site);
-                        self.masks.drop_from_loop(lane);
-                    } else {
-                        self.undecided[lane] -= 1;
-                    }
+                if !self.worlds.is_divided(lane) {
+                    continue;
+                }
+                if self.undecided[lane] == 0 {
+                    self.lost[lane].get_or_insert(instruction.site);
+                    let files = files!(self);
+                    self.worlds.drop_from_loop(&files, lane);
+                } else {
+                    self.undecided[lane] -= 1;
                 }
             }
         }

@@ -63,7 +63,7 @@ impl<A: Rules> Machine<'_, A> {
             if let Some(&register) = operands.ints.first() {
                 let index = self.index(op, register, 0, lane, texture.levels() - 1);
                 level = index.at;
-                if index.clamped && A::possible(self.masks.active()[lane]) {
+                if index.clamped && A::possible(self.active()[lane]) {
                     first = first.or(Some(lane));
                 }
             }
@@ -106,7 +106,7 @@ impl<A: Rules> Machine<'_, A> {
             }
             let sample =
                 if sample { read(coordinates + usize::from(op.arrayed), texture.samples() - 1) } else { 0 };
-            if clamped && A::possible(self.masks.active()[lane]) {
+            if clamped && A::possible(self.active()[lane]) {
                 first = first.or(Some(lane));
             }
             let words = texture.texel(level, at, sample);
@@ -156,7 +156,7 @@ impl<A: Rules> Machine<'_, A> {
                 let index = self.index(op, operands.ints[0], 0, lane, last);
                 place.layer = index.at;
                 next_int = 1;
-                if index.clamped && A::possible(self.masks.active()[lane]) {
+                if index.clamped && A::possible(self.active()[lane]) {
                     first = first.or(Some(lane));
                 }
             }

@@ -4,9 +4,7 @@
 //! that have left it for good, by a jump to something outside of it. At its end the mask is what it
 //! was at the start, less what left.
 //!
-//! Where a boolean may be undecided, so may a mask. Within a loop the mask is then relative to the
-//! loop's entry: a loop in a branch that may not be taken still knows when it ends. What is stored
-//! is blended by the product of both.
+//! This is for arithmetics in which each condition is decided; `worlds` is for the others.
 
 use crate::arithmetic::sealed::Rules;
 
@@ -22,17 +20,11 @@ struct Frame<A: Rules> {
     left: Box<[A::Bool]>,
     /// Of a loop: lanes that broke out of it.
     broken: Box<[A::Bool]>,
-    /// Of a loop where masks are relative: the product of the masks outside of it.
-    outside: Box<[A::Bool]>,
 }
 
 /// The mask and the frames of what is open.
 pub(crate) struct Masks<A: Rules> {
     current: Box<[A::Bool]>,
-    /// The product of the masks outside the innermost loop, where masks are relative.
-    outside: Box<[A::Bool]>,
-    /// What stores blend by, where masks are relative.
-    product: Box<[A::Bool]>,
     frames: Vec<Frame<A>>,
     /// Frames that were open before, for reuse.
     spare: Vec<Frame<A>>,
@@ -46,8 +38,6 @@ impl<A: Rules> Masks<A> {
         let empty = || vec![A::bool(false); width].into_boxed_slice();
         Self {
             current: empty(),
-            outside: empty(),
-            product: empty(),
             frames: Vec::new(),
             spare: Vec::new(),
             any: false,
@@ -62,7 +52,6 @@ impl<A: Rules> Masks<A> {
         for (lane, mask) in self.current.iter_mut().enumerate() {
             *mask = A::bool(lane < active);
         }
-        self.outside.fill(A::bool(true));
         self.changed();
     }
 
@@ -78,15 +67,10 @@ impl<A: Rules> Masks<A> {
         self.all
     }
 
-    /// The mask since the innermost loop began.
-    pub(crate) fn current(&self) -> &[A::Bool] {
-        &self.current
-    }
-
-    /// The mask by which stores blend.
+    /// The mask.
     #[inline]
     pub(crate) fn active(&self) -> &[A::Bool] {
-        if A::UNDECIDED { &self.product } else { &self.current }
+        &self.current
     }
 
     fn changed(&mut self) {
@@ -95,14 +79,6 @@ impl<A: Rules> Masks<A> {
         for &mask in &self.current {
             any |= A::possible(mask);
             all &= !A::avoidable(mask);
-        }
-        if A::UNDECIDED {
-            for ((product, &outside), &current) in
-                self.product.iter_mut().zip(&self.outside).zip(&self.current)
-            {
-                *product = A::and(outside, current);
-                all &= !A::avoidable(*product);
-            }
         }
         self.any = any;
         self.all = all;
@@ -115,7 +91,6 @@ impl<A: Rules> Masks<A> {
             saved: empty(),
             left: empty(),
             broken: empty(),
-            outside: empty(),
         });
         frame.kind = kind;
         frame.saved.copy_from_slice(&self.current);
@@ -166,7 +141,7 @@ impl<A: Rules> Masks<A> {
         self.any
     }
 
-    /// Closes a branch.
+    /// Closes a branch or a loop.
     pub(crate) fn leave(&mut self) -> bool {
         if let Some(frame) = self.frames.pop() {
             for ((mask, &saved), &left) in
@@ -182,16 +157,6 @@ impl<A: Rules> Masks<A> {
 
     pub(crate) fn enter_loop(&mut self) -> bool {
         self.push(Kind::Loop);
-        if A::UNDECIDED {
-            if let Some(frame) = self.frames.last_mut() {
-                frame.outside.copy_from_slice(&self.outside);
-            }
-            for (outside, mask) in self.outside.iter_mut().zip(&mut self.current) {
-                *outside = A::and(*outside, *mask);
-                *mask = A::bool(A::possible(*mask));
-            }
-            self.changed();
-        }
         self.any
     }
 
@@ -202,8 +167,7 @@ impl<A: Rules> Masks<A> {
             for ((mask, &saved), (&broken, &left)) in
                 self.current.iter_mut().zip(&frame.saved).zip(gone)
             {
-                let start = if A::UNDECIDED { A::bool(A::possible(saved)) } else { saved };
-                *mask = A::and(start, A::not(A::or(broken, left)));
+                *mask = A::and(saved, A::not(A::or(broken, left)));
             }
         }
         self.changed();
@@ -221,51 +185,20 @@ impl<A: Rules> Masks<A> {
         self.changed();
     }
 
-    /// Takes a lane out of the innermost loop.
-    pub(crate) fn drop_from_loop(&mut self, lane: usize) {
-        self.current[lane] = A::bool(false);
-        if let Some(frame) = self.frames.last_mut() {
-            frame.broken[lane] = A::bool(true);
-        }
-        self.changed();
-    }
-
-    pub(crate) fn leave_loop(&mut self) {
-        if let Some(frame) = self.frames.pop() {
-            for ((mask, &saved), &left) in
-                self.current.iter_mut().zip(&frame.saved).zip(&frame.left)
-            {
-                *mask = A::and(saved, A::not(left));
-            }
-            if A::UNDECIDED {
-                self.outside.copy_from_slice(&frame.outside);
-            }
-            self.spare.push(frame);
-        }
-        self.changed();
-    }
-
     /// Active lanes jump to the end of the frame below the `depth` innermost ones; out of a loop
     /// when `breaks`.
     pub(crate) fn exit(&mut self, depth: u32, breaks: bool) {
         let target = self.frames.len().saturating_sub(1 + depth as usize);
-        // The mask relative to the frame at hand.
-        let mut leaving = self.current.clone();
         for frame in self.frames[target + 1..].iter_mut().rev() {
-            for (left, &leaving) in frame.left.iter_mut().zip(&leaving) {
+            for (left, &leaving) in frame.left.iter_mut().zip(&self.current) {
                 *left = A::or(*left, leaving);
-            }
-            if A::UNDECIDED && frame.kind == Kind::Loop {
-                for (leaving, &saved) in leaving.iter_mut().zip(&frame.saved) {
-                    *leaving = A::and(*leaving, saved);
-                }
             }
         }
         if let Some(frame) = self.frames.get_mut(target)
             && breaks
             && frame.kind == Kind::Loop
         {
-            for (broken, &leaving) in frame.broken.iter_mut().zip(&leaving) {
+            for (broken, &leaving) in frame.broken.iter_mut().zip(&self.current) {
                 *broken = A::or(*broken, leaving);
             }
         }

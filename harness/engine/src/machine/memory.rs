@@ -127,7 +127,7 @@ macro_rules! gathered {
                     None => here,
                 });
             });
-            if clamped && A::possible($self.masks.active()[lane]) {
+            if clamped && A::possible($self.active()[lane]) {
                 first = first.or(Some(lane));
             }
             if let Some(value) = value {
@@ -143,7 +143,7 @@ macro_rules! scattered {
         let mut first = None;
         let (base, from, indices) = ($base, $value, $indices);
         for lane in 0..$self.width {
-            let mask = $self.masks.active()[lane];
+            let mask = $self.active()[lane];
             if !A::possible(mask) {
                 continue;
             }
@@ -202,7 +202,7 @@ impl<A: Rules> Machine<'_, A> {
     fn chosen(&self, index: u32, signed: bool, count: usize, lane: usize) -> (usize, usize, bool) {
         let last = count.saturating_sub(1) as i64;
         let (lo, hi) = A::bounds(self.ints.get(index)[lane], signed);
-        let clamped = (lo < 0 || hi > last) && A::possible(self.masks.active()[lane]);
+        let clamped = (lo < 0 || hi > last) && A::possible(self.active()[lane]);
         (lo.clamp(0, last) as usize, hi.clamp(0, last) as usize, clamped)
     }
 
@@ -296,7 +296,7 @@ impl<A: Rules> Machine<'_, A> {
             let clamped = walk_lane::<A>(walk, &registers[1..], &self.ints, lane, length, |at| {
                 places.push(at);
             });
-            if clamped && A::possible(self.masks.active()[lane]) {
+            if clamped && A::possible(self.active()[lane]) {
                 first = first.or(Some(lane));
             }
             let join = A::undecided();
@@ -353,7 +353,7 @@ impl<A: Rules> Machine<'_, A> {
         let length = buffer.bytes.len();
         let mut first = None;
         for lane in 0..self.width {
-            if !A::possible(self.masks.active()[lane]) {
+            if !A::possible(self.active()[lane]) {
                 continue;
             }
             let mut at = 0;
@@ -400,7 +400,7 @@ impl<A: Rules> Machine<'_, A> {
         let length = buffer.bytes.len();
         let signed = atomic.scalar.signed();
         for lane in 0..self.width {
-            if !A::possible(self.masks.active()[lane]) {
+            if !A::possible(self.active()[lane]) {
                 continue;
             }
             let mut at = 0;
