@@ -53,13 +53,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         naga::valid::Capabilities::all(),
     )
     .validate(&module)?;
-    for (name, cases) in [("polynomial", 1 << 22), ("ggx_normal", 1 << 20), ("split_sum_table", 1 << 15)] {
+    for (name, cases) in
+        [("polynomial", 1 << 22), ("ggx_normal", 1 << 20), ("split_sum_table", 1 << 15)]
+    {
         let start = Instant::now();
         let program = Program::function(&module, &info, name, &Settings::default())?;
         println!("{name}: {:?}, lowered in {:?}", program.size(), start.elapsed());
         let width = program.parameters().len();
         let share = |k: usize| ((k * 2_654_435_761) % 9973) as f32 / 9973.0;
-        let rows: Vec<u32> = (0..cases * width).map(|k| (0.05 + 0.9 * share(k)).to_bits()).collect();
+        let rows: Vec<u32> =
+            (0..cases * width).map(|k| (0.05 + 0.9 * share(k)).to_bits()).collect();
         timed::<F32>("f32", &program, cases, &rows)?;
         timed::<F64>("f64", &program, cases, &rows)?;
         timed::<Intervals>("intervals", &program, cases / 16, &rows[..cases / 16 * width])?;

@@ -127,9 +127,9 @@ impl Loops {
 }
 
 fn is_pinned(code: &Code, file: File, register: u32) -> bool {
-    code.pinned.iter().any(|&(pinned, base, count)| {
-        pinned == file && (base..base + count).contains(&register)
-    })
+    code.pinned
+        .iter()
+        .any(|&(pinned, base, count)| pinned == file && (base..base + count).contains(&register))
 }
 
 /// Reads of a copy become reads of what it copies, where that isn't written meanwhile.
@@ -189,7 +189,9 @@ fn forward_copies(code: &mut Code) {
         let instruction = code.instructions[instruction];
         for operand in operands(code.shape(instruction.op), instruction.at) {
             let register = code.pool[operand.at] as usize;
-            if let (false, Some(other)) = (operand.written, renamed[operand.file as usize][register]) {
+            if let (false, Some(other)) =
+                (operand.written, renamed[operand.file as usize][register])
+            {
                 code.pool[operand.at] = other;
             }
         }
@@ -203,32 +205,32 @@ fn forward_copies(code: &mut Code) {
 
 /// Whether an operation does nothing but write its results.
 fn is_pure(op: Op) -> bool {
-    match op {
+    matches!(
+        op,
         Op::Float(_)
-        | Op::Integer(_)
-        | Op::ToInt(_)
-        | Op::FromInt(_)
-        | Op::Scale(_)
-        | Op::ToHalf
-        | Op::CompareFloat(_)
-        | Op::CompareInt(..)
-        | Op::And
-        | Op::Or
-        | Op::Not
-        | Op::Differ
-        | Op::IsNan
-        | Op::IsInf
-        | Op::Select(_)
-        | Op::Move(_)
-        | Op::Store(_)
-        | Op::Gather(..)
-        | Op::Pick(..)
-        | Op::Table(..)
-        | Op::Load(..)
-        | Op::Image(_)
-        | Op::ArrayLength(_) => true,
-        _ => false,
-    }
+            | Op::Integer(_)
+            | Op::ToInt(_)
+            | Op::FromInt(_)
+            | Op::Scale(_)
+            | Op::ToHalf
+            | Op::CompareFloat(_)
+            | Op::CompareInt(..)
+            | Op::And
+            | Op::Or
+            | Op::Not
+            | Op::Differ
+            | Op::IsNan
+            | Op::IsInf
+            | Op::Select(_)
+            | Op::Move(_)
+            | Op::Store(_)
+            | Op::Gather(..)
+            | Op::Pick(..)
+            | Op::Table(..)
+            | Op::Load(..)
+            | Op::Image(_)
+            | Op::ArrayLength(_)
+    )
 }
 
 fn remove_unused(code: &mut Code) {

@@ -139,7 +139,11 @@ pub(crate) mod sealed {
         fn flush(x: Self::Float) -> Self::Float;
         /// Notes which operation made a value unbounded: the earliest that `inputs` know of, or
         /// `site`.
-        fn note(x: Self::Float, inputs: &mut dyn Iterator<Item = Self::Float>, site: u32) -> Self::Float;
+        fn note(
+            x: Self::Float,
+            inputs: &mut dyn Iterator<Item = Self::Float>,
+            site: u32,
+        ) -> Self::Float;
         /// Whether `note` does anything.
         const NOTES: bool;
         /// Any value at all, because of operation `site`; `None` where there is no such value.
@@ -445,7 +449,6 @@ impl Rules for Intervals {
     fn flush(x: Interval) -> Interval {
         x
     }
-    #[expect(clippy::filter_next, reason = "a trait object has no `find_map`")]
     fn note(x: Interval, inputs: &mut dyn Iterator<Item = Interval>, site: u32) -> Interval {
         if x.is_bounded() {
             return x;

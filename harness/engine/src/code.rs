@@ -123,7 +123,10 @@ pub(crate) struct Step {
 pub(crate) enum Count {
     Fixed(u32),
     /// As many as fit into the buffer after this many bytes, with this stride.
-    Runtime { offset: u32, stride: u32 },
+    Runtime {
+        offset: u32,
+        stride: u32,
+    },
 }
 
 /// How indices find a register, or bytes of a buffer.
@@ -294,7 +297,9 @@ impl Code {
             Op::And | Op::Or | Op::Differ => Shape { outs: bool, ins: [0, 0, 2] },
             Op::Not => Shape { outs: bool, ins: bool },
             Op::IsNan | Op::IsInf => Shape { outs: bool, ins: float },
-            Op::Select(file) => Shape { outs: one(file), ins: with(with([0; 3], file, 2), File::Bool, 1) },
+            Op::Select(file) => {
+                Shape { outs: one(file), ins: with(with([0; 3], file, 2), File::Bool, 1) }
+            }
             Op::Move(file) | Op::Store(file) => Shape { outs: one(file), ins: one(file) },
             Op::Gather(file, walk) => {
                 let indices = self.walks[walk as usize].steps.len() as u32;
@@ -321,10 +326,8 @@ impl Code {
                 let walk = &self.walks[walk as usize];
                 let indices = walk.steps.len() as u32;
                 let Some(atomic) = walk.atomic else { return Shape::default() };
-                let compared = matches!(
-                    atomic.function,
-                    AtomicFunction::Exchange { compare: Some(_) }
-                );
+                let compared =
+                    matches!(atomic.function, AtomicFunction::Exchange { compare: Some(_) });
                 Shape {
                     outs: [0, u32::from(atomic.result), u32::from(atomic.result && compared)],
                     ins: [0, 1 + u32::from(compared) + indices, 0],

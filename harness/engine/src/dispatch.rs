@@ -42,7 +42,8 @@ impl Entry {
             let Some(naga::Binding::BuiltIn(builtin)) = binding else {
                 return Err(refuse("an input that is no builtin"));
             };
-            let components = if let TypeInner::Vector { size, .. } = inner { *size as usize } else { 1 };
+            let components =
+                if let TypeInner::Vector { size, .. } = inner { *size as usize } else { 1 };
             inputs.extend((0..components).map(|component| (*builtin, component)));
             Ok(())
         };
@@ -132,10 +133,12 @@ impl Program {
                             }
                         }
                         let first = group * invocations;
-                        machine.run(invocations, first, &mut memory, observer).map_err(|spent| {
-                            let case = first + spent.lane;
-                            Stop::Fuel { span: spent.span, case, rounds: options.fuel }
-                        })?;
+                        machine.run(invocations, first, &mut memory, observer).map_err(
+                            |spent| {
+                                let case = first + spent.lane;
+                                Stop::Fuel { span: spent.span, case, rounds: options.fuel }
+                            },
+                        )?;
                         group += 1;
                     }
                 }

@@ -212,9 +212,7 @@ impl Interval {
     /// 2 ulp, for what is above zero.
     pub(crate) fn inverse_sqrt(self) -> Self {
         match self.bounds() {
-            Some((lo, _)) if lo > 0.0 => {
-                self.monotonic(|x| 1.0 / x.sqrt(), |_, y| 2.0 * ulp(y))
-            }
+            Some((lo, _)) if lo > 0.0 => self.monotonic(|x| 1.0 / x.sqrt(), |_, y| 2.0 * ulp(y)),
             _ => Self::UNBOUNDED,
         }
     }

@@ -1,4 +1,79 @@
-//! WGSL on the CPU.
+//! WGSL on the CPU, over many cases at once, in three arithmetics.
+//!
+//! A [`Program`] is a function or a compute entry point of a valid [`naga::Module`]. It is lowered
+//! once and then runs as often as wanted, with no driver and no adapter: in [`F32`], as a
+//! conforming GPU computes; in [`F64`], the shadow, which shows what rounding costs; and in
+//! [`Intervals`], which hold every result that the WGSL specification allows.
+//!
+//! ```
+//! use karat_engine::{F32, Options, Program, Resources, Settings};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let module = naga::front::wgsl::parse_str("fn double(x: f32) -> f32 { return x + x; }")?;
+//! let info = naga::valid::Validator::new(
+//!     naga::valid::ValidationFlags::all(),
+//!     naga::valid::Capabilities::default(),
+//! )
+//! .validate(&module)?;
+//! let program = Program::function(&module, &info, "double", &Settings::default())?;
+//! let rows = [1.5f32, -4.0].map(f32::to_bits); // one word a scalar, one row a case
+//! let results = program.call::<F32>(2, &rows, &Resources::new(), &Options::default(), &())?;
+//! assert_eq!(results.words(), [3f32, -8.0].map(f32::to_bits));
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # How it is cut
+//!
+//! **Lowering** (`lower`) turns expressions into operations over scalar registers: a `vec3f` is
+//! three of them, a matrix, a struct or an array as many as it has scalars. Calls are inlined, so
+//! that pointers, textures and samplers are known while lowering and don't exist at run time.
+//! Swizzles, composites and constant indices cost nothing. What the engine doesn't execute is a
+//! [`Refusal`] with its place, found here and never at run time. Each operation keeps its [`Site`].
+//!
+//! **Allocation** (`allocate`) forwards copies, removes what isn't used and lets values that don't
+//! live at the same time share a register.
+//!
+//! **Domains** (`arithmetic`). An [`Arithmetic`] says what a float, an integer and a boolean are.
+//! In intervals an integer is a [`Range`] and a boolean a [`Truth`], which may be undecided.
+//!
+//! **The machine** (`machine`) runs a chunk of 256 cases: a register is a column of lanes
+//! (`columns`), and an operation one loop over them. Chunks run on all cores. A value costs its
+//! arithmetic, and a share of finding the operation.
+//!
+//! **Control flow.** A mask says which lanes are active (`machine/masks`). Operations without effects
+//! run for all lanes, stores blend by the mask, and loops go round until no lane is active. Where a
+//! condition is undecided (`machine/worlds`), a lane follows both ways with its variables as they
+//! were, and what arrives where they meet is joined. A loop whose exit stays undecided for too long
+//! makes the lane's results unbounded.
+//!
+//! **Memory** (`machine/memory`). Variables are registers; those that are indexed at run time are
+//! ranges of registers. Buffers are bytes in the layout that naga gives; where they are written, a
+//! float that isn't an `f32` is kept beside its rounded word. An index that leaves its array is
+//! clamped, and an [`Observer`] is told.
+//!
+//! **Textures** (`texture`) are data. The specification bounds no filter, so the interval of a
+//! sample goes from the least texel to the greatest: any weighted mean lies in it.
+//!
+//! # Adding a builtin
+//!
+//! A rule stands in one place, in the file of its family in `rules`: its name, how many numbers it
+//! takes and gives, the builtin of naga that it is, and what it computes in `f32`, in `f64` and in
+//! intervals. A builtin that works by component needs no more than that. One that doesn't also
+//! needs its line in `lower/math.rs`, which says which registers it takes.
+//!
+//! # What to know about the numbers
+//!
+//! - naga rounds literals to `f32` and folds constants before the engine sees them, so the shadow
+//!   computes with the rounded ones: `0.1` is the nearest `f32` in each arithmetic.
+//! - In the shadow a bitcast of a float rounds it to `f32` first, and half precision isn't rounded.
+//! - `pow(x, y)` is NaN for each x below zero, as `exp2(y * log2(x))` is.
+//! - Integers wrap, division by zero gives the dividend and its remainder 0, distances of shifts
+//!   count modulo 32, and floats become integers by saturation, as naga's back ends have it.
+//! - In intervals a subnormal may be flushed, and what overflows is unbounded, and so is all that is
+//!   computed from it. [`Program::cause`] says which operation made it so.
+//! - The invocations of a workgroup are the lanes of one chunk, so a barrier is already passed by
+//!   all of them. Workgroups run one after the other.
 
 mod allocate;
 mod arithmetic;

@@ -20,11 +20,7 @@ use worlds::{Files, Worlds};
 /// The registers, borrowed apart from the masks.
 macro_rules! files {
     ($machine:expr) => {
-        Files {
-            floats: &mut $machine.floats,
-            ints: &mut $machine.ints,
-            bools: &mut $machine.bools,
-        }
+        Files { floats: &mut $machine.floats, ints: &mut $machine.ints, bools: &mut $machine.bools }
     };
 }
 
@@ -289,7 +285,11 @@ impl<'p, A: Rules> Machine<'p, A> {
 
     /// Changes the mask. Returns whether control jumps to the operation's target.
     fn control(&mut self, op: Op, registers: &[u32]) -> bool {
-        if A::UNDECIDED { self.control_worlds(op, registers) } else { self.control_masks(op, registers) }
+        if A::UNDECIDED {
+            self.control_worlds(op, registers)
+        } else {
+            self.control_masks(op, registers)
+        }
     }
 
     fn control_masks(&mut self, op: Op, registers: &[u32]) -> bool {
@@ -368,7 +368,12 @@ impl<'p, A: Rules> Machine<'p, A> {
 
     /// Flushes what is subnormal, and notes what became unbounded.
     #[inline]
-    fn after_floats(&mut self, instruction: &Instruction, registers: &[u32], arity: (usize, usize)) {
+    fn after_floats(
+        &mut self,
+        instruction: &Instruction,
+        registers: &[u32],
+        arity: (usize, usize),
+    ) {
         let (ins, outs) = arity;
         if self.options.flush {
             for &out in &registers[..outs] {
@@ -394,8 +399,13 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    fn show<O: Observer<A>>(&self, observer: &O, instruction: &Instruction, case: usize, outs: &[u32])
-    where
+    fn show<O: Observer<A>>(
+        &self,
+        observer: &O,
+        instruction: &Instruction,
+        case: usize,
+        outs: &[u32],
+    ) where
         A: crate::arithmetic::Arithmetic,
     {
         let floats: Vec<&[A::Float]> = outs.iter().map(|&out| self.floats.get(out)).collect();
@@ -463,7 +473,9 @@ impl<'p, A: Rules> Machine<'p, A> {
             File::Int => self.ints.write(out, |ints, out| {
                 blend(out, condition, ints.get(yes), ints.get(no), A::select_int);
             }),
-            File::Bool => self.bools.map::<3, 1>(registers, |[yes, no, c]| [A::select_bool(c, yes, no)]),
+            File::Bool => {
+                self.bools.map::<3, 1>(registers, |[yes, no, c]| [A::select_bool(c, yes, no)])
+            }
         }
     }
 

@@ -47,9 +47,13 @@ impl Program {
         let mut functions = module.functions.iter();
         let Some((handle, function)) = functions.find(|(_, f)| f.name.as_deref() == Some(name))
         else {
-            return Err(Refusal::new(format!("`{name}`: there is no such function"), Span::UNDEFINED));
+            return Err(Refusal::new(
+                format!("`{name}`: there is no such function"),
+                Span::UNDEFINED,
+            ));
         };
-        let code = Lower::new(module, info, settings, false).program(function, &info[handle], name)?;
+        let code =
+            Lower::new(module, info, settings, false).program(function, &info[handle], name)?;
         Ok(Self { code: crate::allocate::allocated(code), entry: None })
     }
 
@@ -70,7 +74,10 @@ impl Program {
             return Err(Refusal::new(what, Span::UNDEFINED));
         };
         if point.stage != ShaderStage::Compute {
-            return Err(Refusal::new(format!("entry points of stage {:?}", point.stage), Span::UNDEFINED));
+            return Err(Refusal::new(
+                format!("entry points of stage {:?}", point.stage),
+                Span::UNDEFINED,
+            ));
         }
         let entry = crate::dispatch::Entry::of(module, point, settings)?;
         let lower = Lower::new(module, info, settings, true);
@@ -141,7 +148,13 @@ impl Program {
         let lanes = LANES.min(cases.next_multiple_of(STEP));
         let run = |state: &mut (Machine<'_, A>, Memory<'_, A>), chunk: usize| {
             if failed.load(Ordering::Relaxed) < chunk {
-                return Ok(Results { scalars: Vec::new(), floats: vec![], ints: vec![], bools: vec![], cases: 0 });
+                return Ok(Results {
+                    scalars: Vec::new(),
+                    floats: vec![],
+                    ints: vec![],
+                    bools: vec![],
+                    cases: 0,
+                });
             }
             let first = chunk * LANES;
             let active = LANES.min(cases - first);

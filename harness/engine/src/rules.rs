@@ -57,8 +57,6 @@ macro_rules! float_rules {
             }
 
             /// The rule that a builtin applies to each component.
-            #[expect(clippy::allow_attributes, reason = "not each family has builtins by component")]
-            #[allow(dead_code, reason = "not each family has builtins by component")]
             pub(crate) fn builtin(function: naga::MathFunction) -> Option<Self> {
                 $($(if function == naga::MathFunction::$math { return Some(Self::$name); })?)*
                 let _ = function;
@@ -171,6 +169,7 @@ impl FloatRule {
             .map(Self::Basic)
             .or_else(|| Exponential::builtin(function).map(Self::Exponential))
             .or_else(|| Rounding::builtin(function).map(Self::Rounding))
+            .or_else(|| Geometry::builtin(function).map(Self::Geometry))
             .or_else(|| Trigonometry::builtin(function).map(Self::Trigonometry))
     }
 

@@ -1,5 +1,8 @@
 //! Scalars, and how types are made of them.
 
+use std::cell::RefCell;
+use std::collections::HashMap;
+
 use naga::{ArraySize, Handle, Module, ScalarKind, Type, TypeInner, VectorSize};
 
 /// What one word of a row holds.
@@ -59,6 +62,9 @@ impl Scalar {
 /// How many registers of each file a type takes.
 pub(crate) type Counts = [u32; 3];
 
+/// The same before it is known to be few.
+type Wide = Result<[u64; 3], String>;
+
 /// More scalars than this aren't held by a value or a variable: 2^14 columns of 256 lanes are
 /// 16 MiB a thread. WGSL lets variables of a function have 2^11 scalars in all.
 pub(crate) const MOST_SCALARS: u64 = 1 << 14;
@@ -68,8 +74,8 @@ pub(crate) const MOST_SCALARS: u64 = 1 << 14;
 pub(crate) struct Layouts<'m> {
     pub(crate) module: &'m Module,
     /// Lengths of arrays that an override gives.
-    pub(crate) lengths: std::collections::HashMap<Handle<naga::Override>, u32>,
-    cache: std::cell::RefCell<std::collections::HashMap<Handle<Type>, Result<[u64; 3], String>>>,
+    pub(crate) lengths: HashMap<Handle<naga::Override>, u32>,
+    cache: RefCell<HashMap<Handle<Type>, Wide>>,
 }
 
 impl<'m> Layouts<'m> {
@@ -93,7 +99,7 @@ impl<'m> Layouts<'m> {
         }
     }
 
-    fn wide(&self, inner: &TypeInner) -> Result<[u64; 3], String> {
+    fn wide(&self, inner: &TypeInner) -> Wide {
         let of = |scalar: naga::Scalar, count: u64| {
             let mut counts = [0; 3];
             counts[Scalar::of(scalar)?.file() as usize] = count;
@@ -102,9 +108,7 @@ impl<'m> Layouts<'m> {
         match *inner {
             TypeInner::Scalar(scalar) | TypeInner::Atomic(scalar) => of(scalar, 1),
             TypeInner::Vector { size, scalar } => of(scalar, size as u64),
-            TypeInner::Matrix { columns, rows, scalar } => {
-                of(scalar, columns as u64 * rows as u64)
-            }
+            TypeInner::Matrix { columns, rows, scalar } => of(scalar, columns as u64 * rows as u64),
             TypeInner::Array { base, size, .. } => {
                 let Some(count) = self.length(size)? else {
                     return Err("a runtime-sized array as a value".to_owned());
@@ -123,7 +127,7 @@ impl<'m> Layouts<'m> {
         }
     }
 
-    fn wide_of(&self, ty: Handle<Type>) -> Result<[u64; 3], String> {
+    fn wide_of(&self, ty: Handle<Type>) -> Wide {
         if let Some(found) = self.cache.borrow().get(&ty) {
             return found.clone();
         }

@@ -89,7 +89,7 @@ impl Texture {
         if size.contains(&0) || samples == 0 || levels.is_empty() {
             return Err(TextureError::Shape("a texture without texels"));
         }
-        if dimension == Dimension::Cube && (size[0] != size[1] || size[2] % 6 != 0) {
+        if dimension == Dimension::Cube && (size[0] != size[1] || !size[2].is_multiple_of(6)) {
             return Err(TextureError::Shape("a cube has six square faces a layer"));
         }
         if samples > 1 && levels.len() > 1 {

@@ -17,9 +17,7 @@ impl<'m> Lower<'m> {
         name: &str,
         arguments: Vec<Value>,
     ) -> Lowered<Option<Value>> {
-        stacker::maybe_grow(STACK.0, STACK.1, || {
-            self.inline_here(function, info, name, arguments)
-        })
+        stacker::maybe_grow(STACK.0, STACK.1, || self.inline_here(function, info, name, arguments))
     }
 
     fn inline_here(
@@ -60,7 +58,8 @@ impl<'m> Lower<'m> {
             let scalars = self.scalars(self.layouts.inner(result.ty))?;
             scope.result = Some(scalars.iter().map(|s| self.fresh(s.file())).collect());
             // Something has been written before the first masked store joins with it.
-            for (scalar, register) in scalars.iter().zip(scope.result.iter().flat_map(|r| r.iter())) {
+            for (scalar, register) in scalars.iter().zip(scope.result.iter().flat_map(|r| r.iter()))
+            {
                 let zero = self.constant(*scalar, 0);
                 self.emit(Op::Move(register.file), &[*register], &[zero])?;
             }

@@ -19,8 +19,7 @@ impl<'m> Lower<'m> {
         if let Some(value) = &scope.values[handle.index()] {
             return Ok(value.clone());
         }
-        let value =
-            stacker::maybe_grow(STACK.0, STACK.1, || self.lower_expression(scope, handle))?;
+        let value = stacker::maybe_grow(STACK.0, STACK.1, || self.lower_expression(scope, handle))?;
         scope.values[handle.index()] = Some(value.clone());
         Ok(value)
     }

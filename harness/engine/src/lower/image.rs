@@ -189,7 +189,7 @@ impl<'m> Lower<'m> {
             return Ok(register);
         }
         let rule = if signed { FromInt::Signed } else { FromInt::Unsigned };
-        Ok(self.from_int(rule, register)?[0])
+        Ok(self.floats_of(rule, register)?[0])
     }
 
     pub(super) fn image_store(

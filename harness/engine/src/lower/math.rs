@@ -69,9 +69,8 @@ impl<'m> Lower<'m> {
             M::Cross => self.float_ops(FloatRule::Geometry(Geometry::Cross), &all(args), half),
             M::Length => Ok(vec![self.length(&args[0], half)?]),
             M::Distance => {
-                let difference = self.by_component(args, |lower, args| {
-                    lower.basic(Basic::Subtract, args, half)
-                })?;
+                let difference = self
+                    .by_component(args, |lower, args| lower.basic(Basic::Subtract, args, half))?;
                 Ok(vec![self.length(&difference, half)?])
             }
             M::Normalize => {
@@ -122,7 +121,7 @@ impl<'m> Lower<'m> {
                     values.push(self.float_op(rule, &[x], half)?);
                 }
                 for &x in args[0].iter() {
-                    values.push(self.to_int(ToInt::Exponent, &[x])?);
+                    values.push(self.integer_of(ToInt::Exponent, &[x])?);
                 }
                 Ok(values)
             }
@@ -158,16 +157,16 @@ impl<'m> Lower<'m> {
                 };
                 self.float_ops(FloatRule::Geometry(rule), &args[0], half)
             }
-            M::Pack4x8snorm => Ok(vec![self.to_int(ToInt::Snorm8, &args[0])?]),
-            M::Pack4x8unorm => Ok(vec![self.to_int(ToInt::Unorm8, &args[0])?]),
-            M::Pack2x16snorm => Ok(vec![self.to_int(ToInt::Snorm16, &args[0])?]),
-            M::Pack2x16unorm => Ok(vec![self.to_int(ToInt::Unorm16, &args[0])?]),
-            M::Pack2x16float => Ok(vec![self.to_int(ToInt::Half2, &args[0])?]),
-            M::Unpack4x8snorm => self.from_int(FromInt::Snorm8, args[0][0]),
-            M::Unpack4x8unorm => self.from_int(FromInt::Unorm8, args[0][0]),
-            M::Unpack2x16snorm => self.from_int(FromInt::Snorm16, args[0][0]),
-            M::Unpack2x16unorm => self.from_int(FromInt::Unorm16, args[0][0]),
-            M::Unpack2x16float => self.from_int(FromInt::Half2, args[0][0]),
+            M::Pack4x8snorm => Ok(vec![self.integer_of(ToInt::Snorm8, &args[0])?]),
+            M::Pack4x8unorm => Ok(vec![self.integer_of(ToInt::Unorm8, &args[0])?]),
+            M::Pack2x16snorm => Ok(vec![self.integer_of(ToInt::Snorm16, &args[0])?]),
+            M::Pack2x16unorm => Ok(vec![self.integer_of(ToInt::Unorm16, &args[0])?]),
+            M::Pack2x16float => Ok(vec![self.integer_of(ToInt::Half2, &args[0])?]),
+            M::Unpack4x8snorm => self.floats_of(FromInt::Snorm8, args[0][0]),
+            M::Unpack4x8unorm => self.floats_of(FromInt::Unorm8, args[0][0]),
+            M::Unpack2x16snorm => self.floats_of(FromInt::Snorm16, args[0][0]),
+            M::Unpack2x16unorm => self.floats_of(FromInt::Unorm16, args[0][0]),
+            M::Unpack2x16float => self.floats_of(FromInt::Half2, args[0][0]),
             M::Pack4xI8 | M::Pack4xU8 => Ok(vec![self.integer(Integer::PackBytes, &args[0])?]),
             M::Pack4xI8Clamp => Ok(vec![self.integer(Integer::PackBytesClampI, &args[0])?]),
             M::Pack4xU8Clamp => Ok(vec![self.integer(Integer::PackBytesClampU, &args[0])?]),

@@ -23,7 +23,10 @@ pub(crate) struct Place {
 #[derive(Clone, Copy, Debug)]
 enum Root {
     /// The first registers of a variable, and how many it has.
-    Local { base: Counts, extent: Counts },
+    Local {
+        base: Counts,
+        extent: Counts,
+    },
     Buffer(u32),
 }
 
@@ -206,11 +209,8 @@ impl<'m> Lower<'m> {
     }
 
     fn bytes_walk(&mut self, place: &Place, buffer: u32, offset: u32) -> u32 {
-        let step = |index: &Index| Step {
-            stride: index.bytes,
-            count: index.count,
-            signed: index.signed,
-        };
+        let step =
+            |index: &Index| Step { stride: index.bytes, count: index.count, signed: index.signed };
         let steps = place.indices.iter().map(step).collect();
         self.code.walks.push(Walk { buffer, offset, steps, atomic: None });
         self.code.walks.len() as u32 - 1
@@ -246,10 +246,8 @@ impl<'m> Lower<'m> {
             _ => self.layouts.element(inner).map_err(|what| self.refuse(what))?.1.unwrap_or(0),
         };
         for index in 0..parts {
-            let (part, bytes) = self
-                .layouts
-                .component_bytes(inner, index)
-                .map_err(|what| self.refuse(what))?;
+            let (part, bytes) =
+                self.layouts.component_bytes(inner, index).map_err(|what| self.refuse(what))?;
             self.append_leaves(&part, offset.saturating_add(bytes), to)?;
         }
         Ok(())

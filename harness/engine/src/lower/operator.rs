@@ -66,7 +66,9 @@ impl<'m> Lower<'m> {
             TypeInner::Scalar(scalar)
             | TypeInner::Vector { scalar, .. }
             | TypeInner::Matrix { scalar, .. } => self.scalar(scalar),
-            ref other => Err(self.refuse(format!("an operator on a {}", crate::scalar::kind(other)))),
+            ref other => {
+                Err(self.refuse(format!("an operator on a {}", crate::scalar::kind(other))))
+            }
         }
     }
 
@@ -84,10 +86,16 @@ impl<'m> Lower<'m> {
                 (UnaryOperator::Negate, Scalar::F32 | Scalar::F16) => {
                     self.basic(Basic::Negate, &[register], false)?
                 }
-                (UnaryOperator::Negate, Scalar::I32) => self.integer(Integer::NegateI, &[register])?,
+                (UnaryOperator::Negate, Scalar::I32) => {
+                    self.integer(Integer::NegateI, &[register])?
+                }
                 (UnaryOperator::LogicalNot, Scalar::Bool) => self.boolean(Op::Not, &[register])?,
-                (UnaryOperator::BitwiseNot, Scalar::I32) => self.integer(Integer::NotI, &[register])?,
-                (UnaryOperator::BitwiseNot, Scalar::U32) => self.integer(Integer::NotU, &[register])?,
+                (UnaryOperator::BitwiseNot, Scalar::I32) => {
+                    self.integer(Integer::NotI, &[register])?
+                }
+                (UnaryOperator::BitwiseNot, Scalar::U32) => {
+                    self.integer(Integer::NotU, &[register])?
+                }
                 _ => return Err(self.refuse(format!("operator {op:?} on {scalar:?}"))),
             });
         }
@@ -137,7 +145,13 @@ impl<'m> Lower<'m> {
         Ok(Value::Flat(values.into()))
     }
 
-    fn binary_scalar(&mut self, op: BinaryOperator, scalar: Scalar, a: Reg, b: Reg) -> Lowered<Reg> {
+    fn binary_scalar(
+        &mut self,
+        op: BinaryOperator,
+        scalar: Scalar,
+        a: Reg,
+        b: Reg,
+    ) -> Lowered<Reg> {
         use BinaryOperator as B;
         let half = scalar == Scalar::F16;
         let order = |op: B| match op {
@@ -346,18 +360,18 @@ impl<'m> Lower<'m> {
         Ok(match (from, to) {
             (Scalar::F32, Scalar::F16) => self.rounded(x, true)?,
             (Scalar::F32 | Scalar::F16, Scalar::F32 | Scalar::F16) => x,
-            (Scalar::F32 | Scalar::F16, Scalar::I32) => self.to_int(ToInt::Signed, &[x])?,
-            (Scalar::F32 | Scalar::F16, Scalar::U32) => self.to_int(ToInt::Unsigned, &[x])?,
+            (Scalar::F32 | Scalar::F16, Scalar::I32) => self.integer_of(ToInt::Signed, &[x])?,
+            (Scalar::F32 | Scalar::F16, Scalar::U32) => self.integer_of(ToInt::Unsigned, &[x])?,
             (Scalar::F32 | Scalar::F16, Scalar::Bool) => {
                 let zero = self.float(0.0);
                 self.boolean(Op::CompareFloat(Compare::NotEqual), &[x, zero])?
             }
             (Scalar::I32, Scalar::F32 | Scalar::F16) => {
-                let float = self.from_int(FromInt::Signed, x)?[0];
+                let float = self.floats_of(FromInt::Signed, x)?[0];
                 self.rounded(float, half)?
             }
             (Scalar::U32, Scalar::F32 | Scalar::F16) => {
-                let float = self.from_int(FromInt::Unsigned, x)?[0];
+                let float = self.floats_of(FromInt::Unsigned, x)?[0];
                 self.rounded(float, half)?
             }
             (Scalar::I32, Scalar::U32) => self.integer(Integer::ToU, &[x])?,
@@ -382,9 +396,9 @@ impl<'m> Lower<'m> {
 
     fn bitcast(&mut self, x: Reg, from: Scalar, to: Scalar, kind: ScalarKind) -> Lowered<Reg> {
         Ok(match (from, to) {
-            (Scalar::F32, Scalar::I32) => self.to_int(ToInt::BitsSigned, &[x])?,
-            (Scalar::F32, Scalar::U32) => self.to_int(ToInt::BitsUnsigned, &[x])?,
-            (Scalar::I32 | Scalar::U32, Scalar::F32) => self.from_int(FromInt::Bits, x)?[0],
+            (Scalar::F32, Scalar::I32) => self.integer_of(ToInt::BitsSigned, &[x])?,
+            (Scalar::F32, Scalar::U32) => self.integer_of(ToInt::BitsUnsigned, &[x])?,
+            (Scalar::I32 | Scalar::U32, Scalar::F32) => self.floats_of(FromInt::Bits, x)?[0],
             (Scalar::I32, Scalar::U32) => self.integer(Integer::ToU, &[x])?,
             (Scalar::U32, Scalar::I32) => self.integer(Integer::ToI, &[x])?,
             _ if from == to => x,
@@ -392,13 +406,13 @@ impl<'m> Lower<'m> {
         })
     }
 
-    pub(super) fn to_int(&mut self, rule: ToInt, ins: &[Reg]) -> Lowered<Reg> {
+    pub(super) fn integer_of(&mut self, rule: ToInt, ins: &[Reg]) -> Lowered<Reg> {
         let out = self.fresh(File::Int);
         self.emit(Op::ToInt(rule), &[out], ins)?;
         Ok(out)
     }
 
-    pub(super) fn from_int(&mut self, rule: FromInt, x: Reg) -> Lowered<Vec<Reg>> {
+    pub(super) fn floats_of(&mut self, rule: FromInt, x: Reg) -> Lowered<Vec<Reg>> {
         let outs: Vec<Reg> = (0..rule.arity()).map(|_| self.fresh(File::Float)).collect();
         self.emit(Op::FromInt(rule), &outs, &[x])?;
         Ok(outs)

@@ -104,8 +104,11 @@ impl<A: Rules> Machine<'_, A> {
             if op.arrayed {
                 at[2] = read(coordinates, size[2] - 1);
             }
-            let sample =
-                if sample { read(coordinates + usize::from(op.arrayed), texture.samples() - 1) } else { 0 };
+            let sample = if sample {
+                read(coordinates + usize::from(op.arrayed), texture.samples() - 1)
+            } else {
+                0
+            };
             if clamped && A::possible(self.active()[lane]) {
                 first = first.or(Some(lane));
             }
@@ -172,7 +175,10 @@ impl<A: Rules> Machine<'_, A> {
                 Detail::Gradient => Level::Gradient(vector(after), vector(after + coordinates)),
             };
             let unbounded = A::NOTES
-                && operands.floats.iter().any(|&r| A::coordinate(self.floats.get(r)[lane]).is_nan());
+                && operands
+                    .floats
+                    .iter()
+                    .any(|&r| A::coordinate(self.floats.get(r)[lane]).is_nan());
             let value = |footprint: &Footprint, channel: usize| -> A::Float {
                 if unbounded {
                     return A::float(f32::NAN);
@@ -188,10 +194,9 @@ impl<A: Rules> Machine<'_, A> {
                     }
                 } else {
                     for (&out, footprint) in operands.outs.iter().zip(footprints) {
-                        let word = footprint
-                            .texels
-                            .first()
-                            .map_or(0, |&(_, level, at)| texture.texel(level, at, 0)[channel as usize]);
+                        let word = footprint.texels.first().map_or(0, |&(_, level, at)| {
+                            texture.texel(level, at, 0)[channel as usize]
+                        });
                         self.ints.get_mut(out)[lane] = A::int(word, op.signed_texels);
                     }
                 }

@@ -170,13 +170,29 @@ impl<A: Rules> Machine<'_, A> {
         let n = walk.steps.len();
         match file {
             File::Float => {
-                gathered!(self, floats, A::select_float, registers, registers[1], &registers[2..], walk)
+                gathered!(
+                    self,
+                    floats,
+                    A::select_float,
+                    registers,
+                    registers[1],
+                    &registers[2..],
+                    walk
+                )
             }
             File::Int => {
                 gathered!(self, ints, A::select_int, registers, registers[1], &registers[2..], walk)
             }
             File::Bool => {
-                gathered!(self, bools, A::select_bool, registers, registers[1 + n], &registers[1..=n], walk)
+                gathered!(
+                    self,
+                    bools,
+                    A::select_bool,
+                    registers,
+                    registers[1 + n],
+                    &registers[1..=n],
+                    walk
+                )
             }
         }
     }
@@ -193,7 +209,15 @@ impl<A: Rules> Machine<'_, A> {
                 scattered!(self, ints, A::select_int, base, registers[1], &registers[2..], walk)
             }
             File::Bool => {
-                scattered!(self, bools, A::select_bool, base, registers[1 + n], &registers[1..=n], walk)
+                scattered!(
+                    self,
+                    bools,
+                    A::select_bool,
+                    base,
+                    registers[1 + n],
+                    &registers[1..=n],
+                    walk
+                )
             }
         }
     }
@@ -260,7 +284,8 @@ impl<A: Rules> Machine<'_, A> {
                     }
                 }
                 File::Int => {
-                    let values = entries.iter().map(|entry| A::int(entry.word, entry.scalar.signed()));
+                    let values =
+                        entries.iter().map(|entry| A::int(entry.word, entry.scalar.signed()));
                     let value = values.reduce(|a, b| A::select_int(A::undecided(), a, b));
                     if let Some(value) = value {
                         self.ints.get_mut(registers[0])[lane] = value;

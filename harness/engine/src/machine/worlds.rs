@@ -57,10 +57,17 @@ impl<A: Rules> State<A> {
     }
 
     /// Writes a lane's variables back, joined with what is in the registers when `joins`.
-    fn take(&mut self, files: &mut Files<'_, A>, mutable: &[Vec<u32>; 3], lane: usize, joins: bool) {
+    fn take(
+        &mut self,
+        files: &mut Files<'_, A>,
+        mutable: &[Vec<u32>; 3],
+        lane: usize,
+        joins: bool,
+    ) {
         for (kept, &register) in self.floats.iter().zip(&mutable[0]) {
             let now = &mut files.floats.get_mut(register)[lane];
-            *now = if joins { A::select_float(A::undecided(), kept[lane], *now) } else { kept[lane] };
+            *now =
+                if joins { A::select_float(A::undecided(), kept[lane], *now) } else { kept[lane] };
         }
         for (kept, &register) in self.ints.iter().zip(&mutable[1]) {
             let now = &mut files.ints.get_mut(register)[lane];
@@ -68,7 +75,8 @@ impl<A: Rules> State<A> {
         }
         for (kept, &register) in self.bools.iter().zip(&mutable[2]) {
             let now = &mut files.bools.get_mut(register)[lane];
-            *now = if joins { A::select_bool(A::undecided(), kept[lane], *now) } else { kept[lane] };
+            *now =
+                if joins { A::select_bool(A::undecided(), kept[lane], *now) } else { kept[lane] };
         }
         self.here[lane] = false;
     }
@@ -180,11 +188,11 @@ impl<'p, A: Rules> Worlds<'p, A> {
     pub(crate) fn enter_if(&mut self, files: &Files<'_, A>, condition: &[A::Bool]) -> bool {
         self.push();
         let Some(frame) = self.frames.last_mut() else { return self.any };
-        for lane in 0..self.width {
+        for (lane, &condition) in condition.iter().enumerate() {
             if !self.current[lane] {
                 continue;
             }
-            let (yes, no) = (A::possible(condition[lane]), A::avoidable(condition[lane]));
+            let (yes, no) = (A::possible(condition), A::avoidable(condition));
             if yes && no {
                 frame.start.add(files, self.mutable, lane);
             } else if no {
@@ -199,7 +207,7 @@ impl<'p, A: Rules> Worlds<'p, A> {
     pub(crate) fn enter_else(&mut self, files: &mut Files<'_, A>, condition: &[A::Bool]) -> bool {
         let Some(frame) = self.frames.last_mut() else { return self.any };
         frame.has_else = true;
-        for lane in 0..self.width {
+        for (lane, &condition) in condition.iter().enumerate() {
             if frame.start.here[lane] {
                 if self.current[lane] {
                     frame.waiting.add(files, self.mutable, lane);
@@ -209,7 +217,7 @@ impl<'p, A: Rules> Worlds<'p, A> {
                 frame.start.here[lane] = true;
                 self.current[lane] = true;
             } else {
-                let other = frame.saved[lane] && !A::possible(condition[lane]);
+                let other = frame.saved[lane] && !A::possible(condition);
                 frame.ended[lane] = self.current[lane];
                 self.current[lane] = other;
             }
@@ -234,8 +242,8 @@ impl<'p, A: Rules> Worlds<'p, A> {
             }
             self.current.fill(false);
         }
-        for lane in 0..self.width {
-            let enters = frame.saved[lane] && A::possible(condition[lane]);
+        for (lane, &condition) in condition.iter().enumerate() {
+            let enters = frame.saved[lane] && A::possible(condition);
             if self.current[lane] && !falls {
                 frame.waiting.add(files, self.mutable, lane);
                 self.current[lane] = false;

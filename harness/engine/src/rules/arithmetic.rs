@@ -161,7 +161,15 @@ fn absolute(x: Interval) -> Interval {
 fn sign(x: Interval) -> Interval {
     match x.bounds() {
         Some((lo, hi)) => {
-            let of = |x: f64| if x > 0.0 { 1.0 } else if x < 0.0 { -1.0 } else { 0.0 };
+            let of = |x: f64| {
+                if x > 0.0 {
+                    1.0
+                } else if x < 0.0 {
+                    -1.0
+                } else {
+                    0.0
+                }
+            };
             Interval::between(of(lo), of(hi))
         }
         None => Interval::UNBOUNDED,

@@ -240,12 +240,8 @@ fn insert([x, new, offset, count]: [u32; 4]) -> u32 {
 fn product(x: Range, y: Range, signed: bool) -> Range {
     // Products of two u32 don't fit in i64.
     let wide = |a: i64, b: i64| i128::from(a) * i128::from(b);
-    let corners = [
-        wide(x.lo(), y.lo()),
-        wide(x.lo(), y.hi()),
-        wide(x.hi(), y.lo()),
-        wide(x.hi(), y.hi()),
-    ];
+    let corners =
+        [wide(x.lo(), y.lo()), wide(x.lo(), y.hi()), wide(x.hi(), y.lo()), wide(x.hi(), y.hi())];
     let fits = corners.map(|corner| i64::try_from(corner).ok());
     match fits {
         [Some(a), Some(b), Some(c), Some(d)] => {

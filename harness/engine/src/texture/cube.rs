@@ -43,7 +43,15 @@ pub(super) fn beyond(face_index: usize, x: i64, y: i64, size: u32) -> (usize, u3
     let outside_u = !(0.0..=1.0).contains(&u);
     let (edge_u, edge_v) = if outside_u { (u, clamped(v)) } else { (clamped(u), v) };
     // Onto the plane of the neighbour: one step along the edge's normal is one step in depth.
-    let step = |w: f64| if w < 0.0 { (0.0, -w) } else if w > 1.0 { (1.0, w - 1.0) } else { (w, 0.0) };
+    let step = |w: f64| {
+        if w < 0.0 {
+            (0.0, -w)
+        } else if w > 1.0 {
+            (1.0, w - 1.0)
+        } else {
+            (w, 0.0)
+        }
+    };
     let ((on_u, du), (on_v, dv)) = (step(edge_u), step(edge_v));
     let mut at = direction(face_index, on_u, on_v);
     let depth = 2.0 * du.max(dv);

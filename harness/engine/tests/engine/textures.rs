@@ -1,8 +1,6 @@
 //! Textures against the sums of WebGPU's definitions, written out for one texel at a time.
 
-mod common;
-
-use common::program;
+use crate::common::program;
 use karat_engine::{
     Address, Comparison, Dimension, F32, F64, Filter, Intervals, Lane, Options, Program, Resources,
     Sampler, Texels, Texture, TextureError,
@@ -16,7 +14,8 @@ fn texel(x: u32, y: u32, z: u32, level: u32) -> [f32; 4] {
 fn texture(dimension: Dimension, size: [u32; 3], levels: u32) -> Texture {
     let level = |k: u32| {
         let shrunk = |n: u32| (n >> k).max(1);
-        let [w, h] = [shrunk(size[0]), if dimension == Dimension::D1 { 1 } else { shrunk(size[1]) }];
+        let [w, h] =
+            [shrunk(size[0]), if dimension == Dimension::D1 { 1 } else { shrunk(size[1]) }];
         let d = if dimension == Dimension::D3 { shrunk(size[2]) } else { size[2] };
         let mut texels = Vec::new();
         for z in 0..d {
@@ -26,7 +25,7 @@ fn texture(dimension: Dimension, size: [u32; 3], levels: u32) -> Texture {
         }
         Texels::Float(texels)
     };
-    Texture::new(dimension, size, 1, (0..levels).map(level).collect()).unwrap()
+    Texture::new(dimension, size, 1, (0..levels).map(level).collect()).expect("texels fit")
 }
 
 fn linear(address: Address) -> Sampler {
@@ -41,7 +40,7 @@ fn run(program: &Program, rows: &[f32], texture: Texture, sampler: Sampler) -> V
     let rows: Vec<u32> = rows.iter().map(|x| x.to_bits()).collect();
     let cases = rows.len() / program.parameters().len();
     let options = Options::default();
-    let found = program.call::<F32>(cases, &rows, &resources, &options, &()).unwrap();
+    let found = program.call::<F32>(cases, &rows, &resources, &options, &()).expect("it runs");
     found.words().into_iter().map(f32::from_bits).collect()
 }
 
@@ -114,7 +113,7 @@ fn nearest_texels_gathers_gradients_and_loads() {
             return vec4f(vec2f(textureDimensions(t, 1)), f32(textureNumLevels(t)), f32(textureDimensions(t).x));
         }";
     let call = |name: &str, uv: [f32; 2]| {
-        let program = common::program(source, name);
+        let program = program(source, name);
         run(&program, &uv, texture(Dimension::D2, [6, 4, 1], 3), Sampler::default())
     };
     // (0.4, 0.6) is in texel (2, 2); one to the right of it
@@ -136,7 +135,8 @@ fn layers_volumes_and_lines() {
         @group(0) @binding(1) var s: sampler;
         fn f(uv: vec2f, layer: f32) -> vec4f { return textureSampleLevel(t, s, uv, i32(layer), 0.0); }";
     let array = || texture(Dimension::D2, [6, 4, 3], 1);
-    let found = run(&program(source, "f"), &[0.4, 0.6, 1.0, 0.4, 0.6, 9.0], array(), Sampler::default());
+    let found =
+        run(&program(source, "f"), &[0.4, 0.6, 1.0, 0.4, 0.6, 9.0], array(), Sampler::default());
     assert_eq!(found[..4], texel(2, 2, 1, 0));
     assert_eq!(found[4..], texel(2, 2, 2, 0));
     let source = "
@@ -146,9 +146,8 @@ fn layers_volumes_and_lines() {
     let volume = texture(Dimension::D3, [4, 4, 4], 1);
     let found = run(&program(source, "f"), &[0.25, 0.375, 0.625], volume, linear(Address::Repeat));
     // Between texels 0 and 1 in x; at the centres of 1 in y and 2 in z.
-    let expected: [f32; 4] = std::array::from_fn(|c| {
-        0.5 * (texel(0, 1, 2, 0)[c] + texel(1, 1, 2, 0)[c])
-    });
+    let expected: [f32; 4] =
+        std::array::from_fn(|c| 0.5 * (texel(0, 1, 2, 0)[c] + texel(1, 1, 2, 0)[c]));
     assert_eq!(found, expected);
 }
 
@@ -175,9 +174,9 @@ fn cubes_are_seamless() {
     ];
     for (axis, face) in axes {
         let found = run(&program, &axis, cube(), linear(Address::ClampToEdge));
-        for c in 0..4 {
+        for (c, found) in found.iter().enumerate() {
             let four = [(1, 1), (2, 1), (1, 2), (2, 2)].map(|(x, y)| texel(x, y, face, 0)[c]);
-            assert_eq!(found[c], four.iter().sum::<f32>() / 4.0, "{axis:?}");
+            assert_eq!(*found, four.iter().sum::<f32>() / 4.0, "{axis:?}");
         }
     }
     // On the edge between +X and +Z, in the middle of row 1: half of each side's last texel. On +X
@@ -208,7 +207,8 @@ fn depths_compare_before_they_are_filtered() {
         @group(0) @binding(1) var s: sampler_comparison;
         fn f(uv: vec2f, z: f32) -> f32 { return textureSampleCompareLevel(t, s, uv, z); }
         fn load(uv: vec2f, z: f32) -> f32 { return textureLoad(t, vec2i(uv), 0); }";
-    let depth = || Texture::new(Dimension::D2, [2, 1, 1], 1, vec![Texels::Depth(vec![0.2, 0.8])]).unwrap();
+    let depth =
+        || Texture::new(Dimension::D2, [2, 1, 1], 1, vec![Texels::Depth(vec![0.2, 0.8])]).unwrap();
     let sampler = || Sampler { compare: Some(Comparison::Less), ..linear(Address::ClampToEdge) };
     let rows = [0.5, 0.5, 0.5, 0.5, 0.5, 0.1, 0.625, 0.5, 0.5];
     let found = run(&program(source, "f"), &rows, depth(), sampler());

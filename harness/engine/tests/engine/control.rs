@@ -1,8 +1,6 @@
 //! Divergent control flow, against the same loops in Rust.
 
-mod common;
-
-use common::{floats, words};
+use crate::common::{floats, words};
 
 #[test]
 fn branches_differ_by_lane() {

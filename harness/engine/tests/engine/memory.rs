@@ -1,10 +1,8 @@
 //! Arrays, structs, buffers and compute entry points.
 
-mod common;
-
 use std::sync::Mutex;
 
-use common::{doubles, floats, intervals, module, program, words};
+use crate::common::{doubles, floats, intervals, module, program, words};
 use karat_engine::{
     F32, F64, Intervals, Lane, Observer, Options, OutOfRange, Program, Resources, Scalar, Settings,
     Stop,
@@ -53,7 +51,7 @@ struct Outside(Mutex<Vec<(usize, String)>>);
 
 impl Observer<F32> for Outside {
     fn out_of_range(&self, index: &OutOfRange<'_>) {
-        self.0.lock().unwrap().push((index.case, index.site.function.clone()));
+        self.0.lock().expect("no test panics here").push((index.case, index.site.function.clone()));
     }
 }
 
@@ -78,9 +76,9 @@ fn indices_are_clamped_and_reported() {
 fn intervals_of(source: &str) -> (f32, f32) {
     let source = format!("{source} fn g(x: f32) -> f32 {{ return look(i32(sin(x) * 1e4)); }}");
     let (module, info) = module(&source);
-    let program = Program::function(&module, &info, "g", &Settings::default()).unwrap();
+    let program = Program::function(&module, &info, "g", &Settings::default()).expect("it lowers");
     let (resources, options) = (Resources::new(), Options::default());
-    let found = program.call::<Intervals>(1, &[0], &resources, &options, &()).unwrap();
+    let found = program.call::<Intervals>(1, &[0], &resources, &options, &()).expect("it runs");
     match found.row(0)[0] {
         Lane::Float(x) => (x.lo(), x.hi()),
         other => panic!("{other:?}"),

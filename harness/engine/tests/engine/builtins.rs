@@ -1,8 +1,6 @@
 //! Builtins against Rust's own, and values computed by hand.
 
-mod common;
-
-use common::{doubles, floats, words};
+use crate::common::{doubles, floats, words};
 
 /// Floats at the edges of everything.
 const EDGES: [f32; 22] = [
@@ -51,7 +49,15 @@ fn exact_functions_of_one_float() {
     unary("trunc(x)", f32::trunc);
     unary("sqrt(x)", f32::sqrt);
     unary("fract(x)", |x| x - x.floor());
-    unary("sign(x)", |x| if x > 0.0 { 1.0 } else if x < 0.0 { -1.0 } else { 0.0 });
+    unary("sign(x)", |x| {
+        if x > 0.0 {
+            1.0
+        } else if x < 0.0 {
+            -1.0
+        } else {
+            0.0
+        }
+    });
     unary("x * x", |x| x * x);
     unary("1.0 / x", |x| 1.0 / x);
     unary("x % 0.75", |x| x % 0.75);
@@ -161,18 +167,21 @@ fn integer_operators_wrap_and_never_trap() {
     int_pairs("i32(x <= y) + 2 * i32(x == y) + 4 * i32(x > y)", |x, y| {
         i32::from(x <= y) + 2 * i32::from(x == y) + 4 * i32::from(x > y)
     });
-    uint_pairs("x / y", |x, y| if y == 0 { x } else { x / y });
-    uint_pairs("x % y", |x, y| if y == 0 { 0 } else { x % y });
+    uint_pairs("x / y", |x, y| x.checked_div(y).unwrap_or(x));
+    uint_pairs("x % y", |x, y| x.checked_rem(y).unwrap_or(0));
     uint_pairs("u32(x < y) + 2u * u32(x >= y)", |x, y| u32::from(x < y) + 2 * u32::from(x >= y));
     uint_pairs("x >> y", u32::wrapping_shr);
-    uint_pairs("min(x, y) + 3u * max(x, y)", |x, y| x.min(y).wrapping_add(x.max(y).wrapping_mul(3)));
+    uint_pairs("min(x, y) + 3u * max(x, y)", |x, y| {
+        x.min(y).wrapping_add(x.max(y).wrapping_mul(3))
+    });
 }
 
 #[test]
 fn bits_of_integers() {
-    uint_pairs("countOneBits(x) + 64u * countLeadingZeros(x) + 4096u * countTrailingZeros(x)", |x, _| {
-        x.count_ones() + 64 * x.leading_zeros() + 4096 * x.trailing_zeros()
-    });
+    uint_pairs(
+        "countOneBits(x) + 64u * countLeadingZeros(x) + 4096u * countTrailingZeros(x)",
+        |x, _| x.count_ones() + 64 * x.leading_zeros() + 4096 * x.trailing_zeros(),
+    );
     uint_pairs("reverseBits(x)", |x, _| x.reverse_bits());
     uint_pairs("firstLeadingBit(x)", |x, _| x.checked_ilog2().unwrap_or(u32::MAX));
     uint_pairs("firstTrailingBit(x)", |x, _| if x == 0 { u32::MAX } else { x.trailing_zeros() });
@@ -220,7 +229,8 @@ fn packed_bytes_and_halves() {
     let rows = [0.5f32, -2.0].map(f32::to_bits);
     // floor(0.5 + 127 * 0.5) = 64, floor(0.5 + 255 * 0.5) = 128, floor(0.5 + 32767 * 0.5) = 16384
     assert_eq!(words(source, &rows), [0x7f00_8140, 0xff00_0080, 0x8001_4000, 0xc000_3800]);
-    let source = "fn f(x: u32) -> vec4f { return unpack4x8snorm(x) + vec4f(unpack2x16float(x), 0.0, 0.0); }";
+    let source =
+        "fn f(x: u32) -> vec4f { return unpack4x8snorm(x) + vec4f(unpack2x16float(x), 0.0, 0.0); }";
     let found: Vec<f32> = words(source, &[0x7f80_3c00]).into_iter().map(f32::from_bits).collect();
     // Bytes 00, 3c, 80, 7f; halves 3c00 (1) and 7f80 (NaN).
     assert_eq!((found[0], found[2], found[3]), (1.0, -1.0, 1.0));
@@ -298,9 +308,8 @@ fn matrices_of_every_shape() {
         let w: Vec<f32> = (0..rows).map(|k| 3.0 - k as f32).collect();
         let at = |c: usize, r: usize| m[c * rows + r];
         let row: Vec<f32> = [m.clone(), v.clone(), w.clone()].concat();
-        let form: f32 = (0..columns)
-            .map(|c| (0..rows).map(|r| at(c, r) * v[c] * w[r]).sum::<f32>())
-            .sum();
+        let form: f32 =
+            (0..columns).map(|c| (0..rows).map(|r| at(c, r) * v[c] * w[r]).sum::<f32>()).sum();
         let square = |i: usize| -> f32 {
             (0..rows).map(|j| (0..columns).map(|c| at(c, i) * at(c, j)).sum::<f32>() * w[j]).sum()
         };

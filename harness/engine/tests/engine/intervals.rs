@@ -1,8 +1,6 @@
 //! Bounds by the WGSL specification.
 
-mod common;
-
-use common::{doubles, floats, intervals, program};
+use crate::common::{doubles, floats, intervals, program};
 use karat_engine::{Intervals, Lane, Options, Resources, Truth};
 
 fn one(expression: &str, x: f32) -> (f32, f32) {
@@ -153,19 +151,64 @@ fn integers_and_booleans_have_bounds() {
 #[test]
 fn results_lie_within_their_bounds() {
     let expressions = [
-        "x + y", "x - y", "x * y", "x / y", "x % y", "x * x - y", "sqrt(abs(x))",
-        "inverseSqrt(abs(x) + 0.1)", "exp(x)", "exp2(y)", "log(abs(x) + 0.01)", "log2(abs(y) + 0.5)",
-        "pow(abs(x) + 0.1, y)", "sin(x)", "cos(y)", "tan(x * 0.3)", "asin(x * 0.3)", "acos(x * 0.3)",
-        "atan(x)", "atan2(x, y)", "sinh(x)", "cosh(x)", "tanh(x)", "asinh(x)", "acosh(abs(x) + 1.0)",
-        "atanh(x * 0.3)", "mix(x, y, 0.3)", "smoothstep(-3.0, 3.0, x)", "step(x, y)", "fract(x)",
-        "fma(x, y, x)", "clamp(x, -1.0, 1.0)", "length(vec3f(x, y, 1.0))", "distance(vec2f(x, y), vec2f(1.0))",
-        "normalize(vec3f(x, y, 1.0)).y", "dot(vec4f(x, y, 1.0, x), vec4f(y, x, y, 2.0))",
-        "cross(vec3f(x, y, 1.0), vec3f(y, 1.0, x)).z", "reflect(vec2f(x, y), vec2f(0.6, 0.8)).x",
-        "refract(vec2f(x, y) / 5.0, vec2f(0.0, 1.0), 0.7).y", "degrees(x)", "radians(y)",
-        "floor(x)", "ceil(x)", "round(x)", "trunc(x)", "sign(x)", "min(x, y) * max(x, y)",
-        "quantizeToF16(x)", "modf(x).fract", "frexp(x).fract", "ldexp(x, 3)", "faceForward(vec2f(x), vec2f(y), vec2f(1.0)).x",
-        "unpack2x16snorm(u32(abs(x) * 1e4)).x", "(mat2x2f(x, y, 1.0, 2.0) * vec2f(x, y)).y",
-        "f32(i32(x)) + f32(u32(abs(y)))", "saturate(x)", "-x", "abs(y)",
+        "x + y",
+        "x - y",
+        "x * y",
+        "x / y",
+        "x % y",
+        "x * x - y",
+        "sqrt(abs(x))",
+        "inverseSqrt(abs(x) + 0.1)",
+        "exp(x)",
+        "exp2(y)",
+        "log(abs(x) + 0.01)",
+        "log2(abs(y) + 0.5)",
+        "pow(abs(x) + 0.1, y)",
+        "sin(x)",
+        "cos(y)",
+        "tan(x * 0.3)",
+        "asin(x * 0.3)",
+        "acos(x * 0.3)",
+        "atan(x)",
+        "atan2(x, y)",
+        "sinh(x)",
+        "cosh(x)",
+        "tanh(x)",
+        "asinh(x)",
+        "acosh(abs(x) + 1.0)",
+        "atanh(x * 0.3)",
+        "mix(x, y, 0.3)",
+        "smoothstep(-3.0, 3.0, x)",
+        "step(x, y)",
+        "fract(x)",
+        "fma(x, y, x)",
+        "clamp(x, -1.0, 1.0)",
+        "length(vec3f(x, y, 1.0))",
+        "distance(vec2f(x, y), vec2f(1.0))",
+        "normalize(vec3f(x, y, 1.0)).y",
+        "dot(vec4f(x, y, 1.0, x), vec4f(y, x, y, 2.0))",
+        "cross(vec3f(x, y, 1.0), vec3f(y, 1.0, x)).z",
+        "reflect(vec2f(x, y), vec2f(0.6, 0.8)).x",
+        "refract(vec2f(x, y) / 5.0, vec2f(0.0, 1.0), 0.7).y",
+        "degrees(x)",
+        "radians(y)",
+        "floor(x)",
+        "ceil(x)",
+        "round(x)",
+        "trunc(x)",
+        "sign(x)",
+        "min(x, y) * max(x, y)",
+        "quantizeToF16(x)",
+        "modf(x).fract",
+        "frexp(x).fract",
+        "ldexp(x, 3)",
+        "faceForward(vec2f(x), vec2f(y), vec2f(1.0)).x",
+        "unpack2x16snorm(u32(abs(x) * 1e4)).x",
+        "(mat2x2f(x, y, 1.0, 2.0) * vec2f(x, y)).y",
+        "f32(i32(x)) + f32(u32(abs(y)))",
+        "saturate(x)",
+        "-x",
+        "abs(y)",
     ];
     let mut rows = Vec::new();
     for k in 0..400 {
@@ -180,14 +223,20 @@ fn results_lie_within_their_bounds() {
             bounds.iter().zip(floats(&source, &rows)).zip(doubles(&source, &rows)).enumerate()
         {
             let (x, y) = (rows[2 * k], rows[2 * k + 1]);
-            assert!(bound.contains(f64::from(single)), "{expression} of {x} {y}: {single} not in {bound:?}");
+            assert!(
+                bound.contains(f64::from(single)),
+                "{expression} of {x} {y}: {single} not in {bound:?}"
+            );
             // Discontinuous ones may step aside for the shadow alone.
-            let steps = ["step", "floor", "ceil", "round", "trunc", "fract", "%", "quantize", "modf"];
+            let steps =
+                ["step", "floor", "ceil", "round", "trunc", "fract", "%", "quantize", "modf"];
             if !steps.iter().any(|step| expression.contains(step)) {
                 // The shadow isn't rounded to f32, the bounds are those of f32 results.
                 let slack = f64::from(f32::EPSILON) * double.abs();
                 assert!(
-                    bound.contains(double) || bound.contains(double + slack) || bound.contains(double - slack),
+                    bound.contains(double)
+                        || bound.contains(double + slack)
+                        || bound.contains(double - slack),
                     "{expression} of {x} {y}: {double} not in {bound:?}"
                 );
             }

@@ -1,7 +1,7 @@
 //! Runs WGSL functions on rows of words.
-#![expect(dead_code, reason = "each test program uses a part of it")]
-
-use karat_engine::{Arithmetic, F32, F64, Interval, Intervals, Lane, Options, Program, Resources, Settings};
+use karat_engine::{
+    Arithmetic, F32, F64, Interval, Intervals, Lane, Options, Program, Resources, Settings,
+};
 
 pub(crate) fn module(source: &str) -> (naga::Module, naga::valid::ModuleInfo) {
     let module = match naga::front::wgsl::parse_str(source) {
@@ -21,7 +21,7 @@ pub(crate) fn module(source: &str) -> (naga::Module, naga::valid::ModuleInfo) {
 
 pub(crate) fn program(source: &str, name: &str) -> Program {
     let (module, info) = module(source);
-    Program::function(&module, &info, name, &Settings::default()).unwrap()
+    Program::function(&module, &info, name, &Settings::default()).expect("it lowers")
 }
 
 /// Calls `f` of the source with rows of words.
@@ -36,7 +36,7 @@ pub(crate) fn call<A: Arithmetic>(
     cases: usize,
     rows: &[u32],
 ) -> karat_engine::Results<A> {
-    program.call::<A>(cases, rows, &Resources::new(), &Options::default(), &()).unwrap()
+    program.call::<A>(cases, rows, &Resources::new(), &Options::default(), &()).expect("it runs")
 }
 
 /// Floats in, floats out, in `f32`.

@@ -1,15 +1,13 @@
 //! Programs and rows that want to break the engine.
 
-mod common;
-
 use std::fmt::Write as _;
 
-use common::{call, module, program, words};
+use crate::common::{call, module, program, words};
 use karat_engine::{F32, Intervals, Lane, Options, Program, Refusal, Resources, Settings, Stop};
 
 fn refused(source: &str) -> Refusal {
     let (module, info) = module(source);
-    Program::function(&module, &info, "f", &Settings::default()).unwrap_err()
+    Program::function(&module, &info, "f", &Settings::default()).expect_err("it is refused")
 }
 
 fn line(source: &str, span: naga::Span) -> u32 {
@@ -66,12 +64,17 @@ fn functions_of_nothing_and_to_nothing() {
 fn what_is_not_there_is_refused_by_name_and_line() {
     let source = "fn g(x: f32) -> f32 {\n return dpdx(x);\n}\nfn f(x: f32) -> f32 { return g(x); }";
     let refusal = refused(source);
-    assert_eq!(refusal.to_string(), "the engine doesn't execute a derivative, which only fragments have");
+    assert_eq!(
+        refusal.to_string(),
+        "the engine doesn't execute a derivative, which only fragments have"
+    );
     assert_eq!(line(source, refusal.span), 2);
     let refusal = refused("fn f(x: f32) -> f32 { if x > 0.0 { discard; } return x; }");
     assert!(refusal.what.contains("discard"), "{refusal}");
-    let refusal = refused("@group(0) @binding(0) var<storage, read_write> b: array<f32>;
-        fn f(x: f32) -> f32 { b[0] = x; return x; }");
+    let refusal = refused(
+        "@group(0) @binding(0) var<storage, read_write> b: array<f32>;
+        fn f(x: f32) -> f32 { b[0] = x; return x; }",
+    );
     assert!(refusal.what.contains("writes the buffer `b`"), "{refusal}");
     let refusal = refused("var<workgroup> w: f32; fn f(x: f32) -> f32 { return w; }");
     assert!(refusal.what.contains("workgroup variable `w`"), "{refusal}");
@@ -96,7 +99,8 @@ fn calls_that_multiply_are_refused() {
     let mut source = "fn g0(x: f32) -> f32 { return x * x + 1.0; }\n".to_owned();
     for k in 1..64 {
         let before = k - 1;
-        writeln!(source, "fn g{k}(x: f32) -> f32 {{ return g{before}(x) + g{before}(x + 1.0); }}").unwrap();
+        writeln!(source, "fn g{k}(x: f32) -> f32 {{ return g{before}(x) + g{before}(x + 1.0); }}")
+            .unwrap();
     }
     source += "fn f(x: f32) -> f32 { return g63(x); }";
     let refusal = refused(&source);
@@ -116,7 +120,11 @@ fn long_and_deep_programs() {
     let mut source = "fn g0(x: u32) -> u32 { return x; }\n".to_owned();
     for k in 1..2000 {
         let before = k - 1;
-        writeln!(source, "fn g{k}(x: u32) -> u32 {{ if x == 0u {{ return {k}u; }} return g{before}(x - 1u); }}").unwrap();
+        writeln!(
+            source,
+            "fn g{k}(x: u32) -> u32 {{ if x == 0u {{ return {k}u; }} return g{before}(x - 1u); }}"
+        )
+        .unwrap();
     }
     source += "fn f(x: u32) -> u32 { return g1999(x); }";
     assert_eq!(words(&source, &[0, 10, 5000]), [1999, 1989, 5000 - 1999]);

@@ -1,0 +1,10 @@
+//! What WGSL does in the engine, by feature, in one program.
+
+mod builtins;
+mod common;
+mod control;
+mod differential;
+mod hostile;
+mod intervals;
+mod memory;
+mod textures;
