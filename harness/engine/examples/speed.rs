@@ -44,6 +44,15 @@ fn polynomial(x: f32, y: f32) -> f32 {
     s = s * y + 0.5; s = s * y + 0.25; s = s * y + 0.125; s = s * y + 0.5;
     return s / (1.0 + x * x);
 }
+
+fn iterated(x: f32, y: f32) -> f32 {
+    var s = x;
+    for (var i = 0; i < 64; i++) {
+        s = s * y + 0.5; s = s * y + 0.25; s = s * y + 0.125; s = s * y + 0.5;
+        s = s * y + 0.5; s = s * y + 0.25; s = s * y + 0.125; s = s * y + 0.5;
+    }
+    return s;
+}
 ";
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -54,7 +63,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     )
     .validate(&module)?;
     for (name, cases) in
-        [("polynomial", 1 << 22), ("ggx_normal", 1 << 20), ("split_sum_table", 1 << 15)]
+        [("polynomial", 1 << 22), ("ggx_normal", 1 << 20), ("split_sum_table", 1 << 15), ("iterated", 1 << 16)]
     {
         let start = Instant::now();
         let program = Program::function(&module, &info, name, &Settings::default())?;

@@ -22,6 +22,9 @@ use crate::scalar::{File, Scalar};
 /// first level, and what finding an operation costs is shared by 256 cases.
 const LANES: usize = 256;
 
+/// Twice what the largest variable may have: 32 MiB of floats a thread.
+const MOST_REGISTERS: u32 = 1 << 15;
+
 /// Columns are as wide as the cases need, in steps of this many lanes: two vectors of AVX.
 const STEP: usize = 16;
 
@@ -54,7 +57,7 @@ impl Program {
         };
         let code =
             Lower::new(module, info, settings, false).program(function, &info[handle], name)?;
-        Ok(Self { code: crate::allocate::allocated(code), entry: None })
+        Self::of(code, None)
     }
 
     /// Lowers the compute entry point `name` of a valid module.
@@ -82,7 +85,17 @@ impl Program {
         let entry = crate::dispatch::Entry::of(module, point, settings)?;
         let lower = Lower::new(module, info, settings, true);
         let code = lower.program(&point.function, info.get_entry_point(index), name)?;
-        Ok(Self { code: crate::allocate::allocated(code), entry: Some(entry) })
+        Self::of(code, Some(entry))
+    }
+
+    fn of(code: Code, entry: Option<crate::dispatch::Entry>) -> Result<Self, Refusal> {
+        let code = crate::allocate::allocated(code);
+        let registers: u32 = code.registers.iter().sum();
+        if registers > MOST_REGISTERS {
+            let what = format!("a program of {registers} registers (at most {MOST_REGISTERS})");
+            return Err(Refusal::new(what, Span::UNDEFINED));
+        }
+        Ok(Self { code, entry })
     }
 
     /// What a row of arguments is made of.

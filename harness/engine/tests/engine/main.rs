@@ -7,4 +7,5 @@ mod differential;
 mod hostile;
 mod intervals;
 mod memory;
+mod random;
 mod textures;
