@@ -62,9 +62,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         naga::valid::Capabilities::all(),
     )
     .validate(&module)?;
-    for (name, cases) in
-        [("polynomial", 1 << 22), ("ggx_normal", 1 << 20), ("split_sum_table", 1 << 15), ("iterated", 1 << 16)]
-    {
+    for (name, cases) in [
+        ("polynomial", 1 << 22),
+        ("ggx_normal", 1 << 20),
+        ("split_sum_table", 1 << 15),
+        ("iterated", 1 << 16),
+    ] {
         let start = Instant::now();
         let program = Program::function(&module, &info, name, &Settings::default())?;
         println!("{name}: {:?}, lowered in {:?}", program.size(), start.elapsed());

@@ -137,6 +137,8 @@ pub(crate) mod sealed {
         fn to_half(x: Self::Float) -> Self::Float;
         /// The value with subnormals flushed to zero.
         fn flush(x: Self::Float) -> Self::Float;
+        /// Whether it is anything at all, of which the cause is noted.
+        fn is_unknown(x: Self::Float) -> bool;
         /// Notes which operation made a value unbounded: the earliest that `inputs` know of, or
         /// `site`.
         fn note(
@@ -249,6 +251,9 @@ macro_rules! exact_integers_and_booleans {
         fn bounds(i: u32, signed: bool) -> Bounds {
             let value = if signed { i64::from(i.cast_signed()) } else { i64::from(i) };
             (value, value)
+        }
+        fn is_unknown(_: Self::Float) -> bool {
+            false
         }
         #[inline(always)]
         fn note(x: Self::Float, _: &mut dyn Iterator<Item = Self::Float>, _: u32) -> Self::Float {
@@ -448,6 +453,9 @@ impl Rules for Intervals {
     }
     fn flush(x: Interval) -> Interval {
         x
+    }
+    fn is_unknown(x: Interval) -> bool {
+        !x.is_bounded()
     }
     fn note(x: Interval, inputs: &mut dyn Iterator<Item = Interval>, site: u32) -> Interval {
         if x.is_bounded() {

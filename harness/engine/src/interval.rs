@@ -95,13 +95,12 @@ impl Interval {
         if !(lo.abs() <= f64::from(f32::MAX) && hi.abs() <= f64::from(f32::MAX) && lo <= hi) {
             return Self::UNBOUNDED;
         }
-        let mut low = lo as f32;
-        if f64::from(low) > lo {
-            low = low.next_down();
-        }
-        let mut high = hi as f32;
-        if f64::from(high) < hi {
-            high = high.next_up();
+        let (low, high) = (lo as f32, hi as f32);
+        // Without branches, of which each second one would be mispredicted.
+        let low = stepped(low, -i32::from(f64::from(low) > lo));
+        let high = stepped(high, i32::from(f64::from(high) < hi));
+        if !(low.is_finite() && high.is_finite()) {
+            return Self::UNBOUNDED;
         }
         Self { lo: low, hi: high, cause: 0 }.flushed()
     }
@@ -182,8 +181,8 @@ impl Interval {
         let least_divisor = c.abs().min(d.abs());
         let greatest_divisor = c.abs().max(d.abs());
         if (c <= 0.0 && d >= 0.0)
-            || least_divisor < 2f64.powi(-126)
-            || greatest_divisor > 2f64.powi(126)
+            || least_divisor < LEAST_DIVISOR
+            || greatest_divisor > GREATEST_DIVISOR
         {
             return Self::UNBOUNDED;
         }
@@ -247,7 +246,7 @@ impl Interval {
         let inside = |points: [f64; 2]| points.iter().any(|&p| lo <= p && p <= hi);
         let most = if inside(tops) { 1.0 } else { f(lo).max(f(hi)) };
         let least = if inside(bottoms) { -1.0 } else { f(lo).min(f(hi)) };
-        let error = 2f64.powi(-11);
+        let error = 1.0 / 2048.0; // 2^-11
         Self::outwards(least - error, most + error)
     }
 
@@ -264,7 +263,11 @@ impl Interval {
         match self.bounds() {
             Some((lo, hi)) if lo > 0.0 => {
                 let error = |x: f64, y: f64| {
-                    if (0.5..=2.0).contains(&x) { 2f64.powi(-21) } else { 3.0 * ulp(y) }
+                    if (0.5..=2.0).contains(&x) {
+                        1.0 / 2_097_152.0 /* 2^-21 */
+                    } else {
+                        3.0 * ulp(y)
+                    }
                 };
                 let mut all = self.monotonic(&f, error);
                 // Inside, the error may be greater than at either end.
@@ -301,10 +304,15 @@ impl Interval {
     }
 }
 
+/// 2^-126 and 2^126, between which the specification bounds division.
+const LEAST_DIVISOR: f64 = f32::MIN_POSITIVE as f64;
+const GREATEST_DIVISOR: f64 = 1.0 / LEAST_DIVISOR;
+
 /// The distance between the two `f32` about `x`.
 pub(crate) fn ulp(x: f64) -> f64 {
-    let exponent = if x == 0.0 { -126 } else { libm::ilogb(x).max(-126) };
-    2f64.powi(exponent - 23)
+    // The exponent as `f64` has it, at least that of the least normal `f32`: 2^-126.
+    let exponent = ((x.to_bits() >> 52) & 0x7ff).max(1023 - 126);
+    f64::from_bits((exponent - 23) << 52)
 }
 
 /// What a sum in `f64` lost to rounding, exactly. Knuth, TAOCP 4.2.2, theorem B.
@@ -323,12 +331,22 @@ fn upper_sum(a: f64, b: f64) -> f64 {
     if lost(a, b, sum) > 0.0 { sum.next_up() } else { sum }
 }
 
-fn least(of: &[f64]) -> f64 {
-    of.iter().copied().fold(f64::INFINITY, f64::min)
+/// The float `by` places further, of which zero has two.
+fn stepped(x: f32, by: i32) -> f32 {
+    // Bits of negative floats count downwards; turned, all count upwards.
+    let turned = |bits: i32| bits ^ ((bits >> 31) & i32::MAX);
+    let place = turned(x.to_bits().cast_signed()).wrapping_add(by);
+    f32::from_bits(turned(place).cast_unsigned())
 }
 
-fn greatest(of: &[f64]) -> f64 {
-    of.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+fn least(of: &[f64; 4]) -> f64 {
+    let less = |a: f64, b: f64| if a < b { a } else { b };
+    less(less(of[0], of[1]), less(of[2], of[3]))
+}
+
+fn greatest(of: &[f64; 4]) -> f64 {
+    let more = |a: f64, b: f64| if a > b { a } else { b };
+    more(more(of[0], of[1]), more(of[2], of[3]))
 }
 
 /// What an integer may be: every one from `lo` to `hi`, as its type reads them.
@@ -439,5 +457,58 @@ impl Truth {
             Self::True => Self::False,
             Self::Undecided => Self::Undecided,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bounds_are_the_neighbours_outside() {
+        for x in [0.0, 1e-60, -1e-60, 1e-45, 1.0, 1.0 + 1e-12, -1.0 - 1e-12, -3.5, 1e38, 0.1] {
+            let bounds = Interval::outwards(x, x);
+            let (lo, hi) = (f64::from(bounds.lo()), f64::from(bounds.hi()));
+            assert!(lo <= x && x <= hi, "{x}: {bounds:?}");
+            // No float lies between, but for zero, to which a subnormal may be flushed.
+            let near = bounds.lo() == bounds.hi() || bounds.lo().next_up() == bounds.hi();
+            assert!(near || lo == 0.0 || hi == 0.0, "{x}: {bounds:?}");
+        }
+        let most = f64::from(f32::MAX);
+        assert!(Interval::outwards(most, most).is_bounded());
+        assert!(!Interval::outwards(0.0, most * (1.0 + 1e-9)).is_bounded());
+        assert!(!Interval::outwards(f64::NAN, 0.0).is_bounded());
+    }
+
+    #[test]
+    fn ulps_are_those_of_f32() {
+        assert_eq!(ulp(1.0), f64::from(f32::EPSILON));
+        assert_eq!(ulp(-1.999), f64::from(f32::EPSILON));
+        assert_eq!(ulp(0.999), f64::from(f32::EPSILON) / 2.0);
+        assert_eq!(ulp(0.0), f64::from(f32::from_bits(1)));
+        assert_eq!(ulp(1e-42), f64::from(f32::from_bits(1)));
+    }
+
+    #[test]
+    fn truths_are_those_of_each_way() {
+        use Truth::{False, True, Undecided};
+        assert_eq!(
+            [Undecided.and(False), Undecided.and(True), True.and(True)],
+            [False, Undecided, True]
+        );
+        assert_eq!(
+            [Undecided.or(False), Undecided.or(True), False.or(False)],
+            [Undecided, True, False]
+        );
+        assert_eq!(Interval::between(1.0, 2.0).less(Interval::between(2.0, 3.0)), Undecided);
+        assert_eq!(Interval::between(1.0, 2.0).less_equal(Interval::between(2.0, 3.0)), True);
+        assert_eq!(Interval::UNBOUNDED.equals(Interval::UNBOUNDED), Undecided);
+    }
+
+    #[test]
+    fn ranges_that_overflow_are_any_integer() {
+        assert_eq!(Range::or_full(0, 1 << 31, true), Range::full(true));
+        assert_eq!(Range::or_full(-1, 5, false), Range::full(false));
+        assert_eq!(Range::or_full(-1, 5, true), Range::between(-1, 5));
     }
 }

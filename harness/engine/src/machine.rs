@@ -384,18 +384,17 @@ impl<'p, A: Rules> Machine<'p, A> {
             }
         }
         if A::NOTES {
-            for k in 0..outs {
-                let args = &registers[outs..outs + ins];
-                // A result may have taken the place of an argument, whose cause it then has lost;
-                // registers aren't shared in programs that note causes.
-                let noted: Vec<A::Float> = (0..self.width)
-                    .map(|lane| {
-                        let mut causes = args.iter().map(|&arg| self.floats.get(arg)[lane]);
-                        let x = self.floats.get(registers[k])[lane];
-                        A::note(x, &mut causes, instruction.site)
-                    })
-                    .collect();
-                self.floats.get_mut(registers[k]).copy_from_slice(&noted);
+            // No result has taken the place of an argument: allocation keeps them apart.
+            let (results, args) = registers.split_at(outs);
+            for (&out, lane) in
+                results.iter().flat_map(|out| (0..self.width).map(move |k| (out, k)))
+            {
+                let x = self.floats.get(out)[lane];
+                if A::is_unknown(x) {
+                    let mut causes = args[..ins].iter().map(|&arg| self.floats.get(arg)[lane]);
+                    let noted = A::note(x, &mut causes, instruction.site);
+                    self.floats.get_mut(out)[lane] = noted;
+                }
             }
         }
     }

@@ -7,5 +7,6 @@ mod differential;
 mod hostile;
 mod intervals;
 mod memory;
+mod observed;
 mod random;
 mod textures;

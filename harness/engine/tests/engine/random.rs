@@ -37,7 +37,8 @@ struct Random(u64);
 
 impl Random {
     fn below(&mut self, n: u32) -> u32 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         ((self.0 >> 33) as u32) % n
     }
 
@@ -73,8 +74,11 @@ impl Random {
             4 | 5 => {
                 let condition = self.condition(open);
                 let accept = self.block(depth - 1, in_loop, open);
-                let reject =
-                    if self.below(2) == 0 { Vec::new() } else { self.block(depth - 1, in_loop, open) };
+                let reject = if self.below(2) == 0 {
+                    Vec::new()
+                } else {
+                    self.block(depth - 1, in_loop, open)
+                };
                 Statement::If(condition, accept, reject)
             }
             6 => Statement::Loop(1 + self.below(5), self.block(depth - 1, true, open)),
@@ -230,7 +234,11 @@ fn write_block(block: &[Statement], open: bool, to: &mut String, loops: &mut u32
                 writeln!(to, "switch {} {{", write_expression(selector)).unwrap();
                 for (k, case) in cases.iter().enumerate() {
                     let last = k + 1 == cases.len();
-                    if last { *to += "default {\n" } else { writeln!(to, "case {k}u {{").unwrap() }
+                    if last {
+                        *to += "default {\n"
+                    } else {
+                        writeln!(to, "case {k}u {{").unwrap()
+                    }
                     write_block(case, open, to, loops);
                     *to += "}\n";
                 }
@@ -243,7 +251,8 @@ fn write_block(block: &[Statement], open: bool, to: &mut String, loops: &mut u32
                 writeln!(to, "if {} {{ continue; }}", write_condition(condition, open)).unwrap();
             }
             Statement::Return(condition, value) => {
-                let (condition, value) = (write_condition(condition, open), write_expression(value));
+                let (condition, value) =
+                    (write_condition(condition, open), write_expression(value));
                 writeln!(to, "if {condition} {{ return {value}; }}").unwrap();
             }
         }
@@ -253,7 +262,8 @@ fn write_block(block: &[Statement], open: bool, to: &mut String, loops: &mut u32
 fn write(block: &[Statement], open: bool) -> String {
     let mut body = String::new();
     write_block(block, open, &mut body, &mut 0);
-    let variables: String = (0..VARIABLES).map(|k| format!("var v{k} = x * {k}u + {k}u;\n")).collect();
+    let variables: String =
+        (0..VARIABLES).map(|k| format!("var v{k} = x * {k}u + {k}u;\n")).collect();
     format!(
         "fn g(x: u32, bits: u32, zero: u32) -> u32 {{
             {variables} var a: array<u32, 4>;
