@@ -52,9 +52,9 @@ impl Observer<F32> for Seen {
 
 fn observed<A: Arithmetic>(settings: &Settings, observer: &impl Observer<A>) {
     let (module, info) = module(SOURCE);
-    let program = Program::function(&module, &info, "f", settings).unwrap();
+    let program = Program::function(&module, &info, "f", settings).expect("it lowers");
     let rows = [0.5f32.to_bits(), 2, 0.5f32.to_bits(), 9, 5f32.to_bits(), 9];
-    program.call::<A>(3, &rows, &Resources::new(), &Options::default(), observer).unwrap();
+    program.call::<A>(3, &rows, &Resources::new(), &Options::default(), observer).expect("it runs");
 }
 
 #[test]

@@ -210,14 +210,16 @@ fn write_block(block: &[Statement], open: bool, to: &mut String, loops: &mut u32
     for statement in block {
         match statement {
             Statement::Assign(k, value) => {
-                writeln!(to, "v{k} = {};", write_expression(value)).unwrap();
+                writeln!(to, "v{k} = {};", write_expression(value)).expect("a string takes all");
             }
             Statement::Array(index, value) => {
                 let (index, value) = (write_expression(index), write_expression(value));
-                writeln!(to, "a[{index} & 3u] = {value}; v0 = a[v1 & 3u];").unwrap();
+                writeln!(to, "a[{index} & 3u] = {value}; v0 = a[v1 & 3u];")
+                    .expect("a string takes all");
             }
             Statement::If(condition, accept, reject) => {
-                writeln!(to, "if {} {{", write_condition(condition, open)).unwrap();
+                writeln!(to, "if {} {{", write_condition(condition, open))
+                    .expect("a string takes all");
                 write_block(accept, open, to, loops);
                 *to += "} else {\n";
                 write_block(reject, open, to, loops);
@@ -226,18 +228,20 @@ fn write_block(block: &[Statement], open: bool, to: &mut String, loops: &mut u32
             Statement::Loop(rounds, body) => {
                 *loops += 1;
                 let i = *loops;
-                writeln!(to, "for (var i{i} = 0u; i{i} < {rounds}u; i{i}++) {{").unwrap();
+                writeln!(to, "for (var i{i} = 0u; i{i} < {rounds}u; i{i}++) {{")
+                    .expect("a string takes all");
                 write_block(body, open, to, loops);
                 *to += "}\n";
             }
             Statement::Switch(selector, cases) => {
-                writeln!(to, "switch {} {{", write_expression(selector)).unwrap();
+                writeln!(to, "switch {} {{", write_expression(selector))
+                    .expect("a string takes all");
                 for (k, case) in cases.iter().enumerate() {
                     let last = k + 1 == cases.len();
                     if last {
                         *to += "default {\n"
                     } else {
-                        writeln!(to, "case {k}u {{").unwrap()
+                        writeln!(to, "case {k}u {{").expect("a string takes all")
                     }
                     write_block(case, open, to, loops);
                     *to += "}\n";
@@ -245,15 +249,17 @@ fn write_block(block: &[Statement], open: bool, to: &mut String, loops: &mut u32
                 *to += "}\n";
             }
             Statement::Break(condition) => {
-                writeln!(to, "if {} {{ break; }}", write_condition(condition, open)).unwrap();
+                writeln!(to, "if {} {{ break; }}", write_condition(condition, open))
+                    .expect("a string takes all");
             }
             Statement::Continue(condition) => {
-                writeln!(to, "if {} {{ continue; }}", write_condition(condition, open)).unwrap();
+                writeln!(to, "if {} {{ continue; }}", write_condition(condition, open))
+                    .expect("a string takes all");
             }
             Statement::Return(condition, value) => {
                 let (condition, value) =
                     (write_condition(condition, open), write_expression(value));
-                writeln!(to, "if {condition} {{ return {value}; }}").unwrap();
+                writeln!(to, "if {condition} {{ return {value}; }}").expect("a string takes all");
             }
         }
     }
