@@ -1,5 +1,8 @@
 //! The interface between checks and what runs shaders.
 
+#[cfg(feature = "engine")]
+mod cpu;
+
 use std::fmt::Debug;
 
 use crate::draw::{DrawError, Drawing};
@@ -67,5 +70,11 @@ pub(crate) fn or_selected<'e>(
         path::expect_own(own.iter().map(|executor| executor.path()))?;
         return Ok(own.to_vec());
     }
-    Ok(path::devices()?.into_iter().map(|device| device as &dyn Executor).collect())
+    let path::Chosen { devices, cpu } = path::chosen()?;
+    let executors = devices.into_iter().map(|device| device as &dyn Executor);
+    #[cfg(feature = "engine")]
+    let executors = executors.chain(cpu.then_some(&cpu::Cpu as &dyn Executor));
+    #[cfg(not(feature = "engine"))]
+    debug_assert!(!cpu, "nothing runs it");
+    Ok(executors.collect())
 }

@@ -11,6 +11,8 @@
 //! - `KARAT_ADAPTER`: part of an adapter's name, to choose among several.
 //! - `KARAT_DEADLINE`: seconds that a shader may take before the process gives up (default 60).
 
+#[cfg(feature = "engine")]
+pub(crate) mod cpu;
 mod deadline;
 mod device;
 mod driver;
@@ -163,6 +165,10 @@ pub(crate) fn open(path: Path) -> Result<&'static Device, PathError> {
 /// # Errors
 /// If the path doesn't open.
 pub fn adapter(path: Path) -> Result<Adapter, PathError> {
+    #[cfg(feature = "engine")]
+    if path == Path::CPU {
+        return Ok(cpu::adapter());
+    }
     open(path).map(|device| device.adapter().clone())
 }
 
@@ -171,6 +177,10 @@ pub fn adapter(path: Path) -> Result<Adapter, PathError> {
 /// # Errors
 /// If it doesn't open; the message says that it is required.
 pub fn required(path: Path) -> Result<Adapter, PathError> {
+    #[cfg(feature = "engine")]
+    if path == Path::CPU {
+        return Ok(cpu::adapter());
+    }
     must_open(path).map(|device| device.adapter().clone())
 }
 
@@ -186,13 +196,42 @@ fn must_open(path: Path) -> Result<&'static Device, PathError> {
 /// # Errors
 /// If a setting is wrong, a required path doesn't open, or none does.
 pub fn selected() -> Result<Vec<Path>, PathError> {
-    Ok(devices()?.into_iter().map(Device::path).collect())
+    let Chosen { devices, cpu } = chosen()?;
+    let cpu = cpu.then_some(Path::CPU);
+    Ok(devices.into_iter().map(Device::path).chain(cpu).collect())
 }
 
-/// The devices of the [`selected`] paths.
-pub(crate) fn devices() -> Result<Vec<&'static Device>, PathError> {
+/// What the [`selected`] paths are run by.
+pub(crate) struct Chosen {
+    pub(crate) devices: Vec<&'static Device>,
+    /// Whether the engine runs, too.
+    pub(crate) cpu: bool,
+}
+
+pub(crate) fn chosen() -> Result<Chosen, PathError> {
     let settings = settings::current()?;
-    select(settings.paths.as_deref(), settings.require.as_deref())
+    choose(settings.paths.as_deref(), settings.require.as_deref())
+}
+
+/// Takes the engine, which is no device, out of the lists.
+fn choose(paths: Option<&str>, required: Option<&str>) -> Result<Chosen, PathError> {
+    let mut cpu = false;
+    let mut without = |names: &str| {
+        let named = |name: &&str| name.trim() == Path::CPU.name();
+        cpu |= cfg!(feature = "engine") && names.split(',').any(|name| named(&name));
+        let drivers = |name: &&str| !cfg!(feature = "engine") || !named(name);
+        names.split(',').filter(drivers).collect::<Vec<_>>().join(",")
+    };
+    for (variable, names) in [("KARAT_PATHS", paths), ("KARAT_REQUIRE", required)] {
+        names.map_or(Ok(Vec::new()), |names| list(variable, names))?;
+    }
+    let drivers = [paths.map(&mut without), required.map(without)];
+    let only_cpu = cpu && drivers.iter().flatten().all(String::is_empty);
+    if only_cpu {
+        return Ok(Chosen { devices: Vec::new(), cpu });
+    }
+    let [paths, required] = drivers.map(|names| names.filter(|names| !names.is_empty()));
+    Ok(Chosen { devices: select(paths.as_deref(), required.as_deref())?, cpu })
 }
 
 fn select(paths: Option<&str>, required: Option<&str>) -> Result<Vec<&'static Device>, PathError> {
@@ -316,6 +355,13 @@ mod tests {
         ] {
             let error = names(wrong).expect_err(wrong).to_string();
             assert!(error.starts_with(message), "{error}");
+        }
+        #[cfg(feature = "engine")]
+        for (paths, required) in
+            [(Some("cpu"), None), (None, Some("cpu")), (Some(" cpu"), Some("cpu"))]
+        {
+            let chosen = choose(paths, required).expect("it is always there");
+            assert!(chosen.cpu && chosen.devices.is_empty());
         }
         for names in ["all,vulcan", "vulkan,opengl"] {
             assert!(matches!(select(Some(names), None), Err(PathError::Unknown { .. })));

@@ -182,13 +182,13 @@ impl Program {
     }
 
     /// What naga's validator knows of the module.
-    #[cfg(feature = "routes")]
+    #[cfg(any(feature = "engine", feature = "routes"))]
     pub(crate) fn info(&self) -> &ModuleInfo {
         &self.info
     }
 
     /// The name in the text of a declaration by its author's path.
-    #[cfg(feature = "routes")]
+    #[cfg(any(feature = "engine", feature = "routes"))]
     pub(crate) fn name_of<'a>(&'a self, path: &'a str) -> &'a str {
         self.linked.name_of(path).unwrap_or(path)
     }

@@ -3,7 +3,7 @@
 use super::execute::{Comparison, not_run};
 use super::row::conclude;
 use super::{Buffer, Cell, Request, Status, Stop};
-use crate::path::{Api, Device};
+use crate::path::Device;
 use crate::probe::{Data, ProbeError, run_entry_point};
 use crate::reflect::Program;
 use crate::tolerance::Tolerance;
@@ -87,13 +87,12 @@ pub(super) fn run_entry_point_on_each(
     conclude(&mut cells[*first], agreeing, others.len());
 }
 
-/// Whether a driver wouldn't compile a module's entry points in time. llvmpipe's GL makes a coroutine
-/// of each barrier; vello's `binning`, with four, takes
+/// Whether a driver wouldn't compile a module's entry points in time. llvmpipe makes a coroutine of
+/// each barrier; vello's `binning`, with four, takes
 /// minutes, and `flatten`, with none, a second.
 fn is_slow(device: &Device, program: &Program) -> bool {
     const MOST_BARRIERS: usize = 3;
-    let barriers = device.path().api() == Api::Gl && device.adapter().is_llvmpipe();
-    barriers && program.barriers() > MOST_BARRIERS
+    device.adapter().is_llvmpipe() && program.barriers() > MOST_BARRIERS
 }
 
 impl Buffer {
