@@ -65,6 +65,8 @@ pub(crate) enum Op {
     Atomic(u32),
     /// Results; operands. Which are in [`Code::images`].
     Image(u32),
+    /// Operands: floats, coordinates and layer, integers.
+    ImageStore(u32),
 
     /// Condition. Jumps when it holds nowhere.
     If,
@@ -223,6 +225,7 @@ pub(crate) struct Code {
 /// A texture or a sampler.
 #[derive(Clone, Debug)]
 pub(crate) struct HandleSlot {
+    pub(crate) written: bool,
     pub(crate) group: u32,
     pub(crate) binding: u32,
     pub(crate) name: String,
@@ -257,6 +260,7 @@ pub(crate) enum ImageKind {
     Levels,
     Layers,
     Samples,
+    Store(naga::StorageFormat),
 }
 
 /// Where a sample has its level of detail from.
@@ -333,7 +337,7 @@ impl Code {
                     ins: [0, 1 + u32::from(compared) + indices, 0],
                 }
             }
-            Op::Image(image) => {
+            Op::Image(image) | Op::ImageStore(image) => {
                 let image = &self.images[image as usize];
                 Shape { outs: image.outs, ins: image.ins }
             }

@@ -99,9 +99,12 @@ impl Program {
         if let (true, Some(slot)) = (A::UNDECIDED, code.buffers.iter().find(|slot| slot.written)) {
             return Err(Stop::NoRule { what: "a buffer that is written", span: slot.span });
         }
+        if let (true, Some(slot)) = (A::UNDECIDED, code.textures.iter().find(|slot| slot.written)) {
+            return Err(Stop::NoRule { what: "a texture that is written", span: slot.span });
+        }
         let [x, y, z] = entry.size;
         let invocations = (x * y * z) as usize;
-        let written: Vec<((u32, u32), Vec<u8>)> = {
+        let (written, textures): (Vec<_>, Vec<_>) = {
             let mut memory = self.memory::<A>(resources)?;
             let mut machine = Machine::<A>::new(code, options, invocations);
             let mut group = 0;
@@ -143,8 +146,13 @@ impl Program {
                     }
                 }
             }
+            let textures = code.textures.iter().zip(memory.textures);
+            let textures = textures
+                .filter(|(slot, _)| slot.written)
+                .map(|(slot, texture)| ((slot.group, slot.binding), texture.into_owned()))
+                .collect();
             let slots = code.buffers.iter().zip(memory.buffers);
-            slots
+            let buffers = slots
                 .filter(|(slot, _)| slot.written)
                 .filter_map(|(slot, buffer)| match slot.binding {
                     Binding::Resource { group, binding } => {
@@ -152,9 +160,11 @@ impl Program {
                     }
                     Binding::Workgroup => None,
                 })
-                .collect()
+                .collect();
+            (buffers, textures)
         };
         resources.buffers.extend(written);
+        resources.textures.extend(textures);
         Ok(())
     }
 }

@@ -231,6 +231,7 @@ impl<'m> Lower<'m> {
         let span = self.module.global_variables.get_span(handle);
         let inner = self.layouts.inner(variable.ty);
         let slot = |binding: &naga::ResourceBinding| HandleSlot {
+            written: false,
             group: binding.group,
             binding: binding.binding,
             name: name.clone(),

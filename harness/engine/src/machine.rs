@@ -221,6 +221,10 @@ impl<'p, A: Rules> Machine<'p, A> {
                 }
                 Op::ArrayLength(walk) => self.array_length(walk, registers[0], memory),
                 Op::Atomic(walk) => self.atomic(walk, registers, memory),
+                Op::ImageStore(image) => {
+                    let outs = self.image_store(image, registers, memory);
+                    self.report(observer, instruction, case, outs);
+                }
                 Op::Image(image) => {
                     let outs = self.image(image, registers, memory);
                     let shape = code.shape(instruction.op);

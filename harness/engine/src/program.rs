@@ -250,7 +250,7 @@ impl Program {
         }
         for slot in &self.code.textures {
             match resources.textures.get(&(slot.group, slot.binding)) {
-                Some(texture) => memory.textures.push(texture),
+                Some(texture) => memory.textures.push(Cow::Borrowed(texture)),
                 None => return Err(slot.missing("texture")),
             }
         }

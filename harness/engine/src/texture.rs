@@ -1,10 +1,12 @@
 //! Textures and samplers, as data, and how WebGPU filters them.
 
 mod cube;
+mod format;
 mod sample;
 
 use thiserror::Error;
 
+pub(crate) use format::stored;
 pub(crate) use sample::{Footprint, Level, Place};
 
 /// How coordinates find texels.
@@ -187,6 +189,23 @@ impl Texture {
             Some(Texels::Depth(texels)) => [texels[index].to_bits(), 0, 0, 1f32.to_bits()],
             None => [0; 4],
         }
+    }
+
+    /// Overwrites a texel of the largest level.
+    pub(crate) fn put(&mut self, at: [u32; 3], words: [u32; 4]) {
+        let index = self.index(0, at, 0);
+        match self.levels.first_mut() {
+            Some(Texels::Float(texels)) => texels[index] = words.map(f32::from_bits),
+            Some(Texels::Sint(texels)) => texels[index] = words.map(u32::cast_signed),
+            Some(Texels::Uint(texels)) => texels[index] = words,
+            Some(Texels::Depth(_)) | None => {}
+        }
+    }
+
+    /// Its texels, by level.
+    #[must_use]
+    pub fn texels(&self) -> &[Texels] {
+        &self.levels
     }
 
     /// A channel of a texel as a float.

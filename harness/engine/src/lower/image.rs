@@ -194,11 +194,55 @@ impl<'m> Lower<'m> {
 
     pub(super) fn image_store(
         &mut self,
-        _scope: &mut Scope<'m>,
-        _statement: &'m Statement,
+        scope: &mut Scope<'m>,
+        statement: &'m Statement,
         span: naga::Span,
     ) -> Lowered<()> {
         self.span = span;
-        Err(self.refuse("writes to textures"))
+        let Statement::ImageStore { image, coordinate, array_index, value } = *statement else {
+            return Err(self.refuse("a statement on a texture"));
+        };
+        let texture = self.texture(scope, image)?;
+        let ImageClass::Storage { format, .. } = texture.class else {
+            return Err(self.refuse("writes to a texture that isn't a storage texture"));
+        };
+        if !self.shared {
+            return Err(self.refuse("a function that writes a texture, which cases would share"));
+        }
+        if !is_storable(format) {
+            return Err(self.refuse(format!("writes to textures of format {format:?}")));
+        }
+        let (mut ints, mut signed) = (Vec::new(), 0);
+        for part in [Some(coordinate), array_index].into_iter().flatten() {
+            self.indices(scope, part, &mut ints, &mut signed)?;
+        }
+        let value = self.flat(scope, value)?;
+        self.span = span;
+        let floats = value.iter().filter(|register| register.file == File::Float).count() as u32;
+        let operands = if floats > 0 {
+            [&value[..], &ints[..]].concat()
+        } else {
+            [&ints[..], &value[..]].concat()
+        };
+        self.code.textures[texture.slot as usize].written = true;
+        self.code.images.push(ImageOp {
+            texture: texture.slot,
+            sampler: u32::MAX,
+            kind: ImageKind::Store(format),
+            coordinates: texture.coordinates(),
+            arrayed: texture.arrayed,
+            signed,
+            signed_texels: texture.kind() == ScalarKind::Sint,
+            outs: [0; 3],
+            ins: [floats, operands.len() as u32 - floats, 0],
+        });
+        let op = Op::ImageStore(self.code.images.len() as u32 - 1);
+        self.emit(op, &[], &operands)?;
+        Ok(())
     }
+}
+
+/// Whether the engine knows how a format rounds what is written to it.
+fn is_storable(format: naga::StorageFormat) -> bool {
+    crate::texture::stored(format, [0; 4]).is_some()
 }

@@ -21,12 +21,13 @@ impl<A: Rules> Machine<'_, A> {
         memory: &Memory<'_, A>,
     ) -> Option<usize> {
         let op = &self.code.images[image as usize];
-        let texture = memory.textures[op.texture as usize];
+        let texture: &Texture = &memory.textures[op.texture as usize];
         let outs = op.outs.iter().sum::<u32>() as usize;
         let (outs, ins) = registers.split_at(outs);
         let (floats, ints) = ins.split_at(op.ins[0] as usize);
         let operands = Operands { outs, floats, ints };
         match op.kind {
+            ImageKind::Store(_) => {}
             ImageKind::Levels => self.uniform(outs[0], texture.levels()),
             ImageKind::Samples => self.uniform(outs[0], texture.samples()),
             ImageKind::Layers => {
@@ -42,6 +43,49 @@ impl<A: Rules> Machine<'_, A> {
             }
         }
         None
+    }
+
+    /// Writes texels; what is outside of the texture is left out, as WebGPU has it.
+    pub(super) fn image_store(
+        &mut self,
+        image: u32,
+        registers: &[u32],
+        memory: &mut Memory<'_, A>,
+    ) -> Option<usize> {
+        let op = &self.code.images[image as usize];
+        let ImageKind::Store(format) = op.kind else { return None };
+        let (floats, ints) = registers.split_at(op.ins[0] as usize);
+        let texture = memory.textures[op.texture as usize].to_mut();
+        let size = texture.level_size(0);
+        let coordinates = op.coordinates as usize;
+        let mut first = None;
+        for lane in 0..self.width {
+            if !A::possible(self.active()[lane]) {
+                continue;
+            }
+            let mut at = [0; 3];
+            let mut outside = false;
+            for k in 0..coordinates + usize::from(op.arrayed) {
+                let axis = if k == coordinates { 2 } else { k };
+                let index = self.index(op, ints[k], k, lane, size[axis] - 1);
+                outside |= index.clamped;
+                at[axis] = index.at;
+            }
+            if outside {
+                first = first.or(Some(lane));
+                continue;
+            }
+            let values = &ints[coordinates + usize::from(op.arrayed)..];
+            let words = std::array::from_fn(|k| match (floats.get(k), values.get(k)) {
+                (Some(&register), _) => A::float_word(self.floats.get(register)[lane]),
+                (None, Some(&register)) => A::int_word(self.ints.get(register)[lane]),
+                (None, None) => 0,
+            });
+            if let Some(words) = crate::texture::stored(format, words) {
+                texture.put(at, words);
+            }
+        }
+        first
     }
 
     fn uniform(&mut self, out: u32, word: u32) {

@@ -63,7 +63,7 @@ impl<'a, A: Rules> Buffer<'a, A> {
 #[derive(Clone, Debug)]
 pub(crate) struct Memory<'a, A: Rules> {
     pub(crate) buffers: Vec<Buffer<'a, A>>,
-    pub(crate) textures: Vec<&'a crate::texture::Texture>,
+    pub(crate) textures: Vec<Cow<'a, crate::texture::Texture>>,
     pub(crate) samplers: Vec<&'a crate::texture::Sampler>,
 }
 

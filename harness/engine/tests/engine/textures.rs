@@ -257,3 +257,39 @@ fn texels_must_fit_their_size() {
     assert!(Texture::new(Dimension::D2, [0, 4, 1], 1, vec![level(0)]).is_err());
     assert!(Texture::new(Dimension::D2, [u32::MAX; 3], 1, vec![level(0)]).is_err());
 }
+
+#[test]
+fn storage_textures_are_written_as_their_format_rounds() {
+    let source = "
+        @group(0) @binding(0) var t: texture_storage_2d<rgba8unorm, write>;
+        @group(0) @binding(1) var u: texture_storage_2d<r32uint, read_write>;
+        @compute @workgroup_size(4, 2)
+        fn main(@builtin(global_invocation_id) id: vec3u) {
+            textureStore(t, id.xy, vec4f(f32(id.x) * 0.3, 2.0, -1.0, 0.5));
+            let before = textureLoad(u, id.xy).x;
+            textureStore(u, id.xy, vec4u(before + id.x + 10u * id.y));
+        }";
+    let (module, info) = crate::common::module(source);
+    let settings = karat_engine::Settings::default();
+    let program = Program::entry_point(&module, &info, "main", &settings).unwrap();
+    let mut resources = Resources::new();
+    let blank = Texels::Float(vec![[0.0; 4]; 6]);
+    // One column less than there are invocations: what is outside is left out.
+    resources.set_texture(0, 0, Texture::new(Dimension::D2, [3, 2, 1], 1, vec![blank]).unwrap());
+    let ones = Texels::Uint(vec![[1, 0, 0, 1]; 8]);
+    resources.set_texture(0, 1, Texture::new(Dimension::D2, [4, 2, 1], 1, vec![ones]).unwrap());
+    program.dispatch::<F32>([1, 1, 1], &mut resources, &Options::default(), &()).unwrap();
+    let Texels::Float(texels) = &resources.texture(0, 0).unwrap().texels()[0] else { panic!() };
+    // 0.5 of 255 lies between two; the even one is 128. 0.3 of 255 is 76.5, and 0.3 below it.
+    let expected = |x: f32| [x, 1.0, 0.0, 128.0 / 255.0];
+    assert_eq!(texels[0], expected(0.0));
+    assert!(texels[1][0] == 76.0 / 255.0 || texels[1][0] == 77.0 / 255.0);
+    assert_eq!(texels[5][1..], expected(0.0)[1..]);
+    let Texels::Uint(texels) = &resources.texture(0, 1).unwrap().texels()[0] else { panic!() };
+    let found: Vec<u32> = texels.iter().map(|texel| texel[0]).collect();
+    assert_eq!(found, [1, 2, 3, 4, 11, 12, 13, 14]);
+    let stop = program
+        .dispatch::<Intervals>([1, 1, 1], &mut resources, &Options::default(), &())
+        .unwrap_err();
+    assert!(stop.to_string().contains("texture that is written"), "{stop}");
+}
