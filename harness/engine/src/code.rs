@@ -186,6 +186,13 @@ pub(crate) struct BufferSlot {
     pub(crate) written: bool,
 }
 
+impl BufferSlot {
+    /// The bytes that it takes of the workgroup's memory.
+    pub(crate) fn workgroup_bytes(&self) -> u64 {
+        if self.binding == Binding::Workgroup { u64::from(self.least) } else { 0 }
+    }
+}
+
 /// What a buffer's bytes are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Binding {
@@ -196,7 +203,7 @@ pub(crate) enum Binding {
 }
 
 /// All of a lowered program.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Code {
     pub(crate) instructions: Vec<Instruction>,
     pub(crate) pool: Vec<u32>,
@@ -210,6 +217,8 @@ pub(crate) struct Code {
     /// Registers with one value for all lanes, for good.
     pub(crate) constants: Vec<(Reg, Constant)>,
     pub(crate) registers: [u32; 3],
+    /// Invocations of a workgroup, of an entry point.
+    pub(crate) workgroup: [u32; 3],
     pub(crate) parameters: Vec<(Reg, Scalar)>,
     pub(crate) results: Vec<(Reg, Scalar)>,
     /// Shapes of named values.

@@ -4,7 +4,6 @@ use naga::{BuiltIn, Module, Span, TypeInner};
 
 use crate::arithmetic::Arithmetic;
 use crate::code::Binding;
-use crate::lower::Settings;
 use crate::machine::Machine;
 use crate::observer::Observer;
 use crate::options::Options;
@@ -27,13 +26,13 @@ impl Entry {
     pub(crate) fn of(
         module: &Module,
         point: &naga::EntryPoint,
-        _settings: &Settings,
+        size: [u32; 3],
     ) -> Result<Self, Refusal> {
         let refuse = |what: &str| Refusal::new(what, Span::UNDEFINED);
-        if point.workgroup_size_overrides.is_some_and(|sizes| sizes.iter().any(Option::is_some)) {
-            return Err(refuse("a workgroup size that is an override expression"));
+        if size.contains(&0) {
+            return Err(refuse("workgroups of no invocations"));
         }
-        let invocations = point.workgroup_size.iter().fold(1u32, |n, k| n.saturating_mul(*k));
+        let invocations = size.iter().fold(1u32, |n, k| n.saturating_mul(*k));
         if invocations > MOST_INVOCATIONS {
             return Err(refuse(&format!("workgroups of {invocations} invocations")));
         }
@@ -70,7 +69,7 @@ impl Entry {
                 return Err(refuse(&format!("the builtin input {builtin:?}")));
             }
         }
-        Ok(Self { size: point.workgroup_size, inputs })
+        Ok(Self { size, inputs })
     }
 }
 

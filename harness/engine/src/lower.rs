@@ -28,6 +28,9 @@ use memory::Place;
 /// largest shaders of engines have, and few enough to be lowered in a second.
 const MOST_OPERATIONS: usize = 1 << 20;
 
+/// WebGPU's limit is 16 KiB, and devices have few times as much.
+const MOST_WORKGROUP_BYTES: u64 = 1 << 20;
+
 /// What is kept free of the stack for one level of nesting, and how much is added when less is.
 const STACK: (usize, usize) = (128 << 10, 2 << 20);
 
@@ -103,6 +106,8 @@ pub(crate) struct Lower<'m> {
     overrides: HashMap<Handle<Override>, Value>,
     constant_values: HashMap<Handle<naga::Constant>, Value>,
     open: Vec<Open>,
+    /// Sizes of a workgroup that are override expressions.
+    sizes: Option<[Option<Handle<Expression>>; 3]>,
     /// Whether the program is an entry point, whose invocations share memory.
     shared: bool,
     site: u32,
@@ -137,9 +142,47 @@ impl<'m> Lower<'m> {
             overrides: HashMap::new(),
             constant_values: HashMap::new(),
             open: Vec::new(),
+            sizes: None,
             shared,
             site: 0,
             span: Span::UNDEFINED,
+        }
+    }
+
+    /// Lowers a compute entry point, as the whole program.
+    pub(crate) fn entry_point(
+        mut self,
+        point: &'m naga::EntryPoint,
+        info: &'m FunctionInfo,
+    ) -> Lowered<Code> {
+        self.code.workgroup = point.workgroup_size;
+        self.sizes = point.workgroup_size_overrides;
+        self.program(&point.function, info, &point.name)
+    }
+
+    /// The word of an expression of the module, which may depend on overrides.
+    fn evaluated(&mut self, register: Reg) -> Lowered<Constant> {
+        if let Some(constant) = self.words.get(&register) {
+            return Ok(*constant);
+        }
+        // What computes it has been lowered, so it is run.
+        let scalar = match register.file {
+            File::Float => Scalar::F32,
+            File::Int => Scalar::U32,
+            File::Bool => Scalar::Bool,
+        };
+        let mut code = self.code.clone();
+        code.instructions.push(Instruction {
+            op: Op::Halt,
+            at: 0,
+            count: 0,
+            target: u32::MAX,
+            site: 0,
+        });
+        code.results.push((register, scalar));
+        match crate::program::evaluated(crate::allocate::allocated(code)) {
+            Some(word) => Ok(Constant { scalar, word }),
+            None => Err(self.refuse("an override expression that can't be evaluated")),
         }
     }
 
@@ -203,12 +246,18 @@ impl<'m> Lower<'m> {
                 (None, Some(init)) => self.value(&mut scope, init)?,
                 (None, None) => continue,
             };
-            if let Value::Flat(registers) = &value
-                && let Some(constant) = self.words.get(&registers[0])
-            {
-                self.layouts.lengths.insert(handle, constant.word);
+            let Value::Flat(registers) = &value else { continue };
+            let word = self.evaluated(registers[0])?.word;
+            self.layouts.lengths.insert(handle, word);
+            let scalar = self.scalars(inner)?[0];
+            let constant = self.constant(scalar, word);
+            self.overrides.insert(handle, Value::Flat(Rc::new([constant])));
+        }
+        for k in 0..3 {
+            if let Some(size) = self.sizes.and_then(|sizes| sizes[k]) {
+                let register = self.flat(&mut scope, size)?[0];
+                self.code.workgroup[k] = self.evaluated(register)?.word;
             }
-            self.overrides.insert(handle, value);
         }
         for (handle, variable) in self.module.global_variables.iter() {
             if info[handle].is_empty() {
@@ -278,7 +327,12 @@ impl<'m> Lower<'m> {
                         "a function with the workgroup variable `{name}`, which cases would share"
                     )));
                 }
-                Ok(self.buffer(crate::code::Binding::Workgroup, name, span, inner))
+                let place = self.buffer(crate::code::Binding::Workgroup, name, span, inner);
+                let total: u64 = self.code.buffers.iter().map(|slot| slot.workgroup_bytes()).sum();
+                if total > MOST_WORKGROUP_BYTES {
+                    return Err(self.refuse(format!("{total} bytes of workgroup variables")));
+                }
+                Ok(place)
             }
             (space, _) => Err(self.refuse(format!("a variable in address space {space:?}"))),
         }
@@ -291,7 +345,14 @@ impl<'m> Lower<'m> {
         span: Span,
         inner: &TypeInner,
     ) -> Value {
-        let least = inner.try_size(self.module.to_ctx()).unwrap_or(0);
+        let least = match *inner {
+            // Its length may be an override's, which naga doesn't know here.
+            TypeInner::Array { size, stride, .. } => match self.layouts.length(size) {
+                Ok(Some(length)) => length.saturating_mul(stride),
+                _ => 0,
+            },
+            _ => inner.try_size(self.module.to_ctx()).unwrap_or(0),
+        };
         self.code.buffers.push(BufferSlot { binding, name, span, least, written: false });
         let slot = self.code.buffers.len() as u32 - 1;
         Value::Place(Rc::new(Place::buffer(slot, inner.clone())))

@@ -82,9 +82,9 @@ impl Program {
                 Span::UNDEFINED,
             ));
         }
-        let entry = crate::dispatch::Entry::of(module, point, settings)?;
         let lower = Lower::new(module, info, settings, true);
-        let code = lower.program(&point.function, info.get_entry_point(index), name)?;
+        let code = lower.entry_point(point, info.get_entry_point(index))?;
+        let entry = crate::dispatch::Entry::of(module, point, code.workgroup)?;
         Self::of(code, Some(entry))
     }
 
@@ -262,6 +262,14 @@ impl Program {
         }
         Ok(memory)
     }
+}
+
+/// The only result of a program without parameters or resources.
+pub(crate) fn evaluated(code: Code) -> Option<u32> {
+    let program = Program { code, entry: None };
+    let (resources, options) = (Resources::new(), Options::default());
+    let results = program.call::<crate::arithmetic::F32>(1, &[], &resources, &options, &());
+    results.ok()?.words().first().copied()
 }
 
 impl crate::code::HandleSlot {

@@ -65,9 +65,10 @@ impl<A: Rules> Machine<'_, A> {
             }
             let mut at = [0; 3];
             let mut outside = false;
-            for k in 0..coordinates + usize::from(op.arrayed) {
+            let indices = &ints[..coordinates + usize::from(op.arrayed)];
+            for (k, &register) in indices.iter().enumerate() {
                 let axis = if k == coordinates { 2 } else { k };
-                let index = self.index(op, ints[k], k, lane, size[axis] - 1);
+                let index = self.index(op, register, k, lane, size[axis] - 1);
                 outside |= index.clamped;
                 at[axis] = index.at;
             }

@@ -252,3 +252,33 @@ fn products_and_sums_are_fused_where_asked() {
     assert!((doubles(source, &[a, b, c])[0] - f64::from(found[0])).abs() < 1e-20);
     assert!(intervals(source, &[a, b, c])[0].contains(f64::from(found[0])));
 }
+
+#[test]
+fn sizes_may_be_override_expressions() {
+    let source = "
+        override n: u32 = 2u;
+        const unit = 4;
+        override wide: u32 = n * unit + 0u;
+        var<workgroup> part: array<u32, wide>;
+        @group(0) @binding(0) var<storage, read_write> out: array<u32>;
+        @compute @workgroup_size(n * 4u)
+        fn main(@builtin(local_invocation_index) i: u32) {
+            part[i] = i * i;
+            workgroupBarrier();
+            out[i] = part[wide - 1u - i];
+        }";
+    let (module, info) = module(source);
+    for (n, width) in [(None, 8usize), (Some(3.0), 12)] {
+        let overrides = n.map(|n| ("n".to_owned(), n)).into_iter().collect();
+        let settings = Settings { overrides, ..Settings::default() };
+        let program = Program::entry_point(&module, &info, "main", &settings).unwrap();
+        let mut resources = Resources::new();
+        resources.set_buffer(0, 0, vec![0; 4 * width]);
+        program.dispatch::<F32>([1, 1, 1], &mut resources, &Options::default(), &()).unwrap();
+        let words = resources.buffer(0, 0).unwrap().chunks(4);
+        let found: Vec<u32> =
+            words.map(|word| u32::from_le_bytes(word.try_into().unwrap())).collect();
+        let expected: Vec<u32> = (0..width as u32).rev().map(|i| i * i).collect();
+        assert_eq!(found, expected);
+    }
+}
