@@ -1,6 +1,8 @@
 //! Runs a program for one chunk of lanes, one operation after the other.
 
+mod control;
 mod images;
+mod lanes;
 mod masks;
 mod memory;
 mod worlds;
@@ -8,21 +10,14 @@ mod worlds;
 use naga::Span;
 
 use crate::arithmetic::sealed::Rules;
-use crate::code::{Code, Compare, Instruction, Op, Site};
+use crate::code::{Code, Instruction, Op, Site};
 use crate::columns::Columns;
 use crate::observer::{Lanes, Observer, OutOfRange};
 use crate::options::Options;
 use crate::scalar::{File, Scalar};
 use masks::Masks;
 pub(crate) use memory::{Buffer, Memory};
-use worlds::{Files, Worlds};
-
-/// The registers, borrowed apart from the masks.
-macro_rules! files {
-    ($machine:expr) => {
-        Files { floats: &mut $machine.floats, ints: &mut $machine.ints, bools: &mut $machine.bools }
-    };
-}
+use worlds::Worlds;
 
 /// A loop that ran for too long, and the lane that did.
 #[derive(Clone, Copy, Debug)]
@@ -288,89 +283,6 @@ impl<'p, A: Rules> Machine<'p, A> {
         if A::UNDECIDED { self.worlds.active() } else { self.masks.active() }
     }
 
-    /// Changes the mask. Returns whether control jumps to the operation's target.
-    fn control(&mut self, op: Op, registers: &[u32]) -> bool {
-        if A::UNDECIDED {
-            self.control_worlds(op, registers)
-        } else {
-            self.control_masks(op, registers)
-        }
-    }
-
-    fn control_masks(&mut self, op: Op, registers: &[u32]) -> bool {
-        let masks = &mut self.masks;
-        let condition = registers.first().map_or(&[][..], |&register| self.bools.get(register));
-        match op {
-            Op::If => !masks.enter_if(condition),
-            Op::Else => !masks.enter_else(condition),
-            Op::Case(falls) => !masks.enter_case(condition, falls),
-            Op::Loop => !masks.enter_loop(),
-            Op::Switch | Op::Call => !masks.enter(),
-            Op::EndIf | Op::EndSwitch | Op::EndCall => !masks.leave(),
-            Op::Skip => !masks.any(),
-            Op::EndLoop if masks.any() => true,
-            Op::EndLoop => {
-                masks.leave();
-                false
-            }
-            Op::Continuing => {
-                masks.continuing();
-                false
-            }
-            Op::BreakIf => {
-                masks.break_if(condition);
-                false
-            }
-            Op::Break(depth) => {
-                masks.exit(depth, true);
-                false
-            }
-            Op::Continue(depth) | Op::Return(depth) => {
-                masks.exit(depth, false);
-                false
-            }
-            _ => false,
-        }
-    }
-
-    fn control_worlds(&mut self, op: Op, registers: &[u32]) -> bool {
-        let condition: Vec<A::Bool> =
-            registers.first().map_or(Vec::new(), |&register| self.bools.get(register).to_vec());
-        let mut files = files!(self);
-        let worlds = &mut self.worlds;
-        match op {
-            Op::If => !worlds.enter_if(&files, &condition),
-            Op::Else => !worlds.enter_else(&mut files, &condition),
-            Op::Case(falls) => !worlds.enter_case(&mut files, &condition, falls),
-            Op::Loop | Op::Switch | Op::Call => !worlds.enter(),
-            Op::EndIf => !worlds.leave(&mut files, true),
-            Op::EndSwitch | Op::EndCall => !worlds.leave(&mut files, false),
-            Op::Skip => !worlds.any(),
-            Op::EndLoop if worlds.any() => true,
-            Op::EndLoop => {
-                worlds.leave(&mut files, false);
-                false
-            }
-            Op::Continuing => {
-                worlds.continuing(&mut files);
-                false
-            }
-            Op::BreakIf => {
-                worlds.break_if(&files, &condition);
-                false
-            }
-            Op::Break(depth) | Op::Return(depth) => {
-                worlds.exit(&files, depth, false);
-                false
-            }
-            Op::Continue(depth) => {
-                worlds.exit(&files, depth, true);
-                false
-            }
-            _ => false,
-        }
-    }
-
     /// Flushes what is subnormal, and notes what became unbounded.
     #[inline]
     fn after_floats(
@@ -441,100 +353,6 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    fn compare_floats(&mut self, compare: Compare, registers: &[u32]) {
-        let [out, a, b] = [registers[0], registers[1], registers[2]];
-        let (a, b) = (self.floats.get(a), self.floats.get(b));
-        let out = self.bools.get_mut(out);
-        match compare {
-            Compare::Equal => zip(out, a, b, A::float_equal),
-            Compare::NotEqual => zip(out, a, b, |a, b| A::not(A::float_equal(a, b))),
-            Compare::Less => zip(out, a, b, A::float_less),
-            Compare::LessEqual => zip(out, a, b, A::float_less_equal),
-        }
-    }
-
-    fn compare_ints(&mut self, compare: Compare, signed: bool, registers: &[u32]) {
-        let [out, a, b] = [registers[0], registers[1], registers[2]];
-        let (a, b) = (self.ints.get(a), self.ints.get(b));
-        let out = self.bools.get_mut(out);
-        match (compare, signed) {
-            (Compare::Equal, _) => zip(out, a, b, A::int_equal),
-            (Compare::NotEqual, _) => zip(out, a, b, |a, b| A::not(A::int_equal(a, b))),
-            (Compare::Less, true) => zip(out, a, b, |a, b| A::int_less(a, b, true)),
-            (Compare::Less, false) => zip(out, a, b, |a, b| A::int_less(a, b, false)),
-            (Compare::LessEqual, true) => zip(out, a, b, |a, b| A::not(A::int_less(b, a, true))),
-            (Compare::LessEqual, false) => zip(out, a, b, |a, b| A::not(A::int_less(b, a, false))),
-        }
-    }
-
-    fn select(&mut self, file: File, registers: &[u32]) {
-        let [out, yes, no, condition] = [registers[0], registers[1], registers[2], registers[3]];
-        let condition = self.bools.get(condition);
-        match file {
-            File::Float => self.floats.write(out, |floats, out| {
-                blend(out, condition, floats.get(yes), floats.get(no), A::select_float);
-            }),
-            File::Int => self.ints.write(out, |ints, out| {
-                blend(out, condition, ints.get(yes), ints.get(no), A::select_int);
-            }),
-            File::Bool => {
-                self.bools.map::<3, 1>(registers, |[yes, no, c]| [A::select_bool(c, yes, no)])
-            }
-        }
-    }
-
-    fn store(&mut self, file: File, registers: &[u32]) {
-        let [to, from] = [registers[0], registers[1]];
-        let all = if A::UNDECIDED { self.worlds.all() } else { self.masks.all() };
-        let mask = if A::UNDECIDED { self.worlds.active() } else { self.masks.active() };
-        match file {
-            File::Float if all => self.floats.copy(to, from),
-            File::Int if all => self.ints.copy(to, from),
-            File::Bool if all => self.bools.copy(to, from),
-            File::Float => self.floats.write(to, |floats, out| {
-                blend(out, mask, floats.get(from), floats.get(to), A::select_float);
-            }),
-            File::Int => self.ints.write(to, |ints, out| {
-                blend(out, mask, ints.get(from), ints.get(to), A::select_int);
-            }),
-            File::Bool => self.bools.write(to, |bools, out| {
-                blend(out, mask, bools.get(from), bools.get(to), A::select_bool);
-            }),
-        }
-    }
-
-    /// A loop goes round once more.
-    fn round(&mut self, instruction: &Instruction) -> Result<(), Spent> {
-        let span = self.site(instruction).span;
-        let mask = if A::UNDECIDED { self.worlds.active() } else { self.masks.active() };
-        let mut spent = false;
-        for (fuel, &mask) in self.fuel.iter_mut().zip(mask) {
-            let cost = u64::from(A::possible(mask));
-            spent |= *fuel < cost;
-            // One more than the last round, so that who spent it is known from who just has none.
-            *fuel = if *fuel < cost { u64::MAX } else { *fuel - cost };
-        }
-        if spent {
-            let lane = self.fuel.iter().position(|&fuel| fuel == u64::MAX).unwrap_or(0);
-            return Err(Spent { span, lane });
-        }
-        if A::UNDECIDED {
-            for lane in 0..self.width {
-                if !self.worlds.is_divided(lane) {
-                    continue;
-                }
-                if self.undecided[lane] == 0 {
-                    self.lost[lane].get_or_insert(instruction.site);
-                    let files = files!(self);
-                    self.worlds.drop_from_loop(&files, lane);
-                } else {
-                    self.undecided[lane] -= 1;
-                }
-            }
-        }
-        Ok(())
-    }
-
     /// What lanes returned whose loop never decided to end is anything at all.
     fn forget_lost(&mut self) {
         for lane in 0..self.width {
@@ -559,25 +377,5 @@ impl<'p, A: Rules> Machine<'p, A> {
                 }
             }
         }
-    }
-}
-
-#[inline(always)]
-fn zip<T: Copy, B>(out: &mut [B], a: &[T], b: &[T], f: impl Fn(T, T) -> B) {
-    for ((out, &a), &b) in out.iter_mut().zip(a).zip(b) {
-        *out = f(a, b);
-    }
-}
-
-#[inline(always)]
-fn blend<T: Copy, B: Copy>(
-    out: &mut [T],
-    condition: &[B],
-    yes: &[T],
-    no: &[T],
-    select: impl Fn(B, T, T) -> T,
-) {
-    for (((out, &c), &yes), &no) in out.iter_mut().zip(condition).zip(yes).zip(no) {
-        *out = select(c, yes, no);
     }
 }

@@ -1,0 +1,130 @@
+//! Control flow: what changes the mask, and the fuel that loops take.
+
+use super::worlds::Files;
+use super::{Machine, Spent};
+use crate::arithmetic::sealed::Rules;
+use crate::code::{Instruction, Op};
+
+/// The registers, borrowed apart from the masks.
+macro_rules! files {
+    ($machine:expr) => {
+        Files { floats: &mut $machine.floats, ints: &mut $machine.ints, bools: &mut $machine.bools }
+    };
+}
+
+impl<A: Rules> Machine<'_, A> {
+    /// Changes the mask. Returns whether control jumps to the operation's target.
+    pub(super) fn control(&mut self, op: Op, registers: &[u32]) -> bool {
+        if A::UNDECIDED {
+            self.control_worlds(op, registers)
+        } else {
+            self.control_masks(op, registers)
+        }
+    }
+
+    fn control_masks(&mut self, op: Op, registers: &[u32]) -> bool {
+        let masks = &mut self.masks;
+        let condition = registers.first().map_or(&[][..], |&register| self.bools.get(register));
+        match op {
+            Op::If => !masks.enter_if(condition),
+            Op::Else => !masks.enter_else(condition),
+            Op::Case(falls) => !masks.enter_case(condition, falls),
+            Op::Loop => !masks.enter_loop(),
+            Op::Switch | Op::Call => !masks.enter(),
+            Op::EndIf | Op::EndSwitch | Op::EndCall => !masks.leave(),
+            Op::Skip => !masks.any(),
+            Op::EndLoop if masks.any() => true,
+            Op::EndLoop => {
+                masks.leave();
+                false
+            }
+            Op::Continuing => {
+                masks.continuing();
+                false
+            }
+            Op::BreakIf => {
+                masks.break_if(condition);
+                false
+            }
+            Op::Break(depth) => {
+                masks.exit(depth, true);
+                false
+            }
+            Op::Continue(depth) | Op::Return(depth) => {
+                masks.exit(depth, false);
+                false
+            }
+            _ => false,
+        }
+    }
+
+    fn control_worlds(&mut self, op: Op, registers: &[u32]) -> bool {
+        let condition: Vec<A::Bool> =
+            registers.first().map_or(Vec::new(), |&register| self.bools.get(register).to_vec());
+        let mut files = files!(self);
+        let worlds = &mut self.worlds;
+        match op {
+            Op::If => !worlds.enter_if(&files, &condition),
+            Op::Else => !worlds.enter_else(&mut files, &condition),
+            Op::Case(falls) => !worlds.enter_case(&mut files, &condition, falls),
+            Op::Loop | Op::Switch | Op::Call => !worlds.enter(),
+            Op::EndIf => !worlds.leave(&mut files, true),
+            Op::EndSwitch | Op::EndCall => !worlds.leave(&mut files, false),
+            Op::Skip => !worlds.any(),
+            Op::EndLoop if worlds.any() => true,
+            Op::EndLoop => {
+                worlds.leave(&mut files, false);
+                false
+            }
+            Op::Continuing => {
+                worlds.continuing(&mut files);
+                false
+            }
+            Op::BreakIf => {
+                worlds.break_if(&files, &condition);
+                false
+            }
+            Op::Break(depth) | Op::Return(depth) => {
+                worlds.exit(&files, depth, false);
+                false
+            }
+            Op::Continue(depth) => {
+                worlds.exit(&files, depth, true);
+                false
+            }
+            _ => false,
+        }
+    }
+
+    /// A loop goes round once more.
+    pub(super) fn round(&mut self, instruction: &Instruction) -> Result<(), Spent> {
+        let span = self.site(instruction).span;
+        let mask = if A::UNDECIDED { self.worlds.active() } else { self.masks.active() };
+        let mut spent = false;
+        for (fuel, &mask) in self.fuel.iter_mut().zip(mask) {
+            let cost = u64::from(A::possible(mask));
+            spent |= *fuel < cost;
+            // One more than the last round, so that who spent it is known from who just has none.
+            *fuel = if *fuel < cost { u64::MAX } else { *fuel - cost };
+        }
+        if spent {
+            let lane = self.fuel.iter().position(|&fuel| fuel == u64::MAX).unwrap_or(0);
+            return Err(Spent { span, lane });
+        }
+        if A::UNDECIDED {
+            for lane in 0..self.width {
+                if !self.worlds.is_divided(lane) {
+                    continue;
+                }
+                if self.undecided[lane] == 0 {
+                    self.lost[lane].get_or_insert(instruction.site);
+                    let files = files!(self);
+                    self.worlds.drop_from_loop(&files, lane);
+                } else {
+                    self.undecided[lane] -= 1;
+                }
+            }
+        }
+        Ok(())
+    }
+}
