@@ -235,6 +235,8 @@ pub(crate) struct Code {
 #[derive(Clone, Debug)]
 pub(crate) struct HandleSlot {
     pub(crate) written: bool,
+    /// What a texture must be.
+    pub(crate) image: Option<(naga::ImageDimension, naga::ScalarKind)>,
     pub(crate) group: u32,
     pub(crate) binding: u32,
     pub(crate) name: String,

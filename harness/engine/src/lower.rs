@@ -281,6 +281,7 @@ impl<'m> Lower<'m> {
         let inner = self.layouts.inner(variable.ty);
         let slot = |binding: &naga::ResourceBinding| HandleSlot {
             written: false,
+            image: image_of(inner),
             group: binding.group,
             binding: binding.binding,
             name: name.clone(),
@@ -458,6 +459,17 @@ impl<'m> Lower<'m> {
         };
         resolution.inner_with(&self.module.types).clone()
     }
+}
+
+/// What a texture's type asks of the texture.
+fn image_of(inner: &TypeInner) -> Option<(naga::ImageDimension, naga::ScalarKind)> {
+    let TypeInner::Image { dim, class, .. } = *inner else { return None };
+    let kind = match class {
+        naga::ImageClass::Sampled { kind, .. } => kind,
+        naga::ImageClass::Depth { .. } | naga::ImageClass::External => naga::ScalarKind::Float,
+        naga::ImageClass::Storage { format, .. } => naga::Scalar::from(format).kind,
+    };
+    Some((dim, kind))
 }
 
 /// The word of an override's value, which is given as `f64`.

@@ -250,7 +250,10 @@ impl Program {
         }
         for slot in &self.code.textures {
             match resources.textures.get(&(slot.group, slot.binding)) {
-                Some(texture) => memory.textures.push(Cow::Borrowed(texture)),
+                Some(texture) if slot.image.is_some_and(|image| texture.is(image)) => {
+                    memory.textures.push(Cow::Borrowed(texture));
+                }
+                Some(_) => return Err(slot.missing("texture of its dimension and kind of texels")),
                 None => return Err(slot.missing("texture")),
             }
         }

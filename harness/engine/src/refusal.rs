@@ -45,7 +45,7 @@ pub enum Stop {
     /// The caller's resources lack one, or have another kind.
     #[error("no {kind} `{name}` in group {group}, binding {binding}")]
     Missing {
-        /// `buffer`, `texture` or `sampler`.
+        /// `buffer`, `texture` or `sampler`, or what of it doesn't fit.
         kind: &'static str,
         /// Its name in the module.
         name: String,

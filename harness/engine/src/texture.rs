@@ -132,6 +132,22 @@ impl Texture {
         hull
     }
 
+    /// Whether it is what a variable's type asks for.
+    pub(crate) fn is(&self, (dimension, kind): (naga::ImageDimension, naga::ScalarKind)) -> bool {
+        let dimension = match dimension {
+            naga::ImageDimension::D1 => Dimension::D1,
+            naga::ImageDimension::D2 => Dimension::D2,
+            naga::ImageDimension::D3 => Dimension::D3,
+            naga::ImageDimension::Cube => Dimension::Cube,
+        };
+        let fits = |texels: &Texels| match texels {
+            Texels::Float(_) | Texels::Depth(_) => kind == naga::ScalarKind::Float,
+            Texels::Sint(_) => kind == naga::ScalarKind::Sint,
+            Texels::Uint(_) => kind == naga::ScalarKind::Uint,
+        };
+        self.dimension == dimension && self.levels.iter().all(fits)
+    }
+
     pub(crate) fn hull(&self, channel: usize) -> (f32, f32) {
         self.hull[channel]
     }

@@ -293,3 +293,18 @@ fn storage_textures_are_written_as_their_format_rounds() {
         .unwrap_err();
     assert!(stop.to_string().contains("texture that is written"), "{stop}");
 }
+
+#[test]
+fn a_texture_of_another_kind_is_no_texture() {
+    let source = "
+        @group(0) @binding(0) var t: texture_2d<i32>;
+        fn f(x: i32) -> vec4i { return textureLoad(t, vec2i(x, 0), 0); }";
+    let mut resources = Resources::new();
+    resources.set_texture(0, 0, texture(Dimension::D2, [6, 4, 1], 1));
+    let program = program(source, "f");
+    let stop = program.call::<F32>(1, &[0], &resources, &Options::default(), &()).unwrap_err();
+    assert_eq!(
+        stop.to_string(),
+        "no texture of its dimension and kind of texels `t` in group 0, binding 0"
+    );
+}
