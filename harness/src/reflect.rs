@@ -6,6 +6,8 @@
 mod binding;
 mod kept;
 mod layout;
+#[cfg(feature = "routes")]
+mod lets;
 mod message;
 mod parsed;
 mod rounds;
@@ -25,6 +27,8 @@ pub use binding::{Binding, BindingKind};
 use kept::Wanted;
 pub use layout::LayoutError;
 pub(crate) use layout::bytes_of;
+#[cfg(feature = "routes")]
+pub(crate) use lets::LetBinding;
 use message::{causes, to_author};
 pub(crate) use parsed::parsed;
 pub(crate) use rounds::{COUNTERS, CountedLoop, Watched, count_rounds};

@@ -173,7 +173,12 @@ mod tests {
     use crate::fixture::Fixtures;
     use crate::package::Package;
 
-    fn call(text: &str, function: &str, fixtures: Fixtures, rows: &[u32]) -> Result<Vec<u32>, String> {
+    fn call(
+        text: &str,
+        function: &str,
+        fixtures: Fixtures,
+        rows: &[u32],
+    ) -> Result<Vec<u32>, String> {
         let package = Package::from_source("cpu", text);
         let probed = Probed::new(&package, function).map_err(|error| error.to_string())?;
         let width: usize =

@@ -5,12 +5,10 @@
 //! binding in a loop has its last value. The text is the linked one, so nothing of the author's file
 //! is touched.
 
-use naga::common::wgsl::TypeContext;
-use naga::{Expression, TypeInner};
-
 use crate::diagnostic::Span;
 use crate::package::Package;
 use crate::probe::Probed;
+use crate::reflect::LetBinding;
 
 /// A let-binding, ready to be called with the function's arguments.
 pub(super) struct Let {
@@ -26,35 +24,20 @@ const MOST: usize = 48;
 /// The let-bindings of a function, in the order of its text. One that can't be probed (a pointer, a
 /// value that no result can be) is left out.
 pub(super) fn lets(probed: &Probed) -> Vec<Let> {
-    let program = &probed.program;
-    let (module, text) = (program.module(), program.text());
-    let name = program.name_of(&probed.function().name);
-    let found = module.functions.iter().find(|(_, f)| f.name.as_deref() == Some(name));
-    let Some((handle, function)) = found else { return Vec::new() };
-    let types = module.to_ctx();
-    let parameters: Vec<String> = function
-        .arguments
+    let (program, text) = (&probed.program, probed.program.text());
+    let Some(found) = program.let_bindings(&probed.function().name) else { return Vec::new() };
+    let parameters: Vec<String> = found
+        .parameters
         .iter()
         .enumerate()
-        .map(|(index, argument)| format!("karat_{index}: {}", types.type_to_string(argument.ty)))
+        .map(|(index, ty)| format!("karat_{index}: {ty}"))
         .collect();
     let arguments: Vec<String> =
-        (0..function.arguments.len()).map(|index| format!("karat_{index}")).collect();
-    let info = &program.info()[handle];
+        (0..parameters.len()).map(|index| format!("karat_{index}")).collect();
     let mut bindings: Vec<(usize, Let)> = Vec::new();
-    for expression in function.named_expressions.keys() {
-        let ty = &info[*expression].ty;
-        let pointer = matches!(
-            ty.inner_with(&module.types),
-            TypeInner::Pointer { .. } | TypeInner::ValuePointer { .. }
-        );
-        if pointer || matches!(function.expressions[*expression], Expression::FunctionArgument(_)) {
-            continue;
-        }
-        let Some(range) = function.expressions.get_span(*expression).to_range() else { continue };
+    for LetBinding { value: range, ty } in found.bindings {
         let Some(name) = bound_name(text, range.start) else { continue };
         let Some(end) = end_of_statement(text, range.end) else { continue };
-        let ty = types.type_resolution_to_string(ty);
         let copy = format!(
             "{} karat_let = {name};{}\nvar<private> karat_let: {ty};\n\
              fn karat_let_of({}) -> {ty} {{\n    karat_let = {ty}();\n    \
@@ -62,7 +45,7 @@ pub(super) fn lets(probed: &Probed) -> Vec<Let> {
             &text[..end],
             &text[end..],
             parameters.join(", "),
-            function.name.as_deref().unwrap_or_default(),
+            found.function,
             arguments.join(", "),
         );
         let package = Package::from_source("karat_let", copy);
