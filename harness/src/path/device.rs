@@ -66,7 +66,13 @@ impl Device {
     pub(super) fn open(path: Path) -> Result<Self, PathError> {
         let unavailable = |reason: String| PathError::Unavailable { path, reason };
         if path.api() == Api::Cpu {
-            return Err(unavailable("Karat has no engine without a driver yet".to_owned()));
+            let reason = if cfg!(feature = "engine") {
+                "Karat's engine calls functions and does nothing else: a driver is needed here"
+            } else {
+                "karat is built without its engine: write features = [\"engine\"] at its dependency in \
+                 Cargo.toml"
+            };
+            return Err(unavailable(reason.to_owned()));
         }
         if let Some(reason) = route::missing(path) {
             return Err(unavailable(reason));

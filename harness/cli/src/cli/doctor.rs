@@ -216,7 +216,7 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
 /// How to get a path on this platform.
 fn remedy(path: Path) -> &'static str {
     match path.via() {
-        _ if path.api() == Api::Cpu => return "nothing provides it yet",
+        _ if path.api() == Api::Cpu => return "only `cpu` itself is there, without a route",
         Via::Glsl | Via::Hlsl if path.api() == Api::Vulkan => {
             return "install glslang (Debian: glslang-tools; Fedora, Arch and Homebrew: glslang)";
         }
