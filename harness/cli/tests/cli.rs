@@ -460,7 +460,9 @@ fn doctor_tells_which_paths_open() {
     let driver = format!("{}@{}", paths[0], family.expect("it opens"));
     let out = karat(folder, &["doctor", "--require", &driver]).good();
     assert!(out.contains(&format!("\n{driver} ")), "{out}");
-    for missing in ["vulkan@nobody", "vulkan:msl", "cpu"] {
+    let out = karat(folder, &["doctor", "--require", "cpu"]).good();
+    assert!(out.contains("\ncpu      Karat's engine"), "{out}");
+    for missing in ["vulkan@nobody", "vulkan:msl", "cpu:msl"] {
         let ran = karat(folder, &["doctor", "--require", missing]);
         assert_eq!(ran.code, Some(1), "{ran:?}");
         assert!(ran.out.contains(&format!("`{missing}` is unavailable")), "{ran:?}");
