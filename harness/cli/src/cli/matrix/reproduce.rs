@@ -172,7 +172,7 @@ fn write_divergence(text: &mut String, head: &Head, found: &Divergence) -> std::
                 writeln!(text, "It is line {line} of the translation.")?;
             }
         }
-        None => writeln!(text, "\nNo let-binding of the function differs before its result does.")?,
+        None => writeln!(text, "\nNone of the let-bindings that could be looked at differs.")?,
     }
     Ok(())
 }
