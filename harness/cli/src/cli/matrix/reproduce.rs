@@ -138,15 +138,8 @@ fn readme(
             writeln!(text, "```text\n{}\n```\n", said.verdict.trim())?;
         }
     }
-    let (package, name) = (&matrix.package, &row.name);
-    writeln!(
-        text,
-        "Karat repeats it: `karat matrix --only {name} --columns {}` in `{package}`.",
-        {
-            let all = baseline.into_iter().chain([&*head.name]);
-            all.collect::<Vec<_>>().join(",")
-        }
-    )?;
+    let all = baseline.into_iter().chain([&*head.name]).collect::<Vec<_>>().join(",");
+    writeln!(text, "Karat repeats it here: `karat matrix --package shader.wgsl --columns {all}`.")?;
     Ok(text)
 }
 
