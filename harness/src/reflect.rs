@@ -7,7 +7,7 @@ mod binding;
 mod kept;
 mod layout;
 #[cfg(feature = "routes")]
-mod lets;
+mod locals;
 mod message;
 mod parsed;
 mod rounds;
@@ -28,7 +28,6 @@ use kept::Wanted;
 pub use layout::LayoutError;
 pub(crate) use layout::bytes_of;
 #[cfg(feature = "routes")]
-pub(crate) use lets::LetBinding;
 use message::{causes, to_author};
 pub(crate) use parsed::parsed;
 pub(crate) use rounds::{COUNTERS, CountedLoop, Watched, count_rounds};

@@ -28,6 +28,9 @@ pub struct Divergence {
     /// The first let-binding of the function whose value differs; `None` if each agrees, so that the
     /// difference is in the result's own expression or in what isn't bound by `let`.
     pub first: Option<Intermediate>,
+    /// The let-bindings that can't be looked at, of those that come before `first`: pointers, those in
+    /// the head of a `for`, those that are NaN or infinite, and those behind the first 48.
+    pub unseen: Vec<String>,
 }
 
 /// A let-binding whose value differs.
@@ -59,6 +62,9 @@ impl Divergence {
         if let Some(Intermediate { name, location, here, there, .. }) = &self.first {
             let place = location.as_ref().map_or_else(String::new, |at| format!(" ({at})"));
             text += &format!("; `{name}`{place} differs first: {here}, and {there}");
+        }
+        if !self.unseen.is_empty() {
+            text += &format!(" (not looked at: `{}`)", self.unseen.join("`, `"));
         }
         text
     }
@@ -97,9 +103,17 @@ pub(super) fn divergence(
         (name.clone(), shown(&arguments[at - count..at], &row[at - count..at]))
     });
     let named = named.collect();
-    let found = lets(probed)
-        .into_iter()
-        .find_map(|one| differing(request, &one, &row, (&first.runs, &other.runs), text));
+    let (mut found, mut unseen) = (None, Vec::new());
+    for one in lets(probed) {
+        match differing(request, &one, &row, (&first.runs, &other.runs), text) {
+            Ok(None) => {}
+            Ok(Some(differing)) => {
+                found = Some(differing);
+                break;
+            }
+            Err(Unseen) => unseen.push(one.name),
+        }
+    }
     Divergence {
         baseline: request.columns[first.column].to_string(),
         arguments: named,
@@ -108,8 +122,12 @@ pub(super) fn divergence(
         words: row,
         results: (actual, expected),
         first: found,
+        unseen,
     }
 }
+
+/// A let-binding whose value isn't known on both columns.
+struct Unseen;
 
 /// The values of a let-binding, if they differ.
 fn differing(
@@ -118,24 +136,31 @@ fn differing(
     row: &[u32],
     (first, other): (&Runs<'_>, &Runs<'_>),
     text: Option<(&str, (usize, usize))>,
-) -> Option<Intermediate> {
-    let fixtures = inputs::fixtures(&one.probed).ok()?;
+) -> Result<Option<Intermediate>, Unseen> {
+    let probed = one.probed.as_ref().ok_or(Unseen)?;
+    let fixtures = inputs::fixtures(probed).map_err(|_| Unseen)?;
     let value = |runs: &Runs<'_>| {
-        Runs::new(runs.path(), &one.probed, &fixtures, 1).ok()?.results(row, 1).ok()
+        let runs = Runs::new(runs.path(), probed, &fixtures, 1).map_err(|_| Unseen)?;
+        runs.results(row, 1).map_err(|_| Unseen)
     };
     let (there, here) = (value(first)?, value(other)?);
-    let scalars = one.probed.function().result.lanes();
+    let scalars = probed.function().result.lanes();
     let judge = Judge::new(&scalars, &request.within, &there);
-    if !judge.is_compared(&there) || judge.agree(&there, &here) {
-        return None;
+    if there == here || (judge.is_compared(&there) && judge.agree(&there, &here)) {
+        return Ok(None);
+    }
+    if !judge.is_compared(&there) {
+        // NaN and infinity are nothing that a column has to repeat.
+        return Err(Unseen);
     }
     let line = one.span.as_ref().map(|span| span.file.line_column(span.range.start).0);
-    Some(Intermediate {
+    let defined = |(text, lines)| definition_line(text, lines, &one.name, one.of_name);
+    Ok(Some(Intermediate {
         name: one.name.clone(),
         location: one.span.as_ref().map(ToString::to_string),
         line,
         here: shown(&scalars, &here),
         there: shown(&scalars, &there),
-        text_line: text.and_then(|(text, lines)| definition_line(text, lines, &one.name)),
-    })
+        text_line: text.and_then(defined),
+    }))
 }

@@ -15,20 +15,28 @@ pub(super) fn function_lines(text: &str, name: &str, entry_point: bool) -> Optio
     Some((first + 1, first + rest + 1))
 }
 
-/// The line, from 1 on, that gives a variable its value.
+/// The line, from 1 on, that defines one of the variables of a name: `which` of how many. naga writes
+/// them in the author's order. If there are more or fewer of that name, it isn't known which is which.
 pub(super) fn definition_line(
     text: &str,
     (first, last): (usize, usize),
     name: &str,
+    (which, of): (usize, usize),
 ) -> Option<usize> {
     let defines = |line: &str| {
-        words(line).any(|(word, rest)| {
+        let line = line.trim_start();
+        let assigned = |(word, rest): (&str, &str)| {
             let rest = rest.trim_start();
-            is(word, name) && rest.starts_with('=') && !rest.starts_with("==")
-        })
+            // A type, or `let`, stands before what is defined, and nothing before what is assigned.
+            let defined = line.len() > word.len() + rest.len() && !line.starts_with(word);
+            defined && is(word, name) && rest.starts_with('=') && !rest.starts_with("==")
+        };
+        words(line).next().is_some_and(|(head, _)| head != "for") && words(line).any(assigned)
     };
     let lines = text.lines().enumerate().skip(first - 1).take(last + 1 - first);
-    lines.map(|(index, line)| (index + 1, line)).find(|(_, line)| defines(line)).map(|(at, _)| at)
+    let found: Vec<usize> =
+        lines.filter(|(_, line)| defines(line)).map(|(index, _)| index + 1).collect();
+    (found.len() == of).then(|| found.get(which).copied()).flatten()
 }
 
 /// The identifiers of a line, each with what follows it.
@@ -65,11 +73,21 @@ mod tests {
         assert_eq!(function_lines(MSL, "f0", false), Some((5, 11)));
         assert_eq!(function_lines(MSL, "other", false), Some((2, 4)));
         assert_eq!(function_lines(MSL, "f", false), None);
-        assert_eq!(definition_line(MSL, (5, 11), "d"), Some(8));
-        assert_eq!(definition_line(MSL, (5, 11), "e"), Some(9));
-        assert_eq!(definition_line(MSL, (2, 4), "d"), None);
+        let line = |lines, name, which| definition_line(MSL, lines, name, which);
+        assert_eq!(line((5, 11), "d", (0, 1)), Some(8));
+        assert_eq!(line((5, 11), "e", (0, 1)), Some(9));
+        assert_eq!(line((2, 4), "d", (0, 1)), None);
         let glsl = "void helper() {\n}\nvoid main() {\n    return;\n}\n";
         assert_eq!(function_lines(glsl, "shade", true), Some((3, 5)));
         assert_eq!(function_lines(glsl, "shade", false), None);
+    }
+
+    #[test]
+    fn variables_of_one_name_are_told_apart_by_their_order() {
+        let wgsl = "fn f(x: f32) -> f32 {\n    let q = (x * 2f);\n    if true {\n        \
+                    let q_1 = (q * x);\n        q_2 = 1f;\n        return q_1;\n    }\n}\n";
+        let line = |which| definition_line(wgsl, (1, 8), "q", which);
+        assert_eq!((line((0, 2)), line((1, 2))), (Some(2), Some(4)));
+        assert_eq!(line((0, 1)), None, "which of the two isn't known");
     }
 }

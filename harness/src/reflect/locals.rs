@@ -1,0 +1,33 @@
+//! A function's parameters and variables, as WGSL.
+
+use std::collections::BTreeMap;
+
+use naga::common::wgsl::TypeContext;
+
+use super::Program;
+
+/// What it takes to call a function, and to store its variables, from the same text.
+pub(crate) struct Locals<'p> {
+    /// Its name in the text.
+    pub(crate) function: &'p str,
+    /// The types of its parameters.
+    pub(crate) parameters: Vec<String>,
+    /// The type of each `var`, by name.
+    pub(crate) variables: BTreeMap<&'p str, String>,
+}
+
+impl Program {
+    /// Parameters and variables of a function, by its author's path.
+    pub(crate) fn locals<'p>(&'p self, path: &'p str) -> Option<Locals<'p>> {
+        let function = self.name_of(path);
+        let named = |f: &naga::Function| f.name.as_deref() == Some(function);
+        let (_, found) = self.module.functions.iter().find(|(_, f)| named(f))?;
+        let types = self.module.to_ctx();
+        let parameters = found.arguments.iter().map(|one| types.type_to_string(one.ty)).collect();
+        let variable = |(_, variable): (_, &'p naga::LocalVariable)| {
+            Some((variable.name.as_deref()?, types.type_to_string(variable.ty)))
+        };
+        let variables = found.local_variables.iter().filter_map(variable).collect();
+        Some(Locals { function, parameters, variables })
+    }
+}
