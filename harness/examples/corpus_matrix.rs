@@ -118,13 +118,17 @@ impl All {
                 for status in Status::ALL.into_iter().filter(|s| cell.status >= Some(*s)) {
                     *counts.entry(status.name()).or_default() += 1;
                 }
-                if let Some(stop @ (Stop::Differs(_) | Stop::Rejected(_) | Stop::Unsupported(_))) =
-                    &cell.stopped
+                if let Some(
+                    stop @ (Stop::Differs(_)
+                    | Stop::Rejected(_)
+                    | Stop::Broke(_)
+                    | Stop::Unsupported(_)),
+                ) = &cell.stopped
                 {
                     wrong += 1;
                     let word = match stop {
                         Stop::Differs(_) => WRONG[0],
-                        Stop::Rejected(_) => WRONG[1],
+                        Stop::Rejected(_) | Stop::Broke(_) => WRONG[1],
                         _ => WRONG[2],
                     };
                     *counts.entry(word).or_default() += 1;

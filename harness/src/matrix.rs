@@ -31,6 +31,7 @@ use serde::Serialize;
 
 pub use column::Column;
 pub use divergence::{Divergence, Intermediate};
+pub use judge::{Outcome, Said};
 pub use karat_translate::Code;
 pub use known::{Finding, Known};
 pub use reference::Reference;
@@ -93,6 +94,8 @@ pub enum Stop {
     Unsupported(String),
     /// A validator rejects it: which one, and its words.
     Rejected(String),
+    /// A validator has no verdict: it crashed, didn't end or can't be run.
+    Broke(String),
     /// No validator of the language is here.
     NoValidator(String),
     /// The column's path isn't here, or nothing here runs its language.
@@ -112,6 +115,7 @@ impl Stop {
         match self {
             Self::Unsupported(text)
             | Self::Rejected(text)
+            | Self::Broke(text)
             | Self::NoValidator(text)
             | Self::Unavailable(text)
             | Self::NotRun(text)
@@ -119,17 +123,13 @@ impl Stop {
             | Self::NothingToCompare(text) => text,
         }
     }
-}
 
-/// What a validator said.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Said {
-    /// The command; `shader.*` holds the translation.
-    pub command: String,
-    /// The validator's version, in its own words.
-    pub version: String,
-    /// `valid`, or what it finds wrong.
-    pub verdict: String,
+    /// Whether something is wrong: of the translation, of what runs it or of what judges it. The
+    /// others say what isn't here or can't be.
+    #[must_use]
+    pub fn is_wrong(&self) -> bool {
+        matches!(self, Self::Differs(_) | Self::Rejected(_) | Self::Broke(_))
+    }
 }
 
 /// A row on a column.

@@ -4,14 +4,38 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use karat_translate::{Target, Tool, Translation, Validation, Verdict};
+use serde::Serialize;
 
 use super::subject::{Ready, is_read_back};
-use super::{Cell, Column, Said, Status, Stop};
+use super::{Cell, Column, Status, Stop};
+
+/// What a validator said.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Said {
+    /// The command; `shader.*` holds the translation.
+    pub command: String,
+    /// The validator's version, in its own words.
+    pub version: String,
+    /// What it finds.
+    pub outcome: Outcome,
+    /// `valid`, or what it finds wrong in its own words.
+    pub verdict: String,
+}
+
+/// What a validator finds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// Nothing wrong.
+    Valid,
+    /// Something wrong.
+    Invalid,
+    /// Nothing: it crashed, didn't end, or can't be run.
+    Broke,
+}
 
 /// What the validators say of each translation of some rows: by row and language, in the tools' order.
 pub(super) struct Judged(BTreeMap<(usize, Target), Vec<Said>>);
-
-const VALID: &str = "valid";
 
 impl Judged {
     /// Asks each validator about all translations of a language together.
@@ -57,7 +81,11 @@ impl Judged {
         let (status, stopped) = match rejection(own) {
             Some(said) => {
                 let text = format!("`{}`: {}", said.command, said.verdict);
-                (Status::Translated, Some(Stop::Rejected(text)))
+                let stop = match said.outcome {
+                    Outcome::Broke => Stop::Broke(text),
+                    _ => Stop::Rejected(text),
+                };
+                (Status::Translated, Some(stop))
             }
             None if own.is_empty() => {
                 (Status::Translated, Some(Stop::NoValidator(no_validator(made.target))))
@@ -66,7 +94,8 @@ impl Judged {
             None if is_read_back(column) && !Tool::naga().targets().contains(&made.target) => {
                 let said = said(Tool::naga(), Tool::naga().validate(translation));
                 let text = format!("naga doesn't read it back: {}", said.verdict);
-                let stopped = (said.verdict != VALID).then_some(Stop::Unsupported(text));
+                let valid = said.outcome == Outcome::Valid;
+                let stopped = (!valid).then_some(Stop::Unsupported(text));
                 validators.push(said);
                 (Status::Valid, stopped)
             }
@@ -78,13 +107,15 @@ impl Judged {
     }
 }
 
-/// The validator that rejects a translation. `spirv-cross` writes source text of it, and doesn't know
-/// all that is valid: where `spirv-val` accepts, it isn't asked.
+/// What stands against a translation: a rejection, or else a validator without a verdict. `spirv-cross`
+/// writes source text of it, and doesn't know all that is valid: where `spirv-val` accepts, it isn't
+/// asked.
 fn rejection(said: &[Said]) -> Option<&Said> {
     let of = |said: &Said, tool: &str| said.command.starts_with(tool);
-    let accepted = said.iter().any(|said| of(said, "spirv-val") && said.verdict == VALID);
+    let accepted = said.iter().any(|said| of(said, "spirv-val") && said.outcome == Outcome::Valid);
     let counts = |said: &&Said| !(accepted && of(said, "spirv-cross"));
-    said.iter().filter(counts).find(|said| said.verdict != VALID)
+    let first = |outcome| said.iter().filter(counts).find(|said| said.outcome == outcome);
+    first(Outcome::Invalid).or_else(|| first(Outcome::Broke))
 }
 
 /// What a tool says of each translation, a part of them on each core.
@@ -97,23 +128,19 @@ fn ask(tool: &Tool, translations: &[&Translation]) -> Vec<Said> {
 }
 
 fn said(tool: &Tool, answer: std::io::Result<Validation>) -> Said {
-    match answer {
-        Ok(said) => Said {
-            command: said.command,
-            version: said.version,
-            verdict: match said.verdict {
-                Verdict::Valid => VALID.to_owned(),
-                Verdict::Invalid(message) => format!("invalid: {message}"),
-                Verdict::Crashed(message) => format!("the validator crashes: {message}"),
-                Verdict::TimedOut => "the validator doesn't end".to_owned(),
+    let (name, version) = (tool.name().to_owned(), tool.version().to_owned());
+    let (command, (outcome, verdict)) = match answer {
+        Ok(said) => (
+            said.command,
+            match said.verdict {
+                Verdict::Valid => (Outcome::Valid, "valid".to_owned()),
+                Verdict::Invalid(message) => (Outcome::Invalid, format!("invalid: {message}")),
+                Verdict::Broke(how) => (Outcome::Broke, format!("no verdict, as it {how}")),
             },
-        },
-        Err(error) => Said {
-            command: tool.name().to_owned(),
-            version: tool.version().to_owned(),
-            verdict: format!("it can't be run: {error}"),
-        },
-    }
+        ),
+        Err(error) => (name, (Outcome::Broke, format!("no verdict, as it can't be run: {error}"))),
+    };
+    Said { command, version, outcome, verdict }
 }
 
 fn no_validator(target: Target) -> String {
@@ -128,17 +155,27 @@ mod tests {
 
     #[test]
     fn spirv_cross_rejects_nothing_that_spirv_val_accepts() {
-        let said = |command: &str, verdict: &str| Said {
+        let said = |command: &str, outcome| Said {
             command: command.to_owned(),
             version: String::new(),
-            verdict: verdict.to_owned(),
+            outcome,
+            verdict: String::new(),
         };
-        let (good, bad) =
-            (said("spirv-val shader.spv", VALID), said("spirv-cross shader.spv", "no"));
+        let (good, bad) = (
+            said("spirv-val shader.spv", Outcome::Valid),
+            said("spirv-cross shader.spv", Outcome::Invalid),
+        );
         assert_eq!(rejection(&[good.clone(), bad.clone()]), None);
         assert_eq!(rejection(std::slice::from_ref(&bad)), Some(&bad));
-        let val = said("spirv-val shader.spv", "invalid");
-        assert_eq!(rejection(&[val.clone(), bad]), Some(&val));
-        assert_eq!(rejection(&[good]), None);
+        let val = said("spirv-val shader.spv", Outcome::Invalid);
+        assert_eq!(rejection(&[val.clone(), bad.clone()]), Some(&val));
+        assert_eq!(rejection(std::slice::from_ref(&good)), None);
+        let broke = said("glslangValidator shader.glsl", Outcome::Broke);
+        assert_eq!(
+            rejection(&[good.clone(), broke.clone()]),
+            Some(&broke),
+            "no verdict isn't valid"
+        );
+        assert_eq!(rejection(&[broke, good, val.clone()]), Some(&val), "a rejection says more");
     }
 }

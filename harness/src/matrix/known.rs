@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::{Cell, Column, Matrix, MatrixError, Row, Status, Stop};
+use super::{Cell, Column, Matrix, MatrixError, Row, Status};
 use crate::diagnostic::nearest;
 use crate::path::{Path, Selector, adapter};
 
@@ -60,8 +60,14 @@ impl Known {
     }
 }
 
-/// Notes in each cell what is declared of it.
-pub(super) fn declare(known: &[Known], columns: &[Column], rows: &mut [Row]) {
+/// Notes in each cell what is declared of it. What is declared of these rows on columns that aren't
+/// here: nothing is known of it.
+pub(super) fn declare(known: &[Known], columns: &[Column], rows: &mut [Row]) -> Vec<Known> {
+    let here = |known: &&Known| {
+        let absent = !columns.iter().any(|column| known.is_of(*column));
+        absent && rows.iter().any(|row| row.name == known.row)
+    };
+    let absent = known.iter().filter(here).cloned().collect();
     for row in rows {
         for (column, cell) in columns.iter().zip(&mut row.cells) {
             let of = |known: &&Known| known.row == row.name && known.is_of(*column);
@@ -69,13 +75,24 @@ pub(super) fn declare(known: &[Known], columns: &[Column], rows: &mut [Row]) {
             cell.known = known.iter().filter(of).min_by_key(|known| known.status).cloned();
         }
     }
+    absent
 }
 
 impl Cell {
-    /// Whether it is declared not to get to this status, or not even to a lesser one.
+    /// What it doesn't get to; `None`: it gets as far as there is.
+    fn misses(&self) -> Option<Status> {
+        Status::ALL.into_iter().find(|status| Some(*status) > self.status)
+    }
+
+    /// The declaration that it fails, if it fails as that says: there, and not before.
     #[must_use]
-    pub fn is_known_to_miss(&self, status: Status) -> bool {
-        self.known.as_ref().is_some_and(|known| known.status <= status)
+    pub fn fails_as_declared(&self) -> Option<&Known> {
+        self.known.as_ref().filter(|known| self.misses() == Some(known.status))
+    }
+
+    /// Whether it fails as declared, so that it can't get to this status.
+    pub(super) fn is_known_to_miss(&self, status: Status) -> bool {
+        self.fails_as_declared().is_some_and(|known| known.status <= status)
     }
 
     /// Whether it gets to what it is declared not to get to.
@@ -93,6 +110,8 @@ pub struct Finding {
     pub column: String,
     /// What is wrong.
     pub why: String,
+    /// Whether what is wrong is a declaration: the row gets to what it is declared not to get to.
+    pub outdated: bool,
 }
 
 impl fmt::Display for Finding {
@@ -102,30 +121,29 @@ impl fmt::Display for Finding {
 }
 
 impl Matrix {
-    /// Rows that a validator rejects or whose results differ, if that isn't declared; and rows that
-    /// are declared to fail and don't.
+    /// Rows that a validator rejects or has no verdict on and rows whose results differ, if that isn't
+    /// declared; and rows that are declared to fail and don't.
     #[must_use]
     pub fn findings(&self) -> Vec<Finding> {
         let mut findings = Vec::new();
         for row in &self.rows {
             for (head, cell) in self.columns.iter().zip(&row.cells) {
-                let wrong = match &cell.stopped {
-                    _ if cell.contradicts() => cell.known.as_ref().map(|known| {
-                        format!(
-                            "it gets to `{}`, though it is declared not to: delete the declaration",
-                            known.status
-                        )
-                    }),
-                    Some(Stop::Rejected(text) | Stop::Differs(text)) if cell.known.is_none() => {
-                        Some(text.clone())
-                    }
-                    _ => None,
+                let why = match (&cell.known, &cell.stopped) {
+                    (Some(known), _) if cell.contradicts() => format!(
+                        "it gets to `{}`, though it is declared not to: delete the declaration",
+                        known.status
+                    ),
+                    _ if cell.fails_as_declared().is_some() => continue,
+                    (Some(known), Some(stop)) if stop.is_wrong() => format!(
+                        "it is declared not to get to `{}`, and fails before: {}",
+                        known.status,
+                        stop.text()
+                    ),
+                    (None, Some(stop)) if stop.is_wrong() => stop.text().to_owned(),
+                    _ => continue,
                 };
-                findings.extend(wrong.map(|why| Finding {
-                    row: row.name.clone(),
-                    column: head.name.clone(),
-                    why,
-                }));
+                let (row, column) = (row.name.clone(), head.name.clone());
+                findings.push(Finding { row, column, why, outdated: cell.contradicts() });
             }
         }
         findings
@@ -134,9 +152,11 @@ impl Matrix {
     /// Wants nothing to be found.
     ///
     /// # Panics
-    /// If there is a [finding](Self::findings).
+    /// If there is a [finding](Self::findings), or nothing was judged: there is no row, or no cell got
+    /// further than its translation.
     #[track_caller]
     pub fn expect_no_findings(&self) {
+        self.try_expect_evidence().unwrap_or_else(|missed| panic!("{missed}"));
         let findings: Vec<String> = self.findings().iter().map(ToString::to_string).collect();
         assert!(findings.is_empty(), "{} findings:\n{}", findings.len(), findings.join("\n"));
     }

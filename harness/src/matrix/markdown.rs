@@ -10,41 +10,68 @@ impl Cell {
     #[must_use]
     pub fn word(&self) -> &'static str {
         match (self.status, &self.stopped) {
-            _ if self.known.is_some() && !self.contradicts() => "known",
+            _ if self.fails_as_declared().is_some() => "known",
             (_, Some(Stop::Differs(_))) => "DIFFERS",
             (_, Some(Stop::Rejected(_))) => "INVALID",
+            (_, Some(Stop::Broke(_))) => "NO VERDICT",
             (None, _) => "unsupported",
             (Some(status), _) => status.name(),
         }
     }
 }
 
+impl Cell {
+    /// Why it stops, and whether something is wrong.
+    fn reason(&self) -> Option<(bool, String)> {
+        if let Some(known) = self.fails_as_declared() {
+            return Some((false, format!("known: {}", known.reason)));
+        }
+        let stop = self.stopped.as_ref()?;
+        let wrong = stop.is_wrong() || matches!(stop, Stop::Unsupported(_));
+        Some((wrong, stop.text().trim().to_owned()))
+    }
+}
+
+/// A text in a cell of a table: `|` would end it.
+fn cell(text: &str) -> String {
+    text.replace('|', "\\|")
+}
+
 impl Matrix {
-    /// Why rows stop, each reason with its column and its rows: first what is wrong, then what isn't
+    /// Why rows stop: each reason with its columns, and its rows. First what is wrong, then what isn't
     /// here or isn't run; of each the most frequent first.
     #[must_use]
     pub fn reasons(&self) -> Vec<(String, Vec<String>)> {
-        let mut reasons: BTreeMap<(bool, String), Vec<String>> = BTreeMap::new();
+        #[derive(Default)]
+        struct Where<'m> {
+            columns: Vec<&'m str>,
+            rows: Vec<String>,
+        }
+        let mut reasons: BTreeMap<(bool, String), Where<'_>> = BTreeMap::new();
         for row in &self.rows {
             if let Some(error) = &row.error {
                 let first = error.lines().next().unwrap_or_default();
-                reasons.entry((false, first.to_owned())).or_default().push(row.name.clone());
+                let found = reasons.entry((!row.is_judged(), first.to_owned())).or_default();
+                found.rows.push(row.name.clone());
             }
             for (head, cell) in self.columns.iter().zip(&row.cells) {
-                if let Some(known) = cell.known.as_ref().filter(|_| !cell.contradicts()) {
-                    let text = format!("{}: known: {}", head.name, known.reason);
-                    reasons.entry((true, text)).or_default().push(row.name.clone());
-                } else if let Some(stop) = &cell.stopped {
-                    let text = format!("{}: {}", head.name, stop.text().trim());
-                    let wrong =
-                        matches!(stop, Stop::Differs(_) | Stop::Rejected(_) | Stop::Unsupported(_));
-                    reasons.entry((!wrong, text)).or_default().push(row.name.clone());
+                let Some((wrong, text)) = cell.reason() else { continue };
+                let found = reasons.entry((!wrong, text)).or_default();
+                if !found.columns.contains(&&*head.name) {
+                    found.columns.push(&head.name);
+                }
+                if found.rows.last() != Some(&row.name) {
+                    found.rows.push(row.name.clone());
                 }
             }
         }
         let mut reasons: Vec<_> = reasons.into_iter().collect();
-        reasons.sort_by_key(|((late, _), rows)| (*late, std::cmp::Reverse(rows.len())));
-        reasons.into_iter().map(|((_, why), rows)| (why, rows)).collect()
+        reasons.sort_by_key(|((late, _), found)| (*late, std::cmp::Reverse(found.rows.len())));
+        let shown = |((_, why), Where { columns, rows }): ((bool, String), Where<'_>)| {
+            let at = if columns.is_empty() { String::new() } else { columns.join(", ") + ": " };
+            (at + &why, rows)
+        };
+        reasons.into_iter().map(shown).collect()
     }
 
     /// The matrix as a page of Markdown: what ran, how many rows got how far, each row, and why rows
@@ -60,11 +87,11 @@ impl Matrix {
         writeln!(text, "| column | language | runs on |\n|---|---|---|")?;
         for head in &self.columns {
             let runs = head.adapter.as_deref().unwrap_or("nothing here");
-            writeln!(text, "| {} | {} | {runs} |", head.name, head.language)?;
+            writeln!(text, "| {} | {} | {} |", head.name, head.language, cell(runs))?;
         }
         writeln!(text, "\n| validator | version |\n|---|---|")?;
         for (tool, version) in &self.validators {
-            writeln!(text, "| {tool} | {version} |")?;
+            writeln!(text, "| {tool} | {} |", cell(version))?;
         }
         let names: Vec<&str> = self.columns.iter().map(|head| head.name.as_str()).collect();
         let rule = "---|".repeat(names.len());
@@ -76,7 +103,7 @@ impl Matrix {
         writeln!(text, "\n| row | {} |\n|---|{rule}", names.join(" | "))?;
         for row in self.rows.iter().filter(|row| row.error.is_none()) {
             let cells: Vec<&str> = row.cells.iter().map(Cell::word).collect();
-            writeln!(text, "| {} ({}) | {} |", row.name, row.kind, cells.join(" | "))?;
+            writeln!(text, "| {} ({}) | {} |", cell(&row.name), row.kind, cells.join(" | "))?;
         }
         writeln!(text, "\n## Why rows stop\n")?;
         // What holds for a whole column is said at its head.

@@ -31,6 +31,8 @@ pub struct Matrix {
     pub columns: Vec<Head>,
     /// The rows, in the order of modules and lines.
     pub rows: Vec<Row>,
+    /// What is declared of these rows on columns that aren't in this matrix: nothing is known of it.
+    pub undecided: Vec<Known>,
 }
 
 /// The head of a column.
@@ -156,11 +158,11 @@ pub(super) fn make(
         subjects.into_par_iter().zip(cells).map(one).collect::<Vec<Row>>()
     });
     let mut rows: Vec<Row> = rows.chain(unread).collect();
-    declare(&known, &request.columns, &mut rows);
+    let undecided = declare(&known, &request.columns, &mut rows);
     let here = Tool::all().iter().filter_map(|tool| tool.as_ref().ok());
     let validators = here.map(|tool| (tool.name().to_owned(), tool.version().to_owned())).collect();
     let (naga, cases) = (NAGA_VERSION.to_owned(), request.cases);
-    Ok(Matrix { package, naga, validators, cases, columns, rows })
+    Ok(Matrix { package, naga, validators, cases, columns, rows, undecided })
 }
 
 /// The functions and entry points; and a row for each module that can't be read.
@@ -220,8 +222,19 @@ pub enum Missed {
         nearest: Option<String>,
     },
     /// No row is a function that can be called, or an entry point.
-    #[error("the matrix has no row to judge: no function can be called")]
+    #[error(
+        "the matrix has no row to judge: there is no entry point, and no function can be called"
+    )]
     NoRow,
+    /// Each row was translated, and no more.
+    #[error(
+        "of {rows} rows none was judged: there is no validator of these languages, and nothing ran \
+             them; `karat doctor` lists what is missing and how to get it"
+    )]
+    NothingJudged {
+        /// How many rows there are.
+        rows: usize,
+    },
     /// Rows don't get that far.
     #[error("{} of {of} rows don't get to `{status}` on `{column}`:\n{}", rows.len(), list(rows))]
     Rows {
@@ -259,6 +272,27 @@ fn list(rows: &[(String, String)]) -> String {
 }
 
 impl Matrix {
+    /// Wants a row, and a cell that something has judged: a validator, or another column.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn try_expect_evidence(&self) -> Result<(), Missed> {
+        let rows = self.rows.iter().filter(|row| row.is_judged()).count();
+        let judged = |cell: &Cell| {
+            cell.status > Some(Status::Translated)
+                || cell.stopped.as_ref().is_some_and(|stop| {
+                    stop.is_wrong() || matches!(stop, super::Stop::Unsupported(_))
+                })
+        };
+        match self.rows.iter().flat_map(|row| &row.cells).any(judged) {
+            _ if rows == 0 => Err(Missed::NoRow),
+            true => Ok(()),
+            // What can't be read is an error of its own.
+            false if self.rows.iter().any(|row| row.is_judged() && row.error.is_some()) => Ok(()),
+            false => Err(Missed::NothingJudged { rows }),
+        }
+    }
+
     /// Wants every row to get to a status on a column. Functions that no kernel can call aren't
     /// judged.
     ///

@@ -43,6 +43,15 @@ pub(crate) struct KnownRows {
     pub(crate) reason: String,
 }
 
+impl KnownRows {
+    /// What it says of one module's own rows, by their names in that module.
+    fn of_module(self, module: &str) -> Option<Self> {
+        let own = |row: String| Some(row.strip_prefix(module)?.strip_prefix("::")?.to_owned());
+        let rows: Vec<String> = self.rows.into_iter().filter_map(own).collect();
+        (!rows.is_empty()).then_some(Self { rows, ..self })
+    }
+}
+
 /// As it is written.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -82,6 +91,22 @@ impl Manifest {
             _ => Err(error(format!("feature `{name}` is a whole number, `true` or `false`"))),
         };
         let features = features.into_iter().map(feature).collect::<Result<_, _>>()?;
+        for known in &matrix {
+            let list = [("rows", &known.rows), ("columns", &known.columns)];
+            if let Some((name, _)) = list.into_iter().find(|(_, list)| list.is_empty()) {
+                let reason = format!("a `[[matrix]]` names no {name}, so it declares nothing");
+                return Err(error(reason));
+            }
+        }
+        // A file alone is a package whose rows have no module.
+        let own = match &package.origin {
+            Origin::File { path, .. } => path.file_stem().map(|stem| stem.to_string_lossy()),
+            _ => None,
+        };
+        let matrix = match own {
+            Some(stem) => matrix.into_iter().filter_map(|known| known.of_module(&stem)).collect(),
+            None => matrix,
+        };
         match preprocess {
             Some(command) if command.is_empty() => {
                 Err(error("`preprocess` names no program".to_owned()))

@@ -8,6 +8,12 @@ use std::time::{Duration, Instant};
 /// How long a validator or a compiler may take for one shader. They take some 30 ms.
 const DEADLINE: Duration = Duration::from_secs(30);
 
+/// What a program may write: far more than any has to say of a shader.
+const MOST_WRITTEN: u64 = 16 << 20;
+
+/// What is kept of that.
+const MOST_KEPT: u64 = 64 << 10;
+
 /// How often a program is asked whether it has ended, at first; then more and more seldom.
 const FIRST_PAUSE: Duration = Duration::from_micros(500);
 const LONGEST_PAUSE: Duration = Duration::from_millis(20);
@@ -20,16 +26,32 @@ pub(crate) enum End {
     Bad,
     /// By a signal, or as Windows ends what has crashed.
     Crashed,
-    /// It was ended.
+    /// It was ended: it took too long.
     TimedOut,
+    /// It was ended: it wrote too much.
+    TooMuch,
 }
 
 /// A program that has run.
 #[derive(Clone, Debug)]
 pub(crate) struct Ran {
     pub(crate) end: End,
-    /// What it wrote to both of its outputs.
+    /// What it wrote to both of its outputs, or the beginning of it.
     pub(crate) output: String,
+    /// How it ended, in the system's words: `signal: 11 (SIGSEGV)`.
+    pub(crate) status: String,
+}
+
+impl Ran {
+    /// Why there is no verdict of it; `None`: there is one.
+    pub(crate) fn broke(&self) -> Option<String> {
+        Some(match self.end {
+            End::Good | End::Bad => return None,
+            End::Crashed => format!("crashes ({})", self.status),
+            End::TimedOut => format!("doesn't end within {} s", DEADLINE.as_secs()),
+            End::TooMuch => format!("writes more than {} MiB", MOST_WRITTEN >> 20),
+        })
+    }
 }
 
 pub(crate) fn run(command: &mut Command) -> io::Result<Ran> {
@@ -46,21 +68,27 @@ fn run_for(command: &mut Command, deadline: Duration) -> io::Result<Ran> {
     std::os::unix::process::CommandExt::process_group(command, 0);
     let (mut child, start) = (command.spawn()?, Instant::now());
     let mut pause = FIRST_PAUSE;
-    let end = loop {
+    let (end, status) = loop {
         if let Some(status) = child.try_wait()? {
-            break ended(status);
+            break (ended(status), status.to_string());
         }
-        if start.elapsed() > deadline {
+        let too_much = output.metadata()?.len() > MOST_WRITTEN;
+        if too_much || start.elapsed() > deadline {
             end(&mut child)?;
-            break End::TimedOut;
+            let why = if too_much { End::TooMuch } else { End::TimedOut };
+            break (why, String::new());
         }
         std::thread::sleep(pause);
         pause = (pause * 2).min(LONGEST_PAUSE);
     };
-    let mut bytes = Vec::new();
+    let (mut bytes, length) = (Vec::new(), output.metadata()?.len());
     output.rewind()?;
-    output.read_to_end(&mut bytes)?;
-    Ok(Ran { end, output: String::from_utf8_lossy(&bytes).trim().to_owned() })
+    output.take(MOST_KEPT).read_to_end(&mut bytes)?;
+    let mut output = String::from_utf8_lossy(&bytes).trim().to_owned();
+    if length > MOST_KEPT {
+        output += &format!("\n... and {} bytes more", length - MOST_KEPT);
+    }
+    Ok(Ran { end, output, status })
 }
 
 /// Ends a program, and what it has started.
@@ -110,9 +138,24 @@ mod tests {
         assert_eq!((good.end, good.output.as_str()), (End::Good, "a\nb"));
         let bad = shell("echo no; exit 3");
         assert_eq!((bad.end, bad.output.as_str()), (End::Bad, "no"));
-        assert_eq!(shell("kill -SEGV $$").end, End::Crashed);
-        assert_eq!(shell_for("exec sleep 60", Duration::from_millis(300)).end, End::TimedOut);
+        let crashed = shell("kill -SEGV $$");
+        assert_eq!(crashed.end, End::Crashed);
+        assert!(crashed.broke().is_some_and(|how| how.contains("signal: 11")), "{crashed:?}");
+        let slow = shell_for("exec sleep 60", Duration::from_millis(300));
+        assert_eq!((slow.end, slow.broke().is_some()), (End::TimedOut, true));
+        assert_eq!((good.broke(), bad.broke()), (None, None));
         assert_eq!(shell("exec cat").end, End::Good, "there is no input to wait for");
+    }
+
+    #[test]
+    fn what_writes_without_end_is_ended() {
+        let ran = shell("exec yes 0123456789");
+        assert_eq!(ran.end, End::TooMuch);
+        assert!(ran.output.len() < 2 * MOST_KEPT as usize, "{} bytes", ran.output.len());
+        assert!(ran.output.ends_with("bytes more"), "nothing is left out in silence");
+        let long = shell("yes 0123456789 | head -c 100000");
+        assert_eq!(long.end, End::Good);
+        assert!(long.output.ends_with("... and 34464 bytes more"), "{}", long.output.len());
     }
 
     #[cfg(target_os = "linux")]

@@ -41,15 +41,15 @@ pub enum CompileError {
         /// The compiler's words.
         message: String,
     },
-    /// The compiler crashed, or didn't end.
+    /// The compiler crashed, didn't end, or wrote no SPIR-V.
     #[error("`{command}` {how} on naga's {target}:\n{message}")]
     Broke {
         /// The language.
         target: Target,
         /// The command.
         command: String,
-        /// `crashes`, or `doesn't end`.
-        how: &'static str,
+        /// `crashes (signal: 11)`.
+        how: String,
         /// What it wrote.
         message: String,
     },
@@ -151,6 +151,13 @@ pub(crate) struct Compiled {
     words: Option<Vec<u32>>,
 }
 
+impl Compiled {
+    /// Whether the compiler says that all is well, and there is no SPIR-V.
+    pub(crate) fn writes_nothing(&self) -> bool {
+        self.ran.end == End::Good && self.words.is_none()
+    }
+}
+
 /// Runs a compiler on a translation. Who has its HLSL judged runs it next, which is the same command: so
 /// what became of the last ones is kept.
 pub(crate) fn run(
@@ -173,10 +180,8 @@ pub(crate) fn run(
     let file = arguments.last().map(String::as_str).unwrap_or_default();
     std::fs::write(folder.path().join(file), text)?;
     let ran = child::run(Command::new(program).args(arguments).current_dir(folder.path()))?;
-    let words = match ran.end {
-        End::Good => spirv(&std::fs::read(folder.path().join(OUTPUT))?),
-        End::Bad | End::Crashed | End::TimedOut => None,
-    };
+    let written = std::fs::read(folder.path().join(OUTPUT)).unwrap_or_default();
+    let words = spirv(&written).filter(|_| ran.end == End::Good);
     let compiled = Arc::new(Compiled { ran, words });
     let mut last = last();
     last.push_front((arguments.to_vec(), text.to_owned(), Arc::clone(&compiled)));
@@ -202,11 +207,10 @@ fn rejected(words: &[u32]) -> io::Result<Option<String>> {
     let mut command = Command::new(program);
     command.args(["--target-env", "vulkan1.1", OUTPUT]).current_dir(folder.path());
     let ran = child::run(&mut command)?;
-    Ok(match ran.end {
-        End::Good => None,
-        End::Bad => Some(ran.output),
-        End::Crashed => Some(format!("`spirv-val` crashes: {}", ran.output)),
-        End::TimedOut => Some("`spirv-val` doesn't end".to_owned()),
+    Ok(match (ran.broke(), ran.end) {
+        (Some(how), _) => Some(format!("`spirv-val` {how}\n{}", ran.output)),
+        (None, End::Good) => None,
+        (None, _) => Some(ran.output),
     })
 }
 
@@ -236,15 +240,16 @@ pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
     };
     let compiled = run(program, &arguments, translation).map_err(unrunnable)?;
     let message = || compiled.ran.output.clone();
-    let broke =
-        |how| CompileError::Broke { target, command: command.clone(), how, message: message() };
-    match compiled.ran.end {
-        End::Good => {}
-        End::Bad => return Err(CompileError::Rejected { target, command, message: message() }),
-        End::Crashed => return Err(broke("crashes")),
-        End::TimedOut => return Err(broke("doesn't end")),
+    let broke = |how: String| {
+        let command = command.clone();
+        CompileError::Broke { target, command, how, message: message() }
+    };
+    match (compiled.ran.broke(), compiled.ran.end) {
+        (Some(how), _) => return Err(broke(how)),
+        (None, End::Good) => {}
+        (None, _) => return Err(CompileError::Rejected { target, command, message: message() }),
     }
-    let words = compiled.words.clone().ok_or_else(|| broke("writes no SPIR-V"))?;
+    let words = compiled.words.clone().ok_or_else(|| broke("writes no SPIR-V".to_owned()))?;
     if let Some(message) = rejected(&words).map_err(unrunnable)? {
         return Err(CompileError::Invalid { target, command, message });
     }

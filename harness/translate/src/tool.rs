@@ -16,10 +16,8 @@ pub enum Verdict {
     Valid,
     /// It rejects it, with this message.
     Invalid(String),
-    /// It crashed, after writing this.
-    Crashed(String),
-    /// It didn't end in time.
-    TimedOut,
+    /// It has no verdict: it crashed, didn't end in time, or wrote without end. How, and what it wrote.
+    Broke(String),
 }
 
 /// A verdict with what it takes to repeat it.
@@ -230,8 +228,12 @@ impl Tool {
     pub fn validate(&self, translation: &Translation) -> io::Result<Validation> {
         let Some(program) = &self.program else { return Ok(self.read_back(translation)) };
         if let Some(arguments) = self.compiles(translation) {
-            let ran = compile::run(program, &arguments, translation)?.ran.clone();
-            return Ok(self.says(format!("{} {}", self.name(), arguments.join(" ")), verdict(ran)));
+            let compiled = compile::run(program, &arguments, translation)?;
+            let verdict = match compiled.writes_nothing() {
+                true => Verdict::Broke("ends well, and writes no SPIR-V".to_owned()),
+                false => verdict(compiled.ran.clone()),
+            };
+            return Ok(self.says(format!("{} {}", self.name(), arguments.join(" ")), verdict));
         }
         let folder = tempfile::tempdir()?;
         let file = file_of(translation.target);
@@ -290,7 +292,7 @@ impl Tool {
         let verdict = match read {
             Ok(Ok(_)) => Verdict::Valid,
             Ok(Err(message)) => Verdict::Invalid(message),
-            Err(message) => Verdict::Crashed(message),
+            Err(message) => Verdict::Broke(format!("panics: {message}")),
         };
         let file = format!("naga shader.{}", translation.target.extension());
         self.says(file, verdict)
@@ -298,11 +300,10 @@ impl Tool {
 }
 
 fn verdict(ran: Ran) -> Verdict {
-    match ran.end {
-        End::Good => Verdict::Valid,
-        End::Bad => Verdict::Invalid(ran.output),
-        End::Crashed => Verdict::Crashed(ran.output),
-        End::TimedOut => Verdict::TimedOut,
+    match (ran.broke(), ran.end) {
+        (Some(how), _) => Verdict::Broke(format!("{how}\n{}", ran.output).trim().to_owned()),
+        (None, End::Good) => Verdict::Valid,
+        (None, _) => Verdict::Invalid(ran.output),
     }
 }
 
@@ -324,20 +325,25 @@ impl Known {
             if !program.is_file() {
                 continue;
             }
-            let said = child::run(Command::new(&program).args(self.asked));
-            let said = said.map(|ran| ran.output).unwrap_or_default();
+            let ran = child::run(Command::new(&program).args(self.asked));
+            let broke = match &ran {
+                Ok(ran) => ran.broke(),
+                Err(error) => Some(format!("can't be run: {error}")),
+            };
+            if let Some(how) = broke {
+                other = Some(format!("`{}` {how}", program.display()));
+                continue;
+            }
+            let said = ran.map(|ran| ran.output).unwrap_or_default();
             if said.contains(self.says) {
                 let line = said.lines().find(|line| line.contains(self.says)).unwrap_or_default();
                 let version = if self.asked == ["--help"] { "it says none" } else { line.trim() };
                 let version = version.to_owned();
                 return Ok(Tool { known: self, program: Some(program), version });
             }
-            other = Some(program);
+            other = Some(format!("`{}` is another program of this name", program.display()));
         }
-        Err(missing(match other {
-            Some(program) => format!("`{}` is another program of this name", program.display()),
-            None => "it isn't in PATH".to_owned(),
-        }))
+        Err(missing(other.unwrap_or_else(|| "it isn't in PATH".to_owned())))
     }
 }
 
@@ -386,9 +392,12 @@ mod tests {
         let folders = [folder.path().to_owned()];
         let error = known("tint").find(&folders).expect_err("it is a panel");
         assert!(error.reason.contains("another program of this name"), "{}", error.reason);
+        program("dxc", "'; kill -SEGV $$; echo '");
+        let error = known("dxc").find(&folders).expect_err("it crashes");
+        assert!(error.reason.contains("crashes (signal: 11"), "{}", error.reason);
         let found = known("spirv-val").find(&folders).expect("it says so");
         assert_eq!(found.version, "SPIRV-Tools v2099.1 unknown hash");
-        let error = known("dxc").find(&folders).expect_err("it isn't there");
+        let error = known("xcrun").find(&folders).expect_err("it isn't there");
         assert_eq!(error.reason, "it isn't in PATH");
     }
 }

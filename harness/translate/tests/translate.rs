@@ -119,7 +119,7 @@ fn a_fault_is_seen_by_each_tool_that_judges_it() {
             let translation = spoiled(target);
             let said = tool.validate(&translation).expect("it runs");
             assert!(
-                matches!(said.verdict, Verdict::Invalid(_) | Verdict::Crashed(_)),
+                matches!(said.verdict, Verdict::Invalid(_) | Verdict::Broke(_)),
                 "{target}: {} sees nothing in {:?}",
                 tool.name(),
                 translation.code.text()

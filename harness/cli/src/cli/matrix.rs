@@ -5,7 +5,7 @@ mod junit;
 mod reproduce;
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -13,6 +13,7 @@ use karat::image::write_whole;
 use karat::matrix::{Cell, Column, Finding, Matrix, Row, Status, Stop};
 use karat::record::{Record, Recorded};
 use karat::tolerance::{Abs, Rel};
+use same_file::is_same_file;
 
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
@@ -23,7 +24,8 @@ pub(super) struct Args {
     /// Columns: paths (`vulkan:hlsl`) and languages (`msl`) [default: all that are usual]
     #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
     columns: Vec<Column>,
-    /// Fail unless every row gets that far: `vulkan:hlsl=executed`; may be a list
+    /// Fail unless every row gets that far: `vulkan:hlsl=executed`; may be a list. A row that
+    /// `[[matrix]]` in `karat.toml` declares not to get there is left out, and must not get there
     #[arg(long, value_name = "COLUMN=STATUS", value_delimiter = ',', value_parser = requirement)]
     require: Vec<(String, Status)>,
     /// Only rows whose name contains this; may be repeated
@@ -47,7 +49,8 @@ pub(super) struct Args {
     /// Write JUnit XML
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
-    /// Write a folder for each row that differs or is rejected, to be attached to a bug report
+    /// Write a folder for each row that differs or is rejected, to be attached to a bug report; DIR
+    /// must be new or empty
     #[arg(long, value_name = "DIR")]
     reproduce: Option<PathBuf>,
     /// Judge functions by what their tests found on the same paths, in the record of the last run
@@ -75,9 +78,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
     let packages = project.packages(&args.package)?;
     ensure!(!packages.is_empty(), "`metadata.karat` lists no shader package");
-    for file in [&args.markdown, &args.html, &args.junit].into_iter().flatten() {
-        spare_shaders("table", file, &packages)?;
-    }
+    expect_outputs(args, &packages)?;
     let records = if args.tests { records(&project)? } else { Vec::new() };
     let mut columns = if args.columns.is_empty() { Column::usual() } else { args.columns.clone() };
     for (name, _) in &args.require {
@@ -129,19 +130,107 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             }
         }
     }
-    let findings: Vec<Finding> = matrices.iter().flat_map(Matrix::findings).collect();
-    if !findings.is_empty() {
+    if tell_findings(&matrices) > 0 {
         ending = Ending::Bad;
-        let one = findings.len() == 1;
-        karat::output::tell(&format!(
-            "{} of the matrix {} wrong, and not declared to be: {}",
-            if one { "one cell".to_owned() } else { format!("{} cells", findings.len()) },
-            if one { "is" } else { "are" },
-            few(findings.iter().map(|finding| format!("{} on {}", finding.row, finding.column)))
-        ));
     }
     expect_no_errors(&matrices)?;
+    for matrix in &matrices {
+        matrix.try_expect_evidence().with_context(|| format!("`{}`", matrix.package))?;
+        let named = args.columns.iter().filter(|column| column.path().is_some());
+        named.map(ToString::to_string).try_for_each(|name| expect_opened(matrix, &name))?;
+    }
     Ok(ending)
+}
+
+/// Refuses outputs that would overwrite shaders or each other, before there is any work.
+fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()> {
+    let files: Vec<&Path> =
+        [&args.markdown, &args.html, &args.junit].into_iter().flatten().map(|f| &**f).collect();
+    for (index, file) in files.iter().enumerate() {
+        spare_shaders("table", file, packages)?;
+        let same = |other: &&Path| other == file || is_same_file(other, file).unwrap_or(false);
+        ensure!(
+            !files[..index].iter().any(same),
+            "two outputs are to be written to `{}`: name another file for one of them",
+            file.display()
+        );
+    }
+    let Some(folder) = &args.reproduce else { return Ok(()) };
+    let shown = folder.display();
+    let whole = std::path::absolute(folder).with_context(|| format!("`{shown}`"))?;
+    for package in packages {
+        let functions = package.functions().unwrap_or_default();
+        let file = functions.first().map(|function| PathBuf::from(&function.span.file.name));
+        let inside = package.root().is_dir().then(|| std::path::absolute(package.root()).ok());
+        let inside = inside.flatten().is_some_and(|root| whole.starts_with(root));
+        ensure!(
+            !inside || file.is_none(),
+            "`{shown}` is in the package `{}`, which would read the shaders that are written \
+             there: name a folder outside of it",
+            package.name()
+        );
+    }
+    let earlier = folder.read_dir().is_ok_and(|mut entries| entries.next().is_some());
+    ensure!(
+        !earlier,
+        "`{shown}` isn't empty, and folders of an earlier run would stand beside those of this \
+         one: delete it, or name another"
+    );
+    Ok(())
+}
+
+/// Refuses a path that was asked for by name and isn't here: nothing is known of that column.
+fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
+    let Some(index) = matrix.columns.iter().position(|head| head.name == name) else {
+        return Ok(());
+    };
+    let absent =
+        |cell: &Cell| matches!(cell.stopped, Some(Stop::Unavailable(_) | Stop::NoValidator(_)));
+    let cells = || matrix.rows.iter().filter_map(|row| row.cells.get(index));
+    let Some(stop) = cells().find_map(|cell| cell.stopped.as_ref().filter(|_| absent(cell))) else {
+        return Ok(());
+    };
+    ensure!(
+        !cells().all(absent),
+        "`{name}` isn't here, so nothing ran on it: {}\nThe column `{}` translates and validates \
+         without running",
+        stop.text(),
+        matrix.columns[index].language
+    );
+    Ok(())
+}
+
+/// Says which cells are wrong and which declarations aren't true any more; how many there are.
+fn tell_findings(matrices: &[Matrix]) -> usize {
+    let findings: Vec<Finding> = matrices.iter().flat_map(Matrix::findings).collect();
+    let (outdated, wrong): (Vec<&Finding>, Vec<&Finding>) =
+        findings.iter().partition(|finding| finding.outdated);
+    let places = |findings: &[&Finding]| {
+        few(findings.iter().map(|finding| format!("{} on {}", finding.row, finding.column)))
+    };
+    let counted = |count: usize, one: &str, many: &str| match count {
+        1 => format!("one {one}"),
+        count => format!("{count} {many}"),
+    };
+    if !wrong.is_empty() {
+        karat::output::tell(&format!(
+            "{} wrong, and not declared to be: {}",
+            counted(wrong.len(), "cell of the matrix is", "cells of the matrix are"),
+            places(&wrong)
+        ));
+    }
+    if !outdated.is_empty() {
+        karat::output::tell(&format!(
+            "{} to work: delete the declarations of {} in `karat.toml`",
+            counted(
+                outdated.len(),
+                "cell declared to fail turns out",
+                "cells declared to fail turn out"
+            ),
+            places(&outdated)
+        ));
+    }
+    findings.len()
 }
 
 /// A row that isn't in the matrix is an error: nothing is known of it.
@@ -213,6 +302,16 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
     for (why, rows) in matrix.reasons() {
         writeln!(out, "\n{why}\n{DIM}  {}{DIM:#}", few(rows.into_iter()))?;
     }
+    if !matrix.undecided.is_empty() {
+        let mut columns: Vec<&str> = matrix.undecided.iter().map(|k| k.column.as_str()).collect();
+        columns.dedup();
+        let (count, columns) = (matrix.undecided.len(), columns.join("`, `"));
+        writeln!(
+            out,
+            "\n{DIM}not looked at: {count} declared failures, of columns that aren't in this \
+             matrix (`{columns}`){DIM:#}"
+        )?;
+    }
     Ok(())
 }
 
@@ -226,8 +325,8 @@ fn shown(cell: &Cell, row: &Row, cases: usize) -> String {
 }
 
 fn is_bad(cell: &Cell) -> bool {
-    cell.known.is_none()
-        && matches!(cell.stopped, Some(Stop::Differs(_) | Stop::Rejected(_) | Stop::Unsupported(_)))
+    let wrong = |stop: &Stop| stop.is_wrong() || matches!(stop, Stop::Unsupported(_));
+    cell.fails_as_declared().is_none() && cell.stopped.as_ref().is_some_and(wrong)
 }
 
 /// How many rows got how far on each column.

@@ -158,8 +158,7 @@ fn line(said: &Validation) -> String {
     let (style, text) = match &said.verdict {
         Verdict::Valid => (GOOD, "valid".to_owned()),
         Verdict::Invalid(message) => (BAD, format!("invalid\n{message}")),
-        Verdict::Crashed(message) => (BAD, format!("crashes\n{message}")),
-        Verdict::TimedOut => (BAD, "doesn't end".to_owned()),
+        Verdict::Broke(how) => (BAD, format!("no verdict, as it {how}")),
     };
     let Validation { version, command, .. } = said;
     let version = if version.is_empty() { String::new() } else { format!(" ({version})") };

@@ -10,7 +10,7 @@ const FRAME: &str = "@vertex fn corner(@builtin(vertex_index) i: u32) -> @builti
                      return vec4f(f32(i), 0.0, 0.0, 1.0);\n}\n\
                      @fragment fn shade() -> @location(0) vec4f { return vec4f(1.0); }\n";
 
-fn shaders() -> TempDir {
+pub(super) fn shaders() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "Cargo.toml", "[workspace]\n");
     write(&folder.path().join("shaders"), "maths.wgsl", BLEND);
@@ -86,7 +86,7 @@ fn what_cannot_be_translated_says_so() {
 
 /// The cells of one row, by column.
 #[cfg(target_os = "linux")]
-fn row(
+pub(super) fn row(
     matrix: &serde_json::Value,
     name: &str,
 ) -> std::collections::BTreeMap<String, serde_json::Value> {
@@ -257,6 +257,42 @@ fn what_is_required_of_the_matrix_decides() {
     assert!(twice.error().contains("`vulkan` is named twice"));
 }
 
+/// What compared nothing is no verdict, and an output that would destroy something is refused.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_matrix_without_evidence_fails() {
+    let folder = shaders();
+    let matrix =
+        |more: &[&str]| karat(folder.path(), &[&["matrix", "--cases", "16"], more].concat());
+    let pointers = "fn raise(p: ptr<function, f32>) { *p += 1.0; }\n";
+    write(folder.path(), "pointers.wgsl", pointers);
+    let none = matrix(&["--package", "pointers.wgsl"]).error();
+    assert!(none.contains("no row to judge"), "{none}");
+    let mut bare = command(folder.path(), &["matrix", "--columns", "hlsl,msl", "--only", "maths"]);
+    let bare = output(bare.env("PATH", folder.path()).env_remove("VULKAN_SDK")).error();
+    assert!(bare.contains("of 2 rows none was judged"), "{bare}");
+    let absent = matrix(&["--columns", "vulkan,vulkan:wgsl,metal", "--only", "maths"]);
+    let absent = absent.error();
+    assert!(absent.contains("`metal` isn't here, so nothing ran on it"), "{absent}");
+    assert!(absent.contains("The column `msl` translates and validates"), "{absent}");
+    assert!(matrix(&["--html", "out", "--junit", "out"]).error().contains("two outputs are"));
+    write(folder.path(), "out", "");
+    assert!(matrix(&["--html", "out", "--junit", "./out"]).error().contains("two outputs are"));
+    let inside = matrix(&["--reproduce", "shaders/bugs"]).error();
+    assert!(inside.contains("is in the package `shaders`"), "{inside}");
+    write(&folder.path().join("bugs"), "older.txt", "");
+    assert!(matrix(&["--reproduce", "bugs"]).error().contains("`bugs` isn't empty"));
+    // It leaves its buffer as it was, on each column.
+    let idle = "@group(0) @binding(0) var<storage, read_write> out: array<f32>;\n\
+                @compute @workgroup_size(1) fn idle() { if out[0] > 1e30 { out[0] = 1.0; } }\n";
+    write(folder.path(), "idle.wgsl", idle);
+    let columns = ["--columns", "vulkan,vulkan:wgsl", "--json", "--package", "idle.wgsl"];
+    let cell = &row(&json(&matrix(&columns).good()), "idle")["vulkan:wgsl"];
+    assert_eq!((&cell["status"], &cell["compared"]), (&json("\"executed\""), &json("0")));
+    let required = ["--require", "vulkan:wgsl=agrees"];
+    assert_eq!(matrix(&[&columns[..], &required].concat()).code, Some(1));
+}
+
 /// What tests found on a path decides there; a verdict on another text of the module says nothing.
 #[cfg(target_os = "linux")]
 #[test]
@@ -360,11 +396,13 @@ mod planted {
         assert_eq!(cells["hlsl6"]["status"], "valid");
         let asked = std::fs::read_to_string(folder.path().join("asked")).expect("it was asked");
         assert!(asked.contains("-T cs_6_2 -E karat_probe -Fo out.spv shader.hlsl"), "{asked}");
-        let without = karat(folder.path(), &arguments).good();
-        let cell = &row(&json(&without), "maths::blend")["vulkan:hlsl-dxc"];
+        let without = karat(folder.path(), &arguments);
+        let cell = &row(&json(&without.out), "maths::blend")["vulkan:hlsl-dxc"];
         if cell["status"] != "agrees" {
             let says = cell["stopped"]["says"].as_str().expect("a reason");
             assert!(says.contains("validators of hlsl6") && says.contains("dxc"), "{says}");
+            assert_eq!(without.code, Some(2), "a path that is asked for by name must be here");
+            assert!(without.err.contains("`vulkan:hlsl-dxc` isn't here"), "{without:?}");
         }
     }
 
@@ -401,7 +439,7 @@ mod planted {
         let ran = run_with_glslang(&folder, ANOTHER_OPERATOR, "", &outputs);
         assert_eq!(ran.code, Some(1), "{ran:?}");
         let explained = "at x = 0; y = 1 `vulkan:hlsl` returns 2, `vulkan` -2; `less` \
-                         (shaders/maths.wgsl:3:16) differs first: 1, and -1";
+                         (shaders/maths.wgsl:3:9) differs first: 1, and -1";
         assert!(ran.out.contains(explained), "{ran:?}");
         let read = |name: &str| {
             let file = folder.path().join(name);
@@ -431,7 +469,7 @@ mod planted {
             explained,
             "| `y` | 1 |",
             "| `vulkan:hlsl` | 2 | 0x40000000 |",
-            "The first let-binding that differs is `less` at shaders/maths.wgsl:3:16",
+            "The first let-binding that differs is `less` at shaders/maths.wgsl:3:9",
             "let thrice = x * 3.0;",
             "glslangValidator -D",
             "naga 30.0.1",
@@ -439,11 +477,50 @@ mod planted {
             assert!(readme.contains(part), "no `{part}` in {readme}");
         }
         assert!(read(&format!("{bug}/shader.wgsl")).contains("karat_probe"));
-        assert!(read(&format!("{bug}/vulkan-hlsl.hlsl")).contains("numthreads"));
-        let words = std::fs::read(folder.path().join(bug).join("vulkan.spv")).expect("SPIR-V");
+        assert!(read(&format!("{bug}/vulkan-hlsl/shader.hlsl")).contains("numthreads"));
+        let words =
+            std::fs::read(folder.path().join(bug).join("vulkan/shader.spv")).expect("SPIR-V");
         assert_eq!(words[..4], 0x0723_0203_u32.to_le_bytes());
         let values = json(&read(&format!("{bug}/values.json")));
         assert_eq!(values["case"]["arguments"][1], "0x3f800000");
+    }
+
+    /// The first that differs is told, whatever stands in its initialiser.
+    #[test]
+    fn the_first_let_that_differs_is_told() {
+        let folder = shaders();
+        let text = "fn blend(x: f32, y: f32) -> f32 {\n    var z = x * 3.0;\n    let p = &z;\n    \
+                    let q = cos(y); // of y; q\n    \
+                    if x > -1e9 {\n        let q = max(*p - y, -1e9);\n        let r = q * 2.0;\n        \
+                    return r;\n    }\n    return q;\n}\n";
+        write(&folder.path().join("shaders"), "maths.wgsl", text);
+        let ran = run_with_glslang(&folder, ANOTHER_OPERATOR, "", &["--json"]);
+        let found = &row(&json(&ran.out), "maths::blend")["vulkan:hlsl"]["divergence"];
+        assert_eq!(found["first"]["name"], "q", "{found}");
+        assert_eq!(found["first"]["location"], "shaders/maths.wgsl:6:13", "{found}");
+        assert_eq!(found["unseen"], serde_json::json!(["p"]), "pointers can't be looked at");
+        assert!(found["first"]["text_line"].is_u64(), "{found}");
+        let says = &row(&json(&ran.out), "maths::blend")["vulkan:hlsl"]["stopped"]["says"];
+        assert!(says.as_str().is_some_and(|says| says.contains("(not looked at: `p`)")), "{says}");
+    }
+
+    /// What fails before the declared status isn't what was declared.
+    #[test]
+    fn a_declaration_hides_no_worse_failure() {
+        let folder = shaders();
+        let declared = "[[matrix]]\nrows = [\"maths::blend\"]\ncolumns = [\"vulkan:hlsl\"]\n\
+                        status = \"agrees\"\nreason = \"rounding\"\n";
+        write(&folder.path().join("shaders"), "karat.toml", declared);
+        let breaks = "[ -f shader.hlsl ] && echo 'nonsense;' >> shader.hlsl";
+        let ran = run_with_glslang(&folder, breaks, "", &["--junit", "m.xml"]);
+        assert_eq!(ran.code, Some(1), "{ran:?}");
+        assert!(ran.out.contains("INVALID") && !ran.out.contains("known"), "{ran:?}");
+        let xml = std::fs::read_to_string(folder.path().join("m.xml")).expect("it is written");
+        assert!(xml.contains("it is declared not to get to `agrees`, and fails before"), "{xml}");
+        let file = ["--package", "shaders/maths.wgsl", "--only", "blend"];
+        let columns = ["--columns", "vulkan,vulkan:wgsl"];
+        let ran = karat(folder.path(), &[&["matrix"], &file[..], &columns[..]].concat()).good();
+        assert!(ran.contains("not looked at: 1 declared failures"), "{ran}");
     }
 
     /// What is declared must be so, and must be about what is there.
@@ -466,7 +543,9 @@ mod planted {
         run_with_glslang(&folder, ANOTHER_OPERATOR, "", &required).good();
         let healthy = run_with_glslang(&folder, "", "", &["--html", "m.html"]);
         assert_eq!(healthy.code, Some(1), "{healthy:?}");
-        assert!(healthy.err.contains("maths::blend on vulkan:hlsl"), "{healthy:?}");
+        let outdated = "one cell declared to fail turns out to work: delete the declarations of \
+                        maths::blend on vulkan:hlsl";
+        assert!(healthy.err.contains(outdated), "{healthy:?}");
         for (rows, column, status, reason, message) in [
             ("maths::blnd", "vulkan", "agrees", "x", "no such row; did you mean `maths::blend`?"),
             ("maths::blend", "vulkn", "agrees", "x", "there is no execution path `vulkn`"),
@@ -478,6 +557,10 @@ mod planted {
             assert_eq!(ran.code, Some(2), "{ran:?}");
             assert!(ran.err.contains(message), "{ran:?}");
         }
+        let empty =
+            "[[matrix]]\nrows = []\ncolumns = [\"gl\"]\nstatus = \"valid\"\nreason = \"x\"\n";
+        write(&folder.path().join("shaders"), "karat.toml", empty);
+        assert!(run_with_glslang(&folder, "", "", &[]).error().contains("names no rows"));
         // A route that is declared isn't the direct one.
         declare("maths::blend", "vulkan", "agrees", "not so");
         let ran = run_with_glslang(&folder, "", "", &[]);
@@ -546,8 +629,12 @@ mod planted {
         assert_eq!(states(&matrix), expected("vulkan:glsl", "translated", "rejected"));
         let crashes = "[ -f shader.hlsl ] && kill -SEGV $$";
         let matrix = with_glslang(crashes, "");
-        assert_eq!(states(&matrix), expected("vulkan:hlsl", "translated", "rejected"));
+        assert_eq!(states(&matrix), expected("vulkan:hlsl", "translated", "broke"));
         let says = &row(&matrix, "maths::blend")["vulkan:hlsl"]["stopped"]["says"];
-        assert!(says.as_str().is_some_and(|says| says.contains("crashes")), "{says}");
+        assert!(says.as_str().is_some_and(|says| says.contains("crashes (signal: 11")), "{says}");
+        let nothing = "[ -f shader.hlsl ] && exit 0";
+        let matrix = with_glslang(nothing, "");
+        let says = &row(&matrix, "maths::blend")["vulkan:hlsl"]["stopped"]["says"];
+        assert!(says.as_str().is_some_and(|says| says.contains("writes no SPIR-V")), "{says}");
     }
 }

@@ -8,13 +8,13 @@ use karat::image::write_whole;
 use karat::matrix::{Cell, Divergence, Head, Matrix, Row, Stop};
 use serde_json::json;
 
-/// Writes a folder for each cell that differs or is rejected. Those that were written.
+/// Writes a folder for each cell that differs, is rejected or broke a validator. Those that were written.
 pub(super) fn write(folder: &Path, matrices: &[Matrix]) -> anyhow::Result<Vec<PathBuf>> {
     let mut written = Vec::new();
     for matrix in matrices {
         for row in &matrix.rows {
             for (head, cell) in matrix.columns.iter().zip(&row.cells) {
-                if !matches!(cell.stopped, Some(Stop::Differs(_) | Stop::Rejected(_))) {
+                if !cell.stopped.as_ref().is_some_and(Stop::is_wrong) {
                     continue;
                 }
                 let name = format!("{}@{}", row.name.replace("::", "."), head.name);
@@ -45,24 +45,29 @@ fn one(place: &Path, matrix: &Matrix, row: &Row, head: &Head, cell: &Cell) -> an
              arguments' words, `karat_out` the results', each case followed by a canary"
         } else {
             "the entry point's module with all that it uses"
-        },
+        }
+        .to_owned(),
     )];
     let baseline = cell.divergence.as_ref().map(|found| found.baseline.as_str());
     let columns = matrix.columns.iter().zip(&row.cells);
     for (head, cell) in columns.filter(|(h, _)| h.name == head.name || Some(&*h.name) == baseline) {
-        let name = format!("{}.{}", plain(&head.name), extension(&head.language));
+        // As the commands call it.
+        let column = plain(&head.name);
+        let name = format!("{column}/shader.{}", extension(&head.language));
         if let Some(code) = &cell.code {
+            std::fs::create_dir_all(place.join(column))?;
             file(&name, &code.bytes())?;
-            files.push((name, "naga's translation on this column"));
+            files.push((name, format!("naga's translation on `{}`", head.name)));
         }
     }
     if cell.divergence.is_some() || !row.buffers.is_empty() {
         let text = serde_json::to_string_pretty(&values(row, cell))?;
         file("values.json", text.as_bytes())?;
-        files.push(("values.json".to_owned(), "inputs and results, as words"));
+        files.push(("values.json".to_owned(), "inputs and results, as words".to_owned()));
     }
     let text = readme(matrix, row, head, cell, &files)?;
-    file("README.md", text.as_bytes())?;
+    // Authors' texts and validators' words may hold what steers a terminal.
+    file("README.md", karat::output::visible(&text).as_bytes())?;
     Ok(())
 }
 
@@ -102,10 +107,14 @@ fn readme(
     row: &Row,
     head: &Head,
     cell: &Cell,
-    files: &[(String, &str)],
+    files: &[(String, String)],
 ) -> Result<String, std::fmt::Error> {
     let mut text = String::new();
-    let verb = if cell.differs() { "differs" } else { "is rejected" };
+    let verb = match cell.stopped {
+        Some(Stop::Differs(_)) => "differs",
+        Some(Stop::Rejected(_)) => "is rejected",
+        _ => "gets no verdict",
+    };
     writeln!(text, "# `{}` {verb} on `{}`\n", row.name, head.name)?;
     let why = cell.stopped.as_ref().map_or("", Stop::text);
     writeln!(text, "```text\n{}\n```\n", why.trim())?;
@@ -129,9 +138,7 @@ fn readme(
         writeln!(text, "- `{name}`: {what}")?;
     }
     if !cell.validators.is_empty() {
-        let language = extension(&head.language);
-        let name = plain(&head.name);
-        writeln!(text, "\n## Commands\n\n`shader.{language}` is `{name}.{language}`.\n")?;
+        writeln!(text, "\n## Commands\n\nIn `{}`:\n", plain(&head.name))?;
         for said in &cell.validators {
             let (command, version) = (&said.command, &said.version);
             writeln!(text, "```sh\n{command}   # {version}\n```\n")?;
@@ -166,6 +173,9 @@ fn write_divergence(text: &mut String, head: &Head, found: &Divergence) -> std::
             }
         }
         None => writeln!(text, "\nNone of the let-bindings that could be looked at differs.")?,
+    }
+    if !found.unseen.is_empty() {
+        writeln!(text, "Not looked at: `{}`.", found.unseen.join("`, `"))?;
     }
     Ok(())
 }

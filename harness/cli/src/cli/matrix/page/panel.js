@@ -44,7 +44,8 @@ function divergence(found, column, go) {
       link(`line ${first.line}`, () => go("author", first.line)),
       ...(first.text_line ? [" of the author, ", link(`line ${first.text_line}`, () => go("text", first.text_line)), " of the translation."] : [" of the author."])),
     element("table", { className: "values" }, element("tbody", {}, pair(plain(column.name), a), pair(plain(found.baseline), b))));
-  } else made.append(element("p", { className: "dim" }, "Which value differs first isn't known."));
+  } else made.append(element("p", { className: "dim" }, "None of the let-bindings that could be looked at differs."));
+  if (found.unseen?.length) made.append(element("p", { className: "dim" }, `Not looked at: ${found.unseen.map(plain).join(", ")}.`));
   return made;
 }
 
