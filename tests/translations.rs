@@ -8,8 +8,8 @@ use karat::matrix::{Column, Matrix, Status};
 use shaders::PBR;
 
 /// The routes that CI runs.
-const COLUMNS: [&str; 7] =
-    ["vulkan", "gl", "vulkan:wgsl", "vulkan:spirv", "vulkan:glsl", "vulkan:hlsl", "metal"];
+const COLUMNS: [&str; 8] =
+    ["vulkan", "gl", "vulkan:wgsl", "vulkan:spirv", "vulkan:glsl", "vulkan:hlsl", "metal", "cpu"];
 
 /// The words of a table: by row, those of its columns.
 type Words = BTreeMap<String, BTreeMap<String, String>>;

@@ -73,7 +73,10 @@ pub enum DrawError {
     #[error("the frame draws nothing; add `.mesh(...)` or `.fullscreen(...)`")]
     Empty,
     /// The executor can only call functions, not draw.
-    #[error("path `{path}` draws no frames; it calls functions only")]
+    #[error(
+        "path `{path}` draws no frames; it calls functions only. Frames need a driver: `karat doctor` \
+         tells how to get one, and `karat test --functions` leaves frames out"
+    )]
     Unable {
         /// The path.
         path: Path,

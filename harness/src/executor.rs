@@ -8,7 +8,7 @@ use std::fmt::Debug;
 use crate::draw::{DrawError, Drawing};
 use crate::image::Image;
 use crate::path::{self, Adapter, Device, Path, PathError};
-use crate::probe::{Call, Prepared, ProbeError, Runner};
+use crate::probe::{BATCH, Call, Prepared, ProbeError, Probed, Runner};
 
 /// Something that runs WGSL: a driver, or whatever stands in for one.
 ///
@@ -55,6 +55,38 @@ impl Executor for Device {
     fn draw(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
         self.render(drawing)
     }
+}
+
+/// What runs a path.
+///
+/// # Errors
+/// If it doesn't open.
+pub(crate) fn of(path: Path) -> Result<&'static dyn Executor, PathError> {
+    #[cfg(feature = "engine")]
+    if path == Path::CPU {
+        return Ok(&cpu::Cpu);
+    }
+    path::open(path).map(|device| device as &dyn Executor)
+}
+
+/// Calls a function on one path with arguments given as lanes, and returns the result's lanes.
+/// `cases` holds the lanes of each case, one after the other.
+///
+/// # Errors
+/// If the path doesn't open, a fixture is missing, or the function gives no results there.
+pub fn call(probed: &Probed, path: Path, cases: &[Vec<u32>]) -> Result<Vec<Vec<u32>>, ProbeError> {
+    let fixtures = Vec::new();
+    let call = Call { probed, fixtures: &fixtures, cases: cases.len().min(BATCH) };
+    let prepared = of(path)?.prepare(&call)?;
+    let width = probed.function().result.lanes().len();
+    let mut results = Vec::with_capacity(cases.len());
+    for batch in cases.chunks(prepared.capacity()) {
+        let started = prepared.start(batch.len(), &batch.concat())?;
+        started(&mut |words, stride| {
+            results.extend(words.chunks_exact(stride).map(|case| case[..width].to_vec()));
+        })?;
+    }
+    Ok(results)
 }
 
 /// What an executor is, by the name that verdict and replay have for it.

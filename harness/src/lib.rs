@@ -35,6 +35,8 @@ pub mod fixture;
 pub mod frame;
 pub mod golden;
 pub mod image;
+#[cfg(feature = "engine")]
+mod interpret;
 #[cfg(feature = "routes")]
 pub mod matrix;
 pub mod metric;

@@ -4,8 +4,8 @@
 //! Vulkan, through GLSL on OpenGL, and so on. Each path is opened once per process. The environment
 //! says which paths a check runs on:
 //!
-//! - `KARAT_PATHS`: `vulkan`, `vulkan,gl`, ..., or `all` available ones. Unset: the first that
-//!   opens. A path listed by name must open, and may be listed once only. `vulkan@llvmpipe` also
+//! - `KARAT_PATHS`: `vulkan`, `vulkan,gl`, ..., or `all` drivers that open. Unset: the first driver
+//!   that opens; where none does, Karat's own engine, `cpu`. A path listed by name must open, and may be listed once only. `vulkan@llvmpipe` also
 //!   names the driver, so several drivers of one API can run in one process.
 //! - `KARAT_REQUIRE`: paths that must run, too; one that doesn't open is an error.
 //! - `KARAT_ADAPTER`: part of an adapter's name, to choose among several.
@@ -34,7 +34,7 @@ pub use name::{Api, Path, Via};
 pub(crate) use selector::Selected;
 pub use selector::Selector;
 
-use crate::settings::{self, SettingsError};
+use crate::settings::{self, Settings, SettingsError};
 
 /// Why a path can't be used.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -210,11 +210,16 @@ pub(crate) struct Chosen {
 
 pub(crate) fn chosen() -> Result<Chosen, PathError> {
     let settings = settings::current()?;
-    choose(settings.paths.as_deref(), settings.require.as_deref())
+    let Settings { paths, require, adapter, .. } = settings;
+    choose(paths.as_deref(), require.as_deref(), adapter.as_deref())
 }
 
 /// Takes the engine, which is no device, out of the lists.
-fn choose(paths: Option<&str>, required: Option<&str>) -> Result<Chosen, PathError> {
+fn choose(
+    paths: Option<&str>,
+    required: Option<&str>,
+    adapter: Option<&str>,
+) -> Result<Chosen, PathError> {
     let mut cpu = false;
     let mut without = |names: &str| {
         let named = |name: &&str| name.trim() == Path::CPU.name();
@@ -230,8 +235,15 @@ fn choose(paths: Option<&str>, required: Option<&str>) -> Result<Chosen, PathErr
     if only_cpu {
         return Ok(Chosen { devices: Vec::new(), cpu });
     }
-    let [paths, required] = drivers.map(|names| names.filter(|names| !names.is_empty()));
-    Ok(Chosen { devices: select(paths.as_deref(), required.as_deref())?, cpu })
+    let unasked = paths.is_none() && required.is_none() && adapter.is_none();
+    let [named, required] = drivers.map(|names| names.filter(|names| !names.is_empty()));
+    match select(named.as_deref(), required.as_deref()) {
+        // Nobody has asked for a driver, and there is none.
+        Err(PathError::None { .. }) if cfg!(feature = "engine") && unasked => {
+            Ok(Chosen { devices: Vec::new(), cpu: true })
+        }
+        devices => Ok(Chosen { devices: devices?, cpu }),
+    }
 }
 
 fn select(paths: Option<&str>, required: Option<&str>) -> Result<Vec<&'static Device>, PathError> {
@@ -360,7 +372,7 @@ mod tests {
         for (paths, required) in
             [(Some("cpu"), None), (None, Some("cpu")), (Some(" cpu"), Some("cpu"))]
         {
-            let chosen = choose(paths, required).expect("it is always there");
+            let chosen = choose(paths, required, None).expect("it is always there");
             assert!(chosen.cpu && chosen.devices.is_empty());
         }
         for names in ["all,vulcan", "vulkan,opengl"] {

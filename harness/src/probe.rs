@@ -194,26 +194,6 @@ pub enum ProbeError {
     },
 }
 
-/// Calls a function on one path with arguments given as lanes, and returns the result's lanes.
-/// `cases` holds the lanes of each case, one after the other.
-///
-/// # Errors
-/// If the path doesn't open, a fixture is missing, or the kernel gives no results.
-pub fn call(probed: &Probed, path: Path, cases: &[Vec<u32>]) -> Result<Vec<Vec<u32>>, ProbeError> {
-    let fixtures = Vec::new();
-    let device = crate::path::open(path)?;
-    let prepared = Runner::new(device, probed, &fixtures, cases.len().min(BATCH))?;
-    let width = probed.function.result.lanes().len();
-    let mut results = Vec::with_capacity(cases.len());
-    for batch in cases.chunks(prepared.capacity()) {
-        let started = prepared.start(batch.len(), &batch.concat())?;
-        started(&mut |words, stride| {
-            results.extend(words.chunks_exact(stride).map(|case| case[..width].to_vec()));
-        })?;
-    }
-    Ok(results)
-}
-
 /// The shapes of a function's parameters.
 pub(crate) fn parameter_shapes(function: &Function) -> Vec<&Shape> {
     function.parameters.iter().map(|(_, shape)| shape).collect()

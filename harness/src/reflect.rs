@@ -27,7 +27,6 @@ pub use binding::{Binding, BindingKind};
 use kept::Wanted;
 pub use layout::LayoutError;
 pub(crate) use layout::bytes_of;
-#[cfg(feature = "routes")]
 use message::{causes, to_author};
 pub(crate) use parsed::parsed;
 pub(crate) use rounds::{COUNTERS, CountedLoop, Watched, count_rounds};
@@ -185,7 +184,7 @@ impl Program {
     }
 
     /// What naga's validator knows of the module.
-    #[cfg(any(feature = "engine", feature = "routes"))]
+    #[cfg(feature = "engine")]
     pub(crate) fn info(&self) -> &ModuleInfo {
         &self.info
     }

@@ -17,10 +17,10 @@ use crate::diagnostic::nearest;
 const PREFIX: &str = "KARAT_";
 
 /// Every variable that Karat reads, and what for.
-const VARIABLES: [(&str, &str); 11] = [
+const VARIABLES: [(&str, &str); 12] = [
     (
         PATHS,
-        "paths that checks run on: `vulkan`, `vulkan,gl`, `gl@llvmpipe`, `all` (the first that opens)",
+        "paths that checks run on: `vulkan`, `vulkan,gl`, `gl@llvmpipe`, `all` (the first that opens; `cpu` where no driver does)",
     ),
     (REQUIRE, "paths that must have run: a list as above, without `all` (none)"),
     (ADAPTER, "part of the name of the adapter to use (hardware before software)"),
@@ -29,6 +29,7 @@ const VARIABLES: [(&str, &str); 11] = [
     (CASE, "the one case that is run: `function/check/index`, as a failure prints it (all)"),
     (INPUT, "arguments of that case, as hexadecimal words (its own)"),
     (FAILURES, "`off`: failing inputs are neither remembered nor tried again (on)"),
+    (FRAMES, "`off`: frames are left out, as `karat test --functions` does (on)"),
     (OVERLAY, "folder whose files stand in for modules of the same name (none)"),
     (RECORD, "folder that verdicts are written into, as JSON lines (none; `karat test` sets it)"),
     (BROWSER, "Chromium for Karat's own tests of the review page (the one that is found)"),
@@ -53,6 +54,7 @@ const SEED: &str = "KARAT_SEED";
 const CASE: &str = "KARAT_CASE";
 const INPUT: &str = "KARAT_INPUT";
 const FAILURES: &str = "KARAT_FAILURES";
+const FRAMES: &str = "KARAT_FRAMES";
 const OVERLAY: &str = "KARAT_OVERLAY";
 const RECORD: &str = "KARAT_RECORD";
 const BROWSER: &str = "KARAT_BROWSER";
@@ -77,6 +79,8 @@ pub(crate) struct Settings {
     pub(crate) case: Option<SelectedCase>,
     /// Whether failing inputs are remembered and tried again.
     pub(crate) failures: bool,
+    /// Whether frames are drawn and compared.
+    pub(crate) frames: bool,
 }
 
 /// One case: of the check that a replay command names, or of every check.
@@ -168,6 +172,11 @@ pub(crate) fn record() -> Option<PathBuf> {
     set(RECORD).map(PathBuf::from)
 }
 
+/// Whether frames are left out. A wrong setting leaves nothing out, and is told by what reads others.
+pub(crate) fn leaves_frames_out() -> bool {
+    current().is_ok_and(|settings| !settings.frames)
+}
+
 /// The case of a replay, as it was typed.
 pub(crate) fn case_as_typed() -> String {
     set(CASE).unwrap_or_default().to_string_lossy().into_owned()
@@ -225,16 +234,22 @@ impl Settings {
             deadline: deadline.unwrap_or(Duration::from_secs_f64(DEADLINE_SECONDS)),
             seed,
             case: case.map(|case| SelectedCase { input, ..case }),
-            failures: match text(FAILURES)?.as_deref() {
-                None | Some("on") => true,
-                Some("off") => false,
-                Some(value) => {
-                    let nearest = nearest(value, ["on", "off"]);
-                    let (value, expected) = (value.to_owned(), "`on` or `off`");
-                    return Err(SettingsError::Value { name: FAILURES, value, expected, nearest });
-                }
-            },
+            failures: switch(FAILURES, text(FAILURES)?)?,
+            frames: switch(FRAMES, text(FRAMES)?)?,
         })
+    }
+}
+
+/// `on`, which is what isn't set, or `off`.
+fn switch(name: &'static str, value: Option<String>) -> Result<bool, SettingsError> {
+    match value.as_deref() {
+        None | Some("on") => Ok(true),
+        Some("off") => Ok(false),
+        Some(value) => {
+            let nearest = nearest(value, ["on", "off"]);
+            let (value, expected) = (value.to_owned(), "`on` or `off`");
+            Err(SettingsError::Value { name, value, expected, nearest })
+        }
     }
 }
 

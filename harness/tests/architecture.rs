@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// The modules of the library from the bottom up: a module uses only those before it.
-const ORDER: [&str; 22] = [
+const ORDER: [&str; 23] = [
     "output",
     "diagnostic",
     "settings",
@@ -24,6 +24,7 @@ const ORDER: [&str; 22] = [
     "path",
     "fixture",
     "probe",
+    "interpret",
     "draw",
     "executor",
     "golden",
@@ -35,9 +36,10 @@ const ORDER: [&str; 22] = [
 ];
 
 /// Crates that only these modules may name.
-const OWNERS: [(&str, &[&str]); 10] = [
+const OWNERS: [(&str, &[&str]); 11] = [
     ("wgpu", &["path", "probe", "draw"]),
     ("naga", &["reflect"]),
+    ("karat_engine", &["interpret"]),
     ("karat_foreign", &["path"]),
     ("karat_translate", &["path", "matrix"]),
     ("exr", &["image"]),

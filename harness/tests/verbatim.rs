@@ -4,8 +4,9 @@
 use std::path::{Path, PathBuf};
 
 use karat::Package;
+use karat::executor::call;
 use karat::package::PackageError;
-use karat::probe::{ProbeError, Probed, call};
+use karat::probe::{ProbeError, Probed};
 use karat::reflect::{Program, ReflectError};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 

@@ -158,6 +158,21 @@ fn no_adapter() {
     let (output, text) = planted(&["none"], &[("KARAT_ADAPTER", "no such adapter")]);
     assert!(!output.status.success(), "{text}");
     assert!(text.contains("no execution path opens on this machine"), "{text}");
+    // Where nobody asks for a driver and there is none, the engine runs functions, and no frame.
+    let mut bare = vec![("__EGL_VENDOR_LIBRARY_FILENAMES", "/dev/null"), ("KARAT_REQUIRE", "")];
+    bare.extend([hidden[0], hidden[1], ("KARAT_PATHS", "")]);
+    let (_, text) = planted(&["too_large"], &bare);
+    assert!(text.contains("cpu"), "{text}");
+    let (output, text) = planted(&["golden", "nowhere"], &bare);
+    assert!(!output.status.success(), "{text}");
+    assert!(text.contains("path `cpu` draws no frames"), "{text}");
+    bare.push(("KARAT_FRAMES", "off"));
+    let (output, text) = planted(&["golden_or_panic"], &bare);
+    assert!(output.status.success() && text.contains("0 paths"), "{text}");
+    let (output, text) = planted(&["golden_or_panic"], &[("KARAT_FRAMES", "of")]);
+    assert!(!output.status.success() && text.contains("did you mean `off`?"), "{text}");
+    let (output, text) = planted(&["golden_or_panic"], &[]);
+    assert!(!output.status.success() && text.contains("no golden"), "{text}");
     let (output, text) = planted(&["none"], &[("KARAT_PATHS", "vulcan")]);
     assert!(!output.status.success() && text.contains("did you mean `vulkan`?"), "{text}");
 }

@@ -41,6 +41,12 @@ fn main() -> ExitCode {
         "kept" => kept(),
         "none" => check("fn id(x: f32) -> f32 { return x; }", "id"),
         "golden" => frame(GRADIENT),
+        "golden_or_panic" => {
+            let package = Package::from_source("gradient", GRADIENT);
+            let frame = package.frame("", 32, 16).fullscreen("corners", "gradient");
+            let seen = frame.matches(&Goldens::open("nowhere".as_ref()), "gradient");
+            Ok(format!("{} paths", seen.paths.len()))
+        }
         // Not a constant: WGSL refuses those.
         "nan_frame" => frame(&GRADIENT.replace("0.5, 1.0)", "sqrt(-at.x), 1.0)")),
         _ => Err(format!("there is no fault `{fault}`")),

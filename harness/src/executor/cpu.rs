@@ -1,20 +1,9 @@
 //! The path `cpu`: Karat's own engine, which needs no driver.
 
-use std::borrow::Cow;
-use std::sync::Arc;
-
-use karat_engine::{
-    Dimension, F32, Filter, Options, Program as Lowered, Resources, Sampler as EngineSampler,
-    Settings, Stop, Texels, Texture as EngineTexture,
-};
-
 use super::Executor;
-use crate::diagnostic::Diagnostic;
-use crate::fixture::{CubeMap, Fixture, Level, Sampler, Storage, Texture, Uniform, resolve};
-use crate::path::{Adapter, Path, PathError, cpu};
-use crate::probe::{Call, Prepared, ProbeError, Probed, Reader, Started};
-use crate::reflect::Program;
-use crate::value::Scalar;
+use crate::interpret::Interpreted;
+use crate::path::{Adapter, Path, cpu};
+use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
 
 /// The engine: WGSL on the CPU in `f32`, as a conforming GPU computes it. It calls functions, and
 /// draws no frames.
@@ -31,84 +20,16 @@ impl Executor for Cpu {
     }
 
     fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
-        Ok(Box::new(Ready::new(call)?))
+        let Call { probed, fixtures, cases } = *call;
+        let function = Interpreted::new(probed, fixtures)?;
+        Ok(Box::new(Ready { function, cases: cases.max(1) }))
     }
 }
 
-/// A function that is lowered, with what it reads.
 #[derive(Debug)]
 struct Ready {
-    lowered: Lowered,
-    resources: Resources,
+    function: Interpreted,
     cases: usize,
-    /// The scalars of a case's arguments and of its result.
-    arguments: Vec<Scalar>,
-    results: Vec<Scalar>,
-    name: String,
-    /// Knows the author's places, for loops that don't end.
-    program: Arc<Program>,
-}
-
-impl Ready {
-    fn new(call: &Call<'_>) -> Result<Self, ProbeError> {
-        let Call { probed, fixtures, cases } = *call;
-        let Probed { program, function, .. } = probed;
-        let refused = |message: String| PathError::Route { path: Path::CPU, message };
-        let name = program.name_of(&function.name);
-        let (module, info) = (program.module(), program.info());
-        let lowered =
-            Lowered::function(module, info, name, &Settings::default()).map_err(|refusal| {
-                let place = refusal.span.to_range().and_then(|range| program.resolve(range));
-                let place = place.map_or_else(String::new, |place| format!(" ({place})"));
-                refused(format!("{refusal}{place}"))
-            })?;
-        let mut resources = Resources::new();
-        for (binding, fixture) in resolve(&function.bindings, fixtures)? {
-            let (group, number) = (binding.group, binding.binding);
-            match fixture {
-                Fixture::Uniform(Uniform(values)) | Fixture::Storage(Storage(values)) => {
-                    resources.set_buffer(group, number, values.bytes(program, binding)?);
-                }
-                Fixture::CubeMap(CubeMap { levels, .. }) => {
-                    let texture = texture(Dimension::Cube, levels, 6).map_err(refused)?;
-                    resources.set_texture(group, number, texture);
-                }
-                Fixture::Texture(Texture { levels, .. }) => {
-                    let texture = texture(Dimension::D2, levels, 1).map_err(refused)?;
-                    resources.set_texture(group, number, texture);
-                }
-                Fixture::Sampler(sampler) => {
-                    resources.set_sampler(group, number, filtering(*sampler));
-                }
-            }
-        }
-        let arguments = function.parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
-        Ok(Self {
-            lowered,
-            resources,
-            cases: cases.max(1),
-            arguments,
-            results: function.result.lanes(),
-            name: function.name.clone(),
-            program: Arc::clone(program),
-        })
-    }
-
-    fn stopped(&self, stop: &Stop) -> ProbeError {
-        let Stop::Fuel { span, case, rounds } = stop else {
-            let message = stop.to_string();
-            return PathError::Route { path: Path::CPU, message }.into();
-        };
-        let message = format!(
-            "on path `cpu` `{}` doesn't end: this loop goes round {rounds} times",
-            self.name
-        );
-        let mut diagnostic = Diagnostic::new(message);
-        if let Some(place) = span.to_range().and_then(|range| self.program.resolve(range)) {
-            diagnostic = diagnostic.at(place.first_line(), "");
-        }
-        ProbeError::Rounds { case: *case, diagnostic: Box::new(diagnostic) }
-    }
 }
 
 impl Prepared for Ready {
@@ -117,22 +38,8 @@ impl Prepared for Ready {
     }
 
     fn start<'p>(&'p self, cases: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError> {
-        // Cases carry 16-bit floats as 32-bit ones; the engine takes their own bits.
-        let mut rows = Cow::Borrowed(arguments);
-        let half = |word: &u32| u32::from(half::f16::from_f32(f32::from_bits(*word)).to_bits());
-        each_half(&self.arguments, || rows.to_mut(), half);
-        let options = Options::default();
-        let results = self
-            .lowered
-            .call::<F32>(cases, &rows, &self.resources, &options, &())
-            .map_err(|stop| self.stopped(&stop))?;
-        let mut words = results.words();
-        let whole = |word: &u32| {
-            let bits = u16::try_from(*word).unwrap_or_default();
-            half::f16::from_bits(bits).to_f32().to_bits()
-        };
-        each_half(&self.results, || &mut words, whole);
-        let width = self.results.len();
+        let words = self.function.words(cases, arguments)?;
+        let width = self.function.results().len();
         Ok(Box::new(move |read: Reader<'_>| {
             read(&words, width);
             Ok(())
@@ -140,38 +47,12 @@ impl Prepared for Ready {
     }
 }
 
-/// Changes the 16-bit floats of rows.
-fn each_half<'w>(
-    scalars: &[Scalar],
-    words: impl FnOnce() -> &'w mut Vec<u32>,
-    change: impl Fn(&u32) -> u32,
-) {
-    if scalars.contains(&Scalar::F16) {
-        let words = words().iter_mut().zip(scalars.iter().cycle());
-        words.filter(|(_, s)| **s == Scalar::F16).for_each(|(word, _)| *word = change(word));
-    }
-}
-
-fn filtering(sampler: Sampler) -> EngineSampler {
-    let filter = match sampler {
-        Sampler::Linear => Filter::Linear,
-        Sampler::Nearest => Filter::Nearest,
-    };
-    EngineSampler { mag: filter, min: filter, mip: filter, ..EngineSampler::default() }
-}
-
-fn texture(dimension: Dimension, levels: &[Level], layers: u32) -> Result<EngineTexture, String> {
-    let first = levels.first().ok_or("a texture without a level")?;
-    let texels = levels.iter().map(|level| Texels::Float(level.texels.clone())).collect();
-    EngineTexture::new(dimension, [first.width, first.height, layers], 1, texels)
-        .map_err(|error| error.to_string())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fixture::Fixtures;
+    use crate::fixture::{Fixtures, Sampler, Texture, Uniform};
     use crate::package::Package;
+    use crate::probe::Probed;
 
     fn call(
         text: &str,

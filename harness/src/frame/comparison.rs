@@ -12,14 +12,20 @@ use crate::output::visible;
 use crate::path::{Adapter, Path};
 use crate::record::{PathRecord, Subject};
 use crate::run::{Reporter, Seen, or_panic, replay};
+use crate::settings;
 
 impl Frame<'_> {
-    /// Draws the frame on each selected path and compares it with a golden.
+    /// Draws the frame on each selected path and compares it with a golden. With `KARAT_FRAMES=off`
+    /// it does neither, and the agreement has no path.
     ///
     /// # Panics
     /// With the [`FrameError`], if it differs or there is nothing to compare with.
     #[track_caller]
     pub fn matches(&self, goldens: &Goldens, case: &str) -> FrameAgreement {
+        if settings::leaves_frames_out() {
+            let (case, paths, known_issues) = (case.to_owned(), Vec::new(), Vec::new());
+            return FrameAgreement { case, paths, known_issues };
+        }
         let reporter = Reporter::start();
         let location = std::panic::Location::caller().to_string();
         let (mut records, mut read) = (Vec::new(), Vec::new());

@@ -15,8 +15,8 @@ pub struct Column {
 }
 
 impl Column {
-    /// What every machine can have: the APIs with their languages, the routes on Vulkan, and two
-    /// languages that no path of ours runs.
+    /// What every machine can have: the APIs with their languages, the routes on Vulkan, two languages
+    /// that no path of ours runs, and the engine (feature `engine`).
     #[must_use]
     pub fn usual() -> Vec<Self> {
         let names = [
@@ -30,8 +30,10 @@ impl Column {
             "metal",
             "glsl-es",
             "hlsl6",
+            "cpu",
         ];
-        names.iter().map(|name| name.parse().expect("a path or a language")).collect()
+        let here = |name: &&&str| **name != "cpu" || cfg!(feature = "engine");
+        names.iter().filter(here).map(|name| name.parse().expect("a path or a language")).collect()
     }
 
     /// The column of a path.
@@ -44,6 +46,8 @@ impl Column {
             (Via::HlslDxc, _) => Target::Hlsl6,
             (Via::Direct, Api::Metal) | (Via::Msl, _) => Target::Msl,
             (Via::Wgsl, _) => Target::Wgsl,
+            // The engine runs naga's IR. What it reads is what naga's WGSL writes again.
+            (Via::Direct, Api::Cpu) if cfg!(feature = "engine") => Target::Wgsl,
             (Via::Direct, Api::Cpu) => return None,
         };
         Some(Self { target, path: Some(path) })
@@ -53,6 +57,11 @@ impl Column {
     #[must_use]
     pub fn language(self) -> &'static str {
         self.target.name()
+    }
+
+    /// Whether what runs is naga's IR, and no translation of it.
+    pub(super) fn runs_ir(self) -> bool {
+        self.path.is_some_and(|path| path.api() == Api::Cpu)
     }
 
     /// The path that runs it.

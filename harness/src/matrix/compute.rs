@@ -3,7 +3,7 @@
 use super::execute::{Comparison, not_run};
 use super::row::conclude;
 use super::{Buffer, Cell, Request, Status, Stop};
-use crate::path::Device;
+use crate::path::{Device, Path};
 use crate::probe::{Data, ProbeError, run_entry_point};
 use crate::reflect::{BindingKind, Program};
 use crate::tolerance::Tolerance;
@@ -31,24 +31,19 @@ pub(super) fn run_entry_point_on_each(
         let words = match (data, column.path) {
             (_, None) => Err(Stop::Unavailable(format!("no path here runs {}", column.target))),
             (Err(why), _) => Err(Stop::NotRun(why.clone())),
-            (Ok((data, workgroups)), Some(path)) => match crate::path::open(path) {
-                Err(error) => Err(Stop::Unavailable(error.to_string())),
-                Ok(device) if is_slow(device, program) => Err(Stop::NotRun(format!(
-                    "{} takes minutes to compile the {} barriers of its module",
-                    device.adapter().name,
-                    program.barriers()
-                ))),
-                Ok(device) => {
-                    run_entry_point(device, program, name, *workgroups, data).map_err(|error| {
+            (Ok(data), Some(path)) => {
+                written(path, program, name, data).map_err(|error| match error {
+                    Unwritten::Stop(stop) => stop,
+                    Unwritten::Error(error) => {
                         let rounds = matches!(error, ProbeError::Rounds { .. });
                         let stop = Stop::NotRun(not_run(error));
                         if rounds {
                             endless = Some(stop.clone());
                         }
                         stop
-                    })
-                }
-            },
+                    }
+                })
+            }
         };
         match words {
             Ok(words) => {
@@ -92,6 +87,36 @@ pub(super) fn run_entry_point_on_each(
     }
     let agreeing = agreeing.map(|compared| Comparison { compared, ..Comparison::default() });
     conclude(&mut cells[*first], agreeing, others.len());
+}
+
+/// Why there are no words to compare.
+enum Unwritten {
+    Stop(Stop),
+    Error(ProbeError),
+}
+
+/// The words that an entry point writes on a path.
+fn written(
+    path: Path,
+    program: &Program,
+    name: &str,
+    (data, workgroups): &(Vec<Data>, u32),
+) -> Result<Vec<Vec<u32>>, Unwritten> {
+    #[cfg(feature = "engine")]
+    if path == Path::CPU {
+        let run = crate::interpret::run_entry_point(program, name, *workgroups, data);
+        return run.map_err(Unwritten::Error);
+    }
+    let device = crate::path::open(path)
+        .map_err(|error| Unwritten::Stop(Stop::Unavailable(error.to_string())))?;
+    if is_slow(device, program) {
+        return Err(Unwritten::Stop(Stop::NotRun(format!(
+            "{} takes minutes to compile the {} barriers of its module",
+            device.adapter().name,
+            program.barriers()
+        ))));
+    }
+    run_entry_point(device, program, name, *workgroups, data).map_err(Unwritten::Error)
 }
 
 const UNCHANGED: &str = "with made-up data it changes no word of its buffers";

@@ -1,8 +1,8 @@
 //! Running a function on a column's path, and comparing it with another one's results.
 
-use crate::executor::Executor;
+use crate::executor;
 use crate::fixture::Fixtures;
-use crate::path::{self, Device, Path};
+use crate::path::Path;
 use crate::probe::{Call, Prepared, ProbeError, Probed};
 use crate::tolerance::{Tolerance, ulp_distance};
 use crate::value::{Scalar, format_f32};
@@ -29,9 +29,8 @@ impl<'p> Runs<'p> {
         fixtures: &'p Fixtures,
         cases: usize,
     ) -> Result<Self, ProbeError> {
-        let device: &'static Device = path::open(path)?;
         let call = Call { probed, fixtures, cases };
-        let prepared = device.prepare(&call)?;
+        let prepared = executor::of(path)?.prepare(&call)?;
         let function = probed.function();
         let words_in = function.parameters.iter().map(|(_, shape)| shape.lanes().len()).sum();
         Ok(Self { prepared, path, words_in, words_out: function.result.lanes().len() })

@@ -77,8 +77,11 @@ impl Judged {
             }
         };
         let own = self.0.get(&(row, made.target)).map_or(&[][..], Vec::as_slice);
-        let mut validators = own.to_vec();
-        let (status, stopped) = match rejection(own) {
+        // The engine runs the IR itself: only naga, which validates that, has a say in it.
+        let asked = |said: &&Said| !column.runs_ir() || said.command.starts_with("naga ");
+        let mut validators: Vec<Said> = own.iter().filter(asked).cloned().collect();
+        let own = validators.clone();
+        let (status, stopped) = match rejection(&own) {
             Some(said) => {
                 let text = format!("`{}`: {}", said.command, said.verdict);
                 let stop = match said.outcome {

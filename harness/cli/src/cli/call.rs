@@ -60,16 +60,20 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
 }
 
+/// The paths that are named; else every driver that opens, and the engine.
 fn paths(probed: &Probed, names: &[String]) -> anyhow::Result<Vec<Path>> {
-    let names = if names.is_empty() { "all".to_owned() } else { names.join(",") };
-    let paths = karat::path::named("--path", &names)?;
+    let named = if names.is_empty() { "all".to_owned() } else { names.join(",") };
+    let mut paths = karat::path::named("--path", &named)?;
+    if names.is_empty() {
+        paths.push(Path::CPU);
+    }
     ensure!(!paths.is_empty(), "no execution path opens; `karat doctor` tells why");
-    if names.trim() != "all" {
+    if named.trim() != "all" {
         return Ok(paths);
     }
     // Unless they are asked for, paths without f16 are left out where it is needed.
     let able = |path: &Path| {
-        !matches!(karat::probe::call(probed, *path, &[]), Err(ProbeError::F16 { .. }))
+        !matches!(karat::executor::call(probed, *path, &[]), Err(ProbeError::F16 { .. }))
     };
     let able: Vec<_> = paths.into_iter().filter(able).collect();
     ensure!(!able.is_empty(), "`{}` needs f16, which no path has", probed.function().name);
@@ -101,7 +105,7 @@ fn single(probed: &Probed, paths: &[Path], arguments: &[String], out: &mut dyn W
     }
     writeln!(out, "{DIM}{function}{DIM:#}")?;
     for path in paths {
-        let results = karat::probe::call(probed, *path, std::slice::from_ref(&lanes))?;
+        let results = karat::executor::call(probed, *path, std::slice::from_ref(&lanes))?;
         let result = results.first().context("the probe returned nothing")?;
         write!(out, "{HEAD}{path:<8}{HEAD:#} {}", function.result.format(result))?;
         let hexadecimal: Vec<String> = result
@@ -144,7 +148,7 @@ fn table(
     for path in paths {
         let mut values = Vec::with_capacity(rows.len());
         for batch in rows.chunks(STEP) {
-            values.extend(karat::probe::call(probed, *path, batch)?);
+            values.extend(karat::executor::call(probed, *path, batch)?);
             bar.inc(batch.len() as u64);
         }
         results.push(values);

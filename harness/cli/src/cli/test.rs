@@ -13,7 +13,7 @@ use karat::record::{self, Record, Run, Running, Subject};
 use super::list::callable;
 use super::project::Project;
 use super::report::{OutputArgs, tables};
-use super::table::{DIM, HEAD};
+use super::table::{DIM, HEAD, KNOWN};
 use super::{Ending, Outcome, PackageArgs, check, child};
 
 #[derive(clap::Args)]
@@ -32,6 +32,9 @@ pub(super) struct Args {
     /// Paths that must run
     #[arg(long, value_name = "PATHS", env = "KARAT_REQUIRE")]
     require: Option<String>,
+    /// Leave frames out, which need a driver
+    #[arg(long)]
+    functions: bool,
     #[command(flatten)]
     output: OutputArgs,
     #[command(flatten)]
@@ -60,16 +63,25 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     out.write_all(&invalid)?;
     tables::write_sum(&records, failed, passed, &folder, out)?;
+    if args.leaves_frames_out() {
+        writeln!(out, "{KNOWN}frames were left out{KNOWN:#}")?;
+    }
     args.output.write(&records, Some(&run), &project, out)?;
     Ok(if passed && valid && failed == 0 { Ending::Good } else { Ending::Bad })
 }
 
 impl Args {
+    /// By the option, or by the variable that it sets.
+    fn leaves_frames_out(&self) -> bool {
+        self.functions || std::env::var("KARAT_FRAMES").is_ok_and(|frames| frames == "off")
+    }
+
     /// What chooses among the tests, as it was typed.
     fn selected(&self) -> Vec<String> {
         let packages = self.cargo_packages.iter().map(|name| format!("-p {name}"));
         let targets = self.targets.iter().map(|name| format!("--test {name}"));
-        self.filter.iter().cloned().chain(packages).chain(targets).collect()
+        let functions = self.functions.then(|| "--functions".to_owned());
+        self.filter.iter().cloned().chain(packages).chain(targets).chain(functions).collect()
     }
 }
 
@@ -110,6 +122,7 @@ fn run_cargo(
     }
     command.args(&args.filter);
     command.env("KARAT_RECORD", folder);
+    command.envs(args.functions.then_some(("KARAT_FRAMES", "off")));
     command.envs(args.paths.as_ref().map(|paths| ("KARAT_PATHS", paths)));
     command.envs(args.require.as_ref().map(|paths| ("KARAT_REQUIRE", paths)));
     let bar = if std::io::stderr().is_terminal() {
