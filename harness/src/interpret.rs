@@ -4,12 +4,13 @@
 //! functions, fixtures and the author's files.
 
 use std::borrow::Cow;
-use std::ops::Range;
+use std::ops;
 use std::sync::Arc;
 
 use karat_engine::{
-    Arithmetic, Dimension, F32, Filter, Options, Program as Lowered, Refusal, Resources, Results,
-    Sampler as EngineSampler, Settings, Stop, Texels, Texture as EngineTexture,
+    Arithmetic, Dimension, F32, F64, Filter, Interval, Intervals, Lane, LaneOf, Options,
+    Program as Lowered, Range, Refusal, Resources, Results, Sampler as EngineSampler, Settings,
+    Stop, Texels, Texture as EngineTexture, Truth,
 };
 
 use crate::diagnostic::{Diagnostic, Span};
@@ -34,6 +35,7 @@ pub(crate) struct Interpreted {
     arguments: Vec<Scalar>,
     results: Vec<Scalar>,
     name: String,
+    declared: Span,
     /// Knows the author's places.
     program: Arc<Program>,
 }
@@ -77,8 +79,14 @@ impl Interpreted {
             arguments,
             results: function.result.lanes(),
             name: function.name.clone(),
+            declared: function.span.clone(),
             program: Arc::clone(program),
         })
+    }
+
+    /// Where the function is declared.
+    pub(crate) fn place(&self) -> &Span {
+        &self.declared
     }
 
     /// The scalars of a result.
@@ -97,18 +105,85 @@ impl Interpreted {
         Ok(words)
     }
 
+    /// What WGSL allows each lane of the results of some cases to be. Constants stand for the decimals
+    /// that are rounded to them, as a reference has those.
+    pub(crate) fn bounds(&self, cases: usize, arguments: &[u32]) -> Result<Vec<Bound>, ProbeError> {
+        let options = Options { decimals: true, ..Options::default() };
+        let results = self.call_with::<Intervals>(cases, arguments, &options)?;
+        Ok((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect())
+    }
+
+    /// Results in double precision.
+    pub(crate) fn shadow(&self, cases: usize, arguments: &[u32]) -> Result<Vec<f64>, ProbeError> {
+        let results = self.call::<F64>(cases, arguments)?;
+        let lanes = (0..cases).flat_map(|case| results.row(case)).zip(self.results.iter().cycle());
+        let value = |(lane, scalar): (LaneOf<F64>, &Scalar)| match lane {
+            Lane::Float(x) => x,
+            Lane::Int(word) => scalar.decode(word),
+            Lane::Bool(x) => f64::from(u8::from(x)),
+        };
+        Ok(lanes.map(value).collect())
+    }
+
+    /// What made a bound infinite: the operation in the author's file, and its text.
+    pub(crate) fn cause(&self, bound: &Bound) -> Option<(Span, String)> {
+        let Bound::Float(interval) = bound else { return None };
+        let range = self.lowered.cause(*interval)?.span.to_range()?;
+        let text = self.program.text().get(range.clone())?.to_owned();
+        Some((self.program.resolve(range)?, text))
+    }
+
     fn call<A: Arithmetic>(
         &self,
         cases: usize,
         arguments: &[u32],
+    ) -> Result<Results<A>, ProbeError> {
+        self.call_with(cases, arguments, &Options::default())
+    }
+
+    fn call_with<A: Arithmetic>(
+        &self,
+        cases: usize,
+        arguments: &[u32],
+        options: &Options,
     ) -> Result<Results<A>, ProbeError> {
         // Cases carry 16-bit floats as 32-bit ones; the engine takes their own bits.
         let mut rows = Cow::Borrowed(arguments);
         let half = |word: &u32| u32::from(half::f16::from_f32(f32::from_bits(*word)).to_bits());
         each_half(&self.arguments, || rows.to_mut(), half);
         self.lowered
-            .call::<A>(cases, &rows, &self.resources, &Options::default(), &())
+            .call::<A>(cases, &rows, &self.resources, options, &())
             .map_err(|stop| stopped(&self.program, &self.name, &stop))
+    }
+}
+
+/// What WGSL allows a lane to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Bound {
+    Float(Interval),
+    Int(Range),
+    Bool(Truth),
+}
+
+impl Bound {
+    fn of(lane: LaneOf<Intervals>) -> Self {
+        match lane {
+            Lane::Float(interval) => Self::Float(interval),
+            Lane::Int(range) => Self::Int(range),
+            Lane::Bool(truth) => Self::Bool(truth),
+        }
+    }
+
+    /// The least and the largest; `None`: anything at all.
+    pub(crate) fn ends(&self) -> Option<(f64, f64)> {
+        match self {
+            Self::Float(x) => x.is_bounded().then(|| (f64::from(x.lo()), f64::from(x.hi()))),
+            #[expect(clippy::cast_precision_loss, reason = "they are of 32 bits")]
+            Self::Int(range) => Some((range.lo() as f64, range.hi() as f64)),
+            Self::Bool(Truth::False) => Some((0.0, 0.0)),
+            Self::Bool(Truth::True) => Some((1.0, 1.0)),
+            Self::Bool(Truth::Undecided) => Some((0.0, 1.0)),
+        }
     }
 }
 
@@ -146,7 +221,7 @@ fn refused(program: &Program, refusal: &Refusal) -> PathError {
     PathError::Route { path: Path::CPU, message: format!("{refusal}{place}") }
 }
 
-fn place(program: &Program, range: Option<Range<usize>>) -> Option<Span> {
+fn place(program: &Program, range: Option<ops::Range<usize>>) -> Option<Span> {
     range.and_then(|range| program.resolve(range))
 }
 

@@ -37,6 +37,9 @@ pub mod golden;
 pub mod image;
 #[cfg(feature = "engine")]
 mod interpret;
+#[cfg(not(feature = "engine"))]
+#[path = "interpret/none.rs"]
+mod interpret;
 #[cfg(feature = "routes")]
 pub mod matrix;
 pub mod metric;
@@ -65,14 +68,14 @@ pub use package::Package;
 pub use path::Path;
 pub use probe::Inputs;
 pub use stats::Support;
-pub use tolerance::{Abs, Rel, Tolerance, Ulp};
+pub use tolerance::{Abs, Rel, Spec, Tolerance, Ulp};
 pub use value::Shareable;
 
 /// What a test file needs: `use karat::prelude::*;`.
 pub mod prelude {
     pub use crate::{
         Abs, AnyF32, CubeMap, Directions, Domain, Edges, Grid, Hemisphere, Inputs, Integers, Just,
-        LatinHypercube, Limit, OneOf, Package, Path, Rel, Sampler, Storage, Support, Texture,
+        LatinHypercube, Limit, OneOf, Package, Path, Rel, Sampler, Spec, Storage, Support, Texture,
         Tolerance, Trend, Ulp, Uniform, UnitRgb, UnitVector,
     };
 }

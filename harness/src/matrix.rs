@@ -16,7 +16,6 @@ mod execute;
 mod inputs;
 mod judge;
 mod known;
-mod lets;
 mod markdown;
 mod reduce;
 mod reference;

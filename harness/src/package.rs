@@ -13,7 +13,6 @@ mod error;
 mod feature;
 mod functions;
 mod imports;
-#[cfg(feature = "routes")]
 mod lets;
 mod lexer;
 mod library;
@@ -34,7 +33,6 @@ use std::path::{Path, PathBuf};
 pub use error::PackageError;
 pub use feature::Feature;
 pub use functions::FunctionItem;
-#[cfg(feature = "routes")]
 pub(crate) use lets::{LetStatement, let_statements};
 #[cfg(test)]
 pub(crate) use linked::KERNEL_WORDS;

@@ -12,6 +12,7 @@ mod compute;
 mod dispatcher;
 mod inputs;
 mod kernel;
+mod lets;
 mod poison;
 mod prepared;
 mod rounds;
@@ -22,6 +23,9 @@ mod upload;
 pub(crate) use compute::{Data, run_entry_point};
 pub use inputs::Inputs;
 pub(crate) use kernel::{CONSTANTS, Kernel};
+#[cfg(feature = "routes")]
+pub(crate) use lets::Let;
+pub(crate) use lets::lets;
 pub use prepared::{Call, Prepared, Reader, Started};
 pub(crate) use runner::{BATCH, Runner};
 pub(crate) use upload::{Resource, upload};

@@ -6,7 +6,6 @@
 mod binding;
 mod kept;
 mod layout;
-#[cfg(feature = "routes")]
 mod locals;
 mod message;
 mod parsed;
@@ -190,7 +189,6 @@ impl Program {
     }
 
     /// The name in the text of a declaration by its author's path.
-    #[cfg(any(feature = "engine", feature = "routes"))]
     pub(crate) fn name_of<'a>(&'a self, path: &'a str) -> &'a str {
         self.linked.name_of(path).unwrap_or(path)
     }

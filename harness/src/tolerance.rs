@@ -6,9 +6,11 @@
 //! no comparison with NaN can be mistaken for agreement.
 
 mod line;
+mod spec;
 
 pub use line::ulp_distance;
 use line::{least_spacing, ordinal, spacing};
+pub use spec::{Criterion, Granting, Spec};
 
 use std::fmt;
 
@@ -82,6 +84,14 @@ pub enum Unit {
     Exact,
     /// A statement: 0 if it holds, 1 if it doesn't.
     Statement,
+    /// How far the reference is outside of what WGSL allows the function to return.
+    Shader,
+    /// How far the result is outside of what WGSL allows.
+    Driver,
+    /// How far apart the results are that WGSL allows.
+    Conditioning,
+    /// WGSL allows any result.
+    Unbounded,
 }
 
 impl Unit {
@@ -94,6 +104,10 @@ impl Unit {
             Self::Abs => "abs",
             Self::Exact => "different",
             Self::Statement => "doesn't hold",
+            Self::Shader => "no implementation may return the reference",
+            Self::Driver => "outside of what WGSL allows",
+            Self::Conditioning => "wide",
+            Self::Unbounded => "unbounded by WGSL",
         }
     }
 }
@@ -114,7 +128,7 @@ pub struct LaneError {
 impl LaneError {
     pub(crate) const ZERO: Self = Self { ratio: 0.0, error: 0.0, bound: 0.0, unit: Unit::Exact };
 
-    fn new(error: f64, bound: f64, unit: Unit) -> Self {
+    pub(crate) fn new(error: f64, bound: f64, unit: Unit) -> Self {
         // 0/0 is exact agreement under an exact bound. Anything that isn't a number fails.
         let ratio = if error == 0.0 { 0.0 } else { error / bound };
         let ratio = if ratio >= 0.0 { ratio } else { f64::INFINITY };
@@ -146,7 +160,10 @@ impl fmt::Display for LaneError {
         match self.unit {
             Unit::Exact if self.error == 0.0 => f.write_str("equal"),
             Unit::Statement if self.error == 0.0 => f.write_str("holds"),
-            Unit::Exact | Unit::Statement => f.write_str(self.unit.name()),
+            Unit::Exact | Unit::Statement | Unit::Unbounded => f.write_str(self.unit.name()),
+            Unit::Shader | Unit::Driver | Unit::Conditioning => {
+                write!(f, "{} {}", significant(self.error), self.unit.name())
+            }
             Unit::Ulp => write!(f, "{} ulp", significant(self.error)),
             Unit::Rel | Unit::Abs => write!(f, "{} {}", self.unit.name(), significant(self.error)),
         }

@@ -98,6 +98,10 @@ pub(crate) mod sealed {
         const UNDECIDED: bool;
 
         fn float(x: f32) -> Self::Float;
+        /// Any number that is rounded to this one, if it was likely written as a decimal.
+        fn decimal(x: f32) -> Self::Float {
+            Self::float(x)
+        }
         fn int(x: u32, signed: bool) -> Self::Int;
         fn bool(x: bool) -> Self::Bool;
 
@@ -366,6 +370,17 @@ impl Rules for Intervals {
 
     fn float(x: f32) -> Interval {
         Interval::point(x)
+    }
+    fn decimal(x: f32) -> Interval {
+        /// A fraction of this many bits is one that an author writes exactly, such as 0.625.
+        const SHORT: u32 = 12;
+        let short = x.to_bits() & ((1 << (24 - SHORT)) - 1) == 0;
+        let whole = x == x.trunc() && x.abs() < 16_777_216.0;
+        if short || whole {
+            Interval::point(x)
+        } else {
+            Interval::between(x.next_down(), x.next_up())
+        }
     }
     fn int(x: u32, signed: bool) -> Range {
         Range::of_word(x, signed)

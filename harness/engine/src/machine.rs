@@ -66,7 +66,8 @@ impl<'p, A: Rules> Machine<'p, A> {
             let index = register.index;
             match register.file {
                 File::Float => {
-                    let x = A::float(f32::from_bits(constant.word));
+                    let x = f32::from_bits(constant.word);
+                    let x = if options.decimals { A::decimal(x) } else { A::float(x) };
                     let x = if options.flush { A::flush(x) } else { x };
                     machine.floats.get_mut(index).fill(x);
                 }

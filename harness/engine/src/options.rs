@@ -11,10 +11,14 @@ pub struct Options {
     pub undecided: u64,
     /// Whether subnormals are flushed to zero, in `f32`: arguments and results of each operation.
     pub flush: bool,
+    /// Whether a constant stands for each decimal that is rounded to it, in intervals: `0.1` is then
+    /// all between its neighbours, as whoever computes with another type has another 0.1. Integers
+    /// and short binary fractions such as 0.75 are what they are.
+    pub decimals: bool,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { fuel: 1 << 20, undecided: 256, flush: false }
+        Self { fuel: 1 << 20, undecided: 256, flush: false, decimals: false }
     }
 }

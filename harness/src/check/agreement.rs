@@ -5,13 +5,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::batch::{Batch, Rows};
 use super::demand::Demand;
 use super::flush::allowing_flushes;
+use super::granted::Granted;
 use super::plan::{Plan, Recording};
 use super::session::{Asserted, Expect};
 use super::tally::{Judge, Judged, compare, is_within};
 use super::{Agreement, Check, Failure, Reference, Vacuous};
 use crate::domain::{Domain, Stream};
 use crate::run::or_panic;
-use crate::tolerance::Tolerance;
+use crate::tolerance::{Criterion, Tolerance};
 use crate::value::{Arguments, Scalar, Shape};
 
 /// What a reference says of rows of arguments.
@@ -47,6 +48,8 @@ struct Comparison<'c> {
     arguments: &'c [Scalar],
     expect: Expect<'c>,
     tolerance: &'c Tolerance,
+    /// What WGSL allows, where that is what is asked for.
+    granted: Option<Granted<'c>>,
     /// Whether some result showed something.
     told_apart: &'c AtomicBool,
 }
@@ -63,6 +66,9 @@ impl Judge for Comparison<'_> {
         if !self.told_apart.load(Ordering::Relaxed) && tells(self.scalars, actual, expected) {
             self.told_apart.store(true, Ordering::Relaxed);
         }
+        if let Some(granted) = &self.granted {
+            return granted.judge(self.scalars, case, actual, expected);
+        }
         let given = compare(self.scalars, actual, expected, self.tolerance);
         allowing_flushes(self.arguments, self.batch.arguments(case), given, |row| {
             let mut expected = Vec::with_capacity(self.scalars.len());
@@ -74,7 +80,8 @@ impl Judge for Comparison<'_> {
 
     fn is_within(&self, case: usize, actual: &[u32], ratio: f64) -> bool {
         // Until a result has shown something, each is judged.
-        self.told_apart.load(Ordering::Relaxed)
+        self.granted.is_none()
+            && self.told_apart.load(Ordering::Relaxed)
             && is_within(self.scalars, actual, self.of(case), self.tolerance, ratio)
     }
 }
@@ -98,13 +105,17 @@ where
     /// result disagrees and some of them are subnormal, it is asked again with zeros in their place,
     /// as WGSL lets drivers flush them.
     ///
+    /// [`Spec`](crate::Spec) in place of a tolerance accepts what the WGSL specification allows this
+    /// very code to return, if that is close enough together. On paths with a tolerance of their own
+    /// that one holds.
+    ///
     /// # Panics
     /// With the [`Failure`], if a case disagrees or nothing could be compared.
     #[track_caller]
     pub fn agrees_with(
         self,
         reference: impl Reference<D::Value>,
-        tolerance: impl Into<Tolerance>,
+        tolerance: impl Into<Criterion>,
     ) -> Agreement {
         or_panic(self.compare(reference, tolerance.into(), Recording::On))
     }
@@ -116,7 +127,7 @@ where
     pub fn try_agrees_with(
         self,
         reference: impl Reference<D::Value>,
-        tolerance: impl Into<Tolerance>,
+        tolerance: impl Into<Criterion>,
     ) -> Result<Agreement, Failure> {
         self.compare(reference, tolerance.into(), Recording::Off)
     }
@@ -124,11 +135,11 @@ where
     fn compare(
         self,
         reference: impl Reference<D::Value>,
-        tolerance: Tolerance,
+        criterion: Criterion,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
         with_reference(&reference, |expected| {
-            self.plan.agrees(&self.stream(), &Self::demand(), &expected, tolerance, recording)
+            self.plan.agrees(&self.stream(), &Self::demand(), &expected, &criterion, recording)
         })
     }
 }
@@ -139,14 +150,27 @@ impl Plan<'_> {
         stream: &dyn Stream,
         demand: &Demand,
         expected: &Expected<'_>,
-        tolerance: Tolerance,
+        criterion: &Criterion,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
-        let tolerances = self.tolerances(tolerance);
-        let asserted = Asserted::new("agrees_with", tolerances.general.to_string());
+        let (general, granting) = match criterion {
+            Criterion::Within(tolerance) => (tolerance.clone(), None),
+            Criterion::Spec(granting) => (granting.need.clone(), Some(granting)),
+        };
+        let tolerances = self.tolerances(general);
+        let asserted = Asserted::new("agrees_with", criterion.to_string());
         self.conclude(&asserted, stream, demand, recording, &mut |session| {
             session.called.expect_result(&expected.shape, "the reference returns")?;
             tolerances.expect_usable(&session.called)?;
+            if let Some(otherwise) = granting.and_then(|granting| granting.otherwise.as_ref()) {
+                session.called.expect_lanes(otherwise)?;
+            }
+            let witness = granting.map(|_| session.witness()).transpose()?;
+            // A path's own tolerance holds there in place of what WGSL allows.
+            let ready = session.called.ready.iter();
+            let own: Vec<bool> =
+                ready.map(|ready| tolerances.on.on(ready.path, &ready.adapter).is_some()).collect();
+            let judged = AtomicBool::new(false);
             let (scalars, tolerances) =
                 (session.called.scalars(), tolerances.of_paths(&session.called));
             let arguments = session.called.argument_scalars();
@@ -154,7 +178,16 @@ impl Plan<'_> {
             let tallies = session.run(&mut |batch, dispatches| {
                 // The device works on the dispatches meanwhile.
                 let lanes = session.expected(batch, batch.rows(), expected.expect)?;
+                let bounds = match &witness {
+                    Some(witness) => witness.bounds(batch.cases, &batch.lanes())?,
+                    None => Vec::new(),
+                };
+                let granted = |path: usize| {
+                    let granting = granting.filter(|_| !own[path])?;
+                    Some(Granted { granting, bounds: &bounds, judged: &judged })
+                };
                 let comparison = |path: usize| Comparison {
+                    granted: granted(path),
                     scalars: &scalars,
                     expected: &lanes,
                     batch,
@@ -166,7 +199,10 @@ impl Plan<'_> {
                 let expect = |case| Some(comparison(0).of(case).to_vec());
                 session.judge(batch, dispatches, expect, comparison)
             })?;
-            session.expect_tested(told_apart.into_inner(), tallies, Vacuous::Flushed)
+            let tallies =
+                session.expect_tested(told_apart.into_inner(), tallies, Vacuous::Flushed)?;
+            let by_spec = witness.is_some() && own.contains(&false);
+            session.expect_tested(!by_spec || judged.into_inner(), tallies, Vacuous::Ungranted)
         })
     }
 }

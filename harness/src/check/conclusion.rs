@@ -77,8 +77,18 @@ impl Session<'_> {
         };
         let reduced = |simplest: &Simplest| !worst.remembered && !simplest.descent.steps.is_empty();
         let simplest = simplest.filter(reduced);
-        let simplest =
+        let mut simplest =
             simplest.map(|simplest| Simplest { replay: replay_of(&simplest), ..simplest });
+        let mut worst = worst;
+        match &mut simplest {
+            Some(Simplest { failure, input, .. }) => self.explain(failure, input, path),
+            None => {
+                let row = self.input().map(<[u32]>::to_vec);
+                let drawn = || Some(self.case(worst.case).ok()?.row);
+                let row = row.or_else(|| drawn().filter(|_| !worst.remembered));
+                self.explain(&mut worst, &row.unwrap_or_default(), path);
+            }
+        }
         Some(PathDisagreement {
             adapter,
             inputs: self.inputs,

@@ -8,6 +8,7 @@ use crate::path::Adapter;
 use crate::probe::Inputs;
 use crate::reflect::Function;
 use crate::run::Descent;
+use crate::tolerance::Unit;
 use crate::value::{Scalar, Shape, format_f32, hexfloat};
 
 /// A function disagrees with what was asserted of it, on at least one path.
@@ -100,6 +101,8 @@ pub struct CaseFailure {
     /// Each argument: its name, and its value as WGSL would write it. For an
     /// integral: `case`, and its value as `Debug` shows it.
     pub arguments: Vec<(String, String)>,
+    /// Index of the worst component.
+    pub(crate) lane: usize,
     /// The worst component: `""` for a scalar, `".y"`.
     pub component: String,
     /// Bits of the component's value; for an integral, of the `f32` nearest to it.
@@ -114,6 +117,8 @@ pub struct CaseFailure {
     pub compared: &'static str,
     /// The error in its unit, with what is allowed.
     pub error: String,
+    /// What WGSL allows there, and where the path leaves that: each a name with its text.
+    pub explanation: Vec<(&'static str, String)>,
     /// The integral, if the check is one of integrals.
     pub integral: Option<IntegralFailure>,
 }
@@ -167,12 +172,28 @@ impl CaseFailure {
             "not a finite number".to_owned()
         } else {
             let bound = crate::tolerance::significant(measure.bound);
-            format!("{measure} ({bound} allowed)")
+            let error = crate::tolerance::significant(measure.error);
+            match measure.unit {
+                Unit::Shader => format!(
+                    "the shader is wrong: WGSL allows no implementation to return the reference, \
+                     which is {error} outside"
+                ),
+                Unit::Driver => {
+                    format!("the driver is wrong: WGSL doesn't allow its result, {error} outside")
+                }
+                Unit::Conditioning => format!(
+                    "ill-conditioned here: WGSL allows results as far from the reference as \
+                     {error} ({bound} is needed)"
+                ),
+                Unit::Unbounded => "unbounded here: WGSL allows any result".to_owned(),
+                _ => format!("{measure} ({bound} allowed)"),
+            }
         };
         Self {
             case,
             remembered: false,
             arguments,
+            lane,
             component,
             actual: actual.get(lane).copied().unwrap_or_default(),
             expected: expected.and_then(|expected| expected.get(lane)).copied(),
@@ -180,6 +201,7 @@ impl CaseFailure {
             result: function.result.format(actual),
             compared: "",
             error,
+            explanation: Vec::new(),
             integral: None,
         }
     }
@@ -245,7 +267,10 @@ impl CaseFailure {
                     format_f32(nearest),
                     hexfloat(nearest)
                 )?;
-                writeln!(f, "    {:>width$} = {}", "error", self.error)
+                writeln!(f, "    {:>width$} = {}", "error", self.error)?;
+                self.explanation
+                    .iter()
+                    .try_for_each(|(name, text)| writeln!(f, "    {name:>width$} = {text}"))
             }
             (Some(expected), false) => {
                 let actual = crate::value::format_lane(self.scalar, self.actual);
@@ -326,8 +351,9 @@ impl fmt::Display for Disagreement {
         writeln!(f, "{diagnostic}")?;
         let expectation = &self.expectation.to_string();
         for path in &self.paths {
-            let Census { cases, failures, nan, infinite, wrong_sign, too_low, too_high } =
+            let Census { cases, failures, nan, infinite, wrong_sign, too_low, too_high, .. } =
                 path.census;
+            let Census { shader, driver, ill_conditioned, unbounded, .. } = path.census;
             writeln!(f, "\non {}{}", path.adapter, path.inputs.remark())?;
             let share = 100.0 * failures as f64 / cases as f64;
             write!(f, "  {failures} of {cases} cases fail ({share:.3}%)")?;
@@ -337,6 +363,10 @@ impl fmt::Display for Disagreement {
                 (wrong_sign, "with the wrong sign"),
                 (too_low, "too low"),
                 (too_high, "too high"),
+                (shader, "with a reference that WGSL doesn't allow"),
+                (driver, "with a result that WGSL doesn't allow"),
+                (ill_conditioned, "ill-conditioned"),
+                (unbounded, "unbounded by WGSL"),
             ] {
                 if count > 0 {
                     write!(f, ", {count} {name}")?;

@@ -12,8 +12,11 @@ use super::path_tally::PathTally;
 use super::tally::{Judge, Shown, tally};
 use super::{CaseFailure, Failure, Plan, Simplest, Vacuous, parallel};
 use crate::domain::{Held, Numbering, Origin, Stream};
+use crate::executor::Executor;
+use crate::fixture::Fixtures;
+use crate::interpret::Interpreted;
 use crate::path::Path;
-use crate::probe::{BATCH, Inputs};
+use crate::probe::{BATCH, Inputs, ProbeError};
 use crate::run::{Descent, Identity, Memory, replay, with_inputs};
 
 /// Room for cases in a dispatch of few, for the values that a failing one is replaced by.
@@ -50,6 +53,10 @@ pub(super) struct Session<'a> {
     pub(super) asserted: Asserted,
     /// Whether it runs on executors that its author made.
     own_executors: bool,
+    /// What runs the function.
+    pub(super) executors: Vec<&'a dyn Executor>,
+    /// What the function reads.
+    pub(super) fixtures: &'a Fixtures,
     /// Inputs on which the test has failed before; `None`: nothing is remembered.
     pub(super) memory: Option<Memory>,
 }
@@ -84,12 +91,30 @@ impl<'a> Session<'a> {
         }
         let own_executors = !plan.probe.executors.is_empty();
         let memory = None;
-        Ok(Self { called, stream, cases, case, identity, inputs, asserted, own_executors, memory })
+        let fixtures = &plan.probe.fixtures;
+        Ok(Self {
+            called,
+            stream,
+            cases,
+            case,
+            identity,
+            inputs,
+            asserted,
+            own_executors,
+            executors,
+            fixtures,
+            memory,
+        })
     }
 
     /// Tries what the test has failed on before, and remembers what it fails on.
     pub(super) fn remembering(self, memory: Option<Memory>) -> Self {
         Self { memory, ..self }
+    }
+
+    /// The function in Karat's engine, which knows what WGSL allows.
+    pub(super) fn witness(&self) -> Result<Interpreted, ProbeError> {
+        Interpreted::new(&self.called.probed, self.fixtures)
     }
 
     /// How many cases the check declares, whether or not a replay selects one.

@@ -23,6 +23,14 @@ pub(crate) enum Class {
     WrongSign,
     TooLow,
     TooHigh,
+    /// WGSL doesn't allow the reference.
+    Shader,
+    /// WGSL doesn't allow the result.
+    Driver,
+    /// WGSL allows results that are too far apart.
+    Conditioning,
+    /// WGSL allows any result.
+    Unbounded,
     Other,
 }
 
@@ -43,6 +51,14 @@ pub struct Census {
     pub too_low: u64,
     /// Failures above the reference.
     pub too_high: u64,
+    /// Failures by [`Spec`](crate::Spec): WGSL doesn't allow the function to return the reference.
+    pub shader: u64,
+    /// Failures by [`Spec`](crate::Spec): WGSL doesn't allow the result.
+    pub driver: u64,
+    /// Failures by [`Spec`](crate::Spec): WGSL allows results that are too far apart.
+    pub ill_conditioned: u64,
+    /// Failures by [`Spec`](crate::Spec): WGSL allows any result.
+    pub unbounded: u64,
 }
 
 /// A case worth showing.
@@ -81,6 +97,10 @@ impl Tally {
             Class::WrongSign => self.census.wrong_sign += 1,
             Class::TooLow => self.census.too_low += 1,
             Class::TooHigh => self.census.too_high += 1,
+            Class::Shader => self.census.shader += 1,
+            Class::Driver => self.census.driver += 1,
+            Class::Conditioning => self.census.ill_conditioned += 1,
+            Class::Unbounded => self.census.unbounded += 1,
             Class::Other => {}
         }
     }
@@ -101,6 +121,10 @@ impl Tally {
                 wrong_sign: a.wrong_sign + b.wrong_sign,
                 too_low: a.too_low + b.too_low,
                 too_high: a.too_high + b.too_high,
+                shader: a.shader + b.shader,
+                driver: a.driver + b.driver,
+                ill_conditioned: a.ill_conditioned + b.ill_conditioned,
+                unbounded: a.unbounded + b.unbounded,
             },
             worst: either(self.worst, other.worst, worse),
             first: either(self.first, other.first, earlier),

@@ -4,10 +4,9 @@ use serde::Serialize;
 
 use super::excerpt::definition_line;
 use super::execute::{Judge, Ran, Runs, shown};
-use super::lets::{Let, lets};
 use super::reduce::Pair;
 use super::{Request, inputs};
-use crate::probe::Probed;
+use crate::probe::{Let, Probed, lets};
 use crate::value::Scalar;
 
 /// Two columns that differ.

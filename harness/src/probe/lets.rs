@@ -7,27 +7,28 @@
 
 use std::collections::BTreeMap;
 
+use super::Probed;
 use crate::diagnostic::Span;
 use crate::package::{LetStatement, Package, let_statements};
-use crate::probe::Probed;
 
 /// A let-binding.
-pub(super) struct Let {
-    pub(super) name: String,
+pub(crate) struct Let {
+    pub(crate) name: String,
     /// Its name, in the author's file.
-    pub(super) span: Option<Span>,
+    pub(crate) span: Option<Span>,
     /// Which of the function's bindings of this name it is, and of how many.
-    pub(super) of_name: (usize, usize),
+    #[cfg_attr(not(any(feature = "routes", test)), expect(dead_code, reason = "a translation's"))]
+    pub(crate) of_name: (usize, usize),
     /// What returns it, called with the function's arguments. `None`: it is a pointer, stands in the
     /// head of a `for`, or comes behind [`MOST`] others.
-    pub(super) probed: Option<Probed>,
+    pub(crate) probed: Option<Probed>,
 }
 
 /// Bindings of one function that are looked at, each with a pipeline on both columns.
 const MOST: usize = 48;
 
 /// The let-bindings of a function, in the order of its text.
-pub(super) fn lets(probed: &Probed) -> Vec<Let> {
+pub(crate) fn lets(probed: &Probed) -> Vec<Let> {
     let (program, text) = (&probed.program, probed.program.text());
     let path = &probed.function().name;
     let statements = let_statements(text, program.name_of(path));

@@ -1,0 +1,137 @@
+//! What is said below a failing case: what WGSL allows there, and where a path leaves that.
+
+use super::CaseFailure;
+use super::session::Session;
+use crate::executor::Executor;
+use crate::interpret::{Bound, Interpreted};
+use crate::path::Path;
+use crate::probe::{Call, lets};
+use crate::value::{Scalar, format_f32};
+
+impl Session<'_> {
+    /// Adds to a failing case what WGSL allows for its arguments. A function that the engine doesn't
+    /// execute gets nothing.
+    pub(super) fn explain(&self, failure: &mut CaseFailure, row: &[u32], path: Path) {
+        // Other verbs expect something of several calls, or of other arguments.
+        if self.asserted.check != "agrees_with" {
+            return;
+        }
+        if let Ok(explanation) = self.explanation(failure, row, path) {
+            failure.explanation = explanation;
+        }
+    }
+
+    fn explanation(
+        &self,
+        failure: &CaseFailure,
+        row: &[u32],
+        path: Path,
+    ) -> Result<Vec<(&'static str, String)>, crate::probe::ProbeError> {
+        let Some(expected) = failure.expected else { return Ok(Vec::new()) };
+        if !failure.scalar.is_float() || failure.integral.is_some() || row.is_empty() {
+            return Ok(Vec::new());
+        }
+        let witness = self.witness()?;
+        let bounds = witness.bounds(1, row)?;
+        let (Some(bound), Some(shadow)) =
+            (bounds.get(failure.lane), witness.shadow(1, row)?.get(failure.lane).copied())
+        else {
+            return Ok(Vec::new());
+        };
+        let mut lines = vec![("in f64", format!("{shadow}"))];
+        let Some((least, most)) = bound.ends() else {
+            let cause = witness.cause(bound);
+            let cause = cause.map_or_else(String::new, |(span, text)| {
+                format!(": it doesn't bound `{}` ({span})", one_line(&text))
+            });
+            lines.push(("WGSL", format!("allows anything{cause}")));
+            return Ok(lines);
+        };
+        let actual = f64::from(f32::from_bits(failure.actual));
+        let inside = |x: f64| least <= x && x <= most;
+        let said = match (inside(actual), inside(expected)) {
+            (true, true) => "; the tolerance asks for more",
+            (true, false) => "; the reference isn't what this code computes",
+            (false, true) => "; this path leaves it",
+            (false, false) => "; neither result nor reference is in it",
+        };
+        lines.push(("WGSL", format!("allows {}{said}", interval(bound))));
+        if !inside(actual)
+            && let Some(blame) = self.blame(&witness, row, path)
+        {
+            lines.push(("blame", blame));
+        }
+        Ok(lines)
+    }
+
+    /// The first let-binding whose value on a path isn't one that WGSL allows.
+    fn blame(&self, witness: &Interpreted, row: &[u32], path: Path) -> Option<String> {
+        let executors = self.executors.iter();
+        let executor = executors.copied().find(|executor| executor.path() == path)?;
+        for one in lets(&self.called.probed) {
+            let Some(probed) = &one.probed else { continue };
+            let fixtures = self.fixtures;
+            let Ok(bounded) = Interpreted::new(probed, fixtures) else { continue };
+            let Ok(bounds) = bounded.bounds(1, row) else { continue };
+            let call = Call { probed, fixtures, cases: 1 };
+            let Some(words) = once(executor, &call, row) else { continue };
+            let scalars = probed.function().result.lanes();
+            let left = |((scalar, word), bound): ((&Scalar, &u32), &Bound)| {
+                let value = scalar.decode(*word);
+                let ends = bound.ends()?;
+                (!(ends.0 <= value && value <= ends.1)).then(|| (shown(*scalar, *word), *bound))
+            };
+            let found = scalars.iter().zip(&words).zip(&bounds).find_map(left);
+            if let Some((value, bound)) = found {
+                let place = one.span.map_or_else(String::new, |span| format!(" ({span})"));
+                let allowed = interval(&bound);
+                return Some(format!(
+                    "`{}`{place} leaves it first: {value}, where WGSL allows {allowed}",
+                    one.name
+                ));
+            }
+        }
+        let place = &witness.place();
+        Some(format!(
+            "no let-binding does before what `{}` returns ({place})",
+            self.called.function().name
+        ))
+    }
+}
+
+/// The words that one call returns.
+fn once(executor: &dyn Executor, call: &Call<'_>, row: &[u32]) -> Option<Vec<u32>> {
+    let prepared = executor.prepare(call).ok()?;
+    let mut result = Vec::new();
+    let width = call.probed.function().result.lanes().len();
+    let started = prepared.start(1, row).ok()?;
+    started(&mut |words, _| result.extend_from_slice(&words[..width.min(words.len())])).ok()?;
+    (result.len() == width).then_some(result)
+}
+
+fn interval(bound: &Bound) -> String {
+    match bound.ends() {
+        None => "anything".to_owned(),
+        Some((least, most)) if least == most => number(least),
+        Some((least, most)) => format!("{} to {}", number(least), number(most)),
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "ends of intervals are f32")]
+fn number(value: f64) -> String {
+    format_f32(value as f32)
+}
+
+fn shown(scalar: Scalar, word: u32) -> String {
+    crate::value::format_lane(scalar, word)
+}
+
+/// An expression in one line, and not more of it than a line has.
+fn one_line(text: &str) -> String {
+    const MOST: usize = 60;
+    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    match line.char_indices().nth(MOST) {
+        Some((end, _)) => format!("{}...", &line[..end]),
+        None => line,
+    }
+}

@@ -1,0 +1,102 @@
+//! Results judged by what WGSL allows.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::tally::{Class, Judged};
+use crate::interpret::Bound;
+use crate::tolerance::{Granting, LaneError, Unit};
+use crate::value::Scalar;
+
+/// What WGSL allows the cases of a batch, and what their author needs.
+#[derive(Clone, Copy)]
+pub(super) struct Granted<'g> {
+    pub(super) granting: &'g Granting,
+    /// Those of each case, one after the other.
+    pub(super) bounds: &'g [Bound],
+    /// Whether a case was judged by its bounds, and not by what is wanted where they are too wide.
+    pub(super) judged: &'g AtomicBool,
+}
+
+impl Granted<'_> {
+    /// Judges a case, lane by lane; the worst counts.
+    pub(super) fn judge(
+        &self,
+        scalars: &[Scalar],
+        case: usize,
+        actual: &[u32],
+        expected: &[f64],
+    ) -> Judged {
+        let bounds = &self.bounds[case * scalars.len()..][..scalars.len()];
+        let mut worst = Judged { measure: LaneError::ZERO, lane: 0, class: Class::Other };
+        let mut by_bounds = true;
+        for (lane, (scalar, bound)) in scalars.iter().zip(bounds).enumerate() {
+            let (value, reference) = (scalar.decode(actual[lane]), expected[lane]);
+            let mut found = self.lane(lane, value, reference, bound);
+            if let (Unit::Conditioning | Unit::Unbounded, Some(tolerance)) =
+                (found.unit, &self.granting.otherwise)
+                && !found.passes()
+            {
+                by_bounds = false;
+                found = match scalar.is_float() {
+                    true => tolerance.measure_sum(lane, value, reference),
+                    false => LaneError::equality(value == reference),
+                };
+            }
+            if lane == 0 || found.ratio > worst.measure.ratio {
+                worst = Judged { measure: found, lane, class: class(found.unit) };
+            }
+        }
+        if by_bounds && worst.measure.passes() {
+            self.judged.store(true, Ordering::Relaxed);
+        }
+        worst
+    }
+
+    fn lane(&self, lane: usize, value: f64, reference: f64, bound: &Bound) -> LaneError {
+        let Some((least, most)) = bound.ends() else {
+            let (ratio, error) = (f64::INFINITY, f64::INFINITY);
+            return LaneError { ratio, error, bound: 0.0, unit: Unit::Unbounded };
+        };
+        // What a reference in f64 rounds off itself.
+        let noise = 8.0 * f64::EPSILON * reference.abs();
+        let outside = |x: f64, noise: f64| (least - x).max(x - most) - noise;
+        let size = (most - least).max(f64::from(f32::EPSILON) * least.abs().max(most.abs()));
+        let wrong = |distance: f64, unit: Unit| LaneError {
+            // Above 1 by how many times the width of what is allowed it is off.
+            ratio: 1.0 + distance / size.max(f64::from(f32::MIN_POSITIVE)),
+            error: distance,
+            bound: 0.0,
+            unit,
+        };
+        // NaN is inside of nothing.
+        if !(outside(reference, noise) <= 0.0) {
+            return wrong(outside(reference, noise), Unit::Shader);
+        }
+        if !(outside(value, 0.0) <= 0.0) {
+            let distance = outside(value, 0.0);
+            let distance = if distance.is_finite() { distance } else { f64::INFINITY };
+            return wrong(distance, Unit::Driver);
+        }
+        if least == most {
+            return LaneError::ZERO;
+        }
+        let needed = [least, most].map(|end| self.granting.need.measure_sum(lane, end, reference));
+        let widest = needed.into_iter().max_by(|a, b| a.ratio.total_cmp(&b.ratio));
+        let widest = widest.unwrap_or(LaneError::ZERO);
+        if !widest.passes() {
+            return LaneError { unit: Unit::Conditioning, ..widest };
+        }
+        let own = self.granting.need.measure_sum(lane, value, reference);
+        LaneError { ratio: widest.ratio, ..own }
+    }
+}
+
+fn class(unit: Unit) -> Class {
+    match unit {
+        Unit::Shader => Class::Shader,
+        Unit::Driver => Class::Driver,
+        Unit::Conditioning => Class::Conditioning,
+        Unit::Unbounded => Class::Unbounded,
+        _ => Class::Other,
+    }
+}

@@ -1,0 +1,45 @@
+//! What stands for the engine in a library that is built without it.
+
+use crate::diagnostic::Span;
+use crate::fixture::Fixtures;
+use crate::path::{Path, PathError};
+use crate::probe::{ProbeError, Probed};
+
+/// There is none.
+#[derive(Debug)]
+pub(crate) enum Interpreted {}
+
+/// What WGSL allows a lane to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Bound {}
+
+impl Bound {
+    pub(crate) fn ends(&self) -> Option<(f64, f64)> {
+        match *self {}
+    }
+}
+
+impl Interpreted {
+    pub(crate) fn new(_: &Probed, _: &Fixtures) -> Result<Self, ProbeError> {
+        let message = "karat is built without its engine, which knows what WGSL allows: write features = \
+                       [\"engine\"] at its dependency in Cargo.toml";
+        let (path, message) = (Path::CPU, message.to_owned());
+        Err(PathError::Route { path, message }.into())
+    }
+
+    pub(crate) fn bounds(&self, _: usize, _: &[u32]) -> Result<Vec<Bound>, ProbeError> {
+        match *self {}
+    }
+
+    pub(crate) fn shadow(&self, _: usize, _: &[u32]) -> Result<Vec<f64>, ProbeError> {
+        match *self {}
+    }
+
+    pub(crate) fn cause(&self, _: &Bound) -> Option<(Span, String)> {
+        match *self {}
+    }
+
+    pub(crate) fn place(&self) -> &Span {
+        match *self {}
+    }
+}

@@ -1,0 +1,171 @@
+//! What WGSL allows, as a tolerance; and what a failing check says of it.
+
+use karat::check::{Census, Disagreement, Failure, Vacuous};
+use karat::executor::Executor;
+use karat::path::Adapter;
+use karat::prelude::*;
+use karat::probe::{Call, Prepared, ProbeError, Started};
+use karat::tolerance::Criterion;
+
+fn package(text: &str) -> Package {
+    Package::from_source("spec", text)
+}
+
+/// A check on the engine, of one argument from 0 to 1.
+fn check(
+    text: &str,
+    reference: impl Fn(f64) -> f64 + Sync,
+    criterion: impl Into<Criterion>,
+) -> Result<karat::check::Agreement, Failure> {
+    check_on(&Driver { factor: 1.0 }, text, reference, criterion)
+}
+
+fn check_on(
+    driver: &Driver,
+    text: &str,
+    reference: impl Fn(f64) -> f64 + Sync,
+    criterion: impl Into<Criterion>,
+) -> Result<karat::check::Agreement, Failure> {
+    let package = package(text);
+    package
+        .function("f")
+        .on(driver)
+        .over(0.0..=1.0)
+        .cases(4096)
+        .try_agrees_with(|x: f64| reference(x), criterion)
+}
+
+fn disagreement(result: Result<karat::check::Agreement, Failure>) -> Box<Disagreement> {
+    match result {
+        Err(Failure::Disagreement(disagreement)) => disagreement,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn census(result: Result<karat::check::Agreement, Failure>) -> Census {
+    disagreement(result).paths[0].census
+}
+
+/// A driver that multiplies by `factor` where the function multiplies by 3.
+#[derive(Debug)]
+struct Driver {
+    factor: f32,
+}
+
+#[derive(Debug)]
+struct Ready {
+    factor: f32,
+    /// Whether it is the whole function, or the binding that holds the product.
+    name: String,
+}
+
+impl Executor for Driver {
+    fn path(&self) -> Path {
+        "cpu@fake".parse().expect("a name")
+    }
+
+    fn adapter(&self) -> Adapter {
+        let [path, name, driver] = ["cpu@fake", "Fake", "1"].map(str::to_owned);
+        Adapter { path, name, driver, software: true }
+    }
+
+    fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
+        let name = call.probed.kernel().to_owned();
+        Ok(Box::new(Ready { factor: self.factor, name }))
+    }
+}
+
+impl Prepared for Ready {
+    fn capacity(&self) -> usize {
+        4096
+    }
+
+    /// `(3 x) (3 x)`, and what the bindings of that have.
+    fn start<'p>(&'p self, _: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError> {
+        let one = |word: &u32| {
+            let x = f32::from_bits(*word);
+            let thrice = 3.0 * self.factor * x;
+            let value = match self.name.as_str() {
+                text if text.contains("karat_let = same;") => x,
+                text if text.contains("karat_let = thrice;") => thrice,
+                _ => thrice * thrice,
+            };
+            value.to_bits()
+        };
+        let words: Vec<u32> = arguments.iter().map(one).collect();
+        Ok(Box::new(move |read| {
+            read(&words, 1);
+            Ok(())
+        }))
+    }
+}
+
+const SQUARE: &str = "fn f(x: f32) -> f32 {\n    let same = x;\n    let thrice = same * 3.0;\n    \
+                      return thrice * thrice;\n}\n";
+
+#[test]
+fn what_wgsl_allows_passes_without_a_number() {
+    let agreement = check(SQUARE, |x| 9.0 * x * x, Spec).expect("it agrees");
+    assert_eq!(agreement.cases, 4096);
+    assert!(agreement.worst.ratio < 0.01, "a few steps of f32 are allowed: {agreement}");
+}
+
+/// Each of the four failures is told apart.
+#[test]
+fn who_is_wrong_is_told() {
+    let shader = census(check(SQUARE, |x| 9.001 * x * x, Spec));
+    assert!(shader.shader > 3000 && shader.driver == 0, "{shader:?}");
+
+    let wrong = check_on(&Driver { factor: 1.00001 }, SQUARE, |x| 9.0 * x * x, Spec);
+    let driver = census(wrong);
+    assert!(driver.driver > 3000 && driver.shader == 0, "{driver:?}");
+
+    // The reference has what the shader loses: 1 - (1 - x) of a small x.
+    let cancels = "fn f(x: f32) -> f32 { let y = 1.0 - x * 1e-4; return (1.0 - y) * 90000.0 * x; }";
+    let ill = census(check(cancels, |x| 9.0 * x * x, Spec));
+    assert!(ill.ill_conditioned > 3000 && ill.driver == 0, "{ill:?}");
+
+    let unbounded = "fn f(x: f32) -> f32 { return 9.0 * x * x + 0.0 * sin(40.0 + x); }";
+    let unbounded = census(check(unbounded, |x| 9.0 * x * x, Spec));
+    assert_eq!(unbounded.unbounded, 4096, "{unbounded:?}");
+}
+
+#[test]
+fn where_wgsl_allows_too_much_another_tolerance_holds() {
+    // log2(0) is unbounded, so pow(0, y) is.
+    let pow = "fn f(x: f32) -> f32 { return 9.0 * pow(x, 2.0); }";
+    let census = census(check(pow, |x| 9.0 * x * x, Spec));
+    assert!(census.unbounded > 0 && census.unbounded < 2000, "{census:?}");
+    check(pow, |x| 9.0 * x * x, Spec.or(Abs(1e-3))).expect("0 is right there");
+    // What is outside stays outside.
+    let wrong = check_on(&Driver { factor: 1.1 }, SQUARE, |x| 9.0 * x * x, Spec.or(Abs(100.0)));
+    assert!(self::census(wrong).driver > 3000);
+    // Who needs two digits has them.
+    let coarse = "fn f(x: f32) -> f32 { return 9.0 * x * x + 0.0 * x * sin(x); }";
+    check(coarse, |x| 9.0 * x * x, Spec.needing(Rel(0.5))).expect("it is that close");
+}
+
+/// A tolerance that judges everything in place of the specification is the author's to name.
+#[test]
+fn a_specification_that_judges_nothing_is_an_error() {
+    let unbounded = "fn f(x: f32) -> f32 { return 9.0 * x * x + 0.0 * sin(40.0 + x); }";
+    match check(unbounded, |x| 9.0 * x * x, Spec.or(Abs(1.0))) {
+        Err(Failure::Domain { reason, .. }) => assert_eq!(*reason, Vacuous::Ungranted),
+        other => panic!("{other:?}"),
+    }
+}
+
+/// A failing check of any tolerance says what WGSL allows, and the first binding that leaves it.
+#[test]
+fn the_first_binding_that_leaves_what_is_allowed_is_blamed() {
+    let result = check_on(&Driver { factor: 1.01 }, SQUARE, |x| 9.0 * x * x, Rel(1e-4));
+    let text = disagreement(result).to_string();
+    assert!(text.contains("this path leaves it"), "{text}");
+    assert!(text.contains("blame = `thrice` (<spec>:3:9) leaves it first: 3.03"), "{text}");
+    let result = check(SQUARE, |x| 9.01 * x * x, Rel(1e-4));
+    let text = disagreement(result).to_string();
+    assert!(text.contains("the reference isn't what this code computes"), "{text}");
+    let unbounded = "fn f(x: f32) -> f32 { return 8.0 * x * x + 0.0 * pow(x - 1.0, 5.0); }";
+    let text = disagreement(check(unbounded, |x| 9.0 * x * x, Rel(1e-4))).to_string();
+    assert!(text.contains("allows anything: it doesn't bound `pow(x - 1.0, 5.0)`"), "{text}");
+}
