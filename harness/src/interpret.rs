@@ -129,7 +129,7 @@ impl Interpreted {
     pub(crate) fn cause(&self, bound: &Bound) -> Option<(Span, String)> {
         let Bound::Float(interval) = bound else { return None };
         let range = self.lowered.cause(*interval)?.span.to_range()?;
-        let text = self.program.text().get(range.clone())?.to_owned();
+        let text = whole_call(self.program.text(), range.clone())?.to_owned();
         Some((self.program.resolve(range)?, text))
     }
 
@@ -212,6 +212,21 @@ pub(crate) fn run_entry_point(
         bytemuck::pod_collect_to_vec(bytes)
     };
     Ok(written.map(words).collect())
+}
+
+/// The text of an expression. Of a call of a built-in function naga keeps the place of its name alone.
+fn whole_call(text: &str, range: ops::Range<usize>) -> Option<&str> {
+    let rest = text.get(range.end..)?;
+    let mut depth = 0;
+    let mut brackets = rest.char_indices().filter(|(_, c)| "()".contains(*c));
+    let length = rest.trim_start().starts_with('(').then(|| {
+        brackets.find(|(_, bracket)| {
+            depth += if *bracket == '(' { 1 } else { -1 };
+            depth == 0
+        })
+    });
+    let end = length.flatten().map_or(range.end, |(at, _)| range.end + at + 1);
+    text.get(range.start..end)
 }
 
 /// What the engine doesn't execute, with its place in the author's file.

@@ -123,7 +123,7 @@ fn who_is_wrong_is_told() {
     // The reference has what the shader loses: 1 - (1 - x) of a small x.
     let cancels = "fn f(x: f32) -> f32 { let y = 1.0 - x * 1e-4; return (1.0 - y) * 90000.0 * x; }";
     let ill = census(check(cancels, |x| 9.0 * x * x, Spec));
-    assert!(ill.ill_conditioned > 3000 && ill.driver == 0, "{ill:?}");
+    assert!(ill.ill_conditioned > 1000 && ill.driver == 0, "{ill:?}");
 
     let unbounded = "fn f(x: f32) -> f32 { return 9.0 * x * x + 0.0 * sin(40.0 + x); }";
     let unbounded = census(check(unbounded, |x| 9.0 * x * x, Spec));
@@ -141,7 +141,7 @@ fn where_wgsl_allows_too_much_another_tolerance_holds() {
     let wrong = check_on(&Driver { factor: 1.1 }, SQUARE, |x| 9.0 * x * x, Spec.or(Abs(100.0)));
     assert!(self::census(wrong).driver > 3000);
     // Who needs two digits has them.
-    let coarse = "fn f(x: f32) -> f32 { return 9.0 * x * x + 0.0 * x * sin(x); }";
+    let coarse = "fn f(x: f32) -> f32 { let y = 3.0 * x; return y * y + 0.0 * x * sin(x); }";
     check(coarse, |x| 9.0 * x * x, Spec.needing(Rel(0.5))).expect("it is that close");
 }
 
@@ -166,6 +166,6 @@ fn the_first_binding_that_leaves_what_is_allowed_is_blamed() {
     let text = disagreement(result).to_string();
     assert!(text.contains("the reference isn't what this code computes"), "{text}");
     let unbounded = "fn f(x: f32) -> f32 { return 8.0 * x * x + 0.0 * pow(x - 1.0, 5.0); }";
-    let text = disagreement(check(unbounded, |x| 9.0 * x * x, Rel(1e-4))).to_string();
+    let text = disagreement(check(unbounded, |x| 9.1 * x * x, Rel(1e-4))).to_string();
     assert!(text.contains("allows anything: it doesn't bound `pow(x - 1.0, 5.0)`"), "{text}");
 }
