@@ -174,6 +174,18 @@ impl Bound {
         }
     }
 
+    /// Whether WGSL allows a result. An implementation may reassociate sums and products, which bounds
+    /// don't follow: what that moves is 2 ulp at most of what isn't exact, but for sums that cancel.
+    /// Below the least normal number each operation may be flushed.
+    pub(crate) fn allows(&self, value: f64) -> bool {
+        let Some((least, most)) = self.ends() else { return true };
+        let exact = least == most || !matches!(self, Self::Float(_));
+        let size = value.abs().min(f64::from(f32::MAX));
+        let margin = 2.0 * f64::from(f32::EPSILON) * size + f64::from(f32::MIN_POSITIVE);
+        let margin = if exact { 0.0 } else { margin };
+        least - margin <= value && value <= most + margin
+    }
+
     /// The least and the largest; `None`: anything at all.
     pub(crate) fn ends(&self) -> Option<(f64, f64)> {
         match self {
@@ -280,3 +292,6 @@ fn texture(dimension: Dimension, levels: &[Level], layers: u32) -> Result<Engine
     EngineTexture::new(dimension, [first.width, first.height, layers], 1, texels)
         .map_err(|error| error.to_string())
 }
+
+#[cfg(test)]
+mod soundness;

@@ -8,6 +8,7 @@
 //! further, [`Stop`] says why, in naga's or the tool's own words. Nothing is assumed: without a
 //! validator nothing is valid, and without a driver nothing is executed.
 
+mod allowed;
 mod column;
 mod compute;
 mod divergence;
@@ -28,6 +29,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
+pub use allowed::Allowed;
 pub use column::Column;
 pub use divergence::{Divergence, Intermediate};
 pub use judge::{Outcome, Said};
@@ -150,6 +152,8 @@ pub struct Cell {
     pub worst_ulp: Option<u64>,
     /// Where the results differ, the simplest input and the first value that differs.
     pub divergence: Option<Divergence>,
+    /// Whether the results are what WGSL allows, where Karat's engine knows that.
+    pub allowed: Option<Allowed>,
     /// What the function's own tests found on this path; see [`Matrix::judge_by`].
     pub reference: Option<Reference>,
     /// What is declared not to work.

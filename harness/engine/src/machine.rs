@@ -41,8 +41,11 @@ pub(crate) struct Machine<'p, A: Rules> {
     fuel: Vec<u64>,
     /// Rounds for which each lane's exit has been undecided.
     undecided: Vec<u64>,
-    /// The loop in which a lane's exit stayed undecided, as its site.
+    /// Where a lane's results became anything, as a site: a loop whose exit stayed undecided, or an index
+    /// that left its array.
     lost: Vec<Option<u32>>,
+    /// The site of the operation that runs.
+    site: u32,
     width: usize,
 }
 
@@ -60,6 +63,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             fuel: vec![0; width],
             undecided: vec![0; width],
             lost: vec![None; width],
+            site: 0,
             width,
         };
         for &(register, constant) in &code.constants {
@@ -133,6 +137,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         loop {
             let instruction = &code.instructions[at];
             at += 1;
+            self.site = instruction.site;
             let start = instruction.at as usize;
             let registers = &code.pool[start..start + instruction.count as usize];
             match instruction.op {
@@ -354,7 +359,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// What lanes returned whose loop never decided to end is anything at all.
+    /// What lanes returned that are lost is anything at all.
     fn forget_lost(&mut self) {
         for lane in 0..self.width {
             let Some(site) = self.lost[lane] else { continue };

@@ -49,16 +49,15 @@ impl Session<'_> {
         };
         let actual = f64::from(f32::from_bits(failure.actual));
         let inside = |x: f64| least <= x && x <= most;
-        let said = match (inside(actual), inside(expected)) {
+        let allowed = bound.allows(actual);
+        let said = match (allowed, inside(expected)) {
             (true, true) => "; the tolerance asks for more",
             (true, false) => "; the reference isn't what this code computes",
             (false, true) => "; this path leaves it",
             (false, false) => "; neither result nor reference is in it",
         };
         lines.push(("WGSL", format!("allows {}{said}", interval(bound))));
-        if !inside(actual)
-            && let Some(blame) = self.blame(&witness, row, path)
-        {
+        if !allowed && let Some(blame) = self.blame(&witness, row, path) {
             lines.push(("blame", blame));
         }
         Ok(lines)
@@ -78,8 +77,7 @@ impl Session<'_> {
             let scalars = probed.function().result.lanes();
             let left = |((scalar, word), bound): ((&Scalar, &u32), &Bound)| {
                 let value = scalar.decode(*word);
-                let ends = bound.ends()?;
-                (!(ends.0 <= value && value <= ends.1)).then(|| (shown(*scalar, *word), *bound))
+                (!bound.allows(value)).then(|| (shown(*scalar, *word), *bound))
             };
             let found = scalars.iter().zip(&words).zip(&bounds).find_map(left);
             if let Some((value, bound)) = found {

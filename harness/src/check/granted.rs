@@ -72,7 +72,7 @@ impl Granted<'_> {
         if !(outside(reference, noise) <= 0.0) {
             return wrong(outside(reference, noise), Unit::Shader);
         }
-        if !(outside(value, 0.0) <= 0.0) {
+        if !bound.allows(value) {
             let distance = outside(value, 0.0);
             let distance = if distance.is_finite() { distance } else { f64::INFINITY };
             return wrong(distance, Unit::Driver);

@@ -1,11 +1,12 @@
 //! One row: executed on each column's path, and compared.
 
+use super::allowed::bounds;
 use super::compute::run_entry_point_on_each;
 use super::divergence::divergence;
 use super::excerpt::function_lines;
 use super::execute::{Comparison, Judge, Ran, Runs, not_run};
 use super::subject::{About, Ready};
-use super::{Cell, Request, Row, Status, Stop, inputs};
+use super::{Allowed, Cell, Request, Row, Status, Stop, inputs};
 use crate::fixture::Fixtures;
 use crate::path::Path;
 use crate::probe::{ProbeError, Probed};
@@ -66,6 +67,13 @@ fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
                 ran.push(Ran { column: index, runs, results });
             }
             Err(stop) => cell.stopped = Some(stop),
+        }
+    }
+    if let (Ok(fixtures), false) = (&fixtures, ran.is_empty())
+        && let Some(bounds) = bounds(probed, fixtures, request.cases, &rows)
+    {
+        for ran in &ran {
+            cells[ran.column].allowed = Some(Allowed::of(probed, &rows, &bounds, &ran.results));
         }
     }
     compare_all(request, probed, &rows, &ran, cells);

@@ -156,6 +156,7 @@ impl<A: Rules> Machine<'_, A> {
             };
             if clamped && A::possible(self.active()[lane]) {
                 first = first.or(Some(lane));
+                self.leave(lane);
             }
             let words = texture.texel(level, at, sample);
             for (channel, &out) in operands.outs.iter().enumerate() {

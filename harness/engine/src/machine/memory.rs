@@ -129,6 +129,7 @@ macro_rules! gathered {
             });
             if clamped && A::possible($self.active()[lane]) {
                 first = first.or(Some(lane));
+                $self.leave(lane);
             }
             if let Some(value) = value {
                 $self.$columns.get_mut($registers[0])[lane] = value;
@@ -153,6 +154,7 @@ macro_rules! scattered {
                 walk_lane::<A>($walk, indices, &$self.ints, lane, 0, |at| places.push(at as u32));
             if clamped {
                 first = first.or(Some(lane));
+                $self.leave(lane);
             }
             let mask = if places.len() > 1 { A::and(mask, A::undecided()) } else { mask };
             for at in places {
@@ -165,6 +167,14 @@ macro_rules! scattered {
 }
 
 impl<A: Rules> Machine<'_, A> {
+    /// In intervals, what comes of an index that leaves its array is anything: the specification lets
+    /// an implementation read any element, or zero, and write any.
+    pub(super) fn leave(&mut self, lane: usize) {
+        if A::UNDECIDED {
+            self.lost[lane] = self.lost[lane].or(Some(self.site));
+        }
+    }
+
     pub(super) fn gather(&mut self, file: File, walk: u32, registers: &[u32]) -> Option<usize> {
         let walk = &self.code.walks[walk as usize];
         let n = walk.steps.len();
@@ -247,6 +257,7 @@ impl<A: Rules> Machine<'_, A> {
             let (lo, hi, clamped) = self.chosen(index, signed, count, lane);
             if clamped {
                 first = first.or(Some(lane));
+                self.leave(lane);
             }
             macro_rules! picked {
                 ($columns:ident, $select:path) => {{
@@ -273,6 +284,7 @@ impl<A: Rules> Machine<'_, A> {
             let (lo, hi, clamped) = self.chosen(registers[1], *signed, table.len(), lane);
             if clamped {
                 first = first.or(Some(lane));
+                self.leave(lane);
             }
             let entries = &table[lo..=hi];
             match file {
@@ -323,6 +335,7 @@ impl<A: Rules> Machine<'_, A> {
             });
             if clamped && A::possible(self.active()[lane]) {
                 first = first.or(Some(lane));
+                self.leave(lane);
             }
             let join = A::undecided();
             match scalar {
@@ -384,6 +397,7 @@ impl<A: Rules> Machine<'_, A> {
             let mut at = 0;
             if walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to) {
                 first = first.or(Some(lane));
+                self.leave(lane);
             }
             match scalar {
                 Scalar::F32 => {

@@ -41,12 +41,12 @@ float_rules! {
         Negate[1, 1] {
             single: |[x]| [-x],
             double: |[x]| [-x],
-            interval: |[x]| [x.neg()],
+            interval: |[x]| [x.neg().flushed()],
         }
         Abs[1, 1] = Abs {
             single: |[x]| [x.abs()],
             double: |[x]| [x.abs()],
-            interval: |[x]| [absolute(x)],
+            interval: |[x]| [absolute(x).flushed()],
         }
         /// The other argument where one is NaN, as IEEE's minNum.
         Min[2, 1] = Min {

@@ -133,6 +133,18 @@ fn the_cause_of_what_is_unbounded_has_a_line() {
     assert_eq!(site.function, "f");
 }
 
+/// An index that leaves its array reads anything, whatever is clamped in `f32`.
+#[test]
+fn what_is_read_out_of_range_is_unbounded() {
+    let source = "fn f(x: f32) -> f32 { var a = array(1.0, 2.0, 3.0); return a[i32(x)]; }";
+    let found = intervals(source, &[1.0, 5.0, -2.0]);
+    assert_eq!((found[0].lo(), found[0].hi()), (2.0, 2.0));
+    assert!(!found[1].is_bounded() && !found[2].is_bounded());
+    let source = "fn f(x: f32) -> f32 { var a = array(1.0, 2.0); a[u32(x)] = 5.0; return a[0]; }";
+    let found = intervals(source, &[1.0, 2.0]);
+    assert!(found[0].is_bounded() && !found[1].is_bounded());
+}
+
 #[test]
 fn integers_and_booleans_have_bounds() {
     let source = "struct R { i: i32, b: bool, }

@@ -1,0 +1,243 @@
+//! What drivers return for each built-in function is what the engine says that WGSL allows: 2^18 inputs
+//! each, and the engine's own `f32` and `f64`.
+
+use super::{Bound, Interpreted};
+use crate::domain::Source;
+use crate::executor::{self, Executor};
+use crate::package::Package;
+use crate::path::{self, Path};
+use crate::probe::{Call, Probed};
+
+const CASES: usize = 1 << 18;
+
+/// Edges of floats, of the unit interval and of what single built-in functions are defined on.
+const EDGES: [f32; 24] = [
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    0.5,
+    2.0,
+    -2.0,
+    1.5,
+    f32::MIN_POSITIVE,
+    -f32::MIN_POSITIVE,
+    1e-40,
+    -1e-40,
+    1e-45,
+    f32::MAX,
+    f32::MIN,
+    0.999_999_94,
+    1.000_000_1,
+    -0.999_999_94,
+    std::f32::consts::PI,
+    std::f32::consts::FRAC_PI_2,
+    -std::f32::consts::PI,
+    16_777_216.0,
+    -16_777_215.0,
+    65_504.0,
+];
+
+/// Edges meet each other edge, then numbers of the unit interval, of moderate size and of any size.
+fn rows(width: usize) -> Vec<u32> {
+    let mut rows = Vec::with_capacity(CASES * width);
+    for case in 0..CASES {
+        let mut source = Source::new(0x5eed, case as u64);
+        let mut left = case;
+        for _ in 0..width {
+            let edge = left % EDGES.len();
+            left /= EDGES.len();
+            let value = match case {
+                0..20_000 => EDGES[edge],
+                _ if source.below(16) == 0 => EDGES[source.below(EDGES.len() as u64) as usize],
+                _ => match source.below(4) {
+                    0 => source.unit() as f32,
+                    1 => (8.0 * source.unit() - 4.0) as f32,
+                    2 => (2000.0 * source.unit() - 1000.0) as f32,
+                    _ => {
+                        let any = f32::from_bits(source.bits());
+                        if any.is_finite() { any } else { 0.25 }
+                    }
+                },
+            };
+            rows.push(value.to_bits());
+        }
+    }
+    rows
+}
+
+/// Each with its arguments and how many of its cases WGSL bounds at least, in per cent.
+const SCALARS: [(&str, usize, usize); 44] = [
+    ("a + b", 2, 60),
+    ("a - b", 2, 60),
+    ("a * b", 2, 60),
+    ("a / b", 2, 50),
+    ("a % b", 2, 40),
+    ("-a", 1, 99),
+    ("abs(a)", 1, 99),
+    ("sign(a)", 1, 99),
+    ("floor(a)", 1, 99),
+    ("ceil(a)", 1, 99),
+    ("round(a)", 1, 99),
+    ("trunc(a)", 1, 99),
+    ("fract(a)", 1, 80),
+    ("min(a, b)", 2, 99),
+    ("max(a, b)", 2, 99),
+    ("clamp(a, -1.0, 2.5)", 1, 99),
+    ("saturate(a)", 1, 99),
+    ("sqrt(a)", 1, 50),
+    ("inverseSqrt(a)", 1, 50),
+    ("exp(a)", 1, 50),
+    ("exp2(a)", 1, 50),
+    ("log(a)", 1, 50),
+    ("log2(a)", 1, 50),
+    ("pow(a, b)", 2, 20),
+    ("sin(a)", 1, 40),
+    ("cos(a)", 1, 40),
+    ("tan(a)", 1, 40),
+    ("asin(a)", 1, 30),
+    ("acos(a)", 1, 30),
+    ("atan(a)", 1, 90),
+    ("atan2(a, b)", 2, 50),
+    ("sinh(a)", 1, 40),
+    ("cosh(a)", 1, 40),
+    ("tanh(a)", 1, 40),
+    ("asinh(a)", 1, 30),
+    ("acosh(a)", 1, 10),
+    ("atanh(a)", 1, 20),
+    ("fma(a, b, c)", 3, 40),
+    ("mix(a, b, c)", 3, 30),
+    ("step(a, b)", 2, 99),
+    ("smoothstep(a, b, c)", 3, 30),
+    ("degrees(a)", 1, 80),
+    ("radians(a)", 1, 99),
+    ("select(a, b, a < b)", 2, 99),
+];
+
+/// Of several components; each is one number of the result.
+const VECTORS: [(&str, usize, usize); 11] = [
+    ("length(vec3f(a, b, c))", 3, 20),
+    ("distance(vec2f(a, b), vec2f(c, 1.0))", 3, 20),
+    ("dot(vec3f(a, b, c), vec3f(b, c, a))", 3, 20),
+    ("cross(vec3f(a, b, c), vec3f(b, c, a)).y", 3, 20),
+    ("normalize(vec3f(a, b, c)).y", 3, 20),
+    ("reflect(vec2f(a, b), vec2f(c, 1.0)).x", 3, 20),
+    ("refract(normalize(vec2f(a, b)), vec2f(0.0, 1.0), 0.7).x", 2, 10),
+    ("faceForward(vec2f(a, b), vec2f(c, 1.0), vec2f(0.0, 1.0)).x", 3, 50),
+    ("(mat2x2f(a, b, c, 1.0) * vec2f(c, a)).x", 3, 20),
+    ("f32(i32(a)) + f32(u32(abs(b)))", 2, 90),
+    ("f32(bitcast<u32>(a) >> 9u)", 1, 90),
+];
+
+/// What Mesa's drivers return outside of the bounds, and why. It must be so.
+const KNOWN: [(&str, &str, &str); 6] = [
+    (
+        "gl",
+        "asin(a)",
+        "its polynomial is off by 1.3e-4, where 6.77e-5 or atan2's 4096 ulp are allowed",
+    ),
+    ("vulkan", "mat2x2f", "a c + c a is computed as c (a + a), which overflows"),
+    ("gl", "mat2x2f", "as on vulkan"),
+    ("gl", "dot(vec3f", "c is factored out of b c + c a, which cancels elsewhere"),
+    ("gl", "refract(", "a subnormal is multiplied before it is divided, which rounds it"),
+    ("gl", "f32(i32(a))", "naga's GLSL converts floats out of range as they are"),
+];
+
+/// What is outside of the bounds, of so many bounded cases.
+fn outside(bounds: &[Bound], values: &[f64], slack: f64) -> (usize, Vec<usize>) {
+    let mut bounded = 0;
+    let mut wrong = Vec::new();
+    for (case, (bound, value)) in bounds.iter().zip(values).enumerate() {
+        let Some((least, most)) = bound.ends() else { continue };
+        bounded += 1;
+        // Double precision isn't rounded to the ends of intervals, which are `f32`.
+        let slack = slack * value.abs();
+        if !(bound.allows(*value) || (least - slack <= *value && *value <= most + slack)) {
+            wrong.push(case);
+        }
+    }
+    (bounded, wrong)
+}
+
+/// What isn't sound of a built-in function: who returns what outside of its bounds.
+fn unsound(executors: &[&dyn Executor], (text, width, share): (&str, usize, usize)) -> Vec<String> {
+    let parameters = ["a: f32", "b: f32", "c: f32"][..width].join(", ");
+    let text = format!("fn f({parameters}) -> f32 {{ return {text}; }}");
+    let package = Package::from_source("soundness", text.as_str());
+    let probed = Probed::new(&package, "f").expect("it is valid");
+    let fixtures = Vec::new();
+    let engine = Interpreted::new(&probed, &fixtures).expect("the engine executes it");
+    let rows = rows(width);
+    let bounds = engine.bounds(CASES, &rows).expect("it runs");
+    let shown = |case: usize| {
+        let row = &rows[case * width..][..width];
+        let row: Vec<f32> = row.iter().map(|word| f32::from_bits(*word)).collect();
+        format!("{row:?}, allowed {:?}", bounds[case].ends())
+    };
+    let mut found = Vec::new();
+    let judge = |found: &mut Vec<String>, who: &str, values: &[f64], slack: f64| {
+        let (bounded, wrong) = outside(&bounds, values, slack);
+        assert!(bounded * 100 >= CASES * share, "{text}: only {bounded} of {CASES} are bounded");
+        if let Some(case) = wrong.first() {
+            let (count, value) = (wrong.len(), values[*case]);
+            found.push(format!("{text} on {who}: {count} outside: {value} of {}", shown(*case)));
+        }
+    };
+    for executor in executors {
+        let call = Call { probed: &probed, fixtures: &fixtures, cases: CASES };
+        let prepared = executor.prepare(&call).expect("it runs");
+        let mut values = Vec::with_capacity(CASES);
+        let most = prepared.capacity();
+        for first in (0..CASES).step_by(most) {
+            let cases = most.min(CASES - first);
+            let started = prepared.start(cases, &rows[first * width..][..cases * width]);
+            started.expect("it starts")(&mut |words, stride| {
+                let results = words.chunks_exact(stride);
+                values.extend(results.map(|words| f64::from(f32::from_bits(words[0]))));
+            })
+            .expect("it ends");
+        }
+        assert_eq!(values.len(), CASES);
+        let before = found.len();
+        judge(&mut found, executor.path().name(), &values, 0.0);
+        let known = |(path, part, _): &&(&str, &str, &str)| {
+            executor.adapter().is_llvmpipe()
+                && *path == executor.path().name()
+                && text.contains(part)
+        };
+        if let Some((path, part, why)) = KNOWN.iter().find(known) {
+            assert!(found.len() > before, "`{part}` on {path} is mended: {why}");
+            found.truncate(before);
+        }
+    }
+    // What jumps may do so elsewhere in double precision, and what overflows there isn't bounded.
+    let jumps =
+        ["%", "floor", "ceil", "round", "trunc", "fract", "step(", "i32", "bitcast", "select", "<"];
+    if !jumps.iter().any(|jump| text.contains(jump)) {
+        let values = engine.shadow(CASES, &rows).expect("it runs");
+        judge(&mut found, "the shadow", &values, f64::from(f32::EPSILON));
+    }
+    found
+}
+
+/// The drivers that are here, and the engine itself.
+fn executors() -> Vec<&'static dyn Executor> {
+    let second: Path = "vulkan@swiftshader".parse().expect("a path");
+    let all = Path::ALL.into_iter().chain([second]);
+    let here = all.filter(|path| path::adapter(*path).is_ok());
+    here.chain([Path::CPU]).map(|path| executor::of(path).expect("it opens")).collect()
+}
+
+#[test]
+fn results_of_scalar_built_in_functions_are_allowed() {
+    let executors = executors();
+    let found: Vec<String> = SCALARS.into_iter().flat_map(|one| unsound(&executors, one)).collect();
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+#[test]
+fn results_of_vector_built_in_functions_are_allowed() {
+    let executors = executors();
+    let found: Vec<String> = VECTORS.into_iter().flat_map(|one| unsound(&executors, one)).collect();
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
