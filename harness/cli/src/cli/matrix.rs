@@ -302,6 +302,16 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
     for (why, rows) in matrix.reasons() {
         writeln!(out, "\n{why}\n{DIM}  {}{DIM:#}", few(rows.into_iter()))?;
     }
+    for row in &matrix.rows {
+        for (column, allowed) in row.columns_outside() {
+            let (head, name) = (&matrix.columns[column].name, &row.name);
+            let (outside, first) = (allowed.outside, allowed.first.as_deref().unwrap_or_default());
+            writeln!(
+                out,
+                "\n{head}: {outside} results aren't what WGSL allows: {first}\n{DIM}  {name}{DIM:#}"
+            )?;
+        }
+    }
     if !matrix.undecided.is_empty() {
         let mut columns: Vec<&str> = matrix.undecided.iter().map(|k| k.column.as_str()).collect();
         columns.dedup();

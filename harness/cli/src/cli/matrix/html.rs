@@ -125,5 +125,6 @@ fn cell(cell: &Cell, texts: &mut Texts) -> Value {
         "known": cell.fails_as_declared().map(|known| &known.reason),
         "reference": reference,
         "divergence": cell.divergence,
+        "allowed": cell.allowed,
     })
 }

@@ -170,6 +170,11 @@ function factsOf(entry, judged, column, go) {
     const worst = Number.isFinite(cell.worst_ulp) ? ` The largest distance is ${many(cell.worst_ulp, "step", "steps")} of an f32 (ulp).` : "";
     facts.append(section("Results", element("p", {}, `${many(cell.compared, "case is", "cases are")} compared, and ${cell.differing ? `${cell.differing.toLocaleString("en")} of them ${cell.differing === 1 ? "differs" : "differ"} by more than the tolerance` : "none differs by more than the tolerance"}.${worst}`)));
   }
+  if (cell.allowed) {
+    const { bounded, outside, first } = cell.allowed;
+    const all = `WGSL bounds the results of ${many(bounded, "case", "cases")}.`;
+    facts.append(section("What WGSL allows", element("p", {}, outside ? `✗ ${all} ${many(outside, "is", "are")} outside: ${plain(first)}.` : `✓ ${all} None is outside.`)));
+  }
   if (cell.reference) {
     const { passed, checks, worst } = cell.reference;
     const share = Number.isFinite(worst) ? ` The worst error is ${Number(worst.toPrecision(3))} times the tolerance.` : "";
