@@ -17,6 +17,8 @@ mod equivariance;
 mod explanation;
 mod flush;
 mod granted;
+#[cfg(feature = "engine")]
+mod hazards;
 mod inputs;
 mod integral;
 mod invariance;
@@ -42,6 +44,8 @@ mod vacuous;
 mod verdict;
 
 use demand::Demand;
+#[cfg(feature = "engine")]
+pub(crate) use disagreement::arguments;
 pub use disagreement::{
     CaseFailure, Disagreement, IntegralFailure, NodeFailure, PathDisagreement, Simplest,
 };

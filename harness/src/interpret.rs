@@ -3,12 +3,14 @@
 //! This is what stands between the two: the engine knows naga's IR and words, and a check knows
 //! functions, fixtures and the author's files.
 
+pub(crate) mod hazards;
+
 use std::borrow::Cow;
 use std::ops;
 use std::sync::Arc;
 
 use karat_engine::{
-    Arithmetic, Dimension, F32, F64, Filter, Interval, Intervals, Lane, LaneOf, Options,
+    Arithmetic, Dimension, F32, F64, Filter, Interval, Intervals, Lane, LaneOf, Observer, Options,
     Program as Lowered, Range, Refusal, Resources, Results, Sampler as EngineSampler, Settings,
     Stop, Texels, Texture as EngineTexture, Truth,
 };
@@ -84,6 +86,13 @@ impl Interpreted {
         })
     }
 
+    /// An expression in the author's file, and its text there.
+    fn author(&self, range: ops::Range<usize>) -> Option<(Span, String)> {
+        let span = self.program.resolve(range)?;
+        let text = whole_call(&span.file.text, span.range.clone())?.to_owned();
+        Some((span, text))
+    }
+
     /// Where the function is declared.
     pub(crate) fn place(&self) -> &Span {
         &self.declared
@@ -128,9 +137,7 @@ impl Interpreted {
     /// What made a bound infinite: the operation in the author's file, and its text.
     pub(crate) fn cause(&self, bound: &Bound) -> Option<(Span, String)> {
         let Bound::Float(interval) = bound else { return None };
-        let range = self.lowered.cause(*interval)?.span.to_range()?;
-        let text = whole_call(self.program.text(), range.clone())?.to_owned();
-        Some((self.program.resolve(range)?, text))
+        self.author(self.lowered.cause(*interval)?.span.to_range()?)
     }
 
     fn call<A: Arithmetic>(
@@ -147,12 +154,22 @@ impl Interpreted {
         arguments: &[u32],
         options: &Options,
     ) -> Result<Results<A>, ProbeError> {
+        self.observed(cases, arguments, options, &())
+    }
+
+    fn observed<A: Arithmetic>(
+        &self,
+        cases: usize,
+        arguments: &[u32],
+        options: &Options,
+        observer: &impl Observer<A>,
+    ) -> Result<Results<A>, ProbeError> {
         // Cases carry 16-bit floats as 32-bit ones; the engine takes their own bits.
         let mut rows = Cow::Borrowed(arguments);
         let half = |word: &u32| u32::from(half::f16::from_f32(f32::from_bits(*word)).to_bits());
         each_half(&self.arguments, || rows.to_mut(), half);
         self.lowered
-            .call::<A>(cases, &rows, &self.resources, options, &())
+            .call::<A>(cases, &rows, &self.resources, options, observer)
             .map_err(|stop| stopped(&self.program, &self.name, &stop))
     }
 }

@@ -34,6 +34,8 @@ pub mod executor;
 pub mod fixture;
 pub mod frame;
 pub mod golden;
+#[cfg(feature = "engine")]
+pub mod hazards;
 pub mod image;
 #[cfg(feature = "engine")]
 mod interpret;

@@ -14,7 +14,6 @@ mod compute;
 mod divergence;
 mod excerpt;
 mod execute;
-mod inputs;
 mod judge;
 mod known;
 mod markdown;

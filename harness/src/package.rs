@@ -39,6 +39,8 @@ pub(crate) use linked::KERNEL_WORDS;
 pub(crate) use linked::Linked;
 #[cfg(feature = "routes")]
 pub(crate) use manifest::KnownRows;
+#[cfg(feature = "engine")]
+pub(crate) use manifest::{AcceptedHazard, Hazards as DeclaredHazards};
 
 use cargo::Found;
 use library::ModulePath;
@@ -294,6 +296,12 @@ impl Package {
             Origin::Crate { .. } => return self.found().map(drop),
         };
         if there { Ok(()) } else { Err(PackageError::Missing(shown(&self.root()))) }
+    }
+
+    /// What `karat.toml` declares of hazards.
+    #[cfg(feature = "engine")]
+    pub(crate) fn declared_hazards(&self) -> Result<DeclaredHazards, PackageError> {
+        Ok(manifest::Manifest::of(self)?.hazards())
     }
 
     /// What `karat.toml` declares of the matrix of translations.

@@ -13,6 +13,7 @@ mod dispatcher;
 mod inputs;
 mod kernel;
 mod lets;
+pub(crate) mod made_up;
 mod poison;
 mod prepared;
 mod rounds;

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// The modules of the library from the bottom up: a module uses only those before it.
-const ORDER: [&str; 23] = [
+const ORDER: [&str; 24] = [
     "output",
     "diagnostic",
     "settings",
@@ -32,6 +32,7 @@ const ORDER: [&str; 23] = [
     "run",
     "check",
     "frame",
+    "hazards",
     "matrix",
 ];
 

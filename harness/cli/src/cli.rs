@@ -12,6 +12,7 @@ mod child;
 mod diff;
 mod doctor;
 mod goldens;
+mod hazards;
 mod heatmap;
 mod list;
 mod loader;
@@ -133,13 +134,27 @@ enum Command {
     /// Translate every function and entry point, validate, run and compare what naga makes of them
     #[command(after_help = "Examples:\n  karat matrix\n  karat matrix --crate bevy_pbr@0.20.1\n  \
                             karat matrix --columns vulkan,vulkan:hlsl,msl --only fresnel\n  \
-                            karat matrix --require vulkan:hlsl=executed,msl=translated\n\
+                            karat matrix --require vulkan:hlsl=executed,vulkan:glsl=agrees\n\
                             A row is `translated` by naga, `valid` for all validators that are here, \
                             `executed` on inputs drawn\nfrom its signature, and `agrees` with another \
                             column. Without a validator nothing is valid.\n\
-                            Exit codes: 0 what --require names is reached; 1 it isn't; 2 a function \
-                            can't be read.")]
+                            Exit codes: 0 nothing is wrong but what karat.toml declares, and what \
+                            --require names is reached;\n1 something is, or it isn't; 2 a function \
+                            can't be read, or nothing was judged.")]
     Matrix(matrix::Args),
+    /// Find what can go wrong inside of functions, without a test: NaN, infinities, lost digits
+    #[command(
+        after_help = "Examples:\n  karat hazards\n  karat hazards --package my/shaders --all\n  \
+                            karat hazards --only fresnel --input roughness=0.05..1\n\
+                            Karat's own engine runs each function in f32, in f64 and in intervals; no \
+                            driver is needed.\nArguments come from their types and names: `n` is a unit \
+                            vector, `n_dot_l` and `roughness` are from 0 to 1.\n`[inputs]` in karat.toml \
+                            declares others: roughness = [0.05, 1]. `[[hazard]]` accepts what is meant: \
+                            functions, text\n(the operation) and reason.\n\
+                            Exit codes: 0 there is none; 1 there are some; 2 nothing could be looked \
+                            at, or a declaration isn't true."
+    )]
+    Hazards(hazards::Args),
     /// Call a function and print its value on every path
     #[command(after_help = "Examples:\n  karat call fresnel::schlick 0.04,0.04,0.04 0.3\n  \
                             karat call layering::thin_coat --path vulkan -- -1,0,0 1,1,1 0.5\n  \
@@ -295,6 +310,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
         Command::Show(args) => show::run(&args, out),
         Command::Translate(args) => translate::run(&args, out),
         Command::Matrix(args) => matrix::run(&args, out),
+        Command::Hazards(args) => hazards::run(&args, out),
         Command::Call(args) => call::run(&args, out),
         Command::Doctor(args) => doctor::run(&args, out),
         Command::Pending(args) => goldens::pending(&args, out),

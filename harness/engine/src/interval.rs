@@ -188,7 +188,16 @@ impl Interval {
         }
         let quotients = [a / c, a / d, b / c, b / d];
         let (lo, hi) = (least(&quotients), greatest(&quotients));
-        Self::outwards(lo - 2.5 * ulp(lo), hi + 2.5 * ulp(hi))
+        // No implementation gives a quotient the wrong sign, though 2.5 ulp of 0 would allow it: then
+        // `sqrt(0 / x)` had no bound.
+        let (below, above) = (lo - 2.5 * ulp(lo), hi + 2.5 * ulp(hi));
+        let (below, above) = match (lo >= 0.0, hi <= 0.0) {
+            (true, true) => (lo, hi),
+            (true, false) => (below.max(0.0), above),
+            (false, true) => (below, above.min(0.0)),
+            (false, false) => (below, above),
+        };
+        Self::outwards(below, above)
     }
 
     /// Exact: either argument, as they are ordered.

@@ -145,8 +145,9 @@ impl<'p, A: Rules> Machine<'p, A> {
                     rule.run::<A>(&mut self.floats, registers);
                     self.after_floats(instruction, registers, rule.arity());
                     if O::ACTIVE {
-                        let outs = &registers[..rule.arity().1];
-                        self.show(observer, instruction, case, outs);
+                        let (ins, outs) = rule.arity();
+                        let (outs, operands) = registers.split_at(outs);
+                        self.show(observer, instruction, case, (outs, &operands[..ins]));
                     }
                 }
                 Op::Integer(rule) => rule.run::<A>(&mut self.ints, registers),
@@ -155,14 +156,14 @@ impl<'p, A: Rules> Machine<'p, A> {
                     rule.run::<A>(&mut self.floats, &self.ints, registers);
                     self.after_floats(instruction, &registers[..rule.arity()], (0, rule.arity()));
                     if O::ACTIVE {
-                        self.show(observer, instruction, case, &registers[..rule.arity()]);
+                        self.show(observer, instruction, case, (&registers[..rule.arity()], &[]));
                     }
                 }
                 Op::Scale(rule) => {
                     rule.run::<A>(&mut self.floats, &self.ints, registers);
                     self.after_floats(instruction, &registers[..2], (1, 1));
                     if O::ACTIVE {
-                        self.show(observer, instruction, case, &registers[..1]);
+                        self.show(observer, instruction, case, (&registers[..1], &[]));
                     }
                 }
                 Op::ToHalf => self.floats.map::<1, 1>(registers, |[x]| [A::to_half(x)]),
@@ -233,7 +234,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                     if floats > 0 {
                         self.after_floats(instruction, &registers[..floats + from], (from, floats));
                         if O::ACTIVE {
-                            self.show(observer, instruction, case, &registers[..floats]);
+                            self.show(observer, instruction, case, (&registers[..floats], &[]));
                         }
                     }
                     self.report(observer, instruction, case, outs);
@@ -269,6 +270,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                             site: &code.sites[instruction.site as usize],
                             case,
                             floats: &float.collect::<Vec<_>>(),
+                            operands: &[],
                             ints: &int.map(|&r| self.ints.get(r)).collect::<Vec<_>>(),
                             bools: &bool.map(|&r| self.bools.get(r)).collect::<Vec<_>>(),
                             active: self.active(),
@@ -326,15 +328,19 @@ impl<'p, A: Rules> Machine<'p, A> {
         observer: &O,
         instruction: &Instruction,
         case: usize,
-        outs: &[u32],
+        (outs, operands): (&[u32], &[u32]),
     ) where
         A: crate::arithmetic::Arithmetic,
     {
-        let floats: Vec<&[A::Float]> = outs.iter().map(|&out| self.floats.get(out)).collect();
+        let columns = |registers: &[u32]| -> Vec<&[A::Float]> {
+            registers.iter().map(|&register| self.floats.get(register)).collect()
+        };
+        let (floats, operands) = (columns(outs), columns(operands));
         observer.floats(&Lanes {
             site: self.site(instruction),
             case,
             floats: &floats,
+            operands: &operands,
             ints: &[],
             bools: &[],
             active: self.active(),

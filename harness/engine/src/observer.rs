@@ -12,6 +12,8 @@ pub struct Lanes<'a, A: Arithmetic> {
     pub case: usize,
     /// Its floats: a slice of lanes for each.
     pub floats: &'a [&'a [A::Float]],
+    /// The floats that an operation computed them from; none for let-bindings, texels and conversions.
+    pub operands: &'a [&'a [A::Float]],
     /// Its integers.
     pub ints: &'a [&'a [A::Int]],
     /// Its booleans.

@@ -268,9 +268,7 @@ impl CaseFailure {
                     hexfloat(nearest)
                 )?;
                 writeln!(f, "    {:>width$} = {}", "error", self.error)?;
-                self.explanation
-                    .iter()
-                    .try_for_each(|(name, text)| writeln!(f, "    {name:>width$} = {text}"))
+                self.write_explanation(f, width)
             }
             (Some(expected), false) => {
                 let actual = crate::value::format_lane(self.scalar, self.actual);
@@ -281,8 +279,14 @@ impl CaseFailure {
                 };
                 writeln!(f, "    {:>width$} = {expected}", "expected")
             }
-            (None, _) => Ok(()),
+            (None, _) => self.write_explanation(f, width),
         }
+    }
+
+    fn write_explanation(&self, f: &mut fmt::Formatter<'_>, width: usize) -> fmt::Result {
+        self.explanation
+            .iter()
+            .try_for_each(|(name, text)| writeln!(f, "    {name:>width$} = {text}"))
     }
 }
 
@@ -332,7 +336,7 @@ fn decimal(value: f64) -> String {
 }
 
 /// Splits the words of all arguments by the function's parameters.
-pub(super) fn arguments(function: &Function, mut words: &[u32]) -> Vec<(String, String)> {
+pub(crate) fn arguments(function: &Function, mut words: &[u32]) -> Vec<(String, String)> {
     let mut arguments = Vec::new();
     for (name, shape) in &function.parameters {
         let (own, others) = words.split_at(shape.lanes().len());

@@ -12,6 +12,11 @@ impl Session<'_> {
     /// Adds to a failing case what WGSL allows for its arguments. A function that the engine doesn't
     /// execute gets nothing.
     pub(super) fn explain(&self, failure: &mut CaseFailure, row: &[u32], path: Path) {
+        #[cfg(feature = "engine")]
+        if self.asserted.check == "has_no_hazards" {
+            failure.explanation = self.hazards_of(row);
+            return;
+        }
         // Other verbs expect something of several calls, or of other arguments.
         if self.asserted.check != "agrees_with" {
             return;

@@ -2,11 +2,11 @@
 
 use serde::Serialize;
 
+use super::Request;
 use super::excerpt::definition_line;
 use super::execute::{Judge, Ran, Runs, shown};
 use super::reduce::Pair;
-use super::{Request, inputs};
-use crate::probe::{Let, Probed, lets};
+use crate::probe::{Let, Probed, lets, made_up};
 use crate::value::Scalar;
 
 /// Two columns that differ.
@@ -137,7 +137,7 @@ fn differing(
     text: Option<(&str, (usize, usize))>,
 ) -> Result<Option<Intermediate>, Unseen> {
     let probed = one.probed.as_ref().ok_or(Unseen)?;
-    let fixtures = inputs::fixtures(probed).map_err(|_| Unseen)?;
+    let fixtures = made_up::fixtures(probed).map_err(|_| Unseen)?;
     let value = |runs: &Runs<'_>| {
         let runs = Runs::new(runs.path(), probed, &fixtures, 1).map_err(|_| Unseen)?;
         runs.results(row, 1).map_err(|_| Unseen)

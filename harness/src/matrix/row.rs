@@ -6,10 +6,10 @@ use super::divergence::divergence;
 use super::excerpt::function_lines;
 use super::execute::{Comparison, Judge, Ran, Runs, not_run};
 use super::subject::{About, Ready};
-use super::{Allowed, Cell, Request, Row, Status, Stop, inputs};
+use super::{Allowed, Cell, Request, Row, Status, Stop};
 use crate::fixture::Fixtures;
 use crate::path::Path;
-use crate::probe::{ProbeError, Probed};
+use crate::probe::{ProbeError, Probed, made_up};
 
 /// Runs a row on the columns whose cells got so far, and compares the results.
 pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row {
@@ -25,8 +25,8 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
             let data = match program.compute_entry_point(name) {
                 Some((bindings, size)) => {
                     let workgroups =
-                        inputs::INVOCATIONS.div_ceil(size.iter().product::<u32>().max(1));
-                    inputs::data(program, &bindings).map(|data| (data, workgroups))
+                        made_up::INVOCATIONS.div_ceil(size.iter().product::<u32>().max(1));
+                    made_up::data(program, &bindings).map(|data| (data, workgroups))
                 }
                 None => {
                     let stage = &ready.row.kind;
@@ -44,8 +44,8 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
 }
 
 fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
-    let rows = inputs::rows(probed, request.cases);
-    let fixtures = inputs::fixtures(probed);
+    let rows = made_up::rows(probed, request.cases);
+    let fixtures = made_up::fixtures(probed);
     let mut ran: Vec<Ran<'_>> = Vec::new();
     // Where one driver says that a loop doesn't end, others would hang.
     let mut endless: Option<String> = None;

@@ -1,5 +1,5 @@
-//! `karat.toml` beside the modules of a folder: features, what expands modules, and what is known not
-//! to work in the matrix of translations.
+//! `karat.toml` beside the modules of a folder: features, what expands modules, what is known not to
+//! work in the matrix of translations, what arguments are and which hazards are accepted.
 
 use std::collections::{BTreeMap, HashMap};
 use std::io::Read;
@@ -20,7 +20,7 @@ use crate::settings;
 pub(super) const NAME: &str = "karat.toml";
 
 /// What it says.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Manifest {
     /// The file, if there is one.
     pub(super) read: Option<FileRead>,
@@ -31,6 +31,25 @@ pub(super) struct Manifest {
     preprocess: Vec<String>,
     /// What is declared not to work on a column of the matrix of translations.
     matrix: Vec<KnownRows>,
+    /// Ranges of arguments by name, and hazards that are accepted.
+    hazards: Hazards,
+}
+
+/// What is declared for the search for hazards.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Hazards {
+    pub(crate) inputs: BTreeMap<String, (f64, f64)>,
+    pub(crate) accepted: Vec<AcceptedHazard>,
+}
+
+/// Hazards that are accepted, as it is written.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct AcceptedHazard {
+    pub(crate) functions: Vec<String>,
+    /// The operation; none: all of them.
+    pub(crate) text: Option<String>,
+    pub(crate) reason: String,
 }
 
 /// Rows of the matrix of translations that are declared not to get to a status, as it is written.
@@ -61,6 +80,10 @@ struct Written {
     preprocess: Option<Vec<String>>,
     #[serde(default)]
     matrix: Vec<KnownRows>,
+    #[serde(default)]
+    inputs: BTreeMap<String, [f64; 2]>,
+    #[serde(default, rename = "hazard")]
+    hazards: Vec<AcceptedHazard>,
 }
 
 /// What a program may print of one module: far more than any has.
@@ -83,7 +106,7 @@ impl Manifest {
             Err(none) if none.kind() == std::io::ErrorKind::NotFound => return Ok(Self::default()),
             Err(other) => return Err(error(other.to_string())),
         };
-        let Written { features, preprocess, matrix } = toml::from_str(&text)
+        let Written { features, preprocess, matrix, inputs, hazards } = toml::from_str(&text)
             .map_err(|reason| error(reason.to_string().trim_end().to_owned()))?;
         let feature = |(name, value): (String, toml::Value)| match value {
             toml::Value::Boolean(on) => Ok((name, Feature::Flag(on))),
@@ -98,6 +121,14 @@ impl Manifest {
                 return Err(error(reason));
             }
         }
+        for accepted in &hazards {
+            if accepted.functions.is_empty() || accepted.reason.trim().is_empty() {
+                let reason = "a `[[hazard]]` names functions, and a reason why it is accepted";
+                return Err(error(reason.to_owned()));
+            }
+        }
+        let inputs = inputs.into_iter().map(|(name, [least, most])| (name, (least, most)));
+        let hazards = Hazards { inputs: inputs.collect(), accepted: hazards };
         // A file alone is a package whose rows have no module.
         let own = match &package.origin {
             Origin::File { path, .. } => path.file_stem().map(|stem| stem.to_string_lossy()),
@@ -113,7 +144,13 @@ impl Manifest {
             }
             command => {
                 let read = Some(FileRead::of(&file, text.as_bytes()));
-                Ok(Self { read, features, preprocess: command.unwrap_or_default(), matrix })
+                Ok(Self {
+                    read,
+                    features,
+                    preprocess: command.unwrap_or_default(),
+                    matrix,
+                    hazards,
+                })
             }
         }
     }
@@ -122,6 +159,12 @@ impl Manifest {
     #[cfg(feature = "routes")]
     pub(super) fn known_rows(self) -> Vec<KnownRows> {
         self.matrix
+    }
+
+    /// What is declared of hazards.
+    #[cfg(feature = "engine")]
+    pub(super) fn hazards(self) -> Hazards {
+        self.hazards
     }
 
     /// Whether modules are what a program prints.

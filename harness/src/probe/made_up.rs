@@ -2,8 +2,13 @@
 
 use crate::domain::Source;
 use crate::fixture::{CubeMap, Fixture, Fixtures, Sampler, Texture};
-use crate::probe::{Data, Probed};
-use crate::reflect::{Binding, BindingKind, Program};
+#[cfg(feature = "routes")]
+use crate::reflect::Program;
+use crate::reflect::{Binding, BindingKind};
+
+#[cfg(feature = "routes")]
+use super::Data;
+use super::Probed;
 use crate::value::{Scalar, Shape};
 
 /// What is special among floats, the simplest first. Larger numbers are arguments that nobody means,
@@ -14,7 +19,8 @@ const FLOATS: [f32; 6] = [0.0, 1.0, 0.5, -1.0, 0.25, 2.0];
 const MOST: u64 = 16;
 
 /// The arguments of cases, one row each: first what is special, then draws.
-pub(super) fn rows(probed: &Probed, cases: usize) -> Vec<u32> {
+#[cfg(feature = "routes")]
+pub(crate) fn rows(probed: &Probed, cases: usize) -> Vec<u32> {
     let shapes: Vec<&Shape> = probed.function().parameters.iter().map(|(_, s)| s).collect();
     let mut rows = Vec::new();
     for case in 0..cases as u64 {
@@ -33,6 +39,7 @@ pub(super) fn rows(probed: &Probed, cases: usize) -> Vec<u32> {
 /// The same rows for each function of one signature, on every machine.
 const SEED: u64 = 0x6d61_7472_6978; // "matrix"
 
+#[cfg(feature = "routes")]
 fn special(scalar: Scalar, index: usize) -> u32 {
     match scalar {
         Scalar::F32 | Scalar::F16 => FLOATS[index].to_bits(),
@@ -87,7 +94,7 @@ fn lane(scalar: Scalar, source: &mut Source) -> u32 {
 }
 
 /// Something for each resource that the function reads; or the one that there is nothing for.
-pub(super) fn fixtures(probed: &Probed) -> Result<Fixtures, String> {
+pub(crate) fn fixtures(probed: &Probed) -> Result<Fixtures, String> {
     let one = |binding: &Binding| {
         let fixture = fixture(probed, binding).ok_or_else(|| {
             format!("it reads `{}`, a {}, for which no data is made up", binding.path, binding.kind)
@@ -99,7 +106,8 @@ pub(super) fn fixtures(probed: &Probed) -> Result<Fixtures, String> {
 
 /// Data for each buffer of an entry point, the same on each column; or the resource that there is
 /// none for.
-pub(super) fn data(program: &Program, bindings: &[Binding]) -> Result<Vec<Data>, String> {
+#[cfg(feature = "routes")]
+pub(crate) fn data(program: &Program, bindings: &[Binding]) -> Result<Vec<Data>, String> {
     let one = |binding: &Binding| {
         let Binding { group, binding: number, kind, .. } = *binding;
         let mut source = Source::new(SEED, u64::from(group) << 32 | u64::from(number));
@@ -132,10 +140,12 @@ pub(super) fn data(program: &Program, bindings: &[Binding]) -> Result<Vec<Data>,
 }
 
 /// Invocations of an entry point, at least.
-pub(super) const INVOCATIONS: u32 = 64;
+#[cfg(feature = "routes")]
+pub(crate) const INVOCATIONS: u32 = 64;
 
 /// A buffer of an entry point, at most. Mesa's GL takes minutes to compile a shader whose arrays have a
 /// million elements.
+#[cfg(feature = "routes")]
 const MOST_BYTES: usize = 1 << 20;
 
 /// Texels along a side, and elements of an array whose length the shader doesn't say.

@@ -1,0 +1,124 @@
+//! `karat hazards`
+
+use std::io::Write;
+use std::ops::RangeInclusive;
+
+use anyhow::ensure;
+use indicatif::{ProgressBar, ProgressStyle};
+use karat::hazards::{Hazard, Hazards, Kind};
+
+use super::project::Project;
+use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
+use super::{Ending, Outcome, PackageArgs, write_json};
+
+/// Hazards that are shown: what a screen has.
+const SHOWN: usize = 8;
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// Only functions whose name contains this; may be repeated
+    #[arg(long, value_name = "NAME")]
+    only: Vec<String>,
+    /// What arguments of a name are: `roughness=0.05..1`; may be repeated
+    #[arg(long = "input", value_name = "NAME=LEAST..MOST", value_parser = input)]
+    inputs: Vec<(String, RangeInclusive<f64>)>,
+    /// Inputs of each function
+    #[arg(long, value_name = "COUNT", default_value_t = 1024,
+        value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    cases: u32,
+    /// Show all, and the functions that weren't looked at
+    #[arg(long)]
+    all: bool,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    package: PackageArgs,
+}
+
+/// `roughness=0.05..1`
+fn input(text: &str) -> Result<(String, RangeInclusive<f64>), String> {
+    let wrong = || "write NAME=LEAST..MOST, such as roughness=0.05..1".to_owned();
+    let (name, range) = text.split_once('=').ok_or_else(wrong)?;
+    let (least, most) = range.split_once("..").ok_or_else(wrong)?;
+    let number = |text: &str| text.trim().parse::<f64>().map_err(|_| wrong());
+    let (least, most) = (number(least)?, number(most.trim_start_matches('='))?);
+    if !(least <= most && least.is_finite() && most.is_finite()) {
+        return Err(format!("{least} to {most} is no range"));
+    }
+    Ok((name.trim().to_owned(), least..=most))
+}
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    let project = Project::find()?;
+    let packages = project.packages(&args.package)?;
+    ensure!(!packages.is_empty(), "`metadata.karat` lists no shader package");
+    let mut all = Vec::new();
+    for package in &packages {
+        // Drawn on a terminal alone.
+        let bar = ProgressBar::new(0).with_message(package.name());
+        bar.set_style(ProgressStyle::with_template("{msg}: {pos} of {len} functions {wide_bar}")?);
+        let request = package.hazards().only(args.only.iter().map(String::as_str));
+        let declare = |request: karat::hazards::Request, (name, range): &(String, _)| {
+            request.input(name, RangeInclusive::clone(range))
+        };
+        let request = args.inputs.iter().fold(request, declare).cases(args.cases as usize);
+        let found = request.run_with(&|done, of| {
+            bar.set_length(of as u64);
+            bar.set_position(done as u64);
+        });
+        bar.finish_and_clear();
+        all.push(found?);
+    }
+    match args.json {
+        true => write_json(&all, out)?,
+        false => all.iter().try_for_each(|hazards| write_text(hazards, args.all, out))?,
+    }
+    let good = all.iter().all(|hazards| hazards.found.is_empty());
+    Ok(if good { Ending::Good } else { Ending::Bad })
+}
+
+fn write_text(hazards: &Hazards, all: bool, out: &mut dyn Write) -> anyhow::Result<()> {
+    let Hazards { package, functions, skipped, found, accepted } = hazards;
+    let shown = if all { found.len() } else { SHOWN.min(found.len()) };
+    for hazard in &found[..shown] {
+        write_one(hazard, out)?;
+    }
+    if shown < found.len() {
+        writeln!(out, "{} more: --all shows them\n", found.len() - shown)?;
+    }
+    if all {
+        for (name, why) in skipped {
+            writeln!(out, "{DIM}not looked at: {name}: {why}{DIM:#}")?;
+        }
+    }
+    let style = if found.is_empty() { GOOD } else { BAD };
+    let counted = |count: usize, word: &str| match count {
+        1 => format!("1 {word}"),
+        count => format!("{count} {word}s"),
+    };
+    write!(out, "{style}{package}: {}{style:#}", counted(found.len(), "hazard"))?;
+    write!(out, " in {}", counted(*functions, "function"))?;
+    if *accepted > 0 {
+        write!(out, ", {accepted} accepted in karat.toml")?;
+    }
+    if !skipped.is_empty() {
+        write!(out, ", {} not looked at", counted(skipped.len(), "function"))?;
+    }
+    writeln!(out)?;
+    Ok(())
+}
+
+fn write_one(hazard: &Hazard, out: &mut dyn Write) -> anyhow::Result<()> {
+    let style = match hazard.kind {
+        Kind::Nan | Kind::OutOfRange | Kind::Infinite if !hazard.hidden => BAD,
+        _ => KNOWN,
+    };
+    let text = hazard.to_string();
+    let (head, rest) = text.split_once('\n').unwrap_or((&text, ""));
+    let (kind, rest_of_head) = head.split_once(": ").unwrap_or((head, ""));
+    let (operation, place) = rest_of_head.rsplit_once("  at ").unwrap_or((rest_of_head, ""));
+    writeln!(out, "{style}{kind}{style:#}  {HEAD}{operation}{HEAD:#}  {place}")?;
+    writeln!(out, "{DIM}{rest}{DIM:#}\n")?;
+    Ok(())
+}

@@ -1,0 +1,89 @@
+//! Functions within which nothing goes wrong.
+
+use super::batch::Batch;
+use super::demand::Demand;
+use super::plan::{Plan, Recording};
+use super::session::{Asserted, Session};
+use super::tally::{Class, Judged};
+use super::{Agreement, Check, Failure, tolerances};
+use crate::domain::{Domain, Stream};
+use crate::interpret::hazards::{Found, Kind};
+use crate::run::or_panic;
+use crate::tolerance::LaneError;
+use crate::value::Arguments;
+
+impl<D: Domain> Check<'_, D>
+where
+    D::Value: Arguments,
+{
+    /// Checks that nothing goes wrong inside of the function, whether or not its result shows it: no
+    /// value becomes NaN or infinite, loses more than half of its digits, is looked up outside of an
+    /// array, or comes of an operation that WGSL doesn't bound.
+    ///
+    /// Karat's engine watches each operation; what paths return isn't looked at, but it must be there.
+    /// See [`hazards`](mod@crate::hazards) for what is found without a domain.
+    ///
+    /// # Panics
+    /// With the [`Failure`], if something goes wrong, or the engine doesn't execute the function.
+    #[track_caller]
+    pub fn has_no_hazards(self) -> Agreement {
+        or_panic(self.plan.hazards(&self.stream(), &Self::demand(), Recording::On))
+    }
+
+    /// [`has_no_hazards`](Self::has_no_hazards) without the panic.
+    ///
+    /// # Errors
+    /// As it panics.
+    pub fn try_has_no_hazards(self) -> Result<Agreement, Failure> {
+        self.plan.hazards(&self.stream(), &Self::demand(), Recording::Off)
+    }
+}
+
+impl Plan<'_> {
+    fn hazards(
+        &self,
+        stream: &dyn Stream,
+        demand: &Demand,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let asserted = Asserted::new("has_no_hazards", "nothing goes wrong inside".to_owned());
+        self.conclude(&asserted, stream, demand, recording, &mut |session| {
+            tolerances::expect_none(&self.tolerance_on, "has_no_hazards", &session.called)?;
+            let witness = session.witness()?;
+            session.run(&mut |batch: &Batch, dispatches| {
+                let found = witness.hazards(batch.cases, &batch.lanes())?;
+                let judge = |_: usize| {
+                    |case: usize, _: &[u32]| Judged {
+                        measure: LaneError::statement(found[case].is_empty()),
+                        lane: 0,
+                        class: found[case].first().map_or(Class::Other, |one| class(one.kind)),
+                    }
+                };
+                session.judge(batch, dispatches, |_| None, judge)
+            })
+        })
+    }
+}
+
+fn class(kind: Kind) -> Class {
+    match kind {
+        Kind::Nan => Class::Nan,
+        Kind::Infinite => Class::Infinite,
+        Kind::Unbounded => Class::Unbounded,
+        Kind::OutOfRange | Kind::LostDigits => Class::Other,
+    }
+}
+
+impl Session<'_> {
+    /// What goes wrong for a row, each a name with its text.
+    pub(super) fn hazards_of(&self, row: &[u32]) -> Vec<(&'static str, String)> {
+        let found = self.witness().and_then(|witness| witness.hazards(1, row));
+        let found = found.ok().and_then(|mut found| found.pop()).unwrap_or_default();
+        let shown = |one: &Found| {
+            let text = one.text.split_whitespace().collect::<Vec<_>>().join(" ");
+            let hidden = if one.hidden { "; a later operation hides it" } else { "" };
+            ("hazard", format!("{} at `{text}` ({}){hidden}", one.kind.name(), one.span))
+        };
+        found.iter().map(shown).collect()
+    }
+}

@@ -1,0 +1,391 @@
+//! What can go wrong inside of functions, without a single test: values that become NaN or infinite,
+//! digits that are lost, indices that leave their array, and operations that WGSL doesn't bound.
+//!
+//! Karat's engine runs each function of a package in `f32`, in `f64` and in intervals, over arguments
+//! that names and types suggest: unit vectors, numbers from 0 to 1, colours, edges first. A hazard is
+//! told where it is born: at the operation whose operands were still good.
+//!
+//! ```no_run
+//! use karat::prelude::*;
+//!
+//! static SHADERS: Package = karat::package!("shaders");
+//!
+//! // #[test]
+//! fn no_hazards() {
+//!     let hazards = SHADERS.hazards().run().unwrap();
+//!     assert!(hazards.found.is_empty(), "{hazards}");
+//! }
+//! ```
+
+mod inputs;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::check::arguments;
+use crate::diagnostic::nearest;
+use crate::interpret::Interpreted;
+use crate::interpret::hazards::Found;
+pub use crate::interpret::hazards::Kind;
+use crate::package::{AcceptedHazard, Package, PackageError};
+use crate::probe::{Probed, made_up};
+use crate::value::format_f32;
+use inputs::Declared;
+
+/// Inputs of each function. With three arguments of six edges each, that leaves 800 draws.
+const CASES: usize = 1024;
+
+/// One input in so many is rare.
+const RARE: usize = 100;
+
+/// What hazards are looked for, and over what.
+#[derive(Clone, Debug)]
+pub struct Request {
+    package: Package,
+    only: Vec<String>,
+    cases: usize,
+    inputs: Declared,
+}
+
+/// An operation at which something goes wrong.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Hazard {
+    /// What goes wrong.
+    pub kind: Kind,
+    /// The operation in the author's file.
+    pub location: String,
+    /// Its text.
+    pub text: String,
+    /// The function that was called.
+    pub function: String,
+    /// Its arguments in the first case: edges come first.
+    pub arguments: Vec<(String, String)>,
+    /// How many cases, of how many.
+    pub cases: (usize, usize),
+    /// Whether the result is finite all the same in that case: a later `max`, `clamp`, `select` or
+    /// branch hides it.
+    pub hidden: bool,
+    /// For lost digits, in that case: the value in `f32`, and what it is in `f64`.
+    pub values: Option<(String, String)>,
+    /// Whether some argument is a number of which neither name nor type say what it is, so that nobody
+    /// knows whether these are arguments that it gets.
+    pub guessed: bool,
+    /// Other functions in which the same operation goes wrong.
+    pub also: Vec<String>,
+}
+
+/// What was found in a package.
+#[derive(Clone, Debug, Serialize)]
+pub struct Hazards {
+    /// The package.
+    pub package: String,
+    /// Functions that were looked at.
+    pub functions: usize,
+    /// Functions that weren't, each with the reason.
+    pub skipped: Vec<(String, String)>,
+    /// The worst first; one a line and kind.
+    pub found: Vec<Hazard>,
+    /// How many were left out, as `karat.toml` accepts them with a reason.
+    pub accepted: usize,
+}
+
+/// Why nothing could be looked for.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum HazardError {
+    /// The package can't be read.
+    #[error(transparent)]
+    Package(#[from] PackageError),
+    /// No function was looked at: there is no verdict.
+    #[error("no function of package `{package}` can be looked at{}", first(skipped))]
+    Nothing {
+        /// The package.
+        package: String,
+        /// Each function with the reason.
+        skipped: Vec<(String, String)>,
+    },
+    /// What is declared can't be so.
+    #[error("{0}")]
+    Declaration(String),
+}
+
+fn first(skipped: &[(String, String)]) -> String {
+    skipped.first().map_or_else(String::new, |(name, why)| format!(": `{name}`: {why}"))
+}
+
+impl Package {
+    /// Looks for hazards in all functions that can be called alone.
+    #[must_use]
+    pub fn hazards(&self) -> Request {
+        let (only, inputs) = Default::default();
+        Request { package: self.clone(), only, cases: CASES, inputs }
+    }
+}
+
+impl Request {
+    /// Only functions whose name contains one of these.
+    #[must_use]
+    pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
+        Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
+    }
+
+    /// Inputs of each function, 1,024 unless it is said.
+    #[must_use]
+    pub fn cases(self, cases: usize) -> Self {
+        Self { cases, ..self }
+    }
+
+    /// What arguments and members of this name are, in every function.
+    #[must_use]
+    pub fn input(mut self, name: &str, range: std::ops::RangeInclusive<f64>) -> Self {
+        self.inputs.insert(name.to_owned(), range.into_inner());
+        self
+    }
+
+    /// Looks.
+    ///
+    /// # Errors
+    /// If the package can't be read, no function can be looked at, or a declaration isn't true.
+    pub fn run(&self) -> Result<Hazards, HazardError> {
+        self.run_with(&|_, _| {})
+    }
+
+    /// [`run`](Self::run), which tells how many functions are done, and of how many.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn run_with(
+        &self,
+        progress: &(dyn Fn(usize, usize) + Sync),
+    ) -> Result<Hazards, HazardError> {
+        let declared = self.package.declared_hazards()?;
+        let mut inputs = declared.inputs.clone();
+        inputs.extend(self.inputs.clone());
+        for (name, (least, most)) in &inputs {
+            if !(least <= most && least.is_finite() && most.is_finite()) {
+                let text =
+                    format!("the input `{name}` is declared from {least} to {most}: no range");
+                return Err(HazardError::Declaration(text));
+            }
+        }
+        let wanted = |name: &str| {
+            self.only.is_empty() || self.only.iter().any(|part| name.contains(part.as_str()))
+        };
+        let mut names = Vec::new();
+        let mut skipped = Vec::new();
+        for module in self.package.modules()? {
+            match self.package.functions_in(&module) {
+                Ok(items) => names.extend(items.into_iter().filter(|item| !item.entry_point)),
+                Err(error) => skipped.push((module, first_line(&error.to_string()))),
+            }
+        }
+        names.retain(|item| wanted(&item.name));
+        let done = std::sync::atomic::AtomicUsize::new(0);
+        let all = names.len();
+        let each: Vec<(String, Result<Seen, String>)> = names
+            .par_iter()
+            .map(|item| {
+                let seen = self.look(&item.name, &inputs);
+                progress(done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1, all);
+                (item.name.clone(), seen)
+            })
+            .collect();
+        let mut functions = 0;
+        let mut found: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
+        let mut used: BTreeSet<String> = BTreeSet::new();
+        for (name, seen) in each {
+            match seen {
+                Err(why) => skipped.push((name, why)),
+                Ok(Seen { hazards, names }) => {
+                    functions += 1;
+                    used.extend(names);
+                    for hazard in hazards {
+                        add(&mut found, hazard);
+                    }
+                }
+            }
+        }
+        let package = self.package.name();
+        if functions == 0 {
+            return Err(HazardError::Nothing { package, skipped });
+        }
+        if self.only.is_empty() {
+            expect_names(&inputs, &used)?;
+        }
+        let mut found: Vec<Hazard> = found.into_values().collect();
+        let before = found.len();
+        for accepted in &declared.accepted {
+            let count = found.len();
+            found.retain(|hazard| !accepted.covers(hazard));
+            if found.len() == count && self.only.is_empty() {
+                return Err(HazardError::Declaration(accepted.is_outdated()));
+            }
+        }
+        let accepted = before - found.len();
+        found.sort_by(|a, b| {
+            let rank = |hazard: &Hazard| (hazard.guessed, hazard.kind, hazard.hidden);
+            let order = rank(a).cmp(&rank(b)).then(b.cases.0.cmp(&a.cases.0));
+            order.then_with(|| a.location.cmp(&b.location))
+        });
+        Ok(Hazards { package, functions, skipped, found, accepted })
+    }
+
+    /// What goes wrong in a function, and the names of its arguments.
+    fn look(&self, name: &str, inputs: &Declared) -> Result<Seen, String> {
+        let text = |error: &dyn fmt::Display| first_line(&error.to_string());
+        let probed = Probed::new(&self.package, name).map_err(|error| text(&error))?;
+        let fixtures = made_up::fixtures(&probed)?;
+        let engine = Interpreted::new(&probed, &fixtures).map_err(|error| text(&error))?;
+        let rows = inputs::rows(&probed, inputs, self.cases);
+        let cases = engine.hazards(self.cases, &rows).map_err(|error| text(&error))?;
+        let function = probed.function();
+        let lanes = |case: usize| {
+            let width: usize = function.parameters.iter().map(|(_, s)| s.lanes().len()).sum();
+            &rows[case * width..][..width]
+        };
+        let guessed = inputs::are_guessed(&probed, inputs);
+        let mut found: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
+        for (case, hazards) in cases.iter().enumerate() {
+            for one in hazards {
+                let location = one.span.to_string();
+                let hazard = found.entry((location.clone(), one.kind)).or_insert_with(|| Hazard {
+                    kind: one.kind,
+                    location,
+                    text: one_line(&one.text),
+                    function: name.to_owned(),
+                    arguments: arguments(function, lanes(case)),
+                    cases: (0, cases.len()),
+                    hidden: one.hidden,
+                    values: shown(one),
+                    guessed,
+                    also: Vec::new(),
+                });
+                hazard.cases.0 += 1;
+                // That it shows in one case is worse than that it is hidden in others.
+                if hazard.hidden && !one.hidden {
+                    hazard.arguments = arguments(function, lanes(case));
+                    hazard.hidden = false;
+                }
+            }
+        }
+        let names = function.parameters.iter().map(|(name, _)| name.clone()).collect();
+        // Numbers that nobody means may break anything once: then it has to happen more often.
+        let sure = |hazard: &Hazard| !guessed || hazard.cases.0 * RARE >= hazard.cases.1;
+        Ok(Seen { hazards: found.into_values().filter(sure).collect(), names })
+    }
+}
+
+/// What was seen of a function.
+struct Seen {
+    hazards: Vec<Hazard>,
+    names: Vec<String>,
+}
+
+/// Adds a hazard to those of other functions. The function that has the operation is preferred.
+fn add(found: &mut BTreeMap<(String, Kind), Hazard>, hazard: Hazard) {
+    match found.entry((hazard.location.clone(), hazard.kind)) {
+        std::collections::btree_map::Entry::Vacant(place) => {
+            place.insert(hazard);
+        }
+        std::collections::btree_map::Entry::Occupied(mut place) => {
+            let known = place.get_mut();
+            // Who knows its arguments says more; who needs fewer is closer to it.
+            let (better, other) = match (known.guessed, known.arguments.len())
+                <= (hazard.guessed, hazard.arguments.len())
+            {
+                true => (known.clone(), hazard),
+                false => (hazard, known.clone()),
+            };
+            let also = [better.also.clone(), other.also.clone(), vec![other.function]].concat();
+            *known = Hazard { also, ..better };
+        }
+    }
+}
+
+/// Refuses a declared input that is nobody's.
+fn expect_names(inputs: &Declared, used: &BTreeSet<String>) -> Result<(), HazardError> {
+    let Some(name) = inputs.keys().find(|name| !used.contains(*name)) else { return Ok(()) };
+    let near = nearest(name, used.iter().map(String::as_str));
+    let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+    let text =
+        format!("the input `{name}` is declared, and no function has such an argument{near}");
+    Err(HazardError::Declaration(text))
+}
+
+fn shown(found: &Found) -> Option<(String, String)> {
+    #[expect(clippy::cast_possible_truncation, reason = "shown with the digits of an f32")]
+    found.values.map(|(single, double)| (format_f32(single), format_f32(double as f32)))
+}
+
+fn first_line(text: &str) -> String {
+    text.lines().next().unwrap_or_default().to_owned()
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+impl AcceptedHazard {
+    fn covers(&self, hazard: &Hazard) -> bool {
+        let function = |name: &String| *name == hazard.function || hazard.also.contains(name);
+        self.functions.iter().any(function)
+            && self.text.as_ref().is_none_or(|text| *text == hazard.text)
+    }
+
+    fn is_outdated(&self) -> String {
+        let of = self.text.as_ref().map_or_else(String::new, |text| format!(" at `{text}`"));
+        format!(
+            "`karat.toml` accepts a hazard of `{}`{of}, and there is none: delete it",
+            self.functions.join("`, `")
+        )
+    }
+}
+
+impl fmt::Display for Hazard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let hidden = if self.hidden { ", hidden" } else { "" };
+        writeln!(f, "{}{hidden}: {}  at {}", self.kind.name(), self.text, self.location)?;
+        let named: Vec<String> =
+            self.arguments.iter().map(|(name, value)| format!("{name} = {value}")).collect();
+        let with = if named.is_empty() { "no argument".to_owned() } else { named.join("; ") };
+        let (cases, of) = self.cases;
+        writeln!(f, "    {} with {with}  ({cases} of {of} inputs)", self.function)?;
+        write!(f, "    {}", self.kind.about())?;
+        if let Some((single, double)) = &self.values {
+            write!(f, ": {single} in f32, {double} in f64")?;
+        }
+        if self.hidden {
+            write!(f, "; the result is finite, as a later operation hides it")?;
+        }
+        if !self.also.is_empty() {
+            let more = self.also.len();
+            write!(
+                f,
+                "\n    also in {}{}",
+                self.also[0],
+                match more {
+                    1 => String::new(),
+                    _ => format!(" and {} more", more - 1),
+                }
+            )?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Hazards {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for hazard in &self.found {
+            writeln!(f, "{hazard}\n")?;
+        }
+        let Self { package, functions, found, accepted, .. } = self;
+        write!(
+            f,
+            "{package}: {} hazards in {functions} functions, {accepted} accepted",
+            found.len()
+        )
+    }
+}

@@ -1,0 +1,353 @@
+//! What goes wrong inside of a function while it computes: values that aren't finite, digits that are
+//! lost, indices that leave their array, and what WGSL doesn't bound.
+//!
+//! A function runs in `f32` and in the shadow, `f64`, each operation of which is seen with its
+//! operands. What is wrong already in an operand isn't this operation's fault, so each hazard is told
+//! where it is born.
+
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
+use karat_engine::{
+    F32, F64, Interval, Intervals, Lane, LaneOf, Lanes, Observer, OutOfRange, Results, Truth,
+};
+
+use super::{Interpreted, Options};
+use crate::diagnostic::Span;
+use crate::probe::ProbeError;
+
+/// What kind of thing goes wrong, the worst first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// It isn't a number.
+    Nan,
+    /// An index leaves its array.
+    OutOfRange,
+    /// It is infinite.
+    Infinite,
+    /// More than half of its digits are rounding errors.
+    LostDigits,
+    /// WGSL allows any result.
+    Unbounded,
+}
+
+impl Kind {
+    /// What it is called.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Nan => "NaN",
+            Self::OutOfRange => "out of range",
+            Self::Infinite => "infinite",
+            Self::LostDigits => "digits lost",
+            Self::Unbounded => "unbounded by WGSL",
+        }
+    }
+
+    /// What that means, in a sentence.
+    #[must_use]
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::Nan => "it isn't a number, though its operands are",
+            Self::OutOfRange => "the index leaves its array: WGSL allows any element, or zero",
+            Self::Infinite => "it overflows, or divides by zero",
+            Self::LostDigits => "more than half of its digits are rounding errors",
+            Self::Unbounded => "WGSL bounds no error here: drivers may return anything",
+        }
+    }
+}
+
+/// A hazard in a case: where it is born, and whether the result shows it.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Found {
+    pub(crate) kind: Kind,
+    pub(crate) span: Span,
+    /// The operation, as the author wrote it.
+    pub(crate) text: String,
+    /// Whether the result is finite all the same, so that something behind it hides it.
+    pub(crate) hidden: bool,
+    /// For lost digits: the value in `f32` and in `f64`.
+    pub(crate) values: Option<(f32, f64)>,
+}
+
+/// Cases that run together: a chunk of the engine's, so that its operations come in one order.
+const TOGETHER: usize = 256;
+
+/// Operations that are kept of a run. A loop repeats them, and what goes wrong in its thousandth
+/// round did so before, as a rule.
+const MOST_EVENTS: usize = 4096;
+
+/// Half of the 24 bits of an `f32`: a relative error above this has lost them.
+const LOST: f64 = 1.0 / 4096.0;
+
+/// An operand that is itself this precise isn't what loses them.
+const PRECISE: f64 = 1.0 / 1_048_576.0;
+
+/// A result that is wrong by this much is, however small it is beside others: 6 %.
+const WRONG: f64 = 1.0 / 16.0;
+
+/// A result this small beside the largest one of the cases counts by that one's size.
+const SMALL: f64 = 1.0 / 64.0;
+
+/// Rounds of loops that made-up arguments may cause.
+const PATIENCE: u64 = 4096;
+
+/// Rounds after which an exit that is undecided is given up: each follows both ways.
+const UNDECIDED: u64 = 16;
+
+/// An operand that is known this closely is one number: what makes of it anything is the operation.
+const NARROW: f64 = 1.0 / 1024.0;
+
+/// Below this share of its operands, a difference is nothing but their rounding, whoever computes it.
+const NOISE: f64 = 1.0 / 16_777_216.0;
+
+/// An operation over the lanes of a chunk.
+struct Event<F> {
+    /// Which operation it is: the address of its site, in one program.
+    site: usize,
+    values: Vec<F>,
+    /// By operand, then by lane.
+    operands: Vec<Vec<F>>,
+    active: Vec<bool>,
+}
+
+/// Keeps what operations give.
+struct Recorder<F> {
+    events: Mutex<Vec<Event<F>>>,
+    left: Mutex<Vec<(usize, usize)>>,
+}
+
+impl<F> Default for Recorder<F> {
+    fn default() -> Self {
+        Self { events: Mutex::default(), left: Mutex::default() }
+    }
+}
+
+macro_rules! recorder {
+    ($arithmetic:ty, $float:ty) => {
+        impl Observer<$arithmetic> for Recorder<$float> {
+            fn floats(&self, lanes: &Lanes<'_, $arithmetic>) {
+                let mut events = self.events.lock().unwrap_or_else(PoisonError::into_inner);
+                if events.len() < MOST_EVENTS {
+                    let site = std::ptr::from_ref(lanes.site).addr();
+                    let operands = lanes.operands.iter().map(|lane| lane.to_vec());
+                    let operands: Vec<Vec<$float>> = operands.collect();
+                    events.extend(lanes.floats.iter().map(|values| Event {
+                        site,
+                        values: values.to_vec(),
+                        operands: operands.clone(),
+                        active: lanes.active.to_vec(),
+                    }));
+                }
+            }
+
+            fn out_of_range(&self, index: &OutOfRange<'_>) {
+                let mut left = self.left.lock().unwrap_or_else(PoisonError::into_inner);
+                left.push((std::ptr::from_ref(index.site).addr(), index.case));
+            }
+        }
+    };
+}
+recorder!(F32, f32);
+recorder!(F64, f64);
+
+/// The first operation of each lane that may give anything, and whether its operands are to blame for
+/// that: they are known closely, and are where it has no bound.
+#[derive(Default)]
+struct Anything(Mutex<BTreeMap<usize, (usize, bool)>>);
+
+impl Observer<Intervals> for Anything {
+    fn floats(&self, lanes: &Lanes<'_, Intervals>) {
+        let narrow = |x: &Interval| {
+            let (lo, hi) = (f64::from(x.lo()), f64::from(x.hi()));
+            lo == hi || hi - lo <= NARROW * lo.abs().min(hi.abs())
+        };
+        let mut first = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        for values in lanes.floats {
+            for (lane, value) in values.iter().enumerate() {
+                let operands = || lanes.operands.iter().map(|operand| operand[lane]);
+                if lanes.active[lane] == Truth::True
+                    && !value.is_bounded()
+                    && operands().all(Interval::is_bounded)
+                {
+                    let sure = !lanes.operands.is_empty() && operands().all(|x| narrow(&x));
+                    let site = std::ptr::from_ref(lanes.site).addr();
+                    first.entry(lane).or_insert((site, sure));
+                }
+            }
+        }
+    }
+}
+
+impl<F> Recorder<F> {
+    fn events(self) -> Vec<Event<F>> {
+        self.events.into_inner().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// For each event of one run that of another: the same operation, as often as the lane has been there.
+struct Twins {
+    by_site: BTreeMap<usize, Vec<usize>>,
+}
+
+impl Twins {
+    fn of(events: &[Event<f64>], lane: usize) -> Self {
+        let mut by_site: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (index, event) in events.iter().enumerate().filter(|(_, event)| event.active[lane]) {
+            by_site.entry(event.site).or_default().push(index);
+        }
+        Self { by_site }
+    }
+
+    fn get(&self, site: usize, count: usize) -> Option<usize> {
+        self.by_site.get(&site)?.get(count).copied()
+    }
+}
+
+impl Interpreted {
+    /// What goes wrong in each of some cases: of each kind the first.
+    pub(crate) fn hazards(
+        &self,
+        cases: usize,
+        rows: &[u32],
+    ) -> Result<Vec<Vec<Found>>, ProbeError> {
+        let width = self.arguments.len();
+        let mut found = Vec::with_capacity(cases);
+        for first in (0..cases).step_by(TOGETHER) {
+            let count = TOGETHER.min(cases - first);
+            let part = &rows[first * width..][..count * width];
+            found.extend(self.hazards_of_chunk(count, part)?);
+        }
+        Ok(found)
+    }
+
+    fn hazards_of_chunk(&self, cases: usize, rows: &[u32]) -> Result<Vec<Vec<Found>>, ProbeError> {
+        let (single, double) = (Recorder::<f32>::default(), Recorder::<f64>::default());
+        let options = Options { fuel: PATIENCE, undecided: UNDECIDED, ..Options::default() };
+        let results = self.observed::<F32>(cases, rows, &options, &single)?;
+        let shadows = self.observed::<F64>(cases, rows, &options, &double)?;
+        let anything = Anything::default();
+        self.observed::<Intervals>(cases, rows, &options, &anything)?;
+        let anything = anything.0.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let scales = scales(&shadows, cases);
+        let left = single.left.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let (single, double) = (single.events(), double.events());
+        let each = (0..cases).map(|lane| {
+            let (result, shadow) = (results.row(lane), shadows.row(lane));
+            let finite =
+                result.iter().all(|lane| !matches!(lane, Lane::Float(x) if !x.is_finite()));
+            let lost = differ(&result, &shadow, &scales);
+            let mut found = self.born(&single, &double, lane, finite, lost);
+            let outside = left.iter().filter(|(_, case)| *case == lane);
+            found.extend(
+                outside.filter_map(|(site, _)| self.found(Kind::OutOfRange, *site, finite)),
+            );
+            // What isn't finite is told already, and WGSL bounds nothing that comes of it.
+            if let (Some((site, true)), true) = (anything.get(&lane), found.is_empty()) {
+                found.extend(self.found(Kind::Unbounded, *site, finite));
+            }
+            found
+        });
+        Ok(each.collect())
+    }
+
+    /// Of each kind the first operation of a lane that is at fault.
+    fn born(
+        &self,
+        single: &[Event<f32>],
+        double: &[Event<f64>],
+        lane: usize,
+        finite: bool,
+        lost: bool,
+    ) -> Vec<Found> {
+        let twins = Twins::of(double, lane);
+        let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
+        let mut found: Vec<Found> = Vec::new();
+        for event in single.iter().filter(|event| event.active[lane]) {
+            let count = counts.entry(event.site).or_default();
+            let twin = twins.get(event.site, *count).map(|index| &double[index]);
+            *count += 1;
+            let value = event.values[lane];
+            let operands = || event.operands.iter().map(|operand| operand[lane]);
+            let kind = if !value.is_finite() {
+                let nan = value.is_nan();
+                // Who gets an infinity and makes NaN of it passes on what was wrong.
+                if operands().any(|operand| !operand.is_finite()) {
+                    continue;
+                }
+                if nan { Kind::Nan } else { Kind::Infinite }
+            } else if lost && twin.is_some_and(|twin| loses(event, twin, lane)) {
+                Kind::LostDigits
+            } else {
+                continue;
+            };
+            if found.iter().any(|other| other.kind == kind) {
+                continue;
+            }
+            if let Some(mut one) = self.found(kind, event.site, finite) {
+                let pair = twin.map(|twin| (value, twin.values[lane]));
+                one.values = pair.filter(|_| kind == Kind::LostDigits);
+                found.push(one);
+            }
+        }
+        found
+    }
+
+    /// A hazard at an operation, in the author's file.
+    fn found(&self, kind: Kind, site: usize, hidden: bool) -> Option<Found> {
+        let sites = self.lowered.sites();
+        let site = sites.iter().find(|one| std::ptr::from_ref(*one).addr() == site)?;
+        let (span, text) = self.author(site.span.to_range()?)?;
+        let hidden = hidden && matches!(kind, Kind::Nan | Kind::Infinite);
+        Some(Found { kind, span, text, hidden, values: None })
+    }
+}
+
+/// Whether an operation loses more than half of the digits that its operands have.
+fn loses(event: &Event<f32>, twin: &Event<f64>, lane: usize) -> bool {
+    let error = |x: f32, y: f64| (f64::from(x) - y).abs() / y.abs();
+    let (value, shadow) = (event.values[lane], twin.values[lane]);
+    let largest = twin.operands.iter().map(|o| o[lane].abs()).fold(0.0, f64::max);
+    let means_something = shadow.is_finite()
+        && shadow.abs() > NOISE * largest
+        && shadow.abs() > f64::from(f32::MIN_POSITIVE);
+    let precise = |(x, y): (&Vec<f32>, &Vec<f64>)| {
+        x[lane] == 0.0 && y[lane] == 0.0 || error(x[lane], y[lane]) <= PRECISE
+    };
+    // Constants are rounded to `f32` in both, so that what an operand lacks is what was computed.
+    means_something
+        && error(value, shadow) > LOST
+        && !event.operands.is_empty()
+        && event.operands.iter().zip(&twin.operands).all(precise)
+}
+
+/// The largest finite value of each float of the results.
+fn scales(shadows: &Results<F64>, cases: usize) -> Vec<f64> {
+    let mut scales = vec![0.0; shadows.width()];
+    for case in 0..cases {
+        for (scale, lane) in scales.iter_mut().zip(shadows.row(case)) {
+            if let Lane::Float(x) = lane
+                && x.is_finite()
+            {
+                *scale = x.abs().max(*scale);
+            }
+        }
+    }
+    scales
+}
+
+/// Whether a result has lost half of its digits itself, and that matters.
+fn differ(result: &[LaneOf<F32>], shadow: &[LaneOf<F64>], scales: &[f64]) -> bool {
+    let lost = |((x, y), scale): ((&LaneOf<F32>, &LaneOf<F64>), &f64)| match (x, y) {
+        (Lane::Float(x), Lane::Float(y)) => {
+            let error = (f64::from(*x) - y).abs();
+            let size = y.abs().max(SMALL * scale);
+            y.is_finite()
+                && error > f64::from(f32::MIN_POSITIVE)
+                && (error > LOST * size || error > WRONG * y.abs())
+        }
+        _ => false,
+    };
+    result.iter().zip(shadow).zip(scales).any(lost)
+}
