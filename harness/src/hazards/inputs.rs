@@ -155,6 +155,12 @@ impl Meaning {
         const NUMBERS: [f64; 6] = [0.0, 1.0, -1.0, 0.5, 2.0, 1e-3];
         match (self, edge) {
             (Self::Range(least, most), Some(edge)) => least + (most - least) * SHARES[edge],
+            // Zero is an end of what lies to either side of it.
+            (Self::Range(least, most), None)
+                if least < 0.0 && most > 0.0 && source.below(4) == 0 =>
+            {
+                source.log_distance() * if source.below(2) == 0 { least } else { most }
+            }
             (Self::Range(least, most), None) => {
                 let share = match source.below(8) {
                     // Close to an end as often as not, on every scale.
