@@ -11,6 +11,7 @@ mod drivers;
 mod environment;
 mod fresnel;
 mod geometry;
+mod hazards;
 mod irradiance;
 mod known_issues;
 mod layering;

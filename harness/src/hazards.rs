@@ -48,6 +48,7 @@ pub struct Request {
     only: Vec<String>,
     cases: usize,
     inputs: Declared,
+    with_accepted: bool,
 }
 
 /// An operation at which something goes wrong.
@@ -121,7 +122,7 @@ impl Package {
     #[must_use]
     pub fn hazards(&self) -> Request {
         let (only, inputs) = Default::default();
-        Request { package: self.clone(), only, cases: CASES, inputs }
+        Request { package: self.clone(), only, cases: CASES, inputs, with_accepted: false }
     }
 }
 
@@ -136,6 +137,12 @@ impl Request {
     #[must_use]
     pub fn cases(self, cases: usize) -> Self {
         Self { cases, ..self }
+    }
+
+    /// Reports what `karat.toml` accepts, too.
+    #[must_use]
+    pub fn with_accepted(self) -> Self {
+        Self { with_accepted: true, ..self }
     }
 
     /// What arguments and members of this name are, in every function.
@@ -217,7 +224,7 @@ impl Request {
         }
         let mut found: Vec<Hazard> = found.into_values().collect();
         let before = found.len();
-        for accepted in &declared.accepted {
+        for accepted in declared.accepted.iter().filter(|_| !self.with_accepted) {
             let count = found.len();
             found.retain(|hazard| !accepted.covers(hazard));
             if found.len() == count && self.only.is_empty() {
@@ -330,8 +337,13 @@ fn one_line(text: &str) -> String {
 
 impl AcceptedHazard {
     fn covers(&self, hazard: &Hazard) -> bool {
-        let function = |name: &String| *name == hazard.function || hazard.also.contains(name);
-        self.functions.iter().any(function)
+        // `module::*` is all of a module, and of those below it.
+        let is = |name: &str, function: &str| match name.strip_suffix('*') {
+            Some(module) => module.ends_with("::") && function.starts_with(module),
+            None => name == function,
+        };
+        let functions = || std::iter::once(&hazard.function).chain(&hazard.also);
+        self.functions.iter().any(|name| functions().any(|function| is(name, function)))
             && self.text.as_ref().is_none_or(|text| *text == hazard.text)
     }
 

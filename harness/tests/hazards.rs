@@ -103,6 +103,8 @@ fn inputs_are_declared_and_hazards_accepted() {
     write("karat.toml", &accepted("maths::rcp"));
     let hazards = look().expect("read");
     assert_eq!((hazards.found.len(), hazards.accepted), (0, 1));
+    write("karat.toml", &accepted("maths::*"));
+    assert_eq!(look().expect("read").accepted, 1);
     write("karat.toml", &accepted("maths::other"));
     match look() {
         Err(HazardError::Declaration(text)) => {

@@ -267,8 +267,8 @@ impl Part {
                 Scalar::F32 => (number as f32).to_bits(),
                 Scalar::F16 => half::f16::from_f64(number).to_f32().to_bits(),
                 Scalar::U32 | Scalar::I32 if self.meaning == Meaning::Count => match edge {
-                    Some(edge) => [1, 2, 3, 4, 8, 16][edge],
-                    None => 1 + source.below(16) as u32,
+                    Some(edge) => [1, 2, 3, 4, 5, 8][edge],
+                    None => 1 + source.below(8) as u32,
                 },
                 Scalar::U32 => match edge {
                     Some(edge) => [0, 1, 2, 3, 7, 15][edge],

@@ -29,6 +29,9 @@ pub(super) struct Args {
     /// Show all, and the functions that weren't looked at
     #[arg(long)]
     all: bool,
+    /// Show those that karat.toml accepts, too
+    #[arg(long)]
+    accepted: bool,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -62,6 +65,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         let declare = |request: karat::hazards::Request, (name, range): &(String, _)| {
             request.input(name, RangeInclusive::clone(range))
         };
+        let request = if args.accepted { request.with_accepted() } else { request };
         let request = args.inputs.iter().fold(request, declare).cases(args.cases as usize);
         let found = request.run_with(&|done, of| {
             bar.set_length(of as u64);
