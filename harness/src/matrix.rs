@@ -143,6 +143,8 @@ pub struct Cell {
     pub options: String,
     /// What the validators said.
     pub validators: Vec<Said>,
+    /// The column that it was compared with.
+    pub against: Option<String>,
     /// Cases that were compared with another column.
     pub compared: usize,
     /// Cases in which the results differ by more than the tolerance.

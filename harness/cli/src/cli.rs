@@ -34,7 +34,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 use clap::{CommandFactory, Parser, Subcommand};
 use karat::golden::AcceptError;
 use karat::image::ImageError;
@@ -373,8 +373,53 @@ fn spare<'a>(
     Ok(())
 }
 
-/// Refuses an output that is a module of one of these packages.
+/// Where a path leads, whether or not there is something: through links, and without `..`.
+fn resolved(path: &Path) -> PathBuf {
+    let mut whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    // A link to what isn't there yet leads there all the same.
+    if let Ok(target) = std::fs::read_link(&whole) {
+        whole = whole.parent().unwrap_or(Path::new("")).join(target);
+    }
+    // What isn't there has no links.
+    let mut rest = Vec::new();
+    while let Some(parent) = whole.parent() {
+        if let Ok(there) = whole.canonicalize() {
+            whole = there;
+            break;
+        }
+        rest.extend(whole.components().next_back().map(|last| last.as_os_str().to_owned()));
+        whole = parent.to_owned();
+    }
+    for part in rest.into_iter().rev() {
+        match part.to_str() {
+            Some("..") => drop(whole.pop()),
+            Some(".") => {}
+            _ => whole.push(part),
+        }
+    }
+    whole
+}
+
+/// Whether something would be in the folder of a package, or is its file.
+fn is_in_package(output: &Path, package: &karat::Package) -> bool {
+    resolved(output).starts_with(resolved(&package.root()))
+}
+
+/// Refuses an output that is a module of one of these packages or would become one, or their
+/// `karat.toml`.
 fn spare_shaders(what: &str, output: &Path, packages: &[karat::Package]) -> anyhow::Result<()> {
+    let is_read = |name: &str| [".wgsl", ".wesl"].iter().any(|end| name.ends_with(end));
+    let name = output.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    for package in packages {
+        let manifest = name == "karat.toml" && output.is_file();
+        ensure!(
+            !manifest && !((is_read(&name) || output.is_file()) && is_in_package(output, package)),
+            "the {what} `{}` would overwrite a file of the package `{}`, or become one: name another \
+             file",
+            output.display(),
+            package.name()
+        );
+    }
     let functions = packages.iter().filter_map(|package| package.functions().ok()).flatten();
     let files: BTreeSet<PathBuf> =
         functions.map(|function| PathBuf::from(&function.span.file.name)).collect();

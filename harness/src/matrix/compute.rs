@@ -67,6 +67,7 @@ pub(super) fn run_entry_point_on_each(
     for (index, actual) in others {
         let (baseline, cell) = (request.columns[*first], &mut cells[*index]);
         cell.compared = expected.len();
+        cell.against = Some(baseline.to_string());
         // The same buffers were read back on each.
         let differs = |at: &usize| !same_word(expected[*at], actual[*at], &request.within);
         let places: Vec<usize> = (0..expected.len()).filter(differs).collect();

@@ -45,6 +45,9 @@ pub struct Intermediate {
     pub here: String,
     /// Its value on the baseline.
     pub there: String,
+    /// Whether it is in a loop: then these are its last values, and one that differs before it in the
+    /// text may come of it.
+    pub in_loop: bool,
     /// Its line in this column's translation.
     pub text_line: Option<usize>,
 }
@@ -58,9 +61,10 @@ impl Divergence {
         let Self { baseline, here, there, .. } = self;
         let at = if named.is_empty() { String::new() } else { format!("at {} ", named.join("; ")) };
         let mut text = format!("{at}`{column}` returns {here}, `{baseline}` {there}");
-        if let Some(Intermediate { name, location, here, there, .. }) = &self.first {
+        if let Some(Intermediate { name, location, here, there, in_loop, .. }) = &self.first {
             let place = location.as_ref().map_or_else(String::new, |at| format!(" ({at})"));
-            text += &format!("; `{name}`{place} differs first: {here}, and {there}");
+            let last = if *in_loop { ", by its last value in a loop" } else { "" };
+            text += &format!("; `{name}`{place} differs first{last}: {here}, and {there}");
         }
         if !self.unseen.is_empty() {
             text += &format!(" (not looked at: `{}`)", self.unseen.join("`, `"));
@@ -158,6 +162,7 @@ fn differing(
         name: one.name.clone(),
         location: one.span.as_ref().map(ToString::to_string),
         line,
+        in_loop: one.repeats,
         here: shown(&scalars, &here),
         there: shown(&scalars, &there),
         text_line: text.and_then(defined),

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::{Cell, Column, Matrix, MatrixError, Row, Status};
+use super::{Cell, Column, Matrix, MatrixError, Row, Status, Stop};
 use crate::diagnostic::nearest;
 use crate::path::{Path, Selector, adapter};
 
@@ -60,22 +60,27 @@ impl Known {
     }
 }
 
-/// Notes in each cell what is declared of it. What is declared of these rows on columns that aren't
-/// here: nothing is known of it.
+/// Notes in each cell what is declared of it. Returns what nothing here shows or refutes: of columns that
+/// aren't in the matrix, of rows that can't be judged, and where a validator or a driver is missing.
 pub(super) fn declare(known: &[Known], columns: &[Column], rows: &mut [Row]) -> Vec<Known> {
     let here = |known: &&Known| {
         let absent = !columns.iter().any(|column| known.is_of(*column));
         absent && rows.iter().any(|row| row.name == known.row)
     };
-    let absent = known.iter().filter(here).cloned().collect();
+    let mut undecided: Vec<Known> = known.iter().filter(here).cloned().collect();
+    for row in &*rows {
+        let unjudged = |known: &&Known| known.row == row.name && row.cells.is_empty();
+        undecided.extend(known.iter().filter(unjudged).cloned());
+    }
     for row in rows {
         for (column, cell) in columns.iter().zip(&mut row.cells) {
             let of = |known: &&Known| known.row == row.name && known.is_of(*column);
             // Of several the one that promises least.
             cell.known = known.iter().filter(of).min_by_key(|known| known.status).cloned();
+            undecided.extend(cell.known.clone().filter(|_| cell.is_undecided()));
         }
     }
-    absent
+    undecided
 }
 
 impl Cell {
@@ -84,10 +89,21 @@ impl Cell {
         Status::ALL.into_iter().find(|status| Some(*status) > self.status)
     }
 
-    /// The declaration that it fails, if it fails as that says: there, and not before.
+    /// The declaration that it fails, if it fails as that says: there, not before, and because of
+    /// what was seen.
     #[must_use]
     pub fn fails_as_declared(&self) -> Option<&Known> {
-        self.known.as_ref().filter(|known| self.misses() == Some(known.status))
+        let seen = matches!(
+            self.stopped,
+            Some(Stop::Rejected(_) | Stop::Differs(_) | Stop::Unsupported(_) | Stop::NotRun(_))
+        );
+        self.known.as_ref().filter(|known| seen && self.misses() == Some(known.status))
+    }
+
+    /// Whether something is declared of it that nothing here shows or refutes.
+    fn is_undecided(&self) -> bool {
+        let wrong = self.stopped.as_ref().is_some_and(Stop::is_wrong);
+        !wrong && self.fails_as_declared().is_none() && !self.contradicts()
     }
 
     /// Whether it fails as declared, so that it can't get to this status.
@@ -129,10 +145,14 @@ impl Matrix {
         for row in &self.rows {
             for (head, cell) in self.columns.iter().zip(&row.cells) {
                 let why = match (&cell.known, &cell.stopped) {
-                    (Some(known), _) if cell.contradicts() => format!(
-                        "it gets to `{}`, though it is declared not to: delete the declaration",
-                        known.status
+                    (Some(known), Some(stop)) if cell.contradicts() && stop.is_wrong() => format!(
+                        "it gets to `{}`, though it is declared not to, and fails behind: {}",
+                        known.status,
+                        stop.text()
                     ),
+                    (Some(known), _) if cell.contradicts() => {
+                        format!("it gets to `{}`, though it is declared not to", known.status)
+                    }
                     _ if cell.fails_as_declared().is_some() => continue,
                     (Some(known), Some(stop)) if stop.is_wrong() => format!(
                         "it is declared not to get to `{}`, and fails before: {}",
@@ -143,7 +163,8 @@ impl Matrix {
                     _ => continue,
                 };
                 let (row, column) = (row.name.clone(), head.name.clone());
-                findings.push(Finding { row, column, why, outdated: cell.contradicts() });
+                let wrong = cell.stopped.as_ref().is_some_and(Stop::is_wrong);
+                findings.push(Finding { row, column, why, outdated: cell.contradicts() && !wrong });
             }
         }
         findings

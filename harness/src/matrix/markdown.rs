@@ -21,15 +21,29 @@ impl Cell {
 }
 
 impl Cell {
-    /// Why it stops, and whether something is wrong.
-    fn reason(&self) -> Option<(bool, String)> {
+    /// Why it stops, and how much that weighs.
+    fn reason(&self) -> Option<(Weight, String)> {
         if let Some(known) = self.fails_as_declared() {
-            return Some((false, format!("known: {}", known.reason)));
+            return Some((Weight::Other, format!("known: {}", known.reason)));
         }
         let stop = self.stopped.as_ref()?;
-        let wrong = stop.is_wrong() || matches!(stop, Stop::Unsupported(_));
-        Some((wrong, stop.text().trim().to_owned()))
+        let weight = match stop {
+            Stop::Unsupported(_) => Weight::Wrong,
+            Stop::Unavailable(_) | Stop::NoValidator(_) => Weight::Absent,
+            stop if stop.is_wrong() => Weight::Wrong,
+            _ => Weight::Other,
+        };
+        Some((weight, stop.text().trim().to_owned()))
     }
+}
+
+/// How much a reason weighs.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Weight {
+    Wrong,
+    Other,
+    /// A validator or a path isn't here.
+    Absent,
 }
 
 /// A text in a cell of a table: `|` would end it.
@@ -42,21 +56,27 @@ impl Matrix {
     /// here or isn't run; of each the most frequent first.
     #[must_use]
     pub fn reasons(&self) -> Vec<(String, Vec<String>)> {
+        self.ranked_reasons().into_iter().map(|(_, why, rows)| (why, rows)).collect()
+    }
+
+    /// The reasons, each with its weight.
+    fn ranked_reasons(&self) -> Vec<(Weight, String, Vec<String>)> {
         #[derive(Default)]
         struct Where<'m> {
             columns: Vec<&'m str>,
             rows: Vec<String>,
         }
-        let mut reasons: BTreeMap<(bool, String), Where<'_>> = BTreeMap::new();
+        let mut reasons: BTreeMap<(Weight, String), Where<'_>> = BTreeMap::new();
         for row in &self.rows {
             if let Some(error) = &row.error {
                 let first = error.lines().next().unwrap_or_default();
-                let found = reasons.entry((!row.is_judged(), first.to_owned())).or_default();
+                let weight = if row.is_judged() { Weight::Wrong } else { Weight::Other };
+                let found = reasons.entry((weight, first.to_owned())).or_default();
                 found.rows.push(row.name.clone());
             }
             for (head, cell) in self.columns.iter().zip(&row.cells) {
-                let Some((wrong, text)) = cell.reason() else { continue };
-                let found = reasons.entry((!wrong, text)).or_default();
+                let Some((weight, text)) = cell.reason() else { continue };
+                let found = reasons.entry((weight, text)).or_default();
                 if !found.columns.contains(&&*head.name) {
                     found.columns.push(&head.name);
                 }
@@ -66,10 +86,10 @@ impl Matrix {
             }
         }
         let mut reasons: Vec<_> = reasons.into_iter().collect();
-        reasons.sort_by_key(|((late, _), found)| (*late, std::cmp::Reverse(found.rows.len())));
-        let shown = |((_, why), Where { columns, rows }): ((bool, String), Where<'_>)| {
+        reasons.sort_by_key(|((weight, _), found)| (*weight, std::cmp::Reverse(found.rows.len())));
+        let shown = |((weight, why), Where { columns, rows }): ((Weight, String), Where<'_>)| {
             let at = if columns.is_empty() { String::new() } else { columns.join(", ") + ": " };
-            (at + &why, rows)
+            (weight, at + &why, rows)
         };
         reasons.into_iter().map(shown).collect()
     }
@@ -106,9 +126,11 @@ impl Matrix {
             writeln!(text, "| {} ({}) | {} |", cell(&row.name), row.kind, cells.join(" | "))?;
         }
         writeln!(text, "\n## Why rows stop\n")?;
-        // What holds for a whole column is said at its head.
-        let whole = |(_, rows): &(String, Vec<String>)| rows.len() * 2 > self.rows.len();
-        for (why, rows) in self.reasons().into_iter().filter(|reason| !whole(reason)) {
+        // What isn't here at all is said at the column's head.
+        let whole = |(weight, _, rows): &(Weight, String, Vec<String>)| {
+            *weight == Weight::Absent && rows.len() * 2 > self.rows.len()
+        };
+        for (_, why, rows) in self.ranked_reasons().into_iter().filter(|reason| !whole(reason)) {
             let why = why.split_whitespace().collect::<Vec<_>>().join(" ");
             writeln!(text, "- {} rows: {why}", rows.len())?;
             let few: Vec<String> = rows.iter().take(6).map(|row| format!("`{row}`")).collect();

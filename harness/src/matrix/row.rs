@@ -116,6 +116,7 @@ fn compare_all(
         let seen = judge.compare(&first.results, &other.results);
         let baseline = request.columns[first.column];
         let cell = &mut cells[other.column];
+        cell.against = Some(baseline.to_string());
         (cell.compared, cell.differing, cell.worst_ulp) =
             (seen.compared, seen.differing.len(), seen.worst_ulp);
         if seen.compared == 0 {

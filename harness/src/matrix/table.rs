@@ -31,7 +31,8 @@ pub struct Matrix {
     pub columns: Vec<Head>,
     /// The rows, in the order of modules and lines.
     pub rows: Vec<Row>,
-    /// What is declared of these rows on columns that aren't in this matrix: nothing is known of it.
+    /// What is declared of these rows and nothing here shows or refutes: a column isn't in the matrix, a
+    /// row can't be judged, or a validator or driver is missing.
     pub undecided: Vec<Known>,
 }
 

@@ -11,6 +11,8 @@ pub(crate) struct LetStatement {
     pub(crate) name: Range<usize>,
     /// Behind its semicolon; `None` in the head of a `for`, where no statement can follow.
     pub(crate) end: Option<usize>,
+    /// Whether it is in a loop, where it has a value a round.
+    pub(crate) repeats: bool,
 }
 
 /// The `let` statements of a function, in the order of the text.
@@ -22,14 +24,24 @@ pub(crate) fn let_statements(text: &str, function: &str) -> Vec<LetStatement> {
     let head = |pair: &[Token]| is_word(&pair[0], "fn") && is_word(&pair[1], function);
     let Some(start) = tokens.windows(2).position(head) else { return Vec::new() };
     let mut open: Vec<u8> = Vec::new();
+    // How many brackets are open around each loop that is open, and whether one's `{` is awaited.
+    let (mut loops, mut awaited): (Vec<usize>, bool) = (Vec::new(), false);
     let mut found: Vec<LetStatement> = Vec::new();
     // The binding whose initialiser is read, and how many brackets were open before it.
     let mut reading: Option<(Range<usize>, usize)> = None;
     for (index, token) in tokens.iter().enumerate().skip(start) {
         match token.kind {
-            Kind::Symbol(bracket @ (b'(' | b'[' | b'{')) => open.push(bracket),
+            Kind::Symbol(bracket @ (b'(' | b'[' | b'{')) => {
+                if bracket == b'{' && std::mem::take(&mut awaited) {
+                    loops.push(open.len());
+                }
+                open.push(bracket);
+            }
             Kind::Symbol(b')' | b']' | b'}') => {
                 open.pop();
+                if token.is(b'}') && loops.last() == Some(&open.len()) {
+                    loops.pop();
+                }
                 if open.is_empty() && token.is(b'}') {
                     break;
                 }
@@ -41,8 +53,12 @@ pub(crate) fn let_statements(text: &str, function: &str) -> Vec<LetStatement> {
                         continue;
                     }
                     let end = (open.last() == Some(&b'{')).then_some(token.range().end);
-                    found.push(LetStatement { name, end });
+                    let repeats = !loops.is_empty() || awaited;
+                    found.push(LetStatement { name, end, repeats });
                 }
+            }
+            Kind::Word if ["for", "while", "loop"].iter().any(|word| is_word(token, word)) => {
+                awaited = true;
             }
             Kind::Word if is_word(token, "let") => {
                 let name = tokens.get(index + 1).map(Token::range).unwrap_or_default();
@@ -71,6 +87,11 @@ mod tests {
             .map(|one| (&text[one.name.clone()], one.end.map_or("", |end| &text[end - 2..end])))
             .collect();
         assert_eq!(shown, [("a", ");"), ("b", ");"), ("d", ""), ("e", "\n;")]);
+        let repeats: Vec<bool> = found.iter().map(|one| one.repeats).collect();
+        assert_eq!(repeats, [false, false, true, true]);
+        let after = "fn f() { loop { if true { break; } let a = 1; } let b = 2; }";
+        let repeats: Vec<bool> = let_statements(after, "f").iter().map(|one| one.repeats).collect();
+        assert_eq!(repeats, [true, false]);
         assert_eq!(let_statements(text, "g"), []);
     }
 }

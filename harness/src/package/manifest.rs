@@ -65,7 +65,10 @@ pub(crate) struct KnownRows {
 impl KnownRows {
     /// What it says of one module's own rows, by their names in that module.
     fn of_module(self, module: &str) -> Option<Self> {
-        let own = |row: String| Some(row.strip_prefix(module)?.strip_prefix("::")?.to_owned());
+        let own = |row: String| match row.contains("::") {
+            true => Some(row.strip_prefix(module)?.strip_prefix("::")?.to_owned()),
+            false => Some(row),
+        };
         let rows: Vec<String> = self.rows.into_iter().filter_map(own).collect();
         (!rows.is_empty()).then_some(Self { rows, ..self })
     }

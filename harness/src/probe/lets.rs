@@ -16,6 +16,8 @@ pub(crate) struct Let {
     pub(crate) name: String,
     /// Its name, in the author's file.
     pub(crate) span: Option<Span>,
+    /// Whether it is in a loop: then what is returned is its last value.
+    pub(crate) repeats: bool,
     /// Which of the function's bindings of this name it is, and of how many.
     #[cfg_attr(not(any(feature = "routes", test)), expect(dead_code, reason = "a translation's"))]
     pub(crate) of_name: (usize, usize),
@@ -43,6 +45,7 @@ pub(crate) fn lets(probed: &Probed) -> Vec<Let> {
         Let {
             name: name(one).to_owned(),
             span: program.resolve(one.name.clone()),
+            repeats: one.repeats,
             of_name: (
                 statements[..index].iter().filter(same).count(),
                 statements.iter().filter(same).count(),
@@ -71,7 +74,7 @@ fn types_of(
 ) -> Option<BTreeMap<usize, String>> {
     let (mut copy, mut from) = (String::new(), 0);
     for index in indices {
-        let LetStatement { name, end: Some(end) } = &statements[*index] else { continue };
+        let LetStatement { name, end: Some(end), .. } = &statements[*index] else { continue };
         copy += &text[from..*end];
         copy += &format!(" var karat_let_{index} = {};", &text[name.clone()]);
         from = *end;

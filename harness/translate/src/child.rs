@@ -46,6 +46,9 @@ impl Ran {
     /// Why there is no verdict of it; `None`: there is one.
     pub(crate) fn broke(&self) -> Option<String> {
         Some(match self.end {
+            End::Bad if self.output.is_empty() => {
+                format!("says nothing and ends badly ({})", self.status)
+            }
             End::Good | End::Bad => return None,
             End::Crashed => format!("crashes ({})", self.status),
             End::TimedOut => format!("doesn't end within {} s", DEADLINE.as_secs()),
@@ -112,6 +115,8 @@ fn ended(status: ExitStatus) -> End {
     const ERRORS: u32 = 0xc000_0000;
     match status.code() {
         Some(0) => End::Good,
+        // What a shell says of a program that it can't run, or that a signal ended.
+        Some(126..) if cfg!(unix) => End::Crashed,
         Some(code) if cfg!(windows) && code.cast_unsigned() >= ERRORS => End::Crashed,
         Some(_) => End::Bad,
         None => End::Crashed,

@@ -5,7 +5,7 @@ mod junit;
 mod reproduce;
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -13,11 +13,10 @@ use karat::image::write_whole;
 use karat::matrix::{Cell, Column, Finding, Matrix, Row, Status, Stop};
 use karat::record::{Record, Recorded};
 use karat::tolerance::{Abs, Rel};
-use same_file::is_same_file;
 
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
-use super::{Ending, Outcome, PackageArgs, spare_shaders, write_json};
+use super::{Ending, Outcome, PackageArgs, is_in_package, resolved, spare_shaders, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -144,27 +143,24 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 
 /// Refuses outputs that would overwrite shaders or each other, before there is any work.
 fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()> {
-    let files: Vec<&Path> =
-        [&args.markdown, &args.html, &args.junit].into_iter().flatten().map(|f| &**f).collect();
-    for (index, file) in files.iter().enumerate() {
+    let files = [&args.markdown, &args.html, &args.junit].into_iter().flatten();
+    for file in files.clone() {
         spare_shaders("table", file, packages)?;
-        let same = |other: &&Path| other == file || is_same_file(other, file).unwrap_or(false);
+    }
+    let mut outputs: Vec<PathBuf> = Vec::new();
+    for output in files.chain(&args.reproduce) {
+        let whole = resolved(output);
         ensure!(
-            !files[..index].iter().any(same),
-            "two outputs are to be written to `{}`: name another file for one of them",
-            file.display()
+            !outputs.contains(&whole),
+            "two outputs are to be written to `{}`: name another place for one of them",
+            output.display()
         );
+        outputs.push(whole);
     }
     let Some(folder) = &args.reproduce else { return Ok(()) };
     let shown = folder.display();
-    let whole = std::path::absolute(folder).with_context(|| format!("`{shown}`"))?;
-    for package in packages {
-        let functions = package.functions().unwrap_or_default();
-        let file = functions.first().map(|function| PathBuf::from(&function.span.file.name));
-        let inside = package.root().is_dir().then(|| std::path::absolute(package.root()).ok());
-        let inside = inside.flatten().is_some_and(|root| whole.starts_with(root));
-        ensure!(
-            !inside || file.is_none(),
+    if let Some(package) = packages.iter().find(|package| is_in_package(folder, package)) {
+        bail!(
             "`{shown}` is in the package `{}`, which would read the shaders that are written \
              there: name a folder outside of it",
             package.name()
@@ -172,9 +168,9 @@ fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()
     }
     let earlier = folder.read_dir().is_ok_and(|mut entries| entries.next().is_some());
     ensure!(
-        !earlier,
-        "`{shown}` isn't empty, and folders of an earlier run would stand beside those of this \
-         one: delete it, or name another"
+        !earlier && !folder.is_file(),
+        "`{shown}` isn't an empty folder, and those of an earlier run would stand beside those of \
+         this one: delete it, or name another"
     );
     Ok(())
 }
@@ -205,9 +201,8 @@ fn tell_findings(matrices: &[Matrix]) -> usize {
     let findings: Vec<Finding> = matrices.iter().flat_map(Matrix::findings).collect();
     let (outdated, wrong): (Vec<&Finding>, Vec<&Finding>) =
         findings.iter().partition(|finding| finding.outdated);
-    let places = |findings: &[&Finding]| {
-        few(findings.iter().map(|finding| format!("{} on {}", finding.row, finding.column)))
-    };
+    let place = |finding: &&Finding| format!("{} on {}", finding.row, finding.column);
+    let places = |findings: &[&Finding]| few(findings.iter().map(place));
     let counted = |count: usize, one: &str, many: &str| match count {
         1 => format!("one {one}"),
         count => format!("{count} {many}"),
@@ -221,13 +216,13 @@ fn tell_findings(matrices: &[Matrix]) -> usize {
     }
     if !outdated.is_empty() {
         karat::output::tell(&format!(
-            "{} to work: delete the declarations of {} in `karat.toml`",
+            "{} to work: delete what `karat.toml` declares of {}",
             counted(
                 outdated.len(),
                 "cell declared to fail turns out",
                 "cells declared to fail turn out"
             ),
-            places(&outdated)
+            few(outdated.iter().map(|finding| format!("{}: {}", place(finding), finding.why)))
         ));
     }
     findings.len()
@@ -318,8 +313,8 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
         let (count, columns) = (matrix.undecided.len(), columns.join("`, `"));
         writeln!(
             out,
-            "\n{DIM}not looked at: {count} declared failures, of columns that aren't in this \
-             matrix (`{columns}`){DIM:#}"
+            "\n{DIM}not looked at: {count} declared failures, on `{columns}`: nothing here shows or \
+             refutes them{DIM:#}"
         )?;
     }
     Ok(())

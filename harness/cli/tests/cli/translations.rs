@@ -277,13 +277,32 @@ fn a_matrix_without_evidence_fails() {
     let absent = absent.error();
     assert!(absent.contains("`metal` isn't here, so nothing ran on it"), "{absent}");
     assert!(absent.contains("The column `msl` translates and validates"), "{absent}");
-    assert!(matrix(&["--html", "out", "--junit", "out"]).error().contains("two outputs are"));
+    for same in ["out", "./out", "new/../out"] {
+        let twice = matrix(&["--html", "out", "--junit", same]).error();
+        assert!(twice.contains("two outputs are"), "{twice}");
+    }
+    let folder_and_file = matrix(&["--html", "bugs", "--reproduce", "bugs"]).error();
+    assert!(folder_and_file.contains("two outputs are"), "{folder_and_file}");
+    // Whatever the package reads stays, and nothing is added to it.
+    write(&folder.path().join("shaders"), "types.wgsl", "const K: f32 = 2.0;\n");
+    write(&folder.path().join("shaders"), "karat.toml", "");
+    for taken in ["shaders/types.wgsl", "shaders/karat.toml", "shaders/new.wgsl"] {
+        let html = matrix(&["--html", taken]).error();
+        assert!(html.contains("a file of the package `shaders`, or become one"), "{html}");
+        let out = ["translate", "maths::blend", "--to", "hlsl", "--out", taken];
+        assert!(karat(folder.path(), &out).error().contains("or become one"), "{taken}");
+    }
+    let types = std::fs::read_to_string(folder.path().join("shaders/types.wgsl"));
+    assert_eq!(types.expect("it is there"), "const K: f32 = 2.0;\n");
     write(folder.path(), "out", "");
     assert!(matrix(&["--html", "out", "--junit", "./out"]).error().contains("two outputs are"));
-    let inside = matrix(&["--reproduce", "shaders/bugs"]).error();
-    assert!(inside.contains("is in the package `shaders`"), "{inside}");
+    std::os::unix::fs::symlink("shaders", folder.path().join("link")).expect("a link");
+    for place in ["shaders/bugs", "link/bugs", "none/../shaders"] {
+        let inside = matrix(&["--reproduce", place]).error();
+        assert!(inside.contains("is in the package `shaders`"), "{inside}");
+    }
     write(&folder.path().join("bugs"), "older.txt", "");
-    assert!(matrix(&["--reproduce", "bugs"]).error().contains("`bugs` isn't empty"));
+    assert!(matrix(&["--reproduce", "bugs"]).error().contains("`bugs` isn't an empty folder"));
     // It leaves its buffer as it was, on each column.
     let idle = "@group(0) @binding(0) var<storage, read_write> out: array<f32>;\n\
                 @compute @workgroup_size(1) fn idle() { if out[0] > 1e30 { out[0] = 1.0; } }\n";
@@ -506,6 +525,30 @@ mod planted {
         assert!(says.as_str().is_some_and(|says| says.contains("(not looked at: `p`)")), "{says}");
     }
 
+    /// In a loop the last values are compared, which is said; the report of an entry point repeats it.
+    #[test]
+    fn loops_and_entry_points_say_what_they_are() {
+        let folder = shaders();
+        let text = "fn blend(x: f32, y: f32) -> f32 {\n    var s = x;\n    \
+                    for (var i = 0; i < 3; i++) { let good = s * 0.5; let bad = good - y; s = bad; }\n    \
+                    return s;\n}\n@group(0) @binding(0) var<storage, read_write> out: array<f32>;\n\
+                    @compute @workgroup_size(64) fn step_back(@builtin(global_invocation_id) i: vec3u) {\n    \
+                    out[i.x] = out[i.x] - 0.5;\n}\n";
+        write(&folder.path().join("shaders"), "maths.wgsl", text);
+        let change = "[ -f shader.hlsl ] && sed -i 's/ - /  +  /g' shader.hlsl";
+        let outputs = ["--only", "maths::step_back", "--reproduce", "bugs", "--markdown", "m.md"];
+        let ran = run_with_glslang(&folder, change, "", &outputs);
+        assert!(ran.out.contains("differs first, by its last value in a loop"), "{ran:?}");
+        let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect(name);
+        let bug = "bugs/shaders/maths.step_back@vulkan-hlsl";
+        let readme = read(&format!("{bug}/README.md"));
+        assert!(readme.contains("--columns vulkan,vulkan:hlsl`"), "{readme}");
+        assert!(folder.path().join(bug).join("vulkan/shader.spv").is_file());
+        let page = read("m.md");
+        let (_, why) = page.split_once("## Why rows stop").expect("a section");
+        assert!(why.contains("rows: vulkan:hlsl: "), "what is wrong is never left out: {why}");
+    }
+
     /// What fails before the declared status isn't what was declared.
     #[test]
     fn a_declaration_hides_no_worse_failure() {
@@ -545,9 +588,18 @@ mod planted {
         run_with_glslang(&folder, ANOTHER_OPERATOR, "", &required).good();
         let healthy = run_with_glslang(&folder, "", "", &["--html", "m.html"]);
         assert_eq!(healthy.code, Some(1), "{healthy:?}");
-        let outdated = "one cell declared to fail turns out to work: delete the declarations of \
-                        maths::blend on vulkan:hlsl";
+        let outdated = "one cell declared to fail turns out to work: delete what `karat.toml` \
+                        declares of maths::blend on vulkan:hlsl: it gets to `agrees`";
         assert!(healthy.err.contains(outdated), "{healthy:?}");
+        // What is declared to be rejected, and is accepted and differs, is no news to be glad of.
+        declare("maths::blend", "vulkan:hlsl", "valid", "the compiler is wrong");
+        let ran = run_with_glslang(&folder, ANOTHER_OPERATOR, "", &[]);
+        assert!(ran.err.contains("one cell of the matrix is wrong"), "{ran:?}");
+        assert!(!ran.err.contains("delete"), "{ran:?}");
+        // A validator that crashes rejects nothing.
+        let ran = run_with_glslang(&folder, "[ -f shader.hlsl ] && kill -SEGV $$", "", &[]);
+        assert_eq!(ran.code, Some(1), "{ran:?}");
+        assert!(ran.out.contains("NO VERDICT"), "{ran:?}");
         for (rows, column, status, reason, message) in [
             ("maths::blnd", "vulkan", "agrees", "x", "no such row; did you mean `maths::blend`?"),
             ("maths::blend", "vulkn", "agrees", "x", "there is no execution path `vulkn`"),

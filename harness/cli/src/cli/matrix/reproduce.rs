@@ -48,7 +48,7 @@ fn one(place: &Path, matrix: &Matrix, row: &Row, head: &Head, cell: &Cell) -> an
         }
         .to_owned(),
     )];
-    let baseline = cell.divergence.as_ref().map(|found| found.baseline.as_str());
+    let baseline = cell.against.as_deref();
     let columns = matrix.columns.iter().zip(&row.cells);
     for (head, cell) in columns.filter(|(h, _)| h.name == head.name || Some(&*h.name) == baseline) {
         // As the commands call it.
@@ -117,9 +117,9 @@ fn readme(
     };
     writeln!(text, "# `{}` {verb} on `{}`\n", row.name, head.name)?;
     let why = cell.stopped.as_ref().map_or("", Stop::text);
-    writeln!(text, "```text\n{}\n```\n", why.trim())?;
+    writeln!(text, "{}\n", fenced("text", why))?;
     writeln!(text, "- naga {}, {}", matrix.naga, cell.options)?;
-    let baseline = cell.divergence.as_ref().map(|found| found.baseline.as_str());
+    let baseline = cell.against.as_deref();
     for one in &matrix.columns {
         if let (true, Some(adapter)) =
             (one.name == head.name || Some(&*one.name) == baseline, &one.adapter)
@@ -132,7 +132,7 @@ fn readme(
     }
     let source = &row.source;
     writeln!(text, "\n## The author's text\n\n`{}:{}`\n", source.file, source.line)?;
-    writeln!(text, "```wgsl\n{}\n```", source.text.trim_end())?;
+    writeln!(text, "{}", fenced("wgsl", &source.text))?;
     writeln!(text, "\n## Files\n")?;
     for (name, what) in files {
         writeln!(text, "- `{name}`: {what}")?;
@@ -142,12 +142,19 @@ fn readme(
         for said in &cell.validators {
             let (command, version) = (&said.command, &said.version);
             writeln!(text, "```sh\n{command}   # {version}\n```\n")?;
-            writeln!(text, "```text\n{}\n```\n", said.verdict.trim())?;
+            writeln!(text, "{}\n", fenced("text", &said.verdict))?;
         }
     }
     let all = baseline.into_iter().chain([&*head.name]).collect::<Vec<_>>().join(",");
     writeln!(text, "Karat repeats it here: `karat matrix --package shader.wgsl --columns {all}`.")?;
     Ok(text)
+}
+
+/// A block of code, whose fence is longer than any row of backticks in it.
+fn fenced(language: &str, text: &str) -> String {
+    let longest = text.split(|c| c != '`').map(str::len).max().unwrap_or(0);
+    let fence = "`".repeat(3.max(longest + 1));
+    format!("{fence}{language}\n{}\n{fence}", text.trim())
 }
 
 fn write_divergence(text: &mut String, head: &Head, found: &Divergence) -> std::fmt::Result {
@@ -165,8 +172,11 @@ fn write_divergence(text: &mut String, head: &Head, found: &Divergence) -> std::
             let place = first.location.as_ref().map_or_else(String::new, |at| format!(" at {at}"));
             writeln!(
                 text,
-                "\nThe first let-binding that differs is `{}`{place}: {} here, {} there.",
-                first.name, first.here, first.there
+                "\nThe first let-binding that differs is `{}`{place}: {} here, {} there.{}",
+                first.name,
+                first.here,
+                first.there,
+                if first.in_loop { " It is in a loop; these are its last values." } else { "" }
             )?;
             if let Some(line) = first.text_line {
                 writeln!(text, "It is line {line} of the translation.")?;
