@@ -2,6 +2,8 @@
 
 #[cfg(feature = "engine")]
 mod cpu;
+#[cfg(all(test, feature = "engine"))]
+mod soundness;
 
 use std::fmt::Debug;
 

@@ -97,6 +97,7 @@ impl Fixture {
     }
 
     /// A buffer of these lanes: of one value, or of the elements of an array without a length.
+    #[cfg(any(feature = "engine", feature = "routes"))]
     pub(crate) fn of_lanes(shape: Shape, lanes: Vec<u32>, elements: bool) -> Self {
         let values = Values { shape, lanes };
         if elements { Self::Storage(Storage(values)) } else { Self::Uniform(Uniform(values)) }

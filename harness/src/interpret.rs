@@ -309,6 +309,3 @@ fn texture(dimension: Dimension, levels: &[Level], layers: u32) -> Result<Engine
     EngineTexture::new(dimension, [first.width, first.height, layers], 1, texels)
         .map_err(|error| error.to_string())
 }
-
-#[cfg(test)]
-mod soundness;

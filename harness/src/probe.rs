@@ -13,6 +13,7 @@ mod dispatcher;
 mod inputs;
 mod kernel;
 mod lets;
+#[cfg(any(feature = "engine", feature = "routes"))]
 pub(crate) mod made_up;
 mod poison;
 mod prepared;

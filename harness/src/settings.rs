@@ -386,8 +386,8 @@ mod tests {
         assert!(
             error.ends_with(
                 "it reads KARAT_PATHS, KARAT_REQUIRE, KARAT_ADAPTER, \
-             KARAT_DEADLINE, KARAT_SEED, KARAT_CASE, KARAT_INPUT, KARAT_FAILURES, KARAT_OVERLAY, \
-             KARAT_RECORD, KARAT_BROWSER"
+             KARAT_DEADLINE, KARAT_SEED, KARAT_CASE, KARAT_INPUT, KARAT_FAILURES, KARAT_FRAMES, \
+             KARAT_OVERLAY, KARAT_RECORD, KARAT_BROWSER"
             ),
             "{error}"
         );

@@ -88,8 +88,9 @@ impl Session<'_> {
             if let Some((value, bound)) = found {
                 let place = one.span.map_or_else(String::new, |span| format!(" ({span})"));
                 let allowed = interval(&bound);
+                let last = if one.repeats { ", by its last value in a loop" } else { "" };
                 return Some(format!(
-                    "`{}`{place} leaves it first: {value}, where WGSL allows {allowed}",
+                    "`{}`{place} leaves it first{last}: {value}, where WGSL allows {allowed}",
                     one.name
                 ));
             }

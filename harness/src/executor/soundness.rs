@@ -1,9 +1,10 @@
 //! What drivers return for each built-in function is what the engine says that WGSL allows: 2^18 inputs
 //! each, and the engine's own `f32` and `f64`.
 
-use super::{Bound, Interpreted};
+use super::Executor;
 use crate::domain::Source;
-use crate::executor::{self, Executor};
+use crate::executor;
+use crate::interpret::{Bound, Interpreted};
 use crate::package::Package;
 use crate::path::{self, Path};
 use crate::probe::{Call, Probed};
