@@ -135,11 +135,21 @@ impl Interval {
     /// `f` of both bounds, for a monotonic function whose results are exact to `error`.
     pub(crate) fn monotonic(self, f: impl Fn(f64) -> f64, error: impl Fn(f64, f64) -> f64) -> Self {
         let Some((lo, hi)) = self.bounds() else { return Self::UNBOUNDED };
-        let (a, b) = (f(lo), f(hi));
-        // Between the bounds an ulp may be twice what it is at the one nearer to zero.
-        let wider = if lo == hi { 1.0 } else { 2.0 };
-        let (ea, eb) = (wider * error(lo, a), wider * error(hi, b));
-        Self::outwards((a - ea).min(b - eb), (a + ea).max(b + eb))
+        let mut ends = [(lo, f(lo)), (hi, f(hi))].map(|(x, y)| (y, error(x, y)));
+        ends.sort_by(|(y, _), (z, _)| y.total_cmp(z));
+        let [(a, ea), (b, eb)] = ends;
+        let (mut least, mut greatest) = (a - ea, b + eb);
+        // An ulp doubles where a power of two is crossed. Just behind the first one the error may reach
+        // further than at the end nearer to zero. The error's factor changes by less than 2^-20 on the
+        // way to a power that is so near that this matters.
+        const DOUBLED: f64 = 2.0 + 1.0 / 524_288.0;
+        if a > 0.0 && power_above(a) < b {
+            least = least.min(power_above(a) - DOUBLED * ea);
+        }
+        if b < 0.0 && power_above(-b) < -a {
+            greatest = greatest.max(DOUBLED * eb - power_above(-b));
+        }
+        Self::outwards(least.min(b - eb), greatest.max(a + ea))
     }
 
     pub(crate) fn add(self, other: Self) -> Self {
@@ -317,11 +327,20 @@ impl Interval {
 const LEAST_DIVISOR: f64 = f32::MIN_POSITIVE as f64;
 const GREATEST_DIVISOR: f64 = 1.0 / LEAST_DIVISOR;
 
-/// The distance between the two `f32` about `x`.
+/// The least distance between two `f32` about `x`. Of a power of two the neighbour below is nearer.
 pub(crate) fn ulp(x: f64) -> f64 {
-    // The exponent as `f64` has it, at least that of the least normal `f32`: 2^-126.
-    let exponent = ((x.to_bits() >> 52) & 0x7ff).max(1023 - 126);
-    f64::from_bits((exponent - 23) << 52)
+    /// The exponent of the least normal `f32`, 2^-126, as `f64` has it.
+    const LEAST: u64 = 1023 - 126;
+    let power_of_two = x.to_bits() << 12 == 0;
+    let exponent = (x.to_bits() >> 52) & 0x7ff;
+    let exponent = exponent - u64::from(power_of_two && exponent > LEAST);
+    f64::from_bits((exponent.max(LEAST) - 23) << 52)
+}
+
+/// The least power of two that isn't below a number above zero, and at least 2^-126.
+fn power_above(x: f64) -> f64 {
+    let floor = 2f64.powi(libm::ilogb(x).max(-126));
+    if floor < x { 2.0 * floor } else { floor }
 }
 
 /// What a sum in `f64` lost to rounding, exactly. Knuth, TAOCP 4.2.2, theorem B.
@@ -489,9 +508,17 @@ mod tests {
         assert!(!Interval::outwards(f64::NAN, 0.0).is_bounded());
     }
 
+    /// 2^x just above x = 0 has twice the ulp of 2^x just below.
+    #[test]
+    fn errors_double_behind_a_power_of_two() {
+        let crossing = Interval::point(-1e-7).join(Interval::point(1.0)).exp2();
+        assert!(f64::from(crossing.lo()) <= 1.0 - 6.0 * ulp(0.9), "{crossing:?}");
+    }
+
     #[test]
     fn ulps_are_those_of_f32() {
-        assert_eq!(ulp(1.0), f64::from(f32::EPSILON));
+        assert_eq!(ulp(1.0), f64::from(f32::EPSILON) / 2.0);
+        assert_eq!(ulp(1.001), f64::from(f32::EPSILON));
         assert_eq!(ulp(-1.999), f64::from(f32::EPSILON));
         assert_eq!(ulp(0.999), f64::from(f32::EPSILON) / 2.0);
         assert_eq!(ulp(0.0), f64::from(f32::from_bits(1)));

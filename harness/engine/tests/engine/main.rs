@@ -9,4 +9,5 @@ mod intervals;
 mod memory;
 mod observed;
 mod random;
+mod table;
 mod textures;
