@@ -4,6 +4,7 @@
 //! functions, fixtures and the author's files.
 
 pub(crate) mod hazards;
+pub(crate) mod trace;
 
 use std::borrow::Cow;
 use std::ops;

@@ -55,6 +55,8 @@ pub mod run;
 pub mod settings;
 pub mod stats;
 pub mod tolerance;
+#[cfg(feature = "engine")]
+pub mod trace;
 pub mod value;
 
 pub use check::{Check, Directions, Integral, Limit, SamplingCheck, Trend};

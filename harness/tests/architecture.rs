@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// The modules of the library from the bottom up: a module uses only those before it.
-const ORDER: [&str; 24] = [
+const ORDER: [&str; 25] = [
     "output",
     "diagnostic",
     "settings",
@@ -33,6 +33,7 @@ const ORDER: [&str; 24] = [
     "check",
     "frame",
     "hazards",
+    "trace",
     "matrix",
 ];
 

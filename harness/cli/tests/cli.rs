@@ -10,6 +10,8 @@ mod diff;
 mod errors;
 #[path = "cli/escapes.rs"]
 mod escapes;
+#[path = "cli/hazards.rs"]
+mod hazards;
 #[path = "cli/interrupted.rs"]
 mod interrupted;
 #[path = "cli/outputs.rs"]

@@ -1,5 +1,7 @@
 //! `karat call`: a shader as a calculator.
 
+mod trace;
+
 use std::fs::File;
 use std::io::{Read, Write};
 use std::path::{Path as FilePath, PathBuf};
@@ -14,7 +16,7 @@ use karat::value::{Scalar, Shape, format_lane, hexfloat};
 
 use super::project::Project;
 use super::table::{DIM, HEAD};
-use super::{Ending, Outcome, PackageArgs, spare};
+use super::{Ending, Outcome, PackageArgs, spare, spare_shaders};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -32,6 +34,12 @@ pub(super) struct Args {
     /// Where the table goes [default: standard output]
     #[arg(long, value_name = "OUT.CSV", requires = "cases")]
     out: Option<PathBuf>,
+    /// Show each intermediate in f32, in f64 and as WGSL bounds it
+    #[arg(long, conflicts_with = "cases")]
+    trace: bool,
+    /// Write that as a page, beside the source
+    #[arg(long, value_name = "FILE", conflicts_with = "cases")]
+    html: Option<PathBuf>,
     #[command(flatten)]
     package: PackageArgs,
 }
@@ -53,10 +61,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         let shader = FilePath::new(&probed.function().span.file.name);
         spare("table", output, [cases.as_path(), shader].into_iter().chain(package))?;
     }
+    if let Some(file) = &args.html {
+        spare_shaders("page", file, std::slice::from_ref(&package))?;
+    }
     let paths = paths(&probed, &args.paths)?;
     match &args.cases {
         Some(cases) => table(&probed, &paths, cases, args.out.as_deref(), out),
-        None => single(&probed, &paths, &args.arguments, out),
+        None => single(&probed, &paths, args, out),
     }
 }
 
@@ -80,7 +91,8 @@ fn paths(probed: &Probed, names: &[String]) -> anyhow::Result<Vec<Path>> {
     Ok(able)
 }
 
-fn single(probed: &Probed, paths: &[Path], arguments: &[String], out: &mut dyn Write) -> Outcome {
+fn single(probed: &Probed, paths: &[Path], args: &Args, out: &mut dyn Write) -> Outcome {
+    let arguments = &args.arguments;
     let function = probed.function();
     let expected = function.parameters.len();
     ensure!(
@@ -118,6 +130,12 @@ fn single(probed: &Probed, paths: &[Path], arguments: &[String], out: &mut dyn W
             write!(out, "  {DIM}{}{DIM:#}", hexadecimal.join(" "))?;
         }
         writeln!(out)?;
+    }
+    if args.trace {
+        trace::write_text(probed, &lanes, out)?;
+    }
+    if let Some(file) = &args.html {
+        trace::write_html(probed, &lanes, file)?;
     }
     Ok(Ending::Good)
 }

@@ -9,6 +9,7 @@ pub(super) const KNOWN: Style = Style::KNOWN;
 pub(super) const BAD: Style = Style::BAD;
 pub(super) const HEAD: Style = Style::HEAD;
 pub(super) const DIM: Style = Style::DIM;
+pub(super) const PLAIN: Style = Style::PLAIN;
 
 /// Rows whose columns are aligned when printed.
 #[derive(Debug, Default)]

@@ -10,11 +10,14 @@ fn word(text: &str) -> f32 {
     f32::from_bits(u32::from_str_radix(text, 16).expect("a word"))
 }
 
+/// Inputs, and the ends of what is allowed for them.
+type Case = (Vec<f32>, Option<(f32, f32)>);
+
 /// The engine's bounds hold those of the table, and are at most one step wider at each end: it
 /// computes in `f64`.
 #[test]
 fn bounds_are_those_of_exact_arithmetic() {
-    let mut builtins: BTreeMap<&str, Vec<(Vec<f32>, Option<(f32, f32)>)>> = BTreeMap::new();
+    let mut builtins: BTreeMap<&str, Vec<Case>> = BTreeMap::new();
     for line in TABLE.lines() {
         let parts: Vec<&str> = line.split(" | ").collect();
         let inputs = parts[1].split(' ').map(word).collect();

@@ -1,0 +1,135 @@
+//! `karat call --trace`: each intermediate beside its line.
+
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::Path;
+
+use anyhow::Context;
+use karat::image::write_whole;
+use karat::probe::Probed;
+use karat::trace::{Step, trace};
+use karat::value::format_f32;
+
+use super::super::table::{BAD, DIM, KNOWN, PLAIN, Table};
+
+/// A value that differs from the shadow by more than this has lost half of its digits.
+const LOST: f64 = 1.0 / 4096.0;
+
+/// Prints the steps of a call.
+pub(super) fn write_text(
+    probed: &Probed,
+    arguments: &[u32],
+    out: &mut dyn Write,
+) -> anyhow::Result<()> {
+    let steps = trace(probed, arguments)?;
+    writeln!(out)?;
+    let mut table = Table::new(&["line", "operation", "f32", "f64", "WGSL allows"], &[0]);
+    for step in &steps {
+        let style = match () {
+            () if step.single.iter().any(|x| !x.is_finite()) => BAD,
+            () if has_lost(step) || step.allowed.iter().any(Option::is_none) => KNOWN,
+            () => PLAIN,
+        };
+        let [single, double, allowed] = columns(step);
+        table.row(
+            style,
+            vec![line(step).to_string(), one_line(&step.text), single, double, allowed],
+        );
+    }
+    table.write(out)?;
+    if steps.is_empty() {
+        writeln!(out, "{DIM}it computes no float{DIM:#}")?;
+    }
+    Ok(())
+}
+
+/// Writes the steps as a page, each below its line of the source.
+pub(super) fn write_html(probed: &Probed, arguments: &[u32], file: &Path) -> anyhow::Result<()> {
+    let steps = trace(probed, arguments)?;
+    let function = probed.function();
+    let mut page = String::from(HEAD);
+    writeln!(page, "<title>{}</title><h1>{}</h1>", html(&function.name), html(&function.name))?;
+    let mut files: Vec<&karat::diagnostic::SourceFile> = Vec::new();
+    for step in &steps {
+        if files.iter().all(|file| file.name != step.span.file.name) {
+            files.push(&step.span.file);
+        }
+    }
+    for source in files {
+        writeln!(page, "<h2>{}</h2><table>", html(&source.name))?;
+        let own = || steps.iter().filter(|step| step.span.file.name == source.name);
+        let last = own().map(line).max().unwrap_or(0);
+        let first = own().map(line).min().unwrap_or(1);
+        for (index, text) in source.text.lines().enumerate().take(last + 1) {
+            let number = index + 1;
+            if number + 3 < first {
+                continue;
+            }
+            writeln!(page, "<tr class=source><td>{number}<td colspan=4><pre>{}</pre>", html(text))?;
+            for step in own().filter(|step| line(step) == number) {
+                let class = if has_lost(step) { "lost" } else { "step" };
+                let cells = columns(step).map(|cell| format!("<td>{}", html(&cell))).concat();
+                writeln!(page, "<tr class={class}><td><td>{}{cells}", html(&one_line(&step.text)))?;
+            }
+        }
+        writeln!(page, "</table>")?;
+    }
+    write_whole(file, page.as_bytes()).with_context(|| format!("can't write `{}`", file.display()))
+}
+
+const HEAD: &str = "<!doctype html><meta charset=utf-8><meta name=viewport content='width=device-width'>\
+    <style>:root{color-scheme:light dark}body{font:14px/1.5 system-ui;margin:2rem}\
+    table{border-collapse:collapse}td{padding:.1rem .8rem;vertical-align:top}pre{margin:0}\
+    td:first-child{color:gray;text-align:right}.step td,.lost td{font-family:ui-monospace,monospace;\
+    font-size:12px;background:#8881}.lost td{background:#e803}</style>\n";
+
+fn html(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+fn line(step: &Step) -> usize {
+    step.span.file.line_column(step.span.range.start).0
+}
+
+fn has_lost(step: &Step) -> bool {
+    let lost = |(x, y): (&f32, &f64)| {
+        let error = (f64::from(*x) - y).abs();
+        error > LOST * y.abs() && error > f64::from(f32::MIN_POSITIVE)
+    };
+    step.single.iter().zip(&step.double).any(lost)
+}
+
+/// The values of a step in `f32`, in `f64`, and what is allowed.
+fn columns(step: &Step) -> [String; 3] {
+    let joined = |values: Vec<String>| match values.as_slice() {
+        [] => "another way".to_owned(),
+        _ => values.join(", "),
+    };
+    let range = |ends: &Option<(f32, f32)>| match ends {
+        None => "anything".to_owned(),
+        Some((lo, hi)) if lo == hi => format_f32(*lo),
+        Some((lo, hi)) => format!("{} to {}", format_f32(*lo), format_f32(*hi)),
+    };
+    [
+        joined(step.single.iter().map(|x| format_f32(*x)).collect()),
+        joined(step.double.iter().map(|x| format!("{x:.12}")).map(short).collect()),
+        joined(step.allowed.iter().map(range).collect()),
+    ]
+}
+
+/// A decimal without zeros at its end.
+fn short(text: String) -> String {
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text,
+    }
+}
+
+fn one_line(text: &str) -> String {
+    const MOST: usize = 64;
+    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    match line.char_indices().nth(MOST) {
+        Some((end, _)) => format!("{}...", &line[..end]),
+        None => line,
+    }
+}
