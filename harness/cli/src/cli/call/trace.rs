@@ -23,7 +23,7 @@ pub(super) fn write_text(
 ) -> anyhow::Result<()> {
     let steps = trace(probed, arguments)?;
     writeln!(out)?;
-    let mut table = Table::new(&["line", "operation", "f32", "f64", "WGSL allows"], &[0]);
+    let mut table = Table::new(&["place", "operation", "f32", "f64", "WGSL allows"], &[]);
     for step in &steps {
         let style = match () {
             () if step.single.iter().any(|x| !x.is_finite()) => BAD,
@@ -31,10 +31,7 @@ pub(super) fn write_text(
             () => PLAIN,
         };
         let [single, double, allowed] = columns(step);
-        table.row(
-            style,
-            vec![line(step).to_string(), one_line(&step.text), single, double, allowed],
-        );
+        table.row(style, vec![place(step), one_line(&step.text), single, double, allowed]);
     }
     table.write(out)?;
     if steps.is_empty() {
@@ -57,13 +54,19 @@ pub(super) fn write_html(probed: &Probed, arguments: &[u32], file: &Path) -> any
     }
     for source in files {
         writeln!(page, "<h2>{}</h2><table>", html(&source.name))?;
+        writeln!(page, "<tr><th><th>operation<th>f32<th>f64<th>WGSL allows")?;
         let own = || steps.iter().filter(|step| step.span.file.name == source.name);
-        let last = own().map(line).max().unwrap_or(0);
-        let first = own().map(line).min().unwrap_or(1);
-        for (index, text) in source.text.lines().enumerate().take(last + 1) {
+        /// Lines of the source about one that computes.
+        const ABOUT: usize = 3;
+        let mut gap = false;
+        for (index, text) in source.text.lines().enumerate() {
             let number = index + 1;
-            if number + 3 < first {
+            if !own().any(|step| line(step).abs_diff(number) <= ABOUT) {
+                gap = true;
                 continue;
+            }
+            if std::mem::take(&mut gap) {
+                writeln!(page, "<tr><td>\u{22ee}")?;
             }
             writeln!(page, "<tr class=source><td>{number}<td colspan=4><pre>{}</pre>", html(text))?;
             for step in own().filter(|step| line(step) == number) {
@@ -79,7 +82,7 @@ pub(super) fn write_html(probed: &Probed, arguments: &[u32], file: &Path) -> any
 
 const HEAD: &str = "<!doctype html><meta charset=utf-8><meta name=viewport content='width=device-width'>\
     <style>:root{color-scheme:light dark}body{font:14px/1.5 system-ui;margin:2rem}\
-    table{border-collapse:collapse}td{padding:.1rem .8rem;vertical-align:top}pre{margin:0}\
+    table{border-collapse:collapse}td,th{padding:.1rem .8rem;vertical-align:top;text-align:left}pre{margin:0}\
     td:first-child{color:gray;text-align:right}.step td,.lost td{font-family:ui-monospace,monospace;\
     font-size:12px;background:#8881}.lost td{background:#e803}</style>\n";
 
@@ -89,6 +92,11 @@ fn html(text: &str) -> String {
 
 fn line(step: &Step) -> usize {
     step.span.file.line_column(step.span.range.start).0
+}
+
+/// The file and the line.
+fn place(step: &Step) -> String {
+    format!("{}:{}", step.span.file.name, line(step))
 }
 
 fn has_lost(step: &Step) -> bool {
@@ -112,16 +120,17 @@ fn columns(step: &Step) -> [String; 3] {
     };
     [
         joined(step.single.iter().map(|x| format_f32(*x)).collect()),
-        joined(step.double.iter().map(|x| format!("{x:.12}")).map(short).collect()),
+        joined(step.double.iter().copied().map(format_f64).collect()),
         joined(step.allowed.iter().map(range).collect()),
     ]
 }
 
-/// A decimal without zeros at its end.
-fn short(text: String) -> String {
-    match text.contains('.') {
-        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
-        false => text,
+/// A number to 12 significant digits, more than half of what `f64` has beyond `f32`.
+fn format_f64(x: f64) -> String {
+    let rounded: f64 = format!("{x:.11e}").parse().unwrap_or(x);
+    match rounded.abs() {
+        size if size != 0.0 && !(1e-5..1e12).contains(&size) => format!("{rounded:e}"),
+        _ => rounded.to_string(),
     }
 }
 
