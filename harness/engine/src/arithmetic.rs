@@ -2,7 +2,9 @@
 
 use std::fmt::Debug;
 
+use crate::accuracy::Accuracy;
 use crate::interval::{Interval, Range, Truth};
+use crate::rules::FloatRule as AnyRule;
 
 /// What numbers are while a program runs: [`F32`], [`F64`] or [`Intervals`].
 ///
@@ -108,6 +110,10 @@ pub(crate) mod sealed {
         fn float_rule<R: FloatRule<I, O>, const I: usize, const O: usize>(
             x: [Self::Float; I],
         ) -> [Self::Float; O];
+        /// The result of a rule as an adapter was measured to give it.
+        fn narrow(_: &Accuracy, _: AnyRule, _: &[Self::Float], y: Self::Float) -> Self::Float {
+            y
+        }
         fn int_rule<R: IntRule<I>, const I: usize>(x: [Self::Int; I]) -> Self::Int;
         fn to_int<R: ToIntRule<I>, const I: usize>(x: [Self::Float; I]) -> Self::Int;
         fn from_int<R: FromIntRule<O>, const O: usize>(x: Self::Int) -> [Self::Float; O];
@@ -392,6 +398,9 @@ impl Rules for Intervals {
         x: [Interval; I],
     ) -> [Interval; O] {
         R::interval(x)
+    }
+    fn narrow(accuracy: &Accuracy, rule: AnyRule, x: &[Interval], y: Interval) -> Interval {
+        accuracy.narrow(rule, x, y)
     }
     fn int_rule<R: IntRule<I>, const I: usize>(x: [Range; I]) -> Range {
         R::range(x)

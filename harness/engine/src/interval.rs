@@ -126,6 +126,19 @@ impl Interval {
         Self { cause: if self.cause == 0 { other.cause } else { self.cause }, ..Self::UNBOUNDED }
     }
 
+    /// What both hold: `other` where this one isn't bounded, this one where the other isn't or where
+    /// they have nothing in common.
+    pub(crate) fn meet(self, other: Self) -> Self {
+        match (self.is_bounded(), other.is_bounded()) {
+            (_, false) => self,
+            (false, true) => other,
+            (true, true) => {
+                let (lo, hi) = (self.lo.max(other.lo), self.hi.min(other.hi));
+                if lo <= hi { Self { lo, hi, cause: 0 } } else { self }
+            }
+        }
+    }
+
     /// Bounds in `f64`, subnormals flushed or not.
     pub(crate) fn bounds(self) -> Option<(f64, f64)> {
         let flushed = self.flushed();

@@ -55,6 +55,9 @@
 //! **Textures** (`texture`) are data. The specification bounds no filter, so the interval of a
 //! sample goes from the least texel to the greatest: any weighted mean lies in it.
 //!
+//! **Accuracy** (`accuracy`). Where the specification is loose or silent, [`Options::accuracy`] narrows
+//! the bounds of built-in functions to twice what was measured on an adapter.
+//!
 //! # Adding a builtin
 //!
 //! A rule stands in one place, in the file of its family in `rules`: its name, how many numbers it
@@ -75,6 +78,7 @@
 //! - The invocations of a workgroup are the lanes of one chunk, so a barrier is already passed by
 //!   all of them. Workgroups run one after the other.
 
+mod accuracy;
 mod allocate;
 mod arithmetic;
 mod code;
@@ -93,6 +97,7 @@ mod rules;
 mod scalar;
 mod texture;
 
+pub use accuracy::Accuracy;
 pub use arithmetic::{Arithmetic, F32, F64, Intervals};
 pub use code::Site;
 pub use interval::{Interval, Range, Truth};

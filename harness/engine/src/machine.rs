@@ -9,11 +9,13 @@ mod worlds;
 
 use naga::Span;
 
+use crate::accuracy::Accuracy;
 use crate::arithmetic::sealed::Rules;
 use crate::code::{Code, Instruction, Op, Site};
 use crate::columns::Columns;
 use crate::observer::{Lanes, Observer, OutOfRange};
 use crate::options::Options;
+use crate::rules::FloatRule;
 use crate::scalar::{File, Scalar};
 use masks::Masks;
 pub(crate) use memory::{Buffer, Memory};
@@ -113,6 +115,21 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
+    /// Runs an operation, and narrows its result to what was measured.
+    fn run_measured(&mut self, accuracy: &Accuracy, rule: FloatRule, registers: &[u32]) {
+        let (outs, ins) = registers.split_at(rule.arity().1);
+        // The result may take the register of an argument.
+        let columns: Vec<Box<[A::Float]>> =
+            ins.iter().map(|x| self.floats.get(*x).into()).collect();
+        rule.run::<A>(&mut self.floats, registers);
+        let mut x: Vec<A::Float> = Vec::with_capacity(columns.len());
+        for (lane, y) in self.floats.get_mut(outs[0]).iter_mut().enumerate() {
+            x.clear();
+            x.extend(columns.iter().map(|column| column[lane]));
+            *y = A::narrow(accuracy, rule, &x, *y);
+        }
+    }
+
     /// Runs the program for the first `active` lanes, of which the first is `case`.
     pub(crate) fn run<O: Observer<A>>(
         &mut self,
@@ -142,7 +159,12 @@ impl<'p, A: Rules> Machine<'p, A> {
             let registers = &code.pool[start..start + instruction.count as usize];
             match instruction.op {
                 Op::Float(rule) => {
-                    rule.run::<A>(&mut self.floats, registers);
+                    match self.options.accuracy.as_deref() {
+                        Some(accuracy) if A::UNDECIDED && Accuracy::knows(rule) => {
+                            self.run_measured(accuracy, rule, registers);
+                        }
+                        _ => rule.run::<A>(&mut self.floats, registers),
+                    }
                     self.after_floats(instruction, registers, rule.arity());
                     if O::ACTIVE {
                         let (ins, outs) = rule.arity();

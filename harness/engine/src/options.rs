@@ -1,5 +1,9 @@
 //! How a program runs.
 
+use std::sync::Arc;
+
+use crate::accuracy::Accuracy;
+
 /// How a program runs.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -15,10 +19,13 @@ pub struct Options {
     /// all between its neighbours, as whoever computes with another type has another 0.1. Integers
     /// and short binary fractions such as 0.75 are what they are.
     pub decimals: bool,
+    /// What was measured of an adapter, whose bounds are then asked for in place of the
+    /// specification's, in intervals.
+    pub accuracy: Option<Arc<Accuracy>>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { fuel: 1 << 20, undecided: 256, flush: false, decimals: false }
+        Self { fuel: 1 << 20, undecided: 256, flush: false, decimals: false, accuracy: None }
     }
 }

@@ -1,0 +1,439 @@
+//! How exact built-in functions are on one adapter, by measurement.
+//!
+//! The specification bounds some built-in functions loosely, as the sine by an absolute 2^-11 and only
+//! between -pi and pi. An adapter is measured once, and what it did is doubled.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use crate::interval::{Interval, ulp};
+use crate::rules::{Exponential, FloatRule, Trigonometry};
+
+/// How much further off an adapter may be than it was measured to be: between two measured arguments
+/// the error may be greater.
+const SAFETY: f64 = 2.0;
+
+/// Arguments of each sign and exponent that are measured.
+const PER_EXPONENT: u32 = 256;
+
+/// A sign and an exponent each.
+const BUCKETS: usize = 512;
+
+/// How a function's values lie between those of two arguments.
+#[derive(Clone, Copy, Debug)]
+enum Shape {
+    Monotonic,
+    /// The least value is that of 0.
+    Even,
+    /// The greatest value 1 is that of this argument, and of those a turn further.
+    Wave(f64),
+    /// Rising between poles at odd quarters of a turn.
+    Tangent,
+}
+
+/// A function of one number that is measured.
+#[derive(Debug)]
+struct Function {
+    text: &'static str,
+    rule: FloatRule,
+    exact: fn(f64) -> f64,
+    shape: Shape,
+    /// Where it is defined.
+    domain: (f64, f64),
+}
+
+const ALL: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
+/// Above zero, and of a magnitude that isn't flushed.
+const ABOVE_ZERO: (f64, f64) = (f32::MIN_POSITIVE as f64, f64::INFINITY);
+const UNIT: (f64, f64) = (-1.0, 1.0);
+
+macro_rules! function {
+    ($text:literal, $family:ident::$name:ident, $exact:expr, $shape:expr, $domain:expr) => {
+        Function {
+            text: concat!($text, "(a)"),
+            rule: FloatRule::$family($family::$name),
+            exact: $exact,
+            shape: $shape,
+            domain: $domain,
+        }
+    };
+}
+
+static FUNCTIONS: [Function; 16] = [
+    function!("exp", Exponential::Exp, libm::exp, Shape::Monotonic, ALL),
+    function!("exp2", Exponential::Exp2, libm::exp2, Shape::Monotonic, ALL),
+    function!("log", Exponential::Log, libm::log, Shape::Monotonic, ABOVE_ZERO),
+    function!("log2", Exponential::Log2, libm::log2, Shape::Monotonic, ABOVE_ZERO),
+    function!("sin", Trigonometry::Sin, libm::sin, Shape::Wave(FRAC_PI_2), ALL),
+    function!("cos", Trigonometry::Cos, libm::cos, Shape::Wave(0.0), ALL),
+    function!("tan", Trigonometry::Tan, libm::tan, Shape::Tangent, ALL),
+    function!("asin", Trigonometry::Asin, libm::asin, Shape::Monotonic, UNIT),
+    function!("acos", Trigonometry::Acos, libm::acos, Shape::Monotonic, UNIT),
+    function!("atan", Trigonometry::Atan, libm::atan, Shape::Monotonic, ALL),
+    function!("sinh", Exponential::Sinh, libm::sinh, Shape::Monotonic, ALL),
+    function!("cosh", Exponential::Cosh, libm::cosh, Shape::Even, ALL),
+    function!("tanh", Exponential::Tanh, libm::tanh, Shape::Monotonic, ALL),
+    function!("asinh", Exponential::Asinh, libm::asinh, Shape::Monotonic, ALL),
+    function!("acosh", Exponential::Acosh, libm::acosh, Shape::Monotonic, (1.0, f64::INFINITY)),
+    function!("atanh", Exponential::Atanh, libm::atanh, Shape::Monotonic, UNIT),
+];
+const EXP2: usize = 1;
+const LOG2: usize = 3;
+const POW: FloatRule = FloatRule::Exponential(Exponential::Pow);
+
+impl Function {
+    /// The least and the greatest value of the arguments between two; `None` where it has none, or
+    /// a pole.
+    fn image(&self, lo: f64, hi: f64) -> Option<(f64, f64)> {
+        if !(self.domain.0 <= lo && lo <= hi && hi <= self.domain.1) {
+            return None;
+        }
+        let ends = [(self.exact)(lo), (self.exact)(hi)];
+        let (least, greatest) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
+        // Whether an argument, or one that is some turns further, lies between the two.
+        let holds = |x: f64| x + TAU * ((lo - x) / TAU).ceil() <= hi;
+        match self.shape {
+            Shape::Monotonic => Some((least, greatest)),
+            Shape::Even if lo < 0.0 && hi > 0.0 => Some(((self.exact)(0.0), greatest)),
+            Shape::Even => Some((least, greatest)),
+            Shape::Wave(top) => Some((
+                if holds(top + PI) { -1.0 } else { least },
+                if holds(top) { 1.0 } else { greatest },
+            )),
+            Shape::Tangent => {
+                let branch = |x: f64| ((x + FRAC_PI_2) / PI).floor();
+                (branch(lo) == branch(hi)).then_some((least, greatest))
+            }
+        }
+    }
+}
+
+/// What was seen for arguments of a sign and an exponent: no result was further off than by both.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Error {
+    ulps: f32,
+    absolute: f32,
+}
+
+impl Error {
+    const NONE: Self = Self { ulps: 0.0, absolute: 0.0 };
+    const UNKNOWN: Self = Self { ulps: f32::INFINITY, absolute: f32::INFINITY };
+
+    fn join(self, other: Self) -> Self {
+        Self { ulps: self.ulps.max(other.ulps), absolute: self.absolute.max(other.absolute) }
+    }
+
+    /// How far off a result near `y` may be.
+    fn of(self, y: f64) -> f64 {
+        SAFETY * (f64::from(self.ulps) * ulp(y)).min(f64::from(self.absolute))
+    }
+}
+
+/// How exact an adapter's built-in functions are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Accuracy {
+    /// For each function, by sign and exponent of the argument.
+    functions: Vec<Vec<Error>>,
+    /// Whether `pow` was as exact as `exp2(y * log2(x))` of the measured functions.
+    powers: bool,
+    /// Whether 0 to each power above zero was 0.
+    powers_of_zero: bool,
+}
+
+/// `pow`, which is measured last.
+const POWER: &str = "pow(a, b)";
+
+impl Default for Accuracy {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Accuracy {
+    /// Nothing is known yet: all bounds are the specification's.
+    #[must_use]
+    pub fn new() -> Self {
+        let functions = vec![vec![Error::UNKNOWN; BUCKETS]; FUNCTIONS.len()];
+        Self { functions, powers: false, powers_of_zero: false }
+    }
+
+    /// What to measure, in this order: expressions of `a`, or of `a` and `b`.
+    pub fn functions() -> impl Iterator<Item = &'static str> {
+        FUNCTIONS.iter().map(|function| function.text).chain([POWER])
+    }
+
+    /// The arguments to measure one with: rows of one number, or of two for an expression of `b`.
+    #[must_use]
+    pub fn arguments(function: &str) -> Vec<f32> {
+        // The fractional parts of multiples of an irrational number fill a range evenly.
+        let spread = |case: u32| case.wrapping_mul(0x9e37_79b9);
+        if function != POWER {
+            let cases = 0..(BUCKETS as u32) * PER_EXPONENT;
+            return cases
+                .map(|case| {
+                    let (bucket, step) = (case / PER_EXPONENT, case % PER_EXPONENT);
+                    let mantissa = match step {
+                        0 => 0,
+                        1 => (1 << 23) - 1,
+                        _ => spread(case) >> 9,
+                    };
+                    f32::from_bits(bucket << 23 | mantissa)
+                })
+                // Infinities and NaN have no values.
+                .map(|x| if x.is_finite() { x } else { 1.0 })
+                .collect();
+        }
+        let cases = 0..1u32 << 17;
+        cases
+            .flat_map(|case| {
+                let unit = |salt: u32| spread(case.wrapping_add(salt)) as f32 / 4_294_967_296.0;
+                let base = match case % 4 {
+                    0 => 0.0,
+                    1 => unit(1),
+                    2 => 100.0 * unit(2),
+                    _ => (80.0 * unit(3) - 40.0).exp2(),
+                };
+                let exponent = match case / 4 % 3 {
+                    0 => ((case / 12) % 16) as f32 + 1.0,
+                    1 => 4.0 * unit(0x5bd1_e995) + 1.0 / 64.0,
+                    _ => 200.0 * unit(0x27d4_eb2f) - 100.0,
+                };
+                [base, exponent]
+            })
+            .collect()
+    }
+
+    /// Takes the results of [`arguments`](Self::arguments), one a row. Other functions and other
+    /// numbers of results are ignored.
+    pub fn take(&mut self, function: &str, results: &[f32]) {
+        let arguments = Self::arguments(function);
+        if function == POWER && arguments.len() == 2 * results.len() {
+            self.take_powers(&arguments, results);
+        }
+        let Some(index) = FUNCTIONS.iter().position(|one| one.text == function) else { return };
+        if results.len() != arguments.len() {
+            return;
+        }
+        let (of, function) = (&mut self.functions[index], &FUNCTIONS[index]);
+        let mut measured = vec![None; BUCKETS];
+        for (&x, &result) in arguments.iter().zip(results) {
+            let Some((exact, _)) = function.image(f64::from(x), f64::from(x)) else { continue };
+            // What overflows has no bound anyway.
+            if !(exact.abs() <= f64::from(f32::MAX)) {
+                continue;
+            }
+            let bucket = &mut measured[bucket(x)];
+            *bucket = Some(bucket.unwrap_or(Error::NONE).join(error(exact, result)));
+        }
+        for (error, measured) in of.iter_mut().zip(measured) {
+            *error = measured.unwrap_or(Error::UNKNOWN);
+        }
+    }
+
+    fn take_powers(&mut self, arguments: &[f32], results: &[f32]) {
+        self.powers = true;
+        self.powers_of_zero = true;
+        for (row, &result) in arguments.chunks_exact(2).zip(results) {
+            let (x, y) = (row[0], row[1]);
+            if x == 0.0 {
+                // The specification has 0 to a power at or below zero as anything.
+                self.powers_of_zero &= y <= 0.0 || result == 0.0;
+                continue;
+            }
+            let bound = self.power(Interval::point(x), Interval::point(y));
+            self.powers &= bound.contains(f64::from(result));
+        }
+    }
+
+    /// Bounds of one operation on this adapter: never wider than `allowed`, where that is finite.
+    pub(crate) fn narrow(&self, rule: FloatRule, x: &[Interval], allowed: Interval) -> Interval {
+        let bound = match x {
+            [x, y] if rule == POW && self.powers => self.power(*x, *y),
+            [x] => match FUNCTIONS.iter().position(|function| function.rule == rule) {
+                Some(index) => self.bound(index, *x),
+                None => return allowed,
+            },
+            _ => return allowed,
+        };
+        allowed.meet(bound)
+    }
+
+    /// Whether [`narrow`](Self::narrow) knows something of a rule.
+    pub(crate) fn knows(rule: FloatRule) -> bool {
+        rule == POW || FUNCTIONS.iter().any(|function| function.rule == rule)
+    }
+
+    fn bound(&self, index: usize, x: Interval) -> Interval {
+        let Some((lo, hi)) = x.bounds() else { return Interval::UNBOUNDED };
+        let Some((least, greatest)) = FUNCTIONS[index].image(lo, hi) else {
+            return Interval::UNBOUNDED;
+        };
+        let errors = &self.functions[index];
+        let error = buckets(x.lo(), x.hi()).fold(Error::NONE, |all, one| all.join(errors[one]));
+        // Where an ulp doubles between the two ends.
+        let wider = if least == greatest { 1.0 } else { 2.0 };
+        Interval::outwards(least - wider * error.of(least), greatest + wider * error.of(greatest))
+    }
+
+    /// exp2(y log2(x)).
+    fn power(&self, x: Interval, y: Interval) -> Interval {
+        if x.lo() == 0.0 && y.lo() > 0.0 && self.powers_of_zero {
+            let zero = Interval::point(0.0);
+            return match x.hi() {
+                0.0 => zero,
+                // Larger bases have larger powers, and so have the least normal ones.
+                hi => zero.join(self.power(Interval::point(hi), y)),
+            };
+        }
+        let logarithm = x.logarithm(libm::log2).meet(self.bound(LOG2, x));
+        let product = y.mul(logarithm);
+        product.exp2().meet(self.bound(EXP2, product))
+    }
+
+    /// All that was measured, to be kept.
+    #[must_use]
+    pub fn words(&self) -> Vec<u32> {
+        let flags = [u32::from(self.powers), u32::from(self.powers_of_zero)];
+        let errors = self.functions.iter().flatten();
+        flags
+            .into_iter()
+            .chain(errors.flat_map(|e| [e.ulps, e.absolute].map(f32::to_bits)))
+            .collect()
+    }
+
+    /// What [`words`](Self::words) gave; `None` if these are others.
+    #[must_use]
+    pub fn from_words(words: &[u32]) -> Option<Self> {
+        let (flags, errors) = words.split_at_checked(2)?;
+        if errors.len() != 2 * BUCKETS * FUNCTIONS.len() || flags.iter().any(|flag| *flag > 1) {
+            return None;
+        }
+        let error = |pair: &[u32]| {
+            let [ulps, absolute] = [pair[0], pair[1]].map(f32::from_bits);
+            (ulps >= 0.0 && absolute >= 0.0).then_some(Error { ulps, absolute })
+        };
+        let errors: Vec<Error> = errors.chunks_exact(2).map(error).collect::<Option<_>>()?;
+        Some(Self {
+            functions: errors.chunks_exact(BUCKETS).map(<[Error]>::to_vec).collect(),
+            powers: flags[0] == 1,
+            powers_of_zero: flags[1] == 1,
+        })
+    }
+}
+
+fn bucket(x: f32) -> usize {
+    (x.to_bits() >> 23) as usize
+}
+
+/// The buckets of all numbers between two.
+fn buckets(lo: f32, hi: f32) -> impl Iterator<Item = usize> {
+    const NEGATIVE: usize = BUCKETS / 2;
+    let negative = if lo < 0.0 {
+        bucket(if hi < 0.0 { hi } else { -0.0 })..bucket(lo) + 1
+    } else {
+        NEGATIVE..NEGATIVE
+    };
+    let positive =
+        if hi >= 0.0 { bucket(if lo > 0.0 { lo } else { 0.0 })..bucket(hi) + 1 } else { 0..0 };
+    negative.chain(positive)
+}
+
+/// How far a result is off. Infinity and NaN are off by anything.
+fn error(exact: f64, result: f32) -> Error {
+    let distance = (f64::from(result) - exact).abs();
+    if !distance.is_finite() {
+        return Error::UNKNOWN;
+    }
+    // Rounded up, so that a bound isn't a little too tight.
+    let up = |x: f64| (x as f32).next_up();
+    Error { ulps: up(distance / ulp(exact)), absolute: up(distance) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Measures functions that are rounded correctly, but one that is off by so many ulps.
+    fn measured(wrong: &str, ulps: f64) -> Accuracy {
+        let mut accuracy = Accuracy::new();
+        for function in &FUNCTIONS {
+            let arguments = Accuracy::arguments(function.text);
+            let off = if function.text == wrong { ulps } else { 0.0 };
+            let result = |x: &f32| {
+                let y = (function.exact)(f64::from(*x));
+                (y + off * ulp(y)) as f32
+            };
+            accuracy.take(function.text, &arguments.iter().map(result).collect::<Vec<_>>());
+        }
+        let rows = Accuracy::arguments(POWER);
+        let power = |row: &[f32]| libm::pow(f64::from(row[0]), f64::from(row[1])) as f32;
+        accuracy.take(POWER, &rows.chunks_exact(2).map(power).collect::<Vec<_>>());
+        accuracy
+    }
+
+    fn width_in_ulps(bound: Interval) -> f64 {
+        (f64::from(bound.hi()) - f64::from(bound.lo())) / ulp(f64::from(bound.middle()))
+    }
+
+    #[test]
+    fn bounds_are_twice_what_was_measured() {
+        let rounded = measured("", 0.0);
+        let off = measured("exp(a)", 10.0);
+        let rule = FloatRule::Exponential(Exponential::Exp);
+        let x = Interval::point(0.3);
+        let narrow = |accuracy: &Accuracy| accuracy.narrow(rule, &[x], Interval::UNBOUNDED);
+        assert!(width_in_ulps(narrow(&rounded)) <= 4.0, "{:?}", narrow(&rounded));
+        let wide = width_in_ulps(narrow(&off));
+        assert!((38.0..=46.0).contains(&wide), "{wide}");
+    }
+
+    #[test]
+    fn bounds_are_never_wider_than_the_specification() {
+        let off = measured("exp(a)", 1000.0);
+        let rule = FloatRule::Exponential(Exponential::Exp);
+        let x = Interval::point(0.3);
+        assert_eq!(off.narrow(rule, &[x], x.exp()), x.exp());
+        // A driver that leaves what is allowed gives nothing that both hold.
+        let elsewhere = Interval::point(5.0);
+        assert_eq!(measured("", 0.0).narrow(rule, &[x], elsewhere), elsewhere);
+    }
+
+    #[test]
+    fn there_are_bounds_where_the_specification_has_none() {
+        let accuracy = measured("", 0.0);
+        let sine = FloatRule::Trigonometry(Trigonometry::Sin);
+        let bound = accuracy.narrow(sine, &[Interval::point(10.0)], Interval::UNBOUNDED);
+        assert!(bound.contains(f64::from(10f32).sin()) && width_in_ulps(bound) <= 4.0, "{bound:?}");
+        let turn = Interval::between(7.0, 8.0);
+        let bound = accuracy.narrow(sine, &[turn], Interval::UNBOUNDED);
+        assert!(bound.contains(1.0) && !bound.contains(0.5), "{bound:?}");
+        let [zero, five] = [0.0, 5.0].map(Interval::point);
+        let bound = accuracy.narrow(POW, &[zero, five], Interval::UNBOUNDED);
+        assert_eq!((bound.lo(), bound.hi()), (0.0, 0.0));
+        let bound = accuracy.narrow(POW, &[Interval::between(0.0, 0.5), five], Interval::UNBOUNDED);
+        assert!(bound.contains(0.03125) && !bound.contains(0.0313), "{bound:?}");
+    }
+
+    #[test]
+    fn what_was_not_measured_is_unknown() {
+        let rule = FloatRule::Exponential(Exponential::Exp);
+        let x = Interval::point(0.3);
+        assert!(!Accuracy::new().narrow(rule, &[x], Interval::UNBOUNDED).is_bounded());
+        let mut nan = measured("", 0.0);
+        nan.take("exp(a)", &vec![f32::NAN; Accuracy::arguments("exp(a)").len()]);
+        assert!(!nan.narrow(rule, &[x], Interval::UNBOUNDED).is_bounded());
+        // Powers that are off aren't what logarithms and powers of two promise.
+        let rows = Accuracy::arguments(POWER).len() / 2;
+        nan.take(POWER, &vec![0.5; rows]);
+        assert!(!nan.powers && !nan.powers_of_zero);
+    }
+
+    #[test]
+    fn words_give_it_back() {
+        let accuracy = measured("log(a)", 3.0);
+        assert_eq!(Accuracy::from_words(&accuracy.words()), Some(accuracy.clone()));
+        assert_eq!(Accuracy::from_words(&accuracy.words()[1..]), None);
+        let mut wrong = accuracy.words();
+        wrong[5] = f32::NAN.to_bits();
+        assert_eq!(Accuracy::from_words(&wrong), None);
+    }
+}
