@@ -1,11 +1,16 @@
 //! The interface between checks and what runs shaders.
 
 #[cfg(feature = "engine")]
+mod accuracy;
+#[cfg(feature = "engine")]
 mod cpu;
 #[cfg(all(test, feature = "engine"))]
 mod soundness;
 
 use std::fmt::Debug;
+
+#[cfg(feature = "engine")]
+pub(crate) use accuracy::measured;
 
 use crate::draw::{DrawError, Drawing};
 use crate::image::Image;
@@ -89,6 +94,15 @@ pub fn call(probed: &Probed, path: Path, cases: &[Vec<u32>]) -> Result<Vec<Vec<u
         })?;
     }
     Ok(results)
+}
+
+/// Nothing knows what would be measured.
+#[cfg(not(feature = "engine"))]
+pub(crate) fn measured(
+    _: &dyn Executor,
+    _: bool,
+) -> Result<std::sync::Arc<crate::interpret::Accuracy>, ProbeError> {
+    Err(crate::interpret::missing())
 }
 
 /// What an executor is, by the name that verdict and replay have for it.

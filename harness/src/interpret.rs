@@ -10,6 +10,7 @@ use std::borrow::Cow;
 use std::ops;
 use std::sync::Arc;
 
+pub(crate) use karat_engine::Accuracy;
 use karat_engine::{
     Arithmetic, Dimension, F32, F64, Filter, Interval, Intervals, Lane, LaneOf, Observer, Options,
     Program as Lowered, Range, Refusal, Resources, Results, Sampler as EngineSampler, Settings,
@@ -119,6 +120,19 @@ impl Interpreted {
     /// that are rounded to them, as a reference has those.
     pub(crate) fn bounds(&self, cases: usize, arguments: &[u32]) -> Result<Vec<Bound>, ProbeError> {
         let options = Options { decimals: true, ..Options::default() };
+        let results = self.call_with::<Intervals>(cases, arguments, &options)?;
+        Ok((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect())
+    }
+
+    /// [`bounds`](Self::bounds) of an adapter that was measured: never wider.
+    pub(crate) fn measured_bounds(
+        &self,
+        cases: usize,
+        arguments: &[u32],
+        accuracy: &Arc<Accuracy>,
+    ) -> Result<Vec<Bound>, ProbeError> {
+        let accuracy = Some(Arc::clone(accuracy));
+        let options = Options { decimals: true, accuracy, ..Options::default() };
         let results = self.call_with::<Intervals>(cases, arguments, &options)?;
         Ok((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect())
     }

@@ -72,14 +72,14 @@ pub use package::Package;
 pub use path::Path;
 pub use probe::Inputs;
 pub use stats::Support;
-pub use tolerance::{Abs, Rel, Spec, Tolerance, Ulp};
+pub use tolerance::{Abs, Device, Rel, Spec, Tolerance, Ulp};
 pub use value::Shareable;
 
 /// What a test file needs: `use karat::prelude::*;`.
 pub mod prelude {
     pub use crate::{
-        Abs, AnyF32, CubeMap, Directions, Domain, Edges, Grid, Hemisphere, Inputs, Integers, Just,
-        LatinHypercube, Limit, OneOf, Package, Path, Rel, Sampler, Spec, Storage, Support, Texture,
-        Tolerance, Trend, Ulp, Uniform, UnitRgb, UnitVector,
+        Abs, AnyF32, CubeMap, Device, Directions, Domain, Edges, Grid, Hemisphere, Inputs,
+        Integers, Just, LatinHypercube, Limit, OneOf, Package, Path, Rel, Sampler, Spec, Storage,
+        Support, Texture, Tolerance, Trend, Ulp, Uniform, UnitRgb, UnitVector,
     };
 }

@@ -307,6 +307,13 @@ fn duration(text: &str) -> Option<Duration> {
     (!duration.is_zero()).then_some(duration)
 }
 
+/// Where a file is kept that outlives a project's `target` and can be made again: in cargo's home.
+pub(crate) fn kept(file: &str) -> Option<PathBuf> {
+    let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
+    let home = home.or_else(|| Some(std::env::home_dir()?.join(".cargo")))?;
+    Some(home.join("karat").join(file))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

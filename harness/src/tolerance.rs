@@ -10,7 +10,7 @@ mod spec;
 
 pub use line::ulp_distance;
 use line::{least_spacing, ordinal, spacing};
-pub use spec::{Criterion, Granting, Spec};
+pub use spec::{Criterion, Device, Granting, Spec};
 
 use std::fmt;
 
@@ -84,13 +84,15 @@ pub enum Unit {
     Exact,
     /// A statement: 0 if it holds, 1 if it doesn't.
     Statement,
-    /// How far the reference is outside of what WGSL allows the function to return.
+    /// How far the reference is outside of what the function is allowed to return.
     Shader,
     /// How far the result is outside of what WGSL allows.
     Driver,
-    /// How far apart the results are that WGSL allows.
+    /// How far the result is outside of what the adapter was measured to keep to.
+    Measured,
+    /// How far apart the results are that are allowed.
     Conditioning,
-    /// WGSL allows any result.
+    /// Any result is allowed.
     Unbounded,
 }
 
@@ -104,10 +106,11 @@ impl Unit {
             Self::Abs => "abs",
             Self::Exact => "different",
             Self::Statement => "doesn't hold",
-            Self::Shader => "no implementation may return the reference",
+            Self::Shader => "from what this code may return to the reference",
             Self::Driver => "outside of what WGSL allows",
+            Self::Measured => "outside of what was measured",
             Self::Conditioning => "wide",
-            Self::Unbounded => "unbounded by WGSL",
+            Self::Unbounded => "unbounded",
         }
     }
 }
@@ -161,7 +164,7 @@ impl fmt::Display for LaneError {
             Unit::Exact if self.error == 0.0 => f.write_str("equal"),
             Unit::Statement if self.error == 0.0 => f.write_str("holds"),
             Unit::Exact | Unit::Statement | Unit::Unbounded => f.write_str(self.unit.name()),
-            Unit::Shader | Unit::Driver | Unit::Conditioning => {
+            Unit::Shader | Unit::Driver | Unit::Measured | Unit::Conditioning => {
                 write!(f, "{} {}", significant(self.error), self.unit.name())
             }
             Unit::Ulp => write!(f, "{} ulp", significant(self.error)),

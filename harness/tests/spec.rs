@@ -82,13 +82,15 @@ impl Prepared for Ready {
 
     /// `(3 x) (3 x)`, and what the bindings of that have.
     fn start<'p>(&'p self, _: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError> {
+        let is_of = |binding: &str| self.name.contains(&format!("karat_let = {binding};"));
+        let (same, thrice) = (is_of("same"), is_of("thrice"));
         let one = |word: &u32| {
             let x = f32::from_bits(*word);
-            let thrice = 3.0 * self.factor * x;
-            let value = match self.name.as_str() {
-                text if text.contains("karat_let = same;") => x,
-                text if text.contains("karat_let = thrice;") => thrice,
-                _ => thrice * thrice,
+            let product = 3.0 * self.factor * x;
+            let value = match () {
+                () if same => x,
+                () if thrice => product,
+                () => product * product,
             };
             value.to_bits()
         };
@@ -153,6 +155,43 @@ fn a_specification_that_judges_nothing_is_an_error() {
         Err(Failure::Domain { reason, .. }) => assert_eq!(*reason, Vacuous::Ungranted),
         other => panic!("{other:?}"),
     }
+}
+
+/// On the paths that the environment selects. WGSL doesn't bound sines of such angles.
+const WAVE: &str = "fn f(x: f32) -> f32 { return 0.5 * sin(4.0 + 40.0 * x); }";
+
+#[test]
+fn an_adapter_is_as_exact_as_it_was_measured() {
+    let check = |text: &str, reference: fn(f64) -> f64, criterion: Criterion| {
+        let package = package(text);
+        package.function("f").over(0.0..=1.0).cases(4096).try_agrees_with(reference, criterion)
+    };
+    let wave = |x: f64| 0.5 * (4.0 + 40.0 * x).sin();
+    let unbounded = disagreement(check(WAVE, wave, Spec.into()));
+    assert!(unbounded.paths[0].census.unbounded > 3000, "{unbounded}");
+    // Where the angle's own rounding matters most, the sine is near 0.
+    let need = Device.needing(Rel(1e-3)).or(Abs(1e-4));
+    let agreement = check(WAVE, wave, need.clone().into()).expect("it agrees");
+    assert_eq!(agreement.cases, 4096);
+    // The shader is off by more than its adapter can be.
+    let off = |x: f64| 0.5 * (4.0 + 40.0 * x).sin() + 2e-4;
+    let wrong = disagreement(check(WAVE, off, Device.needing(Rel(1e-3)).into()));
+    assert!(wrong.paths[0].census.shader > 2000, "{wrong}");
+    // pow(0, 5) is unbounded by WGSL, and 0 on each adapter here.
+    let pow = "fn f(x: f32) -> f32 { return pow(x, 5.0); }";
+    check(pow, |x| x.powi(5), Device.into()).expect("0 to a power is 0");
+    assert!(check(pow, |x| x.powi(5), Spec.into()).is_err(), "0 is a case");
+}
+
+/// What leaves the measured bounds is a driver that is less exact than it was.
+#[test]
+fn what_is_less_exact_than_was_measured_is_told() {
+    let text = "fn f(x: f32) -> f32 {\n    return (3.0 * x) * (3.0 * x);\n}\n";
+    let wrong = check_on(&Driver { factor: 1.00001 }, text, |x| 9.0 * x * x, Device);
+    let wrong = disagreement(wrong);
+    assert!(wrong.paths[0].census.driver > 3000, "{wrong}");
+    let text = wrong.to_string();
+    assert!(text.contains("the driver is less exact here than it was measured to be"), "{text}");
 }
 
 /// A failing check of any tolerance says what WGSL allows, and the first binding that leaves it.

@@ -276,12 +276,12 @@ impl Accuracy {
 
     /// exp2(y log2(x)).
     fn power(&self, x: Interval, y: Interval) -> Interval {
-        if x.lo() == 0.0 && y.lo() > 0.0 && self.powers_of_zero {
+        if x.flushed().lo() == 0.0 && y.lo() > 0.0 && self.powers_of_zero {
             let zero = Interval::point(0.0);
             return match x.hi() {
                 0.0 => zero,
-                // Larger bases have larger powers, and so have the least normal ones.
-                hi => zero.join(self.power(Interval::point(hi), y)),
+                // Larger bases have larger powers, and subnormal ones have no logarithm.
+                hi => zero.join(self.power(Interval::point(hi.max(f32::MIN_POSITIVE)), y)),
             };
         }
         let logarithm = x.logarithm(libm::log2).meet(self.bound(LOG2, x));

@@ -2,9 +2,7 @@
 
 use std::fmt::Debug;
 
-use crate::accuracy::Accuracy;
 use crate::interval::{Interval, Range, Truth};
-use crate::rules::FloatRule as AnyRule;
 
 /// What numbers are while a program runs: [`F32`], [`F64`] or [`Intervals`].
 ///
@@ -86,6 +84,9 @@ pub(crate) type Bounds = (i64, i64);
 pub(crate) mod sealed {
     use super::*;
 
+    /// What the interval of a result becomes, by those of the arguments.
+    pub(crate) type Narrow<'n> = &'n dyn Fn(&[Interval], Interval) -> Interval;
+
     /// What the machine asks of an arithmetic.
     pub trait Rules: Copy + Debug + Send + Sync + 'static {
         /// A float of any width.
@@ -110,8 +111,8 @@ pub(crate) mod sealed {
         fn float_rule<R: FloatRule<I, O>, const I: usize, const O: usize>(
             x: [Self::Float; I],
         ) -> [Self::Float; O];
-        /// The result of a rule as an adapter was measured to give it.
-        fn narrow(_: &Accuracy, _: AnyRule, _: &[Self::Float], y: Self::Float) -> Self::Float {
+        /// The result of a rule, narrowed where it is an interval.
+        fn narrow(_: Narrow<'_>, _: &[Self::Float], y: Self::Float) -> Self::Float {
             y
         }
         fn int_rule<R: IntRule<I>, const I: usize>(x: [Self::Int; I]) -> Self::Int;
@@ -182,7 +183,7 @@ pub(crate) mod sealed {
     }
 }
 
-use sealed::Rules;
+use sealed::{Narrow, Rules};
 
 macro_rules! exact_integers_and_booleans {
     () => {
@@ -399,8 +400,8 @@ impl Rules for Intervals {
     ) -> [Interval; O] {
         R::interval(x)
     }
-    fn narrow(accuracy: &Accuracy, rule: AnyRule, x: &[Interval], y: Interval) -> Interval {
-        accuracy.narrow(rule, x, y)
+    fn narrow(narrow: Narrow<'_>, x: &[Interval], y: Interval) -> Interval {
+        narrow(x, y)
     }
     fn int_rule<R: IntRule<I>, const I: usize>(x: [Range; I]) -> Range {
         R::range(x)

@@ -126,7 +126,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         for (lane, y) in self.floats.get_mut(outs[0]).iter_mut().enumerate() {
             x.clear();
             x.extend(columns.iter().map(|column| column[lane]));
-            *y = A::narrow(accuracy, rule, &x, *y);
+            *y = A::narrow(&|x, y| accuracy.narrow(rule, x, y), &x, *y);
         }
     }
 

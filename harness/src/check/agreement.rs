@@ -106,8 +106,9 @@ where
     /// as WGSL lets drivers flush them.
     ///
     /// [`Spec`](crate::Spec) in place of a tolerance accepts what the WGSL specification allows this
-    /// very code to return, if that is close enough together. On paths with a tolerance of their own
-    /// that one holds.
+    /// very code to return, if that is close enough together. [`Device`](crate::tolerance::Device)
+    /// accepts what the adapter's measured accuracy allows. On paths with a tolerance of their own that
+    /// one holds.
     ///
     /// # Panics
     /// With the [`Failure`], if a case disagrees or nothing could be compared.
@@ -155,7 +156,7 @@ impl Plan<'_> {
     ) -> Result<Agreement, Failure> {
         let (general, granting) = match criterion {
             Criterion::Within(tolerance) => (tolerance.clone(), None),
-            Criterion::Spec(granting) => (granting.need.clone(), Some(granting)),
+            Criterion::Allowed(granting) => (granting.need.clone(), Some(granting)),
         };
         let tolerances = self.tolerances(general);
         let asserted = Asserted::new("agrees_with", criterion.to_string());
@@ -170,6 +171,10 @@ impl Plan<'_> {
             let ready = session.called.ready.iter();
             let own: Vec<bool> =
                 ready.map(|ready| tolerances.on.on(ready.path, &ready.adapter).is_some()).collect();
+            let measured = match granting.filter(|granting| granting.measured) {
+                Some(_) => session.measured(&own)?,
+                None => Vec::new(),
+            };
             let judged = AtomicBool::new(false);
             let (scalars, tolerances) =
                 (session.called.scalars(), tolerances.of_paths(&session.called));
@@ -178,13 +183,26 @@ impl Plan<'_> {
             let tallies = session.run(&mut |batch, dispatches| {
                 // The device works on the dispatches meanwhile.
                 let lanes = session.expected(batch, batch.rows(), expected.expect)?;
+                // Those of the specification, or of each path.
                 let bounds = match &witness {
-                    Some(witness) => witness.bounds(batch.cases, &batch.lanes())?,
                     None => Vec::new(),
+                    Some(witness) if measured.is_empty() => {
+                        vec![witness.bounds(batch.cases, &batch.lanes())?]
+                    }
+                    Some(witness) => {
+                        let of = |accuracy: &Option<_>| match accuracy {
+                            Some(accuracy) => {
+                                witness.measured_bounds(batch.cases, &batch.lanes(), accuracy)
+                            }
+                            None => Ok(Vec::new()),
+                        };
+                        measured.iter().map(of).collect::<Result<_, _>>()?
+                    }
                 };
                 let granted = |path: usize| {
                     let granting = granting.filter(|_| !own[path])?;
-                    Some(Granted { granting, bounds: &bounds, judged: &judged })
+                    let bounds = &bounds[if measured.is_empty() { 0 } else { path }];
+                    Some(Granted { granting, bounds, judged: &judged })
                 };
                 let comparison = |path: usize| Comparison {
                     granted: granted(path),

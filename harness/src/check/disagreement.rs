@@ -175,17 +175,21 @@ impl CaseFailure {
             let error = crate::tolerance::significant(measure.error);
             match measure.unit {
                 Unit::Shader => format!(
-                    "the shader is wrong: WGSL allows no implementation to return the reference, \
-                     which is {error} outside"
+                    "the shader is wrong: this code may not return the reference, which is {error} \
+                     outside of what is allowed"
                 ),
                 Unit::Driver => {
                     format!("the driver is wrong: WGSL doesn't allow its result, {error} outside")
                 }
-                Unit::Conditioning => format!(
-                    "ill-conditioned here: WGSL allows results as far from the reference as \
-                     {error} ({bound} is needed)"
+                Unit::Measured => format!(
+                    "the driver is less exact here than it was measured to be: its result is \
+                     {error} outside"
                 ),
-                Unit::Unbounded => "unbounded here: WGSL allows any result".to_owned(),
+                Unit::Conditioning => format!(
+                    "ill-conditioned here: results as far from the reference as {error} are allowed \
+                     ({bound} is needed)"
+                ),
+                Unit::Unbounded => "unbounded here: any result is allowed".to_owned(),
                 _ => format!("{measure} ({bound} allowed)"),
             }
         };
@@ -367,10 +371,10 @@ impl fmt::Display for Disagreement {
                 (wrong_sign, "with the wrong sign"),
                 (too_low, "too low"),
                 (too_high, "too high"),
-                (shader, "with a reference that WGSL doesn't allow"),
-                (driver, "with a result that WGSL doesn't allow"),
+                (shader, "with a reference that isn't allowed"),
+                (driver, "with a result that isn't allowed"),
                 (ill_conditioned, "ill-conditioned"),
-                (unbounded, "unbounded by WGSL"),
+                (unbounded, "unbounded"),
             ] {
                 if count > 0 {
                     write!(f, ", {count} {name}")?;

@@ -1,4 +1,4 @@
-//! Results judged by what WGSL allows.
+//! Results judged by what WGSL allows, or by what their adapter keeps to.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -7,7 +7,7 @@ use crate::interpret::Bound;
 use crate::tolerance::{Granting, LaneError, Unit};
 use crate::value::Scalar;
 
-/// What WGSL allows the cases of a batch, and what their author needs.
+/// What is allowed for the cases of a batch, and what their author needs.
 #[derive(Clone, Copy)]
 pub(super) struct Granted<'g> {
     pub(super) granting: &'g Granting,
@@ -75,7 +75,8 @@ impl Granted<'_> {
         if !bound.allows(value) {
             let distance = outside(value, 0.0);
             let distance = if distance.is_finite() { distance } else { f64::INFINITY };
-            return wrong(distance, Unit::Driver);
+            let unit = if self.granting.measured { Unit::Measured } else { Unit::Driver };
+            return wrong(distance, unit);
         }
         if least == most {
             return LaneError::ZERO;
@@ -94,7 +95,7 @@ impl Granted<'_> {
 fn class(unit: Unit) -> Class {
     match unit {
         Unit::Shader => Class::Shader,
-        Unit::Driver => Class::Driver,
+        Unit::Driver | Unit::Measured => Class::Driver,
         Unit::Conditioning => Class::Conditioning,
         Unit::Unbounded => Class::Unbounded,
         _ => Class::Other,

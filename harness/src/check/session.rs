@@ -1,10 +1,11 @@
 //! A check in progress: cases are drawn, dispatched on every path, and judged.
 
 use std::ops::Range;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::batch::{Batch, Rows};
-use super::called::{Called, Fitting, Results, Running};
+use super::called::{Called, Fitting, Ready, Results, Running};
 use super::demand::{Demand, number};
 use super::disagreement::{Expectation, arguments};
 use super::effort::Effort;
@@ -12,9 +13,9 @@ use super::path_tally::PathTally;
 use super::tally::{Judge, Shown, tally};
 use super::{CaseFailure, Failure, Plan, Simplest, Vacuous, parallel};
 use crate::domain::{Held, Numbering, Origin, Stream};
-use crate::executor::Executor;
+use crate::executor::{self, Executor};
 use crate::fixture::Fixtures;
-use crate::interpret::Interpreted;
+use crate::interpret::{Accuracy, Interpreted};
 use crate::path::Path;
 use crate::probe::{BATCH, Inputs, ProbeError};
 use crate::run::{Descent, Identity, Memory, replay, with_inputs};
@@ -115,6 +116,17 @@ impl<'a> Session<'a> {
     /// The function in Karat's engine, which knows what WGSL allows.
     pub(super) fn witness(&self) -> Result<Interpreted, ProbeError> {
         Interpreted::new(&self.called.probed, self.fixtures)
+    }
+
+    /// How exact the adapter of each path is, but for paths with a tolerance of their `own`.
+    pub(super) fn measured(&self, own: &[bool]) -> Result<Vec<Option<Arc<Accuracy>>>, ProbeError> {
+        // An executor of one's own may be another one in the next run.
+        let kept = !self.own_executors;
+        let of = |(ready, own): (&Ready<'_>, &bool)| {
+            let executor = self.executors.iter().find(|one| one.path() == ready.path);
+            executor.filter(|_| !own).map(|one| executor::measured(*one, kept)).transpose()
+        };
+        self.called.ready.iter().zip(own).map(of).collect()
     }
 
     /// How many cases the check declares, whether or not a replay selects one.

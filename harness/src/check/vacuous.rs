@@ -50,10 +50,10 @@ pub enum Vacuous {
         /// Cases that were compared.
         compared: u64,
     },
-    /// WGSL bounds no case closely enough, and another tolerance judges each.
+    /// `Spec` or `Device` bounds no case closely enough, and another tolerance judges each.
     #[error(
-        "has no case in which what WGSL allows is as close together as is needed, so `Spec` judges \
-         none: take the other tolerance alone"
+        "has no case in which what is allowed is as close together as is needed: take the other \
+         tolerance alone"
     )]
     Ungranted,
     /// A transformation changes no argument of any case.

@@ -9,6 +9,18 @@ use crate::probe::{ProbeError, Probed};
 #[derive(Debug)]
 pub(crate) enum Interpreted {}
 
+/// How exact an adapter was measured to be.
+#[derive(Clone, Debug)]
+pub(crate) enum Accuracy {}
+
+/// What needs the engine.
+pub(crate) fn missing() -> ProbeError {
+    let message = "karat is built without its engine, which knows what WGSL allows: write features = \
+                   [\"engine\"] at its dependency in Cargo.toml";
+    let (path, message) = (Path::CPU, message.to_owned());
+    PathError::Route { path, message }.into()
+}
+
 /// What WGSL allows a lane to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Bound {}
@@ -25,14 +37,20 @@ impl Bound {
 
 impl Interpreted {
     pub(crate) fn new(_: &Probed, _: &Fixtures) -> Result<Self, ProbeError> {
-        let message = "karat is built without its engine, which knows what WGSL allows: write features = \
-                       [\"engine\"] at its dependency in Cargo.toml";
-        let (path, message) = (Path::CPU, message.to_owned());
-        Err(PathError::Route { path, message }.into())
+        Err(missing())
     }
 
     pub(crate) fn bounds(&self, _: usize, _: &[u32]) -> Result<Vec<Bound>, ProbeError> {
         match *self {}
+    }
+
+    pub(crate) fn measured_bounds(
+        &self,
+        _: usize,
+        _: &[u32],
+        accuracy: &Accuracy,
+    ) -> Result<Vec<Bound>, ProbeError> {
+        match *accuracy {}
     }
 
     pub(crate) fn shadow(&self, _: usize, _: &[u32]) -> Result<Vec<f64>, ProbeError> {

@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::PackageError;
 use crate::diagnostic::{nearest, shown};
+use crate::settings;
 use metadata::Metadata;
 
 /// Grows when what is kept changes its form or its meaning.
@@ -207,7 +208,7 @@ fn of_project(base: &Path) -> Result<Graph, String> {
     for file in [Some(&manifest), lock.as_ref()].into_iter().flatten() {
         hasher.update(&std::fs::read(file).map_err(|error| format!("`{}`: {error}", shown(file)))?);
     }
-    let kept = kept(&format!("graph-{}.json", hasher.finalize().to_hex()));
+    let kept = settings::kept(&format!("graph-{}.json", hasher.finalize().to_hex()));
     let ask = || Metadata::of(&base, &manifest, false)?.graph();
     // Without a lock file, each run may find other crates.
     lock.and(kept).map_or_else(ask, |kept| remembered(&kept, ask))
@@ -224,7 +225,7 @@ fn fetched(base: &Path, name: &str, version: &str) -> Result<Graph, String> {
         drop(std::fs::remove_dir_all(&folder));
         graph
     };
-    match kept(&format!("{name}-{version}.{SCHEMA}.json")) {
+    match settings::kept(&format!("{name}-{version}.{SCHEMA}.json")) {
         Some(kept) => remembered(&kept, ask),
         None => ask(),
     }
@@ -279,13 +280,6 @@ fn hash_of(manifest: &Path) -> Option<String> {
     let shaders = manifest.parent().and_then(|folder| metadata::common(folder, 0));
     hasher.update(shaders.unwrap_or_default().as_os_str().as_encoded_bytes());
     Some(hasher.finalize().to_hex().to_string())
-}
-
-/// Where what cargo said is kept.
-fn kept(file: &str) -> Option<PathBuf> {
-    let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
-    let home = home.or_else(|| Some(std::env::home_dir()?.join(".cargo")))?;
-    Some(home.join("karat").join(file))
 }
 
 /// What was kept, if its folders are still there, or else what `ask` says now.

@@ -1,4 +1,4 @@
-//! What the WGSL specification allows, as a tolerance.
+//! What the WGSL specification allows, and what an adapter keeps to, as tolerances.
 
 use std::fmt;
 
@@ -30,7 +30,7 @@ pub struct Spec;
 impl Spec {
     /// [`Spec`] for whoever needs more or fewer digits.
     pub fn needing(self, tolerance: impl Into<Tolerance>) -> Granting {
-        Granting { need: tolerance.into(), otherwise: None }
+        Granting { need: tolerance.into(), otherwise: None, measured: false }
     }
 
     /// [`Spec`], and this tolerance where WGSL allows too much.
@@ -39,7 +39,41 @@ impl Spec {
     }
 }
 
-/// [`Spec`] with what its author needs.
+/// What the adapter of each path may return for these very arguments, by the accuracy that its built-in
+/// functions were measured to have.
+///
+/// Like [`Spec`], and never wider than that where that is finite. WGSL bounds a sine to 2^-11, and only
+/// between -pi and pi; most adapters are thousands of times as exact, and everywhere. Each built-in
+/// function is swept once on an adapter, and twice the error that was found is allowed. What was found is
+/// kept in cargo's home, by adapter and driver.
+///
+/// A test that passes here says nothing of other adapters: use it where your shader's own rounding is what
+/// matters, and [`Spec`] where it should pass everywhere.
+///
+/// ```no_run
+/// # use karat::prelude::*;
+/// # static SHADERS: Package = karat::package!("shaders");
+/// SHADERS
+///     .function("phase::henyey_greenstein")
+///     .over((-0.9..=0.9, -1.0..=1.0))
+///     .agrees_with(|g: f64, c: f64| (1.0 - g * g) / (1.0 + g * g - 2.0 * g * c).powf(1.5), Device);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Device;
+
+impl Device {
+    /// [`Device`] for whoever needs more or fewer digits.
+    pub fn needing(self, tolerance: impl Into<Tolerance>) -> Granting {
+        Granting { measured: true, ..Spec.needing(tolerance) }
+    }
+
+    /// [`Device`], and this tolerance where the adapter may be too far off.
+    pub fn or(self, tolerance: impl Into<Tolerance>) -> Granting {
+        Granting::from(self).or(tolerance)
+    }
+}
+
+/// [`Spec`] or [`Device`] with what its author needs.
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
 pub struct Granting {
@@ -47,6 +81,8 @@ pub struct Granting {
     pub(crate) need: Tolerance,
     /// What holds where they are further apart.
     pub(crate) otherwise: Option<Tolerance>,
+    /// Whether bounds are those that the adapter was measured to keep.
+    pub(crate) measured: bool,
 }
 
 impl Granting {
@@ -62,9 +98,15 @@ impl From<Spec> for Granting {
     }
 }
 
+impl From<Device> for Granting {
+    fn from(device: Device) -> Self {
+        device.needing(Rel(NEED))
+    }
+}
+
 impl fmt::Display for Granting {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("what WGSL allows")?;
+        f.write_str(if self.measured { "what this adapter keeps to" } else { "what WGSL allows" })?;
         match &self.need {
             Tolerance::Rel(need) if *need == NEED => {}
             need => write!(f, " if that is within {need}")?,
@@ -81,8 +123,8 @@ impl fmt::Display for Granting {
 pub enum Criterion {
     /// Its distance from the reference.
     Within(Tolerance),
-    /// What WGSL allows.
-    Spec(Granting),
+    /// What WGSL allows, or what the adapter was measured to keep to.
+    Allowed(Granting),
 }
 
 macro_rules! within {
@@ -98,13 +140,19 @@ within!(Tolerance, Ulp, Rel, Abs);
 
 impl From<Spec> for Criterion {
     fn from(spec: Spec) -> Self {
-        Self::Spec(spec.into())
+        Self::Allowed(spec.into())
+    }
+}
+
+impl From<Device> for Criterion {
+    fn from(device: Device) -> Self {
+        Self::Allowed(device.into())
     }
 }
 
 impl From<Granting> for Criterion {
     fn from(granting: Granting) -> Self {
-        Self::Spec(granting)
+        Self::Allowed(granting)
     }
 }
 
@@ -112,7 +160,7 @@ impl fmt::Display for Criterion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Within(tolerance) => tolerance.fmt(f),
-            Self::Spec(granting) => granting.fmt(f),
+            Self::Allowed(granting) => granting.fmt(f),
         }
     }
 }

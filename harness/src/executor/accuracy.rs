@@ -1,0 +1,93 @@
+//! How exact an adapter's built-in functions are: measured once, and kept in cargo's home.
+
+use std::collections::BTreeMap;
+use std::path::Path as FilePath;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::Executor;
+use crate::interpret::Accuracy;
+use crate::package::Package;
+use crate::probe::{Call, ProbeError, Probed};
+use crate::{image, settings};
+
+/// Which arguments are measured, and how what is found is kept. Another number asks anew.
+const EDITION: u32 = 1;
+
+/// How exact the built-in functions of an executor are. `kept`: what is found outlives this process.
+pub(crate) fn measured(executor: &dyn Executor, kept: bool) -> Result<Arc<Accuracy>, ProbeError> {
+    static KNOWN: Mutex<BTreeMap<String, Arc<Accuracy>>> = Mutex::new(BTreeMap::new());
+    let key = super::adapter(executor).to_string();
+    // Tests that run side by side wait for one of them to measure.
+    let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(accuracy) = known.get(&key).filter(|_| kept) {
+        return Ok(Arc::clone(accuracy));
+    }
+    let file = kept.then(|| settings::kept(&format!("accuracy/{}", name(&key)))).flatten();
+    let accuracy = match file.as_deref().and_then(read) {
+        Some(accuracy) => accuracy,
+        None => {
+            let accuracy = measure(executor)?;
+            // What can't be kept is measured again.
+            if let Some(file) = file {
+                let bytes = bytemuck::cast_slice(&accuracy.words()).to_vec();
+                drop(image::write_whole(&file, &bytes));
+            }
+            accuracy
+        }
+    };
+    let accuracy = Arc::new(accuracy);
+    if kept {
+        known.insert(key, Arc::clone(&accuracy));
+    }
+    Ok(accuracy)
+}
+
+/// The file of an adapter.
+fn name(adapter: &str) -> String {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&EDITION.to_le_bytes());
+    hasher.update(env!("CARGO_PKG_VERSION").as_bytes());
+    for function in Accuracy::functions() {
+        hasher.update(function.as_bytes());
+    }
+    hasher.update(adapter.as_bytes());
+    hasher.finalize().to_hex().to_string()
+}
+
+fn read(file: &FilePath) -> Option<Accuracy> {
+    let bytes = std::fs::read(file).ok()?;
+    let whole = bytes.len() % 4 == 0;
+    Accuracy::from_words(&whole.then(|| bytemuck::pod_collect_to_vec(&bytes))?)
+}
+
+/// Sweeps each function.
+fn measure(executor: &dyn Executor) -> Result<Accuracy, ProbeError> {
+    let functions: Vec<&str> = Accuracy::functions().collect();
+    let text: String = (0..)
+        .zip(&functions)
+        .map(|(index, function): (usize, _)| {
+            let two = function.ends_with(", b)");
+            let parameters = if two { "a: f32, b: f32" } else { "a: f32" };
+            format!("fn f{index}({parameters}) -> f32 {{ return {function}; }}\n")
+        })
+        .collect();
+    let package = Package::from_source("accuracy", text.as_str());
+    let fixtures = Vec::new();
+    let mut accuracy = Accuracy::new();
+    for (index, function) in functions.into_iter().enumerate() {
+        let probed = Probed::new(&package, &format!("f{index}"))?;
+        let width = probed.function().parameters.len();
+        let rows: Vec<u32> = Accuracy::arguments(function).into_iter().map(f32::to_bits).collect();
+        let cases = rows.len() / width;
+        let prepared = executor.prepare(&Call { probed: &probed, fixtures: &fixtures, cases })?;
+        let mut results = Vec::with_capacity(cases);
+        for rows in rows.chunks(prepared.capacity() * width) {
+            let started = prepared.start(rows.len() / width, rows)?;
+            started(&mut |words, stride| {
+                results.extend(words.chunks_exact(stride).map(|words| f32::from_bits(words[0])));
+            })?;
+        }
+        accuracy.take(function, &results);
+    }
+    Ok(accuracy)
+}
