@@ -17,6 +17,7 @@ mod equivariance;
 mod explanation;
 mod flush;
 mod granted;
+mod grants;
 #[cfg(feature = "engine")]
 mod hazards;
 mod inputs;

@@ -149,6 +149,22 @@ pub struct PathRecord {
     pub asserted: String,
     /// Why this path was declared to fail; `None` if it should pass.
     pub known_issue: Option<String>,
+    /// What WGSL allows where a tolerance is declared; `None` for what declares none, and for functions
+    /// that the engine doesn't execute.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub granted: Option<Grant>,
+}
+
+/// What WGSL allows a function to return, compared with the tolerance of a check. Where it allows more,
+/// another driver may fail the check and be right.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Grant {
+    /// Cases that were looked at: a sample.
+    pub cases: u64,
+    /// In how many of them it allows a larger error than the tolerance.
+    pub wider: u64,
+    /// The largest error that it allows, divided by the tolerance; `None` if it allows anything.
+    pub worst: Option<f64>,
 }
 
 /// How a run was made: `run.json`, beside its records. If it is missing, the run didn't end, so the
@@ -204,6 +220,19 @@ impl Run {
 /// The overlay that is in force, as records have it.
 pub(crate) fn overlay() -> Option<String> {
     crate::settings::overlay().map(|folder| folder.display().to_string())
+}
+
+impl Grant {
+    /// With other cases of the check.
+    pub(crate) fn merge(self, other: Self) -> Self {
+        let worst = self.worst.zip(other.worst).map(|(a, b)| a.max(b));
+        Self { cases: self.cases + other.cases, wider: self.wider + other.wider, worst }
+    }
+}
+
+/// Whether a record is kept.
+pub(crate) fn wanted() -> bool {
+    crate::settings::record().is_some()
 }
 
 /// Appends a verdict to this process's file, if a run is being recorded.

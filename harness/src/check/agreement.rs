@@ -6,11 +6,13 @@ use super::batch::{Batch, Rows};
 use super::demand::Demand;
 use super::flush::allowing_flushes;
 use super::granted::Granted;
+use super::grants::Grants;
 use super::plan::{Plan, Recording};
 use super::session::{Asserted, Expect};
 use super::tally::{Judge, Judged, compare, is_within};
 use super::{Agreement, Check, Failure, Reference, Vacuous};
 use crate::domain::{Domain, Stream};
+use crate::record::{self, Grant};
 use crate::run::or_panic;
 use crate::tolerance::{Criterion, Tolerance};
 use crate::value::{Arguments, Scalar, Shape};
@@ -180,9 +182,22 @@ impl Plan<'_> {
                 (session.called.scalars(), tolerances.of_paths(&session.called));
             let arguments = session.called.argument_scalars();
             let told_apart = AtomicBool::new(false);
-            let tallies = session.run(&mut |batch, dispatches| {
+            // What WGSL grants is for whoever reads the record.
+            let granted = granting.is_none() && recording == Recording::On && record::wanted();
+            let granter = granted.then(|| session.witness().ok()).flatten();
+            let mut grants: Vec<Option<Grant>> = vec![None; tolerances.len()];
+            let mut asked = 0;
+            let mut tallies = session.run(&mut |batch, dispatches| {
                 // The device works on the dispatches meanwhile.
                 let lanes = session.expected(batch, batch.rows(), expected.expect)?;
+                if let Some(granter) = granter.as_ref().filter(|_| !Grants::suffice(asked))
+                    && let Ok(found) = Grants::of(granter, batch, &mut asked)
+                {
+                    for (grant, tolerance) in grants.iter_mut().zip(&tolerances) {
+                        let more = found.against(&scalars, &lanes, tolerance);
+                        *grant = Some(grant.map_or(more, |grant| grant.merge(more)));
+                    }
+                }
                 // Those of the specification, or of each path.
                 let bounds = match &witness {
                     None => Vec::new(),
@@ -217,6 +232,9 @@ impl Plan<'_> {
                 let expect = |case| Some(comparison(0).of(case).to_vec());
                 session.judge(batch, dispatches, expect, comparison)
             })?;
+            for (tally, granted) in tallies.iter_mut().zip(grants) {
+                tally.granted = granted;
+            }
             let tallies =
                 session.expect_tested(told_apart.into_inner(), tallies, Vacuous::Flushed)?;
             let by_spec = witness.is_some() && own.contains(&false);

@@ -4,7 +4,7 @@ use super::called::Ready;
 use super::tally::{Shown, Tally};
 use super::{CaseFailure, Simplest};
 use crate::path::{Adapter, Path};
-use crate::record::PathRecord;
+use crate::record::{Grant, PathRecord};
 
 /// One path's sum, and what is needed to show its failures.
 pub(super) struct PathTally {
@@ -14,6 +14,8 @@ pub(super) struct PathTally {
     pub(super) worst: Option<CaseFailure>,
     pub(super) first: Option<CaseFailure>,
     pub(super) simplest: Option<Simplest>,
+    /// What WGSL allows in place of the tolerance.
+    pub(super) granted: Option<Grant>,
     /// Nodes of all integrals; 0 for other checks.
     nodes: u64,
 }
@@ -33,6 +35,7 @@ impl PathTally {
             first: tally.first.map(&show),
             simplest: None,
             tally,
+            granted: None,
             nodes: 0,
         }
     }
@@ -58,6 +61,7 @@ impl PathTally {
                 nodes => format!("{asserted} ({nodes} nodes)"),
             },
             known_issue: None,
+            granted: self.granted,
         }
     }
 

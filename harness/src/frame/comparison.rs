@@ -93,6 +93,7 @@ impl Frame<'_> {
                 ratio: None,
                 asserted,
                 known_issue,
+                granted: None,
             };
             match compared {
                 Ok(margin) => {

@@ -103,6 +103,7 @@ impl Frame<'_> {
                 ratio: worst.ratio.is_finite().then_some(worst.ratio),
                 asserted: tolerance.to_string(),
                 known_issue: known_issue.clone(),
+                granted: None,
             });
             // A mean that isn't finite is another bug than the one that is known.
             if known_issue.is_some() && mean.iter().all(|mean| mean.is_finite()) {

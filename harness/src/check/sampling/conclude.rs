@@ -122,6 +122,7 @@ pub(super) fn conclude(
                 ratio: Some(threshold / sum.p).filter(|ratio| ratio.is_finite()),
                 asserted: hypothesis.text.clone(),
                 known_issue,
+                granted: None,
             });
             if sum.configurations < selected.end - selected.start || sum.configurations == 0 {
                 let declared = selected.end - selected.start;

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::Path;
 
 use anyhow::bail;
-use karat::record::{PathRecord, Record, Subject, Verdict};
+use karat::record::{Grant, PathRecord, Record, Subject, Verdict};
 
 use crate::cli::table::{BAD, DIM, GOOD, KNOWN, Table};
 
@@ -84,19 +84,21 @@ fn known_issues(records: &[Record]) -> String {
 
 /// One row for each check and path; the number of checks that failed.
 fn write_functions(records: &[Record], out: &mut dyn Write) -> anyhow::Result<usize> {
-    let head = ["function", "check", "path", "cases", "worst", "of bound", "asserted"];
-    let mut table = Table::new(&head, &[3, 5]);
+    let head =
+        ["function", "check", "path", "cases", "worst", "of bound", "WGSL allows", "asserted"];
+    let mut table = Table::new(&head, &[3, 5, 6]);
     let mut failed = 0;
     for record in records {
         let Subject::Function { function, check, assertion, .. } = &record.subject else {
             continue;
         };
         failed += usize::from(is_failure(record));
-        add_rows(&mut table, &[function, check], record, assertion);
+        add_rows(&mut table, &[function, check], record, assertion, Some(grant));
     }
     if !table.is_empty() {
         table.write(out)?;
     }
+    write_grants(records, out)?;
     Ok(failed)
 }
 
@@ -107,7 +109,7 @@ fn write_frames(records: &[Record], out: &mut dyn Write) -> anyhow::Result<usize
     for record in records {
         let Subject::Frame { golden, .. } = &record.subject else { continue };
         failed += usize::from(is_failure(record));
-        add_rows(&mut table, &[golden], record, "matches its golden");
+        add_rows(&mut table, &[golden], record, "matches its golden", None);
     }
     if !table.is_empty() {
         writeln!(out)?;
@@ -121,13 +123,21 @@ pub(super) fn is_failure(record: &Record) -> bool {
 }
 
 /// A row for each path of a record, or one that says that none ran.
-fn add_rows(table: &mut Table, names: &[&str], record: &Record, assertion: &str) {
-    let mut row = |style, cells: [&str; 5]| {
-        let cells = names.iter().chain(&cells).map(ToString::to_string).collect();
-        table.row(style, cells);
+/// `grant` is what a table shows of what WGSL allows.
+fn add_rows(
+    table: &mut Table,
+    names: &[&str],
+    record: &Record,
+    assertion: &str,
+    grant: Option<fn(&Grant) -> String>,
+) {
+    let mut row = |style, cells: [&str; 4], granted: Option<&Grant>, asserted: &str| {
+        let grant = grant.map(|text| granted.map(text).unwrap_or_default());
+        let cells = names.iter().chain(&cells).map(ToString::to_string);
+        table.row(style, cells.chain(grant).chain([asserted.to_owned()]).collect());
     };
     if record.paths.is_empty() {
-        row(BAD, ["-", "0", "ERROR", "", assertion]);
+        row(BAD, ["-", "0", "ERROR", ""], None, assertion);
     }
     for path in &record.paths {
         let good = path.failures == 0 && path.cases > 0;
@@ -144,21 +154,59 @@ fn add_rows(table: &mut Table, names: &[&str], record: &Record, assertion: &str)
             None => path.asserted.clone(),
         };
         let cases = path.cases.to_string();
-        row(style, [&path.adapter.path, &cases, worst.trim_end(), &share, &asserted]);
+        let cells = [&*path.adapter.path, &cases, worst.trim_end(), &share];
+        row(style, cells, path.granted.as_ref(), &asserted);
     }
+}
+
+/// The largest error that WGSL allows over its bound, and in how much of the cases it is above it:
+/// `40%`, `300% in 12%`, `anything in 3%`.
+fn grant(grant: &Grant) -> String {
+    let worst = grant.worst.map_or_else(|| "anything".to_owned(), percentage);
+    #[expect(clippy::cast_precision_loss, reason = "a share to two digits")]
+    let share = 100.0 * grant.wider as f64 / grant.cases as f64;
+    match grant.wider {
+        0 => worst,
+        _ if share < 1.0 => format!("{worst} in <1%"),
+        _ => format!("{worst} in {share:.0}%"),
+    }
+}
+
+/// Says how many tolerances another driver may leave.
+fn write_grants(records: &[Record], out: &mut dyn Write) -> anyhow::Result<()> {
+    let grants = |record: &&Record| record.paths.iter().any(|path| path.granted.is_some());
+    let is_wider = |record: &&Record| {
+        record.paths.iter().any(|path| path.granted.is_some_and(|grant| grant.wider > 0))
+    };
+    let declared = records.iter().filter(grants).count();
+    let wider = records.iter().filter(is_wider).count();
+    if wider > 0 {
+        writeln!(
+            out,
+            "{DIM}{wider} of {declared} checks have a tolerance below what WGSL allows: another driver \
+             may fail them{DIM:#}"
+        )?;
+    }
+    Ok(())
 }
 
 /// The largest error over its bound, in per cent up to ten times the bound: `48%`, `27 x`. What is
 /// above the bound never reads as if it were the bound.
 pub(super) fn share(path: &PathRecord) -> String {
     match path.ratio.filter(|ratio| ratio.is_finite()) {
-        Some(ratio) if ratio > 1.0 && ratio < 1.005 => ">100%".to_owned(),
-        Some(ratio) if ratio < 10.0 => format!("{:.0}%", 100.0 * ratio),
-        Some(ratio) if ratio < 1e6 => format!("{ratio:.0} x"),
-        Some(ratio) => format!("{ratio:.1e} x"),
+        Some(ratio) => percentage(ratio),
         // A record, which is JSON, has no number for it.
         None if path.failures > 0 && !path.worst.is_empty() => "infinite".to_owned(),
         None => String::new(),
+    }
+}
+
+fn percentage(ratio: f64) -> String {
+    match ratio {
+        _ if ratio > 1.0 && ratio < 1.005 => ">100%".to_owned(),
+        _ if ratio < 10.0 => format!("{:.0}%", 100.0 * ratio),
+        _ if ratio < 1e6 => format!("{ratio:.0} x"),
+        _ => format!("{ratio:.1e} x"),
     }
 }
 
@@ -168,6 +216,22 @@ mod tests {
     use karat::record;
 
     use super::*;
+
+    #[test]
+    fn tolerances_below_what_wgsl_allows_are_told() {
+        let grant = |wider, worst| grant(&Grant { cases: 200, wider, worst });
+        assert_eq!(grant(0, Some(0.4)), "40%");
+        assert_eq!(grant(50, Some(3.0)), "300% in 25%");
+        assert_eq!(grant(1, None), "anything in <1%");
+        let mut records = [record(Verdict::Pass, 0, None)];
+        let mut text = Vec::new();
+        write_grants(&records, &mut text).expect("memory");
+        assert!(text.is_empty(), "nothing is known");
+        records[0].paths[0].granted = Some(Grant { cases: 200, wider: 1, worst: None });
+        write_grants(&records, &mut text).expect("memory");
+        let text = String::from_utf8(text).expect("UTF-8");
+        assert!(text.contains("1 of 1 checks have a tolerance below what WGSL allows"), "{text}");
+    }
 
     fn record(verdict: Verdict, failures: u64, known_issue: Option<&str>) -> Record {
         let adapter = Adapter {
@@ -184,6 +248,7 @@ mod tests {
             ratio: Some(7.0),
             asserted: "1 ulp".to_owned(),
             known_issue: known_issue.map(str::to_owned),
+            granted: None,
         };
         let subject = Subject::Function {
             package: String::new(),

@@ -1,0 +1,114 @@
+//! What WGSL would allow where a test declares a number: whether another driver may fail it.
+
+use super::batch::Batch;
+use crate::interpret::{Bound, Interpreted};
+use crate::probe::ProbeError;
+use crate::record::Grant;
+use crate::tolerance::{LaneError, Tolerance};
+use crate::value::Scalar;
+
+/// Cases that are asked for: some milliseconds of a check, and a tenth of a second for an integral of
+/// thousands of samples.
+const ASKED: usize = 128;
+
+/// What WGSL allows some cases of a batch.
+pub(super) struct Grants {
+    cases: Vec<usize>,
+    /// Those of each case, one after the other.
+    bounds: Vec<Bound>,
+}
+
+impl Grants {
+    /// Asks for cases of a batch: half of them its first ones, where edges are, and others that are
+    /// spread over it. `asked` is how many were asked for before.
+    pub(super) fn of(
+        witness: &Interpreted,
+        batch: &Batch,
+        asked: &mut usize,
+    ) -> Result<Self, ProbeError> {
+        let wanted = (ASKED - *asked).min(batch.cases);
+        let first = wanted.div_ceil(2);
+        let step = (batch.cases - first).div_ceil((wanted - first).max(1)).max(1);
+        let spread = (first..batch.cases).step_by(step).take(wanted - first);
+        let cases: Vec<usize> = (0..first).chain(spread).collect();
+        *asked += cases.len();
+        let rows: Vec<u32> =
+            cases.iter().flat_map(|case| batch.arguments(*case)).copied().collect();
+        Ok(Self { bounds: witness.bounds(cases.len(), &rows)?, cases })
+    }
+
+    /// Whether enough cases were asked for.
+    pub(super) fn suffice(asked: usize) -> bool {
+        asked >= ASKED
+    }
+
+    /// Compares what is allowed with a tolerance about the `expected` lanes of all cases.
+    pub(super) fn against(
+        &self,
+        scalars: &[Scalar],
+        expected: &[f64],
+        tolerance: &Tolerance,
+    ) -> Grant {
+        let mut grant = Grant { cases: self.cases.len() as u64, wider: 0, worst: Some(0.0) };
+        for (case, bounds) in self.cases.iter().zip(self.bounds.chunks(scalars.len())) {
+            let expected = &expected[case * scalars.len()..][..scalars.len()];
+            let ratio = allowed(scalars, bounds, expected, tolerance);
+            grant.wider += u64::from(!(ratio <= 1.0));
+            grant.worst = grant.worst.map(|worst| worst.max(ratio)).filter(|x| x.is_finite());
+        }
+        grant
+    }
+}
+
+/// The largest error that is allowed, over its tolerance.
+fn allowed(scalars: &[Scalar], bounds: &[Bound], expected: &[f64], tolerance: &Tolerance) -> f64 {
+    let lanes = scalars.iter().zip(bounds).zip(expected).enumerate();
+    let ratio = |(lane, ((scalar, bound), expected)): (usize, ((&Scalar, &Bound), &f64))| {
+        let Some((least, most)) = bound.ends() else { return f64::INFINITY };
+        let of = |end: f64| match scalar.is_float() {
+            true => tolerance.measure_sum(lane, end, *expected).ratio,
+            false => LaneError::equality(end == *expected).ratio,
+        };
+        of(least).max(of(most))
+    };
+    lanes.map(ratio).fold(0.0, f64::max)
+}
+
+#[cfg(all(test, feature = "engine"))]
+mod tests {
+    use super::*;
+    use crate::package::Package;
+    use crate::probe::Probed;
+    use crate::tolerance::{Abs, Ulp};
+
+    fn grant(body: &str, reference: fn(f64) -> f64, tolerance: impl Into<Tolerance>) -> Grant {
+        let text = format!("fn f(x: f32) -> f32 {{ return {body}; }}");
+        let package = Package::from_source("grants", text.as_str());
+        let probed = Probed::new(&package, "f").expect("it is valid");
+        let fixtures = Vec::new();
+        let witness = Interpreted::new(&probed, &fixtures).expect("the engine executes it");
+        let x: Vec<f32> = (0..1000_u16).map(|case| f32::from(case) / 1000.0).collect();
+        let expected: Vec<f64> = x.iter().map(|x| reference(f64::from(*x))).collect();
+        let rows = x.iter().map(|x| x.to_bits()).collect();
+        let batch = Batch::new(0, rows, 1000, 1, 1);
+        let mut asked = 28;
+        let grants = Grants::of(&witness, &batch, &mut asked).expect("it runs");
+        assert!(Grants::suffice(asked), "{asked}");
+        grants.against(&[Scalar::F32], &expected, &tolerance.into())
+    }
+
+    /// A sine may be off by 2^-11.
+    #[test]
+    fn tolerances_that_other_drivers_may_leave_are_found() {
+        let loose = grant("sin(x)", f64::sin, Abs(1e-3));
+        assert_eq!((loose.cases, loose.wider), (100, 0));
+        let worst = loose.worst.expect("WGSL bounds it");
+        assert!((worst - 0.488).abs() < 0.01, "{worst}");
+        let tight = grant("sin(x)", f64::sin, Ulp(4.0));
+        assert_eq!(tight.wider, 100);
+        assert!(tight.worst.is_some_and(|worst| worst > 1000.0), "{tight:?}");
+        // Of 100 cases the first is 0, to a power.
+        let unbounded = grant("pow(x, 5.0)", |x| x.powi(5), Abs(1e-3));
+        assert_eq!((unbounded.wider, unbounded.worst), (1, None));
+    }
+}
