@@ -55,6 +55,11 @@ fn each_is_found_where_it_is_born() {
     let index = "fn f(i: u32) -> f32 { var a = array(1.0, 2.0, 3.0); return a[i]; }";
     at(index, Kind::OutOfRange, "a[i]");
 
+    let cell = "fn f(i: u32, columns: u32) -> u32 { return i % columns; }";
+    at(cell, Kind::ByZero, "i % columns");
+    let guarded = "fn f(i: i32, n: i32) -> i32 { if n == 0 { return 0; } return i / n; }";
+    assert_eq!(found(guarded), []);
+
     let sum = "fn f(t: f32) -> f32 { return 1.0 / t; }";
     at(sum, Kind::Infinite, "1.0 / t");
 }

@@ -172,7 +172,12 @@ impl<'p, A: Rules> Machine<'p, A> {
                         self.show(observer, instruction, case, (outs, &operands[..ins]));
                     }
                 }
-                Op::Integer(rule) => rule.run::<A>(&mut self.ints, registers),
+                Op::Integer(rule) => {
+                    if O::ACTIVE && rule.divides() {
+                        self.report_zeros(observer, instruction, case, registers[2]);
+                    }
+                    rule.run::<A>(&mut self.ints, registers);
+                }
                 Op::ToInt(rule) => rule.run::<A>(&self.floats, &mut self.ints, registers),
                 Op::FromInt(rule) => {
                     rule.run::<A>(&mut self.floats, &self.ints, registers);
@@ -384,6 +389,26 @@ impl<'p, A: Rules> Machine<'p, A> {
     {
         if let (true, Some(lane)) = (O::ACTIVE, lane) {
             observer.out_of_range(&OutOfRange { site: self.site(instruction), case: case + lane });
+        }
+    }
+
+    /// Tells of the first lane whose divisor may be zero.
+    fn report_zeros<O: Observer<A>>(
+        &self,
+        observer: &O,
+        instruction: &Instruction,
+        case: usize,
+        divisor: u32,
+    ) where
+        A: crate::arithmetic::Arithmetic,
+    {
+        let zero = A::int(0, false);
+        let by_zero = |(x, active): (&A::Int, &A::Bool)| {
+            A::possible(*active) && A::possible(A::int_equal(*x, zero))
+        };
+        let lanes = self.ints.get(divisor).iter().zip(self.active());
+        for (lane, _) in lanes.enumerate().filter(|(_, lane)| by_zero(*lane)) {
+            observer.by_zero(&OutOfRange { site: self.site(instruction), case: case + lane });
         }
     }
 

@@ -22,12 +22,12 @@ pub struct Lanes<'a, A: Arithmetic> {
     pub active: &'a [A::Bool],
 }
 
-/// An index that left its array, and was clamped.
+/// An index that left its array, and was clamped; or a divisor that is zero.
 #[derive(Debug)]
 pub struct OutOfRange<'a> {
     /// Where the author wrote it.
     pub site: &'a Site,
-    /// The first case of the chunk in which it did.
+    /// The case in which it did; of indices, the first one of a chunk.
     pub case: usize,
 }
 
@@ -51,6 +51,11 @@ pub trait Observer<A: Arithmetic>: Sync {
     /// An index was clamped into its array.
     fn out_of_range(&self, index: &OutOfRange<'_>) {
         let _ = index;
+    }
+
+    /// An integer was divided by zero, or its remainder taken: called for each such case.
+    fn by_zero(&self, division: &OutOfRange<'_>) {
+        let _ = division;
     }
 }
 

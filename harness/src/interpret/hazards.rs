@@ -24,6 +24,8 @@ pub enum Kind {
     Nan,
     /// An index leaves its array.
     OutOfRange,
+    /// An integer is divided by zero.
+    ByZero,
     /// It is infinite.
     Infinite,
     /// More than half of its digits are rounding errors.
@@ -39,6 +41,7 @@ impl Kind {
         match self {
             Self::Nan => "NaN",
             Self::OutOfRange => "out of range",
+            Self::ByZero => "by zero",
             Self::Infinite => "infinite",
             Self::LostDigits => "digits lost",
             Self::Unbounded => "unbounded by WGSL",
@@ -51,6 +54,7 @@ impl Kind {
         match self {
             Self::Nan => "it isn't a number, though its operands are",
             Self::OutOfRange => "the index leaves its array: WGSL allows any element, or zero",
+            Self::ByZero => "an integer divided by 0 is itself in WGSL, and its remainder 0",
             Self::Infinite => "it overflows, or divides by zero",
             Self::LostDigits => "more than half of its digits are rounding errors",
             Self::Unbounded => "WGSL bounds no error here: drivers may return anything",
@@ -115,12 +119,13 @@ struct Event<F> {
 /// Keeps what operations give.
 struct Recorder<F> {
     events: Mutex<Vec<Event<F>>>,
-    left: Mutex<Vec<(usize, usize)>>,
+    /// What goes wrong with integers: the kind, the operation and the case.
+    wrong: Mutex<Vec<(Kind, usize, usize)>>,
 }
 
 impl<F> Default for Recorder<F> {
     fn default() -> Self {
-        Self { events: Mutex::default(), left: Mutex::default() }
+        Self { events: Mutex::default(), wrong: Mutex::default() }
     }
 }
 
@@ -143,8 +148,11 @@ macro_rules! recorder {
             }
 
             fn out_of_range(&self, index: &OutOfRange<'_>) {
-                let mut left = self.left.lock().unwrap_or_else(PoisonError::into_inner);
-                left.push((std::ptr::from_ref(index.site).addr(), index.case));
+                self.note(Kind::OutOfRange, index);
+            }
+
+            fn by_zero(&self, division: &OutOfRange<'_>) {
+                self.note(Kind::ByZero, division);
             }
         }
     };
@@ -181,6 +189,14 @@ impl Observer<Intervals> for Anything {
 }
 
 impl<F> Recorder<F> {
+    fn note(&self, kind: Kind, what: &OutOfRange<'_>) {
+        let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
+        // A loop may divide by zero in each round.
+        if wrong.len() < MOST_EVENTS {
+            wrong.push((kind, std::ptr::from_ref(what.site).addr(), what.case));
+        }
+    }
+
     fn events(self) -> Vec<Event<F>> {
         self.events.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
@@ -231,7 +247,7 @@ impl Interpreted {
         self.observed::<Intervals>(cases, rows, &options, &anything)?;
         let anything = anything.0.into_inner().unwrap_or_else(PoisonError::into_inner);
         let scales = scales(&shadows, cases);
-        let left = single.left.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let wrong = single.wrong.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let (single, double) = (single.events(), double.events());
         let each = (0..cases).map(|lane| {
             let (result, shadow) = (results.row(lane), shadows.row(lane));
@@ -239,10 +255,8 @@ impl Interpreted {
                 result.iter().all(|lane| !matches!(lane, Lane::Float(x) if !x.is_finite()));
             let lost = differ(&result, &shadow, &scales);
             let mut found = self.born(&single, &double, lane, finite, lost);
-            let outside = left.iter().filter(|(_, case)| *case == lane);
-            found.extend(
-                outside.filter_map(|(site, _)| self.found(Kind::OutOfRange, *site, finite)),
-            );
+            let own = wrong.iter().filter(|(_, _, case)| *case == lane);
+            found.extend(own.filter_map(|(kind, site, _)| self.found(*kind, *site, finite)));
             // What isn't finite is told already, and WGSL bounds nothing that comes of it.
             if let (Some((site, true)), true) = (anything.get(&lane), found.is_empty()) {
                 found.extend(self.found(Kind::Unbounded, *site, finite));

@@ -115,7 +115,7 @@ fn write_text(hazards: &Hazards, all: bool, out: &mut dyn Write) -> anyhow::Resu
 
 fn write_one(hazard: &Hazard, out: &mut dyn Write) -> anyhow::Result<()> {
     let style = match hazard.kind {
-        Kind::Nan | Kind::OutOfRange | Kind::Infinite if !hazard.hidden => BAD,
+        Kind::Nan | Kind::OutOfRange | Kind::ByZero | Kind::Infinite if !hazard.hidden => BAD,
         _ => KNOWN,
     };
     let text = hazard.to_string();

@@ -250,3 +250,10 @@ fn product(x: Range, y: Range, signed: bool) -> Range {
         _ => Range::full(signed),
     }
 }
+
+impl Integer {
+    /// Whether it divides by its second argument.
+    pub(crate) fn divides(self) -> bool {
+        matches!(self, Self::DivideI | Self::DivideU | Self::RemainderI | Self::RemainderU)
+    }
+}
