@@ -4,6 +4,8 @@
 mod accuracy;
 #[cfg(feature = "engine")]
 mod cpu;
+#[cfg(feature = "engine")]
+mod endless;
 #[cfg(all(test, feature = "engine"))]
 mod soundness;
 
@@ -56,7 +58,11 @@ impl Executor for Device {
     }
 
     fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
-        Ok(Box::new(Runner::new(self, call.probed, call.fixtures, call.cases)?))
+        let prepared = Box::new(Runner::new(self, call.probed, call.fixtures, call.cases)?);
+        #[cfg(feature = "engine")]
+        return Ok(endless::guarded(self, call, prepared));
+        #[cfg(not(feature = "engine"))]
+        Ok(prepared)
     }
 
     fn draw(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {

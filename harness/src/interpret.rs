@@ -28,6 +28,7 @@ use crate::probe::{ProbeError, Probed};
 #[cfg(feature = "routes")]
 use crate::reflect::BindingKind;
 use crate::reflect::Program;
+use crate::settings;
 use crate::value::Scalar;
 
 /// A function that is lowered, with what it reads.
@@ -42,7 +43,12 @@ pub(crate) struct Interpreted {
     declared: Span,
     /// Knows the author's places.
     program: Arc<Program>,
+    /// Rounds of loops that a case may make.
+    fuel: u64,
 }
+
+/// Rounds after which a loop with a bound is ended, too: a case would take minutes.
+const MOST_FUEL: u64 = 1 << 32;
 
 impl Interpreted {
     /// Lowers a function. What the engine doesn't execute is an error with its place.
@@ -85,6 +91,11 @@ impl Interpreted {
             name: function.name.clone(),
             declared: function.span.clone(),
             program: Arc::clone(program),
+            // What has a bound ends.
+            fuel: match program.most_rounds() {
+                Some(rounds) => rounds.saturating_add(1).min(MOST_FUEL),
+                None => settings::fuel(),
+            },
         })
     }
 
@@ -119,7 +130,7 @@ impl Interpreted {
     /// What WGSL allows each lane of the results of some cases to be. Constants stand for the decimals
     /// that are rounded to them, as a reference has those.
     pub(crate) fn bounds(&self, cases: usize, arguments: &[u32]) -> Result<Vec<Bound>, ProbeError> {
-        let options = Options { decimals: true, ..Options::default() };
+        let options = Options { decimals: true, ..self.options() };
         let results = self.call_with::<Intervals>(cases, arguments, &options)?;
         Ok((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect())
     }
@@ -132,7 +143,7 @@ impl Interpreted {
         accuracy: &Arc<Accuracy>,
     ) -> Result<Vec<Bound>, ProbeError> {
         let accuracy = Some(Arc::clone(accuracy));
-        let options = Options { decimals: true, accuracy, ..Options::default() };
+        let options = Options { decimals: true, accuracy, ..self.options() };
         let results = self.call_with::<Intervals>(cases, arguments, &options)?;
         Ok((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect())
     }
@@ -160,7 +171,11 @@ impl Interpreted {
         cases: usize,
         arguments: &[u32],
     ) -> Result<Results<A>, ProbeError> {
-        self.call_with(cases, arguments, &Options::default())
+        self.call_with(cases, arguments, &self.options())
+    }
+
+    fn options(&self) -> Options {
+        Options { fuel: self.fuel, ..Options::default() }
     }
 
     fn call_with<A: Arithmetic>(
@@ -291,7 +306,8 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
     };
     let message =
         format!("on path `cpu` `{name}` doesn't end: this loop goes round {rounds} times");
-    let mut diagnostic = Diagnostic::new(message);
+    let note = "where it is to go round more often, set KARAT_FUEL to that number";
+    let mut diagnostic = Diagnostic::new(message).note(note);
     if let Some(place) = place(program, span.to_range()) {
         diagnostic = diagnostic.at(place.first_line(), "");
     }

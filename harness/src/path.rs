@@ -10,6 +10,8 @@
 //! - `KARAT_REQUIRE`: paths that must run, too; one that doesn't open is an error.
 //! - `KARAT_ADAPTER`: part of an adapter's name, to choose among several.
 //! - `KARAT_DEADLINE`: seconds that a shader may take before the process gives up (default 60).
+//! - `KARAT_FUEL`: rounds of loops that a case may make on `cpu`, unless they have a bound (default
+//!   1048576). On drivers that would stay in an endless loop the engine goes round it first.
 
 #[cfg(feature = "engine")]
 pub(crate) mod cpu;

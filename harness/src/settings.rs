@@ -17,7 +17,7 @@ use crate::diagnostic::nearest;
 const PREFIX: &str = "KARAT_";
 
 /// Every variable that Karat reads, and what for.
-const VARIABLES: [(&str, &str); 12] = [
+const VARIABLES: [(&str, &str); 13] = [
     (
         PATHS,
         "paths that checks run on: `vulkan`, `vulkan,gl`, `gl@llvmpipe`, `all` (the first that opens; `cpu` where no driver does)",
@@ -25,6 +25,7 @@ const VARIABLES: [(&str, &str); 12] = [
     (REQUIRE, "paths that must have run: a list as above, without `all` (none)"),
     (ADAPTER, "part of the name of the adapter to use (hardware before software)"),
     (DEADLINE, "seconds that a shader may take before the process gives up (60)"),
+    (FUEL, "rounds of loops that a case may make on `cpu`, unless they have a bound (1048576)"),
     (SEED, "seed of the selected check, or of all (from the test's name)"),
     (CASE, "the one case that is run: `function/check/index`, as a failure prints it (all)"),
     (INPUT, "arguments of that case, as hexadecimal words (its own)"),
@@ -50,6 +51,7 @@ const PATHS: &str = "KARAT_PATHS";
 const REQUIRE: &str = "KARAT_REQUIRE";
 const ADAPTER: &str = "KARAT_ADAPTER";
 const DEADLINE: &str = "KARAT_DEADLINE";
+const FUEL: &str = "KARAT_FUEL";
 const SEED: &str = "KARAT_SEED";
 const CASE: &str = "KARAT_CASE";
 const INPUT: &str = "KARAT_INPUT";
@@ -58,6 +60,9 @@ const FRAMES: &str = "KARAT_FRAMES";
 const OVERLAY: &str = "KARAT_OVERLAY";
 const RECORD: &str = "KARAT_RECORD";
 const BROWSER: &str = "KARAT_BROWSER";
+
+/// Far above what a pixel can afford, and some seconds at most until a loop without end is found.
+const FUEL_ROUNDS: u64 = 1 << 20;
 
 /// Long enough for any shader that a test should run on a software rasteriser.
 const DEADLINE_SECONDS: f64 = 60.0;
@@ -73,6 +78,8 @@ pub(crate) struct Settings {
     pub(crate) adapter: Option<String>,
     /// How long a shader may take.
     pub(crate) deadline: Duration,
+    /// Rounds of all loops that a case may make in the engine, where the IR shows no bound.
+    pub(crate) fuel: u64,
     /// Replaces the seed of the selected check, or of all.
     pub(crate) seed: Option<u64>,
     /// The one case that a replay runs.
@@ -172,6 +179,11 @@ pub(crate) fn record() -> Option<PathBuf> {
     set(RECORD).map(PathBuf::from)
 }
 
+/// Rounds that a case may make in the engine. A wrong setting is told by what reads others.
+pub(crate) fn fuel() -> u64 {
+    current().map_or(FUEL_ROUNDS, |settings| settings.fuel)
+}
+
 /// Whether frames are left out. A wrong setting leaves nothing out, and is told by what reads others.
 pub(crate) fn leaves_frames_out() -> bool {
     current().is_ok_and(|settings| !settings.frames)
@@ -227,11 +239,15 @@ impl Settings {
         }
         let seconds = "a number of seconds above 0";
         let deadline = text(DEADLINE).map(parsed(DEADLINE, seconds))?.by(duration)?;
+        let rounds = "a number of rounds above 0";
+        let above_zero = |text: &str| integer(text).filter(|rounds| *rounds > 0);
+        let fuel = text(FUEL).map(parsed(FUEL, rounds))?.by(above_zero)?;
         Ok(Self {
             paths: text(PATHS)?,
             require: text(REQUIRE)?,
             adapter: text(ADAPTER)?,
             deadline: deadline.unwrap_or(Duration::from_secs_f64(DEADLINE_SECONDS)),
+            fuel: fuel.unwrap_or(FUEL_ROUNDS),
             seed,
             case: case.map(|case| SelectedCase { input, ..case }),
             failures: switch(FAILURES, text(FAILURES)?)?,
@@ -375,6 +391,7 @@ mod tests {
             ("KARAT_DEADLINE", "a minute", "KARAT_DEADLINE=a minute isn't a number of seconds"),
             ("KARAT_DEADLINE", "0", "KARAT_DEADLINE=0 isn't a number of seconds above 0"),
             ("KARAT_DEADLINE", "NaN", "KARAT_DEADLINE=NaN isn't a number of seconds above 0"),
+            ("KARAT_FUEL", "0", "KARAT_FUEL=0 isn't a number of rounds above 0"),
             (
                 "KARAT_CASE",
                 "fresnel::schlick",
@@ -393,7 +410,7 @@ mod tests {
         assert!(
             error.ends_with(
                 "it reads KARAT_PATHS, KARAT_REQUIRE, KARAT_ADAPTER, \
-             KARAT_DEADLINE, KARAT_SEED, KARAT_CASE, KARAT_INPUT, KARAT_FAILURES, KARAT_FRAMES, \
+             KARAT_DEADLINE, KARAT_FUEL, KARAT_SEED, KARAT_CASE, KARAT_INPUT, KARAT_FAILURES, KARAT_FRAMES, \
              KARAT_OVERLAY, KARAT_RECORD, KARAT_BROWSER"
             ),
             "{error}"

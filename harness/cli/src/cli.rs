@@ -80,7 +80,7 @@ struct NotThere(String);
     about = "Tests WGSL shaders: functions against references, frames against goldens.",
     after_help = "Start with `karat doctor`, then `karat test`.\n\
                   Environment: KARAT_PATHS (vulkan, gl, all), KARAT_REQUIRE (paths that must run), \
-                  KARAT_ADAPTER (part of a name),\nKARAT_DEADLINE (seconds), KARAT_SEED and \
+                  KARAT_ADAPTER (part of a name),\nKARAT_DEADLINE (seconds), KARAT_FUEL (rounds of loops on `cpu`), KARAT_SEED and \
                   KARAT_CASE (replay),\nKARAT_OVERLAY (a folder of files that stand in for \
                   modules), NO_COLOR.\n\
                   Exit codes: 0 good; 1 a check failed, a frame differs, an acceptance is refused; \

@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 
 use karat_engine::{F32, F64, Interval, Intervals, Lanes, Observer, Truth};
 
-use super::{Interpreted, Options};
+use super::Interpreted;
 use crate::diagnostic::Span;
 use crate::probe::ProbeError;
 
@@ -75,7 +75,7 @@ impl<F: Copy> Values<F> {
 impl Interpreted {
     /// The operations of a call, in the order in which they run.
     pub(crate) fn trace(&self, row: &[u32]) -> Result<Vec<Step>, ProbeError> {
-        let options = Options::default();
+        let options = self.options();
         let (single, double, bounds) = (Values::new(), Values::new(), Values::new());
         self.observed::<F32>(1, row, &options, &single)?;
         self.observed::<F64>(1, row, &options, &double)?;
