@@ -1,5 +1,7 @@
 //! `karat doctor`
 
+mod profile;
+
 use std::io::Write;
 
 use karat::Path;
@@ -9,7 +11,8 @@ use karat::settings::{Variable, variables};
 use karat_translate::{Missing, Target, Tool};
 use serde::Serialize;
 
-use super::table::{BAD, DIM, GOOD, HEAD};
+use super::project::Project;
+use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::{Ending, Outcome, write_json};
 
 #[derive(clap::Args)]
@@ -37,6 +40,8 @@ struct Report {
     unusable: Option<String>,
     tools: Vec<ToolReport>,
     settings: Vec<SettingReport>,
+    /// What the project compiles with too little optimisation.
+    unoptimised: Vec<profile::Unoptimised>,
 }
 
 /// A validator of translations.
@@ -149,6 +154,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             .into_iter()
             .map(|Variable { name, value, about, .. }| SettingReport { name, value, about })
             .collect(),
+        unoptimised: Project::find()
+            .map(|project| profile::unoptimised(project.root()))
+            .unwrap_or_default(),
     };
     if args.json {
         write_json(&report, out)?;
@@ -184,6 +192,14 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
     match &report.unusable {
         Some(error) => writeln!(out, "\n{BAD}checks run on no path:{BAD:#} {error}")?,
         None => writeln!(out, "\nchecks run on {}", report.selected.join(", "))?,
+    }
+    for one in &report.unoptimised {
+        let profile::Unoptimised { name, level, recommended, about } = one;
+        writeln!(
+            out,
+            "\n{KNOWN}{name} is compiled with opt-level {level}:{KNOWN:#} {about}; write in Cargo.toml\n         \
+             [profile.dev.package]\n         {name}.opt-level = {recommended}"
+        )?;
     }
     writeln!(out, "\n{HEAD}validators of translations{HEAD:#}")?;
     for ToolReport { name, judges, version, missing, remedy } in &report.tools {
