@@ -7,6 +7,7 @@
 #![expect(clippy::print_stdout, reason = "a benchmark prints its figures")]
 
 mod bare;
+mod engine;
 mod frames;
 
 use std::process::Command;
@@ -21,12 +22,13 @@ use self::bare::Bare;
 const STARTS: usize = 9;
 
 /// What is measured, by name.
-const BENCHMARKS: [(&str, fn()); 5] = [
+const BENCHMARKS: [(&str, fn()); 6] = [
     ("starts", starts),
     ("throughput", throughput),
     ("samplers", samplers),
     ("memory", memory),
     ("frames", frames::run),
+    ("engine", engine::run),
 ];
 
 fn main() {
@@ -67,7 +69,7 @@ fn child(task: &str) {
             assert!(Bare::open().run(1_000_000) < 6e-4);
             print!("{}", peak_memory());
         }
-        other => panic!("there is no task `{other}`"),
+        other => assert!(engine::child(other), "there is no task `{other}`"),
     }
 }
 

@@ -1,0 +1,119 @@
+//! The engine, path `cpu`, beside lavapipe on the same cores.
+
+use std::time::Instant;
+
+use glam::Vec3;
+use karat::prelude::*;
+use shaders::{PBR, fresnel, sampling};
+
+use super::{STARTS, Spread, spawn};
+
+/// Checks of one process: as many as a library has functions.
+const CHECKS: usize = 110;
+
+/// Runs a child's task on a path, with driver caches of its own if `cold`.
+fn on(path: &str, task: &str, cold: bool) -> (f64, f64) {
+    let cache = tempfile::tempdir().expect("a temporary folder");
+    let folder = cache.path().display().to_string();
+    let own = [("KARAT_PATHS", path), ("MESA_SHADER_CACHE_DIR", folder.as_str())];
+    let (time, text) = spawn(task, if cold { &own } else { &own[..1] });
+    (time.as_secs_f64(), text.parse().unwrap_or(0.0))
+}
+
+pub(super) fn run() {
+    println!("\n{CHECKS} checks, process start to verdicts [s]");
+    for (task, cases) in [("checks_of_1000", "1,000 cases each"), ("checks", "65,536 cases each")] {
+        for path in ["cpu", "vulkan"] {
+            let times = (0..STARTS).map(|_| on(path, task, false).0).collect();
+            println!("  {path:<7} {cases:<18} {}", Spread::of(times));
+        }
+    }
+    println!(
+        "\n65,536 cases of one check, process start to verdict, cpu over lavapipe [ratio of times]"
+    );
+    for task in ["ggx_65536", "estimate_65536"] {
+        for (name, cold) in [("driver cache cold", true), ("driver cache warm", false)] {
+            let ratio = |_| on("cpu", task, cold).0 / on("vulkan", task, cold).0;
+            println!("  {task:<15} {name}  {}", Spread::of((0..STARTS).map(ratio).collect()));
+        }
+    }
+    println!(
+        "\nsteady state, cases a second of the whole check, cpu over lavapipe [ratio of rates]"
+    );
+    for task in ["ggx_steady", "estimate_steady"] {
+        let (mut cpu, mut vulkan, mut ratios) = (Vec::new(), Vec::new(), Vec::new());
+        for _ in 0..5 {
+            let rates = ["cpu", "vulkan"].map(|path| on(path, task, false).1);
+            cpu.push(rates[0]);
+            vulkan.push(rates[1]);
+            ratios.push(rates[0] / rates[1]);
+        }
+        let [cpu, vulkan, ratios] = [cpu, vulkan, ratios].map(Spread::of);
+        println!("  {task:<15} cpu {cpu}  lavapipe {vulkan} [1e6/s]  {ratios}");
+    }
+}
+
+/// What a child does; `false`: it is no task of this benchmark.
+pub(super) fn child(task: &str) -> bool {
+    match task {
+        "checks" => checks(65_536),
+        "checks_of_1000" => checks(1_000),
+        "ggx_65536" => ggx(65_536),
+        "estimate_65536" => estimate(65_536),
+        "ggx_steady" => print!("{}", steady(1_000_000, ggx)),
+        "estimate_steady" => print!("{}", steady(100_000, estimate)),
+        _ => return false,
+    }
+    true
+}
+
+/// Millions of cases a second, once everything is warm.
+fn steady(cases: u64, check: fn(u64)) -> f64 {
+    check(cases);
+    let start = Instant::now();
+    check(cases);
+    #[expect(clippy::cast_precision_loss, reason = "millions")]
+    let cases = cases as f64;
+    cases / start.elapsed().as_secs_f64() / 1e6
+}
+
+fn checks(cases: u64) {
+    for check in 0..CHECKS {
+        match check % 3 {
+            0 => drop(
+                PBR.function("fresnel::schlick")
+                    .over((UnitRgb, 0.0..=1.0))
+                    .cases(cases)
+                    .agrees_with(fresnel::schlick, Ulp(11.0)),
+            ),
+            1 => drop(
+                PBR.function("fresnel::schlick_average")
+                    .over(UnitRgb)
+                    .cases(cases)
+                    .agrees_with(fresnel::schlick_average, Ulp(8.0)),
+            ),
+            _ => ggx(cases),
+        }
+    }
+}
+
+fn ggx(cases: u64) {
+    let u = (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(x, y)| glam::Vec2::new(x, y));
+    PBR.function("sampling::ggx_normal")
+        .over((1e-4..=1.0, u))
+        .cases(cases)
+        .agrees_with(sampling::ggx_normal, Abs(6e-4));
+}
+
+/// A sum over 64 samples of a cube map. No reference: what is measured is the path.
+fn estimate(cases: u64) {
+    PBR.function("specular::estimate")
+        .with("environment", CubeMap::constant(Vec3::ONE))
+        .with("environment_sampler", Sampler::Linear)
+        .over((0.01..=1.0_f32, 0.01..=1.0_f32).map(|(alpha, cosine)| {
+            let v = Vec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
+            (Vec3::ONE, alpha, Vec3::Z, v, 64_u32)
+        }))
+        .cases(cases)
+        .satisfies("is finite", |_, light: Vec3| light.is_finite());
+}
