@@ -3,6 +3,12 @@
 use std::fmt::Debug;
 
 use crate::interval::{Interval, Range, Truth};
+use crate::observer::{Watch, Watched};
+use crate::options::Options;
+use crate::program::{Call, Program};
+use crate::refusal::Stop;
+use crate::resources::Resources;
+use crate::results::Results;
 
 /// What numbers are while a program runs: [`F32`], [`F64`] or [`Intervals`].
 ///
@@ -111,6 +117,24 @@ pub(crate) mod sealed {
         fn float_rule<R: FloatRule<I, O>, const I: usize, const O: usize>(
             x: [Self::Float; I],
         ) -> [Self::Float; O];
+        /// Runs a program. Each arithmetic has its own, so that the machine is compiled in this crate.
+        fn call(
+            program: &Program,
+            call: &Call<'_>,
+            observer: Option<&dyn Watch<Self>>,
+        ) -> Result<Results<Self>, Stop>
+        where
+            Self: Arithmetic;
+        fn dispatch(
+            program: &Program,
+            workgroups: [u32; 3],
+            resources: &mut Resources,
+            options: &Options,
+            observer: Option<&dyn Watch<Self>>,
+        ) -> Result<(), Stop>
+        where
+            Self: Arithmetic;
+
         /// The result of a rule, narrowed where it is an interval.
         fn narrow(_: Narrow<'_>, _: &[Self::Float], y: Self::Float) -> Self::Float {
             y
@@ -184,6 +208,36 @@ pub(crate) mod sealed {
 }
 
 use sealed::{Narrow, Rules};
+
+/// The machine in one arithmetic.
+macro_rules! runs {
+    () => {
+        fn call(
+            program: &Program,
+            call: &Call<'_>,
+            observer: Option<&dyn Watch<Self>>,
+        ) -> Result<Results<Self>, Stop> {
+            match observer {
+                Some(observer) => program.run::<Self>(call, &Watched(observer)),
+                None => program.run::<Self>(call, &()),
+            }
+        }
+        fn dispatch(
+            program: &Program,
+            workgroups: [u32; 3],
+            resources: &mut Resources,
+            options: &Options,
+            observer: Option<&dyn Watch<Self>>,
+        ) -> Result<(), Stop> {
+            match observer {
+                Some(observer) => {
+                    program.run_workgroups(workgroups, resources, options, &Watched(observer))
+                }
+                None => program.run_workgroups::<Self>(workgroups, resources, options, &()),
+            }
+        }
+    };
+}
 
 macro_rules! exact_integers_and_booleans {
     () => {
@@ -287,6 +341,7 @@ macro_rules! exact_integers_and_booleans {
 
 impl Rules for F32 {
     type Float = f32;
+    runs!();
     exact_integers_and_booleans!();
 
     fn float(x: f32) -> f32 {
@@ -329,6 +384,7 @@ impl Rules for F32 {
 
 impl Rules for F64 {
     type Float = f64;
+    runs!();
     exact_integers_and_booleans!();
 
     fn float(x: f32) -> f64 {
@@ -370,6 +426,7 @@ impl Rules for F64 {
 
 impl Rules for Intervals {
     type Float = Interval;
+    runs!();
     type Int = Range;
     type Bool = Truth;
     const UNDECIDED: bool = true;

@@ -5,7 +5,7 @@ use naga::{BuiltIn, Module, Span, TypeInner};
 use crate::arithmetic::Arithmetic;
 use crate::code::Binding;
 use crate::machine::Machine;
-use crate::observer::Observer;
+use crate::observer::{Observer, watched};
 use crate::options::Options;
 use crate::program::Program;
 use crate::refusal::{Refusal, Stop};
@@ -84,6 +84,17 @@ impl Program {
     /// When a resource is missing, or an invocation spends its fuel; its case is then the index of
     /// the invocation among all, workgroup after workgroup.
     pub fn dispatch<A: Arithmetic>(
+        &self,
+        workgroups: [u32; 3],
+        resources: &mut Resources,
+        options: &Options,
+        observer: &impl Observer<A>,
+    ) -> Result<(), Stop> {
+        A::dispatch(self, workgroups, resources, options, watched(observer))
+    }
+
+    /// [`dispatch`](Self::dispatch), compiled once for each arithmetic.
+    pub(crate) fn run_workgroups<A: Arithmetic>(
         &self,
         workgroups: [u32; 3],
         resources: &mut Resources,

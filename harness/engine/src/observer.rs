@@ -62,3 +62,60 @@ pub trait Observer<A: Arithmetic>: Sync {
 impl<A: Arithmetic> Observer<A> for () {
     const ACTIVE: bool = false;
 }
+
+/// An [`Observer`] whose type isn't known: the machine is compiled here, with this crate's optimisation,
+/// and not in each crate that observes.
+pub trait Watch<A: Arithmetic>: Sync {
+    /// See [`Observer::floats`].
+    fn floats(&self, lanes: &Lanes<'_, A>);
+    /// See [`Observer::named`].
+    fn named(&self, lanes: &Lanes<'_, A>);
+    /// See [`Observer::out_of_range`].
+    fn out_of_range(&self, index: &OutOfRange<'_>);
+    /// See [`Observer::by_zero`].
+    fn by_zero(&self, division: &OutOfRange<'_>);
+}
+
+impl<A: Arithmetic, O: Observer<A>> Watch<A> for O {
+    fn floats(&self, lanes: &Lanes<'_, A>) {
+        Observer::floats(self, lanes);
+    }
+
+    fn named(&self, lanes: &Lanes<'_, A>) {
+        Observer::named(self, lanes);
+    }
+
+    fn out_of_range(&self, index: &OutOfRange<'_>) {
+        Observer::out_of_range(self, index);
+    }
+
+    fn by_zero(&self, division: &OutOfRange<'_>) {
+        Observer::by_zero(self, division);
+    }
+}
+
+/// `None` for what observes nothing.
+pub(crate) fn watched<A: Arithmetic, O: Observer<A>>(observer: &O) -> Option<&dyn Watch<A>> {
+    if O::ACTIVE { Some(observer) } else { None }
+}
+
+/// What is watched by an observer of a type that isn't known.
+pub(crate) struct Watched<'w, A: Arithmetic>(pub(crate) &'w dyn Watch<A>);
+
+impl<A: Arithmetic> Observer<A> for Watched<'_, A> {
+    fn floats(&self, lanes: &Lanes<'_, A>) {
+        self.0.floats(lanes);
+    }
+
+    fn named(&self, lanes: &Lanes<'_, A>) {
+        self.0.named(lanes);
+    }
+
+    fn out_of_range(&self, index: &OutOfRange<'_>) {
+        self.0.out_of_range(index);
+    }
+
+    fn by_zero(&self, division: &OutOfRange<'_>) {
+        self.0.by_zero(division);
+    }
+}

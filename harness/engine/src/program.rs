@@ -11,7 +11,7 @@ use crate::arithmetic::Arithmetic;
 use crate::code::{Binding, Code, Site};
 use crate::lower::{Lower, Settings};
 use crate::machine::{Buffer, Machine, Memory};
-use crate::observer::Observer;
+use crate::observer::{Observer, watched};
 use crate::options::Options;
 use crate::refusal::{Refusal, Stop};
 use crate::resources::Resources;
@@ -145,6 +145,16 @@ impl Program {
         options: &Options,
         observer: &impl Observer<A>,
     ) -> Result<Results<A>, Stop> {
+        A::call(self, &Call { cases, rows, resources, options }, watched(observer))
+    }
+
+    /// [`call`](Self::call), compiled once for each arithmetic.
+    pub(crate) fn run<A: Arithmetic>(
+        &self,
+        call: &Call<'_>,
+        observer: &impl Observer<A>,
+    ) -> Result<Results<A>, Stop> {
+        let Call { cases, rows, resources, options } = *call;
         if self.entry.is_some() {
             return Err(Stop::Misuse("an entry point is dispatched, not called"));
         }
@@ -265,6 +275,15 @@ impl Program {
         }
         Ok(memory)
     }
+}
+
+/// What a call is of.
+#[derive(Debug)]
+pub struct Call<'c> {
+    pub(crate) cases: usize,
+    pub(crate) rows: &'c [u32],
+    pub(crate) resources: &'c Resources,
+    pub(crate) options: &'c Options,
 }
 
 /// The only result of a program without parameters or resources.

@@ -223,11 +223,6 @@ impl Texture {
     pub fn texels(&self) -> &[Texels] {
         &self.levels
     }
-
-    /// A channel of a texel as a float.
-    pub(crate) fn channel(&self, level: u32, at: [u32; 3], channel: usize) -> f32 {
-        f32::from_bits(self.texel(level, at, 0)[channel])
-    }
 }
 
 /// What coordinates beyond the edge find.

@@ -184,7 +184,14 @@ impl<A: Rules> Machine<'_, A> {
         let ImageKind::Sample { detail, compare, gather, clamp } = op.kind else { return None };
         let coordinates = op.coordinates as usize;
         let mut first = None;
+        // Room for one sample after the other.
+        let (mut footprint, mut texels, mut values) =
+            (Footprint::default(), Vec::new(), Vec::new());
         for lane in 0..self.width {
+            // Loops have few active lanes in their last rounds, and a sample is dear.
+            if !A::possible(self.active()[lane]) {
+                continue;
+            }
             let float = |k: usize| {
                 operands.floats.get(k).map_or(0.0, |&r| A::coordinate(self.floats.get(r)[lane]))
             };
@@ -225,16 +232,19 @@ impl<A: Rules> Machine<'_, A> {
                     .floats
                     .iter()
                     .any(|&r| A::coordinate(self.floats.get(r)[lane]).is_nan());
-            let value = |footprint: &Footprint, channel: usize| -> A::Float {
+            let mut value = |texels: &[(f64, [u32; 4])], channel: usize| -> A::Float {
                 if unbounded {
                     return A::float(f32::NAN);
                 }
-                filtered::<A>(texture, sampler, footprint, channel, reference)
+                filtered::<A>(texture, sampler, texels, channel, reference, &mut values)
             };
             if let Some(channel) = gather {
                 let footprints = texture.gathered(sampler, place);
                 if op.outs[0] > 0 {
-                    let values = footprints.map(|footprint| value(&footprint, channel as usize));
+                    let values = footprints.map(|footprint| {
+                        fetch(texture, &footprint, &mut texels);
+                        value(&texels, channel as usize)
+                    });
                     for (&out, value) in operands.outs.iter().zip(values) {
                         self.floats.get_mut(out)[lane] = value;
                     }
@@ -248,9 +258,13 @@ impl<A: Rules> Machine<'_, A> {
                 }
                 continue;
             }
-            let footprint = texture.footprint(sampler, place, level);
+            // Intervals hold all texels, whichever they are.
+            if !A::NOTES {
+                texture.footprint(sampler, place, level, &mut footprint);
+            }
+            fetch(texture, &footprint, &mut texels);
             for (channel, &out) in operands.outs.iter().enumerate() {
-                let x = value(&footprint, channel);
+                let x = value(&texels, channel);
                 self.floats.get_mut(out)[lane] = x;
             }
         }
@@ -264,15 +278,23 @@ struct Index {
     clamped: bool,
 }
 
+/// The words of the texels of a footprint, with their weights.
+fn fetch(texture: &Texture, footprint: &Footprint, texels: &mut Vec<(f64, [u32; 4])>) {
+    texels.clear();
+    let words = |&(weight, level, at): &_| (weight, texture.texel(level, at, 0));
+    texels.extend(footprint.texels.iter().map(words));
+}
+
 fn filtered<A: Rules>(
     texture: &Texture,
     sampler: &Sampler,
-    footprint: &Footprint,
+    texels: &[(f64, [u32; 4])],
     channel: usize,
     reference: Option<f64>,
+    values: &mut Vec<(f64, f32)>,
 ) -> A::Float {
-    let values = footprint.texels.iter().map(|&(weight, level, at)| {
-        let texel = texture.channel(level, at, channel);
+    let weighted = texels.iter().map(|(weight, words)| {
+        let (weight, texel) = (*weight, f32::from_bits(words[channel]));
         match (reference, sampler.compare) {
             (Some(reference), Some(compare)) => {
                 (weight, f32::from(u8::from(compare.holds(reference, f64::from(texel)))))
@@ -281,12 +303,13 @@ fn filtered<A: Rules>(
         }
     });
     let hull = if reference.is_some() { (0.0, 1.0) } else { texture.hull(channel) };
-    if let ([(_, level, at)], None) = (footprint.texels.as_slice(), reference)
+    if let ([(_, words)], None) = (texels, reference)
         && !A::NOTES
     {
         // One texel is exact, infinities included.
-        return A::float(texture.channel(*level, *at, channel));
+        return A::float(f32::from_bits(words[channel]));
     }
-    let values: Vec<(f64, f32)> = values.collect();
-    A::filtered(&values, hull)
+    values.clear();
+    values.extend(weighted);
+    A::filtered(values, hull)
 }

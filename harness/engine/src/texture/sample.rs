@@ -51,8 +51,15 @@ impl Texture {
         }
     }
 
-    /// The texels that a sampler filters.
-    pub(crate) fn footprint(&self, sampler: &Sampler, place: Place, level: Level) -> Footprint {
+    /// The texels that a sampler filters, in place of those that were there.
+    pub(crate) fn footprint(
+        &self,
+        sampler: &Sampler,
+        place: Place,
+        level: Level,
+        footprint: &mut Footprint,
+    ) {
+        footprint.texels.clear();
         let detail = self.detail(level);
         // NaN has no level; the largest is as good as any.
         let detail = if detail.is_nan() { 0.0 } else { detail };
@@ -60,22 +67,20 @@ impl Texture {
         let filter = if detail <= 0.0 { sampler.mag } else { sampler.min };
         let last = f64::from(self.levels() - 1);
         let detail = detail.clamp(0.0, last);
-        let mut footprint = Footprint::default();
         match sampler.mip {
             Filter::Nearest => {
                 let level = (detail + 0.5).floor().min(last);
-                self.level(sampler, filter, place, level as u32, 1.0, &mut footprint);
+                self.level(sampler, filter, place, level as u32, 1.0, footprint);
             }
             Filter::Linear => {
                 let below = detail.floor();
                 let share = detail - below;
-                self.level(sampler, filter, place, below as u32, 1.0 - share, &mut footprint);
+                self.level(sampler, filter, place, below as u32, 1.0 - share, footprint);
                 if share > 0.0 {
-                    self.level(sampler, filter, place, below as u32 + 1, share, &mut footprint);
+                    self.level(sampler, filter, place, below as u32 + 1, share, footprint);
                 }
             }
         }
-        footprint
     }
 
     fn level(
@@ -93,14 +98,16 @@ impl Texture {
         // Filters have no use for coordinates that aren't finite; NaN becomes 0.
         let texel = |k: usize| at[k].clamp(-1e9, 1e9) * f64::from(size[k]);
         let texel = |k: usize| if texel(k).is_nan() { 0.0 } else { texel(k) };
-        let find = |index: [i64; 3]| self.find(sampler, place, face, index, size);
+        let mut find = |index: [i64; 3], weight: f64| {
+            self.find(sampler, place, face, index, size, |part, texel| {
+                to.texels.push((weight * part, level, texel));
+            });
+        };
         if filter == Filter::Nearest {
             let index = std::array::from_fn(|k| {
                 if k < n { texel(k).floor() as i64 + i64::from(place.offset[k]) } else { 0 }
             });
-            for (share, texel) in find(index) {
-                to.texels.push((weight * share, level, texel));
-            }
+            find(index, weight);
             return;
         }
         let low: [f64; 3] =
@@ -117,9 +124,7 @@ impl Texture {
                 low[k] as i64 + i64::from(high) + i64::from(place.offset[k])
             });
             if share != 0.0 {
-                for (part, texel) in find(index) {
-                    to.texels.push((share * part, level, texel));
-                }
+                find(index, share);
             }
         }
     }
@@ -134,8 +139,12 @@ impl Texture {
         };
         // (u min, v max), (u max, v max), (u max, v min), (u min, v min)
         [(0, 1), (1, 1), (1, 0), (0, 0)].map(|(x, y)| {
-            let found = self.find(sampler, place, face, [low(0) + x, low(1) + y, 0], size);
-            Footprint { texels: found.into_iter().map(|(share, at)| (share, 0, at)).collect() }
+            let mut footprint = Footprint::default();
+            let index = [low(0) + x, low(1) + y, 0];
+            self.find(sampler, place, face, index, size, |share, at| {
+                footprint.texels.push((share, 0, at));
+            });
+            footprint
         })
     }
 
@@ -157,12 +166,13 @@ impl Texture {
         face: usize,
         index: [i64; 3],
         size: [u32; 3],
-    ) -> Vec<(f64, [u32; 3])> {
+        mut found: impl FnMut(f64, [u32; 3]),
+    ) {
         let address = |k: usize| addressed(index[k], size[k], sampler.address[k]);
         match self.dimension {
-            Dimension::D1 => vec![(1.0, [address(0), 0, 0])],
-            Dimension::D2 => vec![(1.0, [address(0), address(1), place.layer])],
-            Dimension::D3 => vec![(1.0, [address(0), address(1), address(2)])],
+            Dimension::D1 => found(1.0, [address(0), 0, 0]),
+            Dimension::D2 => found(1.0, [address(0), address(1), place.layer]),
+            Dimension::D3 => found(1.0, [address(0), address(1), address(2)]),
             Dimension::Cube => {
                 let layer = |face: usize| place.layer * 6 + face as u32;
                 let inside = |k: usize| (0..i64::from(size[k])).contains(&index[k]);
@@ -173,16 +183,14 @@ impl Texture {
                     [x, y, layer(face)]
                 };
                 match (inside(0), inside(1)) {
-                    (true, true) => vec![(1.0, [x as u32, y as u32, layer(face)])],
+                    (true, true) => found(1.0, [x as u32, y as u32, layer(face)]),
                     (false, false) => {
                         let third = 1.0 / 3.0;
-                        vec![
-                            (third, [edge(0) as u32, edge(1) as u32, layer(face)]),
-                            (third, there(x, edge(1))),
-                            (third, there(edge(0), y)),
-                        ]
+                        found(third, [edge(0) as u32, edge(1) as u32, layer(face)]);
+                        found(third, there(x, edge(1)));
+                        found(third, there(edge(0), y));
                     }
-                    _ => vec![(1.0, there(x, y))],
+                    _ => found(1.0, there(x, y)),
                 }
             }
         }
