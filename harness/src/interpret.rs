@@ -91,9 +91,10 @@ impl Interpreted {
             name: function.name.clone(),
             declared: function.span.clone(),
             program: Arc::clone(program),
-            // What has a bound ends.
+            // What has a bound ends. The round in which a loop is left counts here, and there are at most
+            // as many of them as rounds around them.
             fuel: match program.most_rounds() {
-                Some(rounds) => rounds.saturating_add(1).min(MOST_FUEL),
+                Some(rounds) => rounds.saturating_mul(2).min(MOST_FUEL).max(settings::fuel()),
                 None => settings::fuel(),
             },
         })

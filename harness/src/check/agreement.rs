@@ -6,7 +6,7 @@ use super::batch::{Batch, Rows};
 use super::demand::Demand;
 use super::flush::allowing_flushes;
 use super::granted::Granted;
-use super::grants::Grants;
+use super::grants::{self, Grants};
 use super::plan::{Plan, Recording};
 use super::session::{Asserted, Expect};
 use super::tally::{Judge, Judged, compare, is_within};
@@ -185,15 +185,15 @@ impl Plan<'_> {
             // What WGSL grants is for whoever reads the record.
             let granted = granting.is_none() && recording == Recording::On && record::wanted();
             let granter = granted.then(|| session.witness().ok()).flatten();
-            let mut grants: Vec<Option<Grant>> = vec![None; tolerances.len()];
-            let mut asked = 0;
+            let mut granted_by_path: Vec<Option<Grant>> = vec![None; tolerances.len()];
+            let mut left = grants::wanted(&session.called.probed.program);
             let mut tallies = session.run(&mut |batch, dispatches| {
                 // The device works on the dispatches meanwhile.
                 let lanes = session.expected(batch, batch.rows(), expected.expect)?;
-                if let Some(granter) = granter.as_ref().filter(|_| !Grants::suffice(asked))
-                    && let Ok(found) = Grants::of(granter, batch, &mut asked)
+                if let Some(granter) = granter.as_ref().filter(|_| left > 0)
+                    && let Ok(found) = Grants::of(granter, batch, &mut left)
                 {
-                    for (grant, tolerance) in grants.iter_mut().zip(&tolerances) {
+                    for (grant, tolerance) in granted_by_path.iter_mut().zip(&tolerances) {
                         let more = found.against(&scalars, &lanes, tolerance);
                         *grant = Some(grant.map_or(more, |grant| grant.merge(more)));
                     }
@@ -232,7 +232,7 @@ impl Plan<'_> {
                 let expect = |case| Some(comparison(0).of(case).to_vec());
                 session.judge(batch, dispatches, expect, comparison)
             })?;
-            for (tally, granted) in tallies.iter_mut().zip(grants) {
+            for (tally, granted) in tallies.iter_mut().zip(granted_by_path) {
                 tally.granted = granted;
             }
             let tallies =

@@ -61,7 +61,8 @@ impl Session<'_> {
             (false, true) => "; this path leaves it",
             (false, false) => "; neither result nor reference is in it",
         };
-        lines.push(("WGSL", format!("allows {}{said}", interval(bound))));
+        let width = width(least, most);
+        lines.push(("WGSL", format!("allows {}{width}{said}", interval(bound))));
         if !allowed && let Some(blame) = self.blame(&witness, row, path) {
             lines.push(("blame", blame));
         }
@@ -121,9 +122,21 @@ fn interval(bound: &Bound) -> String {
     }
 }
 
+/// How wide an interval is, in steps of `f32` at its greater end.
+fn width(least: f64, most: f64) -> String {
+    let largest = number_of(least.abs().max(most.abs()));
+    let step = f64::from(largest.next_up()) - f64::from(largest);
+    let width = (most - least) / step;
+    if width > 0.0 { format!(" ({width:.0} ulp)") } else { String::new() }
+}
+
 #[expect(clippy::cast_possible_truncation, reason = "ends of intervals are f32")]
+fn number_of(value: f64) -> f32 {
+    value as f32
+}
+
 fn number(value: f64) -> String {
-    format_f32(value as f32)
+    format_f32(number_of(value))
 }
 
 fn shown(scalar: Scalar, word: u32) -> String {

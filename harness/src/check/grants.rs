@@ -4,12 +4,21 @@ use super::batch::Batch;
 use crate::interpret::{Bound, Interpreted};
 use crate::probe::ProbeError;
 use crate::record::Grant;
+use crate::reflect::Program;
 use crate::tolerance::{LaneError, Tolerance};
 use crate::value::Scalar;
 
-/// Cases that are asked for: some milliseconds of a check, and a tenth of a second for an integral of
-/// thousands of samples.
+/// Cases that are asked for of a function without loops: some milliseconds of a check.
 const ASKED: usize = 128;
+
+/// Rounds of loops that all cases together may make: intervals are slow, and this is for the record.
+const ROUNDS: u64 = 4096;
+
+/// How many cases of a function are asked for; none if its loops go round too often.
+pub(super) fn wanted(program: &Program) -> usize {
+    let rounds = program.most_rounds().unwrap_or(u64::MAX).max(1);
+    usize::try_from(ROUNDS / rounds).unwrap_or(ASKED).min(ASKED)
+}
 
 /// What WGSL allows some cases of a batch.
 pub(super) struct Grants {
@@ -20,26 +29,21 @@ pub(super) struct Grants {
 
 impl Grants {
     /// Asks for cases of a batch: half of them its first ones, where edges are, and others that are
-    /// spread over it. `asked` is how many were asked for before.
+    /// spread over it. `left` is how many are still to be asked for.
     pub(super) fn of(
         witness: &Interpreted,
         batch: &Batch,
-        asked: &mut usize,
+        left: &mut usize,
     ) -> Result<Self, ProbeError> {
-        let wanted = (ASKED - *asked).min(batch.cases);
+        let wanted = (*left).min(batch.cases);
         let first = wanted.div_ceil(2);
         let step = (batch.cases - first).div_ceil((wanted - first).max(1)).max(1);
         let spread = (first..batch.cases).step_by(step).take(wanted - first);
         let cases: Vec<usize> = (0..first).chain(spread).collect();
-        *asked += cases.len();
+        *left -= cases.len();
         let rows: Vec<u32> =
             cases.iter().flat_map(|case| batch.arguments(*case)).copied().collect();
         Ok(Self { bounds: witness.bounds(cases.len(), &rows)?, cases })
-    }
-
-    /// Whether enough cases were asked for.
-    pub(super) fn suffice(asked: usize) -> bool {
-        asked >= ASKED
     }
 
     /// Compares what is allowed with a tolerance about the `expected` lanes of all cases.
@@ -91,9 +95,9 @@ mod tests {
         let expected: Vec<f64> = x.iter().map(|x| reference(f64::from(*x))).collect();
         let rows = x.iter().map(|x| x.to_bits()).collect();
         let batch = Batch::new(0, rows, 1000, 1, 1);
-        let mut asked = 28;
-        let grants = Grants::of(&witness, &batch, &mut asked).expect("it runs");
-        assert!(Grants::suffice(asked), "{asked}");
+        let mut left = 100;
+        let grants = Grants::of(&witness, &batch, &mut left).expect("it runs");
+        assert_eq!((left, wanted(&probed.program)), (0, 128));
         grants.against(&[Scalar::F32], &expected, &tolerance.into())
     }
 
