@@ -180,6 +180,7 @@ pub(crate) fn record() -> Option<PathBuf> {
 }
 
 /// Rounds that a case may make in the engine. A wrong setting is told by what reads others.
+#[cfg_attr(not(feature = "engine"), expect(dead_code, reason = "it is the engine's"))]
 pub(crate) fn fuel() -> u64 {
     current().map_or(FUEL_ROUNDS, |settings| settings.fuel)
 }

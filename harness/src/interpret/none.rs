@@ -1,5 +1,7 @@
 //! What stands for the engine in a library that is built without it.
 
+use std::sync::Arc;
+
 use crate::diagnostic::Span;
 use crate::fixture::Fixtures;
 use crate::path::{Path, PathError};
@@ -48,9 +50,9 @@ impl Interpreted {
         &self,
         _: usize,
         _: &[u32],
-        accuracy: &Accuracy,
+        accuracy: &Arc<Accuracy>,
     ) -> Result<Vec<Bound>, ProbeError> {
-        match *accuracy {}
+        match **accuracy {}
     }
 
     pub(crate) fn shadow(&self, _: usize, _: &[u32]) -> Result<Vec<f64>, ProbeError> {
