@@ -75,10 +75,14 @@ fn arguments_of_f64() {
 "#;
 
 /// Features that the workspace has of common libraries. With them the libraries that Karat needs are
-/// those that were compiled for this test; without them most are compiled once more.
+/// those that were compiled for this test; without them most are compiled once more. `cargo tree -f "{p} [{f}]"`
+/// of both workspaces shows what differs.
 const SHARED: &str = "\
+    clap = { version = \"4\", features = [\"derive\", \"env\", \"wrap_help\"] }\n\
     indexmap = \"2\"\n\
     libc = { version = \"0.2\", features = [\"extra_traits\"] }\n\
+    naga = { version = \"30\", features = [\"msl-out\", \"spv-in\", \"wgsl-out\"] }\n\
+    rustix = { version = \"1\", features = [\"fs\", \"process\", \"termios\"] }\n\
     serde_core = \"1\"\n\
     serde_json = { version = \"1\", features = [\"unbounded_depth\"] }\n";
 

@@ -37,10 +37,13 @@ fn main() -> std::process::ExitCode {
 }
 "#;
 
-/// Features that the workspace has of common libraries, so that none is compiled once more.
+/// Features that the workspace has of common libraries, so that none is compiled once more: as in
+/// `tests/stranger.rs`.
 const SHARED: &str = "\
     indexmap = \"2\"\n\
     libc = { version = \"0.2\", features = [\"extra_traits\"] }\n\
+    naga = { version = \"30\", features = [\"msl-out\", \"spv-in\", \"wgsl-out\"] }\n\
+    rustix = { version = \"1\", features = [\"fs\", \"process\", \"termios\"] }\n\
     serde_core = \"1\"\n\
     serde_json = { version = \"1\", features = [\"unbounded_depth\"] }\n";
 
