@@ -54,7 +54,7 @@ impl Kind {
         match self {
             Self::Nan => "it isn't a number, though its operands are",
             Self::OutOfRange => "the index leaves its array: WGSL allows any element, or zero",
-            Self::ByZero => "an integer divided by 0 is itself in WGSL, and its remainder 0",
+            Self::ByZero => "an integer is divided by zero: in WGSL x / 0 is x, and x % 0 is 0",
             Self::Infinite => "it overflows, or divides by zero",
             Self::LostDigits => "more than half of its digits are rounding errors",
             Self::Unbounded => "WGSL bounds no error here: drivers may return anything",

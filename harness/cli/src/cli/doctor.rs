@@ -193,13 +193,15 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
         Some(error) => writeln!(out, "\n{BAD}checks run on no path:{BAD:#} {error}")?,
         None => writeln!(out, "\nchecks run on {}", report.selected.join(", "))?,
     }
-    for one in &report.unoptimised {
-        let profile::Unoptimised { name, level, recommended, about } = one;
+    if !report.unoptimised.is_empty() {
         writeln!(
             out,
-            "\n{KNOWN}{name} is compiled with opt-level {level}:{KNOWN:#} {about}; write in Cargo.toml\n         \
-             [profile.dev.package]\n         {name}.opt-level = {recommended}"
+            "\n{KNOWN}compiled with too little optimisation{KNOWN:#}; write in Cargo.toml"
         )?;
+        writeln!(out, "[profile.dev.package]")?;
+    }
+    for profile::Unoptimised { name, level, recommended, about } in &report.unoptimised {
+        writeln!(out, "{name}.opt-level = {recommended} {DIM}# at {level} {about}{DIM:#}")?;
     }
     writeln!(out, "\n{HEAD}validators of translations{HEAD:#}")?;
     for ToolReport { name, judges, version, missing, remedy } in &report.tools {
