@@ -11,6 +11,7 @@
 //! A case that fails is simplified within its domain: see [`Domain::shrink`].
 
 mod direction;
+mod dynamic;
 mod edges;
 mod emptiness;
 mod grid;
@@ -26,6 +27,7 @@ use std::any::Any;
 use std::fmt::Debug;
 
 pub use direction::{Hemisphere, UnitRgb, UnitVector};
+pub(crate) use dynamic::{Dynamic, Part};
 pub use edges::{AnyF32, Edges};
 pub use emptiness::Emptiness;
 use emptiness::infinite;

@@ -10,6 +10,7 @@ mod conditions;
 mod depth;
 mod directives;
 mod error;
+pub(crate) mod expectations;
 mod feature;
 mod functions;
 mod imports;

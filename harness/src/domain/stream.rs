@@ -72,7 +72,7 @@ trait Value: Any + Debug + Send + Sync {}
 impl<T: Any + Debug + Send + Sync> Value for T {}
 
 impl Held {
-    fn of<V: Debug + Send + Sync + 'static>(value: V, row: Vec<u32>) -> Self {
+    pub(super) fn of<V: Debug + Send + Sync + 'static>(value: V, row: Vec<u32>) -> Self {
         Self { value: Arc::new(value), row }
     }
 

@@ -1,5 +1,7 @@
 //! The functions of a package.
 
+use std::sync::Arc;
+
 use super::library::{Library, ModulePath};
 use super::syntax::{DeclarationKind, Module};
 use super::{Package, PackageError};
@@ -34,14 +36,18 @@ impl Package {
     /// # Errors
     /// If the module can't be read or parsed.
     pub fn functions_in(&self, module: &str) -> Result<Vec<FunctionItem>, PackageError> {
+        Ok(functions_of(module, &*self.parsed(module)?))
+    }
+
+    /// One module without what its conditions leave out.
+    pub(super) fn parsed(&self, module: &str) -> Result<Arc<Module>, PackageError> {
         let (library, root) = (Library::open(self)?, ModulePath::root(module));
         library.begin(&root)?;
-        let module_of = library.module(&root)?;
-        Ok(functions_of(module, &module_of))
+        library.module(&root)
     }
 }
 
-/// Those of one module, called `name`.
+/// Those of one module, called `name`, without its tests.
 pub(super) fn functions_of(name: &str, module: &Module) -> Vec<FunctionItem> {
     let functions = module.declarations.iter().filter_map(|declaration| {
         let item = declaration.name.as_ref()?;
@@ -50,12 +56,8 @@ pub(super) fn functions_of(name: &str, module: &Module) -> Vec<FunctionItem> {
         let first = module.span(declaration.tokens.start);
         let last = module.span(declaration.tokens.end.saturating_sub(1));
         let whole = Span { range: first.range.start..last.range.end, ..first };
-        (declaration.kind == DeclarationKind::Function).then_some(FunctionItem {
-            name,
-            span,
-            whole,
-            entry_point,
-        })
+        let function = declaration.kind == DeclarationKind::Function && !declaration.test;
+        function.then_some(FunctionItem { name, span, whole, entry_point })
     });
     functions.collect()
 }

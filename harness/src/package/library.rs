@@ -13,6 +13,7 @@ use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 use blake3::Hash;
 
 use super::directives;
+use super::expectations;
 use super::feature::{Feature, Features};
 use super::manifest::Manifest;
 use super::overlay::Overlay;
@@ -298,7 +299,7 @@ impl Package {
         {
             return Ok(Some(Self::of_origin(Origin::Found(found))));
         }
-        Ok(None)
+        Ok(expectations::package(name))
     }
 
     /// Finds a module by its path inside the package.

@@ -62,7 +62,8 @@ impl Package {
         }
         let parsed = library.module(&root)?;
         self.check_imports(&library, &root)?;
-        let all = (0..parsed.declarations.len()).map(|index| (root.clone(), index)).collect();
+        let all = (0..parsed.declarations.len()).filter(|index| !parsed.declarations[*index].test);
+        let all = all.map(|index| (root.clone(), index)).collect();
         Linker::new(&library, &root)?.link(all, true)
     }
 

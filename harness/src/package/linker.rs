@@ -117,6 +117,12 @@ impl<'a> Linker<'a> {
             }
             let from = 0..linked.file.text.len();
             edits.extend(part.module.changes(&from));
+            // Whoever runs tests links them.
+            for test in part.module.declarations.iter().filter(|declaration| declaration.test) {
+                let bytes = part.module.bytes(&test.tokens);
+                edits.retain(|edit| !bytes.contains(&edit.from.start));
+                edits.push(Edit { from: bytes, name: None });
+            }
             spliced.copy(&linked.file, from, in_order(edits));
         }
         let (own, others): (Vec<&Item>, Vec<&Item>) =

@@ -121,6 +121,11 @@ impl Spliced {
                                 .bytes()
                                 .all(|byte| byte.is_ascii_alphanumeric() || byte == b'-')
                     }
+                    // `(` of a call that is told its place.
+                    Some(told) if author == "(" => {
+                        let before = piece.file.text[..edit.from.start].trim_end();
+                        now == told && is_place(told) && before.ends_with(belongs)
+                    }
                     Some(name) => {
                         now == name
                             && is_name(name)
@@ -184,6 +189,15 @@ fn blank(character: char) -> impl Iterator<Item = char> {
 fn is_name(text: &str) -> bool {
     let starts = text.chars().next().is_some_and(|c| belongs(c) && !c.is_ascii_digit());
     starts && text.chars().all(belongs)
+}
+
+/// Whether a text is what a call is told of its place: `(17u, `.
+fn is_place(text: &str) -> bool {
+    let number = text.strip_prefix('(').map(|rest| rest.strip_suffix(", ").unwrap_or(rest));
+    let digits = number.and_then(|number| number.strip_suffix('u'));
+    digits.is_some_and(|digits| {
+        !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit())
+    })
 }
 
 /// Whether no character of a name touches a range.
@@ -276,5 +290,17 @@ mod tests {
         assert!(!edited(3..4, Some("x")), "no name");
         assert!(!edited(0..7, Some("x")), "more than a name");
         assert!(!edited(0..2, Some("x + y")), "not a name");
+        let told = |text: &str, told: &str| {
+            let mut spliced = Spliced::default();
+            let from = text.find('(').expect("in the text");
+            let edit = Edit { from: from..from + 1, name: Some(told.to_owned()) };
+            spliced.copy(&file(text), 0..text.len(), vec![edit]);
+            spliced.check().is_ok()
+        };
+        assert!(told("f(x)", "(7u, ") && told("f()", "(7u"));
+        for wrong in ["(7u, 1.0 + ", "(u, ", "(7, ", "((7u, ", "(x, "] {
+            assert!(!told("f(x)", wrong), "{wrong}");
+        }
+        assert!(!told("2 * (x)", "(7u, "), "no call");
     }
 }

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use super::PackageError;
 use super::conditions::{Conditions, Inactive};
 use super::directives::{self, Directed, Include};
+use super::expectations;
 use super::feature::Features;
 use super::lexer::{Kind, Token, lex};
 use super::scope::{Reference, references};
@@ -27,6 +28,8 @@ pub(super) struct Declaration {
     /// The token of its name.
     pub(super) name_token: usize,
     pub(super) entry_point: bool,
+    /// Whether it is a test, which only test runners link.
+    pub(super) test: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,10 +47,10 @@ pub(super) struct Module {
     pub(super) file: Arc<SourceFile>,
     /// The tokens that conditions leave.
     pub(super) tokens: Vec<Token>,
-    /// What conditions and directives remove from the text, in order.
-    removed: Vec<Range<usize>>,
-    /// What values stand for, in order.
-    replaced: Vec<(Range<usize>, String)>,
+    /// What is removed from the text: by conditions and directives, and attributes of tests. In order.
+    pub(super) removed: Vec<Range<usize>>,
+    /// What values stand for, and what expectations are told, in order.
+    pub(super) replaced: Vec<(Range<usize>, String)>,
     /// Files that share a name space with this one, and where they are named.
     pub(super) includes: Vec<(Include, Range<usize>)>,
     /// Whether paths are those that modules give themselves.
@@ -109,6 +112,7 @@ impl Module {
         };
         module.brackets = partners(file, &module.tokens)?;
         module.find_items()?;
+        expectations::prepare(&mut module);
         for (index, declaration) in module.declarations.iter().enumerate() {
             if let Some(name) = &declaration.name {
                 module.by_name.entry(name.clone()).or_default().push(index);
@@ -170,8 +174,9 @@ impl Module {
                 continue;
             }
             let start = at;
-            let mut entry_point = false;
+            let (mut entry_point, mut test) = (false, false);
             while self.is(at, b'@') && self.is_word(at + 1) {
+                test |= self.text(at + 1) == "test";
                 entry_point |= matches!(
                     self.text(at + 1),
                     "vertex"
@@ -230,6 +235,7 @@ impl Module {
                         tokens,
                         name_token,
                         entry_point,
+                        test: test && kind == DeclarationKind::Function,
                     });
                 }
             }
@@ -250,7 +256,7 @@ pub(super) fn asks_for_nothing(text: &str) -> bool {
     !(0..tokens.len()).any(|index| {
         (tokens[index].is(b':') && word(index + 1) == ":")
             || (tokens[index].is(b'@')
-                && matches!(word(index + 1), "if" | "elif" | "else" | "publish"))
+                && matches!(word(index + 1), "if" | "elif" | "else" | "publish" | "test"))
             || word(index) == "import"
     })
 }
@@ -302,7 +308,15 @@ pub(super) fn after_attribute(
     // These take no arguments: a bracket after them belongs to what follows.
     let bare = matches!(
         name,
-        "else" | "vertex" | "fragment" | "compute" | "must_use" | "const" | "invariant" | "publish"
+        "else"
+            | "vertex"
+            | "fragment"
+            | "compute"
+            | "must_use"
+            | "const"
+            | "invariant"
+            | "publish"
+            | "test"
     );
     match tokens.get(at + 2) {
         Some(token) if token.is(b'(') && !bare => brackets[at + 2] + 1,

@@ -1,0 +1,472 @@
+//! Domains that are made at run time, of the types that a function's parameters have.
+//!
+//! A part draws the words of one number or vector; the parts of all parameters stand side by side. As in
+//! tuples of Rust types, one draw in eight ties two parts of the same type.
+
+use std::fmt::Debug;
+use std::ops::RangeInclusive;
+
+use super::{
+    AnyF32, Domain, Emptiness, Held, Hemisphere, Integers, Just, OneOf, Origin, Shrinkable, Source,
+    Stream, UnitRgb, UnitVector, complexity,
+};
+use crate::value::{Scalar, Shape, Shareable};
+
+/// Draws of a tuple of which one ties two parts.
+const TIES: u64 = 8;
+
+/// Combinations of edges that are tried first.
+const COMBINATIONS: usize = 1024;
+
+/// Values of one number or vector, in words.
+trait Words: Send + Sync {
+    fn width(&self) -> usize;
+    fn draw(&self, source: &mut Source) -> Option<Vec<u32>>;
+    fn edges(&self) -> Vec<Vec<u32>>;
+    fn emptiness(&self) -> Option<Emptiness>;
+    fn size(&self) -> Option<u64>;
+    fn nth(&self, index: u64) -> Option<Vec<u32>>;
+    fn admits(&self, words: &[u32]) -> Option<bool>;
+    /// Simpler values, the simplest first.
+    fn shrink(&self, words: &[u32]) -> Vec<Vec<u32>>;
+}
+
+/// A domain of Rust values that are made of words.
+struct Of<D>(D);
+
+fn stored<V: Shareable>(value: &V) -> Vec<u32> {
+    let mut words = Vec::new();
+    value.store(&mut words);
+    words
+}
+
+impl<D: Domain> Words for Of<D>
+where
+    D::Value: Shareable,
+{
+    fn width(&self) -> usize {
+        D::Value::shape().lanes().len()
+    }
+    fn draw(&self, source: &mut Source) -> Option<Vec<u32>> {
+        self.0.draw(source).as_ref().map(stored)
+    }
+    fn edges(&self) -> Vec<Vec<u32>> {
+        self.0.edges().iter().map(stored).collect()
+    }
+    fn emptiness(&self) -> Option<Emptiness> {
+        self.0.emptiness()
+    }
+    fn size(&self) -> Option<u64> {
+        self.0.size()
+    }
+    fn nth(&self, index: u64) -> Option<Vec<u32>> {
+        self.0.nth(index).as_ref().map(stored)
+    }
+    fn admits(&self, words: &[u32]) -> Option<bool> {
+        self.0.admits(&D::Value::load(&mut words.iter()))
+    }
+    fn shrink(&self, words: &[u32]) -> Vec<Vec<u32>> {
+        self.0.shrink(&D::Value::load(&mut words.iter())).iter().map(stored).collect()
+    }
+}
+
+/// Listed values: a row that is simpler comes earlier when it is simplified.
+struct Listed(Vec<Vec<u32>>, Vec<Scalar>);
+
+impl Listed {
+    fn weight(&self, words: &[u32]) -> Vec<u64> {
+        let lanes = self.1.iter().zip(words);
+        lanes
+            .map(|(scalar, word)| match scalar {
+                Scalar::F32 | Scalar::F16 => complexity(&f32::from_bits(*word)),
+                Scalar::I32 => complexity(&word.cast_signed()),
+                Scalar::U32 | Scalar::Bool => complexity(word),
+            })
+            .map(Option::unwrap_or_default)
+            .collect()
+    }
+}
+
+impl Words for Listed {
+    fn width(&self) -> usize {
+        self.1.len()
+    }
+    fn draw(&self, source: &mut Source) -> Option<Vec<u32>> {
+        self.nth(source.below(self.0.len() as u64))
+    }
+    fn edges(&self) -> Vec<Vec<u32>> {
+        OneOf(self.0.clone()).edges()
+    }
+    fn emptiness(&self) -> Option<Emptiness> {
+        OneOf(self.0.clone()).emptiness()
+    }
+    fn size(&self) -> Option<u64> {
+        Some(self.0.len() as u64)
+    }
+    fn nth(&self, index: u64) -> Option<Vec<u32>> {
+        usize::try_from(index).ok().and_then(|index| self.0.get(index)).cloned()
+    }
+    fn admits(&self, words: &[u32]) -> Option<bool> {
+        Some(self.0.iter().any(|listed| listed == words))
+    }
+    fn shrink(&self, words: &[u32]) -> Vec<Vec<u32>> {
+        let own = self.weight(words);
+        let mut simpler: Vec<_> = self.0.iter().filter(|row| self.weight(row) < own).collect();
+        simpler.sort_by_key(|row| self.weight(row));
+        simpler.into_iter().cloned().collect()
+    }
+}
+
+/// One part of a [`Dynamic`] domain: a number, or a vector.
+pub(crate) struct Part(Box<dyn Words>);
+
+impl Debug for Part {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Part({} words)", self.0.width())
+    }
+}
+
+impl Part {
+    fn of<D: Domain + 'static>(domain: D) -> Self
+    where
+        D::Value: Shareable,
+    {
+        Self(Box::new(Of(domain)))
+    }
+
+    /// A closed range of a scalar. Its ends are rounded to the type; `None` for booleans, and where an
+    /// end of integers isn't one.
+    pub(crate) fn range(scalar: Scalar, range: RangeInclusive<f64>) -> Option<Self> {
+        let (low, high) = range.into_inner();
+        let whole = low.fract() == 0.0 && high.fract() == 0.0;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "ranges of integers are looked at first, others are rounded"
+        )]
+        Some(match scalar {
+            Scalar::F32 | Scalar::F16 => Self::of(low as f32..=high as f32),
+            Scalar::I32 => {
+                let fits = |x: f64| (f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&x);
+                if !(whole && fits(low) && fits(high)) {
+                    return None;
+                }
+                Self::of(Integers(low as i32..=high as i32))
+            }
+            Scalar::U32 => {
+                let fits = |x: f64| (0.0..=f64::from(u32::MAX)).contains(&x);
+                if !(whole && fits(low) && fits(high)) {
+                    return None;
+                }
+                Self::of(Integers(low as u32..=high as u32))
+            }
+            Scalar::Bool => return None,
+        })
+    }
+
+    /// Listed values, each as wide as `scalars`.
+    pub(crate) fn listed(scalars: Vec<Scalar>, rows: Vec<Vec<u32>>) -> Self {
+        Self(Box::new(Listed(rows, scalars)))
+    }
+
+    /// Any value of a scalar: all bit patterns of an integer, any finite float.
+    pub(crate) fn any(scalar: Scalar) -> Self {
+        match scalar {
+            Scalar::F32 | Scalar::F16 => Self::of(AnyF32::finite()),
+            Scalar::I32 => Self::of(Integers(i32::MIN..=i32::MAX)),
+            Scalar::U32 => Self::of(Integers(0..=u32::MAX)),
+            Scalar::Bool => Self::listed(vec![scalar], vec![vec![0], vec![1]]),
+        }
+    }
+
+    /// `unit_vector`, `hemisphere` or `unit_rgb`, of a vector of three floats.
+    pub(crate) fn named(name: &str) -> Option<Self> {
+        Some(match name {
+            "unit_vector" => Self::of(UnitVector),
+            "hemisphere" => Self::of(Hemisphere),
+            "unit_rgb" => Self::of(UnitRgb),
+            _ => return None,
+        })
+    }
+
+    /// The names of [`named`](Self::named).
+    pub(crate) const NAMES: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
+
+    pub(crate) fn width(&self) -> usize {
+        self.0.width()
+    }
+}
+
+/// The arguments of a function, drawn part by part.
+#[derive(Debug)]
+pub(crate) struct Dynamic {
+    parts: Vec<Part>,
+    /// The parameter that each part belongs to.
+    owners: Vec<usize>,
+    /// The parameters' types.
+    shapes: Vec<Shape>,
+    edges: Vec<Vec<u32>>,
+}
+
+impl Dynamic {
+    /// `parts` are those of each parameter in turn; together they have the words of its type.
+    pub(crate) fn new(shapes: Vec<Shape>, parts: Vec<Vec<Part>>) -> Self {
+        let owners = parts.iter().enumerate().flat_map(|(at, own)| vec![at; own.len()]).collect();
+        let parts: Vec<Part> = parts.into_iter().flatten().collect();
+        let edges = combined(&parts.iter().map(|part| part.0.edges()).collect::<Vec<_>>());
+        Self { parts, owners, shapes, edges }
+    }
+
+    pub(crate) fn shapes(&self) -> &[Shape] {
+        &self.shapes
+    }
+
+    fn split<'r>(&self, row: &'r [u32]) -> Vec<&'r [u32]> {
+        let mut rest = row;
+        let parts = self.parts.iter().map(|part| {
+            let (own, others) = rest.split_at(part.width().min(rest.len()));
+            rest = others;
+            own
+        });
+        parts.collect()
+    }
+
+    fn draw(&self, source: &mut Source) -> Option<Vec<u32>> {
+        let mut rows = Vec::with_capacity(self.parts.len());
+        for part in &self.parts {
+            rows.push(part.0.draw(source)?);
+        }
+        if self.parts.len() > 1 && source.below(TIES) == 0 {
+            let count = self.parts.len() as u64;
+            let (from, to) = (source.below(count), source.below(count));
+            #[expect(clippy::cast_possible_truncation, reason = "fewer than a usize")]
+            let (from, to) = (from as usize, to as usize);
+            let tied = match source.below(2) {
+                0 => rows[from].clone(),
+                _ => rows[from].iter().map(|word| word ^ 0x8000_0000).collect(),
+            };
+            if self.parts[to].0.admits(&tied) == Some(true) && rows[to].len() == tied.len() {
+                rows[to] = tied;
+            }
+        }
+        Some(rows.concat())
+    }
+
+    fn nth(&self, mut index: u64) -> Option<Vec<u32>> {
+        if index >= self.count()? {
+            return None;
+        }
+        let mut row = Vec::new();
+        for part in &self.parts {
+            let size = part.0.size()?;
+            row.extend(part.0.nth(index % size)?);
+            index /= size;
+        }
+        Some(row)
+    }
+
+    fn count(&self) -> Option<u64> {
+        self.parts.iter().try_fold(1_u64, |count, part| count.checked_mul(part.0.size()?))
+    }
+
+    fn of(&self, origin: Origin<'_>) -> Option<Vec<u32>> {
+        match origin {
+            Origin::Nth(index) => self.nth(index),
+            Origin::Edge(index) => self.edges.get(index).cloned(),
+            Origin::Draw(source) => self.draw(source),
+        }
+    }
+
+    fn simpler(&self, row: &[u32]) -> Vec<Vec<u32>> {
+        let words = self.split(row);
+        let mut found = Vec::new();
+        for (at, part) in self.parts.iter().enumerate() {
+            for simpler in part.0.shrink(words[at]) {
+                let replaced = words.iter().enumerate();
+                let replaced =
+                    replaced.map(|(other, own)| if other == at { &*simpler } else { own });
+                found.push(replaced.collect::<Vec<_>>().concat());
+            }
+        }
+        found
+    }
+
+    fn at(&self, row: Vec<u32>) -> Shrinkable<'_, Held> {
+        let held = self.held(row.clone());
+        Shrinkable::new(held, move || {
+            self.simpler(&row).into_iter().map(|simpler| self.at(simpler)).collect()
+        })
+    }
+
+    fn held(&self, row: Vec<u32>) -> Held {
+        Held::of(Shown(self.show(&row)), row)
+    }
+}
+
+/// A value as a message has it.
+#[derive(Clone)]
+struct Shown(String);
+
+impl Debug for Shown {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+/// Rows of edges: all combinations of the first edges of each part, then each other edge with those
+/// of the other parts in turn.
+fn combined(edges: &[Vec<Vec<u32>>]) -> Vec<Vec<u32>> {
+    if edges.iter().any(Vec::is_empty) {
+        return Vec::new();
+    }
+    let product = |most: usize| -> usize {
+        edges.iter().map(|own| own.len().min(most)).fold(1, usize::saturating_mul)
+    };
+    let longest = edges.iter().map(Vec::len).max().unwrap_or(0);
+    let most = (1..=longest).rev().find(|most| product(*most) <= COMBINATIONS).unwrap_or(1);
+    // Of many parts not even two edges each can be combined.
+    let firsts = (0..product(most).min(COMBINATIONS)).map(|mut rest| {
+        let row = edges.iter().map(|own| {
+            let length = own.len().min(most);
+            let at = rest % length;
+            rest /= length;
+            own[at].as_slice()
+        });
+        row.collect::<Vec<_>>().concat()
+    });
+    let left = edges.iter().enumerate().flat_map(|(part, own)| {
+        (most..own.len()).map(move |edge| {
+            let row = edges.iter().enumerate().map(|(other, all)| {
+                let at = if other == part { edge } else { edge % all.len() };
+                all[at].as_slice()
+            });
+            row.collect::<Vec<_>>().concat()
+        })
+    });
+    firsts.chain(left).collect()
+}
+
+impl Stream for Dynamic {
+    fn width(&self) -> usize {
+        self.parts.iter().map(Part::width).sum()
+    }
+
+    fn size(&self) -> Option<u64> {
+        self.count()
+    }
+
+    fn emptiness(&self) -> Option<Emptiness> {
+        let mut parts = self.parts.iter().zip(&self.owners);
+        parts.find_map(|(part, owner)| Some(part.0.emptiness()?.in_part(*owner)))
+    }
+
+    fn edges(&self) -> usize {
+        self.edges.len()
+    }
+
+    fn row(&self, origin: Origin<'_>, rows: &mut Vec<u32>) -> bool {
+        let Some(row) = self.of(origin) else { return false };
+        rows.extend(row);
+        true
+    }
+
+    fn value(&self, origin: Origin<'_>) -> Option<Held> {
+        Some(self.held(self.of(origin)?))
+    }
+
+    fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Held>> {
+        Some(self.at(self.of(origin)?))
+    }
+
+    fn admits(&self, row: &[u32]) -> Option<bool> {
+        if row.len() != self.width() {
+            return Some(false);
+        }
+        let words = self.split(row);
+        let admitted: Vec<_> =
+            self.parts.iter().zip(words).map(|(part, own)| part.0.admits(own)).collect();
+        if admitted.contains(&Some(false)) {
+            return Some(false);
+        }
+        admitted.into_iter().all(|one| one.is_some()).then_some(true)
+    }
+
+    fn shrink(&self, row: &[u32]) -> Vec<Vec<u32>> {
+        self.simpler(row)
+    }
+
+    fn show(&self, row: &[u32]) -> String {
+        let mut rest = row;
+        let shown = self.shapes.iter().map(|shape| {
+            let (own, others) = rest.split_at(shape.lanes().len().min(rest.len()));
+            rest = others;
+            shape.format(own)
+        });
+        format!("({})", shown.collect::<Vec<_>>().join(", "))
+    }
+}
+
+impl Part {
+    /// One value.
+    pub(crate) fn just(scalar: Scalar, word: u32) -> Self {
+        match scalar {
+            Scalar::F32 | Scalar::F16 => Self::of(Just(f32::from_bits(word))),
+            _ => Self::listed(vec![scalar], vec![vec![word]]),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::Numbering;
+
+    #[test]
+    fn parts_stand_side_by_side() {
+        let float = Shape::Scalar(Scalar::F32);
+        let vector = Shape::Vector { size: 3, scalar: Scalar::F32 };
+        let parts = vec![
+            vec![Part::range(Scalar::F32, 0.0..=1.0).expect("floats")],
+            vec![Part::named("unit_vector").expect("known")],
+        ];
+        let dynamic = Dynamic::new(vec![float, vector], parts);
+        assert_eq!((dynamic.width(), dynamic.size()), (4, None));
+        let numbering = Numbering::of(&dynamic, 7, 1000, 1 << 20);
+        let mut rows = Vec::new();
+        assert_eq!(dynamic.rows(&numbering, 0..1000, &mut rows), 1000);
+        for row in rows.chunks_exact(4) {
+            assert!((0.0..=1.0).contains(&f32::from_bits(row[0])));
+            let length: f32 = row[1..].iter().map(|word| f32::from_bits(*word).powi(2)).sum();
+            assert!((length - 1.0).abs() < 1e-5, "{length}");
+            assert_eq!(dynamic.admits(row), Some(true));
+            for simpler in dynamic.shrink(row) {
+                assert_eq!((simpler.len(), dynamic.admits(&simpler)), (4, Some(true)));
+            }
+        }
+    }
+
+    #[test]
+    fn finite_parts_are_enumerated() {
+        let parts = vec![
+            vec![Part::range(Scalar::U32, 1.0..=3.0).expect("whole")],
+            vec![Part::any(Scalar::Bool)],
+        ];
+        let shapes = vec![Shape::Scalar(Scalar::U32), Shape::Scalar(Scalar::Bool)];
+        let dynamic = Dynamic::new(shapes, parts);
+        assert_eq!(dynamic.size(), Some(6));
+        let all: Vec<_> = (0..6).filter_map(|index| dynamic.nth(index)).collect();
+        assert_eq!(all, [[1, 0], [2, 0], [3, 0], [1, 1], [2, 1], [3, 1]]);
+        assert_eq!(dynamic.nth(6), None);
+        assert_eq!(dynamic.show(&[2, 1]), "(2, true)");
+    }
+
+    #[test]
+    fn ranges_that_are_none_are_told() {
+        assert!(Part::range(Scalar::U32, -1.0..=3.0).is_none());
+        assert!(Part::range(Scalar::I32, 0.5..=3.0).is_none());
+        assert!(Part::range(Scalar::Bool, 0.0..=1.0).is_none());
+        let part = Part::range(Scalar::F32, 1.0..=0.0).expect("a range, which is empty");
+        let dynamic = Dynamic::new(vec![Shape::Scalar(Scalar::F32)], vec![vec![part]]);
+        assert_eq!(dynamic.emptiness().and_then(|emptiness| emptiness.part), Some(0));
+    }
+}
