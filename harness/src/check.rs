@@ -12,8 +12,10 @@ mod companion;
 mod conclusion;
 mod demand;
 mod disagreement;
+mod dynamic;
 mod effort;
 mod equivariance;
+mod expects;
 mod explanation;
 mod flush;
 mod granted;
@@ -43,6 +45,7 @@ mod tolerances;
 mod trial;
 mod vacuous;
 mod verdict;
+mod wgsl_test;
 
 use demand::Demand;
 #[cfg(feature = "engine")]
@@ -50,6 +53,7 @@ pub(crate) use disagreement::arguments;
 pub use disagreement::{
     CaseFailure, Disagreement, IntegralFailure, NodeFailure, PathDisagreement, Simplest,
 };
+pub use dynamic::{DynamicCheck, ExpectWords};
 pub use integral::Integral;
 pub use limit::Limit;
 pub use mismatch::Mismatch;
@@ -64,8 +68,11 @@ pub use sampling::{
 pub use tally::Census;
 pub use vacuous::Vacuous;
 pub use verdict::{Agreement, Failure};
+pub use wgsl_test::WgslTest;
 
-use crate::diagnostic::FileRead;
+use std::path::PathBuf;
+
+use crate::diagnostic::{FileRead, Span};
 use crate::domain::{Domain, Typed};
 use crate::executor::{self, Executor};
 use crate::fixture::{Fixture, Fixtures};
@@ -103,13 +110,15 @@ pub struct Probe<'a> {
     inputs: Vec<Inputs>,
     /// What runs it; none: what the environment selects.
     executors: Vec<&'a dyn Executor>,
+    /// Where the author wrote what is checked, and in which package, if the function is generated.
+    place: Option<(Span, PathBuf)>,
 }
 
 impl Package {
     /// Selects a function: `module::name`, or `name` in a package of one module.
     pub fn function(&self, name: &str) -> Probe<'_> {
         let (fixtures, inputs, executors) = Default::default();
-        Probe { package: self, name: name.to_owned(), fixtures, inputs, executors }
+        Probe { package: self, name: name.to_owned(), fixtures, inputs, executors, place: None }
     }
 }
 
@@ -128,6 +137,12 @@ impl<'a> Probe<'a> {
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self
+    }
+
+    /// The folder of the package that has what is checked.
+    fn root(&self) -> PathBuf {
+        let root = || self.package.root();
+        self.place.as_ref().map_or_else(root, |(_, root)| root.clone())
     }
 
     /// The file of the module that has the function, if it is one.

@@ -233,6 +233,16 @@ pub fn shown(path: &Path) -> String {
     }
 }
 
+/// An expression in one line, and not more of it than a line has.
+pub(crate) fn one_line(text: &str) -> String {
+    const MOST: usize = 60;
+    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    match line.char_indices().nth(MOST) {
+        Some((end, _)) => format!("{}...", &line[..end]),
+        None => line,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -27,7 +27,7 @@ use std::any::Any;
 use std::fmt::Debug;
 
 pub use direction::{Hemisphere, UnitRgb, UnitVector};
-pub(crate) use dynamic::{Dynamic, Part};
+pub use dynamic::{Dynamic, Part};
 pub use edges::{AnyF32, Edges};
 pub use emptiness::Emptiness;
 use emptiness::infinite;

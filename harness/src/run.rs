@@ -1,12 +1,14 @@
 //! The running test: which one it is, what it failed on before, which failures are declared, and
 //! how its verdicts are recorded. Checks of functions and of frames are treated alike.
 
+mod host;
 mod identity;
 mod known_issue;
 mod memory;
 pub(crate) mod replay;
 mod reporter;
 
+pub use host::{Host, host};
 pub(crate) use identity::{Identity, NotBegun, Replayed, with_inputs};
 pub use known_issue::KnownIssue;
 pub(crate) use known_issue::{KnownIssues, Passes, Seen};

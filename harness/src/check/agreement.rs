@@ -148,7 +148,7 @@ where
 }
 
 impl Plan<'_> {
-    fn agrees(
+    pub(super) fn agrees(
         &self,
         stream: &dyn Stream,
         demand: &Demand,

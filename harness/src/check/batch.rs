@@ -18,6 +18,11 @@ impl<'r> Rows<'r> {
         Self { words, width, count }
     }
 
+    /// All of them, one after the other.
+    pub(super) fn words(self) -> &'r [u32] {
+        self.words
+    }
+
     pub(super) fn len(self) -> usize {
         self.count
     }

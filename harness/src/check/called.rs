@@ -1,7 +1,7 @@
 //! A function on its executors: calls by rows of words, with no cases and no verdict.
 
 use super::{Failure, Mismatch, Vacuous};
-use crate::diagnostic::FileRead;
+use crate::diagnostic::{FileRead, Span};
 use crate::executor::{self, Executor};
 use crate::fixture::Fixtures;
 use crate::package::Package;
@@ -18,6 +18,11 @@ pub(super) struct Fitting(Probed);
 impl Fitting {
     pub(super) fn function(&self) -> &Function {
         &self.0.function
+    }
+
+    /// Says where its author wrote it.
+    pub(super) fn declared_at(&mut self, place: Span) {
+        self.0.function.span = place;
     }
 
     /// Finds a function, which has to take these arguments. `who` supplies them: `the domain draws`.

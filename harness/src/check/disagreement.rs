@@ -247,7 +247,9 @@ impl CaseFailure {
         for (name, value) in &self.arguments {
             writeln!(f, "    {name:>width$} = {value}")?;
         }
-        writeln!(f, "    {:>width$} = {}", "returned", self.result)?;
+        if !self.result.is_empty() {
+            writeln!(f, "    {:>width$} = {}", "returned", self.result)?;
+        }
         if !self.compared.is_empty() {
             writeln!(f, "    {:>width$}   ({})", "", self.compared)?;
         }

@@ -2,6 +2,7 @@
 
 use super::CaseFailure;
 use super::session::Session;
+use crate::diagnostic::one_line;
 use crate::executor::Executor;
 use crate::interpret::{Bound, Interpreted};
 use crate::path::Path;
@@ -141,14 +142,4 @@ fn number(value: f64) -> String {
 
 fn shown(scalar: Scalar, word: u32) -> String {
     crate::value::format_lane(scalar, word)
-}
-
-/// An expression in one line, and not more of it than a line has.
-fn one_line(text: &str) -> String {
-    const MOST: usize = 60;
-    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    match line.char_indices().nth(MOST) {
-        Some((end, _)) => format!("{}...", &line[..end]),
-        None => line,
-    }
 }

@@ -60,7 +60,7 @@ where
 }
 
 impl Plan<'_> {
-    fn is_invariant(
+    pub(super) fn is_invariant(
         &self,
         stream: &dyn Stream,
         demand: &Demand,

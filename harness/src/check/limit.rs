@@ -136,7 +136,7 @@ where
 }
 
 impl Plan<'_> {
-    fn has_limit(
+    pub(super) fn has_limit(
         &self,
         stream: &dyn Stream,
         demand: &Demand,

@@ -107,7 +107,7 @@ where
 }
 
 impl Plan<'_> {
-    fn is_monotone(
+    pub(super) fn is_monotone(
         &self,
         stream: &dyn Stream,
         demand: &Demand,

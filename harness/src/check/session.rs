@@ -80,7 +80,10 @@ impl<'a> Session<'a> {
         inputs: Inputs,
     ) -> Result<Self, Failure> {
         let function = (plan.probe.package, &*plan.probe.name);
-        let fitting = Fitting::find(function, inputs, &demand.arguments, demand.who)?;
+        let mut fitting = Fitting::find(function, inputs, &demand.arguments, demand.who)?;
+        if let Some((place, _)) = &plan.probe.place {
+            fitting.declared_at(place.clone());
+        }
         let cases = number(plan, fitting.function(), stream, demand, seed, inputs)?;
         let count = usize::try_from(cases.count).unwrap_or(BATCH);
         let capacity = count.saturating_mul(demand.calls).clamp(SMALLEST, BATCH);
@@ -360,9 +363,16 @@ impl<'a> Session<'a> {
                     let expected = expected.as_deref();
                     let remembered = shown.case >= self.count();
                     let case = shown.case;
-                    CaseFailure {
-                        remembered,
-                        ..CaseFailure::new(function, case, arguments, actual, expected, &judged)
+                    let failure =
+                        CaseFailure::new(function, case, arguments, actual, expected, &judged);
+                    match judge.describe(actual) {
+                        Some(explanation) => CaseFailure {
+                            remembered,
+                            result: String::new(),
+                            explanation,
+                            ..failure
+                        },
+                        None => CaseFailure { remembered, ..failure },
                     }
                 })
             })?;

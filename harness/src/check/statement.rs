@@ -72,7 +72,7 @@ where
 }
 
 impl Plan<'_> {
-    fn satisfies(
+    pub(super) fn satisfies(
         &self,
         stream: &dyn Stream,
         demand: &Demand,

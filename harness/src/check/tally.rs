@@ -158,6 +158,12 @@ pub(super) trait Judge: Sync {
         false
     }
 
+    /// What a failing case is told by, if its result says nothing to people.
+    fn describe(&self, actual: &[u32]) -> Option<Vec<(&'static str, String)>> {
+        let _ = actual;
+        None
+    }
+
     /// Adds some cases of a batch, of which the first has the index `first_case`.
     fn add(&self, tally: &mut Tally, first_case: u64, cases: Range<usize>, results: View<'_>) {
         for case in cases {

@@ -29,7 +29,7 @@ impl Plan<'_> {
         let identity = Identity::of(&function, check)?;
         let seed = self.seed.unwrap_or_else(|| identity.seed(&function, &identity.check));
         let mut subject = Subject::Function {
-            package: self.probe.package.root().display().to_string(),
+            package: self.probe.root().display().to_string(),
             function,
             check: (*check).to_owned(),
             assertion: text.clone(),

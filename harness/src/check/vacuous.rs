@@ -84,6 +84,9 @@ pub enum Vacuous {
          to 0, so that there is nothing to compare"
     )]
     Flushed,
+    /// No case evaluates an expectation.
+    #[error("has no case in which an expectation is evaluated, so nothing is tested")]
+    NoExpectation,
     /// A significance that isn't between 0 and 1.
     #[error("has a significance of {0}, which isn't between 0 and 1")]
     Significance(f64),

@@ -118,7 +118,7 @@ impl Words for Listed {
 }
 
 /// One part of a [`Dynamic`] domain: a number, or a vector.
-pub(crate) struct Part(Box<dyn Words>);
+pub struct Part(Box<dyn Words>);
 
 impl Debug for Part {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -136,7 +136,7 @@ impl Part {
 
     /// A closed range of a scalar. Its ends are rounded to the type; `None` for booleans, and where an
     /// end of integers isn't one.
-    pub(crate) fn range(scalar: Scalar, range: RangeInclusive<f64>) -> Option<Self> {
+    pub fn range(scalar: Scalar, range: RangeInclusive<f64>) -> Option<Self> {
         let (low, high) = range.into_inner();
         let whole = low.fract() == 0.0 && high.fract() == 0.0;
         #[expect(
@@ -165,12 +165,12 @@ impl Part {
     }
 
     /// Listed values, each as wide as `scalars`.
-    pub(crate) fn listed(scalars: Vec<Scalar>, rows: Vec<Vec<u32>>) -> Self {
+    pub fn listed(scalars: Vec<Scalar>, rows: Vec<Vec<u32>>) -> Self {
         Self(Box::new(Listed(rows, scalars)))
     }
 
     /// Any value of a scalar: all bit patterns of an integer, any finite float.
-    pub(crate) fn any(scalar: Scalar) -> Self {
+    pub fn any(scalar: Scalar) -> Self {
         match scalar {
             Scalar::F32 | Scalar::F16 => Self::of(AnyF32::finite()),
             Scalar::I32 => Self::of(Integers(i32::MIN..=i32::MAX)),
@@ -180,7 +180,7 @@ impl Part {
     }
 
     /// `unit_vector`, `hemisphere` or `unit_rgb`, of a vector of three floats.
-    pub(crate) fn named(name: &str) -> Option<Self> {
+    pub fn named(name: &str) -> Option<Self> {
         Some(match name {
             "unit_vector" => Self::of(UnitVector),
             "hemisphere" => Self::of(Hemisphere),
@@ -190,16 +190,19 @@ impl Part {
     }
 
     /// The names of [`named`](Self::named).
-    pub(crate) const NAMES: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
+    pub const NAMES: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
 
-    pub(crate) fn width(&self) -> usize {
+    /// How many words it draws.
+    #[must_use]
+    pub fn width(&self) -> usize {
         self.0.width()
     }
 }
 
-/// The arguments of a function, drawn part by part.
+/// The arguments of a function, drawn part by part: see
+/// [`Probe::over_dynamic`](crate::check::Probe::over_dynamic).
 #[derive(Debug)]
-pub(crate) struct Dynamic {
+pub struct Dynamic {
     parts: Vec<Part>,
     /// The parameter that each part belongs to.
     owners: Vec<usize>,
@@ -210,14 +213,16 @@ pub(crate) struct Dynamic {
 
 impl Dynamic {
     /// `parts` are those of each parameter in turn; together they have the words of its type.
-    pub(crate) fn new(shapes: Vec<Shape>, parts: Vec<Vec<Part>>) -> Self {
+    pub fn new(shapes: Vec<Shape>, parts: Vec<Vec<Part>>) -> Self {
         let owners = parts.iter().enumerate().flat_map(|(at, own)| vec![at; own.len()]).collect();
         let parts: Vec<Part> = parts.into_iter().flatten().collect();
         let edges = combined(&parts.iter().map(|part| part.0.edges()).collect::<Vec<_>>());
         Self { parts, owners, shapes, edges }
     }
 
-    pub(crate) fn shapes(&self) -> &[Shape] {
+    /// The types of the parameters.
+    #[must_use]
+    pub fn shapes(&self) -> &[Shape] {
         &self.shapes
     }
 
@@ -408,7 +413,7 @@ impl Stream for Dynamic {
 
 impl Part {
     /// One value.
-    pub(crate) fn just(scalar: Scalar, word: u32) -> Self {
+    pub fn just(scalar: Scalar, word: u32) -> Self {
         match scalar {
             Scalar::F32 | Scalar::F16 => Self::of(Just(f32::from_bits(word))),
             _ => Self::listed(vec![scalar], vec![vec![word]]),

@@ -450,7 +450,7 @@ pub(crate) struct TestItem {
 
 impl Package {
     /// The tests of one module, in the order of lines.
-    pub(crate) fn tests_in(&self, module: &str) -> Result<Vec<TestItem>, PackageError> {
+    pub(crate) fn test_items_in(&self, module: &str) -> Result<Vec<TestItem>, PackageError> {
         let parsed = self.parsed(module)?;
         let parsed = &*parsed;
         let tests = parsed.declarations.iter().filter(|declaration| declaration.test);
@@ -541,7 +541,7 @@ fn half(x: f32) -> f32 { return 0.5 * x; }
         assert!(!whole.text().contains("halves"), "{}", whole.text());
         let one = Program::of_function(&package, "halves").expect("valid with what it calls");
         assert!(!one.text().contains("@over") && one.text().contains("0.5 * x, 0.0)"));
-        let items = package.tests_in("").expect("they read");
+        let items = package.test_items_in("").expect("they read");
         let [item] = &*items else { panic!("{items:?}") };
         assert_eq!((&*item.name, item.cases), ("halves", Some(8)));
         let over: Vec<_> =

@@ -108,6 +108,47 @@ impl Program {
         })
     }
 
+    /// The parameters of a function that needn't return anything: a test.
+    ///
+    /// # Errors
+    /// If it can't run in a kernel, or has a parameter that a kernel can't pass.
+    pub(crate) fn test_parameters(&self, path: &str) -> Result<Vec<(String, Shape)>, ReflectError> {
+        let name = self.linked.name_of(path).unwrap_or(path);
+        let mut functions = self.module.functions.iter();
+        let found = functions.find(|(_, function)| function.name.as_deref() == Some(name));
+        let Some((handle, function)) = found else {
+            let message = format!("the test `{path}` isn't a function");
+            return Err(unprobeable(Diagnostic::new(message)));
+        };
+        let span = self.function_span(handle);
+        let refuse = |what: String, note: &str| {
+            let message = format!("the test `{path}` can't run: {what}");
+            unprobeable(Diagnostic::new(message).at(span.clone(), "declared here").note(note))
+        };
+        if !self.info[handle].available_stages.contains(ShaderStages::COMPUTE) {
+            let what = "it uses operations of fragment shaders (derivatives, implicit-LOD \
+                        sampling or discard)";
+            return Err(refuse(what.to_owned(), "use textureSampleLevel or textureSampleGrad"));
+        }
+        if let Some(shared) = self.shared_state(&self.info[handle]) {
+            let what = format!("it {shared}, which other cases of the same dispatch see");
+            return Err(refuse(what, "a case must not depend on its neighbours"));
+        }
+        let parameters = function.arguments.iter().map(|argument| {
+            let name = argument.name.clone().unwrap_or_default();
+            let shape = self.shape(argument.ty).map_err(|reason| {
+                refuse(format!("its parameter `{name}` is {reason}"), "take values")
+            })?;
+            Ok((name, shape))
+        });
+        parameters.collect()
+    }
+
+    /// The author's path of a declaration by its name in the linked text.
+    pub(crate) fn author_path(&self, linked: &str) -> Option<&str> {
+        self.linked.names.get(linked).map(String::as_str)
+    }
+
     /// What a function shares with other invocations, if anything.
     fn shared_state(&self, info: &naga::valid::FunctionInfo) -> Option<String> {
         use naga::AddressSpace;

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::path::Path as FilePath;
 
-use super::{NotReplayed, replay};
+use super::{NotReplayed, host, replay};
 use crate::path::Path;
 use crate::probe::Inputs;
 use crate::settings::{self, SelectedCase, Settings, SettingsError};
@@ -128,6 +128,9 @@ impl Identity {
         }
         if let Some(folder) = settings::overlay() {
             environment = format!("KARAT_OVERLAY={} {environment}", folder.display());
+        }
+        if let Some(host) = host::current() {
+            return format!("{environment} {}", host.command(&self.test));
         }
         let exe = std::env::current_exe().unwrap_or_default();
         // Cargo tells a test which package it belongs to; a test's thread has the test's name.

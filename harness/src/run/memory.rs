@@ -8,8 +8,8 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::Identity;
 use super::identity::{write_steps, write_words};
+use super::{Identity, host};
 use crate::settings::{read_steps, read_words};
 
 const HEAD: &str = "\
@@ -58,11 +58,16 @@ impl Memory {
         if !identity.remembers() {
             return None;
         }
-        let package = std::env::var_os("CARGO_MANIFEST_DIR")?;
-        let exe = std::env::current_exe().ok()?;
-        let stem = exe.file_stem()?.to_string_lossy().into_owned();
-        let target = stem.rsplit_once('-').map_or(&*stem, |(name, _)| name);
-        let folder = Path::new(&package).join(".karat").join("failures").join(target);
+        let folder = match host::current() {
+            Some(host) => host.failures(),
+            None => {
+                let package = std::env::var_os("CARGO_MANIFEST_DIR")?;
+                let exe = std::env::current_exe().ok()?;
+                let stem = exe.file_stem()?.to_string_lossy().into_owned();
+                let target = stem.rsplit_once('-').map_or(&*stem, |(name, _)| name);
+                host::failures(Path::new(&package), target)
+            }
+        };
         let ci = crate::golden::in_ci();
         // Under an overlay it is the overlay's module that fails.
         let writable = !ci && crate::settings::overlay().is_none();

@@ -1,0 +1,209 @@
+//! Checks whose arguments are chosen at run time: by a tool, or by a file.
+
+use super::agreement::Expected;
+use super::demand::Demand;
+use super::limit::Limit;
+use super::plan::{Plan, Recording};
+use super::{Agreement, CASES, ENUMERATED, Failure, Parameter, Probe, Trend};
+use crate::domain::Dynamic;
+use crate::interpret::Interpreted;
+use crate::path::Selector;
+use crate::probe::Probed;
+use crate::tolerance::{Criterion, Tolerance};
+use crate::value::Shape;
+
+impl<'a> Probe<'a> {
+    /// Chooses the arguments at run time. The verbs of a [`DynamicCheck`] take and return words: the
+    /// lanes of all arguments in turn, and those of the result.
+    pub fn over_dynamic(self, domain: Dynamic) -> DynamicCheck<'a> {
+        DynamicCheck { plan: Plan::new(self), domain }
+    }
+}
+
+/// A function with arguments that are chosen at run time. Each verb records its verdict and returns it.
+#[derive(Debug)]
+#[must_use = "a check compares nothing until a verb such as `.agrees_with(...)`"]
+pub struct DynamicCheck<'a> {
+    plan: Plan<'a>,
+    domain: Dynamic,
+}
+
+/// Appends the expected lanes for a case's arguments.
+pub type ExpectWords<'e> = &'e (dyn Fn(&[u32], &mut Vec<f64>) + Sync);
+
+impl DynamicCheck<'_> {
+    /// See [`Check::cases`](super::Check::cases).
+    pub fn cases(mut self, cases: u64) -> Self {
+        self.plan.cases = Some(cases);
+        self
+    }
+
+    /// See [`Check::seed`](super::Check::seed).
+    pub fn seed(mut self, seed: u64) -> Self {
+        self.plan.seed = Some(seed);
+        self
+    }
+
+    /// See [`Check::tolerance_on`](super::Check::tolerance_on).
+    pub fn tolerance_on(
+        mut self,
+        on: impl Into<Selector>,
+        tolerance: impl Into<Tolerance>,
+    ) -> Self {
+        self.plan.tolerance_on.declare(on.into(), tolerance.into());
+        self
+    }
+
+    /// See [`Check::fails_on`](super::Check::fails_on).
+    pub fn fails_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
+        self.plan.known_issues.declare(on.into(), reason);
+        self
+    }
+
+    fn demand(&self) -> Demand {
+        Demand {
+            arguments: self.domain.shapes().to_vec(),
+            who: "the test draws",
+            draws_arguments: true,
+            cases: CASES,
+            enumerated: ENUMERATED,
+            calls: 1,
+        }
+    }
+
+    /// Checks that the function agrees with `expect`, which knows the result's lanes.
+    ///
+    /// # Errors
+    /// See [`Check::try_agrees_with`](super::Check::try_agrees_with).
+    pub fn agrees_with(
+        self,
+        expect: ExpectWords<'_>,
+        criterion: impl Into<Criterion>,
+    ) -> Result<Agreement, Failure> {
+        let shape = self.result()?;
+        let expected = Expected {
+            shape,
+            expect: &|rows, lanes| rows.iter().for_each(|row| expect(row, lanes)),
+        };
+        let demand = self.demand();
+        self.plan.agrees(&self.domain, &demand, &expected, &criterion.into(), Recording::On)
+    }
+
+    /// Checks that the function agrees with another one of its package, which takes the same
+    /// arguments. Karat's engine executes that one in `f64`, with the fixtures of the first.
+    ///
+    /// # Errors
+    /// As above, and if the engine can't execute the other function.
+    pub fn agrees_with_function(
+        self,
+        reference: &str,
+        criterion: impl Into<Criterion>,
+    ) -> Result<Agreement, Failure> {
+        let (shape, shadow) = self.shadow(reference)?;
+        let expect = |rows: super::batch::Rows<'_>, lanes: &mut Vec<f64>| {
+            // What isn't finite is told as an error of the reference.
+            let none = || vec![f64::NAN; rows.len() * shape.lanes().len()];
+            lanes.extend(shadow.shadow(rows.len(), rows.words()).unwrap_or_else(|_| none()));
+        };
+        let expected = Expected { shape: shape.clone(), expect: &expect };
+        let demand = self.demand();
+        self.plan.agrees(&self.domain, &demand, &expected, &criterion.into(), Recording::On)
+    }
+
+    /// Checks that a statement holds for the words of arguments and result.
+    ///
+    /// # Errors
+    /// See [`Check::try_satisfies`](super::Check::try_satisfies).
+    pub fn satisfies(
+        self,
+        statement: &str,
+        holds: &(dyn Fn(&[u32], &[u32]) -> bool + Sync),
+    ) -> Result<Agreement, Failure> {
+        let (shape, demand) = (self.result()?, self.demand());
+        self.plan.satisfies(&self.domain, &demand, statement, (&shape, holds), Recording::On)
+    }
+
+    /// Checks that the result stays the same when `transform` appends other arguments.
+    ///
+    /// # Errors
+    /// See [`Check::try_invariant_under`](super::Check::try_invariant_under).
+    pub fn invariant_under(
+        self,
+        transform: &(dyn Fn(&[u32], &mut Vec<u32>) + Sync),
+        tolerance: impl Into<Tolerance>,
+    ) -> Result<Agreement, Failure> {
+        let demand = self.demand();
+        self.plan.is_invariant(&self.domain, &demand, transform, tolerance.into(), Recording::On)
+    }
+
+    /// Checks that the result only rises, or only falls, with one argument.
+    ///
+    /// # Errors
+    /// See [`Check::try_is_monotone_in`](super::Check::try_is_monotone_in).
+    pub fn is_monotone_in(
+        self,
+        argument: impl Into<Parameter>,
+        trend: Trend,
+        tolerance: impl Into<Tolerance>,
+    ) -> Result<Agreement, Failure> {
+        let (demand, argument) = (self.demand(), argument.into());
+        let how = (&argument, trend);
+        self.plan.is_monotone(&self.domain, &demand, how, tolerance.into(), Recording::On)
+    }
+
+    /// Checks that the result approaches `expect` as one argument approaches a limit.
+    ///
+    /// # Errors
+    /// See [`Check::try_at_limit`](super::Check::try_at_limit).
+    pub fn at_limit(
+        self,
+        argument: impl Into<Parameter>,
+        limit: &Limit,
+        expect: ExpectWords<'_>,
+        tolerance: impl Into<Tolerance>,
+    ) -> Result<Agreement, Failure> {
+        let expected = Expected {
+            shape: self.result()?,
+            expect: &|rows, lanes| rows.iter().for_each(|row| expect(row, lanes)),
+        };
+        let (demand, argument) = (self.demand(), argument.into());
+        let approach = (&argument, limit);
+        let tolerance = tolerance.into();
+        self.plan.has_limit(&self.domain, &demand, approach, &expected, tolerance, Recording::On)
+    }
+
+    /// Runs a test that is written in WGSL: see [`WgslTest`](super::WgslTest).
+    ///
+    /// # Errors
+    /// If an expectation fails, or none was evaluated.
+    pub fn expects(self) -> Result<Agreement, Failure> {
+        let demand = self.demand();
+        self.plan.expects(&self.domain, &demand, Recording::On)
+    }
+
+    fn result(&self) -> Result<Shape, Failure> {
+        let probe = &self.plan.probe;
+        Ok(Probed::new(probe.package, &probe.name)?.function.result)
+    }
+
+    /// Another function in `f64`.
+    fn shadow(&self, reference: &str) -> Result<(Shape, Interpreted), Failure> {
+        let probe = &self.plan.probe;
+        let probed = Probed::new(probe.package, reference)?;
+        let taken: Vec<&Shape> =
+            probed.function.parameters.iter().map(|(_, shape)| shape).collect();
+        if taken != self.domain.shapes().iter().collect::<Vec<_>>() {
+            let declared = taken.into_iter().cloned().collect();
+            let (supplied, who) = (self.domain.shapes().to_vec(), "the test draws");
+            let mismatch = super::Mismatch::Arguments { declared, supplied, who };
+            return Err(mismatch.of(&probed.function));
+        }
+        // Fixtures that it doesn't read are none of its own.
+        let bindings = &probed.function.bindings;
+        let read = |(name, _): &&(String, _)| bindings.iter().any(|b| b.name() == name);
+        let fixtures = probe.fixtures.iter().filter(read).cloned().collect();
+        let shape = probed.function.result.clone();
+        let shadow = Interpreted::new(&probed, &fixtures).map_err(Failure::from)?;
+        Ok((shape, shadow))
+    }
+}

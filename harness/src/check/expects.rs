@@ -1,0 +1,218 @@
+//! Tests that are written in WGSL: what their expectations saw, judged on the host.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::demand::Demand;
+use super::plan::{Plan, Recording};
+use super::session::Asserted;
+use super::tally::{Class, Judge, Judged};
+use super::{Agreement, Failure, Vacuous};
+use crate::diagnostic::one_line;
+use crate::domain::Stream;
+use crate::package::expectations::{self, KEPT_WORDS, MOST_KEPT, Wanted};
+use crate::tolerance::{Abs, LaneError, Rel, Tolerance, Ulp};
+use crate::value::{Scalar, format_lane};
+
+/// An expectation that a case kept.
+struct Kept<'r> {
+    words: &'r [u32],
+}
+
+impl Kept<'_> {
+    fn kind(&self) -> (Option<Wanted>, usize) {
+        let (kind, width) = (self.words[1] / 8, (self.words[1] % 8) as usize);
+        (Wanted::ALL.get(kind as usize).copied(), width.clamp(1, 4))
+    }
+
+    fn bound(&self, index: usize) -> f64 {
+        f64::from(f32::from_bits(self.words[10 + index]))
+    }
+
+    /// Whether it holds, as `f64` has it. What isn't finite fails.
+    fn holds(&self) -> bool {
+        let (Some(wanted), width) = self.kind() else { return false };
+        (0..width).all(|lane| self.lane_holds(wanted, lane))
+    }
+
+    fn lane_holds(&self, wanted: Wanted, lane: usize) -> bool {
+        let (actual, expected) = (self.words[2 + lane], self.words[6 + lane]);
+        let (a, e) = (f32::from_bits(actual), f32::from_bits(expected));
+        let finite = a.is_finite() && e.is_finite();
+        let within = |tolerance: Tolerance| {
+            tolerance.unusable().is_none() && tolerance.measure(0, a, f64::from(e)).passes()
+        };
+        let (first, second) = (self.bound(0), self.bound(1));
+        match wanted {
+            Wanted::True | Wanted::EqualU32 | Wanted::EqualI32 => actual == expected,
+            Wanted::EqualF32 => finite && a == e,
+            Wanted::Near => finite && within(Abs(first).into()),
+            Wanted::Relative => finite && within(Rel(first).into()),
+            Wanted::Ulp => finite && within(Ulp(first).into()),
+            Wanted::Within => {
+                // The larger of both, as the community's runner has it.
+                let largest = f64::from(a.abs().max(e.abs()));
+                finite && within(Abs(second.max(first * largest)).into())
+            }
+            Wanted::Finite => a.is_finite(),
+            Wanted::AtMost => finite && a <= e,
+            Wanted::Less => finite && a < e,
+            Wanted::InRange => {
+                let a = f64::from(a);
+                a.is_finite() && first <= a && a <= second
+            }
+        }
+    }
+
+    /// What it says in a message: both values, and what is allowed.
+    fn text(&self) -> String {
+        let (Some(wanted), width) = self.kind() else { return "a broken report".to_owned() };
+        let scalar = match wanted {
+            Wanted::True => Scalar::Bool,
+            Wanted::EqualU32 => Scalar::U32,
+            Wanted::EqualI32 => Scalar::I32,
+            _ => Scalar::F32,
+        };
+        let show = |words: &[u32]| {
+            let lanes: Vec<_> = words.iter().map(|word| format_lane(scalar, *word)).collect();
+            if width == 1 { lanes[0].clone() } else { format!("({})", lanes.join(", ")) }
+        };
+        let (actual, expected) = (show(&self.words[2..2 + width]), show(&self.words[6..6 + width]));
+        let (first, second) = (self.bound(0), self.bound(1));
+        match wanted {
+            Wanted::Near => format!("{actual}, expected {expected} within {first}"),
+            Wanted::Relative => format!("{actual}, expected {expected} within {first} of it"),
+            Wanted::Ulp => format!("{actual}, expected {expected} within {first} ulp"),
+            Wanted::Within => {
+                format!("{actual}, expected {expected} within {first} of the larger, or {second}")
+            }
+            Wanted::Finite => format!("{actual}, expected a finite value"),
+            Wanted::AtMost => format!("{actual}, expected at most {expected}"),
+            Wanted::Less => format!("{actual}, expected less than {expected}"),
+            Wanted::InRange => format!("{actual}, expected {first} to {second}"),
+            _ => format!("{actual}, expected {expected}"),
+        }
+    }
+}
+
+/// What a case reports.
+struct Report<'r> {
+    words: &'r [u32],
+}
+
+impl<'r> Report<'r> {
+    fn evaluated(&self) -> u32 {
+        self.words[0]
+    }
+
+    fn suspected(&self) -> usize {
+        self.words[1] as usize
+    }
+
+    fn kept(&self) -> impl Iterator<Item = Kept<'r>> {
+        let words = self.words[2..].chunks_exact(KEPT_WORDS);
+        words.take(self.suspected().min(MOST_KEPT)).map(|words| Kept { words })
+    }
+
+    /// More may have failed than were kept: nobody can say that they hold.
+    fn passes(&self) -> bool {
+        self.suspected() <= MOST_KEPT && self.kept().all(|kept| kept.holds())
+    }
+
+    fn lines(&self) -> Vec<(&'static str, String)> {
+        let failed = self.kept().filter(|kept| !kept.holds()).map(|kept| {
+            let place = expectations::call(kept.words[0]).map_or_else(String::new, |span| {
+                let text = span.file.text.get(span.range.clone()).unwrap_or_default();
+                format!("{span}: `{}` saw ", one_line(text))
+            });
+            ("failed", format!("{place}{}", kept.text()))
+        });
+        let mut lines: Vec<_> = failed.collect();
+        if let Some(more) = self.suspected().checked_sub(MOST_KEPT).filter(|more| *more > 0) {
+            lines.push(("and", format!("{more} more")));
+        }
+        lines
+    }
+}
+
+/// Judges the reports of a batch.
+struct Reports<'j> {
+    /// Whether a case has evaluated an expectation.
+    asserted: &'j AtomicBool,
+}
+
+impl Judge for Reports<'_> {
+    fn judge(&self, _: usize, actual: &[u32]) -> Judged {
+        let report = Report { words: actual };
+        if report.evaluated() > 0 {
+            self.asserted.store(true, Ordering::Relaxed);
+        }
+        let measure = LaneError::statement(report.passes());
+        Judged { measure, lane: 0, class: Class::Other }
+    }
+
+    fn describe(&self, actual: &[u32]) -> Option<Vec<(&'static str, String)>> {
+        Some(Report { words: actual }.lines())
+    }
+}
+
+/// The verb, as records and replays have it.
+pub(super) const NAME: &str = "expects";
+
+impl Plan<'_> {
+    /// Runs a test that is written in WGSL, which returns the report of its expectations.
+    pub(super) fn expects(
+        &self,
+        stream: &dyn Stream,
+        demand: &Demand,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let asserted = Asserted::new(NAME, "what its expectations say".to_owned());
+        self.conclude(&asserted, stream, demand, recording, &mut |session| {
+            let asserted = AtomicBool::new(false);
+            let tallies = session.run(&mut |batch, dispatches| {
+                let judge = |_: usize| Reports { asserted: &asserted };
+                session.judge(batch, dispatches, |_| None, judge)
+            })?;
+            session.expect_tested(asserted.into_inner(), tallies, Vacuous::NoExpectation)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn kept(wanted: Wanted, actual: f32, expected: f32, bounds: [f32; 2]) -> [u32; KEPT_WORDS] {
+        let mut words = [0; KEPT_WORDS];
+        words[1] = wanted as u32 * 8 + 1;
+        (words[2], words[6]) = (actual.to_bits(), expected.to_bits());
+        (words[10], words[11]) = (bounds[0].to_bits(), bounds[1].to_bits());
+        words
+    }
+
+    #[test]
+    fn the_host_judges_exactly() {
+        let holds = |wanted, actual, expected, bounds| {
+            Kept { words: &kept(wanted, actual, expected, bounds) }.holds()
+        };
+        assert!(holds(Wanted::Near, 1.5, 1.0, [0.5, 0.0]));
+        assert!(!holds(Wanted::Near, 1.5_f32.next_up(), 1.0, [0.5, 0.0]));
+        assert!(holds(Wanted::Ulp, 1.0_f32.next_up(), 1.0, [1.0, 0.0]));
+        assert!(!holds(Wanted::Ulp, 1.0_f32.next_up().next_up(), 1.0, [1.0, 0.0]));
+        assert!(holds(Wanted::Within, 1000.9, 1000.0, [1e-3, 1e-6]));
+        assert!(!holds(Wanted::Within, 1002.0, 1000.0, [1e-3, 1e-6]));
+        assert!(holds(Wanted::InRange, 1.0, 0.0, [0.0, 1.0]));
+        assert!(!holds(Wanted::InRange, 1.1, 0.0, [0.0, 1.0]));
+        assert!(
+            holds(Wanted::AtMost, 1.0, 1.0, [0.0; 2]) && !holds(Wanted::Less, 1.0, 1.0, [0.0; 2])
+        );
+        for wanted in Wanted::ALL.into_iter().filter(|wanted| *wanted as u32 > 2) {
+            for bad in [f32::NAN, f32::INFINITY] {
+                assert!(!holds(wanted, bad, bad, [f32::MAX, f32::MAX]), "{wanted:?} {bad}");
+            }
+        }
+        for bound in [f32::NAN, f32::INFINITY, -1.0] {
+            assert!(!holds(Wanted::Near, 1.0, 1.5, [bound, 0.0]), "{bound}");
+        }
+    }
+}

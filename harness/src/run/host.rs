@@ -1,0 +1,64 @@
+//! Programs that run tests in place of Cargo.
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+/// What a program that runs tests itself says of them.
+///
+/// Cargo's test programs say it by what Cargo tells them. Any other program names each test by the name
+/// of the thread that runs it, and calls [`host`] before the first.
+#[derive(Clone, Debug)]
+pub struct Host {
+    /// The command that runs one test: its name follows. `karat test shaders --exact`
+    pub replay: String,
+    /// The folder that has `.karat/failures/`, where inputs are kept on which tests have failed.
+    pub folder: PathBuf,
+    /// The folder in there for these tests.
+    pub target: String,
+}
+
+static HOST: OnceLock<Host> = OnceLock::new();
+
+/// Says who runs the tests of this process. A second call changes nothing.
+pub fn host(host: Host) {
+    drop(HOST.set(host));
+}
+
+/// Who runs the tests of this process, if it isn't Cargo.
+pub(super) fn current() -> Option<&'static Host> {
+    HOST.get()
+}
+
+impl Host {
+    /// The folder of remembered failures.
+    pub(super) fn failures(&self) -> PathBuf {
+        failures(&self.folder, &self.target)
+    }
+
+    /// The command that runs a test.
+    pub(super) fn command(&self, test: &str) -> String {
+        let plain = |c: char| c.is_ascii_alphanumeric() || "_-:./".contains(c);
+        match test.chars().all(plain) {
+            true => format!("{} {test}", self.replay),
+            false => format!("{} '{}'", self.replay, test.replace('\'', "'\\''")),
+        }
+    }
+}
+
+/// Where a package of tests keeps what they failed on.
+pub(super) fn failures(package: &Path, target: &str) -> PathBuf {
+    package.join(".karat").join("failures").join(target)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_tests_are_quoted_where_a_shell_needs_it() {
+        let replay = "karat test shaders --exact".to_owned();
+        let host = Host { replay, folder: PathBuf::new(), target: "shaders".to_owned() };
+        assert_eq!(host.command("a::b"), "karat test shaders --exact a::b");
+        assert_eq!(host.command("it's 1"), "karat test shaders --exact 'it'\\''s 1'");
+    }
+}
