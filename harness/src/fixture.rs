@@ -32,6 +32,12 @@ impl Uniform {
         value.store(&mut lanes);
         Self(Values { shape: T::shape(), lanes })
     }
+
+    /// The value of a type that is known at run time, by its lanes.
+    #[must_use]
+    pub fn of_lanes(shape: Shape, lanes: Vec<u32>) -> Self {
+        Self(Values { shape, lanes })
+    }
 }
 
 /// Elements for a `var<storage>` array.
@@ -46,6 +52,12 @@ impl Storage {
             element.store(&mut lanes);
         }
         Self(Values { shape: T::shape(), lanes })
+    }
+
+    /// Elements of a type that is known at run time, by the lanes of one after the other.
+    #[must_use]
+    pub fn of_lanes(element: Shape, lanes: Vec<u32>) -> Self {
+        Self(Values { shape: element, lanes })
     }
 }
 

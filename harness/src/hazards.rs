@@ -34,6 +34,7 @@ use crate::package::{AcceptedHazard, Package, PackageError};
 use crate::probe::{Probed, made_up};
 use crate::value::format_f32;
 use inputs::Declared;
+pub use inputs::suggested;
 
 /// Inputs of each function. With three arguments of six edges each, that leaves 800 draws.
 const CASES: usize = 1024;

@@ -86,6 +86,12 @@ impl Probed {
         &self.function
     }
 
+    /// The function with all that it uses.
+    #[must_use]
+    pub fn program(&self) -> &Program {
+        &self.program
+    }
+
     /// The entry point of the kernel.
     pub const ENTRY_POINT: &str = kernel::ENTRY_POINT;
 

@@ -24,6 +24,7 @@ mod render;
 mod report;
 mod review;
 mod show;
+mod suite;
 mod table;
 mod test;
 mod translate;
@@ -96,11 +97,15 @@ struct Cli {
 enum Command {
     /// Run the tests and print function x path with cases and worst error
     #[command(after_help = "Examples:\n  karat test\n  karat test schlick --paths all\n  \
+                            karat test shaders                 tests without Rust: @test, *.test.toml\n  \
                             karat test -p tests --require vulkan,gl\n  \
                             karat test --junit target/karat/junit.xml\n\
                             Fails if a test fails, or if no check ran at all. On GitHub (or with \
                             --github) failures are annotated\nand summarised.")]
     Test(test::Args),
+    /// Run the tests of a folder of shaders as `karat test` does, and print lines
+    #[command(hide = true)]
+    Suite(suite::Args),
     /// Print what the last run recorded, and write it for CI
     #[command(after_help = "Examples:\n  karat report\n  karat report --github\n  \
                             karat report --junit target/karat/junit.xml\n\
@@ -305,6 +310,7 @@ fn settled(wanted: Command, out: &mut dyn Write) -> Outcome {
 fn command(command: Command, out: &mut dyn Write) -> Outcome {
     match command {
         Command::Test(args) => test::run(&args, out),
+        Command::Suite(args) => suite::run(&args, out),
         Command::Report(args) => report::run(&args, out),
         Command::Check(args) => check::run(&args, out),
         Command::List(args) => list::run(&args, out),

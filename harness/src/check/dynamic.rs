@@ -2,9 +2,10 @@
 
 use super::agreement::Expected;
 use super::demand::Demand;
+use super::integral::Assertion;
 use super::limit::Limit;
 use super::plan::{Plan, Recording};
-use super::{Agreement, CASES, ENUMERATED, Failure, Parameter, Probe, Trend};
+use super::{Agreement, CASES, Directions, ENUMERATED, Failure, Parameter, Probe, Trend};
 use crate::domain::Dynamic;
 use crate::interpret::Interpreted;
 use crate::path::Selector;
@@ -172,6 +173,17 @@ impl DynamicCheck<'_> {
         self.plan.has_limit(&self.domain, &demand, approach, &expected, tolerance, Recording::On)
     }
 
+    /// Checks that nothing goes wrong inside of the function: see
+    /// [`Check::has_no_hazards`](super::Check::has_no_hazards).
+    ///
+    /// # Errors
+    /// If something goes wrong, or the engine doesn't execute the function.
+    #[cfg(feature = "engine")]
+    pub fn has_no_hazards(self) -> Result<Agreement, Failure> {
+        let demand = self.demand();
+        self.plan.hazards(&self.domain, &demand, Recording::On)
+    }
+
     /// Runs a test that is written in WGSL: see [`WgslTest`](super::WgslTest).
     ///
     /// # Errors
@@ -179,6 +191,52 @@ impl DynamicCheck<'_> {
     pub fn expects(self) -> Result<Agreement, Failure> {
         let demand = self.demand();
         self.plan.expects(&self.domain, &demand, Recording::On)
+    }
+
+    /// Checks the integral over directions, which are the function's last argument: the domain has the
+    /// arguments before it. See [`Check::integrates_to`](super::Check::integrates_to).
+    ///
+    /// # Errors
+    /// If an integral isn't the expected one, if two rules disagree, or if nothing could be compared.
+    pub fn integrates_to(
+        self,
+        directions: Directions,
+        expect: ExpectWords<'_>,
+        tolerance: impl Into<Tolerance>,
+    ) -> Result<Agreement, Failure> {
+        let assertion = Assertion::AgreesWith(self.plan.tolerances(tolerance.into()));
+        self.integrate(directions, expect, assertion)
+    }
+
+    /// Checks that the integral over directions is at most a bound plus `slack`, as
+    /// [`Check::integrates_to_at_most`](super::Check::integrates_to_at_most) does.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn integrates_to_at_most(
+        self,
+        directions: Directions,
+        bound: ExpectWords<'_>,
+        slack: f64,
+    ) -> Result<Agreement, Failure> {
+        self.integrate(directions, bound, Assertion::IsAtMost(slack))
+    }
+
+    fn integrate(
+        self,
+        directions: Directions,
+        expect: ExpectWords<'_>,
+        assertion: Assertion,
+    ) -> Result<Agreement, Failure> {
+        let shapes = self.domain.shapes().to_vec();
+        let shape = self.result()?;
+        directions.integrals(
+            shapes,
+            shape,
+            &|case, lanes| expect(&case.row, lanes),
+            assertion,
+            |i| self.plan.integrates(&self.domain, i, Recording::On),
+        )
     }
 
     fn result(&self) -> Result<Shape, Failure> {

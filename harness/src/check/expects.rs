@@ -11,7 +11,7 @@ use crate::diagnostic::one_line;
 use crate::domain::Stream;
 use crate::package::expectations::{self, KEPT_WORDS, MOST_KEPT, Wanted};
 use crate::tolerance::{Abs, LaneError, Rel, Tolerance, Ulp};
-use crate::value::{Scalar, format_lane};
+use crate::value::{Scalar, format_f32, format_lane};
 
 /// An expectation that a case kept.
 struct Kept<'r> {
@@ -77,7 +77,8 @@ impl Kept<'_> {
             if width == 1 { lanes[0].clone() } else { format!("({})", lanes.join(", ")) }
         };
         let (actual, expected) = (show(&self.words[2..2 + width]), show(&self.words[6..6 + width]));
-        let (first, second) = (self.bound(0), self.bound(1));
+        let bound = |index: usize| format_f32(f32::from_bits(self.words[10 + index]));
+        let (first, second) = (bound(0), bound(1));
         match wanted {
             Wanted::Near => format!("{actual}, expected {expected} within {first}"),
             Wanted::Relative => format!("{actual}, expected {expected} within {first} of it"),

@@ -40,7 +40,7 @@ where
 }
 
 impl Plan<'_> {
-    fn hazards(
+    pub(super) fn hazards(
         &self,
         stream: &dyn Stream,
         demand: &Demand,

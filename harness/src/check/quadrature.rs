@@ -18,7 +18,7 @@ use crate::domain::{Domain, Held};
 use crate::run::or_panic;
 use crate::stats::gauss_legendre;
 use crate::tolerance::Tolerance;
-use crate::value::{Arguments, Mirror, Shareable};
+use crate::value::{Arguments, Mirror, Shape, Shareable};
 
 /// Rings of a rule unless it says otherwise; each has twice as many directions.
 const RINGS: u16 = 64;
@@ -181,16 +181,33 @@ where
         assertion: Assertion,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
-        let (own, control) = (directions.rule(), directions.control().rule());
-        let integrals = Integrals {
-            arguments: D::Value::shapes().into_iter().chain([Vec3::shape()]).collect(),
+        let expected = |case: &Held, lanes: &mut Vec<f64>| expected(case.get()).lanes(lanes);
+        let stream = &self.stream();
+        directions.integrals(D::Value::shapes(), E::shape(), &expected, assertion, |integrals| {
+            self.plan.integrates(stream, integrals, recording)
+        })
+    }
+}
+
+impl Directions {
+    /// Integrals over directions behind the arguments of a case.
+    pub(super) fn integrals<T>(
+        self,
+        shapes: Vec<Shape>,
+        shape: Shape,
+        expected: &(dyn Fn(&Held, &mut Vec<f64>) + Sync),
+        assertion: Assertion,
+        then: impl FnOnce(&Integrals<'_>) -> T,
+    ) -> T {
+        let (own, control) = (self.rule(), self.control().rule());
+        then(&Integrals {
+            arguments: shapes.into_iter().chain([Vec3::shape()]).collect(),
             rule: &|case, nodes| add(&own, case, nodes),
             control: Some(&|case, nodes| add(&control, case, nodes)),
-            expected: &|case, lanes| expected(case.get()).lanes(lanes),
-            shape: E::shape(),
+            expected,
+            shape,
             assertion,
-        };
-        self.plan.integrates(&self.stream(), &integrals, recording)
+        })
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::domain::Source;
+use crate::domain::{Part as DomainPart, Source};
 use crate::probe::Probed;
 use crate::value::{Scalar, Shape};
 
@@ -176,6 +176,15 @@ impl Meaning {
     }
 }
 
+/// Values for a parameter of which only the name and the type are known: the parts of a
+/// [`Dynamic`](crate::domain::Dynamic) domain.
+#[must_use]
+pub fn suggested(name: &str, shape: &Shape) -> Vec<DomainPart> {
+    let mut all = Vec::new();
+    parts(name, shape, &Declared::new(), &mut all);
+    all.iter().flat_map(Part::domains).collect()
+}
+
 /// Edges of a number, and as many of a direction.
 const EDGES: usize = 6;
 
@@ -241,6 +250,23 @@ pub(super) fn rows(probed: &Probed, declared: &Declared, cases: usize) -> Vec<u3
 const SEED: u64 = 0x6861_7a61_7264; // "hazard"
 
 impl Part {
+    fn domains(&self) -> Vec<DomainPart> {
+        if self.meaning == Meaning::Direction {
+            return DomainPart::named("unit_vector").into_iter().collect();
+        }
+        let range = |scalar: &Scalar| match (self.meaning, scalar) {
+            (Meaning::Range(least, most), Scalar::F32 | Scalar::F16) => least..=most,
+            (Meaning::Count, _) => 1.0..=8.0,
+            (_, Scalar::U32) => 0.0..=15.0,
+            (_, Scalar::I32) => -4.0..=15.0,
+            _ => -4.0..=4.0,
+        };
+        let of = |scalar: &Scalar| {
+            DomainPart::range(*scalar, range(scalar)).unwrap_or_else(|| DomainPart::any(*scalar))
+        };
+        self.scalars.iter().map(of).collect()
+    }
+
     /// `last` is the direction that was drawn before in this row: two are the same, or opposite, more
     /// often than chance has it.
     fn draw(

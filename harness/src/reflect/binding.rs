@@ -62,8 +62,9 @@ impl fmt::Display for BindingKind {
 }
 
 impl Program {
-    /// The resources of an entry point.
-    pub(crate) fn entry_point_bindings(&self, stage: Stage, name: &str) -> Option<Vec<Binding>> {
+    /// The resources of an entry point; `None` if there is no such entry point.
+    #[must_use]
+    pub fn entry_point_bindings(&self, stage: Stage, name: &str) -> Option<Vec<Binding>> {
         let name = self.entry_point_name(name);
         let naga_stage = match stage {
             Stage::Vertex => naga::ShaderStage::Vertex,

@@ -194,9 +194,9 @@ impl Program {
     }
 
     /// The shape of the data of a buffer, or of an element of it where its array has no length; and
-    /// which of the two it is.
-    #[cfg(any(feature = "engine", feature = "routes"))]
-    pub(crate) fn buffer_data(&self, binding: &Binding) -> Option<(Shape, bool)> {
+    /// which of the two it is. `None` if it isn't a buffer whose type has a shape.
+    #[must_use]
+    pub fn buffer_data(&self, binding: &Binding) -> Option<(Shape, bool)> {
         let endless = matches!(
             &self.module.types[binding.ty].inner,
             naga::TypeInner::Array { size: naga::ArraySize::Dynamic, .. }

@@ -29,6 +29,8 @@ struct Settings {
 pub(super) struct Project {
     root: PathBuf,
     settings: Settings,
+    /// Whether it is a package or workspace of Cargo's.
+    cargo: bool,
 }
 
 impl Project {
@@ -36,6 +38,11 @@ impl Project {
     /// working directory itself.
     pub(super) fn find() -> anyhow::Result<Self> {
         let here = std::env::current_dir().context("the working directory is gone")?;
+        Self::around(&here)
+    }
+
+    /// The project around a folder.
+    pub(super) fn around(here: &Path) -> anyhow::Result<Self> {
         let mut nearest = None;
         for folder in here.ancestors() {
             let manifest = folder.join("Cargo.toml");
@@ -51,7 +58,7 @@ impl Project {
             }
         }
         let Some((root, table)) = nearest else {
-            return Ok(Self { root: here, settings: Settings::default() });
+            return Ok(Self { root: here.to_owned(), settings: Settings::default(), cargo: false });
         };
         let settings = ["workspace", "package"]
             .iter()
@@ -62,7 +69,12 @@ impl Project {
                 .with_context(|| format!("`metadata.karat` in `{}`", root.display()))?,
             None => Settings::default(),
         };
-        Ok(Self { root, settings })
+        Ok(Self { root, settings, cargo: true })
+    }
+
+    /// Whether Cargo knows it.
+    pub(super) fn is_cargo(&self) -> bool {
+        self.cargo
     }
 
     /// The folder of the manifest.
@@ -148,6 +160,9 @@ impl Project {
 
     /// The folder of what runs leave behind.
     pub(super) fn output(&self) -> PathBuf {
+        if !self.cargo {
+            return self.root.join(".karat").join("run");
+        }
         let target = std::env::var_os("CARGO_TARGET_DIR").map(PathBuf::from);
         self.root.join(target.unwrap_or_else(|| PathBuf::from("target"))).join("karat")
     }

@@ -2,13 +2,14 @@
 
 use std::collections::BTreeSet;
 use std::io::{IsTerminal, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::Package;
 use karat::record::{self, Record, Run, Running, Subject};
+use karat_suite::Suite;
 
 use super::list::callable;
 use super::project::Project;
@@ -18,8 +19,15 @@ use super::{Ending, Outcome, PackageArgs, check, child};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Only tests whose names contain this
+    /// Only tests whose names contain this; or a folder or file of shaders, whose own tests are run:
+    /// functions with `@test`, and `*.test.toml`
+    #[arg(value_name = "FILTER|FOLDER")]
+    what: Option<String>,
+    /// With a folder: only tests whose names contain this
     filter: Option<String>,
+    /// Only the test of exactly this name
+    #[arg(long)]
+    exact: bool,
     /// Only tests of this Cargo package; may be repeated [default: the whole workspace]
     #[arg(short = 'p', long = "cargo-package", value_name = "NAME")]
     cargo_packages: Vec<String>,
@@ -41,24 +49,47 @@ pub(super) struct Args {
     package: PackageArgs,
 }
 
+/// What is asked for, with a folder told from a filter.
+struct Asked<'a> {
+    args: &'a Args,
+    /// The folder or file whose own tests alone are run.
+    folder: Option<PathBuf>,
+    filter: Option<&'a str>,
+}
+
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
-    let project = Project::find()?;
+    let asked = Asked::of(args)?;
+    let project = asked.project()?;
     args.output.clear()?;
     // The record of the last run stays until there is another one.
     let running = Running::begin(&project.record()).context("can't keep a record")?;
-    let passed = run_cargo(args, &project, running.folder(), out)?;
-    let records = record::read(running.folder())?;
-    tables::expect_some(&records, args.filter.as_deref())?;
+    let (mut passed, mut ran) = (true, false);
+    if asked.folder.is_none() && project.is_cargo() {
+        passed = asked.run_cargo(&project, running.folder(), out)?;
+        ran = true;
+    }
     // Tests call single functions: whatever else their packages hold must be valid, too.
-    let packages = project.packages_if_any(&args.package)?;
+    let packages = asked.packages(&project)?;
+    for folder in asked.suites(&packages)? {
+        passed &= asked.run_suite(&folder, running.folder(), out)?;
+        ran = true;
+    }
+    anyhow::ensure!(
+        ran,
+        "there are no tests: no function with `@test`, no `*.test.toml`, and no Cargo project"
+    );
+    let records = record::read(running.folder())?;
+    if passed || !records.is_empty() {
+        tables::expect_some(&records, asked.filter)?;
+    }
     let mut invalid = Vec::new();
     let valid = check::validate(&packages, false, &mut invalid)?;
-    let run = Run { schema: record::SCHEMA, selected: args.selected(), passed: passed && valid };
+    let run = Run { schema: record::SCHEMA, selected: asked.selected(), passed: passed && valid };
     run.write(running.folder()).context("can't say how the run was made")?;
     let folder = running.end().context("can't keep the record")?;
     let failed = tables::write(&records, out)?;
     // With a filter most functions aren't tested on purpose.
-    if args.filter.is_none() {
+    if asked.filter.is_none() {
         write_untested(&records, &packages, out)?;
     }
     out.write_all(&invalid)?;
@@ -75,80 +106,160 @@ impl Args {
     fn leaves_frames_out(&self) -> bool {
         self.functions || std::env::var("KARAT_FRAMES").is_ok_and(|frames| frames == "off")
     }
+}
+
+impl<'a> Asked<'a> {
+    fn of(args: &'a Args) -> anyhow::Result<Self> {
+        // A slip is told before minutes go into building.
+        for (option, names) in [("--paths", &args.paths), ("--require", &args.require)] {
+            names.as_deref().map_or(Ok(Vec::new()), |names| karat::path::named(option, names))?;
+        }
+        let (what, filter) = (args.what.as_deref(), args.filter.as_deref());
+        let named = what.map(Path::new).filter(|path| path.exists());
+        let is_path = |what: &str| what.contains(['/', '\\']) || what.ends_with(".wgsl");
+        match (what, named) {
+            (Some(what), None) if filter.is_some() || is_path(what) => {
+                anyhow::bail!("there is no folder or file `{what}`")
+            }
+            (_, Some(folder)) => Ok(Self { args, folder: Some(folder.to_owned()), filter }),
+            (what, None) => Ok(Self { args, folder: None, filter: what }),
+        }
+    }
+
+    /// The project of the folder, or of the working directory.
+    fn project(&self) -> anyhow::Result<Project> {
+        let Some(folder) = &self.folder else { return Project::find() };
+        let folder = folder.canonicalize().context("the folder can't be read")?;
+        let folder = if folder.is_file() { folder.parent().unwrap_or(&folder) } else { &folder };
+        Project::around(folder)
+    }
+
+    /// The packages that are tested.
+    fn packages(&self, project: &Project) -> anyhow::Result<Vec<Package>> {
+        match &self.folder {
+            Some(folder) => Ok(vec![Package::open(folder)?]),
+            None if project.is_cargo() => project.packages_if_any(&self.args.package),
+            // A folder of shaders, or one that has such a folder.
+            None => match project.packages_if_any(&self.args.package)? {
+                none if none.is_empty() => Ok(vec![Package::open(".")?]),
+                some => Ok(some),
+            },
+        }
+    }
+
+    /// The folders of packages that have tests of their own.
+    fn suites(&self, packages: &[Package]) -> anyhow::Result<Vec<PathBuf>> {
+        // Of Cargo's tests some are named, and these are none of them.
+        if !self.args.cargo_packages.is_empty() || !self.args.targets.is_empty() {
+            return Ok(Vec::new());
+        }
+        let mut folders = Vec::new();
+        for package in packages {
+            let suite = Suite::of(package.clone())?;
+            let wanted = |name: &str| self.filter.is_none_or(|filter| name.contains(filter));
+            let has = suite.tests.iter().any(|test| wanted(&test.name)) || !suite.broken.is_empty();
+            if has && !package.root().as_os_str().is_empty() {
+                folders.push(package.root());
+            }
+        }
+        Ok(folders)
+    }
 
     /// What chooses among the tests, as it was typed.
     fn selected(&self) -> Vec<String> {
-        let packages = self.cargo_packages.iter().map(|name| format!("-p {name}"));
-        let targets = self.targets.iter().map(|name| format!("--test {name}"));
-        let functions = self.functions.then(|| "--functions".to_owned());
-        self.filter.iter().cloned().chain(packages).chain(targets).chain(functions).collect()
+        let args = self.args;
+        let packages = args.cargo_packages.iter().map(|name| format!("-p {name}"));
+        let targets = args.targets.iter().map(|name| format!("--test {name}"));
+        let functions = args.functions.then(|| "--functions".to_owned());
+        let filter = self.filter.iter().map(ToString::to_string);
+        filter.chain(packages).chain(targets).chain(functions).collect()
     }
-}
 
-/// Runs `cargo test`; whether it succeeded. On a terminal a bar stands for tests that pass.
-fn run_cargo(
-    args: &Args,
-    project: &Project,
-    folder: &Path,
-    out: &mut dyn Write,
-) -> anyhow::Result<bool> {
-    // A slip is told before minutes go into building.
-    for (option, names) in [("--paths", &args.paths), ("--require", &args.require)] {
-        names.as_deref().map_or(Ok(Vec::new()), |names| karat::path::named(option, names))?;
+    /// Runs the tests of a package that are in the package. Whether all passed.
+    fn run_suite(&self, folder: &Path, record: &Path, out: &mut dyn Write) -> anyhow::Result<bool> {
+        let program = std::env::current_exe().context("this program isn't where it was")?;
+        let mut command = Command::new(program);
+        command.arg("suite").arg(folder).args(self.filter);
+        command.args(self.args.exact.then_some("--exact"));
+        command.args(self.args.leaves_frames_out().then_some("--functions"));
+        self.run_tests(command, record, out)
     }
-    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let mut command = Command::new(cargo);
-    command.current_dir(project.root()).args(["test", "--no-fail-fast"]);
-    match args.cargo_packages.as_slice() {
-        [] => {
-            command.arg("--workspace");
-        }
-        packages => {
-            for package in packages {
-                command.args(["--package", package]);
+
+    /// Runs `cargo test`. Whether all passed.
+    fn run_cargo(
+        &self,
+        project: &Project,
+        record: &Path,
+        out: &mut dyn Write,
+    ) -> anyhow::Result<bool> {
+        let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+        let mut command = Command::new(cargo);
+        command.current_dir(project.root()).args(["test", "--no-fail-fast"]);
+        match self.args.cargo_packages.as_slice() {
+            [] => {
+                command.arg("--workspace");
+            }
+            packages => {
+                for package in packages {
+                    command.args(["--package", package]);
+                }
             }
         }
-    }
-    // Unit tests and integration tests; examples, benchmarks and documentation check nothing.
-    match args.targets.as_slice() {
-        [] => {
-            command.arg("--tests");
-        }
-        targets => {
-            for target in targets {
-                command.args(["--test", target]);
+        // Unit tests and integration tests; examples, benchmarks and documentation check nothing.
+        match self.args.targets.as_slice() {
+            [] => {
+                command.arg("--tests");
+            }
+            targets => {
+                for target in targets {
+                    command.args(["--test", target]);
+                }
             }
         }
-    }
-    command.args(&args.filter);
-    command.env("KARAT_RECORD", folder);
-    command.envs(args.functions.then_some(("KARAT_FRAMES", "off")));
-    command.envs(args.paths.as_ref().map(|paths| ("KARAT_PATHS", paths)));
-    command.envs(args.require.as_ref().map(|paths| ("KARAT_REQUIRE", paths)));
-    let bar = if std::io::stderr().is_terminal() {
-        ProgressBar::new(0).with_style(
-            ProgressStyle::with_template("{bar:40} {pos} of {len} tests  {wide_msg}")
-                .expect("the template is valid"),
-        )
-    } else {
-        ProgressBar::hidden()
-    };
-    let status = child::run(&mut command, |line| {
-        let running = line.strip_prefix("running ").and_then(|rest| rest.split(' ').next());
-        if let Some(count) = running.and_then(|count| count.parse::<u64>().ok()) {
-            bar.inc_length(count);
-        } else if let Some(name) =
-            line.strip_prefix("test ").and_then(|l| l.strip_suffix(" ... ok"))
-        {
-            bar.inc(1);
-            bar.set_message(name.to_owned());
-        } else if !is_noise(line) {
-            bar.suspend(|| writeln!(out, "{line}"))?;
+        command.args(self.filter);
+        if self.args.exact {
+            command.args(["--", "--exact"]);
         }
-        Ok(())
-    })?;
-    bar.finish_and_clear();
-    Ok(status.success())
+        self.run_tests(command, record, out)
+    }
+
+    /// Runs a program of tests; whether it succeeded. On a terminal a bar stands for tests that pass.
+    fn run_tests(
+        &self,
+        mut command: Command,
+        record: &Path,
+        out: &mut dyn Write,
+    ) -> anyhow::Result<bool> {
+        let args = self.args;
+        command.env("KARAT_RECORD", record);
+        command.envs(args.functions.then_some(("KARAT_FRAMES", "off")));
+        command.envs(args.paths.as_ref().map(|paths| ("KARAT_PATHS", paths)));
+        command.envs(args.require.as_ref().map(|paths| ("KARAT_REQUIRE", paths)));
+        let bar = if std::io::stderr().is_terminal() {
+            ProgressBar::new(0).with_style(
+                ProgressStyle::with_template("{bar:40} {pos} of {len} tests  {wide_msg}")
+                    .expect("the template is valid"),
+            )
+        } else {
+            ProgressBar::hidden()
+        };
+        let status = child::run(&mut command, |line| {
+            let running = line.strip_prefix("running ").and_then(|rest| rest.split(' ').next());
+            if let Some(count) = running.and_then(|count| count.parse::<u64>().ok()) {
+                bar.inc_length(count);
+            } else if let Some(name) =
+                line.strip_prefix("test ").and_then(|l| l.strip_suffix(" ... ok"))
+            {
+                bar.inc(1);
+                bar.set_message(name.to_owned());
+            } else if !is_noise(line) {
+                bar.suspend(|| writeln!(out, "{line}"))?;
+            }
+            Ok(())
+        })?;
+        bar.finish_and_clear();
+        Ok(status.success())
+    }
 }
 
 /// Lines that say nothing beyond the table.

@@ -1,0 +1,104 @@
+//! `karat suite`: the tests of a folder of shaders, as a program that `karat test` runs.
+//!
+//! It is a process of its own, as Cargo's test programs are: a shader that hangs or crashes a driver ends
+//! it, and not whoever waits for the verdicts. It prints what Rust's test runner prints.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::channel;
+
+use karat::run::Host;
+use karat_suite::{Suite, Test};
+
+use super::{Ending, Outcome};
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// Folder of shaders, or one file
+    folder: PathBuf,
+    /// Only tests whose names contain this
+    filter: Option<String>,
+    /// Only the test of exactly this name
+    #[arg(long)]
+    exact: bool,
+    /// Leave frames out
+    #[arg(long)]
+    functions: bool,
+    /// Print the names, and run nothing
+    #[arg(long)]
+    list: bool,
+}
+
+/// Who runs the tests of a suite: how one is run again, and where it remembers.
+pub(super) fn host(suite: &Suite, folder: &std::path::Path) -> Host {
+    Host {
+        replay: format!("karat test {} --exact", folder.display()),
+        folder: suite.folder.clone(),
+        target: "suite".to_owned(),
+    }
+}
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    let suite = Suite::open(&args.folder)?;
+    let wanted = |name: &str| match &args.filter {
+        Some(filter) if args.exact => name == filter,
+        Some(filter) => name.contains(&**filter),
+        None => true,
+    };
+    let frames = !args.functions;
+    let tests: Vec<&Test> = suite
+        .tests
+        .iter()
+        .filter(|test| wanted(&test.name) && (frames || !test.is_frame()))
+        .collect();
+    if args.list {
+        for test in &tests {
+            writeln!(out, "{}: test", test.name)?;
+        }
+        return Ok(Ending::Good);
+    }
+    karat::run::host(host(&suite, &args.folder));
+    // What is broken concerns all: nobody can say which tests it would have had.
+    let broken = &suite.broken;
+    writeln!(out, "running {} tests", tests.len() + broken.len())?;
+    let mut failures: Vec<(String, String)> = Vec::new();
+    for broken in broken {
+        writeln!(out, "test {} ... FAILED", broken.name)?;
+        failures.push((broken.name.clone(), broken.message.clone()));
+    }
+    let next = AtomicUsize::new(0);
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let (sender, verdicts) = channel();
+    std::thread::scope(|scope| -> std::io::Result<()> {
+        for _ in 0..threads.min(tests.len()) {
+            let (sender, next, tests, suite) = (sender.clone(), &next, &tests, &suite);
+            scope.spawn(move || {
+                while let Some(test) = tests.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    if sender.send((&test.name, suite.run(test))).is_err() {
+                        break;
+                    }
+                }
+            });
+        }
+        drop(sender);
+        for (name, verdict) in verdicts {
+            let word = if verdict.is_ok() { "ok" } else { "FAILED" };
+            writeln!(out, "test {name} ... {word}")?;
+            out.flush()?;
+            failures.extend(verdict.err().map(|message| (name.clone(), message)));
+        }
+        Ok(())
+    })?;
+    let passed = tests.len() + broken.len() - failures.len();
+    if !failures.is_empty() {
+        failures.sort();
+        writeln!(out, "\nfailures:\n")?;
+        for (name, message) in &failures {
+            writeln!(out, "---- {name} ----\n{}\n", message.trim_end())?;
+        }
+    }
+    let word = if failures.is_empty() { "ok" } else { "FAILED" };
+    writeln!(out, "test result: {word}. {passed} passed; {} failed", failures.len())?;
+    Ok(if failures.is_empty() { Ending::Good } else { Ending::Bad })
+}

@@ -1,0 +1,359 @@
+//! Tests that a file declares: `brdf.test.toml`, beside `brdf.wgsl`.
+//!
+//! ```toml
+//! [[test]]
+//! function = "schlick"                          # of this module; "other::f" of another
+//! over = { f0 = "0..1", v_dot_h = "0..1" }      # what isn't named comes from its name and type
+//! in_range = [0, 1]                             # each assertion is a test
+//! monotone = { v_dot_h = "decreasing" }
+//! agrees_with = "reference::schlick"            # another function, in f64
+//! tolerance = "4 ulp"                           # or "rel 1e-4 or abs 1e-6", or "spec"
+//!
+//! [[test]]
+//! function = "luminance"
+//! table = "luminance.csv"                       # columns rgb.x, rgb.y, rgb.z, result
+//! tolerance = "2 ulp"
+//!
+//! [[frame]]
+//! name = "gradient"
+//! vertex = "vs_main"
+//! fragment = "fs_main"
+//! size = [64, 64]                               # compared with golden/gradient.exr
+//! ```
+//!
+//! | assertion | holds if |
+//! |---|---|
+//! | `agrees_with = "f"` | another function, which Karat's engine executes in `f64`, returns the same |
+//! | `table = "file.csv"` | each row's result is what the row says |
+//! | `equals = 1.0` | each result is this value |
+//! | `finite = true` | no component is NaN or infinite |
+//! | `in_range = [0, 1]` | each component lies there |
+//! | `symmetric_in = ["v", "l"]` | swapping the two arguments changes nothing |
+//! | `monotone = { x = "increasing" }` | the result only rises with `x` |
+//! | `limit = { alpha = 0, through = [0.1, 0.01], is = 1 }` | the result approaches a value |
+//! | `integral = { over = "hemisphere", is = 1 }` | the integral over the last argument, a direction; `at_most` in place of `is` |
+//! | `no_hazards = true` | nothing inside becomes NaN or infinite, or loses half its digits |
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use karat::diagnostic::{Diagnostic, SourceFile, Span, nearest, shown};
+use serde::Deserialize;
+use toml::{Spanned, Value};
+
+use crate::{Kind, Test};
+
+/// A file, as it is written.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    #[serde(default, rename = "test")]
+    tests: Vec<Spanned<Declared>>,
+    #[serde(default, rename = "frame")]
+    frames: Vec<Spanned<Frame>>,
+}
+
+/// A `[[test]]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Declared {
+    /// A name of its own, in place of the function's.
+    name: Option<String>,
+    pub(crate) function: String,
+    #[serde(default)]
+    pub(crate) over: BTreeMap<String, Value>,
+    pub(crate) cases: Option<u64>,
+    pub(crate) seed: Option<u64>,
+    pub(crate) tolerance: Option<String>,
+    #[serde(default)]
+    pub(crate) tolerance_on: BTreeMap<String, String>,
+    #[serde(default)]
+    pub(crate) fails_on: BTreeMap<String, String>,
+    #[serde(default)]
+    pub(crate) with: BTreeMap<String, Value>,
+    agrees_with: Option<String>,
+    table: Option<PathBuf>,
+    equals: Option<Value>,
+    finite: Option<bool>,
+    in_range: Option<[f64; 2]>,
+    symmetric_in: Option<[String; 2]>,
+    monotone: Option<BTreeMap<String, Direction>>,
+    limit: Option<BTreeMap<String, Value>>,
+    integral: Option<Integral>,
+    no_hazards: Option<bool>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Direction {
+    Increasing,
+    Decreasing,
+}
+
+/// An integral over directions.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Integral {
+    pub(crate) over: Region,
+    pub(crate) is: Option<Value>,
+    pub(crate) at_most: Option<Value>,
+    pub(crate) slack: Option<f64>,
+    pub(crate) rings: Option<u16>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Region {
+    Sphere,
+    Hemisphere,
+    ProjectedHemisphere,
+}
+
+/// A `[[frame]]`: a full-screen draw, compared with a golden.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Frame {
+    pub(crate) name: String,
+    /// Filled in from the file's name where it isn't written.
+    pub(crate) module: Option<String>,
+    pub(crate) vertex: String,
+    pub(crate) fragment: String,
+    pub(crate) size: [u32; 2],
+    #[serde(default)]
+    pub(crate) with: BTreeMap<String, Value>,
+    /// Largest relative difference of a pixel that passes.
+    pub(crate) tolerance: Option<f32>,
+    #[serde(default)]
+    pub(crate) fails_on: BTreeMap<String, String>,
+    /// Relative to the file.
+    pub(crate) golden: Option<PathBuf>,
+    #[serde(skip)]
+    pub(crate) folder: PathBuf,
+}
+
+/// What one test asserts of a function.
+#[derive(Clone, Debug)]
+pub(crate) enum What {
+    AgreesWith(String),
+    Table(PathBuf),
+    Equals(Value),
+    Finite,
+    InRange([f64; 2]),
+    SymmetricIn([String; 2]),
+    Monotone(String, Direction),
+    Limit { argument: String, toward: f64, through: Vec<f64>, is: Value },
+    Integral(Integral),
+    NoHazards,
+}
+
+/// An assertion of a `[[test]]`.
+#[derive(Clone, Debug)]
+pub(crate) struct Assertion {
+    pub(crate) test: Declared,
+    /// `brdf::schlick`
+    pub(crate) function: String,
+    pub(crate) what: What,
+    /// The folder of the file: tables and images are relative to it.
+    pub(crate) folder: PathBuf,
+}
+
+impl Assertion {
+    /// The tolerance, where one is needed.
+    pub(crate) fn tolerance(&self) -> Result<&str, String> {
+        let missing = "a tolerance is missing, such as tolerance = \"4 ulp\"; the first time `spec` \
+                       says what WGSL allows";
+        self.test.tolerance.as_deref().ok_or_else(|| missing.to_owned())
+    }
+}
+
+impl What {
+    fn name(&self) -> String {
+        match self {
+            Self::AgreesWith(_) => "agrees_with".to_owned(),
+            Self::Table(_) => "table".to_owned(),
+            Self::Equals(_) => "equals".to_owned(),
+            Self::Finite => "finite".to_owned(),
+            Self::InRange(_) => "in_range".to_owned(),
+            Self::SymmetricIn(_) => "symmetric_in".to_owned(),
+            Self::Monotone(argument, _) => format!("monotone in {argument}"),
+            Self::Limit { argument, .. } => format!("limit of {argument}"),
+            Self::Integral(_) => "integral".to_owned(),
+            Self::NoHazards => "no_hazards".to_owned(),
+        }
+    }
+}
+
+/// Reads a file of declared tests. `root` is the package.
+pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, String> {
+    let name = shown(file);
+    let text = std::fs::read_to_string(file).map_err(|error| format!("`{name}`: {error}"))?;
+    let source = Arc::new(SourceFile { name, text });
+    let at = |range: std::ops::Range<usize>| Span { file: Arc::clone(&source), range };
+    let parsed: File = toml::from_str(&source.text).map_err(|error| {
+        let place = at(error.span().unwrap_or(0..0));
+        Diagnostic::new(error.message().to_owned()).at(place, "").to_string()
+    })?;
+    if parsed.tests.is_empty() && parsed.frames.is_empty() {
+        let empty = "declares no test: write [[test]] or [[frame]]";
+        return Err(Diagnostic::new(empty).at(at(0..0), "").to_string());
+    }
+    let module = module_of(file, root);
+    let folder = file.parent().unwrap_or(Path::new(".")).to_owned();
+    let mut tests = Vec::new();
+    for declared in parsed.tests {
+        let span = at(declared.span());
+        let declared = declared.into_inner();
+        let function = match (&*module, declared.function.contains("::")) {
+            ("", _) | (_, true) => declared.function.clone(),
+            (module, false) => format!("{module}::{}", declared.function),
+        };
+        let what = whats(&declared)
+            .map_err(|error| Diagnostic::new(error).at(span.clone(), "").to_string())?;
+        for what in what {
+            let name = match &declared.name {
+                Some(name) => format!("{} {}", own(&module, name), what.name()),
+                None => format!("{function} {}", what.name()),
+            };
+            let (test, function) = (declared.clone(), function.clone());
+            let assertion = Assertion { test, function, what, folder: folder.clone() };
+            tests.push(Test {
+                name,
+                span: span.clone(),
+                kind: Kind::Function(Box::new(assertion)),
+            });
+        }
+    }
+    for frame in parsed.frames {
+        let span = at(frame.span());
+        let mut frame = frame.into_inner();
+        frame.module.get_or_insert_with(|| module.clone());
+        frame.folder.clone_from(&folder);
+        let name = format!("frame {}", frame.name);
+        tests.push(Test { name, span, kind: Kind::Frame(Box::new(frame)) });
+    }
+    Ok(tests)
+}
+
+fn own(module: &str, name: &str) -> String {
+    if module.is_empty() { name.to_owned() } else { format!("{module}::{name}") }
+}
+
+/// The module beside a file: `sub::brdf` of `sub/brdf.test.toml`; `""` in a package of one file.
+fn module_of(file: &Path, root: &Path) -> String {
+    if root.is_file() {
+        return String::new();
+    }
+    let below = file.strip_prefix(root).unwrap_or(file);
+    let text = below.to_string_lossy();
+    let stem = text.strip_suffix(".test.toml").unwrap_or(&text);
+    stem.split(['/', '\\']).filter(|part| !part.is_empty()).collect::<Vec<_>>().join("::")
+}
+
+/// The assertions of a test: at least one.
+fn whats(test: &Declared) -> Result<Vec<What>, String> {
+    let mut all = Vec::new();
+    all.extend(test.agrees_with.clone().map(What::AgreesWith));
+    all.extend(test.table.clone().map(What::Table));
+    all.extend(test.equals.clone().map(What::Equals));
+    for (name, wanted) in [("finite", test.finite), ("no_hazards", test.no_hazards)] {
+        match wanted {
+            Some(true) if name == "finite" => all.push(What::Finite),
+            Some(true) => all.push(What::NoHazards),
+            Some(false) => return Err(format!("`{name} = false` asserts nothing: leave it out")),
+            None => {}
+        }
+    }
+    all.extend(test.in_range.map(What::InRange));
+    all.extend(test.symmetric_in.clone().map(What::SymmetricIn));
+    let monotone = test.monotone.iter().flatten();
+    all.extend(monotone.map(|(name, direction)| What::Monotone(name.clone(), *direction)));
+    all.extend(test.limit.as_ref().map(limit).transpose()?);
+    if let Some(integral) = &test.integral {
+        match (&integral.is, &integral.at_most) {
+            (Some(_), None) | (None, Some(_)) => all.push(What::Integral(integral.clone())),
+            _ => return Err("an integral has either `is` or `at_most`".to_owned()),
+        }
+    }
+    if all.is_empty() {
+        return Err("this test asserts nothing: agrees_with, table, equals, finite, in_range, \
+                    symmetric_in, monotone, limit, integral or no_hazards"
+            .to_owned());
+    }
+    Ok(all)
+}
+
+/// `{ alpha = 0, through = [0.1, 0.01], is = 1 }`
+fn limit(table: &BTreeMap<String, Value>) -> Result<What, String> {
+    const OWN: [&str; 2] = ["through", "is"];
+    let form = "a limit reads { alpha = 0, through = [0.1, 0.01], is = 1 }";
+    let mut arguments = table.iter().filter(|(name, _)| !OWN.contains(&name.as_str()));
+    let (Some((argument, toward)), None) = (arguments.next(), arguments.next()) else {
+        let near = table.keys().find_map(|key| nearest(key, OWN)).filter(|_| table.len() == 3);
+        let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+        return Err(format!("{form}{near}"));
+    };
+    let number = |value: &Value| match value {
+        Value::Float(number) => Some(*number),
+        #[expect(clippy::cast_precision_loss, reason = "numbers of shaders are small")]
+        Value::Integer(number) => Some(*number as f64),
+        _ => None,
+    };
+    let through = table.get("through").and_then(Value::as_array);
+    let through: Option<Vec<f64>> = through.and_then(|list| list.iter().map(number).collect());
+    match (number(toward), through, table.get("is")) {
+        (Some(toward), Some(through), Some(is)) => {
+            Ok(What::Limit { argument: argument.clone(), toward, through, is: is.clone() })
+        }
+        _ => Err(form.to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_text(text: &str) -> Result<Vec<String>, String> {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("sub").join("brdf.test.toml");
+        std::fs::create_dir(file.parent().expect("a parent")).expect("a folder");
+        std::fs::write(&file, text).expect("a file");
+        let tests = read(&file, folder.path())?;
+        Ok(tests.into_iter().map(|test| test.name).collect())
+    }
+
+    #[test]
+    fn each_assertion_is_a_test() {
+        let names = read_text(
+            "[[test]]\nfunction = \"f\"\nfinite = true\nin_range = [0, 1]\n\
+             monotone = { x = \"increasing\" }\n[[test]]\nname = \"mine\"\nfunction = \"a::g\"\n\
+             limit = { alpha = 0, through = [0.1, 0.01], is = 1 }\n",
+        );
+        let names = names.expect("it reads");
+        assert_eq!(
+            names,
+            [
+                "sub::brdf::f finite",
+                "sub::brdf::f in_range",
+                "sub::brdf::f monotone in x",
+                "sub::brdf::mine limit of alpha"
+            ]
+        );
+    }
+
+    #[test]
+    fn what_declares_nothing_is_an_error_with_its_place() {
+        for (text, part) in [
+            ("", "declares no test"),
+            ("[[test]]\nfunction = \"f\"\n", "asserts nothing"),
+            ("\n[[test]]\nfunction = \"f\"\nfinit = true\n", "brdf.test.toml:4:1"),
+            ("[[test]]\nfunction = \"f\"\nfinite = false\n", "asserts nothing"),
+            ("[[test]]\nfunction = \"f\"\nintegral = { over = \"sphere\" }\n", "either `is` or"),
+            ("[[test]]\nfunction = \"f\"\nlimit = { alpha = 0 }\n", "a limit reads"),
+            ("[[test]\n", "brdf.test.toml:1"),
+        ] {
+            let error = read_text(text).expect_err(text);
+            assert!(error.contains(part), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,282 @@
+//! Where arguments come from, as text.
+//!
+//! | for | is |
+//! |---|---|
+//! | a number | `"0..1"` (closed), `0.5`, `[0, 0.5, 1]` (each of them), `"any"` |
+//! | a vector or matrix | as for a number, for each component; or one of these for each component in a list; `"unit_vector"`, `"hemisphere"`, `"unit_rgb"` |
+//! | any of these | `{ one_of = [[0, 0, 1], [1, 0, 0]] }` |
+//! | a struct | a table of its members |
+//!
+//! What isn't named comes from its name and type, as in `karat hazards`: `n` is a unit vector, `roughness`
+//! is from 0 to 1.
+
+use karat::diagnostic::nearest;
+use karat::domain::Part;
+use karat::value::{Scalar, Shape};
+use toml::Value;
+
+/// The parts of a parameter. `name` is for what isn't said.
+pub(crate) fn parts(name: &str, shape: &Shape, value: Option<&Value>) -> Result<Vec<Part>, String> {
+    let Some(value) = value else { return Ok(karat::hazards::suggested(name, shape)) };
+    let wrong = |reason: String| format!("`{name}`: {reason}");
+    if let (Value::Table(table), Some(list)) = (value, value.get("one_of"))
+        && !matches!(shape, Shape::Struct { .. })
+    {
+        if table.len() > 1 {
+            return Err(wrong("`one_of` stands alone".to_owned()));
+        }
+        let Value::Array(list) = list else {
+            return Err(wrong("`one_of` is a list of values".to_owned()));
+        };
+        let rows = list.iter().map(|value| lanes(shape, value)).collect::<Result<Vec<_>, _>>();
+        return Ok(vec![Part::listed(shape.lanes(), rows.map_err(wrong)?)]);
+    }
+    match shape {
+        Shape::Struct { members, .. } => {
+            let Value::Table(table) = value else {
+                return Err(wrong("a struct takes a table of its members".to_owned()));
+            };
+            let known = || members.iter().map(|(name, _)| &**name);
+            if let Some(unknown) = table.keys().find(|key| known().all(|name| name != key.as_str()))
+            {
+                return Err(wrong(no_such("member", unknown, known())));
+            }
+            let parts = members.iter().map(|(name, shape)| parts(name, shape, table.get(name)));
+            Ok(parts.collect::<Result<Vec<_>, _>>().map_err(wrong)?.into_iter().flatten().collect())
+        }
+        Shape::Array { element, length } => {
+            let of = |at: u32| match value {
+                Value::Array(list) if list.len() == *length as usize => &list[at as usize],
+                other => other,
+            };
+            let parts = (0..*length).map(|at| parts(name, element, Some(of(at))));
+            Ok(parts.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
+        }
+        Shape::Scalar(scalar) => Ok(vec![number(*scalar, value).map_err(wrong)?]),
+        _ => {
+            if let Value::String(named) = value
+                && let Some(part) = Part::named(named)
+            {
+                let fits = matches!(shape, Shape::Vector { size: 3, scalar: Scalar::F32 });
+                return match fits {
+                    true => Ok(vec![part]),
+                    false => Err(wrong(format!("`{named}` is a vec3<f32>, and this is a {shape}"))),
+                };
+            }
+            let scalars = shape.lanes();
+            let of = |lane: usize| match value {
+                Value::Array(list) if list.len() == scalars.len() => Ok(&list[lane]),
+                Value::Array(list) => Err(format!(
+                    "a list has one entry for each of {} components, this one has {}; for a list of \
+                     values write {{ one_of = [...] }}",
+                    scalars.len(),
+                    list.len()
+                )),
+                other => Ok(other),
+            };
+            let parts = scalars.iter().enumerate();
+            let parts = parts.map(|(lane, scalar)| number(*scalar, of(lane)?));
+            parts.collect::<Result<_, String>>().map_err(wrong)
+        }
+    }
+}
+
+/// The part of one number.
+fn number(scalar: Scalar, value: &Value) -> Result<Part, String> {
+    match value {
+        Value::Array(list) => {
+            let rows = list.iter().map(|value| Ok(vec![lane(scalar, value)?]));
+            Ok(Part::listed(vec![scalar], rows.collect::<Result<_, String>>()?))
+        }
+        Value::String(text) if text == "any" => Ok(Part::any(scalar)),
+        Value::String(text) => {
+            let Some((least, most)) = text.split_once("..") else {
+                let names = Part::NAMES.into_iter().chain(["any"]);
+                let near = nearest(text, names);
+                let near =
+                    near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+                return Err(format!("`{text}` is no domain of a number, such as `0..1`{near}"));
+            };
+            let end = |text: &str| {
+                let text = text.strip_prefix('=').unwrap_or(text).trim();
+                text.parse::<f64>().map_err(|_| format!("`{text}` is no number"))
+            };
+            let range = end(least)?..=end(most)?;
+            Part::range(scalar, range)
+                .ok_or_else(|| format!("`{text}` is no range of {scalar}", scalar = name(scalar)))
+        }
+        one => Ok(Part::just(scalar, lane(scalar, one)?)),
+    }
+}
+
+fn name(scalar: Scalar) -> String {
+    Shape::Scalar(scalar).to_string()
+}
+
+/// One number, exactly as the shader gets it.
+fn lane(scalar: Scalar, value: &Value) -> Result<u32, String> {
+    let wrong = || format!("`{value}` is no {}", name(scalar));
+    #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
+    match (scalar, value) {
+        (Scalar::F32 | Scalar::F16, Value::Float(number)) => Ok((*number as f32).to_bits()),
+        #[expect(clippy::cast_precision_loss, reason = "as a literal of WGSL would")]
+        (Scalar::F32 | Scalar::F16, Value::Integer(number)) => Ok((*number as f32).to_bits()),
+        (Scalar::I32, Value::Integer(number)) => {
+            i32::try_from(*number).map(i32::cast_unsigned).map_err(|_| wrong())
+        }
+        (Scalar::U32, Value::Integer(number)) => u32::try_from(*number).map_err(|_| wrong()),
+        (Scalar::Bool, Value::Boolean(value)) => Ok(u32::from(*value)),
+        _ => Err(wrong()),
+    }
+}
+
+/// The lanes of a whole value. A number stands for each component of a vector.
+pub(crate) fn lanes(shape: &Shape, value: &Value) -> Result<Vec<u32>, String> {
+    match (shape, value) {
+        (Shape::Scalar(scalar), value) => Ok(vec![lane(*scalar, value)?]),
+        (Shape::Struct { members, .. }, Value::Table(table)) => {
+            let known = || members.iter().map(|(name, _)| &**name);
+            if let Some(unknown) = table.keys().find(|key| known().all(|name| name != key.as_str()))
+            {
+                return Err(no_such("member", unknown, known()));
+            }
+            let mut all = Vec::new();
+            for (name, shape) in members {
+                let value = table.get(name).ok_or_else(|| format!("member `{name}` is missing"))?;
+                all.extend(lanes(shape, value).map_err(|error| format!("`{name}`: {error}"))?);
+            }
+            Ok(all)
+        }
+        (Shape::Array { element, length }, Value::Array(list))
+            if list.len() == *length as usize =>
+        {
+            let all =
+                list.iter().map(|value| lanes(element, value)).collect::<Result<Vec<_>, _>>()?;
+            Ok(all.concat())
+        }
+        (Shape::Vector { .. } | Shape::Matrix { .. }, Value::Array(list)) => {
+            let scalars = shape.lanes();
+            // A matrix may be a list of its columns.
+            let flat: Vec<&Value> = list
+                .iter()
+                .flat_map(|value| match value {
+                    Value::Array(column) => column.iter().collect(),
+                    one => vec![one],
+                })
+                .collect();
+            if flat.len() != scalars.len() {
+                let count = scalars.len();
+                return Err(format!(
+                    "a {shape} has {count} components, the list has {}",
+                    flat.len()
+                ));
+            }
+            scalars.iter().zip(flat).map(|(scalar, value)| lane(*scalar, value)).collect()
+        }
+        (Shape::Vector { .. } | Shape::Matrix { .. }, one) => {
+            shape.lanes().iter().map(|scalar| lane(*scalar, one)).collect()
+        }
+        _ => Err(format!("`{value}` is no {shape}")),
+    }
+}
+
+/// A name that isn't there, with the nearest that is.
+pub(crate) fn no_such<'a>(
+    what: &str,
+    unknown: &str,
+    known: impl IntoIterator<Item = &'a str> + Clone,
+) -> String {
+    match nearest(unknown, known.clone()) {
+        Some(near) => format!("there is no {what} `{unknown}`; did you mean `{near}`?"),
+        None => {
+            let known: Vec<_> = known.into_iter().map(|name| format!("`{name}`")).collect();
+            format!("there is no {what} `{unknown}`, only {}", known.join(", "))
+        }
+    }
+}
+
+/// The domain that a `@over` of a WGSL test says.
+pub(crate) fn over(name: &str, shape: &Shape, words: &[String]) -> Result<Vec<Part>, String> {
+    let number = |word: &String| {
+        let plain = word.trim_end_matches(['f', 'u', 'i', 'h']);
+        match (plain.parse::<i64>(), plain.parse::<f64>()) {
+            (Ok(whole), _) => Some(Value::Integer(whole)),
+            (_, Ok(number)) => Some(Value::Float(number)),
+            _ => None,
+        }
+    };
+    let numbers: Option<Vec<Value>> = words.iter().map(number).collect();
+    let value = match (words, numbers) {
+        ([], _) => return Err("`@over` is empty: `@over(0, 1)`".to_owned()),
+        ([one], None) => Value::String(one.clone()),
+        (_, None) => {
+            return Err("`@over` takes numbers, or one name such as `unit_vector`".to_owned());
+        }
+        ([_], Some(mut one)) => one.remove(0),
+        ([least, most], Some(_)) => {
+            let plain = |word: &String| word.trim_end_matches(['f', 'u', 'i', 'h']).to_owned();
+            Value::String(format!("{}..{}", plain(least), plain(most)))
+        }
+        (_, Some(list)) => match shape {
+            Shape::Scalar(_) => Value::Array(list),
+            _ => return Err("`@over` lists values of numbers only".to_owned()),
+        },
+    };
+    parts(name, shape, Some(&value))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(shape: &Shape, text: &str) -> Result<usize, String> {
+        let table: toml::Table = format!("x = {text}").parse().expect("TOML");
+        Ok(parts("x", shape, Some(&table["x"]))?.iter().map(Part::width).sum())
+    }
+
+    #[test]
+    fn each_form_of_a_domain_draws_its_type() {
+        let float = Shape::Scalar(Scalar::F32);
+        let count = Shape::Scalar(Scalar::U32);
+        let vector = Shape::Vector { size: 3, scalar: Scalar::F32 };
+        let matrix = Shape::Matrix { columns: 2, rows: 2, scalar: Scalar::F32 };
+        for text in ["\"0..1\"", "\"0..=1\"", "\"-1e3 .. 2\"", "0.5", "1", "[0, 0.5]", "\"any\""] {
+            assert_eq!(of(&float, text), Ok(1), "{text}");
+        }
+        for text in ["\"0..7\"", "3", "[1, 2, 4]"] {
+            assert_eq!(of(&count, text), Ok(1), "{text}");
+        }
+        for text in [
+            "\"unit_vector\"",
+            "\"0..1\"",
+            "[0, \"0..1\", [1, 2]]",
+            "{ one_of = [[0, 0, 1], 0.5] }",
+        ] {
+            assert_eq!(of(&vector, text), Ok(3), "{text}");
+        }
+        assert_eq!(of(&matrix, "\"-1..1\""), Ok(4));
+        let members = vec![("n".to_owned(), vector.clone()), ("k".to_owned(), count)];
+        let own = Shape::Struct { name: "S".to_owned(), members };
+        assert_eq!(of(&own, "{ k = 1 }"), Ok(4), "n comes from its name");
+    }
+
+    #[test]
+    fn what_is_no_domain_says_why() {
+        let float = Shape::Scalar(Scalar::F32);
+        let count = Shape::Scalar(Scalar::U32);
+        let vector = Shape::Vector { size: 2, scalar: Scalar::F32 };
+        for (shape, text, part) in [
+            (&float, "\"0-1\"", "no domain"),
+            (&float, "\"a..1\"", "`a` is no number"),
+            (&float, "true", "no f32"),
+            (&float, "\"ani\"", "did you mean `any`?"),
+            (&count, "\"-1..1\"", "no range of u32"),
+            (&count, "0.5", "no u32"),
+            (&vector, "\"unit_vector\"", "is a vec3<f32>"),
+            (&vector, "[1, 2, 3]", "each of 2 components"),
+        ] {
+            let error = of(shape, text).expect_err(text);
+            assert!(error.contains(part), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! Tests of WGSL without Rust.
+//!
+//! There are two forms, and both run on Karat's checks, with their verdicts, records, simplest failures and
+//! replays:
+//!
+//! - **In WGSL**: a function with `@test` in any module calls expectations such as `expect_near` of the
+//!   package `karat`, or those of the WESL community's `wgsl_test`. See [`WgslTest`].
+//! - **Declared**: `brdf.test.toml` beside `brdf.wgsl` says what holds for its functions. See
+//!   [`declared`].
+//!
+//! ```no_run
+//! let suite = karat_suite::Suite::open("shaders".as_ref()).unwrap();
+//! for test in &suite.tests {
+//!     let verdict = suite.run(test);
+//!     println!("{} {}", test.name, if verdict.is_ok() { "ok" } else { "FAILED" });
+//! }
+//! ```
+
+pub mod declared;
+mod domains;
+mod find;
+mod fixtures;
+mod run;
+mod table;
+mod tolerances;
+
+use std::path::{Path, PathBuf};
+
+use karat::Package;
+use karat::check::WgslTest;
+use karat::diagnostic::Span;
+
+pub use find::FindError;
+
+/// The tests of a package.
+#[derive(Debug)]
+pub struct Suite {
+    /// The shaders.
+    pub package: Package,
+    /// Where the package is.
+    pub folder: PathBuf,
+    /// Its tests, by module and line.
+    pub tests: Vec<Test>,
+    /// What can't be run: a module, file or test with what is wrong. Each is a failure.
+    pub broken: Vec<Broken>,
+}
+
+/// A test.
+#[derive(Debug)]
+pub struct Test {
+    /// `brdf_test::grazing`, or `brdf::schlick in_range` of a declared one. No two have the same.
+    pub name: String,
+    /// Where its author wrote it.
+    pub span: Span,
+    pub(crate) kind: Kind,
+}
+
+#[derive(Debug)]
+pub(crate) enum Kind {
+    /// A function with `@test`.
+    Wgsl(Box<WgslTest>),
+    /// An assertion of a `[[test]]`.
+    Function(Box<declared::Assertion>),
+    /// A `[[frame]]`.
+    Frame(Box<declared::Frame>),
+}
+
+impl Test {
+    /// Whether it draws a frame, which needs a driver.
+    #[must_use]
+    pub fn is_frame(&self) -> bool {
+        matches!(self.kind, Kind::Frame(_))
+    }
+}
+
+/// Something that should have been a test.
+#[derive(Clone, Debug)]
+pub struct Broken {
+    /// What it would have been called: a test, a module or a file.
+    pub name: String,
+    /// What is wrong, with its place.
+    pub message: String,
+}
+
+impl Suite {
+    /// Finds the tests of a folder of shaders, or of one file.
+    ///
+    /// # Errors
+    /// If the folder can't be read, or has no module.
+    pub fn open(folder: &Path) -> Result<Self, FindError> {
+        Self::of(Package::open(folder).map_err(FindError::Package)?)
+    }
+
+    /// Finds the tests of a package.
+    ///
+    /// # Errors
+    /// If it can't be read, or has no module.
+    pub fn of(package: Package) -> Result<Self, FindError> {
+        find::find(package)
+    }
+}

@@ -1,0 +1,339 @@
+//! Runs a test.
+
+use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+use karat::check::{Agreement, DynamicCheck, Failure, Limit, WgslTest};
+use karat::domain::{Dynamic, Part};
+use karat::golden::FrameTolerance;
+use karat::probe::Probed;
+use karat::reflect::{Binding, Program, Stage};
+use karat::value::{Scalar, Shape};
+use karat::{Directions, Goldens, Package, Tolerance, Trend};
+use toml::Value;
+
+use crate::declared::{Assertion, Direction, Frame, Integral, Region, What};
+use crate::domains::{lanes, no_such, over, parts};
+use crate::fixtures::fixture;
+use crate::table;
+use crate::tolerances::{criterion, tolerance};
+use crate::{Kind, Suite, Test};
+
+/// The folder of goldens beside a file that declares frames.
+const GOLDEN: &str = "golden";
+
+impl Suite {
+    /// Runs a test, on a thread that has its name: seeds and records are by it.
+    ///
+    /// # Errors
+    /// What is wrong, as a message that has its place.
+    ///
+    /// # Panics
+    /// If no thread can be started.
+    pub fn run(&self, test: &Test) -> Result<(), String> {
+        let run = || {
+            catch_unwind(AssertUnwindSafe(|| self.verdict(test))).unwrap_or_else(|panic| {
+                let text = panic.downcast_ref::<String>().cloned();
+                let text = text.or_else(|| Some((*panic.downcast_ref::<&str>()?).to_owned()));
+                Err(text.unwrap_or_else(|| "it panics".to_owned()))
+            })
+        };
+        std::thread::scope(|scope| {
+            let thread = std::thread::Builder::new().name(test.name.clone());
+            let thread = thread.spawn_scoped(scope, run).expect("a thread can be started");
+            thread.join().unwrap_or_else(|_| Err("it panics".to_owned()))
+        })
+    }
+
+    fn verdict(&self, test: &Test) -> Result<(), String> {
+        let placed = |error: String| format!("error: {error}\n   --> {}", test.span);
+        match &test.kind {
+            Kind::Wgsl(test) => wgsl(test).map_err(placed)?.map(drop).map_err(|e| e.to_string()),
+            Kind::Function(assertion) => {
+                let judged = function(&self.package, assertion).map_err(placed)?;
+                judged.map(drop).map_err(|error| error.to_string())
+            }
+            Kind::Frame(declared) => frame(&self.package, declared).map_err(placed),
+        }
+    }
+}
+
+/// What a check concluded, or why it could not begin.
+type Judged = Result<Result<Agreement, Failure>, String>;
+
+fn wgsl(test: &WgslTest) -> Judged {
+    let mut all = Vec::new();
+    for (index, (name, shape)) in test.parameters.iter().enumerate() {
+        let said = test.over.get(index).and_then(Option::as_ref);
+        all.push(match said {
+            Some((words, place)) => {
+                over(name, shape, words).map_err(|error| format!("{error} ({place})"))?
+            }
+            None => parts(name, shape, None)?,
+        });
+    }
+    let shapes = test.parameters.iter().map(|(_, shape)| shape.clone()).collect();
+    let check = test.probe().over_dynamic(Dynamic::new(shapes, all));
+    Ok(check.cases(test.cases.unwrap_or(CASES)).expects())
+}
+
+/// Cases of a test in WGSL that has parameters and says no number: each carries a report.
+const CASES: u64 = 4096;
+
+fn function(package: &Package, assertion: &Assertion) -> Judged {
+    let Assertion { test, function, what, folder } = assertion;
+    let probed = match Probed::new(package, function) {
+        Ok(probed) => probed,
+        Err(error) => return Ok(Err(error.into())),
+    };
+    let parameters = probed.function().parameters.clone();
+    let known = || parameters.iter().map(|(name, _)| &**name);
+    if let Some(unknown) = test.over.keys().find(|key| known().all(|name| name != key.as_str())) {
+        return Err(format!("over: {}", no_such("parameter", unknown, known())));
+    }
+    let mut probe = package.function(function);
+    for (name, fixture) in bound(probed.program(), &probed.function().bindings, &test.with, folder)?
+    {
+        probe = probe.with(&name, fixture);
+    }
+    let result = probed.function().result.clone();
+    let shapes: Vec<Shape> = parameters.iter().map(|(_, shape)| shape.clone()).collect();
+    let domain = |count: usize| -> Result<Dynamic, String> {
+        let own = parameters.iter().take(count);
+        let parts = own.map(|(name, shape)| parts(name, shape, test.over.get(name)));
+        Ok(Dynamic::new(shapes[..count].to_vec(), parts.collect::<Result<_, _>>()?))
+    };
+    let all = shapes.len();
+    match what {
+        What::AgreesWith(reference) => {
+            let reference = match (reference.contains("::"), function.rsplit_once("::")) {
+                (false, Some((module, _))) => format!("{module}::{reference}"),
+                _ => reference.clone(),
+            };
+            let criterion = criterion(assertion.tolerance()?)?;
+            Ok(settled(probe.over_dynamic(domain(all)?), test)?
+                .agrees_with_function(&reference, criterion))
+        }
+        What::Table(file) => {
+            let criterion = criterion(assertion.tolerance()?)?;
+            if !test.over.is_empty() {
+                return Err("a table has its arguments: leave `over` out".to_owned());
+            }
+            let table = table::read(&folder.join(file), &parameters, &result)?;
+            // The rows as they are: a column of one parameter isn't mixed with others.
+            let mut parts: Vec<Vec<Part>> = shapes.iter().map(|_| Vec::new()).collect();
+            match parts.first_mut() {
+                Some(first) => first.push(table.part(&shapes)),
+                None => {
+                    return Err("a function without arguments has no table: `equals`".to_owned());
+                }
+            }
+            let check = settled(probe.over_dynamic(Dynamic::new(shapes.clone(), parts)), test)?;
+            let expect = |words: &[u32], lanes: &mut Vec<f64>| match table.expected.get(words) {
+                Some(expected) => lanes.extend(expected),
+                // A subnormal argument that is flushed, or a simpler one, has no row.
+                None => lanes.extend(vec![f64::NAN; result.lanes().len()]),
+            };
+            Ok(check.agrees_with(&expect, criterion))
+        }
+        What::Equals(value) => {
+            let criterion = criterion(assertion.tolerance()?)?;
+            let expected = wide(&result, value)?;
+            let expect = |_: &[u32], lanes: &mut Vec<f64>| lanes.extend(&expected);
+            Ok(settled(probe.over_dynamic(domain(all)?), test)?.agrees_with(&expect, criterion))
+        }
+        What::Finite => {
+            Ok(settled(probe.over_dynamic(domain(all)?), test)?
+                .satisfies("is finite", &|_, _| true))
+        }
+        What::InRange([least, most]) => {
+            if !(least <= most) {
+                return Err(format!("in_range = [{least}, {most}] has no value"));
+            }
+            let scalars = result.lanes();
+            let statement = format!("lies in {least}..={most}");
+            let holds = |_: &[u32], words: &[u32]| {
+                let mut lanes = scalars.iter().zip(words);
+                lanes.all(|(scalar, word)| (*least..=*most).contains(&scalar.decode(*word)))
+            };
+            Ok(settled(probe.over_dynamic(domain(all)?), test)?.satisfies(&statement, &holds))
+        }
+        What::SymmetricIn([first, second]) => {
+            let [first, second] = [first, second].map(|name| place(&parameters, name));
+            let (first, second) = (first?, second?);
+            if parameters[first.0].1 != parameters[second.0].1 || first.0 == second.0 {
+                return Err("symmetric_in names two parameters of one type".to_owned());
+            }
+            let width = shapes[first.0].lanes().len();
+            let swap = |words: &[u32], out: &mut Vec<u32>| {
+                let mut swapped = words.to_vec();
+                for lane in 0..width {
+                    swapped.swap(first.1 + lane, second.1 + lane);
+                }
+                out.extend(swapped);
+            };
+            let tolerance = tolerance(test.tolerance.as_deref().unwrap_or("exact"))?;
+            Ok(settled(probe.over_dynamic(domain(all)?), test)?.invariant_under(&swap, tolerance))
+        }
+        What::Monotone(argument, direction) => {
+            place(&parameters, argument)?;
+            let trend = match direction {
+                Direction::Increasing => Trend::Increasing,
+                Direction::Decreasing => Trend::Decreasing,
+            };
+            let tolerance = tolerance(test.tolerance.as_deref().unwrap_or("exact"))?;
+            Ok(settled(probe.over_dynamic(domain(all)?), test)?.is_monotone_in(
+                &**argument,
+                trend,
+                tolerance,
+            ))
+        }
+        What::Limit { argument, toward, through, is } => {
+            place(&parameters, argument)?;
+            #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
+            let steps: Vec<f32> = through.iter().map(|step| *step as f32).collect();
+            #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
+            let limit = Limit::toward(*toward as f32, steps);
+            let expected = wide(&result, is)?;
+            let expect = |_: &[u32], lanes: &mut Vec<f64>| lanes.extend(&expected);
+            let tolerance = tolerance(assertion.tolerance()?)?;
+            Ok(settled(probe.over_dynamic(domain(all)?), test)?.at_limit(
+                &**argument,
+                &limit,
+                &expect,
+                tolerance,
+            ))
+        }
+        What::Integral(Integral { over, is, at_most, slack, rings }) => {
+            if !matches!(shapes.last(), Some(Shape::Vector { size: 3, scalar: Scalar::F32 })) {
+                return Err("an integral is over the last parameter, a vec3f".to_owned());
+            }
+            let directions = match over {
+                Region::Sphere => Directions::sphere(),
+                Region::Hemisphere => Directions::hemisphere(),
+                Region::ProjectedHemisphere => Directions::projected_hemisphere(),
+            };
+            let directions = rings.map_or(directions, |rings| directions.rings(rings));
+            let last = parameters.last().map_or("", |(name, _)| name);
+            if test.over.contains_key(last) {
+                return Err(format!("over: `{last}` is what is integrated over: leave it out"));
+            }
+            let check = settled(probe.over_dynamic(domain(shapes.len() - 1)?), test)?;
+            let expected = wide(&result, is.as_ref().or(at_most.as_ref()).expect("one of them"))?;
+            let expect = |_: &[u32], lanes: &mut Vec<f64>| lanes.extend(&expected);
+            match is {
+                Some(_) => {
+                    let tolerance = tolerance(assertion.tolerance()?)?;
+                    Ok(check.integrates_to(directions, &expect, tolerance))
+                }
+                None => {
+                    let slack = slack.ok_or("at_most needs `slack`, what rounding may add")?;
+                    Ok(check.integrates_to_at_most(directions, &expect, slack))
+                }
+            }
+        }
+        What::NoHazards => Ok(settled(probe.over_dynamic(domain(all)?), test)?.has_no_hazards()),
+    }
+}
+
+/// A check with what a test says of all of its assertions.
+fn settled<'p>(
+    mut check: DynamicCheck<'p>,
+    test: &crate::declared::Declared,
+) -> Result<DynamicCheck<'p>, String> {
+    if let Some(cases) = test.cases {
+        check = check.cases(cases);
+    }
+    if let Some(seed) = test.seed {
+        check = check.seed(seed);
+    }
+    for (on, text) in &test.tolerance_on {
+        let own: Tolerance = tolerance(text).map_err(|error| format!("tolerance_on: {error}"))?;
+        check = check.tolerance_on(on.as_str(), own);
+    }
+    for (on, reason) in &test.fails_on {
+        check = check.fails_on(on.as_str(), reason);
+    }
+    Ok(check)
+}
+
+/// Where a parameter is among the others, and its first lane.
+fn place(parameters: &[(String, Shape)], name: &str) -> Result<(usize, usize), String> {
+    let known = || parameters.iter().map(|(name, _)| &**name);
+    let Some(at) = known().position(|known| known == name) else {
+        return Err(no_such("parameter", name, known()));
+    };
+    Ok((at, parameters[..at].iter().map(|(_, shape)| shape.lanes().len()).sum()))
+}
+
+/// The lanes of an expected value in `f64`. A number stands for each component.
+fn wide(shape: &Shape, value: &Value) -> Result<Vec<f64>, String> {
+    let scalars = shape.lanes();
+    let number = |value: &Value| match value {
+        Value::Float(number) => Some(*number),
+        #[expect(clippy::cast_precision_loss, reason = "no i32 or u32 loses a digit")]
+        Value::Integer(number) => Some(*number as f64),
+        Value::Boolean(value) => Some(f64::from(u8::from(*value))),
+        _ => None,
+    };
+    if let Some(number) = number(value) {
+        return Ok(vec![number; scalars.len()]);
+    }
+    let list =
+        value.as_array().and_then(|list| list.iter().map(number).collect::<Option<Vec<_>>>());
+    if let Some(list) = list.filter(|list| list.len() == scalars.len()) {
+        return Ok(list);
+    }
+    // Structs, arrays and matrices: as the shader would have them.
+    let words = lanes(shape, value)?;
+    Ok(scalars.iter().zip(words).map(|(scalar, word)| scalar.decode(word)).collect())
+}
+
+/// The fixtures of a test.
+fn bound(
+    program: &Program,
+    bindings: &[Binding],
+    with: &BTreeMap<String, Value>,
+    folder: &Path,
+) -> Result<Vec<(String, karat::fixture::Fixture)>, String> {
+    let known = || bindings.iter().map(Binding::name);
+    let mut all = Vec::new();
+    for (name, value) in with {
+        let Some(binding) = bindings.iter().find(|binding| binding.name() == name) else {
+            return Err(match bindings {
+                [] => format!("with: nothing is bound here, and not `{name}`"),
+                _ => format!("with: {}", no_such("variable", name, known())),
+            });
+        };
+        all.push((name.clone(), fixture(program, binding, value, folder)?));
+    }
+    Ok(all)
+}
+
+fn frame(package: &Package, declared: &Frame) -> Result<(), String> {
+    let module = declared.module.as_deref().unwrap_or_default();
+    let [width, height] = declared.size;
+    let program = Program::of_module(package, module).map_err(|error| error.to_string())?;
+    let mut bindings: Vec<Binding> = Vec::new();
+    for (stage, name) in [(Stage::Vertex, &declared.vertex), (Stage::Fragment, &declared.fragment)]
+    {
+        bindings.extend(program.entry_point_bindings(stage, name).unwrap_or_default());
+    }
+    let mut frame =
+        package.frame(module, width, height).fullscreen(&declared.vertex, &declared.fragment);
+    for (name, fixture) in bound(&program, &bindings, &declared.with, &declared.folder)? {
+        frame = frame.with(&name, fixture);
+    }
+    if let Some(relative) = declared.tolerance {
+        frame = frame.tolerance(FrameTolerance::gate(relative));
+    }
+    for (on, reason) in &declared.fails_on {
+        frame = frame.fails_on(on.as_str(), reason);
+    }
+    let folder = declared.golden.clone().unwrap_or_else(|| GOLDEN.into());
+    let goldens = Goldens::open(&declared.folder.join(folder));
+    // It panics with its message.
+    frame.matches(&goldens, &declared.name);
+    Ok(())
+}

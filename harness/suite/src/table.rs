@@ -1,0 +1,152 @@
+//! Tables of expected values: a CSV file whose columns are components of arguments and of the result.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use karat::domain::Part;
+use karat::value::{Scalar, Shape};
+
+use crate::domains::no_such;
+
+/// Arguments with what is expected of them.
+#[derive(Debug)]
+pub(crate) struct Table {
+    /// The words of each row's arguments.
+    pub(crate) rows: Vec<Vec<u32>>,
+    /// The expected lanes by arguments.
+    pub(crate) expected: HashMap<Vec<u32>, Vec<f64>>,
+}
+
+/// The name of the columns of what is expected.
+const RESULT: &str = "result";
+
+/// Reads a table for a function.
+pub(crate) fn read(
+    file: &Path,
+    parameters: &[(String, Shape)],
+    result: &Shape,
+) -> Result<Table, String> {
+    let name = file.display();
+    let text = std::fs::read(file).map_err(|error| format!("`{name}`: {error}"))?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(&*text);
+    let head = reader.headers().map_err(|error| format!("`{name}`: {error}"))?.clone();
+    let argument = |(name, shape): &(String, Shape)| columns(name, shape);
+    let arguments: Vec<(String, Scalar)> = parameters.iter().flat_map(argument).collect();
+    let results = columns(RESULT, result);
+    let wanted = || arguments.iter().chain(&results).map(|(name, _)| name.as_str());
+    if let Some(unknown) = head.iter().find(|column| wanted().all(|name| name != *column)) {
+        let error = no_such("column", unknown, wanted().collect::<Vec<_>>());
+        return Err(format!("`{name}`: the function has no such argument or result: {error}"));
+    }
+    let place = |(column, scalar): &(String, Scalar)| {
+        let place = head.iter().position(|known| known == column);
+        let missing = || format!("`{name}`: the column `{column}` is missing");
+        Ok((place.ok_or_else(missing)?, *scalar))
+    };
+    let arguments = arguments.iter().map(place).collect::<Result<Vec<_>, String>>()?;
+    let results = results.iter().map(place).collect::<Result<Vec<_>, String>>()?;
+    let (mut rows, mut expected) = (Vec::new(), HashMap::new());
+    for record in reader.records() {
+        let record = record.map_err(|error| format!("`{name}`: {error}"))?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let wrong = |column: usize, what: &str| {
+            let cell = record.get(column).unwrap_or_default();
+            let column = head.get(column).unwrap_or_default();
+            format!("`{name}` line {line}, column `{column}`: `{cell}` {what}")
+        };
+        let mut words = Vec::with_capacity(arguments.len());
+        for (column, scalar) in &arguments {
+            let cell = record.get(*column).unwrap_or_default();
+            let word = word(*scalar, cell);
+            words.push(word.ok_or_else(|| wrong(*column, &format!("is no {}", shown(*scalar))))?);
+        }
+        let mut lanes = Vec::with_capacity(results.len());
+        for (column, scalar) in &results {
+            let cell = record.get(*column).unwrap_or_default();
+            let value = match (scalar, cell) {
+                (Scalar::Bool, "true") => Some(1.0),
+                (Scalar::Bool, "false") => Some(0.0),
+                (_, cell) => cell.parse().ok().filter(|value: &f64| value.is_finite()),
+            };
+            lanes.push(value.ok_or_else(|| wrong(*column, "is no finite number"))?);
+        }
+        if let Some(other) = expected.insert(words.clone(), lanes.clone())
+            && other != lanes
+        {
+            return Err(format!(
+                "`{name}` line {line}: the same arguments had another result above"
+            ));
+        }
+        rows.push(words);
+    }
+    if rows.is_empty() {
+        return Err(format!("`{name}` has no row, so nothing would be compared"));
+    }
+    Ok(Table { rows, expected })
+}
+
+impl Table {
+    /// The rows, each once, as the arguments of a function.
+    pub(crate) fn part(&self, shapes: &[Shape]) -> Part {
+        let scalars = shapes.iter().flat_map(Shape::lanes).collect();
+        Part::listed(scalars, self.rows.clone())
+    }
+}
+
+/// `v.x`, `v.y` of a vector; the name alone of a number.
+fn columns(name: &str, shape: &Shape) -> Vec<(String, Scalar)> {
+    let lanes = shape.lane_names().into_iter().zip(shape.lanes());
+    lanes.map(|(lane, scalar)| (format!("{name}{lane}"), scalar)).collect()
+}
+
+fn shown(scalar: Scalar) -> String {
+    Shape::Scalar(scalar).to_string()
+}
+
+fn word(scalar: Scalar, cell: &str) -> Option<u32> {
+    match scalar {
+        Scalar::F32 | Scalar::F16 => {
+            Some(cell.parse::<f32>().ok().filter(|value| value.is_finite())?.to_bits())
+        }
+        Scalar::I32 => cell.parse::<i32>().ok().map(i32::cast_unsigned),
+        Scalar::U32 => cell.parse().ok(),
+        Scalar::Bool => cell.parse::<bool>().ok().map(u32::from),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(text: &str) -> Result<Table, String> {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("t.csv");
+        std::fs::write(&file, text).expect("a file");
+        let float = Shape::Scalar(Scalar::F32);
+        let vector = Shape::Vector { size: 2, scalar: Scalar::F32 };
+        read(&file, &[("a".to_owned(), float.clone()), ("v".to_owned(), vector)], &float)
+    }
+
+    #[test]
+    fn columns_come_in_any_order() {
+        let table = of("v.y, result, a, v.x\n2, 0.1, 1, 3\n").expect("it reads");
+        let words = [1.0_f32, 3.0, 2.0].map(f32::to_bits).to_vec();
+        assert_eq!((table.rows[0].clone(), table.expected[&words].clone()), (words, vec![0.1]));
+    }
+
+    #[test]
+    fn what_a_table_lacks_is_told() {
+        for (text, part) in [
+            ("a,v.x,v.y,result\n", "has no row"),
+            ("a,v.x,v.y\n1,2,3\n", "column `result` is missing"),
+            ("a,v.x,v.y,resul\n1,2,3,4\n", "did you mean `result`?"),
+            ("a,v.x,v.y,result\n1,2,x,4\n", "line 2, column `v.y`: `x` is no f32"),
+            ("a,v.x,v.y,result\n1,2,3,nan\n", "no finite number"),
+            ("a,v.x,v.y,result\n1,2,3,4\n1,2,3,5\n", "line 3: the same arguments"),
+            ("a,v.x,v.y,result\n1,2,3\n", "CSV error"),
+        ] {
+            let error = of(text).expect_err(text);
+            assert!(error.contains(part), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! Tolerances as text: `4 ulp`, `rel 1e-4 or abs 1e-6`, `spec`, `spec or rel 1e-3`, `exact`.
+
+use karat::tolerance::{Criterion, Granting};
+use karat::{Abs, Device, Rel, Spec, Tolerance, Ulp};
+
+/// A tolerance, or what a specification allows.
+pub(crate) fn criterion(text: &str) -> Result<Criterion, String> {
+    let granting = |first: &str, rest: &str| -> Result<Option<Granting>, String> {
+        let base = match first {
+            "spec" => Granting::from(Spec),
+            "device" => Granting::from(Device),
+            _ => return Ok(None),
+        };
+        let rest = rest.trim();
+        if rest.is_empty() {
+            return Ok(Some(base));
+        }
+        if let Some(need) = rest.strip_prefix("needing ") {
+            let (need, otherwise) = need.split_once(" otherwise ").unwrap_or((need, ""));
+            let need = tolerance(need)?;
+            let base = if first == "spec" { Spec.needing(need) } else { Device.needing(need) };
+            return Ok(Some(match otherwise {
+                "" => base,
+                otherwise => base.or(tolerance(otherwise)?),
+            }));
+        }
+        match rest.strip_prefix("or ") {
+            Some(otherwise) => Ok(Some(base.or(tolerance(otherwise)?))),
+            None => Err(format!("`{text}`: behind `{first}` comes `or` or `needing`")),
+        }
+    };
+    let trimmed = text.trim();
+    let (first, rest) = trimmed.split_once(' ').unwrap_or((trimmed, ""));
+    match granting(first, rest)? {
+        Some(granting) => Ok(granting.into()),
+        None => Ok(tolerance(text)?.into()),
+    }
+}
+
+/// A tolerance: bounds joined by `or`, or by `and`.
+pub(crate) fn tolerance(text: &str) -> Result<Tolerance, String> {
+    let (words, or): (Vec<&str>, bool) = match (text.contains(" or "), text.contains(" and ")) {
+        (true, true) => {
+            return Err(format!(
+                "`{text}` mixes `or` with `and`, so it isn't clear what it bounds"
+            ));
+        }
+        (_, and) => (text.split(if and { " and " } else { " or " }).collect(), !and),
+    };
+    let mut bounds = words.into_iter().map(bound);
+    let first = bounds.next().unwrap_or_else(|| Err("a tolerance is missing".to_owned()))?;
+    bounds.try_fold(first, |all, next| Ok(if or { all.or(next?) } else { all.and(next?) }))
+}
+
+fn bound(text: &str) -> Result<Tolerance, String> {
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let (unit, number) = match &*words {
+        ["exact"] => return Ok(Ulp(0.0).into()),
+        [number, unit] if number.parse::<f64>().is_ok() => (*unit, *number),
+        [unit, number] => (*unit, *number),
+        _ => return Err(unknown(text)),
+    };
+    let number: f64 = number.parse().map_err(|_| unknown(text))?;
+    if !(number.is_finite() && number >= 0.0) {
+        return Err(format!("`{text}` bounds nothing: the number is finite and at least 0"));
+    }
+    match unit {
+        "ulp" => Ok(Ulp(number).into()),
+        "rel" => Ok(Rel(number).into()),
+        "abs" => Ok(Abs(number).into()),
+        _ => Err(unknown(text)),
+    }
+}
+
+fn unknown(text: &str) -> String {
+    format!("`{text}` is no tolerance: write `4 ulp`, `rel 1e-4`, `abs 1e-6`, `exact` or `spec`")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tolerances_read_as_they_are_shown() {
+        for text in ["4 ulp", "rel 1e-4", "rel 1e-4 or abs 1e-6", "4 ulp and abs 1e-3"] {
+            assert_eq!(tolerance(text).expect("a tolerance").to_string(), text);
+        }
+        assert_eq!(tolerance("1e-4 rel").expect("either order").to_string(), "rel 1e-4");
+        assert_eq!(tolerance("exact").expect("0 ulp").to_string(), "0 ulp");
+        for text in ["spec", "device", "spec or rel 1e-3", "spec needing rel 1e-2"] {
+            criterion(text).unwrap_or_else(|error| panic!("{text}: {error}"));
+        }
+    }
+
+    #[test]
+    fn what_bounds_nothing_is_refused() {
+        for text in ["", "4", "ulp", "4 ulps", "nan ulp", "-1 abs", "inf rel", "spec 4 ulp"] {
+            assert!(criterion(text).is_err(), "{text}");
+        }
+        assert!(tolerance("1 ulp or 2 ulp and 3 ulp").is_err());
+    }
+}
