@@ -26,12 +26,12 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::check::arguments;
-use crate::diagnostic::nearest;
+use crate::diagnostic::{Diagnostic, nearest};
 use crate::interpret::Interpreted;
 use crate::interpret::hazards::Found;
 pub use crate::interpret::hazards::Kind;
 use crate::package::{AcceptedHazard, Package, PackageError};
-use crate::probe::{Probed, made_up};
+use crate::probe::{ProbeError, Probed, made_up};
 use crate::value::format_f32;
 use inputs::Declared;
 pub use inputs::suggested;
@@ -75,6 +75,9 @@ pub struct Hazard {
     /// Whether some argument is a number of which neither name nor type say what it is, so that nobody
     /// knows whether these are arguments that it gets.
     pub guessed: bool,
+    /// Why `karat.toml` accepts it, where those are asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub accepted: Option<String>,
     /// Other functions in which the same operation goes wrong.
     pub also: Vec<String>,
 }
@@ -90,6 +93,9 @@ pub struct Hazards {
     pub skipped: Vec<(String, String)>,
     /// The worst first; one a line and kind.
     pub found: Vec<Hazard>,
+    /// What happens in less than one case of a hundred, with arguments that nobody declared: too rarely
+    /// to be sure.
+    pub rare: Vec<Hazard>,
     /// How many were left out, as `karat.toml` accepts them with a reason.
     pub accepted: usize,
 }
@@ -203,12 +209,16 @@ impl Request {
             .collect();
         let mut functions = 0;
         let mut found: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
+        let mut rare: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
         let mut used: BTreeSet<String> = BTreeSet::new();
         for (name, seen) in each {
             match seen {
                 Err(why) => skipped.push((name, why)),
-                Ok(Seen { hazards, names }) => {
+                Ok(Seen { hazards, rare: own, names }) => {
                     functions += 1;
+                    for hazard in own {
+                        add(&mut rare, hazard);
+                    }
                     used.extend(names);
                     for hazard in hazards {
                         add(&mut found, hazard);
@@ -224,21 +234,29 @@ impl Request {
             expect_names(&inputs, &used)?;
         }
         let mut found: Vec<Hazard> = found.into_values().collect();
-        let before = found.len();
-        for accepted in declared.accepted.iter().filter(|_| !self.with_accepted) {
-            let count = found.len();
-            found.retain(|hazard| !accepted.covers(hazard));
-            if found.len() == count && self.only.is_empty() {
-                return Err(HazardError::Declaration(accepted.is_outdated()));
+        let mut rare: Vec<Hazard> = rare.into_values().collect();
+        rare.retain(|one| !found.iter().any(|h| h.location == one.location && h.kind == one.kind));
+        for accepted in &declared.accepted {
+            let covered = found.iter().chain(&rare).filter(|hazard| accepted.covers(hazard));
+            if self.only.is_empty() {
+                accepted.expect_current(&covered.collect::<Vec<_>>(), &found)?;
             }
+            for hazard in found.iter_mut().filter(|hazard| accepted.covers(hazard)) {
+                hazard.accepted.get_or_insert_with(|| accepted.reason.clone());
+            }
+            rare.retain(|hazard| !accepted.covers(hazard));
         }
-        let accepted = before - found.len();
+        let accepted = found.iter().filter(|hazard| hazard.accepted.is_some()).count();
+        if !self.with_accepted {
+            found.retain(|hazard| hazard.accepted.is_none());
+        }
         found.sort_by(|a, b| {
             let rank = |hazard: &Hazard| (hazard.guessed, hazard.kind, hazard.hidden);
             let order = rank(a).cmp(&rank(b)).then(b.cases.0.cmp(&a.cases.0));
             order.then_with(|| a.location.cmp(&b.location))
         });
-        Ok(Hazards { package, functions, skipped, found, accepted })
+        rare.sort_by(|a, b| (a.kind, &a.location).cmp(&(b.kind, &b.location)));
+        Ok(Hazards { package, functions, skipped, found, rare, accepted })
     }
 
     /// What goes wrong in a function, and the names of its arguments.
@@ -248,8 +266,16 @@ impl Request {
         let fixtures = made_up::fixtures(&probed)?;
         let engine = Interpreted::new(&probed, &fixtures).map_err(|error| text(&error))?;
         let rows = inputs::rows(&probed, inputs, self.cases);
-        let cases = engine.hazards(self.cases, &rows).map_err(|error| text(&error))?;
         let function = probed.function();
+        let cases = match engine.hazards(self.cases, &rows) {
+            Ok(cases) => cases,
+            Err(ProbeError::Rounds { case, diagnostic })
+                if probed.program.most_rounds().is_none() =>
+            {
+                return Ok(endless(&probed, case, &diagnostic, &rows, self.cases));
+            }
+            Err(error) => return Err(text(&error)),
+        };
         let lanes = |case: usize| {
             let width: usize = function.parameters.iter().map(|(_, s)| s.lanes().len()).sum();
             &rows[case * width..][..width]
@@ -269,6 +295,7 @@ impl Request {
                     hidden: one.hidden,
                     values: shown(one),
                     guessed,
+                    accepted: None,
                     also: Vec::new(),
                 });
                 hazard.cases.0 += 1;
@@ -282,14 +309,48 @@ impl Request {
         let names = function.parameters.iter().map(|(name, _)| name.clone()).collect();
         // Numbers that nobody means may break anything once: then it has to happen more often.
         let sure = |hazard: &Hazard| !guessed || hazard.cases.0 * RARE >= hazard.cases.1;
-        Ok(Seen { hazards: found.into_values().filter(sure).collect(), names })
+        let (hazards, rare) = found.into_values().partition(sure);
+        Ok(Seen { hazards, rare, names })
     }
 }
 
 /// What was seen of a function.
 struct Seen {
     hazards: Vec<Hazard>,
+    /// What made-up arguments cause now and then.
+    rare: Vec<Hazard>,
     names: Vec<String>,
+}
+
+/// A function with a loop that was stopped.
+fn endless(
+    probed: &Probed,
+    case: usize,
+    diagnostic: &Diagnostic,
+    rows: &[u32],
+    cases: usize,
+) -> Seen {
+    let function = probed.function();
+    let width: usize = function.parameters.iter().map(|(_, s)| s.lanes().len()).sum();
+    let at = diagnostic.location().unwrap_or(&function.span);
+    let text = at.file.text.get(at.range.clone()).unwrap_or_default();
+    let hazard = Hazard {
+        kind: Kind::Endless,
+        location: at.to_string(),
+        text: one_line(text),
+        function: function.name.clone(),
+        arguments: rows
+            .get(case * width..(case + 1) * width)
+            .map_or_else(Vec::new, |row| arguments(function, row)),
+        cases: (1, cases),
+        hidden: false,
+        values: None,
+        guessed: true,
+        accepted: None,
+        also: Vec::new(),
+    };
+    let names = function.parameters.iter().map(|(name, _)| name.clone()).collect();
+    Seen { hazards: vec![hazard], rare: Vec::new(), names }
 }
 
 /// Adds a hazard to those of other functions. The function that has the operation is preferred.
@@ -348,12 +409,28 @@ impl AcceptedHazard {
             && self.text.as_ref().is_none_or(|text| *text == hazard.text)
     }
 
-    fn is_outdated(&self) -> String {
+    /// Wants each function that is named to have such a hazard.
+    fn expect_current(&self, covered: &[&Hazard], all: &[Hazard]) -> Result<(), HazardError> {
+        let has = |name: &&String| {
+            let alone = Self { functions: vec![(*name).clone()], ..self.clone() };
+            covered.iter().any(|hazard| alone.covers(hazard))
+        };
+        let Some(idle) = self.functions.iter().find(|name| !has(name)) else { return Ok(()) };
         let of = self.text.as_ref().map_or_else(String::new, |text| format!(" at `{text}`"));
-        format!(
-            "`karat.toml` accepts a hazard of `{}`{of}, and there is none: delete it",
-            self.functions.join("`, `")
-        )
+        let own = all.iter().filter(|hazard| hazard.function == *idle);
+        let texts: Vec<&str> = own.map(|hazard| hazard.text.as_str()).collect();
+        let plain = |text: &str| text.split_whitespace().collect::<String>();
+        let spaced =
+            self.text.as_ref().and_then(|text| texts.iter().find(|own| plain(own) == plain(text)));
+        let near = nearest(idle, all.iter().map(|hazard| hazard.function.as_str()));
+        let hint = match (spaced, near) {
+            (Some(text), _) => format!("did you mean `{text}`?"),
+            (None, Some(near)) if texts.is_empty() => format!("did you mean `{near}`?"),
+            _ => "delete it".to_owned(),
+        };
+        Err(HazardError::Declaration(format!(
+            "`karat.toml` accepts a hazard of `{idle}`{of}, and there is none: {hint}"
+        )))
     }
 }
 
@@ -372,6 +449,9 @@ impl fmt::Display for Hazard {
         }
         if self.hidden {
             write!(f, "; the result is finite, as a later operation hides it")?;
+        }
+        if let Some(reason) = &self.accepted {
+            write!(f, "\n    accepted: {reason}")?;
         }
         if !self.also.is_empty() {
             let more = self.also.len();

@@ -9,6 +9,7 @@ pub(crate) mod trace;
 use std::borrow::Cow;
 use std::ops;
 use std::sync::Arc;
+use std::time::Instant;
 
 pub(crate) use karat_engine::Accuracy;
 use karat_engine::{
@@ -107,6 +108,28 @@ impl Interpreted {
         Some((span, text))
     }
 
+    /// An operation in the author's file, and its text there. naga's place of `-x` is that of `x`.
+    fn author_of(&self, site: &karat_engine::Site) -> Option<(Span, String)> {
+        let range = site.span.to_range()?;
+        let (mut span, text) = self.author(range)?;
+        let mut functions = self.program.module().functions.iter().map(|(_, function)| function);
+        let function = functions.find(|f| f.name.as_deref() == Some(&*site.function));
+        let expression = function.zip(site.expression);
+        match expression.and_then(|(f, at)| f.expressions.try_get(at).ok()) {
+            Some(naga::Expression::Unary { op: naga::UnaryOperator::Negate, .. }) => {}
+            _ => return Some((span, text)),
+        }
+        let sign = '-';
+        let before = span.file.text.get(..span.range.start)?.trim_end();
+        if !text.starts_with(sign) && before.ends_with(sign) {
+            let start = before.len() - 1;
+            let text = format!("{}{text}", span.file.text.get(start..span.range.start)?);
+            span.range.start = start;
+            return Some((span, text));
+        }
+        Some((span, text))
+    }
+
     /// Where the function is declared.
     pub(crate) fn place(&self) -> &Span {
         &self.declared
@@ -176,7 +199,8 @@ impl Interpreted {
     }
 
     fn options(&self) -> Options {
-        Options { fuel: self.fuel, ..Options::default() }
+        let deadline = Instant::now().checked_add(settings::deadline());
+        Options { fuel: self.fuel, deadline, ..Options::default() }
     }
 
     fn call_with<A: Arithmetic>(
@@ -301,13 +325,27 @@ fn place(program: &Program, range: Option<ops::Range<usize>>) -> Option<Span> {
 }
 
 fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
-    let Stop::Fuel { span, case, rounds } = stop else {
-        let message = stop.to_string();
-        return PathError::Route { path: Path::CPU, message }.into();
+    let (span, case, message, note) = match stop {
+        Stop::Fuel { span, case, rounds } => {
+            let message = format!(
+                "on path `cpu` `{name}` was stopped: this loop had gone round {rounds} times"
+            );
+            let note = "where it is to go round more often, set KARAT_FUEL to that number";
+            (span, case, message, note)
+        }
+        Stop::Late { span, case } => {
+            let seconds = settings::deadline().as_secs_f64();
+            let message = format!(
+                "on path `cpu` `{name}` was stopped: after {seconds} s it was still in this loop"
+            );
+            let note = "where it is to take longer, set KARAT_DEADLINE to the seconds that it may";
+            (span, case, message, note)
+        }
+        other => {
+            let message = other.to_string();
+            return PathError::Route { path: Path::CPU, message }.into();
+        }
     };
-    let message =
-        format!("on path `cpu` `{name}` doesn't end: this loop goes round {rounds} times");
-    let note = "where it is to go round more often, set KARAT_FUEL to that number";
     let mut diagnostic = Diagnostic::new(message).note(note);
     if let Some(place) = place(program, span.to_range()) {
         diagnostic = diagnostic.at(place.first_line(), "");

@@ -185,6 +185,13 @@ pub(crate) fn fuel() -> u64 {
     current().map_or(FUEL_ROUNDS, |settings| settings.fuel)
 }
 
+/// How long a shader may take.
+#[cfg_attr(not(feature = "engine"), expect(dead_code, reason = "it is the engine's"))]
+pub(crate) fn deadline() -> Duration {
+    let usual = Duration::from_secs_f64(DEADLINE_SECONDS);
+    current().map_or(usual, |settings| settings.deadline)
+}
+
 /// Whether frames are left out. A wrong setting leaves nothing out, and is told by what reads others.
 pub(crate) fn leaves_frames_out() -> bool {
     current().is_ok_and(|settings| !settings.frames)

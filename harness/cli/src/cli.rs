@@ -165,7 +165,7 @@ enum Command {
                             karat call layering::thin_coat --path vulkan -- -1,0,0 1,1,1 0.5\n  \
                             karat call fresnel::schlick --cases in.csv --out out.csv --path vulkan\n  \
                             karat call double 21 --package my.wgsl\n  \
-                            karat call brdf::lambert 0.5 0.8 --trace --html trace.html\n\
+                            karat call fresnel::schlick 0.04,0.04,0.04 0.3 --trace --html trace.html\n\
                             A vector's components are joined by commas. A table has one case a row \
                             and one scalar a column;\nits head names them (f0.x,f0.y,f0.z,v_dot_h) or \
                             is left out. Numbers read and print as the exact f32.")]

@@ -149,7 +149,7 @@ impl Program {
                         machine.run(invocations, first, &mut memory, observer).map_err(
                             |spent| {
                                 let case = first + spent.lane;
-                                Stop::Fuel { span: spent.span, case, rounds: options.fuel }
+                                spent.stop(case, options.fuel)
                             },
                         )?;
                         group += 1;

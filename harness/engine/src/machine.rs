@@ -26,6 +26,18 @@ use worlds::Worlds;
 pub(crate) struct Spent {
     pub(crate) span: Span,
     pub(crate) lane: usize,
+    /// Whether it was the deadline that ended it.
+    pub(crate) late: bool,
+}
+
+impl Spent {
+    pub(crate) fn stop(self, case: usize, rounds: u64) -> crate::Stop {
+        let span = self.span;
+        match self.late {
+            true => crate::Stop::Late { span, case },
+            false => crate::Stop::Fuel { span, case, rounds },
+        }
+    }
 }
 
 /// The registers and masks of one thread.
@@ -41,6 +53,8 @@ pub(crate) struct Machine<'p, A: Rules> {
     worlds: Worlds<'p, A>,
     /// Loop rounds that each lane has left.
     fuel: Vec<u64>,
+    /// Rounds of loops, for looking at the clock.
+    rounds: u64,
     /// Rounds for which each lane's exit has been undecided.
     undecided: Vec<u64>,
     /// Where a lane's results became anything, as a site: a loop whose exit stayed undecided, or an index
@@ -63,6 +77,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             masks: Masks::new(if A::UNDECIDED { 0 } else { width }),
             worlds: Worlds::new(code, if A::UNDECIDED { width } else { 0 }),
             fuel: vec![0; width],
+            rounds: 0,
             undecided: vec![0; width],
             lost: vec![None; width],
             site: 0,

@@ -1,6 +1,7 @@
 //! How a program runs.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use crate::accuracy::Accuracy;
 
@@ -10,6 +11,8 @@ pub struct Options {
     /// Rounds of all loops together that a case may run: 2^20 by default, far above what a pixel
     /// can afford and some seconds at most until a loop without end is found.
     pub fuel: u64,
+    /// When a run ends that is still in a loop; `None`: never.
+    pub deadline: Option<Instant>,
     /// Rounds for which the exit of a loop may be undecided before its results are unbounded, in
     /// intervals: 256 by default. Bounds that haven't converged by then rarely do.
     pub undecided: u64,
@@ -26,6 +29,13 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { fuel: 1 << 20, undecided: 256, flush: false, decimals: false, accuracy: None }
+        Self {
+            fuel: 1 << 20,
+            deadline: None,
+            undecided: 256,
+            flush: false,
+            decimals: false,
+            accuracy: None,
+        }
     }
 }

@@ -192,7 +192,7 @@ impl Program {
                 Err(spent) => {
                     failed.fetch_min(chunk, Ordering::Relaxed);
                     let case = first + spent.lane;
-                    Err(Stop::Fuel { span: spent.span, case, rounds: options.fuel })
+                    Err(spent.stop(case, options.fuel))
                 }
             }
         };

@@ -32,6 +32,14 @@ pub enum Stop {
         /// What was allowed.
         rounds: u64,
     },
+    /// A loop was still running at the deadline.
+    #[error("case {case} was still in a loop at the deadline")]
+    Late {
+        /// The loop.
+        span: Span,
+        /// A case that was in it.
+        case: usize,
+    },
     /// The words aren't whole rows.
     #[error("{found} words aren't {cases} rows of {width}")]
     Rows {

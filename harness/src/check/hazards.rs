@@ -70,7 +70,7 @@ fn class(kind: Kind) -> Class {
         Kind::Nan => Class::Nan,
         Kind::Infinite => Class::Infinite,
         Kind::Unbounded => Class::Unbounded,
-        Kind::OutOfRange | Kind::ByZero | Kind::LostDigits => Class::Other,
+        Kind::OutOfRange | Kind::ByZero | Kind::LostDigits | Kind::Endless => Class::Other,
     }
 }
 

@@ -32,6 +32,8 @@ pub enum Kind {
     LostDigits,
     /// WGSL allows any result.
     Unbounded,
+    /// A loop was stopped.
+    Endless,
 }
 
 impl Kind {
@@ -45,6 +47,7 @@ impl Kind {
             Self::Infinite => "infinite",
             Self::LostDigits => "digits lost",
             Self::Unbounded => "unbounded by WGSL",
+            Self::Endless => "may not end",
         }
     }
 
@@ -58,6 +61,9 @@ impl Kind {
             Self::Infinite => "it overflows, or divides by zero",
             Self::LostDigits => "more than half of its digits are rounding errors",
             Self::Unbounded => "WGSL bounds no error here: drivers may return anything",
+            Self::Endless => {
+                "the loop was stopped after thousands of rounds, and nothing else was looked at"
+            }
         }
     }
 }
@@ -96,6 +102,9 @@ const SMALL: f64 = 1.0 / 64.0;
 
 /// Rounds of loops that made-up arguments may cause.
 const PATIENCE: u64 = 4096;
+
+/// Rounds of loops that have a bound.
+const MOST_ROUNDS: u64 = 65_536;
 
 /// Rounds after which an exit that is undecided is given up: each follows both ways.
 const UNDECIDED: u64 = 16;
@@ -240,7 +249,12 @@ impl Interpreted {
 
     fn hazards_of_chunk(&self, cases: usize, rows: &[u32]) -> Result<Vec<Vec<Found>>, ProbeError> {
         let (single, double) = (Recorder::<f32>::default(), Recorder::<f64>::default());
-        let options = Options { fuel: PATIENCE, undecided: UNDECIDED, ..Options::default() };
+        // What has a bound ends: it may be as long as is still quick to run.
+        let fuel = match self.program.most_rounds() {
+            Some(rounds) => rounds.saturating_mul(2).clamp(PATIENCE, MOST_ROUNDS),
+            None => PATIENCE,
+        };
+        let options = Options { fuel, undecided: UNDECIDED, ..self.options() };
         let results = self.observed::<F32>(cases, rows, &options, &single)?;
         let shadows = self.observed::<F64>(cases, rows, &options, &double)?;
         let anything = Anything::default();
@@ -312,7 +326,7 @@ impl Interpreted {
     fn found(&self, kind: Kind, site: usize, hidden: bool) -> Option<Found> {
         let sites = self.lowered.sites();
         let site = sites.iter().find(|one| std::ptr::from_ref(*one).addr() == site)?;
-        let (span, text) = self.author(site.span.to_range()?)?;
+        let (span, text) = self.author_of(site)?;
         let hidden = hidden && matches!(kind, Kind::Nan | Kind::Infinite);
         Some(Found { kind, span, text, hidden, values: None })
     }

@@ -1,9 +1,10 @@
 //! Each operation of one call, in three arithmetics.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use karat_engine::{F32, F64, Interval, Intervals, Lanes, Observer, Truth};
+use karat_engine::{F32, F64, Interval, Intervals, Lanes, Observer, OutOfRange, Truth};
 
 use super::Interpreted;
 use crate::diagnostic::Span;
@@ -30,35 +31,45 @@ pub struct Step {
 const MOST: usize = 1000;
 
 /// What an operation gave, one after the other.
-struct Values<F>(Mutex<Vec<(usize, F)>>);
+struct Values<F> {
+    all: Mutex<Vec<(usize, F)>>,
+    /// Whether an index has left its array: WGSL allows anything from there on.
+    lost: AtomicBool,
+}
 
 macro_rules! values {
-    ($arithmetic:ty, $float:ty, $active:expr) => {
+    ($arithmetic:ty, $float:ty, $active:expr, $anything:expr) => {
         impl Observer<$arithmetic> for Values<$float> {
             fn floats(&self, lanes: &Lanes<'_, $arithmetic>) {
-                let mut values = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut values = self.all.lock().unwrap_or_else(PoisonError::into_inner);
+                let anything: Option<$float> = $anything;
+                let lost = anything.filter(|_| self.lost.load(Ordering::Relaxed));
                 let site = std::ptr::from_ref(lanes.site).addr();
                 if lanes.active.first().is_some_and($active) && values.len() < 16 * MOST {
-                    values.extend(lanes.floats.iter().map(|lane| (site, lane[0])));
+                    values.extend(lanes.floats.iter().map(|lane| (site, lost.unwrap_or(lane[0]))));
                 }
+            }
+
+            fn out_of_range(&self, _: &OutOfRange<'_>) {
+                self.lost.store(true, Ordering::Relaxed);
             }
         }
     };
 }
-values!(F32, f32, |active: &bool| *active);
-values!(F64, f64, |active: &bool| *active);
-values!(Intervals, Interval, |active: &Truth| *active != Truth::False);
+values!(F32, f32, |active: &bool| *active, None);
+values!(F64, f64, |active: &bool| *active, None);
+values!(Intervals, Interval, |active: &Truth| *active != Truth::False, Some(Interval::UNBOUNDED));
 
 impl<F: Copy> Values<F> {
     fn new() -> Self {
-        Self(Mutex::new(Vec::new()))
+        Self { all: Mutex::default(), lost: AtomicBool::new(false) }
     }
 
     /// The components of each operation together: its site, how often that came before, and values.
     fn groups(self) -> Vec<((usize, usize), Vec<F>)> {
         let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
         let mut groups: Vec<((usize, usize), Vec<F>)> = Vec::new();
-        for (site, value) in self.0.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        for (site, value) in self.all.into_inner().unwrap_or_else(PoisonError::into_inner) {
             match groups.last_mut() {
                 Some(((last, _), values)) if *last == site => values.push(value),
                 _ => {
@@ -85,7 +96,7 @@ impl Interpreted {
         let sites: BTreeMap<usize, &karat_engine::Site> =
             self.lowered.sites().iter().map(|one| (std::ptr::from_ref(one).addr(), one)).collect();
         let step = |(key, single): ((usize, usize), Vec<f32>)| {
-            let (span, text) = self.author(sites.get(&key.0)?.span.to_range()?)?;
+            let (span, text) = self.author_of(sites.get(&key.0)?)?;
             let ends = |x: &Interval| x.is_bounded().then(|| (x.lo(), x.hi()));
             Some(Step {
                 span,

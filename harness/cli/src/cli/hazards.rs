@@ -11,6 +11,9 @@ use super::project::Project;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::{Ending, Outcome, PackageArgs, write_json};
 
+/// Reasons that are shown why functions weren't looked at.
+const REASONS: usize = 4;
+
 /// Hazards that are shown: what a screen has.
 const SHOWN: usize = 8;
 
@@ -78,12 +81,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         true => write_json(&all, out)?,
         false => all.iter().try_for_each(|hazards| write_text(hazards, args.all, out))?,
     }
-    let good = all.iter().all(|hazards| hazards.found.is_empty());
+    let mut found = all.iter().flat_map(|hazards| &hazards.found);
+    let good = found.all(|hazard| hazard.accepted.is_some());
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
 fn write_text(hazards: &Hazards, all: bool, out: &mut dyn Write) -> anyhow::Result<()> {
-    let Hazards { package, functions, skipped, found, accepted } = hazards;
+    let Hazards { package, functions, skipped, found, rare, accepted } = hazards;
     let shown = if all { found.len() } else { SHOWN.min(found.len()) };
     for hazard in &found[..shown] {
         write_one(hazard, out)?;
@@ -92,16 +96,22 @@ fn write_text(hazards: &Hazards, all: bool, out: &mut dyn Write) -> anyhow::Resu
         writeln!(out, "{} more: --all shows them\n", found.len() - shown)?;
     }
     if all {
+        for hazard in rare {
+            write_one(hazard, out)?;
+        }
         for (name, why) in skipped {
             writeln!(out, "{DIM}not looked at: {name}: {why}{DIM:#}")?;
         }
+    } else {
+        write_reasons(skipped, out)?;
     }
-    let style = if found.is_empty() { GOOD } else { BAD };
+    let open = found.iter().filter(|hazard| hazard.accepted.is_none()).count();
+    let style = if open == 0 { GOOD } else { BAD };
     let counted = |count: usize, word: &str| match count {
         1 => format!("1 {word}"),
         count => format!("{count} {word}s"),
     };
-    write!(out, "{style}{package}: {}{style:#}", counted(found.len(), "hazard"))?;
+    write!(out, "{style}{package}: {}{style:#}", counted(open, "hazard"))?;
     write!(out, " in {}", counted(*functions, "function"))?;
     if *accepted > 0 {
         write!(out, ", {accepted} accepted in karat.toml")?;
@@ -110,6 +120,36 @@ fn write_text(hazards: &Hazards, all: bool, out: &mut dyn Write) -> anyhow::Resu
         write!(out, ", {} not looked at", counted(skipped.len(), "function"))?;
     }
     writeln!(out)?;
+    if !rare.is_empty() {
+        let shown = if all { "above" } else { "--all shows them" };
+        writeln!(
+            out,
+            "{DIM}{} with arguments that nobody declared, in fewer than 1 of 100 inputs: {shown}; \
+             --input NAME=LEAST..MOST says what they are{DIM:#}",
+            counted(rare.len(), "rarer one")
+        )?;
+    }
+    Ok(())
+}
+
+/// Why functions weren't looked at: each reason once.
+fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::Result<()> {
+    let mut reasons: Vec<(&str, &str, usize)> = Vec::new();
+    for (name, why) in skipped {
+        match reasons.iter_mut().find(|(known, ..)| known == why) {
+            Some((_, _, count)) => *count += 1,
+            None => reasons.push((why, name, 1)),
+        }
+    }
+    reasons.sort_by_key(|(.., count)| std::cmp::Reverse(*count));
+    for (why, name, count) in reasons.iter().take(REASONS) {
+        let more = if *count > 1 { format!(" and {} more", count - 1) } else { String::new() };
+        writeln!(out, "{DIM}not looked at: {name}{more}: {why}{DIM:#}")?;
+    }
+    if reasons.len() > REASONS {
+        let more = reasons.len() - REASONS;
+        writeln!(out, "{DIM}not looked at for {more} other reasons: --all shows them{DIM:#}")?;
+    }
     Ok(())
 }
 

@@ -19,7 +19,10 @@ impl<'m> Lower<'m> {
         if let Some(value) = &scope.values[handle.index()] {
             return Ok(value.clone());
         }
+        // What is emitted behind an operand is whoever's operand it is.
+        let (site, span) = (self.site, self.span);
         let value = stacker::maybe_grow(STACK.0, STACK.1, || self.lower_expression(scope, handle))?;
+        (self.site, self.span) = (site, span);
         scope.values[handle.index()] = Some(value.clone());
         Ok(value)
     }

@@ -1,9 +1,14 @@
 //! Control flow: what changes the mask, and the fuel that loops take.
 
+use std::time::Instant;
+
 use super::worlds::Files;
 use super::{Machine, Spent};
 use crate::arithmetic::sealed::Rules;
 use crate::code::{Instruction, Op};
+
+/// Rounds between two looks at the clock.
+const ROUNDS: u64 = 1024;
 
 /// The registers, borrowed apart from the masks.
 macro_rules! files {
@@ -109,7 +114,15 @@ impl<A: Rules> Machine<'_, A> {
         }
         if spent {
             let lane = self.fuel.iter().position(|&fuel| fuel == u64::MAX).unwrap_or(0);
-            return Err(Spent { span, lane });
+            return Err(Spent { span, lane, late: false });
+        }
+        // Looking at the clock costs more than a round.
+        self.rounds += 1;
+        if self.rounds.is_multiple_of(ROUNDS)
+            && self.options.deadline.is_some_and(|deadline| Instant::now() >= deadline)
+        {
+            let lane = mask.iter().position(|active| A::possible(*active)).unwrap_or(0);
+            return Err(Spent { span, lane, late: true });
         }
         if A::UNDECIDED {
             for lane in 0..self.width {
