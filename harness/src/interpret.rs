@@ -112,12 +112,8 @@ impl Interpreted {
     fn author_of(&self, site: &karat_engine::Site) -> Option<(Span, String)> {
         let range = site.span.to_range()?;
         let (mut span, text) = self.author(range)?;
-        let mut functions = self.program.module().functions.iter().map(|(_, function)| function);
-        let function = functions.find(|f| f.name.as_deref() == Some(&*site.function));
-        let expression = function.zip(site.expression);
-        match expression.and_then(|(f, at)| f.expressions.try_get(at).ok()) {
-            Some(naga::Expression::Unary { op: naga::UnaryOperator::Negate, .. }) => {}
-            _ => return Some((span, text)),
+        if !site.expression.is_some_and(|at| self.program.negates(&site.function, at.index())) {
+            return Some((span, text));
         }
         let sign = '-';
         let before = span.file.text.get(..span.range.start)?.trim_end();

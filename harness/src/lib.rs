@@ -27,6 +27,8 @@
 //! as verdicts, records and images, are in the modules.
 
 pub mod check;
+#[cfg(feature = "engine")]
+pub mod compare;
 pub mod diagnostic;
 pub mod domain;
 pub mod draw;

@@ -33,6 +33,7 @@ const ORDER: [&str; 25] = [
     "check",
     "frame",
     "hazards",
+    "compare",
     "trace",
     "matrix",
 ];

@@ -9,6 +9,7 @@ mod artefact;
 mod call;
 mod check;
 mod child;
+mod compare;
 mod diff;
 mod doctor;
 mod goldens;
@@ -160,6 +161,17 @@ enum Command {
                             at, or a declaration isn't true."
     )]
     Hazards(hazards::Args),
+    /// Tell what an edit changed: every function before and after it, with no test written
+    #[command(
+        after_help = "Examples:\n  karat compare HEAD\n  karat compare main --only fresnel\n  \
+                            karat compare ../old/shaders --paths cpu,vulkan\n\
+                            Arguments come from their types and names, as in `karat hazards`. Functions \
+                            whose text is the same but\nfor comments and blanks aren't run; results are \
+                            compared bit by bit.\n\
+                            Exit codes: 0 nothing changed; 1 a result, a signature or the set of functions \
+                            did, or one can't be\ncompared; 2 a package or the revision can't be read."
+    )]
+    Compare(compare::Args),
     /// Call a function and print its value on every path
     #[command(after_help = "Examples:\n  karat call fresnel::schlick 0.04,0.04,0.04 0.3\n  \
                             karat call layering::thin_coat --path vulkan -- -1,0,0 1,1,1 0.5\n  \
@@ -317,6 +329,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
         Command::Show(args) => show::run(&args, out),
         Command::Translate(args) => translate::run(&args, out),
         Command::Matrix(args) => matrix::run(&args, out),
+        Command::Compare(args) => compare::run(&args, out),
         Command::Hazards(args) => hazards::run(&args, out),
         Command::Call(args) => call::run(&args, out),
         Command::Doctor(args) => doctor::run(&args, out),

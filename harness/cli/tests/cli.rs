@@ -2,6 +2,8 @@
 
 #[path = "cli/check.rs"]
 mod check;
+#[path = "cli/compare.rs"]
+mod compare;
 #[path = "cli/crates.rs"]
 mod crates;
 #[path = "cli/diff.rs"]
@@ -24,6 +26,8 @@ mod pipes;
 mod report;
 #[path = "cli/runs.rs"]
 mod runs;
+#[path = "cli/suite.rs"]
+mod suite;
 #[path = "cli/translations.rs"]
 mod translations;
 #[path = "cli/unreferenced.rs"]

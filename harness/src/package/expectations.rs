@@ -172,6 +172,7 @@ fn are_finite(x: vec4f) -> bool {{
 fn are_near(actual: vec4f, expected: vec4f, absolute: f32, relative: f32) -> bool {{
     let bound = max(vec4f(absolute), relative * max(abs(actual), abs(expected)));
     return are_finite(actual) && are_finite(expected) && are_finite(bound)
+        && absolute >= 0.0 && relative >= 0.0
         && all(abs(actual - expected) <= 0.999 * bound);
 }}
 

@@ -144,6 +144,18 @@ impl Program {
         parameters.collect()
     }
 
+    /// Whether an expression of a function, by its index, is `-x`.
+    #[cfg(feature = "engine")]
+    pub(crate) fn negates(&self, function: &str, expression: usize) -> bool {
+        let mut functions = self.module.functions.iter().map(|(_, function)| function);
+        let function = functions.find(|known| known.name.as_deref() == Some(function));
+        let mut expressions = function.into_iter().flat_map(|f| f.expressions.iter());
+        matches!(
+            expressions.nth(expression),
+            Some((_, naga::Expression::Unary { op: naga::UnaryOperator::Negate, .. }))
+        )
+    }
+
     /// The author's path of a declaration by its name in the linked text.
     pub(crate) fn author_path(&self, linked: &str) -> Option<&str> {
         self.linked.names.get(linked).map(String::as_str)

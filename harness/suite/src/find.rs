@@ -47,7 +47,8 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
         }
     }
     let mut files = Vec::new();
-    let folder = if root.is_file() { root.parent().unwrap_or(Path::new(".")) } else { &root };
+    let folder = if root.is_file() { root.parent().unwrap_or(Path::new("")) } else { &root };
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     sidecars(folder, &root, &mut files)?;
     for file in files {
         match declared::read(&file, &root) {

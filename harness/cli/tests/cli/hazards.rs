@@ -60,3 +60,79 @@ fn each_intermediate_of_a_call_is_shown() {
     let over = [&call[..], &["--html", "shaders/fresnel.wgsl"]].concat();
     assert!(karat(folder.path(), &over).error().contains("name another file"));
 }
+
+#[test]
+fn what_an_index_loses_is_lost_in_the_trace() {
+    let text = "fn rd(i: u32) -> f32 {\n    var a = array<f32, 3>(1.0, 2.0, 3.0);\n    \
+                let x = a[i];\n    return -x * 2.0;\n}\n";
+    let folder = shaders(text);
+    let call = |i: &str| {
+        karat(folder.path(), &["call", "fresnel::rd", i, "--path", "cpu", "--trace"]).good()
+    };
+    let row = |ran: &str| ran.lines().find(|line| line.contains("-x * 2.0")).map(str::to_owned);
+    assert!(row(&call("1")).is_some_and(|row| row.ends_with("-4")), "{}", call("1"));
+    assert!(row(&call("7")).is_some_and(|row| row.ends_with("anything")), "{}", call("7"));
+    // The sign belongs to the operation.
+    assert!(call("1").lines().any(|line| line.contains("  -x  ")), "{}", call("1"));
+}
+
+#[test]
+fn loops_that_may_not_end_are_hazards() {
+    let folder = shaders(
+        "fn forever(n: f32) -> f32 {\n    var x = 0.0;\n    loop {\n        x += n;\n        \
+         if x < -1e30 { break; }\n    }\n    return x;\n}\n\
+         fn long() -> f32 {\n    var s = 0.0;\n    \
+         for (var i = 0; i < 2000000000; i++) { s += 0.1; }\n    return s;\n}\n",
+    );
+    let ran = karat(folder.path(), &["hazards"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    for part in [
+        "may not end  loop {",
+        "fresnel.wgsl:3:5",
+        "1 function not looked at",
+        "not looked at: fresnel::long: error: on path `cpu` `fresnel::long` was stopped",
+    ] {
+        assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
+    }
+    // What has a bound may be long; the deadline holds there, too.
+    let mut long = command(folder.path(), &["call", "fresnel::long", "--path", "cpu"]);
+    let error = output(long.env("KARAT_DEADLINE", "0.2")).error();
+    assert!(error.contains("after 0.2 s it was still in this loop"), "{error}");
+    assert!(error.contains("fresnel.wgsl:11:5"), "{error}");
+}
+
+#[test]
+fn rare_hazards_are_counted_and_acceptances_are_true() {
+    let text = "fn unpremul(c: vec4f) -> vec3f { return c.rgb / c.a; }\n";
+    let folder = shaders(&format!("{SCHLICK}{text}"));
+    let accept = |functions: &str, text: &str| {
+        let declared =
+            format!("[[hazard]]\nfunctions = {functions}\ntext = \"{text}\"\nreason = \"meant\"\n");
+        write(&folder.path().join("shaders"), "karat.toml", &declared);
+        karat(folder.path(), &["hazards"])
+    };
+    let ran = accept("[\"fresnel::schlick\"]", "pow(1.0 - v_dot_h, 5.0)").good();
+    for part in ["0 hazards in 3 functions, 1 accepted", "1 rarer one", "--all shows them"] {
+        assert!(ran.contains(part), "no `{part}` in {ran}");
+    }
+    let all = karat(folder.path(), &["hazards", "--all", "--accepted"]).good();
+    for part in ["accepted: meant", "c.rgb / c.a", "0 hazards in 3 functions"] {
+        assert!(all.contains(part), "no `{part}` in {all}");
+    }
+    for (functions, text, hint) in [
+        (
+            "[\"fresnel::schlick\", \"fresnel::shlick\"]",
+            "pow(1.0 - v_dot_h, 5.0)",
+            "did you mean `fresnel::schlick`?",
+        ),
+        (
+            "[\"fresnel::schlick\"]",
+            "pow(1.0-v_dot_h, 5.0)",
+            "did you mean `pow(1.0 - v_dot_h, 5.0)`?",
+        ),
+        ("[\"fresnel::schlick\"]", "sqrt(x)", "delete it"),
+    ] {
+        let error = accept(functions, text).error();
+        assert!(error.contains(hint), "{error}");
+    }
+}

@@ -1,0 +1,169 @@
+//! `karat compare`
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, bail, ensure};
+use karat::Package;
+use karat::compare::{Change, Compared, PathChange, Request};
+use karat::output::visible;
+
+use super::project::Project;
+use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
+use super::{Ending, Outcome, PackageArgs, write_json};
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// What to compare with: a revision of git (`HEAD`, `main`, `v1.2`), or a folder or file
+    before: String,
+    /// Only functions whose name contains this; may be repeated
+    #[arg(long, value_name = "NAME")]
+    only: Vec<String>,
+    /// Paths that functions run on
+    #[arg(long, value_name = "PATHS", default_value = "cpu")]
+    paths: String,
+    /// Inputs of each function
+    #[arg(long, value_name = "COUNT", default_value_t = 4096,
+        value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
+    cases: u32,
+    /// List functions that weren't edited, too
+    #[arg(long)]
+    all: bool,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    package: PackageArgs,
+}
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    let project = Project::find()?;
+    let packages = project.packages(&args.package)?;
+    let paths = karat::path::named("--paths", &args.paths)?;
+    ensure!(!paths.is_empty(), "--paths names no path");
+    let mut all: Vec<Compared> = Vec::new();
+    for after in &packages {
+        // Lives as long as its package is read.
+        let folder = tempfile::tempdir().context("no temporary folder")?;
+        let before = match Path::new(&args.before) {
+            path if path.exists() => Package::open(path)?,
+            _ => at_revision(&args.before, &after.root(), folder.path())?,
+        };
+        let request = Request::new(before, after.clone());
+        let request = request.only(args.only.iter().map(String::as_str));
+        all.extend(request.cases(args.cases as usize).paths(paths.clone()).run()?);
+    }
+    ensure!(!all.is_empty(), "there is no function to compare");
+    match args.json {
+        true => write_json(&all, out)?,
+        false => write_text(&all, args.all, out)?,
+    }
+    let good = |one: &Compared| matches!(one.change, Change::Untouched | Change::Same { .. });
+    Ok(if all.iter().all(good) { Ending::Good } else { Ending::Bad })
+}
+
+/// The shaders of a folder or file as they were at a revision, written into another folder.
+fn at_revision(revision: &str, root: &Path, folder: &Path) -> anyhow::Result<Package> {
+    let root = root.canonicalize().with_context(|| format!("`{}`", root.display()))?;
+    let (base, file) = match root.is_file() {
+        true => (root.parent().unwrap_or(&root).to_owned(), root.file_name()),
+        false => (root.clone(), None),
+    };
+    let git = |arguments: &[&str]| -> anyhow::Result<Vec<u8>> {
+        let mut command = Command::new("git");
+        command.current_dir(&base).args(arguments).stdin(Stdio::null());
+        let output = command.output().context("git doesn't run")?;
+        if !output.status.success() {
+            let said = String::from_utf8_lossy(&output.stderr);
+            bail!("{}", visible(said.trim()));
+        }
+        Ok(output.stdout)
+    };
+    let tree = format!("{revision}^{{commit}}");
+    git(&["rev-parse", "--verify", "--quiet", "--end-of-options", &tree]).with_context(|| {
+        format!("`{revision}` is neither a folder nor a revision of git in `{}`", base.display())
+    })?;
+    let list = git(&["ls-tree", "-r", "-z", "--name-only", revision, "--", "."])?;
+    let is_shader = |name: &str| {
+        let end = Path::new(name).extension().unwrap_or_default();
+        end == "wgsl" || end == "wesl" || Path::new(name).ends_with("karat.toml")
+    };
+    let names = list.split(|byte| *byte == 0).filter_map(|name| std::str::from_utf8(name).ok());
+    let mut count = 0;
+    for name in names.filter(|name| is_shader(name)) {
+        let bytes = git(&["show", &format!("{revision}:./{name}")])?;
+        let to = folder.join(name);
+        std::fs::create_dir_all(to.parent().unwrap_or(folder)).context("no temporary folder")?;
+        std::fs::write(&to, bytes).with_context(|| format!("can't write `{}`", to.display()))?;
+        count += 1;
+    }
+    ensure!(count > 0, "there are no shaders in `{}` at `{revision}`", base.display());
+    let at: PathBuf = file.map_or_else(|| folder.to_owned(), |file| folder.join(file));
+    Ok(Package::open(&at)?)
+}
+
+fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
+    let (mut changed, mut same, mut quiet) = (0, 0, 0);
+    for Compared { function, location, change } in all {
+        match change {
+            Change::Untouched => {
+                quiet += 1;
+                if untouched {
+                    writeln!(out, "{DIM}untouched  {function}{DIM:#}")?;
+                }
+            }
+            Change::Same { cases } => {
+                same += 1;
+                writeln!(
+                    out,
+                    "{GOOD}same{GOOD:#}       {function}  {DIM}{cases} inputs  {location}{DIM:#}"
+                )?;
+            }
+            Change::Changed { paths } => {
+                changed += 1;
+                writeln!(out, "{BAD}changed{BAD:#}    {HEAD}{function}{HEAD:#}  {location}")?;
+                for path in paths {
+                    write_path(path, out)?;
+                }
+            }
+            Change::Signature { before, after } => {
+                changed += 1;
+                writeln!(out, "{BAD}signature{BAD:#}  {HEAD}{function}{HEAD:#}  {location}")?;
+                writeln!(out, "    {before}\n    {after}")?;
+            }
+            Change::Added | Change::Removed => {
+                changed += 1;
+                let word = if *change == Change::Added { "added    " } else { "removed  " };
+                writeln!(out, "{KNOWN}{word}{KNOWN:#}  {function}")?;
+            }
+            Change::Unjudged { reason } => {
+                changed += 1;
+                writeln!(out, "{KNOWN}unjudged{KNOWN:#}   {function}  {DIM}{reason}{DIM:#}")?;
+            }
+            other => writeln!(out, "{function}: {other:?}")?,
+        }
+    }
+    let style = if changed == 0 { GOOD } else { BAD };
+    writeln!(
+        out,
+        "{style}{changed} changed{style:#}, {same} edited with the same results, {quiet} untouched"
+    )?;
+    Ok(())
+}
+
+fn write_path(change: &PathChange, out: &mut dyn Write) -> anyhow::Result<()> {
+    let PathChange { path, cases, ulp, relative, arguments, before, after } = change;
+    let by = match (ulp, relative) {
+        (Some(ulp), Some(relative)) => format!("by up to {ulp} ulp (rel {relative:.2e})"),
+        (Some(ulp), None) => format!("by up to {ulp} ulp"),
+        _ => "not by a number of ulp".to_owned(),
+    };
+    let arguments: Vec<String> =
+        arguments.iter().map(|(name, value)| format!("{name} = {value}")).collect();
+    let at =
+        if arguments.is_empty() { String::new() } else { format!("at {}: ", arguments.join("; ")) };
+    writeln!(out, "    {path}: {} of {} results changed, {by}", cases.0, cases.1)?;
+    writeln!(out, "    {at}{before} -> {after}")?;
+    Ok(())
+}

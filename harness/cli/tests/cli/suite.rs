@@ -1,0 +1,254 @@
+//! Tests without Rust: functions with `@test`, and `*.test.toml`.
+
+use super::*;
+
+const BRDF: &str = "/// Schlick's approximation.\n\
+fn schlick(f0: f32, v_dot_h: f32) -> f32 {\n    let x = 1.0 - v_dot_h;\n    \
+return f0 + (1.0 - f0) * (x * x * x * x * x);\n}\n\
+fn by_pow(f0: f32, v_dot_h: f32) -> f32 {\n    \
+return f0 + (1.0 - f0) * pow(1.0 - v_dot_h, 5.0);\n}\n\
+fn lambert(l: vec3f) -> f32 { return 0.31830987; }\n\
+fn blend(a: f32, b: f32) -> f32 { return a * b; }\n";
+
+const DECLARED: &str = "[[test]]\nfunction = \"schlick\"\nover = { f0 = \"0..1\", v_dot_h = \"0..1\" }\n\
+in_range = [0, 1]\nfinite = true\nmonotone = { v_dot_h = \"decreasing\" }\n\
+agrees_with = \"by_pow\"\ntolerance = \"rel 1e-5 or abs 1e-6\"\n\
+[[test]]\nfunction = \"lambert\"\nintegral = { over = \"projected_hemisphere\", is = 1 }\n\
+tolerance = \"rel 1e-6\"\n\
+[[test]]\nfunction = \"blend\"\nsymmetric_in = [\"a\", \"b\"]\n\
+limit = { a = 0, through = [0.1, 0.01, 0.001], is = 0 }\nover = { a = 1, b = \"0.5..1\" }\n\
+tolerance = \"abs 1e-2\"\n\
+[[test]]\nname = \"table\"\nfunction = \"blend\"\ntable = \"blend.csv\"\ntolerance = \"exact\"\n";
+
+const TESTS: &str = "import package::brdf::{schlick, blend};\n\
+import karat::{expect_near, expect_in_range, expect_true};\n\
+import wgsl_test::expectNear;\n\n\
+@test fn grazing() {\n    expect_near(schlick(0.04, 0.0), 1.0, 1e-6);\n    \
+expectNear(blend(2.0, 3.0), 6.0);\n}\n\n\
+@test @cases(500) fn fraction(@over(0, 1) f0: f32, @over(0, 1) cosine: f32) {\n    \
+expect_in_range(schlick(f0, cosine), 0.0, 1.0);\n}\n";
+
+fn folder() -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "brdf.wgsl", BRDF);
+    write(folder.path(), "brdf.test.toml", DECLARED);
+    write(folder.path(), "blend.csv", "a,b,result\n0.5,0.5,0.25\n2,3,6\n");
+    write(folder.path(), "brdf_test.wgsl", TESTS);
+    folder
+}
+
+fn cpu(folder: &FilePath, more: &[&str]) -> Ran {
+    karat(folder, &[&["test", ".", "--paths", "cpu"], more].concat())
+}
+
+#[test]
+fn a_folder_of_shaders_is_tested_without_cargo() {
+    let folder = folder();
+    let ran = cpu(folder.path(), &["--junit", "junit.xml"]).good();
+    for part in [
+        "brdf::schlick",
+        "agrees_with",
+        "is_monotone_in",
+        "lies in 0..=1",
+        "brdf::lambert",
+        "integral",
+        "invariant_under",
+        "at_limit",
+        "brdf_test::grazing",
+        "expects",
+        "10 checks",
+        "0 failed",
+    ] {
+        assert!(ran.contains(part), "no `{part}` in {ran}");
+    }
+    assert!(folder.path().join("junit.xml").is_file());
+    // The project of a folder without Cargo is the folder.
+    let here = karat(folder.path(), &["test", "--paths", "cpu"]).good();
+    assert!(here.contains("10 checks"), "{here}");
+    let some = cpu(folder.path(), &["grazing"]).good();
+    assert!(some.contains("1 checks"), "{some}");
+    assert!(cpu(folder.path(), &["nothing"]).error().contains("no tests"));
+    let one = karat(folder.path(), &["test", "brdf.wgsl", "--paths", "cpu"]).good();
+    assert!(one.contains("8 checks"), "{one}");
+    assert!(karat(folder.path(), &["test", "./nowhere"]).error().contains("no folder or file"));
+}
+
+#[test]
+fn each_failing_expectation_is_told_with_its_place() {
+    let folder = folder();
+    let text = "import package::brdf::blend;\nimport karat::{expect_near, expect_true, expect_ulp};\n\
+           fn both(x: f32) {\n    expect_true(x < 0.5);\n}\n\
+           @test fn wrong(@over(0, 1) x: f32) {\n    expect_near(blend(x, 1.0), x, 0.0);\n    \
+           expect_near(blend(x, 2.0), x, 1e-3);\n    both(x);\n    \
+           expect_ulp(blend(x, 1.0), x, 0.0);\n}\n";
+    write(folder.path(), "wrong_test.wgsl", text);
+    let ran = cpu(folder.path(), &["wrong"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    for part in [
+        "wrong_test.wgsl:8:5: `expect_near(blend(x, 2.0), x, 1e-3)` saw 2, expected 1 within 0.001",
+        "wrong_test.wgsl:4:5: `expect_true(x < 0.5)` saw false, expected true",
+        "x = 1",
+        "1 checks, 1 failed",
+    ] {
+        assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
+    }
+    assert!(!ran.out.contains("wrong_test.wgsl:7:5"), "what holds isn't told: {}", ran.out);
+    // The replay's command, as it is printed.
+    let replay = ran.out.lines().find_map(|line| line.trim().strip_prefix("replay: "));
+    let words: Vec<&str> = replay.expect("a replay").split(' ').collect();
+    let mut again = command(folder.path(), &[]);
+    for word in &words {
+        match word.split_once('=') {
+            Some((name, value)) if name.starts_with("KARAT_") => drop(again.env(name, value)),
+            _ if *word == "karat" => {}
+            _ => drop(again.arg(word)),
+        }
+    }
+    let again = output(&mut again);
+    assert!(again.code == Some(1) && again.out.contains("1 of 1 cases fail"), "{again:?}");
+    // What it failed on is tried again.
+    assert!(folder.path().join(".karat/failures/suite").is_dir());
+}
+
+/// Each kind of declared assertion fails where its fault is planted.
+#[test]
+fn planted_faults_turn_each_assertion_red() {
+    for (fault, by, names) in [
+        ("x * x * x * x * x", "x * x * x * x", &["agrees_with"][..]),
+        ("(1.0 - f0)", "(1.1 - f0)", &["in_range", "agrees_with"]),
+        ("let x = 1.0 - v_dot_h", "let x = v_dot_h", &["monotone in v_dot_h"]),
+        ("let x = 1.0 - v_dot_h", "let x = 1.0 / v_dot_h", &["finite"]),
+        ("0.31830987", "0.3", &["integral"]),
+        ("a * b", "a * b * b", &["symmetric_in", "table"]),
+        ("a * b", "a * b + 0.1", &["limit of a"]),
+    ] {
+        let folder = folder();
+        write(folder.path(), "brdf.wgsl", &BRDF.replacen(fault, by, 1));
+        let ran = cpu(folder.path(), &["brdf::"]);
+        assert_eq!(ran.code, Some(1), "{ran:?}");
+        for name in names {
+            let red = ran.out.lines().any(|line| {
+                line.starts_with("test brdf::") && line.ends_with(&format!("{name} ... FAILED"))
+            });
+            assert!(red, "`{by}` leaves `{name}` green:\n{}", ran.out);
+        }
+    }
+}
+
+#[test]
+fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
+    for (file, text, part) in [
+        (
+            "t.wgsl",
+            "@test fn t() { let x = 1.0; }\n",
+            "no case in which an expectation is evaluated",
+        ),
+        (
+            "t.wgsl",
+            "import karat::expect_near;\n@test fn t() { expect_near(1.0, 2.0 }\n",
+            "t.wgsl:2",
+        ),
+        (
+            "t.wgsl",
+            "import karat::expect_neer;\n@test fn t() { expect_neer(1.0); }\n",
+            "expect_neer",
+        ),
+        (
+            "t.wgsl",
+            "import karat::expect_true;\n@test fn t(@over(unit) x: f32) { expect_true(true); }\n",
+            "no domain of a number",
+        ),
+        (
+            "t.wgsl",
+            "import karat::expect_true;\n@test @cases(0) fn t() { expect_true(true); }\n",
+            "a whole number from 1",
+        ),
+        (
+            "t.wgsl",
+            "import karat::expect_true;\n@test fn t() -> f32 { expect_true(true); return 1.0; }\n",
+            "returns something",
+        ),
+        (
+            "t.wgsl",
+            "import karat::expect_near;\n@test fn t() { expect_near(1.0, 1.0, -1.0); }\n",
+            "t.wgsl:2:16",
+        ),
+        (
+            "t.wgsl",
+            "import karat::expect_near;\n@test fn t(@over(0) x: f32) { expect_near(x / x, 1.0, 1e9); }\n",
+            "NaN",
+        ),
+        (
+            "brdf.test.toml",
+            "[[test]]\nfunction = \"schlik\"\nfinite = true\n",
+            "did you mean `brdf::schlick`?",
+        ),
+        (
+            "brdf.test.toml",
+            "[[test]]\nfunction = \"schlick\"\nover = { f1 = 1 }\nfinite = true\n",
+            "did you mean `f0`?",
+        ),
+        (
+            "brdf.test.toml",
+            "[[test]]\nfunction = \"schlick\"\nequals = 1\n",
+            "a tolerance is missing",
+        ),
+        (
+            "brdf.test.toml",
+            "[[test]]\nfunction = \"schlick\"\nfinit = true\n",
+            "brdf.test.toml:3:1",
+        ),
+        (
+            "brdf.test.toml",
+            "[[test]]\nfunction = \"blend\"\ntable = \"none.csv\"\ntolerance = \"exact\"\n",
+            "none.csv",
+        ),
+        ("brdf.test.toml", "", "declares no test"),
+    ] {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        write(folder.path(), "brdf.wgsl", BRDF);
+        write(folder.path(), file, text);
+        let ran = cpu(folder.path(), &[]);
+        assert!(ran.code == Some(1) || ran.code == Some(2), "{text}: {ran:?}");
+        assert!(
+            ran.out.contains(part) || ran.err.contains(part),
+            "no `{part}` for {text}: {ran:?}"
+        );
+    }
+    let nothing = tempfile::tempdir().expect("a temporary folder");
+    write(nothing.path(), "brdf.wgsl", BRDF);
+    assert!(cpu(nothing.path(), &[]).error().contains("there are no tests"));
+}
+
+/// A test is no part of the shader that others import or validate.
+#[test]
+fn tests_are_stripped_from_what_is_drawn_and_listed() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let text = format!(
+        "import karat::expect_true;\n{BRDF}@test fn own() {{ expect_true(blend(1.0, 2.0) == 2.0); }}\n"
+    );
+    write(folder.path(), "brdf.wgsl", &text);
+    cpu(folder.path(), &[]).good();
+    let list = karat(folder.path(), &["list", "--package", "."]).good();
+    assert!(list.contains("blend") && !list.contains("own"), "{list}");
+    karat(folder.path(), &["check", "--package", "."]).good();
+    let show = karat(folder.path(), &["show", "brdf::blend", "--package", "."]).good();
+    assert!(!show.contains("karat::") && !show.contains("own"), "{show}");
+}
+
+/// A runaway test ends with its place, and the others have their verdicts.
+#[test]
+fn a_runaway_test_is_stopped() {
+    let folder = folder();
+    write(
+        folder.path(),
+        "slow_test.wgsl",
+        "import karat::expect_true;\n@test fn slow() {\n    var x = 1.0;\n    \
+         loop {\n        x += 1.0;\n        if x < 0.0 { break; }\n    }\n    \
+         expect_true(x > 0.0);\n}\n",
+    );
+    let ran = cpu(folder.path(), &[]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert!(ran.out.contains("slow_test.wgsl:4:5"), "{}", ran.out);
+    assert!(ran.out.contains("11 checks, 1 failed"), "{}", ran.out);
+}

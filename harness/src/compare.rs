@@ -1,0 +1,414 @@
+//! What an edit changed: every function of a package before and after it, with no test written.
+//!
+//! Functions whose linked text is the same aren't run. The others are called with arguments that names and
+//! types suggest, as in [`hazards`](mod@crate::hazards), and their results are compared bit by bit; all
+//! NaNs are one value.
+//!
+//! ```no_run
+//! use karat::Package;
+//!
+//! let (before, after) = (Package::open("old").unwrap(), Package::open("new").unwrap());
+//! for one in karat::compare::Request::new(before, after).run().unwrap() {
+//!     println!("{}: {:?}", one.function, one.change);
+//! }
+//! ```
+
+use std::collections::BTreeSet;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::check::arguments;
+use crate::domain::{Dynamic, Numbering, Stream};
+use crate::executor;
+use crate::fixture::Fixtures;
+use crate::hazards::suggested;
+use crate::package::{Package, PackageError};
+use crate::path::Path;
+use crate::probe::{Call, Prepared, ProbeError, Probed, made_up};
+use crate::reflect::Function;
+use crate::tolerance::ulp_distance;
+use crate::value::{Scalar, Shape};
+
+/// Inputs of each function: what runs in a moment on any path.
+const CASES: usize = 4096;
+
+/// The same arguments in every run.
+const SEED: u64 = 0x636f_6d70_6172_65; // "compare"
+
+/// Rounds in which a changed input is made simpler.
+const ROUNDS: usize = 64;
+
+/// Two packages, of which one is an edit of the other.
+#[derive(Clone, Debug)]
+#[must_use = "nothing is compared until `.run()`"]
+pub struct Request {
+    before: Package,
+    after: Package,
+    only: Vec<String>,
+    cases: usize,
+    paths: Vec<Path>,
+}
+
+/// A function of either package.
+#[derive(Clone, Debug, Serialize)]
+pub struct Compared {
+    /// `fresnel::schlick`
+    pub function: String,
+    /// `file:line:column`, after the edit where it is there.
+    pub location: String,
+    /// What the edit did.
+    #[serde(flatten)]
+    pub change: Change,
+}
+
+/// What an edit did to a function.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "change", rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Change {
+    /// Neither it nor what it uses was edited, but for comments and blanks.
+    Untouched,
+    /// It was edited, and each result has the same bits.
+    Same {
+        /// Inputs that were tried on each path.
+        cases: usize,
+    },
+    /// Some results changed.
+    Changed {
+        /// Each path with a change.
+        paths: Vec<PathChange>,
+    },
+    /// It takes or returns something else.
+    Signature {
+        /// As it was.
+        before: String,
+        /// As it is.
+        after: String,
+    },
+    /// It is new.
+    Added,
+    /// It is gone.
+    Removed,
+    /// It can't be compared.
+    Unjudged {
+        /// Why.
+        reason: String,
+    },
+}
+
+/// How results changed on one path.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PathChange {
+    /// The path.
+    pub path: String,
+    /// Inputs whose results changed, of how many.
+    pub cases: (usize, usize),
+    /// The largest change in `f32` steps; `None` where something became NaN or ceased to be it, or
+    /// isn't a float.
+    pub ulp: Option<u64>,
+    /// The largest change relative to the value before; `None` likewise.
+    pub relative: Option<f64>,
+    /// The simplest arguments found whose result changed.
+    pub arguments: Vec<(String, String)>,
+    /// The result for these before the edit.
+    pub before: String,
+    /// And after it.
+    pub after: String,
+}
+
+impl Request {
+    /// Compares a package with an edited one, on the path `cpu` unless others are named.
+    pub fn new(before: Package, after: Package) -> Self {
+        Self { before, after, only: Vec::new(), cases: CASES, paths: vec![Path::CPU] }
+    }
+
+    /// Only functions whose name contains one of these.
+    pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
+        Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
+    }
+
+    /// Inputs of each function, 4,096 unless it is said.
+    pub fn cases(self, cases: usize) -> Self {
+        Self { cases, ..self }
+    }
+
+    /// Runs functions on these paths.
+    pub fn paths(self, paths: Vec<Path>) -> Self {
+        Self { paths, ..self }
+    }
+
+    /// Compares, in the order of names.
+    ///
+    /// # Errors
+    /// If a package can't be read.
+    pub fn run(&self) -> Result<Vec<Compared>, PackageError> {
+        let names = |package: &Package| -> Result<BTreeSet<String>, PackageError> {
+            let items = package.functions()?.into_iter().filter(|item| !item.entry_point);
+            let wanted = |name: &String| {
+                self.only.is_empty() || self.only.iter().any(|part| name.contains(part.as_str()))
+            };
+            Ok(items.map(|item| item.name).filter(wanted).collect())
+        };
+        let (before, after) = (names(&self.before)?, names(&self.after)?);
+        let all: Vec<&String> = before.union(&after).collect();
+        let compared = all.into_par_iter().map(|name| {
+            let (location, change) = match (before.contains(name), after.contains(name)) {
+                (true, true) => self.compare(name),
+                (true, false) => (String::new(), Change::Removed),
+                _ => (String::new(), Change::Added),
+            };
+            Compared { function: name.clone(), location, change }
+        });
+        Ok(compared.collect())
+    }
+
+    fn compare(&self, name: &str) -> (String, Change) {
+        let unjudged = |error: &dyn std::fmt::Display| {
+            let reason = error.to_string().lines().next().unwrap_or_default().to_owned();
+            (String::new(), Change::Unjudged { reason })
+        };
+        let probed = |package: &Package| Probed::new(package, name);
+        let (before, after) = match (probed(&self.before), probed(&self.after)) {
+            (Ok(before), Ok(after)) => (before, after),
+            (Err(error), Err(_)) => return unjudged(&format!("before and after: {error}")),
+            (Err(error), _) => return unjudged(&format!("before: {error}")),
+            (_, Err(error)) => return unjudged(&format!("after: {error}")),
+        };
+        let location = after.function.span.to_string();
+        if plain(before.program.text()) == plain(after.program.text()) {
+            return (location, Change::Untouched);
+        }
+        let shapes = |function: &Function| {
+            let parameters = function.parameters.iter().map(|(_, shape)| shape.clone());
+            (parameters.collect::<Vec<_>>(), function.result.clone())
+        };
+        if shapes(&before.function) != shapes(&after.function) {
+            let (before, after) = (before.function.to_string(), after.function.to_string());
+            return (location, Change::Signature { before, after });
+        }
+        let change = self.run_both(&before, &after).unwrap_or_else(|reason| {
+            let reason = reason.lines().next().unwrap_or_default().to_owned();
+            Change::Unjudged { reason }
+        });
+        (location, change)
+    }
+
+    fn run_both(&self, before: &Probed, after: &Probed) -> Result<Change, String> {
+        let function = &after.function;
+        let parts = function.parameters.iter().map(|(name, shape)| suggested(name, shape));
+        let shapes: Vec<Shape> = function.parameters.iter().map(|(_, s)| s.clone()).collect();
+        let domain = Dynamic::new(shapes, parts.collect());
+        let numbering = Numbering::of(&domain, SEED, self.cases as u64, self.cases as u64);
+        let mut rows = Vec::new();
+        let count = domain.rows(&numbering, 0..numbering.count, &mut rows);
+        let count = usize::try_from(count).unwrap_or_default();
+        if count == 0 {
+            return Err("no arguments can be made up for it".to_owned());
+        }
+        // What one of them reads and the other doesn't is made up for whoever reads it.
+        let fixtures = (made_up::fixtures(before)?, made_up::fixtures(after)?);
+        let mut paths = Vec::new();
+        for path in &self.paths {
+            let ready = |probed, fixtures| Ready::new(probed, fixtures, *path, count);
+            let old = ready(before, &fixtures.0).map_err(|error| error.to_string())?;
+            let new = ready(after, &fixtures.1).map_err(|error| error.to_string())?;
+            let change = changed(&old, &new, &domain, &rows, count, function);
+            paths.extend(change.map_err(|error| error.to_string())?);
+        }
+        Ok(if paths.is_empty() { Change::Same { cases: count } } else { Change::Changed { paths } })
+    }
+}
+
+/// A function on a path.
+struct Ready<'p> {
+    prepared: Box<dyn Prepared + 'p>,
+    path: Path,
+    width: usize,
+}
+
+impl<'p> Ready<'p> {
+    fn new(
+        probed: &'p Probed,
+        fixtures: &'p Fixtures,
+        path: Path,
+        cases: usize,
+    ) -> Result<Self, ProbeError> {
+        let prepared = executor::of(path)?.prepare(&Call { probed, fixtures, cases })?;
+        Ok(Self { prepared, path, width: probed.function.result.lanes().len() })
+    }
+
+    fn call(&self, rows: &[u32], cases: usize) -> Result<Vec<u32>, ProbeError> {
+        let (mut results, width) = (Vec::new(), rows.len() / cases.max(1));
+        let most = self.prepared.capacity().max(1);
+        for first in (0..cases).step_by(most) {
+            let count = most.min(cases - first);
+            let part = &rows[first * width..(first + count) * width];
+            self.prepared.start(count, part)?(&mut |words, stride| {
+                for case in words.chunks_exact(stride) {
+                    results.extend_from_slice(&case[..self.width]);
+                }
+            })?;
+        }
+        Ok(results)
+    }
+}
+
+/// How results differ on a path; `None` if they don't.
+fn changed(
+    old: &Ready<'_>,
+    new: &Ready<'_>,
+    domain: &Dynamic,
+    rows: &[u32],
+    count: usize,
+    function: &Function,
+) -> Result<Option<PathChange>, ProbeError> {
+    let scalars = function.result.lanes();
+    let (was, is) = (old.call(rows, count)?, new.call(rows, count)?);
+    let width = rows.len() / count.max(1);
+    let differ = |was: &[u32], is: &[u32]| {
+        let mut lanes = scalars.iter().zip(was.iter().zip(is));
+        lanes.any(|(scalar, (was, is))| !same(*scalar, *was, *is))
+    };
+    let pairs = || was.chunks_exact(old.width).zip(is.chunks_exact(old.width)).enumerate();
+    let mut cases: Vec<usize> =
+        pairs().filter(|(_, (was, is))| differ(was, is)).map(|(case, _)| case).collect();
+    let Some(first) = cases.first().copied() else { return Ok(None) };
+    let (mut ulp, mut relative) = (Some(0), Some(0.0_f64));
+    for (_, (was, is)) in pairs() {
+        for ((scalar, was), is) in scalars.iter().zip(was).zip(is) {
+            if same(*scalar, *was, *is) {
+                continue;
+            }
+            let (a, b) = (f32::from_bits(*was), f32::from_bits(*is));
+            let distance = if scalar.is_float() { ulp_distance(a, b) } else { None };
+            ulp = ulp.zip(distance).map(|(most, own)| most.max(own));
+            let share = (f64::from(b) - f64::from(a)).abs() / f64::from(a).abs();
+            let share = Some(share).filter(|share| share.is_finite() && scalar.is_float());
+            relative = relative.zip(share).map(|(most, own)| most.max(own));
+        }
+    }
+    let total = cases.len();
+    cases.truncate(1);
+    // Edges come first, and are the simplest; from there on by what the domain has for simpler.
+    let mut row = rows[first * width..][..width].to_vec();
+    for _ in 0..ROUNDS {
+        let simpler = domain.shrink(&row);
+        let all = simpler.concat();
+        if simpler.is_empty() || width == 0 {
+            break;
+        }
+        let (was, is) = (old.call(&all, simpler.len())?, new.call(&all, simpler.len())?);
+        let mut pairs = was.chunks_exact(old.width).zip(is.chunks_exact(old.width));
+        match pairs.position(|(was, is)| differ(was, is)) {
+            Some(at) => row.clone_from(&simpler[at]),
+            None => break,
+        }
+    }
+    let (was, is) = (old.call(&row, 1)?, new.call(&row, 1)?);
+    Ok(Some(PathChange {
+        path: old.path.to_string(),
+        cases: (total, count),
+        ulp,
+        relative,
+        arguments: arguments(function, &row),
+        before: function.result.format(&was),
+        after: function.result.format(&is),
+    }))
+}
+
+/// Whether two words are one value: bit by bit, but for NaN.
+fn same(scalar: Scalar, was: u32, is: u32) -> bool {
+    let nan = |word: u32| scalar.is_float() && f32::from_bits(word).is_nan();
+    was == is || (nan(was) && nan(is))
+}
+
+/// A text without comments, and with one blank in place of many.
+fn plain(text: &str) -> String {
+    let mut plain = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(first) = rest.chars().next() {
+        let skipped = if rest.starts_with("//") {
+            rest.find('\n').unwrap_or(rest.len())
+        } else if rest.starts_with("/*") {
+            nested(rest)
+        } else if first.is_whitespace() {
+            first.len_utf8()
+        } else {
+            plain.push(first);
+            rest = &rest[first.len_utf8()..];
+            continue;
+        };
+        if !plain.ends_with(' ') {
+            plain.push(' ');
+        }
+        rest = &rest[skipped..];
+    }
+    plain.trim_end().to_owned()
+}
+
+/// The length of a block comment, which may have others inside.
+fn nested(text: &str) -> usize {
+    let (mut depth, mut at) = (0_usize, 0);
+    while at < text.len() {
+        if text[at..].starts_with("/*") {
+            (depth, at) = (depth + 1, at + 2);
+        } else if text[at..].starts_with("*/") {
+            (depth, at) = (depth - 1, at + 2);
+            if depth == 0 {
+                return at;
+            }
+        } else {
+            at += text[at..].chars().next().map_or(1, char::len_utf8);
+        }
+    }
+    text.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn changes(before: &str, after: &str) -> Vec<(String, Change)> {
+        let package = |text: &str| Package::from_source("p", text);
+        let compared = Request::new(package(before), package(after)).run().expect("it reads");
+        compared.into_iter().map(|one| (one.function, one.change)).collect()
+    }
+
+    #[test]
+    fn an_edit_is_told_by_what_it_changes() {
+        let before = "// old\nfn half(x: f32) -> f32 { return x / 2.0; }\n\
+                      fn user(x: f32) -> f32 { return half(x) + 1.0; }\n\
+                      fn gone() -> u32 { return 1u; }\nfn other(x: f32) -> f32 { return x; }\n";
+        let after = "/* new /* nested */ */\nfn half(x: f32) -> f32 { return 0.5 * x; }\n\
+                     fn user(x: f32) -> f32 {\n return half(x) +   1.0; }\n\
+                     fn more() -> u32 { return 1u; }\nfn other(x: vec2f) -> f32 { return x.x; }\n";
+        let all = changes(before, after);
+        let of = |name: &str| {
+            let found = all.iter().find(|(function, _)| function == name);
+            found.map(|(_, change)| change.clone()).expect("it is compared")
+        };
+        assert!(matches!(of("half"), Change::Same { cases: CASES }), "{:?}", of("half"));
+        assert!(matches!(of("user"), Change::Same { .. }), "it calls what was edited");
+        assert_eq!((of("gone"), of("more")), (Change::Removed, Change::Added));
+        assert!(matches!(of("other"), Change::Signature { .. }));
+        let untouched = changes(before, &before.replace("// old", "// a comment"));
+        assert!(untouched.iter().all(|(_, change)| *change == Change::Untouched), "{untouched:?}");
+    }
+
+    #[test]
+    fn a_change_is_told_by_the_simplest_arguments() {
+        let before = "fn f(a: f32, b: f32) -> f32 { return a + b; }\n\
+                      fn n(x: f32) -> f32 { return x; }\n";
+        let after = "fn f(a: f32, b: f32) -> f32 { return select(a + b, a - b, a > 0.25); }\n\
+                     fn n(x: f32) -> f32 { return select(x, sqrt(-1.0 - x * x), x > 1.5); }\n";
+        let all = changes(before, after);
+        let Change::Changed { paths } = &all[0].1 else { panic!("{all:?}") };
+        let [path] = &**paths else { panic!("{paths:?}") };
+        let shown: Vec<&str> = path.arguments.iter().map(|(_, value)| value.as_str()).collect();
+        assert_eq!((&shown[..], &*path.before, &*path.after), (&["1", "1"][..], "2", "0"));
+        assert!(path.ulp.is_some_and(|ulp| ulp > 1000) && path.cases.0 < path.cases.1);
+        let Change::Changed { paths } = &all[1].1 else { panic!("{all:?}") };
+        assert_eq!((paths[0].ulp, &*paths[0].after), (None, "NaN"), "NaN is no distance");
+    }
+}
