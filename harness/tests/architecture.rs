@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// The modules of the library from the bottom up: a module uses only those before it.
-const ORDER: [&str; 25] = [
+const ORDER: [&str; 26] = [
     "output",
     "diagnostic",
     "settings",
