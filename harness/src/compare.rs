@@ -176,7 +176,7 @@ impl Request {
             (_, Err(error)) => return unjudged(&format!("after: {error}")),
         };
         let location = after.function.span.to_string();
-        if plain(before.program.text()) == plain(after.program.text()) {
+        if before.program.essence() == after.program.essence() {
             return (location, Change::Untouched);
         }
         let shapes = |function: &Function| {
@@ -321,48 +321,6 @@ fn changed(
 fn same(scalar: Scalar, was: u32, is: u32) -> bool {
     let nan = |word: u32| scalar.is_float() && f32::from_bits(word).is_nan();
     was == is || (nan(was) && nan(is))
-}
-
-/// A text without comments, and with one blank in place of many.
-fn plain(text: &str) -> String {
-    let mut plain = String::with_capacity(text.len());
-    let mut rest = text;
-    while let Some(first) = rest.chars().next() {
-        let skipped = if rest.starts_with("//") {
-            rest.find('\n').unwrap_or(rest.len())
-        } else if rest.starts_with("/*") {
-            nested(rest)
-        } else if first.is_whitespace() {
-            first.len_utf8()
-        } else {
-            plain.push(first);
-            rest = &rest[first.len_utf8()..];
-            continue;
-        };
-        if !plain.ends_with(' ') {
-            plain.push(' ');
-        }
-        rest = &rest[skipped..];
-    }
-    plain.trim_end().to_owned()
-}
-
-/// The length of a block comment, which may have others inside.
-fn nested(text: &str) -> usize {
-    let (mut depth, mut at) = (0_usize, 0);
-    while at < text.len() {
-        if text[at..].starts_with("/*") {
-            (depth, at) = (depth + 1, at + 2);
-        } else if text[at..].starts_with("*/") {
-            (depth, at) = (depth - 1, at + 2);
-            if depth == 0 {
-                return at;
-            }
-        } else {
-            at += text[at..].chars().next().map_or(1, char::len_utf8);
-        }
-    }
-    text.len()
 }
 
 #[cfg(test)]

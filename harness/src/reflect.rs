@@ -4,6 +4,7 @@
 //! interprets shaders starts from it.
 
 mod binding;
+mod essence;
 mod kept;
 mod layout;
 mod locals;

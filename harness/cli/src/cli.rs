@@ -15,6 +15,7 @@ mod doctor;
 mod goldens;
 mod hazards;
 mod heatmap;
+mod init;
 mod list;
 mod loader;
 mod matrix;
@@ -30,6 +31,7 @@ mod table;
 mod test;
 mod translate;
 mod unreferenced;
+mod watch;
 
 use std::collections::BTreeSet;
 use std::io::Write;
@@ -104,6 +106,13 @@ enum Command {
                             Fails if a test fails, or if no check ran at all. On GitHub (or with \
                             --github) failures are annotated\nand summarised.")]
     Test(test::Args),
+    /// Run the tests of a folder of shaders again at each edit, in milliseconds
+    #[command(after_help = "Examples:\n  karat watch\n  karat watch my/shaders\n  \
+                            karat watch shaders fresnel --paths cpu\n\
+                            For tests without Rust: functions with `@test`, and `*.test.toml`. An edit runs the \
+                            tests that it concerns,\nand a comment none. Without a terminal it prints lines.\n\
+                            Keys: r runs all, f filters by name, q quits.")]
+    Watch(watch::Args),
     /// Run the tests of a folder of shaders as `karat test` does, and print lines
     #[command(hide = true)]
     Suite(suite::Args),
@@ -121,6 +130,12 @@ enum Command {
                             Exit codes: 0 all modules are valid; 1 one isn't; 2 a package can't be \
                             read.")]
     Check(check::Args),
+    /// Write a first test that passes, for a folder of shaders, and what goes with it
+    #[command(after_help = "Examples:\n  karat init\n  karat init my/shaders --github\n\
+                            It looks at the functions, writes a `*.test.toml` for one of them, lines for \
+                            .gitignore, and with\n--github or --gitlab a workflow; then it runs the tests. \
+                            What is there already stays as it is.")]
+    Init(init::Args),
     /// List the functions of the shader packages, with signatures and whether they are tested
     #[command(after_help = "Examples:\n  karat list\n  karat list --crate bevy_pbr@0.20.1\n\
                             Exit codes: 0 every module is valid; 1 one isn't, and its functions are \
@@ -322,9 +337,11 @@ fn settled(wanted: Command, out: &mut dyn Write) -> Outcome {
 fn command(command: Command, out: &mut dyn Write) -> Outcome {
     match command {
         Command::Test(args) => test::run(&args, out),
+        Command::Watch(args) => watch::run(&args, out),
         Command::Suite(args) => suite::run(&args, out),
         Command::Report(args) => report::run(&args, out),
         Command::Check(args) => check::run(&args, out),
+        Command::Init(args) => init::run(&args, out),
         Command::List(args) => list::run(&args, out),
         Command::Show(args) => show::run(&args, out),
         Command::Translate(args) => translate::run(&args, out),

@@ -14,6 +14,8 @@ mod errors;
 mod escapes;
 #[path = "cli/hazards.rs"]
 mod hazards;
+#[path = "cli/init.rs"]
+mod init;
 #[path = "cli/interrupted.rs"]
 mod interrupted;
 #[path = "cli/outputs.rs"]
@@ -32,6 +34,8 @@ mod suite;
 mod translations;
 #[path = "cli/unreferenced.rs"]
 mod unreferenced;
+#[path = "cli/watch.rs"]
+mod watch;
 
 use std::io::Read;
 use std::path::Path as FilePath;

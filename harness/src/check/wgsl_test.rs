@@ -96,6 +96,17 @@ impl WgslTest {
         })
     }
 
+    /// What it is made of, but for comments and blanks: its verdict changes with this alone.
+    ///
+    /// # Errors
+    /// If it isn't valid any more.
+    pub fn essence(&self) -> Result<String, ReflectError> {
+        let over = self.over.iter().flatten().map(|(words, _)| words.join(","));
+        let over: String = over.collect::<Vec<_>>().join(";");
+        let text = Program::of_function(&self.generated, &self.name)?.essence();
+        Ok(format!("{text} {:?} {over}", self.cases))
+    }
+
     /// The test as a function, to be given arguments and [run](super::DynamicCheck::expects).
     pub fn probe(&self) -> Probe<'_> {
         let place = Some((self.span.clone(), self.root.clone()));

@@ -158,7 +158,30 @@ pub(crate) struct Assertion {
     pub(crate) folder: PathBuf,
 }
 
+impl Frame {
+    /// Its golden.
+    pub(crate) fn golden_file(&self) -> PathBuf {
+        self.golden_folder().join(format!("{}.exr", self.name))
+    }
+
+    /// The folder of its golden.
+    pub(crate) fn golden_folder(&self) -> PathBuf {
+        self.folder.join(self.golden.as_deref().unwrap_or(Path::new(GOLDEN)))
+    }
+}
+
+/// The folder of goldens beside a file that declares frames.
+const GOLDEN: &str = "golden";
+
 impl Assertion {
+    /// A function of the tested one's module, or of another one.
+    pub(crate) fn of_module(&self, name: &str) -> String {
+        match (name.contains("::"), self.function.rsplit_once("::")) {
+            (false, Some((module, _))) => format!("{module}::{name}"),
+            _ => name.to_owned(),
+        }
+    }
+
     /// The tolerance, where one is needed.
     pub(crate) fn tolerance(&self) -> Result<&str, String> {
         let missing = "a tolerance is missing, such as tolerance = \"4 ulp\"; the first time `spec` \

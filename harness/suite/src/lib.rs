@@ -18,6 +18,7 @@
 
 pub mod declared;
 mod domains;
+mod essence;
 mod find;
 mod fixtures;
 mod run;

@@ -20,9 +20,6 @@ use crate::table;
 use crate::tolerances::{criterion, tolerance};
 use crate::{Kind, Suite, Test};
 
-/// The folder of goldens beside a file that declares frames.
-const GOLDEN: &str = "golden";
-
 impl Suite {
     /// Runs a test, on a thread that has its name: seeds and records are by it.
     ///
@@ -107,10 +104,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
     let all = shapes.len();
     match what {
         What::AgreesWith(reference) => {
-            let reference = match (reference.contains("::"), function.rsplit_once("::")) {
-                (false, Some((module, _))) => format!("{module}::{reference}"),
-                _ => reference.clone(),
-            };
+            let reference = assertion.of_module(reference);
             let criterion = criterion(assertion.tolerance()?)?;
             Ok(settled(probe.over_dynamic(domain(all)?), test)?
                 .agrees_with_function(&reference, criterion))
@@ -331,8 +325,7 @@ fn frame(package: &Package, declared: &Frame) -> Result<(), String> {
     for (on, reason) in &declared.fails_on {
         frame = frame.fails_on(on.as_str(), reason);
     }
-    let folder = declared.golden.clone().unwrap_or_else(|| GOLDEN.into());
-    let goldens = Goldens::open(&declared.folder.join(folder));
+    let goldens = Goldens::open(&declared.golden_folder());
     // It panics with its message.
     frame.matches(&goldens, &declared.name);
     Ok(())

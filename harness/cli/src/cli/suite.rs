@@ -13,6 +13,8 @@ use karat_suite::{Suite, Test};
 
 use super::{Ending, Outcome};
 
+mod serve;
+
 #[derive(clap::Args)]
 pub(super) struct Args {
     /// Folder of shaders, or one file
@@ -25,6 +27,9 @@ pub(super) struct Args {
     /// Leave frames out
     #[arg(long)]
     functions: bool,
+    /// Run tests whenever a line of standard input asks for it, and tell verdicts in lines of JSON
+    #[arg(long, hide = true)]
+    serve: bool,
     /// Print the names, and run nothing
     #[arg(long)]
     list: bool,
@@ -40,6 +45,9 @@ pub(super) fn host(suite: &Suite, folder: &std::path::Path) -> Host {
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    if args.serve {
+        return serve::run(&args.folder, out);
+    }
     let suite = Suite::open(&args.folder)?;
     let wanted = |name: &str| match &args.filter {
         Some(filter) if args.exact => name == filter,
@@ -67,27 +75,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         writeln!(out, "test {} ... FAILED", broken.name)?;
         failures.push((broken.name.clone(), broken.message.clone()));
     }
-    let next = AtomicUsize::new(0);
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let (sender, verdicts) = channel();
-    std::thread::scope(|scope| -> std::io::Result<()> {
-        for _ in 0..threads.min(tests.len()) {
-            let (sender, next, tests, suite) = (sender.clone(), &next, &tests, &suite);
-            scope.spawn(move || {
-                while let Some(test) = tests.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    if sender.send((&test.name, suite.run(test))).is_err() {
-                        break;
-                    }
-                }
-            });
-        }
-        drop(sender);
-        for (name, verdict) in verdicts {
-            let word = if verdict.is_ok() { "ok" } else { "FAILED" };
-            writeln!(out, "test {name} ... {word}")?;
-            out.flush()?;
-            failures.extend(verdict.err().map(|message| (name.clone(), message)));
-        }
+    each(&suite, &tests, &mut |test, verdict| {
+        let word = if verdict.is_ok() { "ok" } else { "FAILED" };
+        writeln!(out, "test {} ... {word}", test.name)?;
+        out.flush()?;
+        failures.extend(verdict.err().map(|message| (test.name.clone(), message)));
         Ok(())
     })?;
     let passed = tests.len() + broken.len() - failures.len();
@@ -101,4 +93,28 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let word = if failures.is_empty() { "ok" } else { "FAILED" };
     writeln!(out, "test result: {word}. {passed} passed; {} failed", failures.len())?;
     Ok(if failures.is_empty() { Ending::Good } else { Ending::Bad })
+}
+
+/// What is done with a verdict.
+type Heard<'h> = &'h mut dyn FnMut(&Test, Result<(), String>) -> std::io::Result<()>;
+
+/// Runs tests on all cores; each verdict is told as it comes.
+fn each(suite: &Suite, tests: &[&Test], heard: Heard<'_>) -> std::io::Result<()> {
+    let next = AtomicUsize::new(0);
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let (sender, verdicts) = channel();
+    std::thread::scope(|scope| {
+        for _ in 0..threads.min(tests.len()) {
+            let (sender, next) = (sender.clone(), &next);
+            scope.spawn(move || {
+                while let Some(test) = tests.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    if sender.send((*test, suite.run(test))).is_err() {
+                        break;
+                    }
+                }
+            });
+        }
+        drop(sender);
+        verdicts.into_iter().try_for_each(|(test, verdict)| heard(test, verdict))
+    })
 }

@@ -20,7 +20,7 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
     let same = karat(folder.path(), &["compare", "HEAD"]).good();
     assert!(same.contains("0 changed, 0 edited with the same results, 10 untouched"), "{same}");
     let after = before
-        .replace("return TWO * x;", "return x + x; // the same")
+        .replace("return TWO * x;", "return x + x; /* the same */")
         .replace("return -x;", "return select(-x, x, x > 2);")
         .replace("fn third() -> f32", "fn third() -> f32 /* a third */");
     std::fs::write(&calc, &after).expect("written");

@@ -1,0 +1,191 @@
+//! `karat init`: a first test that passes, and what goes with it.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, ensure};
+use karat::Package;
+use karat::package::FunctionItem;
+use karat::probe::Probed;
+
+use super::list::callable;
+use super::table::{DIM, GOOD, HEAD};
+use super::{Ending, Outcome};
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// Folder of shaders [default: `shaders` where there is one, else the working directory]
+    folder: Option<PathBuf>,
+    /// Write a workflow for GitHub Actions
+    #[arg(long)]
+    github: bool,
+    /// Write a pipeline for GitLab
+    #[arg(long)]
+    gitlab: bool,
+}
+
+/// Functions that are tried until a test of one passes.
+const TRIED: usize = 40;
+
+/// What runs leave behind and nobody commits.
+const IGNORED: [&str; 2] = [".karat/run/", "*.new.exr"];
+
+const GITHUB: &str = include_str!("init/github.yml");
+const GITLAB: &str = include_str!("init/gitlab.yml");
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    let folder = match &args.folder {
+        Some(folder) => folder.clone(),
+        None if Path::new("shaders").is_dir() => PathBuf::from("shaders"),
+        None => PathBuf::from("."),
+    };
+    ensure!(folder.is_dir(), "there is no folder `{}`", folder.display());
+    let package = Package::open(&folder)?;
+    let items = callable(&package)?;
+    ensure!(
+        !items.is_empty(),
+        "no function of `{}` can be called by a test: it has entry points only, or none that returns a \
+         value",
+        folder.display()
+    );
+    let written = first_test(&package, &folder, &items, out)?;
+    ignore(out)?;
+    if args.github {
+        keep(Path::new(".github/workflows/karat.yml"), &with_folder(GITHUB, &folder), out)?;
+    }
+    if args.gitlab {
+        keep(Path::new(".gitlab-ci.karat.yml"), &with_folder(GITLAB, &folder), out)?;
+    }
+    writeln!(out)?;
+    let status = this()?.arg("test").arg(&folder).status().context("the tests don't run")?;
+    let folder = folder.display();
+    writeln!(out, "\n{HEAD}what to do next{HEAD:#}")?;
+    writeln!(
+        out,
+        "  karat watch {folder}     the tests again at each edit: break a function, and see it"
+    )?;
+    writeln!(out, "  karat hazards --package {folder}   what can go wrong, with no test")?;
+    match written {
+        Some(file) => writeln!(
+            out,
+            "  {}   more assertions: agrees_with, table, monotone, limit, ...",
+            file.display()
+        )?,
+        None => writeln!(
+            out,
+            "  *.test.toml   more assertions: agrees_with, table, monotone, limit, ..."
+        )?,
+    }
+    if !args.github && !args.gitlab {
+        writeln!(
+            out,
+            "  karat init --github (or --gitlab)   the same tests in CI, on Mesa's lavapipe"
+        )?;
+    }
+    Ok(if status.success() { Ending::Good } else { Ending::Bad })
+}
+
+fn this() -> anyhow::Result<Command> {
+    Ok(Command::new(std::env::current_exe().context("this program isn't where it was")?))
+}
+
+/// Writes a test of the first function for which one passes, beside its module. `None` if there are tests.
+fn first_test(
+    package: &Package,
+    folder: &Path,
+    items: &[FunctionItem],
+    out: &mut dyn Write,
+) -> anyhow::Result<Option<PathBuf>> {
+    let suite = karat_suite::Suite::open(folder)?;
+    if !suite.tests.is_empty() || !suite.broken.is_empty() {
+        writeln!(out, "{DIM}there are tests already: none is written{DIM:#}")?;
+        return Ok(None);
+    }
+    // Functions with arguments show more.
+    let probed = |item: &FunctionItem| Probed::new(package, &item.name).ok();
+    let mut found: Vec<(&FunctionItem, Probed)> =
+        items.iter().filter_map(|item| Some((item, probed(item)?))).collect();
+    found.retain(|(_, probed)| {
+        let function = probed.function();
+        function.bindings.is_empty() && function.result.lanes().iter().all(|lane| lane.is_float())
+    });
+    found.sort_by_key(|(_, probed)| probed.function().parameters.is_empty());
+    for (item, probed) in found.iter().take(TRIED) {
+        let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
+        let mut file = folder.to_owned();
+        file.extend(module.split("::"));
+        let file = PathBuf::from(format!("{}.test.toml", file.display()));
+        if file.exists() {
+            continue;
+        }
+        for assertion in ["in_range = [0, 1]\n", ""] {
+            let signature = probed.function().to_string();
+            let text = format!(
+                "# {signature}\n[[test]]\nfunction = \"{name}\"\n# Where arguments come from; what isn't \
+                 named comes from its name and type:\n# over = {{ x = \"0..1\" }}\nfinite = \
+                 true\n{assertion}"
+            );
+            std::fs::write(&file, text).with_context(|| format!("`{}`", file.display()))?;
+            let mut command = this()?;
+            command.arg("suite").arg(folder).arg(&item.name).env("KARAT_PATHS", "cpu");
+            command.stdout(Stdio::null()).stderr(Stdio::null());
+            if command.status().is_ok_and(|status| status.success()) {
+                writeln!(out, "{GOOD}wrote{GOOD:#} {}, a test of `{}`", file.display(), item.name)?;
+                return Ok(Some(file));
+            }
+            std::fs::remove_file(&file).with_context(|| format!("`{}`", file.display()))?;
+        }
+    }
+    anyhow::bail!(
+        "of {} functions none is finite for arguments that its names and types suggest: `karat hazards \
+         --package {}` says why",
+        found.len(),
+        folder.display()
+    )
+}
+
+/// Adds to `.gitignore` what runs leave behind.
+fn ignore(out: &mut dyn Write) -> anyhow::Result<()> {
+    let file = Path::new(".gitignore");
+    let mut text = match std::fs::read_to_string(file) {
+        Ok(text) => text,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
+        Err(error) => return Err(error).context("`.gitignore`"),
+    };
+    let missing: Vec<&str> = IGNORED
+        .into_iter()
+        .filter(|line| !text.lines().any(|known| known.trim() == *line))
+        .collect();
+    if missing.is_empty() {
+        return Ok(());
+    }
+    if !text.is_empty() && !text.ends_with('\n') {
+        text.push('\n');
+    }
+    for line in &missing {
+        text += line;
+        text.push('\n');
+    }
+    std::fs::write(file, text).context("`.gitignore`")?;
+    writeln!(out, "{GOOD}added{GOOD:#} {} to .gitignore", missing.join(" and "))?;
+    Ok(())
+}
+
+/// Writes a file unless it is there.
+fn keep(file: &Path, text: &str, out: &mut dyn Write) -> anyhow::Result<()> {
+    if file.exists() {
+        writeln!(out, "{DIM}{} is there already: not written{DIM:#}", file.display())?;
+        return Ok(());
+    }
+    if let Some(folder) = file.parent() {
+        std::fs::create_dir_all(folder).with_context(|| format!("`{}`", folder.display()))?;
+    }
+    std::fs::write(file, text).with_context(|| format!("`{}`", file.display()))?;
+    writeln!(out, "{GOOD}wrote{GOOD:#} {}", file.display())?;
+    Ok(())
+}
+
+fn with_folder(template: &str, folder: &Path) -> String {
+    template.replace("SHADERS", &folder.display().to_string().replace('\\', "/"))
+}

@@ -1,0 +1,64 @@
+//! Tests that run whenever they are asked for: the process behind `karat watch`.
+
+use std::collections::{BTreeSet, HashMap};
+use std::io::{BufRead, Write};
+use std::path::Path;
+
+use karat_suite::{Suite, Test};
+
+use super::super::watch::{Request, Said};
+use super::super::{Ending, Outcome};
+use super::{each, host};
+
+/// What each test was made of when it last ran; `None` where nobody can tell.
+type Known = HashMap<String, Option<String>>;
+
+pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
+    let mut known = Known::new();
+    for line in std::io::stdin().lock().lines() {
+        let request: Request = serde_json::from_str(&line?)?;
+        let done = match Suite::open(folder) {
+            Ok(suite) => answer(&suite, folder, &request, &mut known, out)?,
+            Err(error) => Said::Done { tests: BTreeSet::new(), error: Some(error.to_string()) },
+        };
+        say(&done, out)?;
+    }
+    Ok(Ending::Good)
+}
+
+fn answer(
+    suite: &Suite,
+    folder: &Path,
+    request: &Request,
+    known: &mut Known,
+    out: &mut dyn Write,
+) -> anyhow::Result<Said> {
+    karat::run::host(host(suite, folder));
+    let mut tests: Vec<&Test> =
+        suite.tests.iter().filter(|test| test.name.contains(&*request.filter)).collect();
+    // What failed is of interest before all else.
+    tests.sort_by_key(|test| !request.first.contains(&test.name));
+    let all: BTreeSet<String> = tests.iter().map(|test| test.name.clone()).collect();
+    let mut concerned = Vec::new();
+    for test in tests {
+        let essence = suite.essence(test);
+        let same = essence.is_some() && known.get(&test.name) == Some(&essence);
+        if same && !request.all {
+            continue;
+        }
+        known.insert(test.name.clone(), essence);
+        concerned.push(test);
+    }
+    each(suite, &concerned, &mut |test, verdict| {
+        say(&Said::Test { name: test.name.clone(), message: verdict.err() }, out)
+    })?;
+    let error = suite.broken.iter().map(|broken| broken.message.as_str());
+    let error = error.collect::<Vec<_>>().join("\n");
+    Ok(Said::Done { tests: all, error: Some(error).filter(|error| !error.is_empty()) })
+}
+
+fn say(said: &Said, out: &mut dyn Write) -> std::io::Result<()> {
+    let line = serde_json::to_string(said).expect("it is plain data");
+    writeln!(out, "{line}")?;
+    out.flush()
+}

@@ -1,0 +1,175 @@
+//! What is shown: a screen on a terminal, lines elsewhere.
+
+use std::io::Write;
+use std::path::Path;
+
+use crossterm::{cursor, execute, terminal};
+use karat::output::visible;
+
+use super::super::table::{BAD, DIM, GOOD, HEAD};
+use super::{Lane, Verdicts};
+
+/// What there is to see.
+pub(super) struct View<'v> {
+    pub(super) folder: &'v Path,
+    pub(super) filter: &'v str,
+    pub(super) typing: Option<&'v str>,
+    pub(super) changed: &'v [String],
+    pub(super) lanes: &'v [Lane],
+}
+
+pub(super) struct Screen {
+    full: bool,
+}
+
+impl Screen {
+    pub(super) fn lines() -> Self {
+        Self { full: false }
+    }
+
+    /// Takes the terminal, until it is dropped.
+    pub(super) fn full() -> std::io::Result<Self> {
+        terminal::enable_raw_mode()?;
+        execute!(std::io::stdout(), terminal::EnterAlternateScreen, cursor::Hide)?;
+        Ok(Self { full: true })
+    }
+
+    pub(super) fn say_changed(
+        &self,
+        changed: &[String],
+        out: &mut dyn Write,
+    ) -> std::io::Result<()> {
+        if self.full {
+            return Ok(());
+        }
+        writeln!(out, "{DIM}changed: {}{DIM:#}", changed.join(", "))?;
+        out.flush()
+    }
+
+    pub(super) fn say_failed(
+        &self,
+        path: &str,
+        name: &str,
+        message: &str,
+        out: &mut dyn Write,
+    ) -> std::io::Result<()> {
+        if self.full {
+            return Ok(());
+        }
+        writeln!(out, "{BAD}FAILED{BAD:#} {name} on {path}\n{}", message.trim_end())?;
+        out.flush()
+    }
+
+    pub(super) fn say_done(&self, lane: &Lane, out: &mut dyn Write) -> std::io::Result<()> {
+        if self.full {
+            return Ok(());
+        }
+        writeln!(out, "{}", summary(lane))?;
+        if let Some(why) = &lane.verdicts.broken {
+            writeln!(out, "{}", why.trim_end())?;
+        }
+        out.flush()
+    }
+
+    /// Draws the screen.
+    pub(super) fn draw(&self, view: &View<'_>, out: &mut dyn Write) -> std::io::Result<()> {
+        if !self.full {
+            return Ok(());
+        }
+        let (columns, rows) = terminal::size().unwrap_or((80, 24));
+        let (columns, rows) = (usize::from(columns).max(10), usize::from(rows).max(4));
+        let mut lines: Vec<String> = Vec::new();
+        let filter = if view.filter.is_empty() {
+            String::new()
+        } else {
+            format!("  only `{}`", view.filter)
+        };
+        lines.push(styled(
+            HEAD,
+            &cut(&format!("karat watch {}{filter}", view.folder.display()), columns),
+        ));
+        if !view.changed.is_empty() {
+            lines
+                .push(styled(DIM, &cut(&format!("changed: {}", view.changed.join(", ")), columns)));
+        }
+        for lane in view.lanes {
+            lines.push(summary_in(lane, columns));
+        }
+        lines.push(String::new());
+        let worst = view.lanes.iter().find_map(|lane| {
+            let broken = lane.verdicts.broken.as_ref().map(|why| (lane.path.clone(), why.clone()));
+            broken.or_else(|| {
+                let (name, message) = lane.verdicts.failing.first_key_value()?;
+                Some((format!("{name} on {}", lane.path), message.clone()))
+            })
+        });
+        if let Some((title, message)) = worst {
+            lines.push(styled(BAD, &cut(&title, columns)));
+            lines.extend(message.lines().map(|line| cut(&visible(line), columns)));
+        }
+        let keys = match view.typing {
+            Some(typing) => format!("only tests whose names contain: {typing}_"),
+            None => "r run all   f filter   q quit".to_owned(),
+        };
+        lines.truncate(rows.saturating_sub(1));
+        // Rows that aren't written keep nothing of what was there.
+        let control = karat::output::trusted;
+        let mut text = control("\u{1b}[H");
+        for row in 0..rows.saturating_sub(1) {
+            text += lines.get(row).map_or("", String::as_str);
+            text += &control("\u{1b}[K");
+            text += "\r\n";
+        }
+        text += &cut(&keys, columns);
+        text += &control("\u{1b}[K\u{1b}[J");
+        write!(out, "{text}")?;
+        out.flush()
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        if self.full {
+            drop(execute!(std::io::stdout(), cursor::Show, terminal::LeaveAlternateScreen));
+            drop(terminal::disable_raw_mode());
+        }
+    }
+}
+
+fn styled(style: karat::output::Style, text: &str) -> String {
+    format!("{style}{text}{style:#}")
+}
+
+/// A text in so many columns.
+fn cut(text: &str, columns: usize) -> String {
+    match text.chars().count() > columns {
+        true => text.chars().take(columns.saturating_sub(1)).chain(['>']).collect(),
+        false => text.to_owned(),
+    }
+}
+
+fn words(lane: &Lane) -> (karat::output::Style, String) {
+    let Verdicts { failing, count, ran, took, busy, broken } = &lane.verdicts;
+    let took = format!("{:.1} ms", took.as_secs_f64() * 1e3);
+    let path = &lane.path;
+    match (busy, broken, failing.len()) {
+        (true, ..) => (DIM, format!("{path}: running, {ran} done")),
+        (_, Some(_), _) => (BAD, format!("{path}: no verdict  {took}")),
+        (.., 0) if *count == 0 => (BAD, format!("{path}: there are no tests")),
+        (.., 0) if *ran == 0 => {
+            (GOOD, format!("{path}: {count} tests pass; nothing changed in meaning  {took}"))
+        }
+        (.., 0) => (GOOD, format!("{path}: {count} tests pass; {ran} ran  {took}")),
+        (.., failed) => (BAD, format!("{path}: {failed} of {count} tests fail; {ran} ran  {took}")),
+    }
+}
+
+fn summary(lane: &Lane) -> String {
+    let (style, text) = words(lane);
+    styled(style, &text)
+}
+
+fn summary_in(lane: &Lane, columns: usize) -> String {
+    let (style, text) = words(lane);
+    styled(style, &cut(&text, columns))
+}

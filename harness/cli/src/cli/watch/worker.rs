@@ -1,0 +1,106 @@
+//! A process that runs tests whenever it is asked.
+
+use std::collections::BTreeSet;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::Sender;
+
+use anyhow::Context;
+use serde::{Deserialize, Serialize};
+
+use super::{DEADLINE, Event};
+
+/// What a worker is asked for: a line of JSON.
+#[derive(Debug, Serialize, Deserialize)]
+pub(in crate::cli) struct Request {
+    /// Only tests whose names contain this.
+    pub(in crate::cli) filter: String,
+    /// All tests, whether or not anything concerns them.
+    pub(in crate::cli) all: bool,
+    /// Tests that run before the others.
+    pub(in crate::cli) first: Vec<String>,
+}
+
+/// What a worker says: a line of JSON.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(in crate::cli) enum Said {
+    /// A test ran; `message` if it failed.
+    Test { name: String, message: Option<String> },
+    /// All tests have a verdict: these are there. `error` if they can't be found.
+    Done { tests: BTreeSet<String>, error: Option<String> },
+    /// The process ended.
+    Ended { why: String },
+}
+
+pub(super) fn request(filter: &str, all: bool, first: &[&String]) -> String {
+    let first = first.iter().map(|name| (*name).clone()).collect();
+    let request = Request { filter: filter.to_owned(), all, first };
+    serde_json::to_string(&request).expect("a request is plain data")
+}
+
+pub(super) struct Worker {
+    child: Child,
+    stdin: ChildStdin,
+}
+
+impl Worker {
+    /// Starts a process for a path. What it says comes as events.
+    pub(super) fn start(
+        index: usize,
+        path: &str,
+        folder: &Path,
+        sender: &Sender<Event>,
+    ) -> anyhow::Result<Self> {
+        let program = std::env::current_exe().context("this program isn't where it was")?;
+        let mut command = Command::new(program);
+        command.arg("suite").arg(folder).arg("--serve").env("KARAT_PATHS", path);
+        if std::env::var_os("KARAT_DEADLINE").is_none() {
+            command.env("KARAT_DEADLINE", DEADLINE);
+        }
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().context("a process for tests can't be started")?;
+        let stdin = child.stdin.take().context("it is piped")?;
+        let stdout = child.stdout.take().context("it is piped")?;
+        let mut stderr = child.stderr.take().context("it is piped")?;
+        let last_words = std::thread::spawn(move || {
+            let mut text = Vec::new();
+            drop(stderr.read_to_end(&mut text));
+            String::from_utf8_lossy(&text).into_owned()
+        });
+        let sender = sender.clone();
+        std::thread::spawn(move || {
+            for line in BufReader::new(stdout).lines() {
+                let Ok(line) = line else { break };
+                // Anything else is a driver's chatter.
+                if let Ok(said) = serde_json::from_str(&line)
+                    && sender.send(Event::Worker(index, said)).is_err()
+                {
+                    return;
+                }
+            }
+            let words = last_words.join().unwrap_or_default();
+            let words: Vec<&str> =
+                words.lines().filter(|line| !line.contains("XDG_RUNTIME_DIR")).collect();
+            let why = match words.join("\n").trim() {
+                "" => "the process of the tests ended".to_owned(),
+                words => words.to_owned(),
+            };
+            drop(sender.send(Event::Worker(index, Said::Ended { why })));
+        });
+        Ok(Self { child, stdin })
+    }
+
+    pub(super) fn ask(&mut self, request: &str) -> std::io::Result<()> {
+        writeln!(self.stdin, "{request}")?;
+        self.stdin.flush()
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        drop(self.child.kill());
+        drop(self.child.wait());
+    }
+}
