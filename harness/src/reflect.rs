@@ -14,9 +14,10 @@ mod rounds;
 mod signature;
 mod validation;
 
+use std::collections::HashMap;
 use std::fmt;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 pub(crate) use naga::Module as Ir;
 use naga::front::wgsl;
@@ -41,10 +42,19 @@ use crate::package::{Linked, Package, PackageError};
 #[derive(Debug)]
 pub struct Program {
     linked: Linked,
+    checked: Arc<Checked>,
+}
+
+/// What naga made of a text, and found valid.
+#[derive(Debug)]
+struct Checked {
     module: naga::Module,
     info: ModuleInfo,
     layouter: Layouter,
 }
+
+/// Texts of which a process keeps what naga made: as many as a large package has functions and tests.
+const MOST_CHECKED: usize = 2048;
 
 /// A stage of a draw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -133,7 +143,25 @@ impl Program {
         on_deep_stack(|| Self::compiled(linked))
     }
 
+    /// One text is parsed and validated once in a process: an edit leaves most functions as they are.
     fn compiled(linked: Linked) -> Result<Self, ReflectError> {
+        type Known = HashMap<blake3::Hash, Arc<Checked>>;
+        static KNOWN: LazyLock<Mutex<Known>> = LazyLock::new(Mutex::default);
+        let known = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+        let hash = blake3::hash(linked.text().as_bytes());
+        if let Some(checked) = known().get(&hash).cloned() {
+            return Ok(Self { linked, checked });
+        }
+        let program = Self::parsed(linked)?;
+        let mut known = known();
+        if known.len() >= MOST_CHECKED {
+            known.clear();
+        }
+        known.insert(hash, Arc::clone(&program.checked));
+        Ok(program)
+    }
+
+    fn parsed(linked: Linked) -> Result<Self, ReflectError> {
         let invalid = |diagnostic| ReflectError::Invalid(Box::new(diagnostic));
         let module = wgsl::parse_str(linked.text()).map_err(|error| {
             let labels = error.labels().map(|(span, text)| (span.to_range(), text.to_owned()));
@@ -162,7 +190,8 @@ impl Program {
         layouter
             .update(module.to_ctx())
             .map_err(|error| invalid(Diagnostic::new(error.to_string())))?;
-        Ok(Self { linked, module, info, layouter })
+        let checked = Arc::new(Checked { module, info, layouter });
+        Ok(Self { linked, checked })
     }
 
     /// The linked WGSL.
@@ -174,7 +203,7 @@ impl Program {
     /// naga's IR of [`text`](Self::text).
     #[must_use]
     pub fn module(&self) -> &naga::Module {
-        &self.module
+        &self.checked.module
     }
 
     /// The author's place for a range of [`text`](Self::text).
@@ -186,7 +215,7 @@ impl Program {
     /// What naga's validator knows of the module.
     #[cfg(feature = "engine")]
     pub(crate) fn info(&self) -> &ModuleInfo {
-        &self.info
+        &self.checked.info
     }
 
     /// The name in the text of a declaration by its author's path.
@@ -195,14 +224,14 @@ impl Program {
     }
 
     pub(crate) fn layouter(&self) -> &Layouter {
-        &self.layouter
+        &self.checked.layouter
     }
 
     /// The name in the text of an entry point of the linked module.
     pub(crate) fn entry_point_name<'a>(&'a self, name: &'a str) -> &'a str {
         let is_it = |path: &str| path.rsplit("::").next() == Some(name);
         let mut names = self.linked.names.iter();
-        let known = |text: &str| self.module.entry_points.iter().any(|e| e.name == text);
+        let known = |text: &str| self.checked.module.entry_points.iter().any(|e| e.name == text);
         names.find(|(text, path)| is_it(path) && known(text)).map_or(name, |(text, _)| text)
     }
 }

@@ -70,9 +70,9 @@ impl Program {
             Stage::Vertex => naga::ShaderStage::Vertex,
             Stage::Fragment => naga::ShaderStage::Fragment,
         };
-        let mut entries = self.module.entry_points.iter();
+        let mut entries = self.checked.module.entry_points.iter();
         let index = entries.position(|entry| entry.name == name && entry.stage == naga_stage)?;
-        let info = self.info.get_entry_point(index);
+        let info = self.checked.info.get_entry_point(index);
         Some(self.bindings(|global| info[global]))
     }
 
@@ -80,11 +80,11 @@ impl Program {
     /// workgroup.
     #[cfg(feature = "routes")]
     pub(crate) fn compute_entry_point(&self, name: &str) -> Option<(Vec<Binding>, [u32; 3])> {
-        let mut entries = self.module.entry_points.iter();
+        let mut entries = self.checked.module.entry_points.iter();
         let index = entries
             .position(|entry| entry.name == name && entry.stage == naga::ShaderStage::Compute)?;
-        let info = self.info.get_entry_point(index);
-        let size = self.module.entry_points[index].workgroup_size;
+        let info = self.checked.info.get_entry_point(index);
+        let size = self.checked.module.entry_points[index].workgroup_size;
         Some((self.bindings(|global| info[global]), size))
     }
 
@@ -100,7 +100,7 @@ impl Program {
 
     /// The first binding number of group 0 that the program leaves free.
     pub(crate) fn free_binding(&self) -> u32 {
-        let used = self.module.global_variables.iter().filter_map(|(_, global)| {
+        let used = self.checked.module.global_variables.iter().filter_map(|(_, global)| {
             global.binding.as_ref().filter(|binding| binding.group == 0).map(|b| b.binding + 1)
         });
         used.max().unwrap_or(0)
@@ -111,6 +111,7 @@ impl Program {
         usage: impl Fn(naga::Handle<naga::GlobalVariable>) -> GlobalUse,
     ) -> Vec<Binding> {
         let mut bindings: Vec<Binding> = self
+            .checked
             .module
             .global_variables
             .iter()
@@ -133,7 +134,7 @@ impl Program {
 
     fn binding_kind(&self, global: &naga::GlobalVariable) -> BindingKind {
         use naga::{AddressSpace, ImageClass, ImageDimension, ScalarKind, TypeInner};
-        match (global.space, &self.module.types[global.ty].inner) {
+        match (global.space, &self.checked.module.types[global.ty].inner) {
             (AddressSpace::Uniform, _) => BindingKind::Uniform,
             (AddressSpace::Storage { access }, _) => {
                 BindingKind::Storage { writable: access.contains(naga::StorageAccess::STORE) }

@@ -21,8 +21,8 @@ impl Program {
     pub(crate) fn locals<'p>(&'p self, path: &'p str) -> Option<Locals<'p>> {
         let function = self.name_of(path);
         let named = |f: &naga::Function| f.name.as_deref() == Some(function);
-        let (_, found) = self.module.functions.iter().find(|(_, f)| named(f))?;
-        let types = self.module.to_ctx();
+        let (_, found) = self.checked.module.functions.iter().find(|(_, f)| named(f))?;
+        let types = self.checked.module.to_ctx();
         let parameters = found.arguments.iter().map(|one| types.type_to_string(one.ty)).collect();
         let variable = |(_, variable): (_, &'p naga::LocalVariable)| {
             Some((variable.name.as_deref()?, types.type_to_string(variable.ty)))

@@ -26,8 +26,8 @@ impl Program {
     /// How many barriers there are in all functions and entry points.
     #[cfg(feature = "routes")]
     pub(crate) fn barriers(&self) -> usize {
-        let functions = self.module.functions.iter().map(|(_, function)| &function.body);
-        let entries = self.module.entry_points.iter().map(|entry| &entry.function.body);
+        let functions = self.checked.module.functions.iter().map(|(_, function)| &function.body);
+        let entries = self.checked.module.entry_points.iter().map(|entry| &entry.function.body);
         let mut count = 0;
         for body in functions.chain(entries) {
             walk(body, false, &mut |statement, _, _| {
@@ -39,7 +39,7 @@ impl Program {
 
     /// How many loops there are, in the order in which [`count_rounds`] numbers them.
     pub(crate) fn loops(&self) -> usize {
-        let functions = self.module.functions.iter().map(|(_, function)| &function.body);
+        let functions = self.checked.module.functions.iter().map(|(_, function)| &function.body);
         functions.map(|body| loops_of(body).len()).sum()
     }
 }

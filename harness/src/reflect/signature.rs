@@ -50,6 +50,7 @@ impl Program {
     pub fn function(&self, path: &str) -> Result<Function, ReflectError> {
         let name = self.linked.name_of(path).unwrap_or(path);
         let found = self
+            .checked
             .module
             .functions
             .iter()
@@ -68,7 +69,7 @@ impl Program {
             let message = format!("`{path}` can't be probed: {what}");
             unprobeable(Diagnostic::new(message).at(span.clone(), "declared here").note(note))
         };
-        let stages = self.info[handle].available_stages;
+        let stages = self.checked.info[handle].available_stages;
         if !stages.contains(ShaderStages::COMPUTE) {
             return Err(refuse(
                 "it uses operations of fragment shaders (derivatives, implicit-LOD sampling or \
@@ -77,7 +78,7 @@ impl Program {
                 "use textureSampleLevel or textureSampleGrad, or pass derivatives as arguments",
             ));
         }
-        if let Some(shared) = self.shared_state(&self.info[handle]) {
+        if let Some(shared) = self.shared_state(&self.checked.info[handle]) {
             return Err(refuse(
                 format!("it {shared}, which other cases of the same dispatch see"),
                 "pass values, return values: a result must not depend on its neighbours",
@@ -103,7 +104,7 @@ impl Program {
             doc: doc_above(&span),
             parameters,
             result,
-            bindings: self.bindings(|global| self.info[handle][global]),
+            bindings: self.bindings(|global| self.checked.info[handle][global]),
             span,
         })
     }
@@ -114,7 +115,7 @@ impl Program {
     /// If it can't run in a kernel, or has a parameter that a kernel can't pass.
     pub(crate) fn test_parameters(&self, path: &str) -> Result<Vec<(String, Shape)>, ReflectError> {
         let name = self.linked.name_of(path).unwrap_or(path);
-        let mut functions = self.module.functions.iter();
+        let mut functions = self.checked.module.functions.iter();
         let found = functions.find(|(_, function)| function.name.as_deref() == Some(name));
         let Some((handle, function)) = found else {
             let message = format!("the test `{path}` isn't a function");
@@ -125,12 +126,12 @@ impl Program {
             let message = format!("the test `{path}` can't run: {what}");
             unprobeable(Diagnostic::new(message).at(span.clone(), "declared here").note(note))
         };
-        if !self.info[handle].available_stages.contains(ShaderStages::COMPUTE) {
+        if !self.checked.info[handle].available_stages.contains(ShaderStages::COMPUTE) {
             let what = "it uses operations of fragment shaders (derivatives, implicit-LOD \
                         sampling or discard)";
             return Err(refuse(what.to_owned(), "use textureSampleLevel or textureSampleGrad"));
         }
-        if let Some(shared) = self.shared_state(&self.info[handle]) {
+        if let Some(shared) = self.shared_state(&self.checked.info[handle]) {
             let what = format!("it {shared}, which other cases of the same dispatch see");
             return Err(refuse(what, "a case must not depend on its neighbours"));
         }
@@ -147,7 +148,7 @@ impl Program {
     /// Whether an expression of a function, by its index, is `-x`.
     #[cfg(feature = "engine")]
     pub(crate) fn negates(&self, function: &str, expression: usize) -> bool {
-        let mut functions = self.module.functions.iter().map(|(_, function)| function);
+        let mut functions = self.checked.module.functions.iter().map(|(_, function)| function);
         let function = functions.find(|known| known.name.as_deref() == Some(function));
         let mut expressions = function.into_iter().flat_map(|f| f.expressions.iter());
         matches!(
@@ -168,7 +169,7 @@ impl Program {
         if info.uniformity.requirements.contains(UniformityRequirements::WORK_GROUP_BARRIER) {
             return Some("waits at a barrier".to_owned());
         }
-        self.module.global_variables.iter().find_map(|(handle, global)| {
+        self.checked.module.global_variables.iter().find_map(|(handle, global)| {
             let name = global.name.as_deref().unwrap_or_default();
             match global.space {
                 AddressSpace::WorkGroup if !info[handle].is_empty() => {
@@ -187,7 +188,7 @@ impl Program {
     /// The shape of a buffer variable's type, or of an element of its runtime-sized array; `None`
     /// if the type has no shape.
     pub(crate) fn buffer_shape(&self, ty: naga::Handle<naga::Type>) -> Option<Shape> {
-        match &self.module.types[ty].inner {
+        match &self.checked.module.types[ty].inner {
             naga::TypeInner::Array { base, size: naga::ArraySize::Dynamic, .. } => {
                 self.shape(*base).ok()
             }
@@ -202,7 +203,7 @@ impl Program {
         binding: &Binding,
         lanes: &[u32],
     ) -> Result<Vec<u8>, super::LayoutError> {
-        super::bytes_of(&self.module, &self.layouter, binding.ty, lanes)
+        super::bytes_of(&self.checked.module, &self.checked.layouter, binding.ty, lanes)
     }
 
     /// The shape of the data of a buffer, or of an element of it where its array has no length; and
@@ -210,21 +211,21 @@ impl Program {
     #[must_use]
     pub fn buffer_data(&self, binding: &Binding) -> Option<(Shape, bool)> {
         let endless = matches!(
-            &self.module.types[binding.ty].inner,
+            &self.checked.module.types[binding.ty].inner,
             naga::TypeInner::Array { size: naga::ArraySize::Dynamic, .. }
         );
         Some((self.buffer_shape(binding.ty)?, endless))
     }
 
     fn function_span(&self, handle: naga::Handle<naga::Function>) -> Span {
-        let range = self.module.functions.get_span(handle).to_range().unwrap_or(0..0);
+        let range = self.checked.module.functions.get_span(handle).to_range().unwrap_or(0..0);
         self.resolve(range).unwrap_or(Span { file: Arc::clone(&self.linked.file), range: 0..0 })
     }
 
     /// The shape of a naga type, or what it is that a probe can't pass.
     fn shape(&self, ty: naga::Handle<naga::Type>) -> Result<Shape, String> {
         use naga::{ArraySize, TypeInner};
-        let ty = &self.module.types[ty];
+        let ty = &self.checked.module.types[ty];
         Ok(match &ty.inner {
             TypeInner::Scalar(scalar) => Shape::Scalar(scalar_of(*scalar)?),
             TypeInner::Vector { size, scalar } => {

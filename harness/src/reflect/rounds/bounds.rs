@@ -12,15 +12,16 @@ impl Program {
     /// The most rounds that all loops of a call make together, whichever function is called;
     /// `None` where the IR shows no bound.
     pub(crate) fn most_rounds(&self) -> Option<u64> {
-        let entry_points = self.module.entry_points.iter().map(|entry| &entry.function);
-        let mut calls = vec![None; self.module.functions.len()];
+        let entry_points = self.checked.module.entry_points.iter().map(|entry| &entry.function);
+        let mut calls = vec![None; self.checked.module.functions.len()];
         // naga's functions stand after those that they call.
-        for (handle, function) in self.module.functions.iter() {
+        for (handle, function) in self.checked.module.functions.iter() {
             calls[handle.index()] =
-                Rounds { module: &self.module, function, calls: &calls }.of_function();
+                Rounds { module: &self.checked.module, function, calls: &calls }.of_function();
         }
-        let entries = entry_points
-            .map(|function| Rounds { module: &self.module, function, calls: &calls }.of_function());
+        let entries = entry_points.map(|function| {
+            Rounds { module: &self.checked.module, function, calls: &calls }.of_function()
+        });
         let all: Option<Vec<u64>> = calls.iter().copied().chain(entries).collect();
         all.map(|all| all.into_iter().max().unwrap_or(0))
     }

@@ -34,7 +34,7 @@ impl Program {
             .flat_map(loops_of)
             .map(|(span, _)| span.to_range().and_then(|range| self.resolve(range)))
             .collect();
-        let mut module = self.module.clone();
+        let mut module = self.checked.module.clone();
         let scalar = |inner| Type { name: None, inner };
         let u32_type = module.types.insert(scalar(TypeInner::Scalar(Scalar::U32)), NOWHERE);
         let atomic = module.types.insert(scalar(TypeInner::Atomic(Scalar::U32)), NOWHERE);
@@ -107,7 +107,7 @@ impl Program {
 
     /// The bodies of functions, then of entry points.
     fn bodies(&self) -> impl Iterator<Item = &Block> {
-        let functions = self.module.functions.iter().map(|(_, function)| &function.body);
-        functions.chain(self.module.entry_points.iter().map(|entry| &entry.function.body))
+        let functions = self.checked.module.functions.iter().map(|(_, function)| &function.body);
+        functions.chain(self.checked.module.entry_points.iter().map(|entry| &entry.function.body))
     }
 }
