@@ -40,6 +40,8 @@ pub struct WgslTest {
     pub parameters: Vec<(String, Shape)>,
     /// `@over` of each parameter: its words and numbers, and where it stands.
     pub over: Vec<Option<(Vec<String>, Span)>>,
+    /// What it is made of.
+    essence: String,
     /// The folder of its package.
     root: PathBuf,
     /// The module that calls it.
@@ -85,7 +87,11 @@ impl WgslTest {
         )
         .expect("text takes text");
         let generated = Package::from_modules(&package.name(), [(module, text)]);
+        let over = item.over.iter().flatten().map(|(words, _)| words.join(","));
+        let over = over.collect::<Vec<_>>().join(";");
+        let essence = format!("{} {:?} {over}", program.essence(), item.cases);
         Ok(Self {
+            essence,
             name: item.name,
             span: item.span,
             cases: item.cases,
@@ -97,14 +103,9 @@ impl WgslTest {
     }
 
     /// What it is made of, but for comments and blanks: its verdict changes with this alone.
-    ///
-    /// # Errors
-    /// If it isn't valid any more.
-    pub fn essence(&self) -> Result<String, ReflectError> {
-        let over = self.over.iter().flatten().map(|(words, _)| words.join(","));
-        let over: String = over.collect::<Vec<_>>().join(";");
-        let text = Program::of_function(&self.generated, &self.name)?.essence();
-        Ok(format!("{text} {:?} {over}", self.cases))
+    #[must_use]
+    pub fn essence(&self) -> &str {
+        &self.essence
     }
 
     /// The test as a function, to be given arguments and [run](super::DynamicCheck::expects).

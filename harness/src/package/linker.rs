@@ -198,11 +198,10 @@ impl<'a> Linker<'a> {
     /// WGSL's own.
     fn names(&self, items: &BTreeSet<Item>) -> BTreeMap<(ModulePath, String), String> {
         // A new name is no word of any file, so that it can't be taken for another.
-        let mut taken: BTreeSet<&str> = self.free.iter().map(String::as_str).collect();
-        for part in self.parts.values() {
-            let words = (0..part.module.tokens.len()).filter(|token| part.module.is_word(*token));
-            taken.extend(words.map(|token| part.module.text(token)));
-        }
+        let is_taken = |name: &str| {
+            let mut parts = self.parts.values();
+            self.free.contains(name) || parts.any(|part| part.module.words.contains(name))
+        };
         let mut given: BTreeSet<String> = BTreeSet::new();
         let mut names = BTreeMap::new();
         for (path, index) in items {
@@ -224,7 +223,7 @@ impl<'a> Linker<'a> {
             let base = parts.join("_").replace(|c| !is_part(c), "_"); // of `line.inc.wgsl`
             let mut name = base.clone();
             let mut count = 2;
-            while taken.contains(name.as_str()) || given.contains(&name) {
+            while is_taken(&name) || given.contains(&name) {
                 name = format!("{base}_{count}");
                 count += 1;
             }

@@ -3,7 +3,7 @@
 //! A module that isn't well formed is naga's to refuse. Here it is enough that each declaration
 //! of a valid module is found, with the place of its name.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -63,6 +63,8 @@ pub(super) struct Module {
     by_name: HashMap<String, Vec<usize>>,
     /// For each bracket among the tokens, its partner.
     pub(super) brackets: Vec<usize>,
+    /// All words of the tokens.
+    pub(super) words: HashSet<String>,
     /// What each declaration refers to.
     pub(super) references: Vec<Vec<Reference>>,
     /// Declarations under a condition that doesn't hold.
@@ -107,6 +109,7 @@ impl Module {
             declarations: Vec::new(),
             by_name: HashMap::new(),
             brackets: Vec::new(),
+            words: HashSet::new(),
             references: Vec::new(),
             inactive,
         };
@@ -118,6 +121,8 @@ impl Module {
                 module.by_name.entry(name.clone()).or_default().push(index);
             }
         }
+        let words = (0..module.tokens.len()).filter(|token| module.is_word(*token));
+        module.words = words.map(|token| module.text(token).to_owned()).collect();
         let declarations = module.declarations.iter();
         module.references = declarations.map(|d| references(&module, d)).collect();
         Ok(module)

@@ -14,7 +14,7 @@ impl Suite {
     #[must_use]
     pub fn essence(&self, test: &Test) -> Option<String> {
         match &test.kind {
-            Kind::Wgsl(test) => test.essence().ok(),
+            Kind::Wgsl(test) => Some(test.essence().to_owned()),
             Kind::Function(assertion) => {
                 let mut text =
                     Program::of_function(&self.package, &assertion.function).ok()?.essence();
