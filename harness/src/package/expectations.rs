@@ -134,10 +134,10 @@ fn report() -> String {
              var<private> expected{kept}: vec4u;\n"
         )
         .expect("text takes text");
-        write!(
+        writeln!(
             stored,
             "    if suspected == {kept}u {{ head{kept} = vec4u(site, kind, bound); \
-             actual{kept} = actual; expected{kept} = expected; }}\n"
+             actual{kept} = actual; expected{kept} = expected; }}"
         )
         .expect("text takes text");
         let words = |name: &str, lanes: [&str; 4]| {

@@ -48,6 +48,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if args.serve {
         return serve::run(&args.folder, out);
     }
+    // What a test panics with is its message, which is printed with its name.
+    std::panic::set_hook(Box::new(|_| {}));
     let suite = Suite::open(&args.folder)?;
     let wanted = |name: &str| match &args.filter {
         Some(filter) if args.exact => name == filter,

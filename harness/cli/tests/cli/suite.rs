@@ -252,3 +252,43 @@ fn a_runaway_test_is_stopped() {
     assert!(ran.out.contains("slow_test.wgsl:4:5"), "{}", ran.out);
     assert!(ran.out.contains("11 checks, 1 failed"), "{}", ran.out);
 }
+
+/// Missing, it is pending; accepted, it passes; with another shader it fails.
+#[test]
+fn a_declared_frame_is_compared_with_its_golden() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let shader = "struct Tint { color: vec3f, gain: f32 }\n\
+        @group(0) @binding(0) var<uniform> tint: Tint;\n\
+        @vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {\n    \
+        return vec4f(f32(i & 1u) * 4.0 - 1.0, f32(i >> 1u) * 4.0 - 1.0, 0.0, 1.0);\n}\n\
+        @fragment fn fs(@builtin(position) p: vec4f) -> @location(0) vec4f {\n    \
+        return vec4f(tint.color * tint.gain * p.x / 32.0, 1.0);\n}\n";
+    write(folder.path(), "grad.wgsl", shader);
+    let declared = |with: &str| {
+        let text = format!(
+            "[[frame]]\nname = \"gradient\"\nvertex = \"vs\"\nfragment = \"fs\"\nsize = [32, 16]\n\
+             with = {{ {with} }}\n"
+        );
+        write(folder.path(), "grad.test.toml", &text);
+        karat(folder.path(), &["test", ".", "--paths", "vulkan"])
+    };
+    let tint = "tint = { color = [1.0, 0.5, 0.25], gain = 2 }";
+    let missing = declared(tint);
+    assert_eq!(missing.code, Some(1), "{missing:?}");
+    assert!(missing.out.contains("frame `gradient` has no golden"), "{missing:?}");
+    assert!(!missing.err.contains("panicked"), "{missing:?}");
+    karat(folder.path(), &["accept", "gradient", "--because", "it is the first"]).good();
+    assert!(declared(tint).good().contains("1 checks, 0 failed"));
+    let brighter = declared("tint = { color = [1.0, 0.5, 0.25], gain = 3 }");
+    assert_eq!(brighter.code, Some(1), "{brighter:?}");
+    for (with, part) in [
+        ("tint = { color = [1.0, 0.5, 0.25], gian = 2 }", "did you mean `gain`?"),
+        ("tent = 1", "did you mean `tint`?"),
+        ("tint = { color = [1.0, 0.5], gain = 2 }", "has 3 components"),
+    ] {
+        let ran = declared(with);
+        assert!(ran.code != Some(0) && ran.out.contains(part), "{ran:?}");
+    }
+    let left_out = karat(folder.path(), &["test", ".", "--functions"]);
+    assert_ne!(left_out.code, Some(0), "nothing is compared: {left_out:?}");
+}
