@@ -66,12 +66,16 @@ impl<F: Copy> Values<F> {
     }
 
     /// The components of each operation together: its site, how often that came before, and values.
-    fn groups(self) -> Vec<((usize, usize), Vec<F>)> {
+    /// `components` tells how many a site has.
+    fn groups(self, components: &dyn Fn(usize) -> usize) -> Vec<((usize, usize), Vec<F>)> {
         let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
         let mut groups: Vec<((usize, usize), Vec<F>)> = Vec::new();
         for (site, value) in self.all.into_inner().unwrap_or_else(PoisonError::into_inner) {
             match groups.last_mut() {
-                Some(((last, _), values)) if *last == site => values.push(value),
+                // A loop of one operation is that operation again and again.
+                Some(((last, _), values)) if *last == site && values.len() < components(site) => {
+                    values.push(value);
+                }
                 _ => {
                     let count = counts.entry(site).or_default();
                     groups.push(((site, *count), vec![value]));
@@ -90,11 +94,19 @@ impl Interpreted {
         let (single, double, bounds) = (Values::new(), Values::new(), Values::new());
         self.observed::<F32>(1, row, &options, &single)?;
         self.observed::<F64>(1, row, &options, &double)?;
-        self.observed::<Intervals>(1, row, &options, &bounds)?;
-        let double: BTreeMap<_, Vec<f64>> = double.groups().into_iter().collect();
-        let bounds: BTreeMap<_, Vec<Interval>> = bounds.groups().into_iter().collect();
+        // Half precision has no bounds: then the column stays empty.
+        let bounded = self.observed::<Intervals>(1, row, &options, &bounds).is_ok();
         let sites: BTreeMap<usize, &karat_engine::Site> =
             self.lowered.sites().iter().map(|one| (std::ptr::from_ref(one).addr(), one)).collect();
+        let components = |site: usize| {
+            let site = sites.get(&site).and_then(|site| Some((&site.function, site.expression?)));
+            site.map_or(1, |(function, at)| self.program.components(function, at.index()))
+        };
+        let double: BTreeMap<_, Vec<f64>> = double.groups(&components).into_iter().collect();
+        let bounds: BTreeMap<_, Vec<Interval>> = match bounded {
+            true => bounds.groups(&components).into_iter().collect(),
+            false => BTreeMap::new(),
+        };
         let step = |(key, single): ((usize, usize), Vec<f32>)| {
             let (span, text) = self.author_of(sites.get(&key.0)?)?;
             let ends = |x: &Interval| x.is_bounded().then(|| (x.lo(), x.hi()));
@@ -109,6 +121,6 @@ impl Interpreted {
                     .unwrap_or_default(),
             })
         };
-        Ok(single.groups().into_iter().filter_map(step).take(MOST).collect())
+        Ok(single.groups(&components).into_iter().filter_map(step).take(MOST).collect())
     }
 }

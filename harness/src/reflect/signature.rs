@@ -157,6 +157,22 @@ impl Program {
         )
     }
 
+    /// How many numbers an expression of a function is, by its index; 1 if that isn't known.
+    #[cfg(feature = "engine")]
+    pub(crate) fn components(&self, function: &str, expression: usize) -> usize {
+        let mut functions = self.checked.module.functions.iter();
+        let found = functions.find(|(_, known)| known.name.as_deref() == Some(function));
+        let of = |(handle, function): (naga::Handle<naga::Function>, &naga::Function)| {
+            let (at, _) = function.expressions.iter().nth(expression)?;
+            Some(match self.checked.info[handle][at].ty.inner_with(&self.checked.module.types) {
+                naga::TypeInner::Vector { size, .. } => *size as usize,
+                naga::TypeInner::Matrix { columns, rows, .. } => *columns as usize * *rows as usize,
+                _ => 1,
+            })
+        };
+        found.and_then(of).unwrap_or(1)
+    }
+
     /// The author's path of a declaration by its name in the linked text.
     pub(crate) fn author_path(&self, linked: &str) -> Option<&str> {
         self.linked.names.get(linked).map(String::as_str)

@@ -136,3 +136,21 @@ fn rare_hazards_are_counted_and_acceptances_are_true() {
         assert!(error.contains(hint), "{error}");
     }
 }
+
+#[test]
+fn each_round_of_a_loop_and_half_precision_have_rows() {
+    let folder = shaders(
+        "enable f16;\nfn sum(n: i32) -> f32 {\n    var s = 0.0;\n    \
+         for (var i = 0; i < n; i++) { s += 0.25; }\n    return s;\n}\n\
+         fn half(x: f16) -> f16 { return x * 0.5h; }\n",
+    );
+    let call = |function: &str, x: &str| {
+        karat(folder.path(), &["call", function, x, "--path", "cpu", "--trace"]).good()
+    };
+    let sum = call("fresnel::sum", "4");
+    let rows: Vec<&str> = sum.lines().filter(|line| line.contains("s += 0.25")).collect();
+    assert_eq!(rows.len(), 4, "{sum}");
+    assert!(rows[3].ends_with("1"), "{sum}");
+    let half = call("fresnel::half", "3");
+    assert!(half.lines().any(|line| line.contains("x * 0.5h") && line.contains("1.5")), "{half}");
+}

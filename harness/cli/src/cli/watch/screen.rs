@@ -152,14 +152,15 @@ fn words(lane: &Lane) -> (karat::output::Style, String) {
     let Verdicts { failing, count, ran, took, busy, broken } = &lane.verdicts;
     let took = format!("{:.1} ms", took.as_secs_f64() * 1e3);
     let path = &lane.path;
+    let pass = if *count == 1 { "1 test passes".to_owned() } else { format!("{count} tests pass") };
     match (busy, broken, failing.len()) {
         (true, ..) => (DIM, format!("{path}: running, {ran} done")),
         (_, Some(_), _) => (BAD, format!("{path}: no verdict  {took}")),
         (.., 0) if *count == 0 => (BAD, format!("{path}: there are no tests")),
         (.., 0) if *ran == 0 => {
-            (GOOD, format!("{path}: {count} tests pass; nothing changed in meaning  {took}"))
+            (GOOD, format!("{path}: {pass}; nothing changed in meaning  {took}"))
         }
-        (.., 0) => (GOOD, format!("{path}: {count} tests pass; {ran} ran  {took}")),
+        (.., 0) => (GOOD, format!("{path}: {pass}; {ran} ran  {took}")),
         (.., failed) => (BAD, format!("{path}: {failed} of {count} tests fail; {ran} ran  {took}")),
     }
 }
