@@ -1,7 +1,10 @@
 //! Karat in a project that isn't ours: its own workspace, outside this folder.
 
+use std::io::{BufRead, BufReader};
 use std::path::{Path as FilePath, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::Duration;
 
 use tempfile::TempDir;
 
@@ -105,6 +108,11 @@ impl Project {
         // With our profiles, our lock file and our features, Karat alone is compiled once more:
         // without optimisation that takes 10 s instead of 40 s.
         let profiles = root.find("[profile.dev]").map(|at| &root[at..]).expect("it has profiles");
+        // The engine isn't what is tested: optimised as ours it takes longer than all the rest.
+        let engine = "[profile.dev.package.karat-engine]\nopt-level = 3\ncodegen-units = 1\n";
+        assert!(profiles.contains(engine), "the profile of the engine has changed");
+        let quick = "[profile.dev.package.karat-engine]\nopt-level = 1\n";
+        let profiles = profiles.replace(engine, quick);
         let karat = repository().join("harness");
         let manifest = format!(
             "[package]\nname = \"{name}\"\nedition = \"2024\"\n\n[workspace]\n\n\
@@ -129,6 +137,11 @@ impl Project {
 
     /// Runs a program as a stranger would: in the project, knowing nothing of the run around it.
     fn run(&self, program: &FilePath, arguments: &[&str]) -> Ran {
+        let ran = self.command(program, arguments).output();
+        Ran::of(ran.unwrap_or_else(|error| panic!("{}: {error}", program.display())))
+    }
+
+    fn command(&self, program: &FilePath, arguments: &[&str]) -> Command {
         let mut command = Command::new(program);
         let own = ["CI", "CARGO_TARGET_DIR", "CARGO_CRATE_NAME", "CARGO_PRIMARY_PACKAGE"];
         let prefixes = ["KARAT_", "CARGO_PKG_", "CARGO_MANIFEST_", "CARGO_BIN_"];
@@ -146,7 +159,7 @@ impl Project {
         command.env("CARGO_TERM_COLOR", "never").env("NO_COLOR", "1");
         command.env("RUST_BACKTRACE", "0");
         command.current_dir(self.folder.path()).args(arguments);
-        Ran::of(command.output().unwrap_or_else(|e| panic!("{}: {e}", program.display())))
+        command
     }
 
     fn cargo(&self, arguments: &[&str]) -> Ran {
@@ -273,6 +286,81 @@ fn a_project_of_its_own() {
     table.says(0, &["2 checks, 0 failed, 131072 cases compared"]);
     assert!(!table.out.contains("FAIL") && !table.err.contains("Compiling"), "{table:?}");
     project.run(&karat, &["test", "lambert"]).says(0, &["1 checks, 0 failed"]);
+    edits_are_followed(&karat, &project);
+}
+
+/// `karat watch`, on one of its paths.
+struct Watching {
+    child: Child,
+    lines: Receiver<String>,
+}
+
+impl Watching {
+    fn start(karat: &FilePath, project: &Project) -> Self {
+        let mut command = project.command(karat, &["watch", "--paths", "cpu", "--lines"]);
+        let piped = command.stdin(Stdio::null()).stdout(Stdio::piped());
+        let mut child = piped.spawn().expect("it starts");
+        let out = child.stdout.take().expect("it is piped");
+        let (sender, lines) = channel();
+        std::thread::spawn(move || {
+            for line in BufReader::new(out).lines().map_while(Result::ok) {
+                if sender.send(line).is_err() {
+                    return;
+                }
+            }
+        });
+        Self { child, lines }
+    }
+
+    /// Waits for a line, and returns all up to it.
+    #[track_caller]
+    fn until(&self, part: &str) -> String {
+        let mut all = String::new();
+        while let Ok(line) = self.lines.recv_timeout(Duration::from_secs(120)) {
+            all += &line;
+            all.push('\n');
+            if line.contains(part) {
+                return all;
+            }
+        }
+        panic!("no `{part}` in:\n{all}");
+    }
+}
+
+impl Drop for Watching {
+    fn drop(&mut self) {
+        drop(self.child.kill());
+        drop(self.child.wait());
+    }
+}
+
+/// An edit of a shader runs the Rust tests that it concerns, and compiles nothing.
+#[track_caller]
+fn edits_are_followed(karat: &FilePath, project: &Project) {
+    let watching = Watching::start(karat, project);
+    watching.until("cpu: 2 tests pass; 2 ran");
+    project.write("shaders/brdf.wgsl", &BRDF.replace(FAULT.0, FAULT.1));
+    let red = watching.until("cpu: 1 of 2 tests fail; 1 ran");
+    for part in [
+        "changed: shaders/brdf.wgsl",
+        "FAILED brdf::lambert",
+        "brdf.wgsl:7:1",
+        "  in tests/brdf.rs:",
+    ] {
+        assert!(red.contains(part), "no `{part}` in {red}");
+    }
+    project.write("shaders/brdf.wgsl", BRDF);
+    watching.until("cpu: 2 tests pass; 1 ran");
+    project.write("shaders/brdf.wgsl", &format!("// a comment\n{BRDF}"));
+    watching.until("cpu: 2 tests pass; nothing changed in meaning");
+    // What a function calls concerns it: one of the two calls `pow5`.
+    project.write("shaders/math.wgsl", &MATH.replace("x2 * x2 * x", "x2 * x * x2"));
+    watching.until("cpu: 2 tests pass; 1 ran");
+    project.write("tests/brdf.rs", &TESTS.replace("fn lambert()", "fn lambert() -> "));
+    let broken = watching.until("cpu: no verdict");
+    assert!(watching.until("--> tests/brdf.rs:").contains("error: "), "{broken}");
+    project.write("tests/brdf.rs", &TESTS.replace("fn lambert()", "fn diffuse()"));
+    watching.until("cpu: 2 tests pass; 2 ran");
 }
 
 #[test]

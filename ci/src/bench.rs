@@ -1,16 +1,84 @@
 //! `cargo ci bench`: the harness's benchmarks.
 
-use anyhow::Result;
+use std::io::{BufRead, BufReader, Write};
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, ensure};
 
 use crate::command;
 
+/// Where `--page` writes what was measured.
+const PAGE: &str = "docs/speed.md";
+
 /// Runs the benchmarks, handing `arguments` to them.
-pub(crate) fn run(arguments: &[String]) -> Result<()> {
+pub(crate) fn run(arguments: &[String], page: bool) -> Result<()> {
+    // What is measured as a program: `karat watch`.
+    command::run(&mut command::cargo(&["build", "--locked", "--package", "karat-cli"]))?;
     // The profile of `cargo test`: its speed is what an author waits for.
     let karat = ["bench", "--locked", "--profile", "dev", "--package", "tests", "--bench", "karat"];
     let mut bench = command::cargo(&karat);
     if !arguments.is_empty() {
         bench.arg("--").args(arguments);
     }
-    command::run(&mut bench)
+    if !page {
+        return command::run(&mut bench);
+    }
+    let mut child = bench.stdout(Stdio::piped()).spawn().context("can't run `cargo`")?;
+    let stdout = child.stdout.take().context("it is piped")?;
+    let mut measured = String::new();
+    for line in BufReader::new(stdout).lines() {
+        let line = line.context("the benchmark's output ended early")?;
+        // Measuring takes minutes: whoever waits sees it come.
+        writeln!(std::io::stdout(), "{line}").context("nobody reads the output any more")?;
+        measured += &line;
+        measured.push('\n');
+    }
+    ensure!(child.wait()?.success(), "the benchmark failed: `{PAGE}` is as it was");
+    let page = format!(
+        "# Speed\n\n\
+         What `cargo ci bench --page` measured, in the profile of `cargo test`. Columns are the median, and the \
+         least to the most.\nCompare figures of one run: those of another machine, or of a busy one, are others.\n\n\
+         {}\n\n```text\n{}\n```\n",
+        machine(),
+        measured.trim()
+    );
+    std::fs::write(command::root().join(PAGE), page)
+        .with_context(|| format!("can't write `{PAGE}`"))
+}
+
+/// What it was measured on.
+fn machine() -> String {
+    let read = |file: &str, name: &str| {
+        let text = std::fs::read_to_string(file).ok()?;
+        let line = text.lines().find(|line| line.starts_with(name))?;
+        Some(line.split_once(':')?.1.trim().to_owned())
+    };
+    let said = |command: &mut Command| {
+        let output = command.stderr(Stdio::null()).output().ok()?;
+        Some(String::from_utf8_lossy(&output.stdout).into_owned())
+    };
+    let processor = read("/proc/cpuinfo", "model name");
+    let memory = read("/proc/meminfo", "MemTotal");
+    let rust = said(Command::new("rustc").arg("--version"));
+    let doctor = command::karat(&["doctor"]).ok().and_then(|mut karat| said(&mut karat));
+    let vulkan = doctor
+        .as_deref()
+        .into_iter()
+        .flat_map(str::lines)
+        .skip_while(|line| !line.starts_with("vulkan "));
+    let vulkan: Vec<&str> =
+        vulkan.take(2).map(|line| line.trim_start_matches("vulkan").trim()).collect();
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let facts = [
+        ("Processor", processor.map(|name| format!("{name}, {cores} cores"))),
+        ("Memory", memory),
+        ("System", Some(format!("{} {}", std::env::consts::OS, std::env::consts::ARCH))),
+        ("Rust", rust),
+        ("Vulkan", Some(vulkan.join("; "))),
+    ];
+    let known = facts.into_iter().filter_map(|(name, fact)| {
+        let fact = fact.filter(|fact| !fact.trim().is_empty())?;
+        Some(format!("- {name}: {}", fact.trim()))
+    });
+    known.collect::<Vec<_>>().join("\n")
 }

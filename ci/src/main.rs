@@ -81,6 +81,9 @@ enum Task {
     },
     /// Run the benchmarks; arguments after `--` go to them.
     Bench {
+        /// Write `docs/speed.md` of what was measured, with the machine's description.
+        #[arg(long)]
+        page: bool,
         /// Arguments for the benchmarks.
         #[arg(last = true)]
         arguments: Vec<String>,
@@ -108,7 +111,7 @@ fn main() -> ExitCode {
         Task::Corpus { list, routes: false, json } => step::verdict(corpus::run(list, json)),
         Task::Corpus { list, routes: true, json } => step::verdict(corpus::run_routes(list, json)),
         Task::Matrix => step::verdict(matrix::run()),
-        Task::Bench { arguments } => step::verdict(bench::run(&arguments)),
+        Task::Bench { page, arguments } => step::verdict(bench::run(&arguments, page)),
         Task::Mutants { names } => step::verdict(mutants::run(&names)),
     }
 }

@@ -36,6 +36,7 @@ mod property;
 mod quadrature;
 mod recall;
 mod reference;
+mod sample;
 mod sampling;
 mod session;
 mod shrink;

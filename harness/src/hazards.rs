@@ -72,6 +72,9 @@ pub struct Hazard {
     pub hidden: bool,
     /// For lost digits, in that case: the value in `f32`, and what it is in `f64`.
     pub values: Option<(String, String)>,
+    /// What the operation was computed from in that case, in `f32`; empty where that isn't floats, or more
+    /// than a line holds.
+    pub operands: Vec<String>,
     /// Whether some argument is a number of which neither name nor type say what it is, so that nobody
     /// knows whether these are arguments that it gets.
     pub guessed: bool,
@@ -294,6 +297,7 @@ impl Request {
                     cases: (0, cases.len()),
                     hidden: one.hidden,
                     values: shown(one),
+                    operands: operands(one),
                     guessed,
                     accepted: None,
                     also: Vec::new(),
@@ -302,6 +306,7 @@ impl Request {
                 // That it shows in one case is worse than that it is hidden in others.
                 if hazard.hidden && !one.hidden {
                     hazard.arguments = arguments(function, lanes(case));
+                    hazard.operands = operands(one);
                     hazard.hidden = false;
                 }
             }
@@ -345,6 +350,7 @@ fn endless(
         cases: (1, cases),
         hidden: false,
         values: None,
+        operands: Vec::new(),
         guessed: true,
         accepted: None,
         also: Vec::new(),
@@ -391,6 +397,14 @@ fn shown(found: &Found) -> Option<(String, String)> {
 
 fn first_line(text: &str) -> String {
     text.lines().next().unwrap_or_default().to_owned()
+}
+
+/// The operands of an operation, as people read them.
+fn operands(found: &Found) -> Vec<String> {
+    /// Two vectors of four have as many.
+    const MOST: usize = 8;
+    let all = Some(&found.operands).filter(|all| all.len() <= MOST);
+    all.into_iter().flatten().map(|x| format_f32(*x)).collect()
 }
 
 fn one_line(text: &str) -> String {
@@ -444,6 +458,9 @@ impl fmt::Display for Hazard {
         let (cases, of) = self.cases;
         writeln!(f, "    {} with {with}  ({cases} of {of} inputs)", self.function)?;
         write!(f, "    {}", self.kind.about())?;
+        if !self.operands.is_empty() {
+            write!(f, " ({})", self.operands.join(", "))?;
+        }
         if let Some((single, double)) = &self.values {
             write!(f, ": {single} in f32, {double} in f64")?;
         }

@@ -22,6 +22,7 @@ mod linked;
 mod linker;
 mod manifest;
 mod overlay;
+mod portable;
 mod scan;
 mod scope;
 mod splice;
@@ -42,6 +43,7 @@ pub(crate) use linked::Linked;
 pub(crate) use manifest::KnownRows;
 #[cfg(feature = "engine")]
 pub(crate) use manifest::{AcceptedHazard, Hazards as DeclaredHazards};
+pub(crate) use portable::Portable;
 
 use cargo::Found;
 use library::ModulePath;

@@ -5,6 +5,7 @@
 //! a run gives it a folder of its own ([`Running`]). When the run has ended, `run.json` says how it
 //! was made ([`Run`]).
 
+mod errors;
 mod folder;
 
 use std::fs::{File, OpenOptions};
@@ -15,6 +16,7 @@ use std::time::{Instant, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
+pub use self::errors::{Errors, Plot};
 pub use self::folder::Running;
 use self::folder::Turn;
 pub use crate::diagnostic::FileRead;
@@ -153,6 +155,13 @@ pub struct PathRecord {
     /// that the engine doesn't execute.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub granted: Option<Grant>,
+    /// How large the errors of some cases are; `None` for what isn't judged case by case, or if an older
+    /// Karat wrote the record.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub errors: Option<Errors>,
+    /// Where the errors are; for paths that fail.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plot: Option<Plot>,
 }
 
 /// What WGSL allows a function to return, compared with the tolerance of a check. Where it allows more,
@@ -357,15 +366,22 @@ fn records(folder: &Path) -> Result<Vec<Record>, RecordError> {
             records.push(record);
         }
     }
-    let key = |record: &Record| {
-        let subject = match &record.subject {
-            Subject::Function { function, check, .. } => format!("{function} {check}"),
-            Subject::Frame { golden, .. } => format!("~{golden}"),
-        };
-        (subject, record.test.clone())
-    };
-    records.sort_by_cached_key(key);
+    Record::sort(&mut records);
     Ok(records)
+}
+
+impl Record {
+    /// Orders records by what they are about, in the same way whenever they were made.
+    pub fn sort(records: &mut [Self]) {
+        let key = |record: &Self| {
+            let subject = match &record.subject {
+                Subject::Function { function, check, .. } => format!("{function} {check}"),
+                Subject::Frame { golden, .. } => format!("~{golden}"),
+            };
+            (subject, record.test.clone())
+        };
+        records.sort_by_cached_key(key);
+    }
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 //! interprets shaders starts from it.
 
 mod binding;
+mod dependence;
 mod essence;
 mod kept;
 mod layout;
@@ -25,6 +26,7 @@ use naga::proc::Layouter;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
 pub use binding::{Binding, BindingKind};
+pub use dependence::Dependence;
 use kept::Wanted;
 pub use layout::LayoutError;
 pub(crate) use layout::bytes_of;
@@ -100,8 +102,7 @@ impl Program {
     /// # Errors
     /// If it can't be linked, or isn't valid WGSL.
     pub fn of_function(package: &Package, path: &str) -> Result<Arc<Self>, ReflectError> {
-        let wanted = Wanted::Function(path.to_owned());
-        kept::program(package, wanted, || Self::from_linked(package.link(path)?))
+        kept::program(package, &Wanted::Function(path.to_owned()))
     }
 
     /// Links and validates a whole module with all that it declares. If the module imports nothing
@@ -110,8 +111,7 @@ impl Program {
     /// # Errors
     /// If it can't be linked, or isn't valid WGSL.
     pub fn of_module(package: &Package, module: &str) -> Result<Arc<Self>, ReflectError> {
-        let wanted = Wanted::Module(module.to_owned());
-        kept::program(package, wanted, || Self::from_linked(package.link_module(module)?))
+        kept::program(package, &Wanted::Module(module.to_owned()))
     }
 
     /// Links and validates the closure of some declarations of one module.
@@ -121,8 +121,7 @@ impl Program {
         items: &[&str],
     ) -> Result<Arc<Self>, ReflectError> {
         let names = items.iter().map(|item| (*item).to_owned()).collect();
-        let wanted = Wanted::Items(module.to_owned(), names);
-        kept::program(package, wanted, || Self::from_linked(package.link_items(module, items)?))
+        kept::program(package, &Wanted::Items(module.to_owned(), names))
     }
 
     fn from_linked(linked: Linked) -> Result<Self, ReflectError> {

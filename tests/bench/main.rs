@@ -9,6 +9,7 @@
 mod bare;
 mod engine;
 mod frames;
+mod watch;
 
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -22,13 +23,14 @@ use self::bare::Bare;
 const STARTS: usize = 9;
 
 /// What is measured, by name.
-const BENCHMARKS: [(&str, fn()); 6] = [
+const BENCHMARKS: [(&str, fn()); 7] = [
     ("starts", starts),
     ("throughput", throughput),
     ("samplers", samplers),
     ("memory", memory),
     ("frames", frames::run),
     ("engine", engine::run),
+    ("watch", watch::run),
 ];
 
 fn main() {

@@ -165,6 +165,17 @@ fn known_issues_are_recorded() {
         for path in &record.paths {
             assert_eq!(path.known_issue.as_deref(), Some("bug 1234"));
             assert_eq!(path.failures > 0, fault == "known_issue");
+            // What reports show of it: errors above the bound, and where.
+            let errors = path.errors.as_ref().expect("it is judged case by case");
+            let above: u64 = errors.powers.range(1..).map(|(_, count)| count).sum();
+            assert_eq!(above + errors.not_finite > 0, path.failures > 0, "{errors:?}");
+            let plot = path.plot.as_ref().map(|plot| (plot.arguments.len(), plot.rows.len()));
+            assert_eq!(plot.is_some(), path.failures > 0);
+            let rows = usize::try_from(errors.cases()).expect("a sample");
+            assert!(
+                plot.is_none_or(|(_, points)| points > rows),
+                "the worst is among them: {plot:?}"
+            );
         }
     }
 }

@@ -106,19 +106,22 @@ enum Command {
                             Fails if a test fails, or if no check ran at all. On GitHub (or with \
                             --github) failures are annotated\nand summarised.")]
     Test(test::Args),
-    /// Run the tests of a folder of shaders again at each edit, in milliseconds
+    /// Run tests again at each edit: those that it concerns, in milliseconds
     #[command(after_help = "Examples:\n  karat watch\n  karat watch my/shaders\n  \
                             karat watch shaders fresnel --paths cpu\n\
-                            For tests without Rust: functions with `@test`, and `*.test.toml`. An edit runs the \
-                            tests that it concerns,\nand a comment none. Without a terminal it prints lines.\n\
-                            Keys: r runs all, f filters by name, q quits.")]
+                            Tests without Rust (functions with `@test`, `*.test.toml`), and in a Cargo project \
+                            its Rust tests, too.\nAn edit runs the tests that it concerns, and a comment none; \
+                            only an edit of Rust builds.\nWithout a terminal it prints lines.\n\
+                            Keys: r runs all, f filters by name, a accepts frames, o opens the report, q quits.")]
     Watch(watch::Args),
     /// Run the tests of a folder of shaders as `karat test` does, and print lines
     #[command(hide = true)]
     Suite(suite::Args),
     /// Print what the last run recorded, and write it for CI
     #[command(after_help = "Examples:\n  karat report\n  karat report --github\n  \
-                            karat report --junit target/karat/junit.xml\n\
+                            karat report --junit target/karat/junit.xml\n  \
+                            karat report --html report.html\n  \
+                            karat report --merge shard1 shard2 shard3 --html report.html\n\
                             Exit codes: 0 every check passed; 1 one failed; 2 the record can't be \
                             read; 3 there is none.")]
     Report(report::Args),
@@ -261,7 +264,7 @@ enum Command {
 }
 
 /// Where the shaders are.
-#[derive(clap::Args)]
+#[derive(clap::Args, Default)]
 struct PackageArgs {
     /// Folder of WGSL modules, or one file [default: as in `metadata.karat` of Cargo.toml, else
     /// `shaders`]

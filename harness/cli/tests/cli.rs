@@ -26,6 +26,8 @@ mod pending;
 mod pipes;
 #[path = "cli/report.rs"]
 mod report;
+#[path = "cli/report_page.rs"]
+mod report_page;
 #[path = "cli/runs.rs"]
 mod runs;
 #[path = "cli/suite.rs"]
@@ -36,6 +38,8 @@ mod translations;
 mod unreferenced;
 #[path = "cli/watch.rs"]
 mod watch;
+#[path = "cli/watch_screen.rs"]
+mod watch_screen;
 
 use std::io::Read;
 use std::path::Path as FilePath;

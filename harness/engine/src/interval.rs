@@ -148,21 +148,13 @@ impl Interval {
     /// `f` of both bounds, for a monotonic function whose results are exact to `error`.
     pub(crate) fn monotonic(self, f: impl Fn(f64) -> f64, error: impl Fn(f64, f64) -> f64) -> Self {
         let Some((lo, hi)) = self.bounds() else { return Self::UNBOUNDED };
-        let mut ends = [(lo, f(lo)), (hi, f(hi))].map(|(x, y)| (y, error(x, y)));
-        ends.sort_by(|(y, _), (z, _)| y.total_cmp(z));
-        let [(a, ea), (b, eb)] = ends;
-        let (mut least, mut greatest) = (a - ea, b + eb);
-        // An ulp doubles where a power of two is crossed. Just behind the first one the error may reach
-        // further than at the end nearer to zero. The error's factor changes by less than 2^-20 on the
-        // way to a power that is so near that this matters.
-        const DOUBLED: f64 = 2.0 + 1.0 / 524_288.0;
-        if a > 0.0 && power_above(a) < b {
-            least = least.min(power_above(a) - DOUBLED * ea);
-        }
-        if b < 0.0 && power_above(-b) < -a {
-            greatest = greatest.max(DOUBLED * eb - power_above(-b));
-        }
-        Self::outwards(least.min(b - eb), greatest.max(a + ea))
+        let mut ends = [(lo, f(lo)), (hi, f(hi))];
+        ends.sort_by(|(_, y), (_, z)| y.total_cmp(z));
+        let [(at_least, least), (at_most, most)] = ends;
+        let (below, above) = widened(least, most, |end, y| {
+            error(if end == End::Least { at_least } else { at_most }, y)
+        });
+        Self::outwards(below, above)
     }
 
     pub(crate) fn add(self, other: Self) -> Self {
@@ -213,7 +205,7 @@ impl Interval {
         let (lo, hi) = (least(&quotients), greatest(&quotients));
         // No implementation gives a quotient the wrong sign, though 2.5 ulp of 0 would allow it: then
         // `sqrt(0 / x)` had no bound.
-        let (below, above) = (lo - 2.5 * ulp(lo), hi + 2.5 * ulp(hi));
+        let (below, above) = widened(lo, hi, |_, y| 2.5 * ulp(y));
         let (below, above) = match (lo >= 0.0, hi <= 0.0) {
             (true, true) => (lo, hi),
             (true, false) => (below.max(0.0), above),
@@ -257,11 +249,11 @@ impl Interval {
         if hi == 0.0 {
             return Self::point(0.0);
         }
-        let upper = Self::point(1.0).div(Self::point(hi as f32).inverse_sqrt());
+        let one = Self::point(1.0);
         if lo == 0.0 {
-            return upper.join(Self::point(0.0));
+            return one.div(Self::point(hi as f32).inverse_sqrt()).join(Self::point(0.0));
         }
-        upper.join(Self::point(1.0).div(Self::point(lo as f32).inverse_sqrt()))
+        one.div(self.inverse_sqrt())
     }
 
     /// Absolute 2^-11 on [-pi, pi], for sin and cos. `offset` is 0 for sin, 1/4 turn for cos.
@@ -348,6 +340,36 @@ pub(crate) fn ulp(x: f64) -> f64 {
     let exponent = (x.to_bits() >> 52) & 0x7ff;
     let exponent = exponent - u64::from(power_of_two && exponent > LEAST);
     f64::from_bits((exponent.max(LEAST) - 23) << 52)
+}
+
+/// An end of a range.
+#[derive(Clone, Copy, PartialEq)]
+enum End {
+    Least,
+    Most,
+}
+
+/// A range of exact results, widened by their errors: of one that is near an end.
+///
+/// An ulp doubles where a power of two is crossed. Just behind the first one the error may reach further
+/// than at the end nearer to zero. What else an error depends on changes by less than 2^-20 on the way to
+/// a power that is so near that this matters.
+fn widened(least: f64, most: f64, error: impl Fn(End, f64) -> f64) -> (f64, f64) {
+    const ELSEWHERE: f64 = 1.0 + 1.0 / 1_048_576.0;
+    let mut below = least - error(End::Least, least);
+    let mut above = most + error(End::Most, most);
+    // One end's error may exceed the other's by more than there is between them.
+    below = below.min(most - error(End::Most, most));
+    above = above.max(least + error(End::Least, least));
+    if least > 0.0 && power_above(least) < most {
+        let power = power_above(least);
+        below = below.min(power - ELSEWHERE * error(End::Least, power.next_up()));
+    }
+    if most < 0.0 && power_above(-most) < -least {
+        let power = -power_above(-most);
+        above = above.max(power + ELSEWHERE * error(End::Most, power.next_down()));
+    }
+    (below, above)
 }
 
 /// The least power of two that isn't below a number above zero, and at least 2^-126.

@@ -192,8 +192,12 @@ impl<'p, A: Rules> Machine<'p, A> {
                         self.report_zeros(observer, instruction, case, registers[2]);
                     }
                     rule.run::<A>(&mut self.ints, registers);
+                    self.show_other(observer, instruction, case, File::Int, registers[0]);
                 }
-                Op::ToInt(rule) => rule.run::<A>(&self.floats, &mut self.ints, registers),
+                Op::ToInt(rule) => {
+                    rule.run::<A>(&self.floats, &mut self.ints, registers);
+                    self.show_other(observer, instruction, case, File::Int, registers[0]);
+                }
                 Op::FromInt(rule) => {
                     rule.run::<A>(&mut self.floats, &self.ints, registers);
                     self.after_floats(instruction, &registers[..rule.arity()], (0, rule.arity()));
@@ -209,29 +213,21 @@ impl<'p, A: Rules> Machine<'p, A> {
                     }
                 }
                 Op::ToHalf => self.floats.map::<1, 1>(registers, |[x]| [A::to_half(x)]),
-                Op::CompareFloat(compare) => self.compare_floats(compare, registers),
-                Op::CompareInt(compare, signed) => self.compare_ints(compare, signed, registers),
-                Op::And => self.bools.map::<2, 1>(registers, |[a, b]| [A::and(a, b)]),
-                Op::Or => self.bools.map::<2, 1>(registers, |[a, b]| [A::or(a, b)]),
-                Op::Not => self.bools.map::<1, 1>(registers, |[a]| [A::not(a)]),
-                Op::Differ => self.bools.map::<2, 1>(registers, |[a, b]| {
-                    [A::or(A::and(a, A::not(b)), A::and(A::not(a), b))]
-                }),
-                Op::IsNan => {
-                    let x = self.floats.get(registers[1]);
-                    for (out, &x) in self.bools.get_mut(registers[0]).iter_mut().zip(x) {
-                        *out = A::not(A::float_equal(x, x));
-                    }
+                Op::CompareFloat(_)
+                | Op::CompareInt(..)
+                | Op::And
+                | Op::Or
+                | Op::Not
+                | Op::Differ
+                | Op::IsNan
+                | Op::IsInf => {
+                    self.decide(instruction.op, registers);
+                    self.show_other(observer, instruction, case, File::Bool, registers[0]);
                 }
-                Op::IsInf => {
-                    let x = self.floats.get(registers[1]);
-                    let infinities = [f32::INFINITY, f32::NEG_INFINITY].map(A::float);
-                    for (out, &x) in self.bools.get_mut(registers[0]).iter_mut().zip(x) {
-                        let [a, b] = infinities.map(|infinity| A::float_equal(x, infinity));
-                        *out = A::or(a, b);
-                    }
+                Op::Select(file) => {
+                    self.select(file, registers);
+                    self.show_other(observer, instruction, case, file, registers[0]);
                 }
-                Op::Select(file) => self.select(file, registers),
                 Op::Move(File::Float) => self.floats.copy(registers[0], registers[1]),
                 Op::Move(File::Int) => self.ints.copy(registers[0], registers[1]),
                 Op::Move(File::Bool) => self.bools.copy(registers[0], registers[1]),
@@ -387,6 +383,63 @@ impl<'p, A: Rules> Machine<'p, A> {
             bools: &[],
             active: self.active(),
         });
+    }
+
+    /// Shows a result that isn't a new float.
+    #[inline]
+    fn show_other<O: Observer<A>>(
+        &self,
+        observer: &O,
+        instruction: &Instruction,
+        case: usize,
+        file: File,
+        register: u32,
+    ) where
+        A: crate::arithmetic::Arithmetic,
+    {
+        if !O::ACTIVE {
+            return;
+        }
+        let floats = (file == File::Float).then(|| self.floats.get(register));
+        let ints = (file == File::Int).then(|| self.ints.get(register));
+        let bools = (file == File::Bool).then(|| self.bools.get(register));
+        observer.others(&Lanes {
+            site: self.site(instruction),
+            case,
+            floats: floats.as_slice(),
+            operands: &[],
+            ints: ints.as_slice(),
+            bools: bools.as_slice(),
+            active: self.active(),
+        });
+    }
+
+    /// Operations whose result is a boolean.
+    fn decide(&mut self, op: Op, registers: &[u32]) {
+        match op {
+            Op::CompareFloat(compare) => self.compare_floats(compare, registers),
+            Op::CompareInt(compare, signed) => self.compare_ints(compare, signed, registers),
+            Op::And => self.bools.map::<2, 1>(registers, |[a, b]| [A::and(a, b)]),
+            Op::Or => self.bools.map::<2, 1>(registers, |[a, b]| [A::or(a, b)]),
+            Op::Not => self.bools.map::<1, 1>(registers, |[a]| [A::not(a)]),
+            Op::Differ => self.bools.map::<2, 1>(registers, |[a, b]| {
+                [A::or(A::and(a, A::not(b)), A::and(A::not(a), b))]
+            }),
+            Op::IsNan => {
+                let x = self.floats.get(registers[1]);
+                for (out, &x) in self.bools.get_mut(registers[0]).iter_mut().zip(x) {
+                    *out = A::not(A::float_equal(x, x));
+                }
+            }
+            _ => {
+                let x = self.floats.get(registers[1]);
+                let infinities = [f32::INFINITY, f32::NEG_INFINITY].map(A::float);
+                for (out, &x) in self.bools.get_mut(registers[0]).iter_mut().zip(x) {
+                    let [a, b] = infinities.map(|infinity| A::float_equal(x, infinity));
+                    *out = A::or(a, b);
+                }
+            }
+        }
     }
 
     fn site(&self, instruction: &Instruction) -> &'p Site {

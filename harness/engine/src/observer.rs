@@ -42,6 +42,12 @@ pub trait Observer<A: Arithmetic>: Sync {
         let _ = lanes;
     }
 
+    /// An operation gave something else than new floats: integers, booleans, or what a condition
+    /// selected.
+    fn others(&self, lanes: &Lanes<'_, A>) {
+        let _ = lanes;
+    }
+
     /// A let-binding got its value; only in programs lowered with [`named`](crate::Settings::named).
     /// Scalars are sorted: floats, integers, booleans.
     fn named(&self, lanes: &Lanes<'_, A>) {
@@ -68,6 +74,8 @@ impl<A: Arithmetic> Observer<A> for () {
 pub trait Watch<A: Arithmetic>: Sync {
     /// See [`Observer::floats`].
     fn floats(&self, lanes: &Lanes<'_, A>);
+    /// See [`Observer::others`].
+    fn others(&self, lanes: &Lanes<'_, A>);
     /// See [`Observer::named`].
     fn named(&self, lanes: &Lanes<'_, A>);
     /// See [`Observer::out_of_range`].
@@ -79,6 +87,10 @@ pub trait Watch<A: Arithmetic>: Sync {
 impl<A: Arithmetic, O: Observer<A>> Watch<A> for O {
     fn floats(&self, lanes: &Lanes<'_, A>) {
         Observer::floats(self, lanes);
+    }
+
+    fn others(&self, lanes: &Lanes<'_, A>) {
+        Observer::others(self, lanes);
     }
 
     fn named(&self, lanes: &Lanes<'_, A>) {
@@ -105,6 +117,10 @@ pub(crate) struct Watched<'w, A: Arithmetic>(pub(crate) &'w dyn Watch<A>);
 impl<A: Arithmetic> Observer<A> for Watched<'_, A> {
     fn floats(&self, lanes: &Lanes<'_, A>) {
         self.0.floats(lanes);
+    }
+
+    fn others(&self, lanes: &Lanes<'_, A>) {
+        self.0.others(lanes);
     }
 
     fn named(&self, lanes: &Lanes<'_, A>) {

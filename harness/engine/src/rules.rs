@@ -51,6 +51,10 @@ macro_rules! float_rules {
         })*
 
         impl $family {
+            /// All of the family.
+            #[cfg(test)]
+            pub(crate) const ALL: &[Self] = &[$(Self::$name,)*];
+
             /// How many floats it takes, and how many it gives.
             pub(crate) fn arity(self) -> (usize, usize) {
                 match self { $(Self::$name => ($i, $o),)* }
@@ -181,5 +185,120 @@ impl FloatRule {
             Self::Rounding(rule) => rule.run::<A>(floats, registers),
             Self::Trigonometry(rule) => rule.run::<A>(floats, registers),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arithmetic::Intervals;
+    use crate::interval::Interval;
+
+    /// Numbers from a seed, as SplitMix64 has them.
+    struct Random(u64);
+
+    impl Random {
+        fn next(&mut self) -> u64 {
+            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let mut z = self.0;
+            z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            z ^ (z >> 31)
+        }
+
+        fn below(&mut self, end: u64) -> u64 {
+            self.next() % end
+        }
+
+        /// Between two floats, by their order and not by their size.
+        fn between(&mut self, lo: f32, hi: f32) -> f32 {
+            let (lo, hi) = (place(lo), place(hi));
+            from_place(lo + i64::try_from(self.below((hi - lo + 1) as u64)).expect("32 bits"))
+        }
+
+        /// An interval near a power of two, near one, or anywhere; a point, narrow or wide.
+        fn interval(&mut self) -> Interval {
+            let power = (self.below(9) as f32 - 4.0).exp2();
+            let size = match self.below(4) {
+                0 => power,
+                1 => 1.0,
+                2 => (self.below(61) as f32 - 30.0).exp2() * 1.3,
+                _ => self.below(1 << 20) as f32 / f32::from(1u16 << 15),
+            };
+            let start = if self.below(3) == 0 { -size } else { size };
+            let steps = match self.below(4) {
+                0 => 0,
+                1 => self.below(8),
+                2 => self.below(1 << 12),
+                _ => self.below(1 << 25),
+            };
+            let back = self.below(steps + 1);
+            let step = |by: i64| from_place(place(start) + by);
+            Interval::between(step(-back.cast_signed()), step((steps - back).cast_signed()))
+        }
+    }
+
+    /// The place of a float in the order of all.
+    fn place(x: f32) -> i64 {
+        let bits = i64::from(x.to_bits() & 0x7fff_ffff);
+        if x.is_sign_negative() { -bits } else { bits }
+    }
+
+    fn from_place(at: i64) -> f32 {
+        let bits = u32::try_from(at.unsigned_abs()).expect("31 bits");
+        f32::from_bits(bits | if at < 0 { 1 << 31 } else { 0 })
+    }
+
+    /// The results of a rule for one lane.
+    fn apply(rule: FloatRule, x: &[Interval]) -> Vec<Interval> {
+        let (ins, outs) = rule.arity();
+        let mut columns = Columns::new(ins + outs, 1);
+        for (k, &x) in x.iter().enumerate() {
+            columns.get_mut((outs + k) as u32)[0] = x;
+        }
+        let registers: Vec<u32> = (0..(ins + outs) as u32).collect();
+        rule.run::<Intervals>(&mut columns, &registers);
+        (0..outs as u32).map(|out| columns.get(out)[0]).collect()
+    }
+
+    /// Whatever numbers the arguments are, their bounds lie in the bounds of the intervals that hold
+    /// them: else a result that is allowed would be outside.
+    #[test]
+    fn wider_arguments_have_wider_results() {
+        let families: [Vec<FloatRule>; 5] = [
+            Basic::ALL.iter().map(|rule| FloatRule::Basic(*rule)).collect(),
+            Exponential::ALL.iter().map(|rule| FloatRule::Exponential(*rule)).collect(),
+            Geometry::ALL.iter().map(|rule| FloatRule::Geometry(*rule)).collect(),
+            Rounding::ALL.iter().map(|rule| FloatRule::Rounding(*rule)).collect(),
+            Trigonometry::ALL.iter().map(|rule| FloatRule::Trigonometry(*rule)).collect(),
+        ];
+        let mut random = Random(1);
+        let mut compared = 0;
+        for rule in families.into_iter().flatten() {
+            for _ in 0..2000 {
+                let wide: Vec<Interval> = (0..rule.arity().0).map(|_| random.interval()).collect();
+                let bounds = apply(rule, &wide);
+                for _ in 0..16 {
+                    let points: Vec<f32> =
+                        wide.iter().map(|x| random.between(x.lo(), x.hi())).collect();
+                    let narrow: Vec<Interval> =
+                        points.iter().map(|&x| Interval::point(x)).collect();
+                    for (inner, outer) in apply(rule, &narrow).into_iter().zip(&bounds) {
+                        if !outer.is_bounded() {
+                            continue;
+                        }
+                        compared += 1;
+                        let holds = inner.is_bounded()
+                            && outer.lo() <= inner.lo()
+                            && inner.hi() <= outer.hi();
+                        assert!(
+                            holds,
+                            "{rule:?} of {points:?} is in {inner:?}, and of {wide:?} in {outer:?}"
+                        );
+                    }
+                }
+            }
+        }
+        assert!(compared > 100_000, "{compared}");
     }
 }

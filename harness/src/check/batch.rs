@@ -47,6 +47,8 @@ pub(super) struct Batch {
     /// Index of the first case.
     pub(super) first: u64,
     pub(super) cases: usize,
+    /// Whether its cases are the check's own: not simpler ones, nor remembered ones.
+    pub(super) is_drawn: bool,
     rows: Vec<u32>,
     width: usize,
     /// Words of a row that are arguments of the function. What is behind them is the check's own.
@@ -62,7 +64,11 @@ impl Batch {
         words: usize,
     ) -> Self {
         assert!(rows.len() == width * cases && words <= width, "rows hold the arguments");
-        Self { first, cases, rows, width, words }
+        Self { first, cases, is_drawn: false, rows, width, words }
+    }
+
+    pub(super) fn drawn(self) -> Self {
+        Self { is_drawn: true, ..self }
     }
 
     pub(super) fn rows(&self) -> Rows<'_> {

@@ -1,6 +1,7 @@
 //! What the cases of each path add up to, with what is shown of the failing ones.
 
 use super::called::Ready;
+use super::sample::Sample;
 use super::tally::{Shown, Tally};
 use super::{CaseFailure, Simplest};
 use crate::path::{Adapter, Path};
@@ -16,6 +17,8 @@ pub(super) struct PathTally {
     pub(super) simplest: Option<Simplest>,
     /// What WGSL allows in place of the tolerance.
     pub(super) granted: Option<Grant>,
+    /// Cases for reports.
+    sample: Option<Sample>,
     /// Nodes of all integrals; 0 for other checks.
     nodes: u64,
 }
@@ -36,12 +39,17 @@ impl PathTally {
             simplest: None,
             tally,
             granted: None,
+            sample: None,
             nodes: 0,
         }
     }
 
     pub(super) fn with_nodes(self, nodes: u64) -> Self {
         Self { nodes, ..self }
+    }
+
+    pub(super) fn with_sample(self, sample: Option<Sample>) -> Self {
+        Self { sample, ..self }
     }
 
     pub(super) fn fails(&self) -> bool {
@@ -62,6 +70,8 @@ impl PathTally {
             },
             known_issue: None,
             granted: self.granted,
+            errors: self.sample.as_ref().map(Sample::errors),
+            plot: self.sample.as_ref().filter(|_| self.fails()).map(Sample::plot),
         }
     }
 

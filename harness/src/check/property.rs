@@ -39,8 +39,10 @@ impl Session<'_> {
         let tally = paths.map(|(path, (ready, results))| {
             let view = results.view();
             let judge = |case: usize, _: &[u32]| judge(path, case);
-            let sum = tally(batch.first, view, &judge);
-            PathTally::new(ready, sum, |shown: Shown| {
+            let mut picked = Self::picked(batch);
+            let sum = tally(batch.first, view, &judge, &mut picked);
+            let sample = self.sample(batch, &sum, picked);
+            let tally = PathTally::new(ready, sum, |shown: Shown| {
                 let case = usize::try_from(shown.case - batch.first).expect("in this batch");
                 let Exhibit { lanes, varied, compared, actual, expected, judged } =
                     exhibit(path, case);
@@ -54,7 +56,8 @@ impl Session<'_> {
                     compared,
                     ..CaseFailure::new(function, case, arguments, &actual, expected, &judged)
                 }
-            })
+            });
+            tally.with_sample(sample)
         });
         tally.collect()
     }

@@ -337,7 +337,7 @@ impl<'a> Session<'a> {
             let range = first + cases.start as u64..first + cases.end as u64;
             self.stream.rows(&self.cases, range, rows) == cases.len() as u64
         });
-        rows.map_or_else(|| self.never_drawn(), |rows| Ok(self.batch(first, rows, size)))
+        rows.map_or_else(|| self.never_drawn(), |rows| Ok(self.batch(first, rows, size).drawn()))
     }
 
     /// Reads each path's results and judges them. `judge` makes the judge of a path, by its index;
@@ -353,8 +353,10 @@ impl<'a> Session<'a> {
         for (path, (ready, running)) in self.called.ready.iter().zip(running).enumerate() {
             let judge = judge(path);
             let tally = running.view(|results| {
-                let sum = tally(batch.first, results, &judge);
-                PathTally::new(ready, sum, |shown: Shown| {
+                let mut picked = Self::picked(batch);
+                let sum = tally(batch.first, results, &judge, &mut picked);
+                let sample = self.sample(batch, &sum, picked);
+                let tally = PathTally::new(ready, sum, |shown: Shown| {
                     let case = usize::try_from(shown.case - batch.first).expect("in this batch");
                     let actual = results.of(case);
                     let (judged, expected) = (judge.judge(case, actual), expect(case));
@@ -374,7 +376,8 @@ impl<'a> Session<'a> {
                         },
                         None => CaseFailure { remembered, ..failure },
                     }
-                })
+                });
+                tally.with_sample(sample)
             })?;
             tallies.push(tally);
         }

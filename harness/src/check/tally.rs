@@ -165,9 +165,22 @@ pub(super) trait Judge: Sync {
     }
 
     /// Adds some cases of a batch, of which the first has the index `first_case`.
-    fn add(&self, tally: &mut Tally, first_case: u64, cases: Range<usize>, results: View<'_>) {
+    fn add(
+        &self,
+        (tally, picked): (&mut Tally, &mut Picked),
+        first_case: u64,
+        cases: Range<usize>,
+        results: View<'_>,
+    ) {
         for case in cases {
             let actual = results.of(case);
+            // An author's closure is called once a case, whoever looks on.
+            if picked.wants(case) {
+                let judged = self.judge(case, actual);
+                picked.ratios.push((case, judged.measure.ratio));
+                tally.add(first_case + case as u64, judged);
+                continue;
+            }
             // What passes and isn't worse than the worst is only counted.
             let worst = tally.worst.map_or(f64::NEG_INFINITY, |worst| worst.judged.measure.ratio);
             if self.is_within(case, actual, worst.min(1.0)) {
@@ -185,14 +198,45 @@ impl<F: Fn(usize, &[u32]) -> Judged + Sync> Judge for F {
     }
 }
 
-/// Judges each case of a batch, of which the first has the index `first_case`.
-pub(super) fn tally(first_case: u64, results: View<'_>, judge: &dyn Judge) -> Tally {
+/// Cases of a batch whose errors are kept, evenly spaced.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Picked {
+    /// Each so many; 0: none.
+    every: usize,
+    /// The cases' indices in the batch, and their errors divided by their bounds.
+    pub(super) ratios: Vec<(usize, f64)>,
+}
+
+impl Picked {
+    /// About `count` of so many cases.
+    pub(super) fn some(count: usize, of: usize) -> Self {
+        Self { every: of.div_ceil(count).max(1), ratios: Vec::new() }
+    }
+
+    fn wants(&self, case: usize) -> bool {
+        self.every > 0 && case.is_multiple_of(self.every)
+    }
+}
+
+/// Judges each case of a batch, of which the first has the index `first_case`; `picked` gets errors.
+pub(super) fn tally(
+    first_case: u64,
+    results: View<'_>,
+    judge: &dyn Judge,
+    picked: &mut Picked,
+) -> Tally {
+    let every = picked.every;
     let tallies = parallel::map(results.len().div_ceil(TASK), |task| {
-        let (mut tally, first) = (Tally::default(), task * TASK);
-        judge.add(&mut tally, first_case, first..results.len().min(first + TASK), results);
-        tally
+        let (mut tally, mut picked) = (Tally::default(), Picked { every, ratios: Vec::new() });
+        let first = task * TASK;
+        let cases = first..results.len().min(first + TASK);
+        judge.add((&mut tally, &mut picked), first_case, cases, results);
+        (tally, picked.ratios)
     });
-    tallies.into_iter().fold(Tally::default(), Tally::merge)
+    tallies.into_iter().fold(Tally::default(), |sum, (tally, ratios)| {
+        picked.ratios.extend(ratios);
+        sum.merge(tally)
+    })
 }
 
 /// Compares a result with its reference lane by lane; the worst lane counts.
@@ -299,9 +343,11 @@ mod tests {
                 let mut words = vec![1.0_f32.to_bits(); 10_000];
                 words[2 * bad + 1] = value.to_bits();
                 let results = View { words: &words, stride: 2, width: 2 };
-                let sum = tally(100, results, &|_: usize, actual: &[u32]| {
-                    compare(&scalars, actual, &[1.0, 1.0], &tolerance)
-                });
+                let mut picked = Picked::some(50, 5000);
+                let judge =
+                    |_: usize, actual: &[u32]| compare(&scalars, actual, &[1.0, 1.0], &tolerance);
+                let sum = tally(100, results, &judge, &mut picked);
+                assert_eq!(picked.ratios.len(), 50);
                 assert_eq!((sum.census.cases, sum.census.failures), (5000, 1));
                 let worst = sum.worst.expect("5000 cases");
                 assert_eq!((worst.case, worst.judged.lane), (100 + bad as u64, 1));

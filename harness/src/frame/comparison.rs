@@ -94,6 +94,8 @@ impl Frame<'_> {
                 asserted,
                 known_issue,
                 granted: None,
+                errors: None,
+                plot: None,
             };
             match compared {
                 Ok(margin) => {

@@ -104,6 +104,8 @@ impl Frame<'_> {
                 asserted: tolerance.to_string(),
                 known_issue: known_issue.clone(),
                 granted: None,
+                errors: None,
+                plot: None,
             });
             // A mean that isn't finite is another bug than the one that is known.
             if known_issue.is_some() && mean.iter().all(|mean| mean.is_finite()) {

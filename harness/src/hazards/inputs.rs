@@ -233,6 +233,7 @@ pub(super) fn rows(probed: &Probed, declared: &Declared, cases: usize) -> Vec<u3
         let mut source = Source::new(SEED, case as u64);
         let mut left = case;
         let mut last: Option<[f32; 3]> = None;
+        let start = rows.len();
         for part in &all {
             // Of many arguments not all combinations fit: then they are drawn.
             let edge = (case < edges).then_some(match EDGES.checked_pow(all.len() as u32) {
@@ -242,8 +243,41 @@ pub(super) fn rows(probed: &Probed, declared: &Declared, cases: usize) -> Vec<u3
             left /= EDGES;
             part.draw(edge, &mut last, &mut source, &mut rows);
         }
+        if case >= edges && case % ALIKE == 0 {
+            make_alike(&all, &mut rows[start..], &mut source);
+        }
     }
     rows
+}
+
+/// One in so many drawn rows has numbers that are nearly equal: what subtracts them, as variances and
+/// gradients do, cancels there alone.
+const ALIKE: usize = 16;
+
+/// Replaces each number by one next to the first that means the same.
+fn make_alike(all: &[Part], row: &mut [u32], source: &mut Source) {
+    let mut first: Vec<(Meaning, f32)> = Vec::new();
+    let scalars =
+        all.iter().flat_map(|part| part.scalars.iter().map(|scalar| (part.meaning, *scalar)));
+    for ((meaning, scalar), word) in scalars.zip(row) {
+        if scalar != Scalar::F32 || meaning == Meaning::Direction {
+            continue;
+        }
+        let Some((_, like)) = first.iter().find(|(known, _)| *known == meaning) else {
+            first.push((meaning, f32::from_bits(*word)));
+            continue;
+        };
+        // Up to four times 2^-20 away, or the same.
+        #[expect(clippy::cast_precision_loss, reason = "a small number")]
+        let steps = source.below(9) as f32 - 4.0;
+        let near = like * (1.0 + steps / 1_048_576.0);
+        let near = match meaning {
+            #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
+            Meaning::Range(least, most) => near.clamp(least as f32, most as f32),
+            _ => near,
+        };
+        *word = near.to_bits();
+    }
 }
 
 /// The same rows for each function of one signature, on every machine.

@@ -79,6 +79,8 @@ pub(crate) struct Found {
     pub(crate) hidden: bool,
     /// For lost digits: the value in `f32` and in `f64`.
     pub(crate) values: Option<(f32, f64)>,
+    /// What the operation was computed from, in `f32`.
+    pub(crate) operands: Vec<f32>,
 }
 
 /// Cases that run together: a chunk of the engine's, so that its operations come in one order.
@@ -316,6 +318,7 @@ impl Interpreted {
             if let Some(mut one) = self.found(kind, event.site, finite) {
                 let pair = twin.map(|twin| (value, twin.values[lane]));
                 one.values = pair.filter(|_| kind == Kind::LostDigits);
+                one.operands = operands().collect();
                 found.push(one);
             }
         }
@@ -328,7 +331,7 @@ impl Interpreted {
         let site = sites.iter().find(|one| std::ptr::from_ref(*one).addr() == site)?;
         let (span, text) = self.author_of(site)?;
         let hidden = hidden && matches!(kind, Kind::Nan | Kind::Infinite);
-        Some(Found { kind, span, text, hidden, values: None })
+        Some(Found { kind, span, text, hidden, values: None, operands: Vec::new() })
     }
 }
 

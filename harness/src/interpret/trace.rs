@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use karat_engine::{F32, F64, Interval, Intervals, Lanes, Observer, OutOfRange, Truth};
+use karat_engine::{F32, F64, Interval, Intervals, Lanes, Observer, OutOfRange, Range, Truth};
 
 use super::Interpreted;
 use crate::diagnostic::Span;
 use crate::probe::ProbeError;
 
-/// An operation on floats: one value a component.
+/// An operation: one value a component.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Step {
@@ -18,36 +18,73 @@ pub struct Step {
     pub span: Span,
     /// The operation, as the author wrote it.
     pub text: String,
+    /// The name that a `let` gives it.
+    pub name: Option<String>,
     /// What a conforming implementation gives that rounds to nearest.
-    pub single: Vec<f32>,
-    /// The same in double precision; empty where that takes another way.
-    pub double: Vec<f64>,
+    pub single: Vec<Value>,
+    /// The same with floats in double precision; empty where that takes another way.
+    pub double: Vec<Value>,
     /// The least and the largest that WGSL allows; `None`: anything. Empty where intervals take
     /// another way.
-    pub allowed: Vec<Option<(f32, f32)>>,
+    pub allowed: Vec<Option<(Value, Value)>>,
+}
+
+/// A component.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Value {
+    /// An `f32`.
+    Single(f32),
+    /// What it is in double precision.
+    Double(f64),
+    /// An `i32` or a `u32`.
+    Int(i64),
+    /// A `bool`.
+    Bool(bool),
 }
 
 /// Steps of a call. A loop has many, and nobody reads more.
 const MOST: usize = 1000;
 
-/// What an operation gave, one after the other.
-struct Values<F> {
-    all: Mutex<Vec<(usize, F)>>,
+/// A component as an arithmetic has it.
+#[derive(Clone, Copy)]
+enum Seen {
+    Single(f32),
+    Double(f64),
+    Interval(Interval),
+    /// An integer's bits.
+    Word(u32),
+    Range(Range),
+    Bool(bool),
+    Truth(Truth),
+    Anything,
+}
+
+/// What operations gave, one after the other.
+struct Values {
+    all: Mutex<Vec<(usize, Seen)>>,
     /// Whether an index has left its array: WGSL allows anything from there on.
     lost: AtomicBool,
 }
 
 macro_rules! values {
-    ($arithmetic:ty, $float:ty, $active:expr, $anything:expr) => {
-        impl Observer<$arithmetic> for Values<$float> {
+    ($arithmetic:ty, $active:expr, $float:expr, $int:expr, $bool:expr, $lost:expr) => {
+        impl Observer<$arithmetic> for Values {
             fn floats(&self, lanes: &Lanes<'_, $arithmetic>) {
+                Observer::<$arithmetic>::others(self, lanes);
+            }
+
+            fn others(&self, lanes: &Lanes<'_, $arithmetic>) {
                 let mut values = self.all.lock().unwrap_or_else(PoisonError::into_inner);
-                let anything: Option<$float> = $anything;
-                let lost = anything.filter(|_| self.lost.load(Ordering::Relaxed));
-                let site = std::ptr::from_ref(lanes.site).addr();
-                if lanes.active.first().is_some_and($active) && values.len() < 16 * MOST {
-                    values.extend(lanes.floats.iter().map(|lane| (site, lost.unwrap_or(lane[0]))));
+                if !lanes.active.first().is_some_and($active) || values.len() >= 16 * MOST {
+                    return;
                 }
+                let floats = lanes.floats.iter().map(|lane| $float(lane[0]));
+                let ints = lanes.ints.iter().map(|lane| $int(lane[0]));
+                let seen = floats.chain(ints).chain(lanes.bools.iter().map(|lane| $bool(lane[0])));
+                let lost = $lost && self.lost.load(Ordering::Relaxed);
+                let seen = seen.map(|seen| if lost { Seen::Anything } else { seen });
+                let site = std::ptr::from_ref(lanes.site).addr();
+                values.extend(seen.map(|seen| (site, seen)));
             }
 
             fn out_of_range(&self, _: &OutOfRange<'_>) {
@@ -56,20 +93,27 @@ macro_rules! values {
         }
     };
 }
-values!(F32, f32, |active: &bool| *active, None);
-values!(F64, f64, |active: &bool| *active, None);
-values!(Intervals, Interval, |active: &Truth| *active != Truth::False, Some(Interval::UNBOUNDED));
+values!(F32, |active: &bool| *active, Seen::Single, Seen::Word, Seen::Bool, false);
+values!(F64, |active: &bool| *active, Seen::Double, Seen::Word, Seen::Bool, false);
+values!(
+    Intervals,
+    |active: &Truth| *active != Truth::False,
+    Seen::Interval,
+    Seen::Range,
+    Seen::Truth,
+    true
+);
 
-impl<F: Copy> Values<F> {
+impl Values {
     fn new() -> Self {
         Self { all: Mutex::default(), lost: AtomicBool::new(false) }
     }
 
     /// The components of each operation together: its site, how often that came before, and values.
     /// `components` tells how many a site has.
-    fn groups(self, components: &dyn Fn(usize) -> usize) -> Vec<((usize, usize), Vec<F>)> {
+    fn groups(self, components: &dyn Fn(usize) -> usize) -> Vec<((usize, usize), Vec<Seen>)> {
         let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
-        let mut groups: Vec<((usize, usize), Vec<F>)> = Vec::new();
+        let mut groups: Vec<((usize, usize), Vec<Seen>)> = Vec::new();
         for (site, value) in self.all.into_inner().unwrap_or_else(PoisonError::into_inner) {
             match groups.last_mut() {
                 // A loop of one operation is that operation again and again.
@@ -87,6 +131,34 @@ impl<F: Copy> Values<F> {
     }
 }
 
+impl Seen {
+    /// As people read it; `signed` says how the bits of an integer are read.
+    fn value(self, signed: bool) -> Value {
+        match self {
+            Self::Single(x) => Value::Single(x),
+            Self::Double(x) => Value::Double(x),
+            Self::Word(word) if signed => Value::Int(i64::from(word.cast_signed())),
+            Self::Word(word) => Value::Int(i64::from(word)),
+            Self::Bool(x) => Value::Bool(x),
+            // Bounds aren't values.
+            Self::Interval(_) | Self::Range(_) | Self::Truth(_) | Self::Anything => {
+                Value::Single(f32::NAN)
+            }
+        }
+    }
+
+    fn ends(self) -> Option<(Value, Value)> {
+        match self {
+            Self::Interval(x) => {
+                x.is_bounded().then(|| (Value::Single(x.lo()), Value::Single(x.hi())))
+            }
+            Self::Range(x) => Some((Value::Int(x.lo()), Value::Int(x.hi()))),
+            Self::Truth(x) => Some((Value::Bool(x == Truth::True), Value::Bool(x != Truth::False))),
+            _ => None,
+        }
+    }
+}
+
 impl Interpreted {
     /// The operations of a call, in the order in which they run.
     pub(crate) fn trace(&self, row: &[u32]) -> Result<Vec<Step>, ProbeError> {
@@ -98,26 +170,34 @@ impl Interpreted {
         let bounded = self.observed::<Intervals>(1, row, &options, &bounds).is_ok();
         let sites: BTreeMap<usize, &karat_engine::Site> =
             self.lowered.sites().iter().map(|one| (std::ptr::from_ref(one).addr(), one)).collect();
-        let components = |site: usize| {
-            let site = sites.get(&site).and_then(|site| Some((&site.function, site.expression?)));
-            site.map_or(1, |(function, at)| self.program.components(function, at.index()))
+        let at = |site: usize| {
+            let site = sites.get(&site)?;
+            Some((site.function.as_str(), site.expression?.index()))
         };
-        let double: BTreeMap<_, Vec<f64>> = double.groups(&components).into_iter().collect();
-        let bounds: BTreeMap<_, Vec<Interval>> = match bounded {
+        let components = |site: usize| {
+            at(site).map_or(1, |(function, at)| self.program.components(function, at))
+        };
+        let double: BTreeMap<_, Vec<Seen>> = double.groups(&components).into_iter().collect();
+        let bounds: BTreeMap<_, Vec<Seen>> = match bounded {
             true => bounds.groups(&components).into_iter().collect(),
             false => BTreeMap::new(),
         };
-        let step = |(key, single): ((usize, usize), Vec<f32>)| {
+        let step = |(key, single): ((usize, usize), Vec<Seen>)| {
             let (span, text) = self.author_of(sites.get(&key.0)?)?;
-            let ends = |x: &Interval| x.is_bounded().then(|| (x.lo(), x.hi()));
+            let signed =
+                at(key.0).is_some_and(|(function, at)| self.program.is_signed(function, at));
+            let values =
+                |seen: &[Seen]| seen.iter().map(|seen| seen.value(signed)).collect::<Vec<_>>();
+            let name = at(key.0).and_then(|(function, at)| self.program.let_name(function, at));
             Some(Step {
                 span,
                 text,
-                single,
-                double: double.get(&key).cloned().unwrap_or_default(),
+                name: name.map(str::to_owned),
+                single: values(&single),
+                double: double.get(&key).map(|seen| values(seen)).unwrap_or_default(),
                 allowed: bounds
                     .get(&key)
-                    .map(|all| all.iter().map(ends).collect())
+                    .map(|seen| seen.iter().map(|seen| seen.ends()).collect())
                     .unwrap_or_default(),
             })
         };

@@ -14,7 +14,14 @@ impl Program {
 fn plain(text: &str) -> String {
     let mut plain = String::with_capacity(text.len());
     let mut rest = text;
-    while let Some(first) = rest.chars().next() {
+    loop {
+        // What neither ends a word nor may begin a comment is copied as it is. This runs for each test at
+        // each edit, so it goes by bytes.
+        let is_ours = |byte: &u8| *byte == b'/' || byte.is_ascii_whitespace() || !byte.is_ascii();
+        let word = rest.bytes().position(|byte| is_ours(&byte)).unwrap_or(rest.len());
+        plain.push_str(&rest[..word]);
+        rest = &rest[word..];
+        let Some(first) = rest.chars().next() else { break };
         let skipped = if rest.starts_with("//") {
             rest.find('\n').unwrap_or(rest.len())
         } else if rest.starts_with("/*") {
@@ -31,7 +38,8 @@ fn plain(text: &str) -> String {
         }
         rest = &rest[skipped..];
     }
-    plain.trim_end().to_owned()
+    plain.truncate(plain.trim_end().len());
+    plain
 }
 
 /// The length of a block comment, which may have others inside.
@@ -63,5 +71,6 @@ mod tests {
         assert_eq!(plain("a/**/b"), "a b", "a comment separates");
         assert_ne!(plain("a - -b"), plain("a --b"));
         assert_eq!(plain("x /* never closed"), "x");
+        assert_eq!(plain("α\u{a0}/ β // γ"), "α / β", "blanks beyond ASCII, and a quotient");
     }
 }

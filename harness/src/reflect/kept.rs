@@ -4,6 +4,9 @@
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
+use serde::{Deserialize, Serialize};
+
+use super::dependence::{self, Of};
 use super::{Program, ReflectError};
 use crate::package::Package;
 
@@ -15,38 +18,57 @@ const MOST_KEPT: usize = 4096;
 const MOST_PACKAGES: usize = 8;
 
 /// What a program holds.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub(super) enum Wanted {
     Function(String),
     Module(String),
     Items(String, Vec<String>),
 }
 
+/// The program that the running test wants, which is written down where a run is recorded.
+pub(super) fn program(package: &Package, wanted: &Wanted) -> Result<Arc<Program>, ReflectError> {
+    let program = again(package, wanted);
+    dependence::note(package, wanted, &program, Of::Text);
+    program
+}
+
+/// Whether a module is valid, and nothing else of it.
+pub(super) fn validity(package: &Package, module: &str) -> Result<(), ReflectError> {
+    let wanted = Wanted::Module(module.to_owned());
+    let program = again(package, &wanted);
+    dependence::note(package, &wanted, &program, Of::Validity);
+    program.map(drop)
+}
+
 /// The program that was made of the same texts, or else a new one. Files are read each time: a
 /// program of a text that has changed since is never taken. What a new file would change is seen by
 /// the next process.
-pub(super) fn program(
-    package: &Package,
-    wanted: Wanted,
-    make: impl FnOnce() -> Result<Program, ReflectError>,
-) -> Result<Arc<Program>, ReflectError> {
+pub(super) fn again(package: &Package, wanted: &Wanted) -> Result<Arc<Program>, ReflectError> {
     type Kept = HashMap<Wanted, Vec<(Package, Arc<Program>)>>;
     static KEPT: LazyLock<Mutex<Kept>> = LazyLock::new(Mutex::default);
     let lock = || KEPT.lock().unwrap_or_else(PoisonError::into_inner);
     let of_package = |kept: &(Package, Arc<Program>)| kept.0 == *package;
     let known =
-        lock().get(&wanted).and_then(|kept| kept.iter().find(|kept| of_package(kept)).cloned());
+        lock().get(wanted).and_then(|kept| kept.iter().find(|kept| of_package(kept)).cloned());
     if let Some((_, program)) = known
         && program.linked.sources.are_current()?
     {
         return Ok(program);
     }
-    let program = Arc::new(make()?);
+    let linked = match wanted {
+        Wanted::Function(path) => package.link(path)?,
+        Wanted::Module(module) => package.link_module(module)?,
+        Wanted::Items(module, items) => {
+            let items: Vec<&str> = items.iter().map(String::as_str).collect();
+            package.link_items(module, &items)?
+        }
+    };
+    let program = Arc::new(Program::from_linked(linked)?);
     let mut kept = lock();
     if kept.len() >= MOST_KEPT {
         kept.clear();
     }
-    let kept = kept.entry(wanted).or_default();
+    let kept = kept.entry(wanted.clone()).or_default();
     kept.retain(|kept| !of_package(kept));
     if kept.len() >= MOST_PACKAGES {
         kept.remove(0); // the oldest

@@ -173,6 +173,28 @@ impl Program {
         found.and_then(of).unwrap_or(1)
     }
 
+    /// The name that a `let` of a function gives an expression, by its index.
+    #[cfg(feature = "engine")]
+    pub(crate) fn let_name(&self, function: &str, expression: usize) -> Option<&str> {
+        let mut functions = self.checked.module.functions.iter().map(|(_, function)| function);
+        let function = functions.find(|known| known.name.as_deref() == Some(function))?;
+        let (at, _) = function.expressions.iter().nth(expression)?;
+        function.named_expressions.get(&at).map(String::as_str)
+    }
+
+    /// Whether an expression of a function is an `i32`, or a vector of them.
+    #[cfg(feature = "engine")]
+    pub(crate) fn is_signed(&self, function: &str, expression: usize) -> bool {
+        let mut functions = self.checked.module.functions.iter();
+        let found = functions.find(|(_, known)| known.name.as_deref() == Some(function));
+        let of = |(handle, function): (naga::Handle<naga::Function>, &naga::Function)| {
+            let (at, _) = function.expressions.iter().nth(expression)?;
+            let inner = self.checked.info[handle][at].ty.inner_with(&self.checked.module.types);
+            Some(inner.scalar()?.kind == naga::ScalarKind::Sint)
+        };
+        found.and_then(of).unwrap_or(false)
+    }
+
     /// The author's path of a declaration by its name in the linked text.
     pub(crate) fn author_path(&self, linked: &str) -> Option<&str> {
         self.linked.names.get(linked).map(String::as_str)

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{Program, ReflectError};
+use super::{Program, ReflectError, kept};
 use crate::package::{Package, PackageError};
 
 /// What was found valid.
@@ -108,5 +108,5 @@ impl Program {
 
 /// Validates a whole module.
 pub(crate) fn validate(package: &Package, module: &str) -> Result<(), ReflectError> {
-    Program::of_module(package, module).map(drop)
+    kept::validity(package, module)
 }

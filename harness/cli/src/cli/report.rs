@@ -1,21 +1,25 @@
-//! `karat report`, and what other programs read of a run: JUnit XML, GitHub's annotations and
+//! `karat report`, and what others read of a run: a page, JSON, JUnit XML, GitHub's annotations and
 //! summary.
 
 mod github;
+mod html;
 mod junit;
+mod merge;
 mod pictures;
 pub(super) mod tables;
 
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use karat::image::write_whole;
 use karat::output::visible;
-use karat::record::{PathRecord, Record, Recorded, Run, Subject};
+use karat::record::{PathRecord, Record, Recorded, Run, SCHEMA, Subject};
 
+use super::list::callable;
 use super::project::Project;
-use super::{Ending, NotThere, Outcome, spare};
+use super::{Ending, NotThere, Outcome, PackageArgs, spare};
 
 /// What is written besides the tables.
 #[derive(clap::Args)]
@@ -23,6 +27,15 @@ pub(super) struct OutputArgs {
     /// Write JUnit XML
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
+    /// Write one page, which opens from a file: verdicts, errors, plots of what fails
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+    /// Write all records as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Where the page of frames is, which `karat review --static` writes; the report links to it
+    #[arg(long, value_name = "URL", requires = "html")]
+    review: Option<String>,
     /// Print GitHub's annotations of failures and append to the job's summary [default: where
     /// GITHUB_ACTIONS is `true`]
     #[arg(long)]
@@ -36,14 +49,32 @@ pub(super) struct Args {
     /// Folder of records [default: that of the last run]
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
+    /// Folders of records of parts of one run, such as `cargo nextest run --partition` makes; may be
+    /// repeated
+    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with = "record")]
+    merge: Vec<PathBuf>,
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
+    let recorded = |folder: &Path| match Recorded::read(folder)? {
+        Some(recorded) => Ok(recorded),
+        None => {
+            let why = format!("there is no record of a run (`{}`)", folder.display());
+            Err(anyhow::Error::from(NotThere(why)))
+        }
+    };
     let folder = args.record.clone().unwrap_or_else(|| project.record());
-    let Some(Recorded { folder, records, run }) = Recorded::read(&folder)? else {
-        let why = format!("there is no record of a run (`{}`)", folder.display());
-        return Err(NotThere(why).into());
+    let Recorded { folder, records, run } = match args.merge.as_slice() {
+        [] => recorded(&folder)?,
+        folders => {
+            let parts: Vec<Recorded> =
+                folders.iter().map(|folder| recorded(folder)).collect::<anyhow::Result<_>>()?;
+            for part in &parts {
+                args.output.spare(&part.folder)?;
+            }
+            merge::merged(parts)
+        }
     };
     args.output.spare(&folder)?;
     args.output.clear()?;
@@ -59,31 +90,51 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if passed && failed == 0 { Ending::Good } else { Ending::Bad })
 }
 
+/// Writes the page of records that were made path by path: their paths stand side by side.
+pub(super) fn write_page(
+    records: Vec<Record>,
+    project: &Project,
+    page: &Path,
+) -> anyhow::Result<()> {
+    let records = merge::side_by_side(records);
+    let untested = untested(&records, project)?;
+    let text = html::page(&records, None, Some(&untested), None);
+    let folder = page.parent().unwrap_or(page);
+    std::fs::create_dir_all(folder)
+        .and_then(|()| write_whole(page, visible(&text).as_bytes()))
+        .with_context(|| format!("can't write `{}`", page.display()))
+}
+
 impl OutputArgs {
     /// Refuses a report that is a file of the record.
     fn spare(&self, record: &Path) -> anyhow::Result<()> {
-        let Some(file) = &self.junit else { return Ok(()) };
         let entries = std::fs::read_dir(record).into_iter().flatten().flatten();
         let record: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
-        spare(
-            "report",
-            file,
-            record.iter().map(PathBuf::as_path).filter(|path| {
-                let is_junit = path.extension().is_some_and(|extension| extension == "xml");
-                !is_junit
-            }),
-        )
+        self.files().try_for_each(|file| {
+            spare(
+                "report",
+                file,
+                record.iter().map(PathBuf::as_path).filter(|path| {
+                    let is_report = |ending: &std::ffi::OsStr| ending == "xml" || ending == "html";
+                    !path.extension().is_some_and(is_report)
+                }),
+            )
+        })
+    }
+
+    /// The files that are written.
+    fn files(&self) -> impl Iterator<Item = &Path> {
+        [&self.junit, &self.html, &self.json].into_iter().flatten().map(PathBuf::as_path)
     }
 
     /// Removes a report of a run before, which this one may not live to replace.
     pub(super) fn clear(&self) -> anyhow::Result<()> {
-        let Some(file) = &self.junit else { return Ok(()) };
-        match std::fs::remove_file(file) {
+        self.files().try_for_each(|file| match std::fs::remove_file(file) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
                 Err(error).with_context(|| format!("can't replace `{}`", file.display()))
             }
             _ => Ok(()),
-        }
+        })
     }
 
     pub(super) fn write(
@@ -94,10 +145,22 @@ impl OutputArgs {
         out: &mut dyn Write,
     ) -> anyhow::Result<()> {
         let passed = run.is_some_and(|run| run.passed);
+        let write = |file: &Path, text: &str| {
+            write_whole(file, visible(text).as_bytes())
+                .with_context(|| format!("can't write `{}`", file.display()))
+        };
         if let Some(file) = &self.junit {
-            let text = junit::text(records, passed)?;
-            write_whole(file, visible(&text).as_bytes())
-                .with_context(|| format!("can't write `{}`", file.display()))?;
+            write(file, &junit::text(records, passed)?)?;
+        }
+        if let Some(file) = &self.json {
+            let all = serde_json::json!({ "schema": SCHEMA, "run": run, "records": records });
+            write(file, &serde_json::to_string_pretty(&all).context("records are plain data")?)?;
+        }
+        if let Some(file) = &self.html {
+            // What was left out on purpose isn't untested.
+            let whole = run.is_some_and(|run| run.selected.is_empty());
+            let untested = whole.then(|| untested(records, project)).transpose()?;
+            write(file, &html::page(records, run, untested.as_deref(), self.review.as_deref()))?;
         }
         let on_github = std::env::var_os("GITHUB_ACTIONS").is_some_and(|value| value == "true");
         if self.github || on_github {
@@ -105,6 +168,23 @@ impl OutputArgs {
         }
         Ok(())
     }
+}
+
+/// Functions of the project that no check is about.
+fn untested(records: &[Record], project: &Project) -> anyhow::Result<Vec<String>> {
+    let tested: BTreeSet<&str> = records
+        .iter()
+        .filter_map(|record| match &record.subject {
+            Subject::Function { function, .. } => Some(function.as_str()),
+            Subject::Frame { .. } => None,
+        })
+        .collect();
+    let mut names = Vec::new();
+    for package in project.packages_if_any(&PackageArgs::default())? {
+        let items = callable(&package)?.into_iter().map(|item| item.name);
+        names.extend(items.filter(|name| !tested.contains(name.as_str())));
+    }
+    Ok(names)
 }
 
 /// What a record is about, in words: `fresnel::schlick agrees_with`, `frame scene`.

@@ -13,6 +13,8 @@ use karat_suite::{Suite, Test};
 
 use super::{Ending, Outcome};
 
+mod cargo;
+mod latest;
 mod serve;
 
 #[derive(clap::Args)]
@@ -30,6 +32,9 @@ pub(super) struct Args {
     /// Run tests whenever a line of standard input asks for it, and tell verdicts in lines of JSON
     #[arg(long, hide = true)]
     serve: bool,
+    /// With `--serve`: the tests are Rust's, of the Cargo project in the folder
+    #[arg(long, hide = true)]
+    cargo: bool,
     /// Print the names, and run nothing
     #[arg(long)]
     list: bool,
@@ -45,6 +50,9 @@ pub(super) fn host(suite: &Suite, folder: &std::path::Path) -> Host {
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    if args.cargo {
+        return cargo::run(&args.folder, out);
+    }
     if args.serve {
         return serve::run(&args.folder, out);
     }

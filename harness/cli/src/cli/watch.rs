@@ -1,10 +1,12 @@
-//! `karat watch`: the tests of a folder of shaders, again at each edit.
+//! `karat watch`: the tests of a project or of a folder of shaders, again at each edit.
 //!
-//! Processes that stay, one a path, run the tests: their devices, pipelines and parsed modules live on. Each
+//! Processes that stay, one a path, run the tests that shaders hold: their devices, pipelines and parsed modules live on. Each
 //! knows what every test was made of, so an edit runs the tests that it concerns, and a comment none. A
-//! process that hangs or crashes is told, and the next edit starts another one.
+//! process that hangs or crashes is told, and the next edit starts another one. In a Cargo project there are as
+//! many again for its Rust tests.
 
 mod files;
+mod keys;
 mod screen;
 mod worker;
 
@@ -17,7 +19,10 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use crossterm::event::{Event as Typed, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
-use super::{Ending, Outcome};
+use karat_suite::Suite;
+
+use super::project::Project;
+use super::{Ending, Outcome, PackageArgs};
 use screen::Screen;
 use worker::Worker;
 pub(super) use worker::{Request, Said};
@@ -27,7 +32,7 @@ const DEADLINE: &str = "10";
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Folder of shaders, or one file [default: the working directory]
+    /// Cargo project, folder of shaders, or one file [default: the working directory]
     folder: Option<PathBuf>,
     /// Only tests whose names contain this
     filter: Option<String>,
@@ -42,6 +47,41 @@ pub(super) struct Args {
     once: bool,
 }
 
+/// Where tests are.
+#[derive(Clone, Debug)]
+pub(super) enum Source {
+    /// In shaders.
+    Shaders(PathBuf),
+    /// In Rust, of a Cargo project.
+    Cargo(PathBuf),
+}
+
+impl Source {
+    pub(super) fn folder(&self) -> &Path {
+        match self {
+            Self::Shaders(folder) | Self::Cargo(folder) => folder,
+        }
+    }
+
+    /// All of a folder: of a Cargo project its Rust tests, and those in its shaders.
+    fn all(folder: &Path) -> anyhow::Result<Vec<Self>> {
+        if !folder.join("Cargo.toml").is_file() {
+            return Ok(vec![Self::Shaders(folder.to_owned())]);
+        }
+        let project = Project::around(&folder.canonicalize()?)?;
+        let packages = project.packages_if_any(&PackageArgs::default())?;
+        let mut all = vec![Self::Cargo(project.root().to_owned())];
+        for package in packages {
+            let root = package.root();
+            let suite = Suite::of(package)?;
+            if !suite.tests.is_empty() || !suite.broken.is_empty() {
+                all.push(Self::Shaders(root));
+            }
+        }
+        Ok(all)
+    }
+}
+
 /// What happens.
 pub(super) enum Event {
     /// Files changed, or are gone.
@@ -51,6 +91,29 @@ pub(super) enum Event {
     Key(KeyEvent),
     /// The terminal has another size.
     Resized,
+}
+
+/// What is being typed.
+#[derive(Clone, Debug)]
+enum Typing {
+    Filter(String),
+    /// Why these frames are right.
+    Reason(Vec<String>, String),
+}
+
+impl Typing {
+    fn text(&mut self) -> &mut String {
+        match self {
+            Self::Filter(text) | Self::Reason(_, text) => text,
+        }
+    }
+
+    fn prompt(&self) -> String {
+        match self {
+            Self::Filter(text) => format!("only tests whose names contain: {text}_"),
+            Self::Reason(frames, text) => format!("accept {} because: {text}_", frames.join(", ")),
+        }
+    }
 }
 
 /// What one path has of a test.
@@ -71,31 +134,52 @@ pub(super) struct Verdicts {
 
 /// One path with its process.
 pub(super) struct Lane {
-    pub(super) path: String,
+    /// Its path, and of which tests where there are several sources.
+    pub(super) name: String,
+    path: String,
+    source: Source,
+    /// Where its process keeps records.
+    records: PathBuf,
     worker: Option<Worker>,
     pub(super) verdicts: Verdicts,
     /// Whether files changed while it ran.
-    again: Option<bool>,
+    again: Option<Asked>,
     began: Instant,
+}
+
+/// What a path is asked for.
+#[derive(Clone, Default)]
+struct Asked {
+    all: bool,
+    changed: Vec<PathBuf>,
+}
+
+impl Asked {
+    fn all() -> Self {
+        Self { all: true, changed: Vec::new() }
+    }
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let folder = args.folder.clone().unwrap_or_else(|| PathBuf::from("."));
     anyhow::ensure!(folder.exists(), "there is no folder or file `{}`", folder.display());
     let names = karat::path::named("--paths", &args.paths)?;
+    let sources = Source::all(&folder)?;
     let (sender, events) = channel();
     let watching = files::watch(&folder, sender.clone())?;
-    let lanes = names.iter().enumerate().map(|(index, path)| {
-        Lane {
-            path: path.to_string(),
-            worker: None,
-            verdicts: Verdicts::default(),
-            again: None,
-            began: Instant::now(),
+    let records = tempfile::tempdir().context("records can't be kept")?;
+    let mut lanes = Vec::new();
+    for path in &names {
+        for source in &sources {
+            let of = match source {
+                _ if sources.len() == 1 => String::new(),
+                Source::Cargo(_) => " (Rust)".to_owned(),
+                Source::Shaders(shaders) => format!(" ({})", shown(shaders, &folder)),
+            };
+            let lane = Lane::new(lanes.len(), &of, &path.to_string(), source, records.path());
+            lanes.push(lane);
         }
-        .started(index, &folder, &sender)
-    });
-    let lanes: Vec<Lane> = lanes.collect::<anyhow::Result<_>>()?;
+    }
     let is_terminal = std::io::stdout().is_terminal() && std::io::stdin().is_terminal();
     let screen = match args.lines || args.once || !is_terminal {
         true => Screen::lines(),
@@ -105,8 +189,20 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         }
     };
     let filter = args.filter.clone().unwrap_or_default();
-    let mut watch =
-        Watch { folder, filter, typing: None, lanes, screen, sender, changed: Vec::new() };
+    let whole = folder.canonicalize()?;
+    let around = if whole.is_file() { whole.parent().unwrap_or(&whole) } else { &whole };
+    let mut watch = Watch {
+        project: Project::around(around)?,
+        folder,
+        filter,
+        typing: None,
+        notice: None,
+        reports: None,
+        lanes,
+        screen,
+        sender,
+        changed: Vec::new(),
+    };
     let ending = watch.run(&events, args.once, out);
     drop(watching);
     ending
@@ -115,9 +211,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 /// What is watched, and what is known of it.
 struct Watch {
     folder: PathBuf,
+    project: Project,
     filter: String,
-    /// What is typed of another filter.
-    typing: Option<String>,
+    typing: Option<Typing>,
+    /// What the last key led to.
+    notice: Option<String>,
+    /// How many records are still awaited for a report that was asked for.
+    reports: Option<usize>,
     lanes: Vec<Lane>,
     screen: Screen,
     sender: Sender<Event>,
@@ -127,7 +227,7 @@ struct Watch {
 impl Watch {
     fn run(&mut self, events: &Receiver<Event>, once: bool, out: &mut dyn Write) -> Outcome {
         for index in 0..self.lanes.len() {
-            self.ask(index, true)?;
+            self.ask(index, Asked::all())?;
         }
         self.screen.draw(&self.view(), out)?;
         loop {
@@ -137,7 +237,8 @@ impl Watch {
                     self.changed = files.iter().map(|file| shown(file, &self.folder)).collect();
                     self.screen.say_changed(&self.changed, out)?;
                     for index in 0..self.lanes.len() {
-                        self.ask(index, false)?;
+                        let changed = files.clone();
+                        self.ask(index, Asked { all: false, changed })?;
                     }
                 }
                 Event::Worker(index, said) => self.hear(index, said, out)?,
@@ -164,27 +265,35 @@ impl Watch {
         screen::View {
             folder: &self.folder,
             filter: &self.filter,
-            typing: self.typing.as_deref(),
+            prompt: self.typing.as_ref().map(Typing::prompt),
+            notice: self.notice.as_deref(),
             changed: &self.changed,
             lanes: &self.lanes,
         }
     }
 
-    /// Asks a path for the tests that an edit concerns, or for all.
-    fn ask(&mut self, index: usize, all: bool) -> anyhow::Result<()> {
+    /// Asks a path for the tests that an edit of some files concerns, or for all.
+    fn ask(&mut self, index: usize, asked: Asked) -> anyhow::Result<()> {
         let lane = &mut self.lanes[index];
         if lane.verdicts.busy {
-            lane.again = Some(all || lane.again == Some(true));
+            let again = lane.again.get_or_insert_default();
+            again.all |= asked.all;
+            again.changed.extend(asked.changed);
             return Ok(());
         }
         if lane.worker.is_none() {
-            lane.worker = Some(Worker::start(index, &lane.path, &self.folder, &self.sender)?);
+            lane.worker = Some(lane.start(index, &self.sender)?);
         }
         lane.began = Instant::now();
         lane.verdicts.busy = true;
         lane.verdicts.ran = 0;
-        let first: Vec<&String> = lane.verdicts.failing.keys().collect();
-        let request = worker::request(&self.filter, all, &first);
+        let request = Request {
+            filter: self.filter.clone(),
+            all: asked.all,
+            first: lane.verdicts.failing.keys().cloned().collect(),
+            changed: asked.changed,
+            report: None,
+        };
         if let Some(worker) = &mut lane.worker
             && worker.ask(&request).is_err()
         {
@@ -201,7 +310,7 @@ impl Watch {
                 lane.verdicts.ran += 1;
                 match message {
                     Some(message) => {
-                        self.screen.say_failed(&lane.path, &name, &message, out)?;
+                        self.screen.say_failed(&lane.name, &name, &message, out)?;
                         lane.verdicts.failing.insert(name, message);
                     }
                     None => drop(lane.verdicts.failing.remove(&name)),
@@ -217,16 +326,26 @@ impl Watch {
                 lane.verdicts.broken = error;
                 self.screen.say_done(lane, out)?;
             }
+            Said::Reported { error } => {
+                let left = self.reports.unwrap_or(1) - 1;
+                self.reports = (left > 0).then_some(left);
+                self.notice = error.or_else(|| self.notice.take());
+                if left == 0 {
+                    self.notice = Some(self.open_report());
+                }
+                return Ok(());
+            }
             Said::Ended { why } => {
                 lane.worker = None;
+                self.reports = None;
                 lane.verdicts.busy = false;
                 lane.verdicts.took = lane.began.elapsed();
                 lane.verdicts.broken = Some(why);
                 self.screen.say_done(lane, out)?;
             }
         }
-        if let Some(all) = self.lanes[index].again.take() {
-            self.ask(index, all)?;
+        if let Some(asked) = self.lanes[index].again.take() {
+            self.ask(index, asked)?;
         }
         Ok(())
     }
@@ -238,43 +357,99 @@ impl Watch {
             return Ok(false);
         }
         if let Some(mut typing) = self.typing.take() {
-            match key.code {
-                KeyCode::Enter => {
-                    self.filter = typing;
+            match (key.code, &mut typing) {
+                (KeyCode::Enter, Typing::Filter(filter)) => {
+                    self.filter = std::mem::take(filter);
                     return self.all_again();
                 }
-                KeyCode::Esc => return Ok(true),
-                KeyCode::Backspace => drop(typing.pop()),
-                KeyCode::Char(letter) => typing.push(letter),
+                (KeyCode::Enter, Typing::Reason(_, because)) if because.trim().is_empty() => {
+                    self.notice = Some("nothing was accepted: there was no reason".to_owned());
+                    return Ok(true);
+                }
+                // The goldens are files that are watched: what compares with them runs again.
+                (KeyCode::Enter, Typing::Reason(frames, because)) => {
+                    self.notice = Some(keys::accept(&self.project, frames, because.trim()));
+                    return Ok(true);
+                }
+                (KeyCode::Esc, _) => return Ok(true),
+                (KeyCode::Backspace, typing) => drop(typing.text().pop()),
+                (KeyCode::Char(letter), typing) => typing.text().push(letter),
                 _ => {}
             }
             self.typing = Some(typing);
             return Ok(true);
         }
+        self.notice = None;
         match key.code {
-            KeyCode::Char('q') => Ok(false),
-            KeyCode::Char('r') => self.all_again(),
-            KeyCode::Char('f') => {
-                self.typing = Some(String::new());
-                Ok(true)
+            KeyCode::Char('q') => return Ok(false),
+            KeyCode::Char('r') => return self.all_again(),
+            KeyCode::Char('f') => self.typing = Some(Typing::Filter(String::new())),
+            KeyCode::Char('a') => match keys::pending(&self.project) {
+                none if none.is_empty() => {
+                    self.notice = Some("no frame waits to be accepted".to_owned());
+                }
+                frames => self.typing = Some(Typing::Reason(frames, String::new())),
+            },
+            KeyCode::Char('o') => self.ask_for_records(),
+            _ => {}
+        }
+        Ok(true)
+    }
+
+    /// Asks each path for its records; when all have answered, the report opens.
+    fn ask_for_records(&mut self) {
+        let mut asked = 0;
+        for lane in &mut self.lanes {
+            let request = Request { report: Some(lane.report()), ..Request::default() };
+            if let Some(worker) = &mut lane.worker {
+                asked += usize::from(worker.ask(&request).is_ok());
             }
-            _ => Ok(true),
+        }
+        self.reports = (asked > 0).then_some(asked);
+        let wait = "the report opens when the tests have run";
+        self.notice = Some(if asked > 0 { wait } else { "no test has run" }.to_owned());
+    }
+
+    fn open_report(&self) -> String {
+        let files: Vec<PathBuf> = self.lanes.iter().map(Lane::report).collect();
+        let files: Vec<PathBuf> = files.into_iter().filter(|file| file.is_file()).collect();
+        let page = self.project.output().join("watch.html");
+        match keys::open_report(&self.project, &files, &page) {
+            Ok(()) => format!("the report is `{}`", page.display()),
+            Err(error) => format!("error: {error:#}"),
         }
     }
 
     fn all_again(&mut self) -> anyhow::Result<bool> {
         for index in 0..self.lanes.len() {
             self.lanes[index].verdicts.failing.clear();
-            self.ask(index, true)?;
+            self.ask(index, Asked::all())?;
         }
         Ok(true)
     }
 }
 
 impl Lane {
-    fn started(self, index: usize, folder: &Path, sender: &Sender<Event>) -> anyhow::Result<Self> {
-        let worker = Some(Worker::start(index, &self.path, folder, sender)?);
-        Ok(Self { worker, ..self })
+    fn new(index: usize, of: &str, path: &str, source: &Source, records: &Path) -> Self {
+        Self {
+            name: format!("{path}{of}"),
+            path: path.to_owned(),
+            source: source.clone(),
+            records: records.join(index.to_string()),
+            worker: None,
+            verdicts: Verdicts::default(),
+            again: None,
+            began: Instant::now(),
+        }
+    }
+
+    fn start(&self, index: usize, sender: &Sender<Event>) -> anyhow::Result<Worker> {
+        Worker::start(index, &self.path, &self.source, &self.records, sender)
+    }
+
+    /// The file that its process writes records into.
+    fn report(&self) -> PathBuf {
+        self.records.with_extension("jsonl")
     }
 }
 

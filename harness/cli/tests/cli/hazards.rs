@@ -154,3 +154,46 @@ fn each_round_of_a_loop_and_half_precision_have_rows() {
     let half = call("fresnel::half", "3");
     assert!(half.lines().any(|line| line.contains("x * 0.5h") && line.contains("1.5")), "{half}");
 }
+
+/// Integers with their sign, conditions with both outcomes where WGSL decides neither, and the names of
+/// `let`s.
+#[test]
+fn integers_conditions_and_names_are_in_a_trace() {
+    let folder = shaders(
+        "fn f(x: f32, n: i32) -> f32 {\n    let below = n - 3;\n    let root = sqrt(x);\n    \
+         if root * root < x {\n        return select(root, x, below < 0);\n    }\n    return 0.0;\n}\n",
+    );
+    let trace =
+        karat(folder.path(), &["call", "fresnel::f", "2", "1", "--path", "cpu", "--trace"]).good();
+    let row = |part: &str| -> Vec<String> {
+        let line = trace.lines().find(|line| line.contains(part));
+        let line = line.unwrap_or_else(|| panic!("no `{part}` in:\n{trace}"));
+        line.split("  ")
+            .filter(|cell| !cell.trim().is_empty())
+            .map(|c| c.trim().to_owned())
+            .collect()
+    };
+    assert_eq!(row("n - 3")[1..], ["below = n - 3", "-2", "-2", "-2"], "{trace}");
+    assert!(row("sqrt(x)")[1].starts_with("root = "), "{trace}");
+    // Rounding decides, so WGSL doesn't.
+    assert_eq!(row("root * root < x")[4], "false or true", "{trace}");
+    // In double precision the root is exact, and the branch isn't taken.
+    assert_eq!(row("below < 0")[2..], ["true", "another way", "true"], "{trace}");
+    assert_eq!(row("select(root")[2], "2", "{trace}");
+}
+
+/// A variance of four samples by the difference of two sums cancels where they are nearly equal.
+#[test]
+fn nearly_equal_arguments_are_tried() {
+    let folder = shaders(
+        "fn variance(a_albedo: f32, b_albedo: f32, c_albedo: f32, d_albedo: f32) -> f32 {\n    \
+         let mean = (a_albedo + b_albedo + c_albedo + d_albedo) * 0.25;\n    \
+         let squares = (a_albedo * a_albedo + b_albedo * b_albedo + c_albedo * c_albedo + d_albedo * d_albedo) * 0.25;\n    \
+         return squares - mean * mean;\n}\n",
+    );
+    let ran = karat(folder.path(), &["hazards"]);
+    assert!(ran.code == Some(1) && ran.out.contains("squares - mean * mean"), "{ran:?}");
+    // With what was subtracted from what.
+    let about = ran.out.lines().find(|line| line.contains("are rounding errors (0."));
+    assert!(about.is_some_and(|line| line.contains(", 0.") && line.contains("in f64")), "{ran:?}");
+}

@@ -156,6 +156,13 @@ impl Browser {
         self.on(tab, "Emulation.setDeviceMetricsOverride", size);
     }
 
+    /// Whether the person wants dark pages.
+    pub(crate) fn prefer_dark(&mut self, tab: &Tab, dark: bool) {
+        let value = if dark { "dark" } else { "light" };
+        let feature = json!({ "name": "prefers-color-scheme", "value": value });
+        self.on(tab, "Emulation.setEmulatedMedia", json!({ "features": [feature] }));
+    }
+
     /// The value of a JavaScript expression.
     #[track_caller]
     pub(crate) fn value(&mut self, tab: &Tab, expression: &str) -> Value {

@@ -6,5 +6,6 @@ mod finding;
 mod looking;
 mod project;
 mod refusing;
+mod reporting;
 mod shots;
 mod waiting;

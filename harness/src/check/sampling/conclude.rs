@@ -123,6 +123,8 @@ pub(super) fn conclude(
                 asserted: hypothesis.text.clone(),
                 known_issue,
                 granted: None,
+                errors: None,
+                plot: None,
             });
             if sum.configurations < selected.end - selected.start || sum.configurations == 0 {
                 let declared = selected.end - selected.start;

@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::Context;
 use karat::image::write_whole;
 use karat::probe::Probed;
-use karat::trace::{Step, trace};
+use karat::trace::{Step, Value, trace};
 use karat::value::format_f32;
 
 use super::super::table::{BAD, DIM, KNOWN, PLAIN, Table};
@@ -26,16 +26,18 @@ pub(super) fn write_text(
     let mut table = Table::new(&["place", "operation", "f32", "f64", "WGSL allows"], &[]);
     for step in &steps {
         let style = match () {
-            () if step.single.iter().any(|x| !x.is_finite()) => BAD,
+            () if step.single.iter().any(|x| matches!(x, Value::Single(x) if !x.is_finite())) => {
+                BAD
+            }
             () if has_lost(step) || step.allowed.iter().any(Option::is_none) => KNOWN,
             () => PLAIN,
         };
         let [single, double, allowed] = columns(step);
-        table.row(style, vec![place(step), one_line(&step.text), single, double, allowed]);
+        table.row(style, vec![place(step), operation(step), single, double, allowed]);
     }
     table.write(out)?;
     if steps.is_empty() {
-        writeln!(out, "{DIM}it computes no float{DIM:#}")?;
+        writeln!(out, "{DIM}it computes nothing{DIM:#}")?;
     }
     Ok(())
 }
@@ -72,7 +74,7 @@ pub(super) fn write_html(probed: &Probed, arguments: &[u32], file: &Path) -> any
             for step in own().filter(|step| line(step) == number) {
                 let class = if has_lost(step) { "lost" } else { "step" };
                 let cells = columns(step).map(|cell| format!("<td>{}", html(&cell))).concat();
-                writeln!(page, "<tr class={class}><td><td>{}{cells}", html(&one_line(&step.text)))?;
+                writeln!(page, "<tr class={class}><td><td>{}{cells}", html(&operation(step)))?;
             }
         }
         writeln!(page, "</table>")?;
@@ -100,7 +102,8 @@ fn place(step: &Step) -> String {
 }
 
 fn has_lost(step: &Step) -> bool {
-    let lost = |(x, y): (&f32, &f64)| {
+    let lost = |(x, y): (&Value, &Value)| {
+        let (Value::Single(x), Value::Double(y)) = (x, y) else { return false };
         let error = (f64::from(*x) - y).abs();
         error > LOST * y.abs() && error > f64::from(f32::MIN_POSITIVE)
     };
@@ -113,16 +116,32 @@ fn columns(step: &Step) -> [String; 3] {
         [] => "another way".to_owned(),
         _ => values.join(", "),
     };
-    let range = |ends: &Option<(f32, f32)>| match ends {
+    let range = |ends: &Option<(Value, Value)>| match ends {
         None => "anything".to_owned(),
-        Some((lo, hi)) if lo == hi => format_f32(*lo),
-        Some((lo, hi)) => format!("{} to {}", format_f32(*lo), format_f32(*hi)),
+        Some((lo, hi)) if lo == hi => format(lo),
+        Some((lo @ Value::Bool(_), hi)) => format!("{} or {}", format(lo), format(hi)),
+        Some((lo, hi)) => format!("{} to {}", format(lo), format(hi)),
     };
     [
-        joined(step.single.iter().map(|x| format_f32(*x)).collect()),
-        joined(step.double.iter().copied().map(format_f64).collect()),
+        joined(step.single.iter().map(format).collect()),
+        joined(step.double.iter().map(format).collect()),
         joined(step.allowed.iter().map(range).collect()),
     ]
+}
+
+fn format(value: &Value) -> String {
+    match value {
+        Value::Single(x) => format_f32(*x),
+        Value::Double(x) => format_f64(*x),
+        Value::Int(x) => x.to_string(),
+        Value::Bool(x) => x.to_string(),
+    }
+}
+
+/// An operation as the author wrote it, with the name that a `let` gives it.
+fn operation(step: &Step) -> String {
+    let text = one_line(&step.text);
+    step.name.as_ref().map_or_else(|| text.clone(), |name| format!("{name} = {text}"))
 }
 
 /// A number to 12 significant digits, more than half of what `f64` has beyond `f32`.

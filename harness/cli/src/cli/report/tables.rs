@@ -249,6 +249,8 @@ mod tests {
             asserted: "1 ulp".to_owned(),
             known_issue: known_issue.map(str::to_owned),
             granted: None,
+            errors: None,
+            plot: None,
         };
         let subject = Subject::Function {
             package: String::new(),

@@ -4,10 +4,12 @@ use std::collections::{BTreeSet, HashMap};
 use std::io::{BufRead, Write};
 use std::path::Path;
 
+use karat::reflect::Dependence;
 use karat_suite::{Suite, Test};
 
 use super::super::watch::{Request, Said};
 use super::super::{Ending, Outcome};
+use super::latest::Latest;
 use super::{each, host};
 
 /// What each test was made of when it last ran; `None` where nobody can tell.
@@ -15,12 +17,20 @@ type Known = HashMap<String, Option<String>>;
 
 pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
     std::panic::set_hook(Box::new(|_| {}));
-    let mut known = Known::new();
+    Dependence::unwanted();
+    let (mut known, mut latest) = (Known::new(), Latest::default());
     for line in std::io::stdin().lock().lines() {
         let request: Request = serde_json::from_str(&line?)?;
         let done = match Suite::open(folder) {
-            Ok(suite) => answer(&suite, folder, &request, &mut known, out)?,
-            Err(error) => Said::Done { tests: BTreeSet::new(), error: Some(error.to_string()) },
+            Ok(suite) if request.report.is_some() => {
+                let is_there = |name: &str| suite.tests.iter().any(|test| test.name == name);
+                latest.write(&request.report.unwrap_or_default(), is_there)
+            }
+            Ok(suite) => answer(&suite, folder, &request, &mut known, &mut latest, out)?,
+            Err(error) => {
+                known.clear();
+                Said::Done { tests: BTreeSet::new(), error: Some(error.to_string()) }
+            }
         };
         say(&done, out)?;
     }
@@ -32,6 +42,7 @@ fn answer(
     folder: &Path,
     request: &Request,
     known: &mut Known,
+    latest: &mut Latest,
     out: &mut dyn Write,
 ) -> anyhow::Result<Said> {
     karat::run::host(host(suite, folder));
@@ -40,6 +51,8 @@ fn answer(
     // What failed is of interest before all else.
     tests.sort_by_key(|test| !request.first.contains(&test.name));
     let all: BTreeSet<String> = tests.iter().map(|test| test.name.clone()).collect();
+    // Who watches forgets the verdict of a test that is gone: when it is back, it runs.
+    known.retain(|name, _| all.contains(name));
     let mut concerned = Vec::new();
     for test in tests {
         let essence = suite.essence(test);
@@ -53,12 +66,13 @@ fn answer(
     each(suite, &concerned, &mut |test, verdict| {
         say(&Said::Test { name: test.name.clone(), message: verdict.err() }, out)
     })?;
+    latest.take_own(concerned.iter().map(|test| &*test.name));
     let error = suite.broken.iter().map(|broken| broken.message.as_str());
     let error = error.collect::<Vec<_>>().join("\n");
     Ok(Said::Done { tests: all, error: Some(error).filter(|error| !error.is_empty()) })
 }
 
-fn say(said: &Said, out: &mut dyn Write) -> std::io::Result<()> {
+pub(super) fn say(said: &Said, out: &mut dyn Write) -> std::io::Result<()> {
     let line = serde_json::to_string(said).expect("it is plain data");
     writeln!(out, "{line}")?;
     out.flush()

@@ -21,7 +21,10 @@ const LONGEST: Duration = Duration::from_millis(100);
 const MISSING: Duration = Duration::from_millis(200);
 
 /// Files whose changes concern tests.
-const ENDINGS: [&str; 6] = ["wgsl", "wesl", "toml", "csv", "exr", "png"];
+const ENDINGS: [&str; 14] = [
+    "wgsl", "wesl", "toml", "csv", "exr", "png", "rs", "lock", "json", "ron", "npy", "hdr", "glsl",
+    "txt",
+];
 
 /// Watches while it lives.
 pub(super) struct Watching {

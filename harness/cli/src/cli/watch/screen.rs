@@ -13,7 +13,10 @@ use super::{Lane, Verdicts};
 pub(super) struct View<'v> {
     pub(super) folder: &'v Path,
     pub(super) filter: &'v str,
-    pub(super) typing: Option<&'v str>,
+    /// What is being typed, with what it is for.
+    pub(super) prompt: Option<String>,
+    /// What the last key led to.
+    pub(super) notice: Option<&'v str>,
     pub(super) changed: &'v [String],
     pub(super) lanes: &'v [Lane],
 }
@@ -95,21 +98,24 @@ impl Screen {
         for lane in view.lanes {
             lines.push(summary_in(lane, columns));
         }
+        if let Some(notice) = view.notice {
+            lines.extend(notice.lines().flat_map(|line| wrapped(&visible(line), columns)));
+        }
         lines.push(String::new());
         let worst = view.lanes.iter().find_map(|lane| {
-            let broken = lane.verdicts.broken.as_ref().map(|why| (lane.path.clone(), why.clone()));
+            let broken = lane.verdicts.broken.as_ref().map(|why| (lane.name.clone(), why.clone()));
             broken.or_else(|| {
                 let (name, message) = lane.verdicts.failing.first_key_value()?;
-                Some((format!("{name} on {}", lane.path), message.clone()))
+                Some((format!("{name} on {}", lane.name), message.clone()))
             })
         });
         if let Some((title, message)) = worst {
             lines.push(styled(BAD, &cut(&title, columns)));
-            lines.extend(message.lines().map(|line| cut(&visible(line), columns)));
+            lines.extend(message.lines().flat_map(|line| wrapped(&visible(line), columns)));
         }
-        let keys = match view.typing {
-            Some(typing) => format!("only tests whose names contain: {typing}_"),
-            None => "r run all   f filter   q quit".to_owned(),
+        let keys = match &view.prompt {
+            Some(prompt) => prompt.clone(),
+            None => "r run all   f filter   a accept   o report   q quit".to_owned(),
         };
         lines.truncate(rows.saturating_sub(1));
         // Rows that aren't written keep nothing of what was there.
@@ -148,10 +154,28 @@ fn cut(text: &str, columns: usize) -> String {
     }
 }
 
+/// A text in lines of so many columns, each as far to the right as the first. Values are often at the
+/// end of a line: they aren't cut.
+fn wrapped(text: &str, columns: usize) -> Vec<String> {
+    let indent: String = text.chars().take_while(|c| *c == ' ').take(columns / 2).collect();
+    let width = (columns - indent.len()).max(1);
+    let mut rest: Vec<char> = text.chars().skip(indent.len()).collect();
+    let mut lines = Vec::new();
+    while rest.len() > width {
+        // Between words, where that leaves no more than half of the line empty.
+        let blank = rest[..=width].iter().rposition(|c| *c == ' ').filter(|at| *at > width / 2);
+        let after = rest.split_off(blank.unwrap_or(width));
+        lines.push(indent.chars().chain(rest).collect());
+        rest = after.into_iter().skip(usize::from(blank.is_some())).collect();
+    }
+    lines.push(indent.chars().chain(rest).collect());
+    lines
+}
+
 fn words(lane: &Lane) -> (karat::output::Style, String) {
     let Verdicts { failing, count, ran, took, busy, broken } = &lane.verdicts;
     let took = format!("{:.1} ms", took.as_secs_f64() * 1e3);
-    let path = &lane.path;
+    let path = &lane.name;
     let pass = if *count == 1 { "1 test passes".to_owned() } else { format!("{count} tests pass") };
     match (busy, broken, failing.len()) {
         (true, ..) => (DIM, format!("{path}: running, {ran} done")),
@@ -173,4 +197,17 @@ fn summary(lane: &Lane) -> String {
 fn summary_in(lane: &Lane, columns: usize) -> String {
     let (style, text) = words(lane);
     styled(style, &cut(&text, columns))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::wrapped;
+
+    #[test]
+    fn lines_are_wrapped_between_words_and_keep_their_indent() {
+        assert_eq!(wrapped("", 10), [""]);
+        assert_eq!(wrapped("0123456789", 10), ["0123456789"]);
+        assert_eq!(wrapped("  saw 0.75, not 1.5", 12), ["  saw 0.75,", "  not 1.5"]);
+        assert_eq!(wrapped("a 0123456789abc", 10), ["a 01234567", "89abc"]);
+    }
 }

@@ -2,17 +2,21 @@
 
 use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader, Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::Sender;
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
 
-use super::{DEADLINE, Event};
+use super::{DEADLINE, Event, Source};
+
+/// A worker that is no longer needed ends by itself within this time.
+const FAREWELL: Duration = Duration::from_millis(300);
 
 /// What a worker is asked for: a line of JSON.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub(in crate::cli) struct Request {
     /// Only tests whose names contain this.
     pub(in crate::cli) filter: String,
@@ -20,6 +24,12 @@ pub(in crate::cli) struct Request {
     pub(in crate::cli) all: bool,
     /// Tests that run before the others.
     pub(in crate::cli) first: Vec<String>,
+    /// Files that changed, with their folders from the root.
+    #[serde(default)]
+    pub(in crate::cli) changed: Vec<PathBuf>,
+    /// Run nothing, and write the record of each test's last run into this file.
+    #[serde(default)]
+    pub(in crate::cli) report: Option<PathBuf>,
 }
 
 /// What a worker says: a line of JSON.
@@ -30,19 +40,15 @@ pub(in crate::cli) enum Said {
     Test { name: String, message: Option<String> },
     /// All tests have a verdict: these are there. `error` if they can't be found.
     Done { tests: BTreeSet<String>, error: Option<String> },
+    /// The records were written, or weren't.
+    Reported { error: Option<String> },
     /// The process ended.
     Ended { why: String },
 }
 
-pub(super) fn request(filter: &str, all: bool, first: &[&String]) -> String {
-    let first = first.iter().map(|name| (*name).clone()).collect();
-    let request = Request { filter: filter.to_owned(), all, first };
-    serde_json::to_string(&request).expect("a request is plain data")
-}
-
 pub(super) struct Worker {
     child: Child,
-    stdin: ChildStdin,
+    stdin: Option<ChildStdin>,
 }
 
 impl Worker {
@@ -50,12 +56,25 @@ impl Worker {
     pub(super) fn start(
         index: usize,
         path: &str,
-        folder: &Path,
+        source: &Source,
+        records: &Path,
         sender: &Sender<Event>,
     ) -> anyhow::Result<Self> {
         let program = std::env::current_exe().context("this program isn't where it was")?;
         let mut command = Command::new(program);
-        command.arg("suite").arg(folder).arg("--serve").env("KARAT_PATHS", path);
+        command.arg("suite").arg(source.folder()).arg("--serve").env("KARAT_PATHS", path);
+        // Empty: nothing of an earlier process is there.
+        drop(std::fs::remove_dir_all(records));
+        std::fs::create_dir_all(records)
+            .with_context(|| format!("can't keep records in `{}`", records.display()))?;
+        command.env("KARAT_RECORD", records);
+        // Each process has one path: one that is required would run in all of them.
+        command.env_remove("KARAT_REQUIRE");
+        if let Source::Cargo(_) = source {
+            command.arg("--cargo");
+            // Frames need a driver.
+            command.envs((path == "cpu").then_some(("KARAT_FRAMES", "off")));
+        }
         if std::env::var_os("KARAT_DEADLINE").is_none() {
             command.env("KARAT_DEADLINE", DEADLINE);
         }
@@ -89,17 +108,25 @@ impl Worker {
             };
             drop(sender.send(Event::Worker(index, Said::Ended { why })));
         });
-        Ok(Self { child, stdin })
+        Ok(Self { child, stdin: Some(stdin) })
     }
 
-    pub(super) fn ask(&mut self, request: &str) -> std::io::Result<()> {
-        writeln!(self.stdin, "{request}")?;
-        self.stdin.flush()
+    pub(super) fn ask(&mut self, request: &Request) -> std::io::Result<()> {
+        let Some(stdin) = &mut self.stdin else { return Ok(()) };
+        let request = serde_json::to_string(request).expect("a request is plain data");
+        writeln!(stdin, "{request}")?;
+        stdin.flush()
     }
 }
 
 impl Drop for Worker {
     fn drop(&mut self) {
+        // Whoever has programs of its own ends them when nobody asks any more.
+        self.stdin = None;
+        let began = Instant::now();
+        while began.elapsed() < FAREWELL && matches!(self.child.try_wait(), Ok(None)) {
+            std::thread::sleep(Duration::from_millis(5));
+        }
         drop(self.child.kill());
         drop(self.child.wait());
     }

@@ -1,0 +1,73 @@
+//! One record of several parts of a run.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::path::PathBuf;
+
+use karat::record::{Record, Recorded, Run, SCHEMA, Verdict};
+
+/// All verdicts of some parts, in an order that doesn't depend on theirs. A check that ran in several of
+/// them has its worst verdict. The run has ended if each part has, and passed if each part has.
+pub(super) fn merged(parts: Vec<Recorded>) -> Recorded {
+    let folders: Vec<String> = parts.iter().map(|part| part.folder.display().to_string()).collect();
+    let run = parts.iter().map(|part| part.run.clone()).collect::<Option<Vec<Run>>>();
+    let run = run.map(|runs| {
+        let mut selected: Vec<String> = runs.iter().flat_map(|run| run.selected.clone()).collect();
+        selected.sort();
+        selected.dedup();
+        Run { schema: SCHEMA, selected, passed: runs.iter().all(|run| run.passed) }
+    });
+    let mut checks: BTreeMap<String, Record> = BTreeMap::new();
+    for record in parts.into_iter().flat_map(|part| part.records) {
+        let subject = serde_json::to_string(&record.subject).unwrap_or_default();
+        let known =
+            checks.entry(format!("{subject} {}", record.test)).or_insert_with(|| record.clone());
+        if severity(record.verdict) > severity(known.verdict) {
+            *known = record;
+        }
+    }
+    let mut records: Vec<Record> = checks.into_values().collect();
+    Record::sort(&mut records);
+    Recorded { folder: PathBuf::from(folders.join(", ")), records, run }
+}
+
+/// Records of one check on several paths as one record.
+pub(super) fn side_by_side(records: Vec<Record>) -> Vec<Record> {
+    let mut checks: BTreeMap<String, Record> = BTreeMap::new();
+    // Several checks of a test may be about the same; on each path they come in the same order.
+    let mut seen: BTreeMap<(String, String), u32> = BTreeMap::new();
+    for record in records {
+        let subject = serde_json::to_string(&record.subject).unwrap_or_default();
+        let paths: Vec<&str> = record.paths.iter().map(|path| &*path.adapter.path).collect();
+        let key = format!("{subject} {}", record.test);
+        let count = seen.entry((key.clone(), paths.join(","))).or_default();
+        *count += 1;
+        match checks.entry(format!("{key} {count}")) {
+            Entry::Vacant(vacant) => {
+                vacant.insert(record);
+            }
+            Entry::Occupied(mut known) => {
+                let known = known.get_mut();
+                known.paths.extend(record.paths);
+                if severity(record.verdict) > severity(known.verdict) {
+                    known.verdict = record.verdict;
+                }
+                let messages: Vec<String> =
+                    [known.message.take(), record.message].into_iter().flatten().collect();
+                known.message = (!messages.is_empty()).then(|| messages.join("\n"));
+            }
+        }
+    }
+    let mut records: Vec<Record> = checks.into_values().collect();
+    Record::sort(&mut records);
+    records
+}
+
+fn severity(verdict: Verdict) -> u8 {
+    match verdict {
+        Verdict::Pass => 0,
+        Verdict::KnownIssue => 1,
+        Verdict::Fail => 2,
+        Verdict::Error => 3,
+    }
+}

@@ -1,0 +1,230 @@
+//! Rust tests that run whenever they are asked for: the process behind `karat watch` in a Cargo project.
+//!
+//! Test programs are built by Cargo when Rust changed, and run as they are when shaders did: a process of
+//! the tests that an edit concerns, by the programs that they linked and the files that they read when
+//! they last ran. A program isn't kept between runs: Rust's test runner ends when its tests have ended, and
+//! a test that waits in the middle has read files already.
+
+mod libtest;
+mod programs;
+
+use std::collections::{BTreeSet, HashMap, HashSet};
+use std::io::{BufRead, Write};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, channel};
+
+use karat::diagnostic::FileRead;
+use karat::record::{self, Record};
+use karat::reflect::Dependence;
+
+use self::programs::{Programs, TestProgram};
+use super::super::watch::{Request, Said};
+use super::super::{Ending, Outcome};
+use super::latest::Latest;
+use super::serve::say;
+
+pub(super) fn run(root: &Path, out: &mut dyn Write) -> Outcome {
+    let mut tests = Tests { programs: Programs::of(root), ..Tests::default() };
+    for request in requests() {
+        if let Some(file) = &request.report {
+            let there = tests.names("");
+            say(&tests.latest.write(file, |name| there.contains(name)), out)?;
+            continue;
+        }
+        let done = match tests.answer(&request, out) {
+            Ok(error) => Said::Done { tests: tests.names(&request.filter), error },
+            Err(error) => {
+                // Who watches forgets all verdicts.
+                tests.ran.clear();
+                Said::Done { tests: BTreeSet::new(), error: Some(format!("{error:#}")) }
+            }
+        };
+        say(&done, out)?;
+    }
+    Ok(Ending::Good)
+}
+
+/// What is asked for. When nobody can ask any more, the process ends with the test program that runs.
+fn requests() -> Receiver<Request> {
+    let (sender, requests) = channel();
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+            if let Ok(request) = serde_json::from_str(&line)
+                && sender.send(request).is_err()
+            {
+                return;
+            }
+        }
+        libtest::end_all();
+        std::process::exit(0);
+    });
+    requests
+}
+
+/// What a test was made of when it last ran.
+#[derive(Default)]
+struct Made {
+    linked: Vec<Dependence>,
+    read: Vec<FileRead>,
+}
+
+/// Endings of files that are shaders, or say how shaders are linked.
+const SHADERS: [&str; 2] = ["wgsl", "wesl"];
+
+impl Made {
+    /// Whether an edit of these files leaves it as it was.
+    fn is_current(&self, changed: &HashSet<&Path>) -> bool {
+        // What is linked is compared by its meaning; other files by their bytes.
+        let by_bytes = |file: &Path| !is_shader(file) || self.linked.is_empty();
+        let same = |read: &FileRead| {
+            !changed.contains(&*read.file)
+                || !by_bytes(&read.file)
+                || FileRead::now(&read.file) == *read
+        };
+        let reads_any = self.read.iter().any(|read| changed.contains(&*read.file));
+        self.read.iter().all(same) && (!reads_any || self.linked.iter().all(Dependence::is_current))
+    }
+}
+
+fn is_shader(file: &Path) -> bool {
+    file.extension().is_some_and(|ending| SHADERS.iter().any(|known| ending == *known))
+}
+
+/// The tests of a project.
+#[derive(Default)]
+struct Tests {
+    programs: Programs,
+    /// By their names in front of people.
+    made: HashMap<String, Made>,
+    ran: HashSet<String>,
+    latest: Latest,
+    /// Files that changed and that no test is known to read, as they were then.
+    unread: HashMap<PathBuf, FileRead>,
+}
+
+impl Tests {
+    /// All that have a name with this in it.
+    fn names(&self, filter: &str) -> BTreeSet<String> {
+        let all = self.programs.all().flat_map(TestProgram::shown);
+        all.filter(|name| name.contains(filter)).collect()
+    }
+
+    /// Runs what a request asks for. What is wrong with the project, if it can't be built.
+    fn answer(&mut self, request: &Request, out: &mut dyn Write) -> anyhow::Result<Option<String>> {
+        let changed: HashSet<&Path> = request.changed.iter().map(PathBuf::as_path).collect();
+        if self.programs.are_stale(&changed) {
+            let rebuilt = match self.programs.build()? {
+                Ok(rebuilt) => rebuilt,
+                Err(message) => return Ok(Some(message)),
+            };
+            self.ran.retain(|name| !rebuilt.iter().any(|program| name.starts_with(&**program)));
+        }
+        let concerned = self.concerned(request, &changed);
+        // What failed is of interest before all else.
+        let failed = |name: &String| request.first.contains(name);
+        let (first, rest): (Vec<String>, Vec<String>) = concerned.into_iter().partition(failed);
+        for names in [first, rest] {
+            self.run(&names, out)?;
+        }
+        // A build script may have read what was edited, and only Cargo knows.
+        if self.programs.have_scripts() && !changed.is_empty() {
+            let rebuilt = match self.programs.build()? {
+                Ok(rebuilt) => rebuilt,
+                Err(message) => return Ok(Some(message)),
+            };
+            let of_rebuilt = |name: &String| rebuilt.iter().any(|one| name.starts_with(&**one));
+            let names = self.names(&request.filter).into_iter().filter(of_rebuilt);
+            self.run(&names.collect::<Vec<_>>(), out)?;
+        }
+        Ok(None)
+    }
+
+    /// The tests that may have another verdict now.
+    fn concerned(&mut self, request: &Request, changed: &HashSet<&Path>) -> Vec<String> {
+        let names: Vec<String> = self.names(&request.filter).into_iter().collect();
+        let reads = |file: &Path| {
+            self.made.values().any(|made| made.read.iter().any(|read| read.file == file))
+        };
+        // A file that no test is known to read may be one that a reference reads, or a new module. Tests
+        // that write a file of the same bytes again don't run for ever.
+        let unread = changed.iter().filter(|file| !self.programs.builds(file) && !reads(file));
+        let unread: Vec<FileRead> = unread.map(|file| FileRead::now(file)).collect();
+        let all = unread.into_iter().any(|now| {
+            let is_shader = is_shader(&now.file);
+            let before = self.unread.insert(now.file.clone(), now.clone());
+            !now.hash.is_empty() && before.is_none_or(|before| !is_shader && before != now)
+        });
+        if all || request.all {
+            return names;
+        }
+        let is_concerned = |name: &String| {
+            !self.ran.contains(name)
+                || request.first.contains(name)
+                || self.made.get(name).is_some_and(|made| !made.is_current(changed))
+        };
+        // Linking a hundred programs again takes all cores.
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        let part = names.len().div_ceil(threads).max(1);
+        std::thread::scope(|scope| {
+            let is_concerned = &is_concerned;
+            let parts: Vec<_> = names
+                .chunks(part)
+                .map(|part| {
+                    scope.spawn(move || {
+                        part.iter().filter(|name| is_concerned(name)).cloned().collect::<Vec<_>>()
+                    })
+                })
+                .collect();
+            parts.into_iter().flat_map(|part| part.join().unwrap_or_default()).collect()
+        })
+    }
+
+    /// Runs tests, and learns what each is made of.
+    fn run(&mut self, names: &[String], out: &mut dyn Write) -> anyhow::Result<()> {
+        for program in self.programs.all() {
+            let own: Vec<&str> = program
+                .tests
+                .iter()
+                .map(String::as_str)
+                .filter(|test| names.contains(&program.show(test)))
+                .collect();
+            if own.is_empty() {
+                continue;
+            }
+            let folder = tempfile::tempdir()?;
+            libtest::run(program, &own, folder.path(), &mut |test, message| {
+                say(&Said::Test { name: program.show(test), message }, out)
+            })?;
+            let shown: Vec<String> = own.iter().map(|test| program.show(test)).collect();
+            let records = record::read(folder.path()).unwrap_or_default();
+            let mut made = made(folder.path(), &records);
+            self.latest.take(shown.iter().map(String::as_str), records, |test| program.show(test));
+            // What a thread without a test's name linked may concern each of them.
+            let others: Vec<Dependence> = made
+                .iter()
+                .filter(|(name, _)| !program.tests.contains(*name))
+                .flat_map(|(_, made)| made.linked.clone())
+                .collect();
+            for test in own {
+                let mut own = made.remove(test).unwrap_or_default();
+                own.linked.extend(others.iter().cloned());
+                self.made.insert(program.show(test), own);
+                self.ran.insert(program.show(test));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What tests of one run were made of, by their names in their program. A record that can't be read
+/// leaves it open, so that those tests run again.
+fn made(folder: &Path, records: &[Record]) -> HashMap<String, Made> {
+    let mut all: HashMap<String, Made> = HashMap::new();
+    for dependence in Dependence::all(folder).unwrap_or_default() {
+        all.entry(dependence.test.clone()).or_default().linked.push(dependence);
+    }
+    for record in records {
+        all.entry(record.test.clone()).or_default().read.extend(record.read.iter().cloned());
+    }
+    all
+}

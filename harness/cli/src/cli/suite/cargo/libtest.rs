@@ -1,0 +1,187 @@
+//! Runs tests of a program, and reads what Rust's test runner prints.
+
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, PoisonError};
+
+use anyhow::Context;
+
+use super::programs::TestProgram;
+
+/// Names in one command: Windows takes 32,767 characters.
+const TOGETHER: usize = 200;
+
+/// The test program that runs, which ends when this process does.
+static RUNNING: Mutex<Option<Child>> = Mutex::new(None);
+
+/// Ends the test program that runs.
+pub(super) fn end_all() {
+    if let Some(child) = &mut *RUNNING.lock().unwrap_or_else(PoisonError::into_inner) {
+        drop(child.kill());
+        drop(child.wait());
+    }
+}
+
+/// What is done with a test's verdict: its name, and its message if it failed.
+pub(super) type Heard<'h> = &'h mut dyn FnMut(&str, Option<String>) -> std::io::Result<()>;
+
+/// Runs tests of a program by their names, with records in a folder.
+pub(super) fn run(
+    program: &TestProgram,
+    tests: &[&str],
+    record: &Path,
+    heard: Heard<'_>,
+) -> anyhow::Result<()> {
+    // One program for all of its tests needs no names.
+    if tests.len() == program.tests.len() {
+        return run_some(program, tests, &[], record, heard);
+    }
+    tests.chunks(TOGETHER).try_for_each(|some| run_some(program, some, some, record, heard))
+}
+
+fn run_some(
+    program: &TestProgram,
+    tests: &[&str],
+    filters: &[&str],
+    record: &Path,
+    heard: Heard<'_>,
+) -> anyhow::Result<()> {
+    let mut command = Command::new(&program.executable);
+    command.args((!filters.is_empty()).then_some("--exact")).args(filters);
+    command.args(["--color", "never"]);
+    // As Cargo does.
+    command.current_dir(&program.folder).env("CARGO_MANIFEST_DIR", &program.folder);
+    command.env("CARGO_PKG_NAME", &program.package).env("KARAT_RECORD", record);
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let name = program.executable.display();
+    let mut child = command.spawn().with_context(|| format!("can't run `{name}`"))?;
+    let stdout = child.stdout.take().context("it is piped")?;
+    let mut stderr = child.stderr.take().context("it is piped")?;
+    *RUNNING.lock().unwrap_or_else(PoisonError::into_inner) = Some(child);
+    let last_words = std::thread::spawn(move || {
+        let mut text = Vec::new();
+        drop(stderr.read_to_end(&mut text));
+        String::from_utf8_lossy(&text).into_owned()
+    });
+    let mut parser = Parser::default();
+    for line in BufReader::new(stdout).split(b'\n') {
+        let line = line.context("the output of a test program ended early")?;
+        let line = String::from_utf8_lossy(&line);
+        if let Some(passed) = parser.line(line.trim_end_matches('\r')) {
+            heard(&passed, None)?;
+        }
+    }
+    let child = RUNNING.lock().unwrap_or_else(PoisonError::into_inner).take();
+    let status = child.map(|mut child| child.wait()).transpose()?;
+    let words = last_words.join().unwrap_or_default();
+    let words: Vec<&str> = words.lines().filter(|line| !line.contains("XDG_RUNTIME_DIR")).collect();
+    for test in tests {
+        if let Some(message) = parser.failure(test) {
+            heard(test, Some(message))?;
+        } else if !parser.has_passed(test) {
+            let status = status.map_or_else(String::new, |status| status.to_string());
+            let message =
+                format!("its program ended before it ({status})\n{}", words.join("\n").trim());
+            heard(test, Some(message))?;
+        }
+    }
+    Ok(())
+}
+
+/// What was read of a test program's output.
+#[derive(Default)]
+struct Parser {
+    /// `None` until its message was read.
+    failed: BTreeMap<String, Option<String>>,
+    passed: Vec<String>,
+    /// The test whose output is read.
+    section: Option<String>,
+    ended: bool,
+}
+
+impl Parser {
+    /// Reads a line: the test that it says passed.
+    fn line(&mut self, line: &str) -> Option<String> {
+        if self.ended {
+            return None;
+        }
+        if let Some(name) = section(line).filter(|name| self.failed.contains_key(*name)) {
+            self.section = Some(name.to_owned());
+            self.failed.insert(name.to_owned(), Some(String::new()));
+            return None;
+        }
+        if let Some(section) = &self.section {
+            // The list of names after the last message.
+            if line == "failures:" {
+                (self.section, self.ended) = (None, true);
+            } else if let Some(Some(text)) = self.failed.get_mut(section) {
+                text.push_str(line);
+                text.push('\n');
+            }
+            return None;
+        }
+        let (name, verdict) = line.strip_prefix("test ")?.rsplit_once(" ... ")?;
+        let name = name.strip_suffix(" - should panic").unwrap_or(name);
+        match verdict {
+            "ok" => {
+                self.passed.push(name.to_owned());
+                Some(name.to_owned())
+            }
+            "FAILED" => {
+                self.failed.insert(name.to_owned(), None);
+                None
+            }
+            _ => None,
+        }
+    }
+
+    fn has_passed(&self, test: &str) -> bool {
+        self.passed.iter().any(|passed| passed == test)
+    }
+
+    fn failure(&self, test: &str) -> Option<String> {
+        let text = self.failed.get(test)?.clone().unwrap_or_default();
+        let note = |line: &str| line.starts_with("note: run with `RUST_BACKTRACE");
+        // `thread 'name' (7) panicked at tests/a.rs:3:5:`
+        let place = |line: &str| {
+            let (_, place) = line.strip_prefix("thread '")?.split_once(" panicked at ")?;
+            Some(place.trim_end_matches(':').to_owned())
+        };
+        let at = text.lines().find_map(place);
+        let lines = text.lines().filter(|line| !note(line) && place(line).is_none());
+        let text = lines.collect::<Vec<_>>().join("\n");
+        let text = if text.trim().is_empty() { "it failed" } else { text.trim() };
+        Some(at.map_or_else(|| text.to_owned(), |at| format!("{text}\n  in {at}")))
+    }
+}
+
+/// The test of a line `---- name stdout ----`.
+fn section(line: &str) -> Option<&str> {
+    line.strip_prefix("---- ")?.strip_suffix(" stdout ----")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verdicts_and_messages_are_read() {
+        let text = "\nrunning 4 tests\ntest a::good ... ok\ntest bad ... FAILED\n\
+                    test dies - should panic ... ok\ntest skipped ... ignored\n\nfailures:\n\n\
+                    ---- bad stdout ----\n\nthread 'bad' (7) panicked at tests/a.rs:3:5:\nwrong by 2 ulp\n\
+                    ---- of mine ----\nfailures are shown\n\
+                    note: run with `RUST_BACKTRACE=1` environment variable\n\n\nfailures:\n    bad\n\n\
+                    test result: FAILED. 2 passed; 1 failed\n";
+        let mut parser = Parser::default();
+        let passed: Vec<String> = text.lines().filter_map(|line| parser.line(line)).collect();
+        assert_eq!(passed, ["a::good", "dies"]);
+        let message = parser.failure("bad").expect("it failed");
+        assert_eq!(
+            message,
+            "wrong by 2 ulp\n---- of mine ----\nfailures are shown\n  in tests/a.rs:3:5"
+        );
+        assert!(parser.failure("a::good").is_none() && !parser.has_passed("skipped"));
+    }
+}

@@ -1,0 +1,50 @@
+//! The records of each test's last run, for a report whenever it is wanted.
+
+use std::collections::BTreeMap;
+use std::fs::OpenOptions;
+use std::io::Write;
+use std::path::Path;
+
+use karat::record::{self, Record};
+
+use super::super::watch::Said;
+
+/// By the tests' names in front of people.
+#[derive(Default)]
+pub(super) struct Latest(BTreeMap<String, Vec<Record>>);
+
+impl Latest {
+    /// Takes the records of some tests that ran, and forgets what they had before.
+    pub(super) fn take<'n>(
+        &mut self,
+        tests: impl Iterator<Item = &'n str>,
+        records: Vec<Record>,
+        shown: impl Fn(&str) -> String,
+    ) {
+        tests.for_each(|test| drop(self.0.remove(test)));
+        for record in records {
+            self.0.entry(shown(&record.test)).or_default().push(record);
+        }
+    }
+
+    /// Takes what this process recorded since it was last asked, and empties its file.
+    pub(super) fn take_own<'n>(&mut self, tests: impl Iterator<Item = &'n str>) {
+        let Some(folder) = std::env::var_os("KARAT_RECORD") else { return };
+        let records = record::read(Path::new(&folder)).unwrap_or_default();
+        self.take(tests, records, str::to_owned);
+        let file = Path::new(&folder).join(format!("{}.jsonl", std::process::id()));
+        // It is appended to, so that it goes on at its start.
+        drop(OpenOptions::new().write(true).open(file).and_then(|file| file.set_len(0)));
+    }
+
+    /// Writes the records of tests that are still there.
+    pub(super) fn write(&self, file: &Path, is_there: impl Fn(&str) -> bool) -> Said {
+        let records = self.0.iter().filter(|(name, _)| is_there(name)).flat_map(|(_, all)| all);
+        let lines: Result<String, serde_json::Error> =
+            records.map(|record| Ok(serde_json::to_string(record)? + "\n")).collect();
+        let written = lines
+            .map_err(std::io::Error::from)
+            .and_then(|lines| std::fs::File::create(file)?.write_all(lines.as_bytes()));
+        Said::Reported { error: written.err().map(|error| error.to_string()) }
+    }
+}

@@ -1,0 +1,128 @@
+//! `karat report`: the page of a run, its JSON, and one report of several parts.
+
+use std::path::PathBuf;
+
+use super::report::{frame, function};
+use super::*;
+
+/// A project whose record has these lines, in one folder or in several.
+fn recorded(parts: &[&[String]]) -> (TempDir, Vec<PathBuf>) {
+    let project = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(project.path().join("Cargo.toml"), "[workspace]\n").expect("written");
+    let folder = |at: usize| project.path().join(format!("part{at}"));
+    for (at, lines) in parts.iter().enumerate() {
+        write(&folder(at), "1.jsonl", &lines.concat());
+        write(&folder(at), "run.json", r#"{"schema":2,"selected":[],"passed":true}"#);
+    }
+    let folders = (0..parts.len()).map(folder).collect();
+    (project, folders)
+}
+
+/// `name` agrees in test `test`, with errors and, if it fails, where they are.
+fn check(name: &str, test: &str, verdict: &str) -> String {
+    let message =
+        (verdict == "fail").then_some("error: `f` fails\n  replay: KARAT_SEED=1 cargo test");
+    let line = function(name, "vulkan", verdict, message).replace("tests::calc", test);
+    let errors = r#""errors":{"exact":3,"powers":{"-2":5,"1":1},"not_finite":1}"#;
+    let plot = r#""plot":{"arguments":["a","<b>"],"rows":[[0,0,0.5],[1,0,2],[0,1,null],[1,1,9]]}"#;
+    let more = if verdict == "fail" { format!("{errors},{plot}") } else { errors.to_owned() };
+    line.replacen("\"asserted\"", &format!("{more},\"asserted\""), 1)
+}
+
+#[test]
+fn the_page_shows_what_fails_with_its_plots() {
+    let lines = [
+        check("calc::half", "a", "pass"),
+        check("calc::<script>", "b", "fail"),
+        frame(FilePath::new(""), "room", &["vulkan"], "pass"),
+    ];
+    let (project, folders) = recorded(&[&lines]);
+    let folder = folders[0].to_str().expect("UTF-8");
+    let arguments = [
+        "report", "--record", folder, "--html", "r.html", "--json", "r.json", "--review", "frames/",
+    ];
+    let ran = output(&mut command(project.path(), &arguments));
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    let page = std::fs::read_to_string(project.path().join("r.html")).expect("written");
+    for part in [
+        "<h1 class=\"fail\">failed</h1>",
+        "3 checks, 1 failed",
+        "id=\"calc::half-agrees_with-a\"",
+        "calc::&lt;script&gt;",
+        "&lt;b&gt;",
+        "KARAT_SEED=1 cargo test",
+        "href=\"frames/#room\"",
+        "of 4 cases",
+        "not finite: 1 of 10 cases",
+    ] {
+        assert!(page.contains(part), "no `{part}` in {page}");
+    }
+    // The plots, and nothing of the record as markup.
+    assert_eq!((page.matches("<svg width").count(), page.matches("<script>").count()), (3, 1)); // a plot of each argument, and a map
+    // It needs no network.
+    let page = page.replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
+    assert!(!page.contains("src=") && !page.contains("http:") && !page.contains("@import"));
+    let json = std::fs::read_to_string(project.path().join("r.json")).expect("written");
+    let json: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+    assert_eq!((&json["schema"], json["records"].as_array().map(Vec::len)), (&2.into(), Some(3)));
+    assert_eq!(json["run"]["passed"], true);
+}
+
+/// What shards of a run give is what the whole run gives, to the byte.
+#[test]
+fn merged_parts_are_the_whole() {
+    let names = ["a", "b", "c", "d", "e", "f", "g"];
+    let all: Vec<String> =
+        names.iter().map(|name| check(&format!("m::{name}"), name, "pass")).collect();
+    let [whole, first, second, third] = [
+        all.clone(),
+        all.iter().step_by(3).cloned().collect(),
+        all.iter().skip(1).step_by(3).rev().cloned().collect(),
+        all.iter().skip(2).step_by(3).cloned().collect::<Vec<_>>(),
+    ];
+    let (project, folders) = recorded(&[&whole, &first, &second, &third]);
+    let parts: Vec<&str> = folders.iter().map(|path| path.to_str().expect("UTF-8")).collect();
+    let write = |arguments: &[&str], name: &str| {
+        let mut all = vec!["report"];
+        all.extend(arguments);
+        let files = ["html", "xml", "json"].map(|ending| format!("{name}.{ending}"));
+        all.extend(["--html", &files[0], "--junit", &files[1], "--json", &files[2]]);
+        let ran = output(&mut command(project.path(), &all));
+        assert_eq!(ran.code, Some(0), "{ran:?}");
+        let table = ran.out.lines().filter(|line| !line.contains("record: ")).collect::<String>();
+        let read = |file| std::fs::read_to_string(project.path().join(file)).expect("written");
+        (table, files.map(read))
+    };
+    let whole = write(&["--record", parts[0]], "whole");
+    assert_eq!(write(&["--merge", parts[3], parts[1], parts[2]], "merged"), whole);
+    // A shard that is missing is missed; one that is counted twice changes nothing.
+    assert_ne!(write(&["--merge", parts[1], parts[2]], "two"), whole);
+    assert_eq!(write(&["--merge", parts[0], parts[1], parts[2]], "twice"), whole);
+}
+
+/// A part that failed, didn't end or isn't there is no success of the whole.
+#[test]
+fn a_bad_part_is_a_bad_whole() {
+    let good = [check("m::a", "a", "pass")];
+    let (project, folders) = recorded(&[&good, &good, &good]);
+    let parts: Vec<&str> = folders.iter().map(|path| path.to_str().expect("UTF-8")).collect();
+    let code = |parts: &[&str]| {
+        let mut arguments = vec!["report", "--merge"];
+        arguments.extend(parts);
+        output(&mut command(project.path(), &arguments))
+    };
+    assert_eq!(code(&parts).code, Some(0));
+    write(&folders[1], "1.jsonl", &check("m::a", "a", "fail"));
+    let failed = code(&parts);
+    assert!(failed.code == Some(1) && failed.out.contains("1 checks, 1 failed"), "{failed:?}");
+    write(&folders[1], "1.jsonl", &check("m::a", "a", "pass"));
+    std::fs::remove_file(folders[2].join("run.json")).expect("removed");
+    let open = code(&parts);
+    assert!(
+        open.code == Some(1) && open.out.contains("doesn't say that its run ended"),
+        "{open:?}"
+    );
+    let missing = code(&[parts[0], "nowhere"]);
+    assert_eq!(missing.code, Some(3), "{missing:?}");
+    assert!(missing.err.contains("there is no record of a run (`nowhere`)"), "{missing:?}");
+}

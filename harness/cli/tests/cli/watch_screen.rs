@@ -1,0 +1,195 @@
+//! `karat watch` as a person sees it: on a terminal, with keys.
+
+use std::io::{Read, Write};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+use portable_pty::{Child, CommandBuilder, MasterPty, PtySize, native_pty_system};
+
+use super::pending::pending_frame;
+use super::*;
+
+const SHADER: &str = "fn half(x: f32) -> f32 { return 0.5 * x; }\n";
+
+const TESTS: &str = "import package::calc::half;\nimport karat::expect_near;\n\
+@test fn halves() { expect_near(half(3.0), 1.5, 0.0); }\n";
+
+/// Far more than anything here takes, on a machine that is busy with other tests.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+const ROWS: u16 = 24;
+
+/// A terminal with `karat watch` in it.
+struct Terminal {
+    folder: TempDir,
+    child: Box<dyn Child + Send + Sync>,
+    master: Box<dyn MasterPty + Send>,
+    keys: Box<dyn Write + Send>,
+    written: Receiver<Vec<u8>>,
+    screen: vt100::Parser,
+}
+
+impl Terminal {
+    fn start(columns: u16) -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let shaders = folder.path().join("shaders");
+        write(&shaders, "calc.wgsl", SHADER);
+        write(&shaders, "calc_test.wgsl", TESTS);
+        let size = PtySize { rows: ROWS, cols: columns, ..PtySize::default() };
+        let pair = native_pty_system().openpty(size).expect("a terminal");
+        let program = command(folder.path(), &[]).get_program().to_owned();
+        let mut command = CommandBuilder::new(program);
+        command.args(["watch", "shaders", "--paths", "cpu"]);
+        command.cwd(folder.path());
+        for (name, _) in std::env::vars_os() {
+            if name.to_string_lossy().starts_with("KARAT_") {
+                command.env_remove(name);
+            }
+        }
+        // Of a run around this one; each process has its own path all the same.
+        command.env("KARAT_REQUIRE", "vulkan");
+        command.env("KARAT_DEADLINE", "1");
+        // What opens pages on this machine isn't to.
+        command.env("PATH", "");
+        let child = pair.slave.spawn_command(command).expect("it starts");
+        let mut reader = pair.master.try_clone_reader().expect("its output");
+        let keys = pair.master.take_writer().expect("its input");
+        let (sender, written) = channel();
+        std::thread::spawn(move || {
+            let mut bytes = [0; 4096];
+            while let Ok(count @ 1..) = reader.read(&mut bytes) {
+                if sender.send(bytes[..count].to_vec()).is_err() {
+                    return;
+                }
+            }
+        });
+        let screen = vt100::Parser::new(ROWS, columns, 0);
+        Self { folder, child, master: pair.master, keys, written, screen }
+    }
+
+    /// Waits until the screen shows this, and returns all of it.
+    #[track_caller]
+    fn until(&mut self, part: &str) -> String {
+        let began = Instant::now();
+        while began.elapsed() < PATIENCE {
+            let shown = self.screen.screen().contents();
+            if shown.contains(part) {
+                return shown;
+            }
+            if let Ok(bytes) = self.written.recv_timeout(Duration::from_millis(100)) {
+                self.screen.process(&bytes);
+            }
+        }
+        panic!("no `{part}` on:\n{}", self.screen.screen().contents());
+    }
+
+    fn press(&mut self, keys: &str) {
+        self.keys.write_all(keys.as_bytes()).expect("it listens");
+        self.keys.flush().expect("it listens");
+    }
+
+    fn edit(&self, file: &str, text: &str) {
+        let shaders = self.folder.path().join("shaders");
+        write(&shaders, "saved.tmp", text);
+        std::fs::rename(shaders.join("saved.tmp"), shaders.join(file)).expect("renamed");
+    }
+}
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        drop(self.child.kill());
+        drop(self.child.wait());
+    }
+}
+
+#[test]
+fn a_person_breaks_and_mends_a_shader() {
+    let mut terminal = Terminal::start(80);
+    terminal.until("cpu: 1 test passes; 1 ran");
+    terminal.edit("calc.wgsl", &SHADER.replace("0.5", "0.25"));
+    let red = terminal.until("cpu: 1 of 1 tests fail");
+    for part in
+        ["changed: calc.wgsl", "calc_test::halves on cpu", "calc_test.wgsl:3:21", "saw 0.75"]
+    {
+        assert!(red.contains(part), "no `{part}` on:\n{red}");
+    }
+    terminal.edit("calc.wgsl", SHADER);
+    let green = terminal.until("cpu: 1 test passes; 1 ran");
+    assert!(!green.contains("saw 0.75"), "what was red is gone:\n{green}");
+    terminal.edit("calc.wgsl", "fn half(x: f32) -> f32 { return 0.5 * ; }\n");
+    let broken = terminal.until("cpu: no verdict");
+    assert!(broken.contains("calc.wgsl:1:39"), "{broken}");
+    let hangs = "fn half(x: f32) -> f32 {\n    var y = x;\n    \
+                 for (var i = 0; i < 2000000000; i++) { y += 1.0; }\n    return y;\n}\n";
+    terminal.edit("calc.wgsl", hangs);
+    let slow = terminal.until("was stopped");
+    assert!(slow.contains("calc.wgsl:3:5"), "{slow}");
+    let (here, away) = ["shaders", "away"].map(|name| terminal.folder.path().join(name)).into();
+    std::fs::rename(&here, &away).expect("renamed");
+    terminal.until("cpu: no verdict");
+    std::fs::rename(&away, &here).expect("renamed");
+    terminal.until("cpu: 1 of 1 tests fail");
+    terminal.edit("calc.wgsl", SHADER);
+    terminal.until("cpu: 1 test passes");
+}
+
+#[test]
+fn keys_do_what_the_last_line_says() {
+    let mut terminal = Terminal::start(80);
+    terminal.until("cpu: 1 test passes; 1 ran");
+    terminal.until("r run all   f filter   a accept   o report   q quit");
+    terminal.press("fnothing\r");
+    terminal.until("cpu: there are no tests");
+    terminal.press("f");
+    terminal.until("only tests whose names contain: _");
+    terminal.press("half\u{7f}v\r");
+    terminal.until("cpu: 1 test passes; 1 ran");
+    terminal.press("a");
+    terminal.until("no frame waits to be accepted");
+    terminal.edit("calc.wgsl", &SHADER.replace("0.5", "0.25"));
+    terminal.until("cpu: 1 of 1 tests fail");
+    terminal.press("o");
+    terminal.until("watch.html");
+    let page = terminal.folder.path().join("shaders/.karat/run/watch.html");
+    let page = std::fs::read_to_string(page).expect("the report is there");
+    assert!(page.contains("calc_test::halves") && page.contains("1 checks, 1 failed"), "{page}");
+    terminal.press("q");
+    let began = Instant::now();
+    while terminal.child.try_wait().expect("a process").is_none() {
+        assert!(began.elapsed() < PATIENCE, "it doesn't end");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let _ = &terminal.master;
+}
+
+/// A frame that is new is accepted with a reason, and compared from then on.
+#[test]
+fn a_pending_frame_is_accepted() {
+    let mut terminal = Terminal::start(100);
+    terminal.until("cpu: 1 test passes; 1 ran");
+    let golden = terminal.folder.path().join("shaders/golden");
+    pending_frame(&golden, "scene", "llvmpipe (LLVM 15.0.6, 256 bits)");
+    terminal.press("a");
+    terminal.until("accept scene because: _");
+    terminal.press("\r");
+    terminal.until("nothing was accepted: there was no reason");
+    assert!(!golden.join("scene.exr").exists());
+    terminal.press("a");
+    terminal.until("accept scene because: _");
+    terminal.press("a new lamp\r");
+    terminal.until("accepted scene");
+    assert!(golden.join("scene.exr").is_file());
+}
+
+#[test]
+fn a_narrow_terminal_has_no_line_that_wraps() {
+    let mut terminal = Terminal::start(40);
+    terminal.until("cpu: 1 test passes");
+    terminal.edit("calc.wgsl", &SHADER.replace("0.5", "0.25"));
+    let red = terminal.until("cpu: 1 of 1 tests fail");
+    assert!(red.lines().next().is_some_and(|line| line.starts_with("karat watch")), "{red}");
+    assert!(red.lines().all(|line| line.chars().count() <= 40), "{red}");
+    // Values are wrapped, and not cut.
+    let joined: String = red.lines().map(str::trim).collect();
+    assert!(joined.contains("saw 0.75, expected 1.5"), "{red}");
+}

@@ -1,0 +1,79 @@
+//! How errors are distributed, for reports.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+/// Errors of some of a check's cases, each divided by its bound.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Errors {
+    /// Cases without any error.
+    pub exact: u64,
+    /// How many cases have a ratio of at most two to this power, and above the one before. Powers above 20
+    /// or below -20 count as these.
+    pub powers: BTreeMap<i32, u64>,
+    /// Cases whose error is infinite or NaN.
+    pub not_finite: u64,
+}
+
+impl Errors {
+    /// Of these ratios.
+    pub(crate) fn of(ratios: impl Iterator<Item = f64>) -> Self {
+        let mut errors = Self::default();
+        for ratio in ratios {
+            if ratio == 0.0 {
+                errors.exact += 1;
+            } else if ratio.is_finite() {
+                #[expect(clippy::cast_possible_truncation, reason = "it is clamped first")]
+                let power = ratio.log2().ceil().clamp(-20.0, 20.0) as i32;
+                *errors.powers.entry(power).or_default() += 1;
+            } else {
+                errors.not_finite += 1;
+            }
+        }
+        errors
+    }
+
+    /// Cases that were looked at.
+    #[must_use]
+    pub fn cases(&self) -> u64 {
+        self.exact + self.powers.values().sum::<u64>() + self.not_finite
+    }
+}
+
+/// Some cases of a check that fails: its arguments, lane by lane, and its error divided by its bound.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Plot {
+    /// Names of the lanes: `n_dot_v`, `f0.x`.
+    pub arguments: Vec<String>,
+    /// The lanes' values and then the ratio, of each case. What isn't finite is `null`.
+    #[serde(deserialize_with = "with_nan")]
+    pub rows: Vec<Vec<f64>>,
+}
+
+/// Rows in which `null` is NaN: JSON has no name for what isn't finite.
+fn with_nan<'de, D: serde::Deserializer<'de>>(rows: D) -> Result<Vec<Vec<f64>>, D::Error> {
+    let rows: Vec<Vec<Option<f64>>> = Deserialize::deserialize(rows)?;
+    let number = |value: Option<f64>| value.unwrap_or(f64::NAN);
+    Ok(rows.into_iter().map(|row| row.into_iter().map(number).collect()).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_counted_by_powers_of_two() {
+        let errors = Errors::of([0.0, 1.0, 0.6, 1.5, f64::NAN, f64::INFINITY, 1e-30].into_iter());
+        assert_eq!((errors.exact, errors.not_finite, errors.cases()), (1, 2, 7));
+        assert_eq!(errors.powers, BTreeMap::from([(-20, 1), (0, 2), (1, 1)]));
+    }
+
+    #[test]
+    fn what_is_not_finite_is_read_again() {
+        let plot = Plot { arguments: vec!["x".to_owned()], rows: vec![vec![1.0, f64::INFINITY]] };
+        let text = serde_json::to_string(&plot).expect("plain data");
+        let again: Plot = serde_json::from_str(&text).expect("as written");
+        assert!(again.rows[0][0] == 1.0 && again.rows[0][1].is_nan(), "{text}");
+    }
+}

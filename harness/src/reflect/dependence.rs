@@ -1,0 +1,121 @@
+//! Which programs a test is made of, told to whoever watches files.
+//!
+//! A process that is recorded writes each program that it links, with the test that wanted it, into a
+//! file beside its records. So an edit of a shader can be followed to the tests that it concerns.
+
+use std::collections::HashSet;
+use std::fs::{File, OpenOptions};
+use std::io::Write;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
+
+use serde::{Deserialize, Serialize};
+
+use super::kept::{self, Wanted};
+use super::{Program, ReflectError};
+use crate::package::{Package, Portable};
+use crate::settings;
+
+/// How the files of a folder of records end that hold these.
+const ENDING: &str = "programs";
+
+/// A program that a test linked.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Dependence {
+    /// The thread that wanted it, which has the test's name. A thread of a test's own has another.
+    pub test: String,
+    /// `None` if another process can't open it.
+    package: Option<Portable>,
+    wanted: Wanted,
+    of: Of,
+    essence: String,
+}
+
+/// What of a program a test depends on.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) enum Of {
+    Text,
+    Validity,
+}
+
+/// Whether nobody asks what this process links.
+static UNWANTED: AtomicBool = AtomicBool::new(false);
+
+impl Dependence {
+    /// Writes nothing down in this process: whoever watches knows what its tests are made of.
+    pub fn unwanted() {
+        UNWANTED.store(true, Ordering::Relaxed);
+    }
+
+    /// All that the processes of a run wrote into its folder of records.
+    ///
+    /// # Errors
+    /// If a file can't be read, or holds something else.
+    pub fn all(folder: &Path) -> std::io::Result<Vec<Self>> {
+        let mut all = Vec::new();
+        for entry in std::fs::read_dir(folder)? {
+            let file = entry?.path();
+            if file.extension().is_some_and(|ending| ending == ENDING) {
+                for line in std::fs::read_to_string(&file)?.lines() {
+                    all.push(serde_json::from_str(line)?);
+                }
+            }
+        }
+        Ok(all)
+    }
+
+    /// Whether the program is still the same, but for comments and blanks. It is linked again if a file
+    /// has changed.
+    #[must_use]
+    pub fn is_current(&self) -> bool {
+        let Some(package) = &self.package else { return false };
+        essence(&kept::again(&package.package(), &self.wanted), self.of) == self.essence
+    }
+}
+
+/// What stands for a program, or for what is wrong with it.
+fn essence(program: &Result<Arc<Program>, ReflectError>, of: Of) -> String {
+    let text = match (program, of) {
+        (Ok(program), Of::Text) => program.essence(),
+        (Ok(_), Of::Validity) => String::new(),
+        (Err(error), _) => format!("error: {error}"),
+    };
+    blake3::hash(text.as_bytes()).to_hex().to_string()
+}
+
+/// Writes down what the running test wanted, if a run is being recorded. What can't be written makes
+/// nobody wait: whoever watches runs too many tests then.
+pub(super) fn note(
+    package: &Package,
+    wanted: &Wanted,
+    program: &Result<Arc<Program>, ReflectError>,
+    of: Of,
+) {
+    static SEEN: LazyLock<Mutex<HashSet<(String, String)>>> = LazyLock::new(Mutex::default);
+    static FILE: Mutex<Option<File>> = Mutex::new(None);
+    let Some(folder) = settings::record().filter(|_| !UNWANTED.load(Ordering::Relaxed)) else {
+        return;
+    };
+    let test = std::thread::current().name().unwrap_or_default().to_owned();
+    let portable = package.portable();
+    let (wanted, essence) = (wanted.clone(), essence(program, of));
+    let dependence = Dependence { test, package: portable, wanted, of, essence };
+    let Ok(mut line) = serde_json::to_string(&dependence) else { return };
+    let mut seen = SEEN.lock().unwrap_or_else(PoisonError::into_inner);
+    if !seen.insert((dependence.test, line.clone())) {
+        return;
+    }
+    drop(seen);
+    line.push('\n');
+    let mut file = FILE.lock().unwrap_or_else(PoisonError::into_inner);
+    if file.is_none() {
+        let path = folder.join(format!("{}.{ENDING}", std::process::id()));
+        let opened = std::fs::create_dir_all(folder)
+            .and_then(|()| OpenOptions::new().create(true).append(true).open(path));
+        *file = opened.ok();
+    }
+    if let Some(file) = &mut *file {
+        drop(file.write_all(line.as_bytes()));
+    }
+}
