@@ -85,7 +85,7 @@ const SHARED: &str = "\
     indexmap = \"2\"\n\
     libc = { version = \"0.2\", features = [\"extra_traits\"] }\n\
     naga = { version = \"30\", features = [\"msl-out\", \"spv-in\", \"wgsl-out\"] }\n\
-    rustix = { version = \"1\", features = [\"fs\", \"process\", \"termios\"] }\n\
+    rustix = { version = \"1\", features = [\"event\", \"fs\", \"process\", \"termios\"] }\n\
     serde_core = \"1\"\n\
     serde_json = { version = \"1\", features = [\"unbounded_depth\"] }\n";
 

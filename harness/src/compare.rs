@@ -1,8 +1,9 @@
 //! What an edit changed: every function of a package before and after it, with no test written.
 //!
-//! Functions whose linked text is the same aren't run. The others are called with arguments that names and
-//! types suggest, as in [`hazards`](mod@crate::hazards), and their results are compared bit by bit; all
-//! NaNs are one value.
+//! Functions and entry points whose linked text is the same aren't run. Other functions are called with
+//! arguments that names and types suggest, and their results are compared bit by bit; all NaNs are one
+//! value. Nobody can say of an entry point that was edited whether it draws the same, nor of a function
+//! without a result: they are told as not judged.
 //!
 //! ```no_run
 //! use karat::Package;
@@ -26,9 +27,9 @@ use crate::hazards::suggested;
 use crate::package::{Package, PackageError};
 use crate::path::Path;
 use crate::probe::{Call, Prepared, ProbeError, Probed, made_up};
-use crate::reflect::Function;
+use crate::reflect::{Function, Program};
 use crate::tolerance::ulp_distance;
-use crate::value::{Scalar, Shape};
+use crate::value::Scalar;
 
 /// Inputs of each function: what runs in a moment on any path.
 const CASES: usize = 4096;
@@ -73,6 +74,8 @@ pub enum Change {
     Same {
         /// Inputs that were tried on each path.
         cases: usize,
+        /// Where they come from: `x: f32 from -4 to 4, ...`; empty if there is nothing to choose.
+        domain: String,
     },
     /// Some results changed.
     Changed {
@@ -109,7 +112,8 @@ pub struct PathChange {
     pub ulp: Option<u64>,
     /// The largest change relative to the value before; `None` likewise.
     pub relative: Option<f64>,
-    /// The simplest arguments found whose result changed.
+    /// The simplest arguments found whose result changed as much: it became NaN or ceased to be it, or it
+    /// changed by half as many binary digits of `ulp`, at least.
     pub arguments: Vec<(String, String)>,
     /// The result for these before the edit.
     pub before: String,
@@ -144,7 +148,7 @@ impl Request {
     /// If a package can't be read.
     pub fn run(&self) -> Result<Vec<Compared>, PackageError> {
         let names = |package: &Package| -> Result<BTreeSet<String>, PackageError> {
-            let items = package.functions()?.into_iter().filter(|item| !item.entry_point);
+            let items = package.functions()?.into_iter();
             let wanted = |name: &String| {
                 self.only.is_empty() || self.only.iter().any(|part| name.contains(part.as_str()))
             };
@@ -168,17 +172,21 @@ impl Request {
             let reason = error.to_string().lines().next().unwrap_or_default().to_owned();
             (String::new(), Change::Unjudged { reason })
         };
+        // What can't be called may be untouched all the same.
+        let linked = |package: &Package| Program::of_function(package, name);
+        if let (Ok(before), Ok(after)) = (linked(&self.before), linked(&self.after))
+            && before.essence() == after.essence()
+        {
+            return (String::new(), Change::Untouched);
+        }
         let probed = |package: &Package| Probed::new(package, name);
         let (before, after) = match (probed(&self.before), probed(&self.after)) {
             (Ok(before), Ok(after)) => (before, after),
-            (Err(error), Err(_)) => return unjudged(&format!("before and after: {error}")),
+            (Err(error), Err(_)) => return unjudged(&format!("it was edited, and {error}")),
             (Err(error), _) => return unjudged(&format!("before: {error}")),
             (_, Err(error)) => return unjudged(&format!("after: {error}")),
         };
         let location = after.function.span.to_string();
-        if before.program.essence() == after.program.essence() {
-            return (location, Change::Untouched);
-        }
         let shapes = |function: &Function| {
             let parameters = function.parameters.iter().map(|(_, shape)| shape.clone());
             (parameters.collect::<Vec<_>>(), function.result.clone())
@@ -197,8 +205,7 @@ impl Request {
     fn run_both(&self, before: &Probed, after: &Probed) -> Result<Change, String> {
         let function = &after.function;
         let parts = function.parameters.iter().map(|(name, shape)| suggested(name, shape));
-        let shapes: Vec<Shape> = function.parameters.iter().map(|(_, s)| s.clone()).collect();
-        let domain = Dynamic::new(shapes, parts.collect());
+        let domain = Dynamic::new(&function.parameters, parts.collect());
         let numbering = Numbering::of(&domain, SEED, self.cases as u64, self.cases as u64);
         let mut rows = Vec::new();
         let count = domain.rows(&numbering, 0..numbering.count, &mut rows);
@@ -216,7 +223,10 @@ impl Request {
             let change = changed(&old, &new, &domain, &rows, count, function);
             paths.extend(change.map_err(|error| error.to_string())?);
         }
-        Ok(if paths.is_empty() { Change::Same { cases: count } } else { Change::Changed { paths } })
+        Ok(match paths.is_empty() {
+            true => Change::Same { cases: count, domain: domain.described() },
+            false => Change::Changed { paths },
+        })
     }
 }
 
@@ -266,31 +276,28 @@ fn changed(
     let scalars = function.result.lanes();
     let (was, is) = (old.call(rows, count)?, new.call(rows, count)?);
     let width = rows.len() / count.max(1);
-    let differ = |was: &[u32], is: &[u32]| {
-        let mut lanes = scalars.iter().zip(was.iter().zip(is));
-        lanes.any(|(scalar, (was, is))| !same(*scalar, *was, *is))
+    let by = |was: &[u32], is: &[u32]| -> Option<Distance> {
+        let lanes = scalars.iter().zip(was.iter().zip(is));
+        lanes.filter_map(|(scalar, (was, is))| distance(*scalar, *was, *is)).max()
     };
     let pairs = || was.chunks_exact(old.width).zip(is.chunks_exact(old.width)).enumerate();
-    let mut cases: Vec<usize> =
-        pairs().filter(|(_, (was, is))| differ(was, is)).map(|(case, _)| case).collect();
-    let Some(first) = cases.first().copied() else { return Ok(None) };
+    // Of equal distances the first: edges come first, and are the simplest.
+    let far = |(case, (was, is)): (usize, _)| Some((by(was, is)?, std::cmp::Reverse(case)));
+    let Some((farthest, std::cmp::Reverse(first))) = pairs().filter_map(far).max() else {
+        return Ok(None);
+    };
+    let total = pairs().filter(|(_, (was, is))| by(was, is).is_some()).count();
     let (mut ulp, mut relative) = (Some(0), Some(0.0_f64));
     for (_, (was, is)) in pairs() {
         for ((scalar, was), is) in scalars.iter().zip(was).zip(is) {
-            if same(*scalar, *was, *is) {
-                continue;
-            }
-            let (a, b) = (f32::from_bits(*was), f32::from_bits(*is));
-            let distance = if scalar.is_float() { ulp_distance(a, b) } else { None };
-            ulp = ulp.zip(distance).map(|(most, own)| most.max(own));
-            let share = (f64::from(b) - f64::from(a)).abs() / f64::from(a).abs();
-            let share = Some(share).filter(|share| share.is_finite() && scalar.is_float());
+            let Some(distance) = distance(*scalar, *was, *is) else { continue };
+            let (a, b) = (f64::from(f32::from_bits(*was)), f64::from(f32::from_bits(*is)));
+            let share = Some((b - a).abs() / a.abs());
+            let share = share.filter(|share| share.is_finite() && scalar.is_float());
+            ulp = ulp.zip(distance.ulp()).map(|(most, own)| most.max(own));
             relative = relative.zip(share).map(|(most, own)| most.max(own));
         }
     }
-    let total = cases.len();
-    cases.truncate(1);
-    // Edges come first, and are the simplest; from there on by what the domain has for simpler.
     let mut row = rows[first * width..][..width].to_vec();
     for _ in 0..ROUNDS {
         let simpler = domain.shrink(&row);
@@ -300,7 +307,9 @@ fn changed(
         }
         let (was, is) = (old.call(&all, simpler.len())?, new.call(&all, simpler.len())?);
         let mut pairs = was.chunks_exact(old.width).zip(is.chunks_exact(old.width));
-        match pairs.position(|(was, is)| differ(was, is)) {
+        let as_far =
+            |(was, is): (&[u32], &[u32])| by(was, is).is_some_and(|own| own.is_like(farthest));
+        match pairs.position(as_far) {
             Some(at) => row.clone_from(&simpler[at]),
             None => break,
         }
@@ -317,10 +326,45 @@ fn changed(
     }))
 }
 
-/// Whether two words are one value: bit by bit, but for NaN.
-fn same(scalar: Scalar, was: u32, is: u32) -> bool {
-    let nan = |word: u32| scalar.is_float() && f32::from_bits(word).is_nan();
-    was == is || (nan(was) && nan(is))
+/// How far two results are from each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Distance {
+    /// Of integers and booleans, which are equal or not.
+    Other,
+    /// In `f32` steps.
+    Ulp(u64),
+    /// Between a number and NaN.
+    Nan,
+}
+
+impl Distance {
+    fn ulp(self) -> Option<u64> {
+        if let Self::Ulp(steps) = self { Some(steps) } else { None }
+    }
+
+    /// Whether it shows what a larger one shows: it has half of its binary digits.
+    fn is_like(self, farthest: Self) -> bool {
+        match (self, farthest) {
+            (Self::Ulp(own), Self::Ulp(most)) => own >= most.isqrt(),
+            (own, most) => own == most,
+        }
+    }
+}
+
+/// `None` if two words are one value: bit by bit, but for NaN.
+fn distance(scalar: Scalar, was: u32, is: u32) -> Option<Distance> {
+    if was == is {
+        return None;
+    }
+    if !scalar.is_float() {
+        return Some(Distance::Other);
+    }
+    let (a, b) = (f32::from_bits(was), f32::from_bits(is));
+    match (a.is_nan(), b.is_nan()) {
+        (true, true) => None,
+        (false, false) => Some(ulp_distance(a, b).map_or(Distance::Nan, Distance::Ulp)),
+        _ => Some(Distance::Nan),
+    }
 }
 
 #[cfg(test)]
@@ -346,7 +390,7 @@ mod tests {
             let found = all.iter().find(|(function, _)| function == name);
             found.map(|(_, change)| change.clone()).expect("it is compared")
         };
-        assert!(matches!(of("half"), Change::Same { cases: CASES }), "{:?}", of("half"));
+        assert!(matches!(of("half"), Change::Same { cases: CASES, .. }), "{:?}", of("half"));
         assert!(matches!(of("user"), Change::Same { .. }), "it calls what was edited");
         assert_eq!((of("gone"), of("more")), (Change::Removed, Change::Added));
         assert!(matches!(of("other"), Change::Signature { .. }));
@@ -368,5 +412,44 @@ mod tests {
         assert!(path.ulp.is_some_and(|ulp| ulp > 1000) && path.cases.0 < path.cases.1);
         let Change::Changed { paths } = &all[1].1 else { panic!("{all:?}") };
         assert_eq!((paths[0].ulp, &*paths[0].after), (None, "NaN"), "NaN is no distance");
+    }
+
+    #[test]
+    fn the_worst_change_is_shown_and_not_the_simplest() {
+        let before = "fn f(x: f32) -> f32 { return max(x, 0.0) + 1.0; }\n";
+        let after = "fn f(x: f32) -> f32 {\n\
+                     if x == 0.0 { return bitcast<f32>(bitcast<u32>(1.0) + 1u); }\n\
+                     return select(max(x, 0.0) + 1.0, sqrt(-1.0 - x * x), x < -3.0);\n}\n";
+        let all = changes(before, after);
+        let Change::Changed { paths } = &all[0].1 else { panic!("{all:?}") };
+        assert_eq!((&*paths[0].after, paths[0].ulp), ("NaN", None), "{paths:?}");
+    }
+
+    #[test]
+    fn what_cannot_be_called_is_untouched_or_not_judged() {
+        let before = "fn add(sum: ptr<function, f32>) { *sum += 1.0; }\n\
+                      @fragment fn fs() -> @location(0) vec4f { return vec4f(1.0); }\n";
+        let untouched = changes(before, &format!("// a comment\n{before}"));
+        assert_eq!(untouched.len(), 2, "{untouched:?}");
+        assert!(untouched.iter().all(|(_, change)| *change == Change::Untouched), "{untouched:?}");
+        let edited = changes(before, &before.replace("1.0", "2.0"));
+        for (name, change) in &edited {
+            let Change::Unjudged { reason } = change else { panic!("{name}: {change:?}") };
+            assert!(reason.starts_with("it was edited, and "), "{reason}");
+        }
+    }
+
+    #[test]
+    fn a_change_far_from_small_numbers_is_found() {
+        let before = "fn hash(seed: u32) -> u32 { return seed * 747796405u; }\n\
+                      fn f(x: f32) -> f32 { return x; }\n";
+        let after = "fn hash(seed: u32) -> u32 {\n\
+                     return select(seed * 747796405u, 1u, seed > 0x1000000u);\n}\n\
+                     fn f(x: f32) -> f32 { return select(x, 0.0, abs(x) > 1000.0); }\n";
+        let all = changes(before, after);
+        assert_eq!(all.len(), 2);
+        for (name, change) in &all {
+            assert!(matches!(change, Change::Changed { .. }), "{name}: {change:?}");
+        }
     }
 }

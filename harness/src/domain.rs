@@ -16,6 +16,7 @@ mod edges;
 mod emptiness;
 mod grid;
 mod latin;
+mod plausible;
 mod product;
 mod range;
 mod shrink;

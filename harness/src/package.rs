@@ -12,6 +12,7 @@ mod directives;
 mod error;
 pub(crate) mod expectations;
 mod feature;
+mod fingerprint;
 mod functions;
 mod imports;
 mod lets;
@@ -22,6 +23,7 @@ mod linked;
 mod linker;
 mod manifest;
 mod overlay;
+mod plain;
 mod portable;
 mod scan;
 mod scope;
@@ -43,6 +45,7 @@ pub(crate) use linked::Linked;
 pub(crate) use manifest::KnownRows;
 #[cfg(feature = "engine")]
 pub(crate) use manifest::{AcceptedHazard, Hazards as DeclaredHazards};
+pub(crate) use plain::plain;
 pub(crate) use portable::Portable;
 
 use cargo::Found;

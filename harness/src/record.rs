@@ -118,6 +118,9 @@ pub enum Subject {
         assertion: String,
         /// `file:line:column` of the function; empty if it wasn't found.
         location: String,
+        /// Where arguments come from, in words, if the domain was made at run time: `x from 0 to 1`.
+        #[serde(default, skip_serializing_if = "String::is_empty")]
+        domain: String,
         /// Seed of the cases.
         seed: u64,
     },

@@ -267,7 +267,7 @@ enum Command {
 #[derive(clap::Args, Default)]
 struct PackageArgs {
     /// Folder of WGSL modules, or one file [default: as in `metadata.karat` of Cargo.toml, else
-    /// `shaders`]
+    /// `shaders`, else, where there is no Cargo.toml, the working directory]
     #[arg(long, value_name = "DIR")]
     package: Option<PathBuf>,
     /// Shaders of a crate that the project builds (`bevy_pbr`), or of any at an exact version

@@ -43,7 +43,7 @@ const SHARED: &str = "\
     indexmap = \"2\"\n\
     libc = { version = \"0.2\", features = [\"extra_traits\"] }\n\
     naga = { version = \"30\", features = [\"msl-out\", \"spv-in\", \"wgsl-out\"] }\n\
-    rustix = { version = \"1\", features = [\"fs\", \"process\", \"termios\"] }\n\
+    rustix = { version = \"1\", features = [\"event\", \"fs\", \"process\", \"termios\"] }\n\
     serde_core = \"1\"\n\
     serde_json = { version = \"1\", features = [\"unbounded_depth\"] }\n";
 
@@ -72,7 +72,7 @@ impl Project {
         // The engine isn't what is tested: optimised as ours it takes longer than all the rest.
         let engine = "[profile.dev.package.karat-engine]\nopt-level = 3\ncodegen-units = 1\n";
         assert!(profiles.contains(engine), "the profile of the engine has changed");
-        let quick = "[profile.dev.package.karat-engine]\nopt-level = 0\n";
+        let quick = "[profile.dev.package.karat-engine]\nopt-level = 1\n";
         let profiles = profiles.replace(engine, quick);
         let manifest = format!(
             "[package]\nname = \"pictures\"\nedition = \"2024\"\n\n[workspace]\n\n\

@@ -76,6 +76,10 @@ impl Stream for WithCompanion<'_> {
         self.arguments.edges()
     }
 
+    fn described(&self) -> String {
+        self.arguments.described()
+    }
+
     fn row(&self, origin: Origin<'_>, rows: &mut Vec<u32>) -> bool {
         let start = rows.len();
         let made = |origin: Origin<'_>| self.arguments.row(origin, rows).then_some(());

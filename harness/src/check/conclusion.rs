@@ -17,13 +17,14 @@ impl Session<'_> {
         if tallies.iter().any(PathTally::fails) {
             return Err(self.disagreement(tallies));
         }
+        let judged = tallies.iter().map(|path| path.tally.census.judged()).min().unwrap_or(0);
         let worst_of = |path: &PathTally| {
             path.tally.worst.map_or(LaneError::ZERO, |worst| worst.judged.measure)
         };
         let worst = tallies.iter().map(worst_of).max_by(|a, b| a.ratio.total_cmp(&b.ratio));
         Ok(Agreement {
             function: self.called.function().name.clone(),
-            cases: compared,
+            cases: judged,
             paths: tallies.iter().map(|path| (path.adapter.clone(), worst_of(path))).collect(),
             worst: worst.unwrap_or(LaneError::ZERO),
             known_issues: Vec::new(),
@@ -46,6 +47,7 @@ impl Session<'_> {
             expectation: self.asserted.expectation,
             paths,
             agreeing,
+            domain: self.stream.described(),
             seed: self.cases.seed,
         }))
     }

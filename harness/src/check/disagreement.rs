@@ -26,6 +26,8 @@ pub struct Disagreement {
     pub assertion: String,
     /// What the expected value is to the actual one.
     pub expectation: Expectation,
+    /// Where the arguments come from, where the test's author may not have said it: `x from 0 to 1`.
+    pub domain: String,
     /// Each path that disagrees.
     pub paths: Vec<PathDisagreement>,
     /// Paths that agree, and where the arguments came from.
@@ -359,14 +361,24 @@ impl fmt::Display for Disagreement {
         let message = format!("`{}` fails {check}: {assertion}", self.function.name);
         let diagnostic = Diagnostic::new(message).at(span, "");
         writeln!(f, "{diagnostic}")?;
+        if !self.domain.is_empty() {
+            writeln!(f, "arguments: {}", self.domain)?;
+        }
         let expectation = &self.expectation.to_string();
         for path in &self.paths {
             let Census { cases, failures, nan, infinite, wrong_sign, too_low, too_high, .. } =
                 path.census;
             let Census { shader, driver, ill_conditioned, unbounded, .. } = path.census;
+            let Census { idle, remembered, .. } = path.census;
             writeln!(f, "\non {}{}", path.adapter, path.inputs.remark())?;
             let share = 100.0 * failures as f64 / cases as f64;
             write!(f, "  {failures} of {cases} cases fail ({share:.3}%)")?;
+            if remembered > 0 {
+                write!(f, ", {remembered} of them from an earlier failure")?;
+            }
+            if idle > 0 {
+                write!(f, ", {idle} call no expectation")?;
+            }
             for (count, name) in [
                 (nan, "NaN"),
                 (infinite, "infinite"),

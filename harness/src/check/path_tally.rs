@@ -60,7 +60,7 @@ impl PathTally {
         let worst = self.tally.worst.map(|worst| worst.judged.measure);
         PathRecord {
             adapter: self.adapter.clone(),
-            cases: self.tally.census.cases,
+            cases: self.tally.census.judged(),
             failures: self.tally.census.failures,
             worst: worst.map_or_else(String::new, |measure| measure.to_string()),
             ratio: worst.map(|measure| measure.ratio).filter(|ratio| ratio.is_finite()),

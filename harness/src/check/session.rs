@@ -218,10 +218,12 @@ impl<'a> Session<'a> {
     pub(super) fn run(&self, judge: JudgeBatch<'_>) -> Result<Vec<PathTally>, Failure> {
         self.expect_constants()?;
         let remembered = self.remembered();
-        let again = self.run_again(&remembered, judge)?;
+        let mut again = self.run_again(&remembered, judge)?;
         let mut sums = self.run_cases(judge)?;
         // What passes again isn't counted: the declared cases are the same in every run.
         if again.iter().any(PathTally::fails) {
+            let census = again.iter_mut().map(|path| &mut path.tally.census);
+            census.for_each(|census| census.remembered = census.cases);
             sums = PathTally::merge_all(sums, again);
         }
         for (path, sum) in sums.iter_mut().enumerate() {

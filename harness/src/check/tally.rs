@@ -31,6 +31,8 @@ pub(crate) enum Class {
     Conditioning,
     /// WGSL allows any result.
     Unbounded,
+    /// Nothing was asserted in this case.
+    Idle,
     Other,
 }
 
@@ -59,6 +61,17 @@ pub struct Census {
     pub ill_conditioned: u64,
     /// Failures by [`Spec`](crate::Spec): WGSL allows any result.
     pub unbounded: u64,
+    /// Cases in which a test in WGSL called no expectation.
+    pub idle: u64,
+    /// How many of the cases are inputs on which the test has failed before.
+    pub remembered: u64,
+}
+
+impl Census {
+    /// Cases in which something was asserted.
+    pub(crate) fn judged(&self) -> u64 {
+        self.cases - self.idle
+    }
 }
 
 /// A case worth showing.
@@ -87,6 +100,7 @@ impl Tally {
             self.worst = Some(shown);
         }
         if judged.measure.passes() {
+            self.census.idle += u64::from(judged.class == Class::Idle);
             return;
         }
         self.census.failures += 1;
@@ -101,7 +115,7 @@ impl Tally {
             Class::Driver => self.census.driver += 1,
             Class::Conditioning => self.census.ill_conditioned += 1,
             Class::Unbounded => self.census.unbounded += 1,
-            Class::Other => {}
+            Class::Idle | Class::Other => {}
         }
     }
 
@@ -125,6 +139,8 @@ impl Tally {
                 driver: a.driver + b.driver,
                 ill_conditioned: a.ill_conditioned + b.ill_conditioned,
                 unbounded: a.unbounded + b.unbounded,
+                idle: a.idle + b.idle,
+                remembered: a.remembered + b.remembered,
             },
             worst: either(self.worst, other.worst, worse),
             first: either(self.first, other.first, earlier),

@@ -34,6 +34,7 @@ impl Plan<'_> {
             check: (*check).to_owned(),
             assertion: text.clone(),
             location: String::new(),
+            domain: stream.described(),
             seed,
         };
         let mut paths = Vec::new();

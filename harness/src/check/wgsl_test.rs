@@ -1,8 +1,8 @@
 //! Tests that are written in WGSL: each is called by a function that returns what it reports.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
 
 use super::Probe;
 use crate::diagnostic::Span;
@@ -36,38 +36,73 @@ pub struct WgslTest {
     pub span: Span,
     /// `@cases`: how many cases it wants.
     pub cases: Option<u64>,
-    /// The names and types of its parameters.
-    pub parameters: Vec<(String, Shape)>,
     /// `@over` of each parameter: its words and numbers, and where it stands.
     pub over: Vec<Option<(Vec<String>, Span)>>,
     /// What it is made of.
-    essence: String,
-    /// The folder of its package.
-    root: PathBuf,
+    essence: Option<String>,
+    package: Package,
+    module: String,
+    /// What is known of it when it is linked.
+    made: Arc<OnceLock<Result<Made, String>>>,
+}
+
+/// A test that is valid WGSL.
+#[derive(Clone, Debug)]
+struct Made {
+    parameters: Vec<(String, Shape)>,
+    calls: BTreeSet<String>,
     /// The module that calls it.
     generated: Package,
 }
 
 impl Package {
-    /// The tests of one module, in the order of lines: functions with `@test`.
+    /// The tests of one module, in the order of lines: functions with `@test`. Whether each is valid WGSL is
+    /// seen when it is [used](WgslTest::parameters).
     ///
     /// # Errors
-    /// If the module can't be read, or a test isn't valid WGSL.
+    /// If the module can't be read.
     pub fn tests_in(&self, module: &str) -> Result<Vec<WgslTest>, ReflectError> {
         let items = self.test_items_in(module)?;
-        items.into_iter().map(|item| WgslTest::new(self, module, item)).collect()
+        let own = |item: &TestItem| item.name.rsplit("::").next().unwrap_or_default().to_owned();
+        let names: Vec<String> = items.iter().map(own).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let essences = match names.is_empty() {
+            true => Vec::new(),
+            false => self.fingerprints_in(module, &names).unwrap_or(vec![None; names.len()]),
+        };
+        let new = |(item, essence): (TestItem, Option<String>)| {
+            let over = item.over.iter().flatten().map(|(words, _)| words.join(","));
+            let over = over.collect::<Vec<_>>().join(";");
+            WgslTest {
+                essence: essence.map(|essence| format!("{essence} {:?} {over}", item.cases)),
+                name: item.name,
+                span: item.span,
+                cases: item.cases,
+                over: item.over,
+                package: self.clone(),
+                module: module.to_owned(),
+                made: Arc::default(),
+            }
+        };
+        Ok(items.into_iter().zip(essences).map(new).collect())
     }
 }
 
 impl WgslTest {
-    fn new(package: &Package, module: &str, item: TestItem) -> Result<Self, ReflectError> {
-        let program = Program::of_function(package, &item.name)?;
-        let parameters = program.test_parameters(&item.name)?;
-        let own = item.name.rsplit("::").next().unwrap_or_default();
+    fn made(&self) -> Result<&Made, String> {
+        let make = || self.make().map_err(|error| error.to_string());
+        self.made.get_or_init(make).as_ref().map_err(Clone::clone)
+    }
+
+    fn make(&self) -> Result<Made, ReflectError> {
+        let package = &self.package;
+        let program = Program::of_function(package, &self.name)?;
+        let parameters = program.test_parameters(&self.name)?;
+        let own = self.name.rsplit("::").next().unwrap_or_default();
         // A generated name can't be the author's: `karat_` is what kernels keep for themselves.
         let mut text = format!(
             "import karat::{{begin, report}};\nimport {TESTED}::{} as karat_test;\n",
-            item.name
+            self.name
         );
         let mut structs = BTreeMap::new();
         let mut list = Vec::new();
@@ -86,32 +121,42 @@ impl WgslTest {
             names.join(", "),
         )
         .expect("text takes text");
-        let generated = Package::from_modules(&package.name(), [(module, text)]);
-        let over = item.over.iter().flatten().map(|(words, _)| words.join(","));
-        let over = over.collect::<Vec<_>>().join(";");
-        let essence = format!("{} {:?} {over}", program.essence(), item.cases);
-        Ok(Self {
-            essence,
-            name: item.name,
-            span: item.span,
-            cases: item.cases,
-            over: item.over,
+        let generated = Package::from_modules(&package.name(), [(self.module.as_str(), text)]);
+        Ok(Made {
+            calls: program.calls(&self.name),
             parameters,
-            root: package.root(),
             generated: generated.depends_on(TESTED, package),
         })
     }
 
-    /// What it is made of, but for comments and blanks: its verdict changes with this alone.
+    /// What it is made of, but for comments and blanks: its verdict changes with this alone. `None` if it
+    /// can't be linked.
     #[must_use]
-    pub fn essence(&self) -> &str {
-        &self.essence
+    pub fn essence(&self) -> Option<&str> {
+        self.essence.as_deref()
+    }
+
+    /// The names and types of its parameters.
+    ///
+    /// # Errors
+    /// What is wrong with it, with its place.
+    pub fn parameters(&self) -> Result<&[(String, Shape)], String> {
+        Ok(&self.made()?.parameters)
+    }
+
+    /// The functions that it calls: `brdf::schlick`; none if it isn't valid.
+    pub fn calls(&self) -> impl Iterator<Item = &str> {
+        let made = self.made().ok();
+        made.into_iter().flat_map(|made| &made.calls).map(String::as_str)
     }
 
     /// The test as a function, to be given arguments and [run](super::DynamicCheck::expects).
-    pub fn probe(&self) -> Probe<'_> {
-        let place = Some((self.span.clone(), self.root.clone()));
-        Probe { place, ..self.generated.function(&self.name) }
+    ///
+    /// # Errors
+    /// What is wrong with it, with its place.
+    pub fn probe(&self) -> Result<Probe<'_>, String> {
+        let place = Some((self.span.clone(), self.package.root()));
+        Ok(Probe { place, ..self.made()?.generated.function(&self.name) })
     }
 }
 

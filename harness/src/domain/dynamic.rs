@@ -6,11 +6,12 @@
 use std::fmt::Debug;
 use std::ops::RangeInclusive;
 
+use super::plausible::{self, Plausible};
 use super::{
     AnyF32, Domain, Emptiness, Held, Hemisphere, Integers, Just, OneOf, Origin, Shrinkable, Source,
     Stream, UnitRgb, UnitVector, complexity,
 };
-use crate::value::{Scalar, Shape, Shareable};
+use crate::value::{Scalar, Shape, Shareable, format_lane};
 
 /// Draws of a tuple of which one ties two parts.
 const TIES: u64 = 8;
@@ -118,20 +119,24 @@ impl Words for Listed {
 }
 
 /// One part of a [`Dynamic`] domain: a number, or a vector.
-pub struct Part(Box<dyn Words>);
+pub struct Part {
+    words: Box<dyn Words>,
+    /// What a message says of it: `from 0 to 1`.
+    described: String,
+}
 
 impl Debug for Part {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Part({} words)", self.0.width())
+        write!(f, "Part({})", self.described)
     }
 }
 
 impl Part {
-    fn of<D: Domain + 'static>(domain: D) -> Self
+    fn of<D: Domain + 'static>(domain: D, described: impl Into<String>) -> Self
     where
         D::Value: Shareable,
     {
-        Self(Box::new(Of(domain)))
+        Self { words: Box::new(Of(domain)), described: described.into() }
     }
 
     /// A closed range of a scalar. Its ends are rounded to the type; `None` for booleans, and where an
@@ -144,21 +149,22 @@ impl Part {
             clippy::cast_sign_loss,
             reason = "ranges of integers are looked at first, others are rounded"
         )]
+        let text = format!("from {low} to {high}");
         Some(match scalar {
-            Scalar::F32 | Scalar::F16 => Self::of(low as f32..=high as f32),
+            Scalar::F32 | Scalar::F16 => Self::of(low as f32..=high as f32, text),
             Scalar::I32 => {
                 let fits = |x: f64| (f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&x);
                 if !(whole && fits(low) && fits(high)) {
                     return None;
                 }
-                Self::of(Integers(low as i32..=high as i32))
+                Self::of(Integers(low as i32..=high as i32), text)
             }
             Scalar::U32 => {
                 let fits = |x: f64| (0.0..=f64::from(u32::MAX)).contains(&x);
                 if !(whole && fits(low) && fits(high)) {
                     return None;
                 }
-                Self::of(Integers(low as u32..=high as u32))
+                Self::of(Integers(low as u32..=high as u32), text)
             }
             Scalar::Bool => return None,
         })
@@ -166,25 +172,44 @@ impl Part {
 
     /// Listed values, each as wide as `scalars`.
     pub fn listed(scalars: Vec<Scalar>, rows: Vec<Vec<u32>>) -> Self {
-        Self(Box::new(Listed(rows, scalars)))
+        let described = match &*rows {
+            [row] => lanes_text(&scalars, row),
+            rows => format!("one of {}", rows.len()),
+        };
+        Self { words: Box::new(Listed(rows, scalars)), described }
     }
 
     /// Any value of a scalar: all bit patterns of an integer, any finite float.
     pub fn any(scalar: Scalar) -> Self {
         match scalar {
-            Scalar::F32 | Scalar::F16 => Self::of(AnyF32::finite()),
-            Scalar::I32 => Self::of(Integers(i32::MIN..=i32::MAX)),
-            Scalar::U32 => Self::of(Integers(0..=u32::MAX)),
-            Scalar::Bool => Self::listed(vec![scalar], vec![vec![0], vec![1]]),
+            Scalar::F32 | Scalar::F16 => Self::of(AnyF32::finite(), "any"),
+            Scalar::I32 => Self::of(Integers(i32::MIN..=i32::MAX), "any"),
+            Scalar::U32 => Self::of(Integers(0..=u32::MAX), "any"),
+            Scalar::Bool => {
+                let described = plausible::described(scalar);
+                Self { described, ..Self::listed(vec![scalar], vec![vec![0], vec![1]]) }
+            }
+        }
+    }
+
+    /// Numbers of which nothing is known: half of them are small, the others have any size; floats reach a
+    /// million.
+    pub fn plausible(scalar: Scalar) -> Self {
+        let described = plausible::described(scalar);
+        match scalar {
+            Scalar::F32 | Scalar::F16 => Self::of(Plausible::floats(), described),
+            Scalar::I32 => Self::of(Plausible::<i32>::i32(), described),
+            Scalar::U32 => Self::of(Plausible::<u32>::u32(), described),
+            Scalar::Bool => Self::any(scalar),
         }
     }
 
     /// `unit_vector`, `hemisphere` or `unit_rgb`, of a vector of three floats.
     pub fn named(name: &str) -> Option<Self> {
         Some(match name {
-            "unit_vector" => Self::of(UnitVector),
-            "hemisphere" => Self::of(Hemisphere),
-            "unit_rgb" => Self::of(UnitRgb),
+            "unit_vector" => Self::of(UnitVector, "a unit vector"),
+            "hemisphere" => Self::of(Hemisphere, "a unit vector with z of at least 0"),
+            "unit_rgb" => Self::of(UnitRgb, "a colour from 0 to 1"),
             _ => return None,
         })
     }
@@ -195,8 +220,14 @@ impl Part {
     /// How many words it draws.
     #[must_use]
     pub fn width(&self) -> usize {
-        self.0.width()
+        self.words.width()
     }
+}
+
+/// Values as a message has them.
+fn lanes_text(scalars: &[Scalar], words: &[u32]) -> String {
+    let lanes = scalars.iter().zip(words).map(|(scalar, word)| format_lane(*scalar, *word));
+    lanes.collect::<Vec<_>>().join(", ")
 }
 
 /// The arguments of a function, drawn part by part: see
@@ -206,18 +237,32 @@ pub struct Dynamic {
     parts: Vec<Part>,
     /// The parameter that each part belongs to.
     owners: Vec<usize>,
-    /// The parameters' types.
+    /// The parameters' names and types.
+    names: Vec<String>,
     shapes: Vec<Shape>,
     edges: Vec<Vec<u32>>,
 }
 
 impl Dynamic {
     /// `parts` are those of each parameter in turn; together they have the words of its type.
-    pub fn new(shapes: Vec<Shape>, parts: Vec<Vec<Part>>) -> Self {
+    pub fn new(parameters: &[(String, Shape)], parts: Vec<Vec<Part>>) -> Self {
+        let (names, shapes) = parameters.iter().cloned().unzip();
         let owners = parts.iter().enumerate().flat_map(|(at, own)| vec![at; own.len()]).collect();
         let parts: Vec<Part> = parts.into_iter().flatten().collect();
-        let edges = combined(&parts.iter().map(|part| part.0.edges()).collect::<Vec<_>>());
-        Self { parts, owners, shapes, edges }
+        let edges = combined(&parts.iter().map(|part| part.words.edges()).collect::<Vec<_>>());
+        Self { parts, owners, names, shapes, edges }
+    }
+
+    /// Where each argument comes from, in words: `x from 0 to 1; n a unit vector`.
+    #[must_use]
+    pub fn described(&self) -> String {
+        let of = |(at, name): (usize, &String)| {
+            let own = self.parts.iter().zip(&self.owners).filter(|(_, owner)| **owner == at);
+            let mut own: Vec<&str> = own.map(|(part, _)| &*part.described).collect();
+            own.dedup();
+            (!own.is_empty()).then(|| format!("{name} {}", own.join(" / ")))
+        };
+        self.names.iter().enumerate().filter_map(of).collect::<Vec<_>>().join("; ")
     }
 
     /// The types of the parameters.
@@ -239,7 +284,7 @@ impl Dynamic {
     fn draw(&self, source: &mut Source) -> Option<Vec<u32>> {
         let mut rows = Vec::with_capacity(self.parts.len());
         for part in &self.parts {
-            rows.push(part.0.draw(source)?);
+            rows.push(part.words.draw(source)?);
         }
         if self.parts.len() > 1 && source.below(TIES) == 0 {
             let count = self.parts.len() as u64;
@@ -250,7 +295,7 @@ impl Dynamic {
                 0 => rows[from].clone(),
                 _ => rows[from].iter().map(|word| word ^ 0x8000_0000).collect(),
             };
-            if self.parts[to].0.admits(&tied) == Some(true) && rows[to].len() == tied.len() {
+            if self.parts[to].words.admits(&tied) == Some(true) && rows[to].len() == tied.len() {
                 rows[to] = tied;
             }
         }
@@ -263,15 +308,15 @@ impl Dynamic {
         }
         let mut row = Vec::new();
         for part in &self.parts {
-            let size = part.0.size()?;
-            row.extend(part.0.nth(index % size)?);
+            let size = part.words.size()?;
+            row.extend(part.words.nth(index % size)?);
             index /= size;
         }
         Some(row)
     }
 
     fn count(&self) -> Option<u64> {
-        self.parts.iter().try_fold(1_u64, |count, part| count.checked_mul(part.0.size()?))
+        self.parts.iter().try_fold(1_u64, |count, part| count.checked_mul(part.words.size()?))
     }
 
     fn of(&self, origin: Origin<'_>) -> Option<Vec<u32>> {
@@ -286,7 +331,7 @@ impl Dynamic {
         let words = self.split(row);
         let mut found = Vec::new();
         for (at, part) in self.parts.iter().enumerate() {
-            for simpler in part.0.shrink(words[at]) {
+            for simpler in part.words.shrink(words[at]) {
                 let replaced = words.iter().enumerate();
                 let replaced =
                     replaced.map(|(other, own)| if other == at { &*simpler } else { own });
@@ -362,7 +407,7 @@ impl Stream for Dynamic {
 
     fn emptiness(&self) -> Option<Emptiness> {
         let mut parts = self.parts.iter().zip(&self.owners);
-        parts.find_map(|(part, owner)| Some(part.0.emptiness()?.in_part(*owner)))
+        parts.find_map(|(part, owner)| Some(part.words.emptiness()?.in_part(*owner)))
     }
 
     fn edges(&self) -> usize {
@@ -389,7 +434,7 @@ impl Stream for Dynamic {
         }
         let words = self.split(row);
         let admitted: Vec<_> =
-            self.parts.iter().zip(words).map(|(part, own)| part.0.admits(own)).collect();
+            self.parts.iter().zip(words).map(|(part, own)| part.words.admits(own)).collect();
         if admitted.contains(&Some(false)) {
             return Some(false);
         }
@@ -398,6 +443,10 @@ impl Stream for Dynamic {
 
     fn shrink(&self, row: &[u32]) -> Vec<Vec<u32>> {
         self.simpler(row)
+    }
+
+    fn described(&self) -> String {
+        self.described()
     }
 
     fn show(&self, row: &[u32]) -> String {
@@ -415,7 +464,9 @@ impl Part {
     /// One value.
     pub fn just(scalar: Scalar, word: u32) -> Self {
         match scalar {
-            Scalar::F32 | Scalar::F16 => Self::of(Just(f32::from_bits(word))),
+            Scalar::F32 | Scalar::F16 => {
+                Self::of(Just(f32::from_bits(word)), format_lane(scalar, word))
+            }
             _ => Self::listed(vec![scalar], vec![vec![word]]),
         }
     }
@@ -428,13 +479,14 @@ mod tests {
 
     #[test]
     fn parts_stand_side_by_side() {
-        let float = Shape::Scalar(Scalar::F32);
-        let vector = Shape::Vector { size: 3, scalar: Scalar::F32 };
+        let float = ("x".to_owned(), Shape::Scalar(Scalar::F32));
+        let vector = ("n".to_owned(), Shape::Vector { size: 3, scalar: Scalar::F32 });
         let parts = vec![
             vec![Part::range(Scalar::F32, 0.0..=1.0).expect("floats")],
             vec![Part::named("unit_vector").expect("known")],
         ];
-        let dynamic = Dynamic::new(vec![float, vector], parts);
+        let dynamic = Dynamic::new(&[float, vector], parts);
+        assert_eq!(dynamic.described(), "x from 0 to 1; n a unit vector");
         assert_eq!((dynamic.width(), dynamic.size()), (4, None));
         let numbering = Numbering::of(&dynamic, 7, 1000, 1 << 20);
         let mut rows = Vec::new();
@@ -456,8 +508,10 @@ mod tests {
             vec![Part::range(Scalar::U32, 1.0..=3.0).expect("whole")],
             vec![Part::any(Scalar::Bool)],
         ];
-        let shapes = vec![Shape::Scalar(Scalar::U32), Shape::Scalar(Scalar::Bool)];
-        let dynamic = Dynamic::new(shapes, parts);
+        let named = |name: &str, scalar| (name.to_owned(), Shape::Scalar(scalar));
+        let parameters = [named("n", Scalar::U32), named("b", Scalar::Bool)];
+        let dynamic = Dynamic::new(&parameters, parts);
+        assert_eq!(dynamic.described(), "n from 1 to 3; b false or true");
         assert_eq!(dynamic.size(), Some(6));
         let all: Vec<_> = (0..6).filter_map(|index| dynamic.nth(index)).collect();
         assert_eq!(all, [[1, 0], [2, 0], [3, 0], [1, 1], [2, 1], [3, 1]]);
@@ -471,7 +525,8 @@ mod tests {
         assert!(Part::range(Scalar::I32, 0.5..=3.0).is_none());
         assert!(Part::range(Scalar::Bool, 0.0..=1.0).is_none());
         let part = Part::range(Scalar::F32, 1.0..=0.0).expect("a range, which is empty");
-        let dynamic = Dynamic::new(vec![Shape::Scalar(Scalar::F32)], vec![vec![part]]);
+        let dynamic =
+            Dynamic::new(&[("x".to_owned(), Shape::Scalar(Scalar::F32))], vec![vec![part]]);
         assert_eq!(dynamic.emptiness().and_then(|emptiness| emptiness.part), Some(0));
     }
 }

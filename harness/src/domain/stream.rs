@@ -55,6 +55,11 @@ pub(crate) trait Stream: Sync {
     /// The rows of simpler values than this one, the simplest first.
     fn shrink(&self, row: &[u32]) -> Vec<Vec<u32>>;
 
+    /// Where each argument comes from, for who didn't write it; empty if the author did.
+    fn described(&self) -> String {
+        String::new()
+    }
+
     /// A row as its Rust value is shown.
     fn show(&self, row: &[u32]) -> String;
 }

@@ -15,6 +15,8 @@ pub(super) enum Meaning {
     Direction,
     /// A whole number from 1.
     Count,
+    /// A whole number from 0 that counts few things, such as levels of a texture.
+    Index,
     /// Nothing is known.
     Any,
 }
@@ -120,6 +122,28 @@ const COUNTS: [&str; 16] = [
     "bins",
 ];
 
+/// Words of names that mean a small whole number, of integers: loops to a large one never end.
+const INDICES: [&str; 18] = [
+    "i",
+    "j",
+    "k",
+    "index",
+    "idx",
+    "level",
+    "mip",
+    "lod",
+    "face",
+    "layer",
+    "channel",
+    "octaves",
+    "octave",
+    "iterations",
+    "iteration",
+    "rounds",
+    "shift",
+    "depth",
+];
+
 impl Meaning {
     /// Of an argument or a member, by its name.
     pub(super) fn of(name: &str, shape: &Shape, declared: &Declared) -> Self {
@@ -144,6 +168,7 @@ impl Meaning {
                 Self::Range(-std::f64::consts::PI, std::f64::consts::PI)
             }
             () if whole && has(&COUNTS) => Self::Count,
+            () if whole && has(&INDICES) => Self::Index,
             () if has(&UNIT) => Self::Range(0.0, 1.0),
             () => Self::Any,
         }
@@ -288,15 +313,14 @@ impl Part {
         if self.meaning == Meaning::Direction {
             return DomainPart::named("unit_vector").into_iter().collect();
         }
-        let range = |scalar: &Scalar| match (self.meaning, scalar) {
-            (Meaning::Range(least, most), Scalar::F32 | Scalar::F16) => least..=most,
-            (Meaning::Count, _) => 1.0..=8.0,
-            (_, Scalar::U32) => 0.0..=15.0,
-            (_, Scalar::I32) => -4.0..=15.0,
-            _ => -4.0..=4.0,
-        };
         let of = |scalar: &Scalar| {
-            DomainPart::range(*scalar, range(scalar)).unwrap_or_else(|| DomainPart::any(*scalar))
+            let range = match (self.meaning, scalar) {
+                (Meaning::Range(least, most), Scalar::F32 | Scalar::F16) => least..=most,
+                (Meaning::Count, Scalar::I32 | Scalar::U32) => 1.0..=8.0,
+                (Meaning::Index, Scalar::I32 | Scalar::U32) => 0.0..=15.0,
+                _ => return DomainPart::plausible(*scalar),
+            };
+            DomainPart::range(*scalar, range).unwrap_or_else(|| DomainPart::any(*scalar))
         };
         self.scalars.iter().map(of).collect()
     }

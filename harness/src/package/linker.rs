@@ -4,10 +4,13 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::Range;
 use std::sync::Arc;
 
+use blake3::Hasher;
+
 use super::PackageError;
 use super::imports::{self, Import, Target};
 use super::library::{Library, ModulePath};
 use super::linked::{Item, KERNEL_PREFIX, KERNEL_WORDS, Linked, author_path};
+use super::plain::plain;
 use super::splice::{Edit, Spliced};
 use super::syntax::{DeclarationKind, Module};
 use crate::diagnostic::{Diagnostic, Span};
@@ -27,6 +30,8 @@ pub(super) struct Linker<'a> {
     parts: BTreeMap<ModulePath, Part>,
     /// References that lead to declarations, by module and tokens.
     uses: BTreeMap<ModulePath, Uses>,
+    /// What each declaration refers to, as far as that is known.
+    resolved: BTreeMap<Item, Vec<Item>>,
     /// Names of WGSL itself that linked declarations use, but for those of the root.
     pub(super) free: BTreeSet<String>,
     /// The modules that share a name space with the root, as it includes them.
@@ -36,10 +41,11 @@ pub(super) struct Linker<'a> {
 impl<'a> Linker<'a> {
     pub(super) fn new(library: &'a Library, root: &ModulePath) -> Result<Self, PackageError> {
         let free = KERNEL_WORDS.iter().map(|word| (*word).to_owned()).collect();
-        let (parts, uses) = (BTreeMap::new(), BTreeMap::new());
+        let (parts, uses, resolved) = Default::default();
         let included = library.included(root)?;
-        let mut linker = Self { library, root: root.clone(), parts, uses, free, included };
-        linker.add(root)?;
+        let root = root.clone();
+        let mut linker = Self { library, root, parts, uses, resolved, free, included };
+        linker.add(&linker.root.clone())?;
         for path in linker.included.clone() {
             linker.add(&path)?;
         }
@@ -79,8 +85,8 @@ impl<'a> Linker<'a> {
         Ok(())
     }
 
-    /// Links what is wanted and what that needs; `whole` is the root with all that it holds.
-    pub(super) fn link(mut self, wanted: Vec<Item>, whole: bool) -> Result<Linked, PackageError> {
+    /// What is wanted, and what that needs.
+    pub(super) fn reach(&mut self, wanted: Vec<Item>) -> Result<BTreeSet<Item>, PackageError> {
         let mut items: BTreeSet<Item> = wanted.iter().cloned().collect();
         let mut queue: VecDeque<Item> = wanted.into();
         // Modules of which something is linked: what they assert must hold.
@@ -98,6 +104,49 @@ impl<'a> Linker<'a> {
                 }
             }
         }
+        Ok(items)
+    }
+
+    /// All that a linked declaration is made of, but for what it refers to.
+    pub(super) fn describe(&self, (path, index): &Item, hasher: &mut Hasher) {
+        let module = &self.parts[path].module;
+        let declaration = &module.declarations[*index];
+        let from = module.bytes(&declaration.tokens);
+        let mut text = Spliced::default();
+        text.copy(&module.file, from.clone(), in_order(module.changes(&from).collect()));
+        let name = declaration.name.as_deref().unwrap_or_default();
+        let part = |hasher: &mut Hasher, part: &str| {
+            hasher.update(&(part.len() as u64).to_le_bytes()).update(part.as_bytes());
+        };
+        part(hasher, &author_path(&self.library.route(path.package), path, name));
+        part(hasher, &plain(text.text()));
+        // Where its names lead to, in their order.
+        let tokens = (declaration.tokens.start, 0)..(declaration.tokens.end, 0);
+        for (owner, name) in self
+            .uses
+            .get(path)
+            .into_iter()
+            .flat_map(|uses| uses.range(tokens.clone()))
+            .map(|(_, to)| to)
+        {
+            part(hasher, &author_path(&self.library.route(owner.package), owner, name));
+        }
+    }
+
+    /// The directives of all modules that something is linked of.
+    pub(super) fn describe_directives(&self, items: &BTreeSet<Item>, hasher: &mut Hasher) {
+        let mut linked: BTreeSet<&ModulePath> = items.iter().map(|(path, _)| path).collect();
+        linked.insert(&self.root);
+        for module in linked.into_iter().map(|path| &self.parts[path].module) {
+            for token in module.directives.iter().flat_map(Clone::clone) {
+                hasher.update(module.text(token).as_bytes()).update(b" ");
+            }
+        }
+    }
+
+    /// Links what is wanted and what that needs; `whole` is the root with all that it holds.
+    pub(super) fn link(mut self, wanted: Vec<Item>, whole: bool) -> Result<Linked, PackageError> {
+        let items = self.reach(wanted)?;
         let names = self.names(&items);
         let file = &self.parts[&self.root].module.file;
         let mut linked = Linked {
@@ -148,6 +197,10 @@ impl<'a> Linker<'a> {
 
     /// The declarations that one refers to.
     fn resolve(&mut self, path: &ModulePath, index: usize) -> Result<Vec<Item>, PackageError> {
+        let item = (path.clone(), index);
+        if let Some(known) = self.resolved.get(&item) {
+            return Ok(known.clone());
+        }
         let module = Arc::clone(&self.parts[path].module);
         let mut found = Vec::new();
         for reference in &module.references[index] {
@@ -182,6 +235,7 @@ impl<'a> Linker<'a> {
             let tokens = (reference.tokens.start, reference.tokens.end);
             self.uses.entry(path.clone()).or_default().insert(tokens, (owner, name));
         }
+        self.resolved.insert(item, found.clone());
         Ok(found)
     }
 

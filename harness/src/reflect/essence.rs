@@ -1,76 +1,12 @@
 //! What of a text means something: two texts with the same essence are the same program.
 
 use super::Program;
+use crate::package::plain;
 
 impl Program {
     /// The linked text without comments, and with one blank in place of many.
     #[must_use]
     pub fn essence(&self) -> String {
         plain(self.text())
-    }
-}
-
-/// A text without comments, and with one blank in place of many.
-fn plain(text: &str) -> String {
-    let mut plain = String::with_capacity(text.len());
-    let mut rest = text;
-    loop {
-        // What neither ends a word nor may begin a comment is copied as it is. This runs for each test at
-        // each edit, so it goes by bytes.
-        let is_ours = |byte: &u8| *byte == b'/' || byte.is_ascii_whitespace() || !byte.is_ascii();
-        let word = rest.bytes().position(|byte| is_ours(&byte)).unwrap_or(rest.len());
-        plain.push_str(&rest[..word]);
-        rest = &rest[word..];
-        let Some(first) = rest.chars().next() else { break };
-        let skipped = if rest.starts_with("//") {
-            rest.find('\n').unwrap_or(rest.len())
-        } else if rest.starts_with("/*") {
-            nested(rest)
-        } else if first.is_whitespace() {
-            first.len_utf8()
-        } else {
-            plain.push(first);
-            rest = &rest[first.len_utf8()..];
-            continue;
-        };
-        if !plain.ends_with(' ') {
-            plain.push(' ');
-        }
-        rest = &rest[skipped..];
-    }
-    plain.truncate(plain.trim_end().len());
-    plain
-}
-
-/// The length of a block comment, which may have others inside.
-fn nested(text: &str) -> usize {
-    let (mut depth, mut at) = (0_usize, 0);
-    while at < text.len() {
-        if text[at..].starts_with("/*") {
-            (depth, at) = (depth + 1, at + 2);
-        } else if text[at..].starts_with("*/") {
-            (depth, at) = (depth - 1, at + 2);
-            if depth == 0 {
-                return at;
-            }
-        } else {
-            at += text[at..].chars().next().map_or(1, char::len_utf8);
-        }
-    }
-    text.len()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::plain;
-
-    #[test]
-    fn comments_and_blanks_mean_nothing() {
-        let text = "fn f() { // a\n    /* b /* c */ d */ return;\t}\n";
-        assert_eq!(plain(text), "fn f() { return; }");
-        assert_eq!(plain("a/**/b"), "a b", "a comment separates");
-        assert_ne!(plain("a - -b"), plain("a --b"));
-        assert_eq!(plain("x /* never closed"), "x");
-        assert_eq!(plain("α\u{a0}/ β // γ"), "α / β", "blanks beyond ASCII, and a quotient");
     }
 }

@@ -8,6 +8,7 @@
 mod bounds;
 mod watched;
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use naga::{
@@ -35,6 +36,23 @@ impl Program {
             });
         }
         count
+    }
+
+    /// The functions that one calls, by their authors' paths.
+    pub(crate) fn calls(&self, path: &str) -> BTreeSet<String> {
+        let (name, functions) = (self.name_of(path), &self.checked.module.functions);
+        let found = functions.iter().find(|(_, one)| one.name.as_deref() == Some(name));
+        let mut called = BTreeSet::new();
+        if let Some((_, function)) = found {
+            walk(&function.body, false, &mut |statement, _, _| {
+                if let Statement::Call { function, .. } = statement
+                    && let Some(name) = &functions[*function].name
+                {
+                    called.insert(self.author_path(name).unwrap_or(name).to_owned());
+                }
+            });
+        }
+        called
     }
 
     /// How many loops there are, in the order in which [`count_rounds`] numbers them.

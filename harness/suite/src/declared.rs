@@ -40,6 +40,7 @@ use std::sync::Arc;
 
 use karat::diagnostic::{Diagnostic, SourceFile, Span, nearest, shown};
 use serde::Deserialize;
+use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Value};
 
 use crate::{Kind, Test};
@@ -156,6 +157,8 @@ pub(crate) struct Assertion {
     pub(crate) what: What,
     /// The folder of the file: tables and images are relative to it.
     pub(crate) folder: PathBuf,
+    /// Where its keys are written.
+    pub(crate) keys: BTreeMap<String, Span>,
 }
 
 impl Frame {
@@ -182,6 +185,12 @@ impl Assertion {
         }
     }
 
+    /// The place of what is wrong: of the key that an error begins with, or of what is asserted.
+    pub(crate) fn place_of(&self, error: &str) -> Option<&Span> {
+        let key = error.split([' ', ':']).next().unwrap_or_default();
+        self.keys.get(key).or_else(|| self.keys.get(self.what.key()))
+    }
+
     /// The tolerance, where one is needed.
     pub(crate) fn tolerance(&self) -> Result<&str, String> {
         let missing = "a tolerance is missing, such as tolerance = \"4 ulp\"; the first time `spec` \
@@ -191,18 +200,27 @@ impl Assertion {
 }
 
 impl What {
+    /// As it is written.
+    fn key(&self) -> &'static str {
+        match self {
+            Self::AgreesWith(_) => "agrees_with",
+            Self::Table(_) => "table",
+            Self::Equals(_) => "equals",
+            Self::Finite => "finite",
+            Self::InRange(_) => "in_range",
+            Self::SymmetricIn(_) => "symmetric_in",
+            Self::Monotone(..) => "monotone",
+            Self::Limit { .. } => "limit",
+            Self::Integral(_) => "integral",
+            Self::NoHazards => "no_hazards",
+        }
+    }
+
     fn name(&self) -> String {
         match self {
-            Self::AgreesWith(_) => "agrees_with".to_owned(),
-            Self::Table(_) => "table".to_owned(),
-            Self::Equals(_) => "equals".to_owned(),
-            Self::Finite => "finite".to_owned(),
-            Self::InRange(_) => "in_range".to_owned(),
-            Self::SymmetricIn(_) => "symmetric_in".to_owned(),
             Self::Monotone(argument, _) => format!("monotone in {argument}"),
             Self::Limit { argument, .. } => format!("limit of {argument}"),
-            Self::Integral(_) => "integral".to_owned(),
-            Self::NoHazards => "no_hazards".to_owned(),
+            other => other.key().to_owned(),
         }
     }
 }
@@ -224,7 +242,9 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, String> {
     let module = module_of(file, root);
     let folder = file.parent().unwrap_or(Path::new(".")).to_owned();
     let mut tests = Vec::new();
+    let mut keys = keys(&source).into_iter();
     for declared in parsed.tests {
+        let keys = keys.next().unwrap_or_default();
         let span = at(declared.span());
         let declared = declared.into_inner();
         let function = match (&*module, declared.function.contains("::")) {
@@ -239,7 +259,8 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, String> {
                 None => format!("{function} {}", what.name()),
             };
             let (test, function) = (declared.clone(), function.clone());
-            let assertion = Assertion { test, function, what, folder: folder.clone() };
+            let (folder, keys) = (folder.clone(), keys.clone());
+            let assertion = Assertion { test, function, what, folder, keys };
             tests.push(Test {
                 name,
                 span: span.clone(),
@@ -256,6 +277,26 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, String> {
         tests.push(Test { name, span, kind: Kind::Frame(Box::new(frame)) });
     }
     Ok(tests)
+}
+
+/// Where the keys of each `[[test]]` are written.
+fn keys(source: &Arc<SourceFile>) -> Vec<BTreeMap<String, Span>> {
+    let Ok(table) = DeTable::parse(&source.text) else { return Vec::new() };
+    let table = table.into_inner();
+    let Some(DeValue::Array(tests)) = table.get("test").map(Spanned::get_ref) else {
+        return Vec::new();
+    };
+    let keys = |test: &Spanned<DeValue<'_>>| match test.get_ref() {
+        DeValue::Table(table) => table
+            .keys()
+            .map(|key| {
+                let span = Span { file: Arc::clone(source), range: key.span() };
+                (key.get_ref().to_string(), span)
+            })
+            .collect(),
+        _ => BTreeMap::new(),
+    };
+    tests.iter().map(keys).collect()
 }
 
 fn own(module: &str, name: &str) -> String {

@@ -89,6 +89,9 @@ fn number(scalar: Scalar, value: &Value) -> Result<Part, String> {
             Ok(Part::listed(vec![scalar], rows.collect::<Result<_, String>>()?))
         }
         Value::String(text) if text == "any" => Ok(Part::any(scalar)),
+        Value::String(text) if Part::named(text).is_some() => {
+            Err(format!("`{text}` is a vec3<f32>, and this is a {}", name(scalar)))
+        }
         Value::String(text) => {
             let Some((least, most)) = text.split_once("..") else {
                 let names = Part::NAMES.into_iter().chain(["any"]);
@@ -270,6 +273,7 @@ mod tests {
             (&float, "\"a..1\"", "`a` is no number"),
             (&float, "true", "no f32"),
             (&float, "\"ani\"", "did you mean `any`?"),
+            (&float, "\"unit_vector\"", "is a vec3<f32>, and this is a f32"),
             (&count, "\"-1..1\"", "no range of u32"),
             (&count, "0.5", "no u32"),
             (&vector, "\"unit_vector\"", "is a vec3<f32>"),

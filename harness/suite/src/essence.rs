@@ -1,5 +1,6 @@
 //! What a test is made of: while that is the same, so is its verdict.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use karat::reflect::Program;
@@ -14,14 +15,12 @@ impl Suite {
     #[must_use]
     pub fn essence(&self, test: &Test) -> Option<String> {
         match &test.kind {
-            Kind::Wgsl(test) => Some(test.essence().to_owned()),
+            Kind::Wgsl(test) => test.essence().map(str::to_owned),
             Kind::Function(assertion) => {
-                let mut text =
-                    Program::of_function(&self.package, &assertion.function).ok()?.essence();
+                let mut text = self.fingerprint(&assertion.function)?.to_owned();
                 match &assertion.what {
                     What::AgreesWith(reference) => {
-                        let name = assertion.of_module(reference);
-                        text += &Program::of_function(&self.package, &name).ok()?.essence();
+                        text += self.fingerprint(&assertion.of_module(reference))?;
                     }
                     What::Table(file) => text += &content(&assertion.folder.join(file))?,
                     _ => {}
@@ -37,6 +36,22 @@ impl Suite {
                 Some(format!("{text} {frame:?} {golden} {files}"))
             }
         }
+    }
+
+    /// What a function of a declared test is made of, with all that it uses.
+    fn fingerprint(&self, function: &str) -> Option<&str> {
+        let all = self.fingerprints.get_or_init(|| {
+            let mut names = BTreeSet::new();
+            for test in &self.tests {
+                let Kind::Function(assertion) = &test.kind else { continue };
+                names.insert(assertion.function.clone());
+                if let What::AgreesWith(reference) = &assertion.what {
+                    names.insert(assertion.of_module(reference));
+                }
+            }
+            self.package.fingerprints(&names)
+        });
+        all.get(function).map(String::as_str)
     }
 }
 

@@ -2,9 +2,11 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use karat::Package;
 use karat::check::WgslTest;
+use karat::diagnostic::{nearest, shown};
 use karat::package::PackageError;
 use karat::reflect::ReflectError;
 
@@ -53,6 +55,12 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     sidecars(folder, &root, &mut files)?;
     for file in files {
+        if !file.to_string_lossy().ends_with(ENDING) {
+            let message =
+                format!("`{}` isn't read: declared tests are in `*{ENDING}`", shown(&file));
+            broken.push(Broken { name: file.display().to_string(), message });
+            continue;
+        }
         match declared::read(&file, &root) {
             Ok(found) => tests.extend(found),
             Err(message) => broken.push(Broken { name: file.display().to_string(), message }),
@@ -67,7 +75,7 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
         }
     }
     let folder = folder.to_owned();
-    Ok(Suite { package, folder, tests, broken })
+    Ok(Suite { package, folder, tests, broken, fingerprints: OnceLock::new() })
 }
 
 /// The tests of each module, looked for on all cores.
@@ -89,6 +97,12 @@ fn in_parallel(package: &Package, modules: &[String]) -> Vec<Result<Vec<WgslTest
     })
 }
 
+/// The module's name in a file's: `brdf` of `brdf.test.toml`, and of `brdf.tests.toml`, whose author meant it.
+fn stem_of(name: &str) -> Option<&str> {
+    let (stem, word) = name.strip_suffix(".toml")?.rsplit_once('.')?;
+    (nearest(word, ["test"]).is_some() || word == "tests").then_some(stem)
+}
+
 /// The files of declared tests in a folder and below, or those of one module.
 fn sidecars(folder: &Path, root: &Path, files: &mut Vec<PathBuf>) -> Result<(), FindError> {
     let failed = |reason| FindError::Folder { folder: folder.to_owned(), reason };
@@ -108,7 +122,7 @@ fn sidecars(folder: &Path, root: &Path, files: &mut Vec<PathBuf>) -> Result<(), 
             {
                 sidecars(&path, root, files)?;
             }
-        } else if let Some(stem) = name.strip_suffix(ENDING) {
+        } else if let Some(stem) = stem_of(&name) {
             let own = root.file_stem().unwrap_or_default().to_string_lossy();
             if !root.is_file() || own == stem {
                 files.push(path);

@@ -25,7 +25,9 @@ mod run;
 mod table;
 mod tolerances;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use karat::Package;
 use karat::check::WgslTest;
@@ -44,6 +46,8 @@ pub struct Suite {
     pub tests: Vec<Test>,
     /// What can't be run: a module, file or test with what is wrong. Each is a failure.
     pub broken: Vec<Broken>,
+    /// What the functions of declared tests are made of.
+    fingerprints: OnceLock<BTreeMap<String, String>>,
 }
 
 /// A test.
@@ -67,6 +71,12 @@ pub(crate) enum Kind {
 }
 
 impl Test {
+    /// The functions that it calls by their names, if it is a function with `@test`: `brdf::schlick`.
+    pub fn calls(&self) -> impl Iterator<Item = &str> {
+        let test = if let Kind::Wgsl(test) = &self.kind { Some(test) } else { None };
+        test.into_iter().flat_map(|test| test.calls())
+    }
+
     /// Whether it draws a frame, which needs a driver.
     #[must_use]
     pub fn is_frame(&self) -> bool {

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-use karat::check::{Agreement, DynamicCheck, Failure, Limit, WgslTest};
+use karat::check::{Agreement, DynamicCheck, Failure, Limit, Probe, WgslTest};
+use karat::diagnostic::Diagnostic;
 use karat::domain::{Dynamic, Part};
 use karat::golden::FrameTolerance;
 use karat::probe::Probed;
@@ -46,22 +47,42 @@ impl Suite {
     fn verdict(&self, test: &Test) -> Result<(), String> {
         let placed = |error: String| format!("error: {error}\n   --> {}", test.span);
         match &test.kind {
-            Kind::Wgsl(test) => wgsl(test).map_err(placed)?.map(drop).map_err(|e| e.to_string()),
-            Kind::Function(assertion) => {
-                let judged = function(&self.package, assertion).map_err(placed)?;
-                judged.map(drop).map_err(|error| error.to_string())
+            Kind::Wgsl(test) => {
+                // What isn't valid WGSL has its own place.
+                let probe = test.probe()?;
+                wgsl(test, probe).map_err(placed)?.map(drop).map_err(|e| e.to_string())
             }
-            Kind::Frame(declared) => frame(&self.package, declared).map_err(placed),
+            Kind::Function(assertion) => {
+                let placed = |error: String| {
+                    let span = assertion.place_of(&error).unwrap_or(&test.span);
+                    Diagnostic::new(error).at(span.clone(), "").to_string()
+                };
+                let judged = function(&self.package, assertion).map_err(placed)?;
+                judged.map(drop).map_err(|error| declared_words(&error.to_string()))
+            }
+            Kind::Frame(declared) => {
+                frame(&self.package, declared).map_err(|error| placed(declared_words(&error)))
+            }
         }
     }
+}
+
+/// A message of a check, which has Rust's words for what its author writes, in those of a file.
+fn declared_words(message: &str) -> String {
+    let message = message.replace("remove `.fails_on(...)`", "remove its `fails_on`");
+    // `.with("name", ...)`
+    let Some((before, rest)) = message.split_once("add `.with(\"") else { return message };
+    let Some((name, after)) = rest.split_once("\", ...)`") else { return message };
+    format!("{before}add `with = {{ {name} = ... }}`{after}")
 }
 
 /// What a check concluded, or why it could not begin.
 type Judged = Result<Result<Agreement, Failure>, String>;
 
-fn wgsl(test: &WgslTest) -> Judged {
+fn wgsl(test: &WgslTest, probe: Probe<'_>) -> Judged {
     let mut all = Vec::new();
-    for (index, (name, shape)) in test.parameters.iter().enumerate() {
+    let parameters = test.parameters()?;
+    for (index, (name, shape)) in parameters.iter().enumerate() {
         let said = test.over.get(index).and_then(Option::as_ref);
         all.push(match said {
             Some((words, place)) => {
@@ -70,8 +91,7 @@ fn wgsl(test: &WgslTest) -> Judged {
             None => parts(name, shape, None)?,
         });
     }
-    let shapes = test.parameters.iter().map(|(_, shape)| shape.clone()).collect();
-    let check = test.probe().over_dynamic(Dynamic::new(shapes, all));
+    let check = probe.over_dynamic(Dynamic::new(parameters, all));
     Ok(check.cases(test.cases.unwrap_or(CASES)).expects())
 }
 
@@ -79,7 +99,7 @@ fn wgsl(test: &WgslTest) -> Judged {
 const CASES: u64 = 4096;
 
 fn function(package: &Package, assertion: &Assertion) -> Judged {
-    let Assertion { test, function, what, folder } = assertion;
+    let Assertion { test, function, what, folder, .. } = assertion;
     let probed = match Probed::new(package, function) {
         Ok(probed) => probed,
         Err(error) => return Ok(Err(error.into())),
@@ -99,7 +119,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
     let domain = |count: usize| -> Result<Dynamic, String> {
         let own = parameters.iter().take(count);
         let parts = own.map(|(name, shape)| parts(name, shape, test.over.get(name)));
-        Ok(Dynamic::new(shapes[..count].to_vec(), parts.collect::<Result<_, _>>()?))
+        Ok(Dynamic::new(&parameters[..count], parts.collect::<Result<_, _>>()?))
     };
     let all = shapes.len();
     match what {
@@ -123,7 +143,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
                     return Err("a function without arguments has no table: `equals`".to_owned());
                 }
             }
-            let check = settled(probe.over_dynamic(Dynamic::new(shapes.clone(), parts)), test)?;
+            let check = settled(probe.over_dynamic(Dynamic::new(&parameters, parts)), test)?;
             let expect = |words: &[u32], lanes: &mut Vec<f64>| match table.expected.get(words) {
                 Some(expected) => lanes.extend(expected),
                 // A subnormal argument that is flushed, or a simpler one, has no row.
@@ -138,6 +158,9 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
             Ok(settled(probe.over_dynamic(domain(all)?), test)?.agrees_with(&expect, criterion))
         }
         What::Finite => {
+            if !result.lanes().iter().any(|lane| lane.is_float()) {
+                return Err(format!("`finite` holds for every {result}, so it can't fail"));
+            }
             Ok(settled(probe.over_dynamic(domain(all)?), test)?
                 .satisfies("is finite", &|_, _| true))
         }
@@ -146,6 +169,9 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
                 return Err(format!("in_range = [{least}, {most}] has no value"));
             }
             let scalars = result.lanes();
+            if scalars.iter().all(|lane| *lane == Scalar::Bool) {
+                return Err(format!("`in_range` is for numbers, and the result is a {result}"));
+            }
             let statement = format!("lies in {least}..={most}");
             let holds = |_: &[u32], words: &[u32]| {
                 let mut lanes = scalars.iter().zip(words);

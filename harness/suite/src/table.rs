@@ -38,6 +38,13 @@ pub(crate) fn read(
         let error = no_such("column", unknown, wanted().collect::<Vec<_>>());
         return Err(format!("`{name}`: the function has no such argument or result: {error}"));
     }
+    if let Some((_, twice)) = head
+        .iter()
+        .enumerate()
+        .find(|(at, column)| head.iter().take(*at).any(|earlier| earlier == *column))
+    {
+        return Err(format!("`{name}` has two columns `{twice}`: one of them would be ignored"));
+    }
     let place = |(column, scalar): &(String, Scalar)| {
         let place = head.iter().position(|known| known == column);
         let missing = || format!("`{name}`: the column `{column}` is missing");
@@ -144,6 +151,7 @@ mod tests {
             ("a,v.x,v.y,result\n1,2,3,nan\n", "no finite number"),
             ("a,v.x,v.y,result\n1,2,3,4\n1,2,3,5\n", "line 3: the same arguments"),
             ("a,v.x,v.y,result\n1,2,3\n", "CSV error"),
+            ("a,v.x,v.y,result,result\n1,2,3,4,5\n", "two columns `result`"),
         ] {
             let error = of(text).expect_err(text);
             assert!(error.contains(part), "{text}: {error}");

@@ -1,7 +1,8 @@
 //! Programs that commands run. They end in the same way whether or not anybody reads their output.
 
 use std::io::{BufRead, BufReader, IsTerminal, Read, Write};
-use std::process::{Command, ExitStatus, Stdio};
+use std::process::{ChildStderr, Command, ExitStatus, Stdio};
+use std::thread::JoinHandle;
 
 use anyhow::Context;
 use karat::output::{Output, with_colours};
@@ -42,6 +43,27 @@ pub(super) fn run(
         stdout.map_or(Ok(()), |stdout| lines(stdout, &mut line))
     })?;
     child.wait().with_context(|| format!("`{name}` vanished"))
+}
+
+/// What a program writes to standard error, which is read beside its output.
+pub(super) struct LastWords(JoinHandle<Vec<u8>>);
+
+impl LastWords {
+    pub(super) fn of(mut stderr: ChildStderr) -> Self {
+        Self(std::thread::spawn(move || {
+            let mut text = Vec::new();
+            drop(stderr.read_to_end(&mut text));
+            text
+        }))
+    }
+
+    /// All of them, once the program has ended, without what Mesa says of its environment.
+    pub(super) fn heard(self) -> String {
+        let text = self.0.join().unwrap_or_default();
+        let text = String::from_utf8_lossy(&text);
+        let lines = text.lines().filter(|line| !line.contains("XDG_RUNTIME_DIR"));
+        lines.collect::<Vec<_>>().join("\n").trim().to_owned()
+    }
 }
 
 /// Lines of any bytes.

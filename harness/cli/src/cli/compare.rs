@@ -104,7 +104,7 @@ fn at_revision(revision: &str, root: &Path, folder: &Path) -> anyhow::Result<Pac
 }
 
 fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
-    let (mut changed, mut same, mut quiet) = (0, 0, 0);
+    let (mut changed, mut unjudged, mut same, mut quiet) = (0, 0, 0, 0);
     for Compared { function, location, change } in all {
         match change {
             Change::Untouched => {
@@ -113,12 +113,11 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
                     writeln!(out, "{DIM}untouched  {function}{DIM:#}")?;
                 }
             }
-            Change::Same { cases } => {
+            Change::Same { cases, domain } => {
                 same += 1;
-                writeln!(
-                    out,
-                    "{GOOD}same{GOOD:#}       {function}  {DIM}{cases} inputs  {location}{DIM:#}"
-                )?;
+                writeln!(out, "{GOOD}same{GOOD:#}       {function}  {DIM}{location}{DIM:#}")?;
+                let over = if domain.is_empty() { String::new() } else { format!(": {domain}") };
+                writeln!(out, "    {DIM}{cases} inputs{over}{DIM:#}")?;
             }
             Change::Changed { paths } => {
                 changed += 1;
@@ -138,17 +137,18 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
                 writeln!(out, "{KNOWN}{word}{KNOWN:#}  {function}")?;
             }
             Change::Unjudged { reason } => {
-                changed += 1;
+                unjudged += 1;
                 writeln!(out, "{KNOWN}unjudged{KNOWN:#}   {function}  {DIM}{reason}{DIM:#}")?;
             }
             other => writeln!(out, "{function}: {other:?}")?,
         }
     }
-    let style = if changed == 0 { GOOD } else { BAD };
-    writeln!(
-        out,
-        "{style}{changed} changed{style:#}, {same} edited with the same results, {quiet} untouched"
-    )?;
+    let style = if changed + unjudged == 0 { GOOD } else { BAD };
+    write!(out, "{style}{changed} changed{style:#}, ")?;
+    if unjudged > 0 {
+        write!(out, "{unjudged} edited and not judged, ")?;
+    }
+    writeln!(out, "{same} edited with the same results, {quiet} untouched")?;
     Ok(())
 }
 

@@ -11,7 +11,7 @@ use karat::probe::Probed;
 
 use super::list::callable;
 use super::table::{DIM, GOOD, HEAD};
-use super::{Ending, Outcome};
+use super::{Ending, Outcome, check};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -42,6 +42,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     };
     ensure!(folder.is_dir(), "there is no folder `{}`", folder.display());
     let package = Package::open(&folder)?;
+    let mut invalid = Vec::new();
+    let valid = check::validate(std::slice::from_ref(&package), false, &mut invalid)?;
+    out.write_all(&invalid)?;
+    ensure!(valid, "mend these modules first: a test of them can't pass");
     let items = callable(&package)?;
     ensure!(
         !items.is_empty(),

@@ -99,7 +99,11 @@ impl Project {
         let folders = match (&args.package, &self.settings.packages) {
             (Some(folder), _) => vec![folder.clone()],
             (None, Some(folders)) => folders.iter().map(|folder| self.root.join(folder)).collect(),
-            (None, None) => vec![self.root.join("shaders")],
+            (None, None) => {
+                let shaders = self.root.join("shaders");
+                // A folder of shaders in which there is no Cargo project.
+                vec![if self.cargo || shaders.exists() { shaders } else { self.root.clone() }]
+            }
         };
         let open = |folder: &PathBuf| {
             Package::open(folder).context("name the shader folder with --package DIR")

@@ -13,9 +13,12 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use karat::Package;
 use karat::image::write_whole;
 use karat::output::visible;
+use karat::package::FunctionItem;
 use karat::record::{PathRecord, Record, Recorded, Run, SCHEMA, Subject};
+use karat_suite::{Suite, Test};
 
 use super::list::callable;
 use super::project::Project;
@@ -46,7 +49,7 @@ pub(super) struct OutputArgs {
 pub(super) struct Args {
     #[command(flatten)]
     output: OutputArgs,
-    /// Folder of records [default: that of the last run]
+    /// Folder of records, or a project, of which the last run is taken [default: the project here]
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
     /// Folders of records of parts of one run, such as `cargo nextest run --partition` makes; may be
@@ -57,12 +60,18 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
-    let recorded = |folder: &Path| match Recorded::read(folder)? {
-        Some(recorded) => Ok(recorded),
-        None => {
+    // A folder of records, or a project that has one.
+    let of_project =
+        |folder: &Path| anyhow::Ok(Recorded::read(&Project::around(folder)?.record())?);
+    let recorded = |folder: &Path| {
+        let found = match Recorded::read(folder)? {
+            None if folder.is_dir() => of_project(&folder.canonicalize()?)?,
+            found => found,
+        };
+        found.ok_or_else(|| {
             let why = format!("there is no record of a run (`{}`)", folder.display());
-            Err(anyhow::Error::from(NotThere(why)))
-        }
+            anyhow::Error::from(NotThere(why))
+        })
     };
     let folder = args.record.clone().unwrap_or_else(|| project.record());
     let Recorded { folder, records, run } = match args.merge.as_slice() {
@@ -77,7 +86,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         }
     };
     args.output.spare(&folder)?;
-    args.output.clear()?;
     tables::expect_some(&records, None)?;
     let failed = tables::write(&records, out)?;
     // Of a run that didn't end nobody knows.
@@ -97,8 +105,10 @@ pub(super) fn write_page(
     page: &Path,
 ) -> anyhow::Result<()> {
     let records = merge::side_by_side(records);
-    let untested = untested(&records, project)?;
-    let text = html::page(&records, None, Some(&untested), None);
+    let untested = names(untested(&records, &project.packages_if_any(&PackageArgs::default())?)?);
+    let passed = !records.iter().any(tables::is_failure);
+    let run = Run { schema: SCHEMA, selected: Vec::new(), passed };
+    let text = html::page(&records, Some(&run), Some(&untested), None);
     let folder = page.parent().unwrap_or(page);
     std::fs::create_dir_all(folder)
         .and_then(|()| write_whole(page, visible(&text).as_bytes()))
@@ -106,8 +116,14 @@ pub(super) fn write_page(
 }
 
 impl OutputArgs {
-    /// Refuses a report that is a file of the record.
-    fn spare(&self, record: &Path) -> anyhow::Result<()> {
+    /// Refuses a report that is a file of the record, and two reports in one file.
+    pub(super) fn spare(&self, record: &Path) -> anyhow::Result<()> {
+        let whole = |file| std::path::absolute(file).unwrap_or_else(|_| PathBuf::from(file));
+        let files: Vec<PathBuf> = self.files().map(whole).collect();
+        let twice = files.iter().enumerate().find(|(at, file)| files[..*at].contains(file));
+        if let Some((_, file)) = twice {
+            anyhow::bail!("two reports can't both be `{}`: name two files", file.display());
+        }
         let entries = std::fs::read_dir(record).into_iter().flatten().flatten();
         let record: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
         self.files().try_for_each(|file| {
@@ -159,7 +175,13 @@ impl OutputArgs {
         if let Some(file) = &self.html {
             // What was left out on purpose isn't untested.
             let whole = run.is_some_and(|run| run.selected.is_empty());
-            let untested = whole.then(|| untested(records, project)).transpose()?;
+            let untested = match whole {
+                true => {
+                    let packages = project.packages_if_any(&PackageArgs::default())?;
+                    Some(names(untested(records, &packages)?))
+                }
+                false => None,
+            };
             write(file, &html::page(records, run, untested.as_deref(), self.review.as_deref()))?;
         }
         let on_github = std::env::var_os("GITHUB_ACTIONS").is_some_and(|value| value == "true");
@@ -170,8 +192,11 @@ impl OutputArgs {
     }
 }
 
-/// Functions of the project that no check is about.
-fn untested(records: &[Record], project: &Project) -> anyhow::Result<Vec<String>> {
+/// Functions that no check is about, and that no test in WGSL calls.
+pub(super) fn untested(
+    records: &[Record],
+    packages: &[Package],
+) -> anyhow::Result<Vec<FunctionItem>> {
     let tested: BTreeSet<&str> = records
         .iter()
         .filter_map(|record| match &record.subject {
@@ -179,12 +204,22 @@ fn untested(records: &[Record], project: &Project) -> anyhow::Result<Vec<String>
             Subject::Frame { .. } => None,
         })
         .collect();
-    let mut names = Vec::new();
-    for package in project.packages_if_any(&PackageArgs::default())? {
-        let items = callable(&package)?.into_iter().map(|item| item.name);
-        names.extend(items.filter(|name| !tested.contains(name.as_str())));
+    let mut all = Vec::new();
+    for package in packages {
+        let items = callable(package)?;
+        // A module that can't be read has been told.
+        let suite = Suite::of(package.clone()).ok();
+        let tests = suite.iter().flat_map(|suite| &suite.tests);
+        let ran = tests.filter(|test| tested.contains(test.name.as_str()));
+        let called: BTreeSet<&str> = ran.flat_map(Test::calls).collect();
+        let items = items.into_iter().filter(|item| !called.contains(item.name.as_str()));
+        all.extend(items.filter(|item| !tested.contains(item.name.as_str())));
     }
-    Ok(names)
+    Ok(all)
+}
+
+fn names(items: Vec<FunctionItem>) -> Vec<String> {
+    items.into_iter().map(|item| item.name).collect()
 }
 
 /// What a record is about, in words: `fresnel::schlick agrees_with`, `frame scene`.
@@ -212,10 +247,10 @@ fn message(record: &Record) -> Option<String> {
     Some(reordered().unwrap_or_else(|| message.to_owned()))
 }
 
-/// The command that replays a failure, as the message has it.
-fn replay(record: &Record) -> Option<&str> {
-    let message = record.message.as_deref()?;
-    message.lines().find_map(|line| line.trim_start().strip_prefix("replay: "))
+/// The commands that replay a failure, as the message has them: of the worst case first.
+fn replays(record: &Record) -> Vec<&str> {
+    let lines = record.message.as_deref().unwrap_or_default().lines();
+    lines.filter_map(|line| line.trim_start().strip_prefix("replay: ")).collect()
 }
 
 /// Where the failure belongs, relative to the project.

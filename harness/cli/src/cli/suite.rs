@@ -43,7 +43,7 @@ pub(super) struct Args {
 /// Who runs the tests of a suite: how one is run again, and where it remembers.
 pub(super) fn host(suite: &Suite, folder: &std::path::Path) -> Host {
     Host {
-        replay: format!("karat test {} --exact", folder.display()),
+        replay: format!("karat test {} --exact", karat::diagnostic::shown(folder)),
         folder: suite.folder.clone(),
         target: "suite".to_owned(),
     }

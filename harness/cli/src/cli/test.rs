@@ -1,6 +1,5 @@
 //! `karat test`: runs the tests and prints what their records hold.
 
-use std::collections::BTreeSet;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -8,14 +7,14 @@ use std::process::Command;
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::Package;
-use karat::record::{self, Record, Run, Running, Subject};
+use karat::diagnostic::nearest;
+use karat::record::{self, Record, Run, Running};
 use karat_suite::Suite;
 
-use super::list::callable;
 use super::project::Project;
-use super::report::{OutputArgs, tables};
+use super::report::{OutputArgs, tables, untested};
 use super::table::{DIM, HEAD, KNOWN};
-use super::{Ending, Outcome, PackageArgs, check, child};
+use super::{Ending, NotThere, Outcome, PackageArgs, check, child};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -60,6 +59,7 @@ struct Asked<'a> {
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let asked = Asked::of(args)?;
     let project = asked.project()?;
+    args.output.spare(&project.record())?;
     args.output.clear()?;
     // The record of the last run stays until there is another one.
     let running = Running::begin(&project.record()).context("can't keep a record")?;
@@ -76,10 +76,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         ran = true;
     }
     passed &= suites_passed;
-    anyhow::ensure!(
-        ran,
-        "there are no tests: no function with `@test`, no `*.test.toml`, and no Cargo project"
-    );
+    if !ran {
+        // What looked like a test may be no valid WGSL: `@tset`.
+        let mut invalid = Vec::new();
+        check::validate(&packages, false, &mut invalid)?;
+        out.write_all(&invalid)?;
+        return Err(asked.nothing(&packages).into());
+    }
     let records = record::read(running.folder())?;
     // What can't run records nothing, and has been told.
     if suites_passed || !records.is_empty() {
@@ -166,6 +169,27 @@ impl<'a> Asked<'a> {
             }
         }
         Ok(folders)
+    }
+
+    /// That there is no test to run, and what was perhaps meant.
+    fn nothing(&self, packages: &[Package]) -> NotThere {
+        let Some(filter) = self.filter else {
+            let none = "there are no tests: no function with `@test`, no `*.test.toml`, and no Cargo project";
+            return NotThere(none.to_owned());
+        };
+        let suites = packages.iter().filter_map(|package| Suite::of(package.clone()).ok());
+        let names: Vec<String> =
+            suites.flat_map(|suite| suite.tests).map(|test| test.name).collect();
+        let near = nearest(filter, names.iter().map(String::as_str));
+        let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+        let is_so = if self.args.exact { "is called" } else { "has a name with" };
+        NotThere(match (names.len(), self.folder.is_some()) {
+            (0, true) => {
+                "there are no tests: no function with `@test`, and no `*.test.toml`".to_owned()
+            }
+            (0, false) => format!("there is no folder or file `{filter}`, and there are no tests"),
+            (count, _) => format!("none of {count} tests {is_so} `{filter}`{near}"),
+        })
     }
 
     /// What chooses among the tests, as it was typed.
@@ -275,18 +299,7 @@ fn write_untested(
     packages: &[Package],
     out: &mut dyn Write,
 ) -> anyhow::Result<()> {
-    let tested: BTreeSet<&str> = records
-        .iter()
-        .filter_map(|record| match &record.subject {
-            Subject::Function { function, .. } => Some(function.as_str()),
-            Subject::Frame { .. } => None,
-        })
-        .collect();
-    let mut untested = Vec::new();
-    for package in packages {
-        let items = callable(package)?;
-        untested.extend(items.into_iter().filter(|item| !tested.contains(item.name.as_str())));
-    }
+    let untested = untested(records, packages)?;
     if untested.is_empty() {
         return Ok(());
     }

@@ -68,7 +68,7 @@ impl Source {
         if !folder.join("Cargo.toml").is_file() {
             return Ok(vec![Self::Shaders(folder.to_owned())]);
         }
-        let project = Project::around(&folder.canonicalize()?)?;
+        let project = Project::around(folder)?;
         let packages = project.packages_if_any(&PackageArgs::default())?;
         let mut all = vec![Self::Cargo(project.root().to_owned())];
         for package in packages {
@@ -91,6 +91,8 @@ pub(super) enum Event {
     Key(KeyEvent),
     /// The terminal has another size.
     Resized,
+    /// Nobody reads what is printed any more.
+    Unread,
 }
 
 /// What is being typed.
@@ -164,9 +166,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let folder = args.folder.clone().unwrap_or_else(|| PathBuf::from("."));
     anyhow::ensure!(folder.exists(), "there is no folder or file `{}`", folder.display());
     let names = karat::path::named("--paths", &args.paths)?;
-    let sources = Source::all(&folder)?;
+    // Where it is now: the working directory may be moved, and another folder take its place.
+    let whole = folder.canonicalize()?;
+    let sources = Source::all(&whole)?;
     let (sender, events) = channel();
-    let watching = files::watch(&folder, sender.clone())?;
+    let watching = files::watch(&whole, sender.clone())?;
     let records = tempfile::tempdir().context("records can't be kept")?;
     let mut lanes = Vec::new();
     for path in &names {
@@ -174,12 +178,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             let of = match source {
                 _ if sources.len() == 1 => String::new(),
                 Source::Cargo(_) => " (Rust)".to_owned(),
-                Source::Shaders(shaders) => format!(" ({})", shown(shaders, &folder)),
+                Source::Shaders(shaders) => format!(" ({})", shown(shaders, &whole)),
             };
             let lane = Lane::new(lanes.len(), &of, &path.to_string(), source, records.path());
             lanes.push(lane);
         }
     }
+    tell_when_unread(sender.clone());
     let is_terminal = std::io::stdout().is_terminal() && std::io::stdin().is_terminal();
     let screen = match args.lines || args.once || !is_terminal {
         true => Screen::lines(),
@@ -189,11 +194,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         }
     };
     let filter = args.filter.clone().unwrap_or_default();
-    let whole = folder.canonicalize()?;
     let around = if whole.is_file() { whole.parent().unwrap_or(&whole) } else { &whole };
     let mut watch = Watch {
         project: Project::around(around)?,
-        folder,
+        folder: whole,
         filter,
         typing: None,
         notice: None,
@@ -248,6 +252,7 @@ impl Watch {
                     }
                 }
                 Event::Resized => {}
+                Event::Unread => return Ok(Ending::Good),
             }
             self.screen.draw(&self.view(), out)?;
             if once && self.lanes.iter().all(|lane| !lane.verdicts.busy) {
@@ -455,10 +460,31 @@ impl Lane {
 
 /// A file as seen from the folder that is watched.
 fn shown(file: &Path, folder: &Path) -> String {
-    let whole = folder.canonicalize();
-    let below = whole.ok().and_then(|folder| Some(file.strip_prefix(folder).ok()?.to_owned()));
-    below.as_deref().unwrap_or(file).display().to_string()
+    match file.strip_prefix(folder) {
+        Ok(below) if below == Path::new("") => ".".to_owned(),
+        Ok(below) => below.display().to_string(),
+        Err(_) => file.display().to_string(),
+    }
 }
+
+/// Tells when whoever reads the output has gone: nothing may be written for hours, and no error would say so.
+#[cfg(unix)]
+fn tell_when_unread(sender: Sender<Event>) {
+    use rustix::event::{PollFd, PollFlags, poll};
+    std::thread::spawn(move || {
+        let stdout = std::io::stdout();
+        // Nothing is asked for, so that only errors and the end are told.
+        let mut watched = [PollFd::new(&stdout, PollFlags::empty())];
+        while let Err(rustix::io::Errno::INTR) = poll(&mut watched, None) {}
+        if watched[0].revents().intersects(PollFlags::ERR | PollFlags::HUP) {
+            drop(sender.send(Event::Unread));
+        }
+    });
+}
+
+/// An error of the next line says so.
+#[cfg(not(unix))]
+fn tell_when_unread(_: Sender<Event>) {}
 
 /// Tells of keys, as long as somebody listens.
 fn keys(sender: Sender<Event>) {

@@ -45,6 +45,34 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
         (&found[0]["change"], &found[0]["paths"][0]["after"]),
         (&"changed".into(), &"3".into())
     );
+    // In a folder of shaders without Cargo, nothing needs to be named; and what can't be called is told.
+    let alone = tempfile::tempdir().expect("a temporary folder");
+    let draws = "@fragment fn fs() -> @location(0) vec4f { return vec4f(1.0); }\n";
+    write(
+        alone.path(),
+        "calc.wgsl",
+        &format!("fn half(x: f32) -> f32 {{ return 0.5 * x; }}\n{draws}"),
+    );
+    git(alone.path(), &["init", "-q"]);
+    git(alone.path(), &["add", "."]);
+    git(alone.path(), &["commit", "-qm", "one"]);
+    let same = karat(alone.path(), &["compare", "HEAD"]).good();
+    assert!(same.contains("0 changed, 0 edited with the same results, 2 untouched"), "{same}");
+    let edited = draws.replace("1.0", "0.5");
+    write(
+        alone.path(),
+        "calc.wgsl",
+        &format!("fn half(x: f32) -> f32 {{ return x * 0.5; }}\n{edited}"),
+    );
+    let ran = karat(alone.path(), &["compare", "HEAD"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    for part in [
+        "4096 inputs: x from -1048576 to 1048576, half of them from -4 to 4",
+        "unjudged   calc::fs  it was edited, and ",
+        "0 changed, 1 edited and not judged, 1 edited with the same results, 0 untouched",
+    ] {
+        assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
+    }
     for (wrong, part) in [
         (&["nowhere"][..], "neither a folder nor a revision"),
         (&["--upload-pack=x"], "unexpected argument"),

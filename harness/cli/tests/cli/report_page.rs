@@ -68,6 +68,36 @@ fn the_page_shows_what_fails_with_its_plots() {
     assert_eq!(json["run"]["passed"], true);
 }
 
+#[test]
+fn reports_spare_what_is_there() {
+    let lines = [check("calc::half", "a", "pass"), check("calc::half", "a", "pass")];
+    let (project, folders) = recorded(&[&lines]);
+    let folder = folders[0].to_str().expect("UTF-8");
+    let report = |more: &[&str]| {
+        output(&mut command(project.path(), &[&["report", "--record", folder], more].concat()))
+    };
+    let twice = report(&["--html", "r", "--json", "./r"]);
+    assert!(twice.code == Some(2) && twice.err.contains("two reports can't both be"), "{twice:?}");
+    // No two rows have one name.
+    assert_eq!(report(&["--html", "r.html"]).code, Some(0));
+    let page = std::fs::read_to_string(project.path().join("r.html")).expect("written");
+    let ids: Vec<&str> =
+        page.split(" id=\"").skip(1).filter_map(|id| id.split('"').next()).collect();
+    let mut distinct = ids.clone();
+    distinct.sort_unstable();
+    distinct.dedup();
+    assert_eq!(ids.len(), distinct.len(), "{ids:?}");
+    assert!(page.contains("calc::half-agrees_with-a-2"), "{ids:?}");
+    // A record whose run didn't end says what to do.
+    std::fs::remove_file(folders[0].join("run.json")).expect("removed");
+    assert_eq!(report(&["--html", "r.html"]).code, Some(1));
+    let page = std::fs::read_to_string(project.path().join("r.html")).expect("written");
+    assert!(page.contains(">not ended</h1>") && page.contains("Run the tests again"), "{page}");
+    // What can't be written leaves the page that was there.
+    let blocked = report(&["--html", "r.html", "--json", "r.html/x.json"]);
+    assert!(blocked.code != Some(0) && project.path().join("r.html").is_file(), "{blocked:?}");
+}
+
 /// What shards of a run give is what the whole run gives, to the byte.
 #[test]
 fn merged_parts_are_the_whole() {

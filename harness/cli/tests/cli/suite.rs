@@ -62,12 +62,18 @@ fn a_folder_of_shaders_is_tested_without_cargo() {
         assert!(ran.contains(part), "no `{part}` in {ran}");
     }
     assert!(folder.path().join("junit.xml").is_file());
+    // What a test in WGSL calls is tested.
+    let untested = ran.split("no test of their own").nth(1).unwrap_or_default();
+    assert!(untested.contains("brdf::by_pow") && !untested.contains("brdf::blend"), "{ran}");
     // The project of a folder without Cargo is the folder.
     let here = karat(folder.path(), &["test", "--paths", "cpu"]).good();
     assert!(here.contains("10 checks"), "{here}");
     let some = cpu(folder.path(), &["grazing"]).good();
     assert!(some.contains("1 checks"), "{some}");
-    assert!(cpu(folder.path(), &["nothing"]).error().contains("no tests"));
+    let error = cpu(folder.path(), &["brdf_test::grasing"]).error();
+    let meant =
+        "none of 10 tests has a name with `brdf_test::grasing`; did you mean `brdf_test::grazing`?";
+    assert!(error.contains(meant), "{error}");
     let one = karat(folder.path(), &["test", "brdf.wgsl", "--paths", "cpu"]).good();
     assert!(one.contains("8 checks"), "{one}");
     assert!(karat(folder.path(), &["test", "./nowhere"]).error().contains("no folder or file"));
@@ -195,6 +201,40 @@ fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
         ),
         (
             "brdf.test.toml",
+            "[[test]]\nfunction = \"schlick\"\nfinite = true\nover = { f1 = 1 }\n",
+            "brdf.test.toml:4:1",
+        ),
+        (
+            "brdf.test.toml",
+            "[[test]]\nfunction = \"is_odd\"\nfinite = true\n",
+            "holds for every bool",
+        ),
+        (
+            "brdf.test.toml",
+            "[[test]]\nfunction = \"is_odd\"\nin_range = [0, 1]\n",
+            "`in_range` is for numbers",
+        ),
+        (
+            "brdf.test.toml",
+            "[[test]]\nfunction = \"gain\"\nfinite = true\n",
+            "add `with = { params = ... }`",
+        ),
+        ("brdf.tests.toml", "[[test]]\n", "declared tests are in `*.test.toml`"),
+        ("t.wgsl", "@tset fn t() {}\n", "tset"),
+        (
+            "t.wgsl",
+            "import karat::expect_in_range_vec3;\n\
+             @test fn t() { expect_in_range_vec3(vec3f(0.0, 1.0, 1.5), 0.0, 1.0); }\n",
+            "saw (0, 1, 1.5), expected 0 to 1",
+        ),
+        (
+            "t.wgsl",
+            "import karat::expect_near;\n@test fn t(x: f32, n: vec3f, seed: u32) {\n    \
+             expect_near(x, 0.0, 100.0);\n}\n",
+            "arguments: x from -1048576 to 1048576, half of them from -4 to 4; n a unit vector; seed any",
+        ),
+        (
+            "brdf.test.toml",
             "[[test]]\nfunction = \"schlick\"\nfinit = true\n",
             "brdf.test.toml:3:1",
         ),
@@ -206,7 +246,10 @@ fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
         ("brdf.test.toml", "", "declares no test"),
     ] {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        write(folder.path(), "brdf.wgsl", BRDF);
+        let more = "fn is_odd(x: u32) -> bool { return (x & 1u) == 1u; }\n\
+                    @group(0) @binding(0) var<uniform> params: vec4f;\n\
+                    fn gain(x: f32) -> f32 { return params.x * x; }\n";
+        write(folder.path(), "brdf.wgsl", &format!("{BRDF}{more}"));
         write(folder.path(), file, text);
         let ran = cpu(folder.path(), &[]);
         assert!(ran.code == Some(1) || ran.code == Some(2), "{text}: {ran:?}");
@@ -218,6 +261,27 @@ fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
     let nothing = tempfile::tempdir().expect("a temporary folder");
     write(nothing.path(), "brdf.wgsl", BRDF);
     assert!(cpu(nothing.path(), &[]).error().contains("there are no tests"));
+}
+
+/// Values exactly at their bounds hold, however many there are; cases that evaluate nothing aren't counted.
+#[test]
+fn what_lies_at_its_bound_holds_and_idle_cases_are_none() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "brdf.wgsl", BRDF);
+    let text = "import karat::{expect_near, expect_true};\n\
+        @test fn at_the_bound() {\n    \
+        for (var i = 0u; i < 3u; i++) { expect_near(f32(i) + 0.5, f32(i), 0.5); }\n}\n\
+        @test fn close_to_it() {\n    \
+        for (var i = 0u; i < 256u; i++) { expect_near(f32(i) + 0.49999, f32(i), 0.5); }\n}\n\
+        @test @cases(1000) fn seldom(@over(0, 999) x: u32) {\n    \
+        if x == 7u { expect_true(true); }\n}\n";
+    write(folder.path(), "t.wgsl", text);
+    let ran = cpu(folder.path(), &["--json", "all.json"]).good();
+    let json = std::fs::read_to_string(folder.path().join("all.json")).expect("written");
+    let all: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+    let records = all["records"].as_array().expect("records");
+    let seldom = records.iter().find(|r| r["subject"]["function"] == "t::seldom").expect("it ran");
+    assert_eq!(seldom["paths"][0]["cases"], 1, "{ran}");
 }
 
 /// A test is no part of the shader that others import or validate.

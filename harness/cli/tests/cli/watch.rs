@@ -28,8 +28,13 @@ impl Watching {
         let shaders = folder.path().join("shaders");
         write(&shaders, "calc.wgsl", SHADER);
         write(&shaders, "calc_test.wgsl", TESTS);
-        let mut command =
-            command(folder.path(), &["watch", "shaders", "--paths", "cpu", "--lines"]);
+        Self::at(folder, ".", &["shaders"])
+    }
+
+    /// Watches from a folder of the project.
+    fn at(folder: TempDir, here: &str, arguments: &[&str]) -> Self {
+        let arguments = [&["watch"], arguments, &["--paths", "cpu", "--lines"]].concat();
+        let mut command = command(&folder.path().join(here), &arguments);
         command.env("KARAT_DEADLINE", "1").stdin(Stdio::null()).stdout(Stdio::piped());
         let mut child = command.spawn().expect("it starts");
         let out = child.stdout.take().expect("it is piped");
@@ -117,6 +122,88 @@ fn verdicts_follow_edits() {
     watch.until("cpu: 2 tests pass");
     watch.edit("calc.wgsl", &SHADER.replace("0.5", "0.75"));
     watch.until("cpu: 1 of 2 tests fail");
+}
+
+#[test]
+fn another_folder_in_the_place_of_the_working_directory_is_watched() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let shaders = folder.path().join("shaders");
+    write(&shaders, "calc.wgsl", SHADER);
+    write(&shaders, "calc_test.wgsl", TESTS);
+    let watch = Watching::at(folder, "shaders", &["."]);
+    watch.until("cpu: 2 tests pass; 2 ran");
+    // As `git checkout` of another branch may: there is no moment without a folder.
+    let other = watch.folder.path().join("other");
+    write(&other, "calc.wgsl", &SHADER.replace("0.5", "0.25"));
+    write(&other, "calc_test.wgsl", TESTS);
+    std::fs::rename(&shaders, watch.folder.path().join("away")).expect("renamed");
+    std::fs::rename(&other, &shaders).expect("renamed");
+    watch.until("cpu: 1 of 2 tests fail");
+    watch.edit("calc.wgsl", SHADER);
+    watch.until("cpu: 2 tests pass");
+}
+
+#[cfg(unix)]
+#[test]
+fn it_ends_when_nobody_reads_it() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(
+        &folder.path().join("shaders"),
+        "calc_test.wgsl",
+        "import karat::expect_true;\n@test fn t() { expect_true(true); }\n",
+    );
+    let mut command = command(folder.path(), &["watch", "shaders", "--paths", "cpu", "--lines"]);
+    command.stdin(Stdio::null()).stdout(Stdio::piped());
+    let mut child = command.spawn().expect("it starts");
+    let mut out = BufReader::new(child.stdout.take().expect("it is piped"));
+    out.read_line(&mut String::new()).expect("its first line");
+    drop(out);
+    let began = Instant::now();
+    while began.elapsed() < PATIENCE {
+        if let Some(status) = child.try_wait().expect("it can be asked") {
+            assert!(status.success(), "{status}");
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    drop(child.kill());
+    panic!("it lives on");
+}
+
+/// Processes whose command line names a folder.
+#[cfg(target_os = "linux")]
+fn processes_of(folder: &FilePath) -> usize {
+    let all = std::fs::read_dir("/proc").expect("processes");
+    let lines = all.filter_map(|entry| std::fs::read(entry.ok()?.path().join("cmdline")).ok());
+    let name = folder.to_string_lossy().into_owned();
+    lines.filter(|line| String::from_utf8_lossy(line).contains(&name)).count()
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_killed_watch_leaves_no_process_behind() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let shaders = folder.path().canonicalize().expect("it is there").join("shaders");
+    let hangs = "import karat::expect_true;\n@test fn t() {\n    var y = 0.0;\n    \
+                 for (var i = 0; i < 2000000000; i++) { y += 1.0; }\n    expect_true(y > 0.0);\n}\n";
+    write(&shaders, "calc_test.wgsl", hangs);
+    let mut command = command(folder.path(), &["watch", "shaders", "--paths", "cpu", "--lines"]);
+    command.env("KARAT_DEADLINE", "600").env("KARAT_FUEL", "4000000000");
+    command.stdin(Stdio::null()).stdout(Stdio::null());
+    let mut child = command.spawn().expect("it starts");
+    let wait = |count: usize| {
+        let began = Instant::now();
+        while processes_of(&shaders) != count {
+            assert!(began.elapsed() < PATIENCE, "{} processes", processes_of(&shaders));
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    };
+    wait(1);
+    // It runs the shader by now, or is about to.
+    std::thread::sleep(Duration::from_millis(500));
+    child.kill().expect("it is there");
+    child.wait().expect("it ends");
+    wait(0);
 }
 
 #[test]

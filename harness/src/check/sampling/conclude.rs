@@ -55,6 +55,7 @@ pub(super) fn conclude(
         check: check.to_owned(),
         assertion: hypothesis.text.clone(),
         location: String::new(),
+        domain: String::new(),
         seed,
     };
     let mut paths = Vec::new();

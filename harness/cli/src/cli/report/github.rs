@@ -9,7 +9,7 @@ use karat::output::visible;
 use karat::record::{Record, Subject, Verdict};
 
 use super::tables::{is_failure, share};
-use super::{Place, pictures, place, replay, subject};
+use super::{Place, pictures, place, replays, subject};
 use crate::cli::project::Project;
 
 /// GitHub takes a MiB of summary for each step, and drops more.
@@ -80,7 +80,7 @@ fn message(record: &Record) -> String {
     if message.encode_utf16().count() <= LONGEST_ANNOTATION {
         return message;
     }
-    let replay = replay(record).map(|command| format!("\n  replay: {command}"));
+    let replay = replays(record).first().map(|command| format!("\n  replay: {command}"));
     let end = format!("\n  ... (the log has the rest){}", replay.unwrap_or_default());
     let room = LONGEST_ANNOTATION.saturating_sub(end.encode_utf16().count());
     format!("{}{end}", cut(&message, room))
@@ -183,7 +183,7 @@ fn section(record: &Record, project: &Project) -> anyhow::Result<String> {
     let message = record.message.as_deref().unwrap_or_default();
     let end = message.char_indices().nth(LONGEST_MESSAGE).map_or(message.len(), |(end, _)| end);
     writeln!(text, "<pre>{}</pre>\n", html(&message[..end]))?;
-    if let Some(command) = replay(record) {
+    if let Some(command) = replays(record).first() {
         writeln!(text, "Replay: <code>{}</code>\n", html(command))?;
     }
     let output = project.output();

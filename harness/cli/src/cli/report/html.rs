@@ -2,13 +2,13 @@
 
 mod plot;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use karat::record::{Errors, PathRecord, Record, Run, Subject, Verdict};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::tables::{is_failure, share};
-use super::{message, replay, subject};
+use super::{message, replays, subject};
 
 const STYLE: &str = include_str!("html/report.css");
 const SCRIPT: &str = include_str!("html/report.js");
@@ -20,22 +20,28 @@ pub(super) fn page(
     untested: Option<&[String]>,
     review: Option<&str>,
 ) -> String {
-    let passed = run.is_some_and(|run| run.passed) && !records.iter().any(is_failure);
+    let verdict = match run {
+        _ if records.iter().any(is_failure) => "failed",
+        None => "not ended",
+        Some(run) if run.passed => "passed",
+        Some(_) => "failed",
+    };
+    let rows = &Row::all(records);
     let page = html! {
         (DOCTYPE)
         html lang="en" {
             head {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width, initial-scale=1";
-                title { "Karat: " (if passed { "passed" } else { "failed" }) }
+                title { "Karat: " (verdict) }
                 style { (PreEscaped(STYLE)) }
             }
             body {
-                (head(records, run, passed))
+                (head(records, run, verdict))
                 main {
-                    (failures(records))
-                    (functions(records))
-                    (frames(records, review))
+                    (failures(rows))
+                    (functions(rows))
+                    (frames(rows, review))
                     (without_tests(untested))
                 }
                 script { (PreEscaped(SCRIPT)) }
@@ -46,7 +52,7 @@ pub(super) fn page(
 }
 
 /// The verdict, what ran, and what searches.
-fn head(records: &[Record], run: Option<&Run>, passed: bool) -> Markup {
+fn head(records: &[Record], run: Option<&Run>, verdict: &str) -> Markup {
     let failed = records.iter().filter(|record| is_failure(record)).count();
     let known = records.iter().filter(|record| record.verdict == Verdict::KnownIssue).count();
     let paths = || records.iter().flat_map(|record| &record.paths);
@@ -57,9 +63,7 @@ fn head(records: &[Record], run: Option<&Run>, passed: bool) -> Markup {
     let overlays: BTreeSet<_> = records.iter().filter_map(|r| r.overlay.as_ref()).collect();
     html! {
         header {
-            h1 class=(if passed { "pass" } else { "fail" }) {
-                (if passed { "passed" } else { "failed" })
-            }
+            h1 class=(if verdict == "passed" { "pass" } else { "fail" }) { (verdict) }
             p {
                 (records.len()) " checks, " (failed) " failed"
                 @if known > 0 { ", " (known) " known issues" }
@@ -67,7 +71,10 @@ fn head(records: &[Record], run: Option<&Run>, passed: bool) -> Markup {
                 @if let Some(started) = started.min() { ", begun " time { (started) } }
             }
             @match run {
-                None => p class="fail" { "The record doesn't say that its run ended: tests may be missing." },
+                None => p class="fail" {
+                    "The record doesn't say that its run ended, so tests may be missing: it was stopped, or it \
+                     runs still. Run the tests again."
+                },
                 Some(run) if !run.selected.is_empty() => p { "Only: " (run.selected.join(" ")) },
                 Some(run) if !run.passed && failed == 0 => {
                     p class="fail" { "A test failed outside of Karat's checks." }
@@ -78,33 +85,66 @@ fn head(records: &[Record], run: Option<&Run>, passed: bool) -> Markup {
                 p class="fail" { "With KARAT_OVERLAY=" (overlay) ": not the modules of the packages." }
             }
             ul class="adapters" { @for adapter in &adapters { li { (adapter) } } }
-            label { "Search " input id="search" type="search" placeholder="words of a name, path or message"; }
+            label { "Search " input id="search" type="search" placeholder="name, test, path, message"; }
             label { input id="failing" type="checkbox"; " only what fails" }
             p id="none" hidden { "Nothing has all of these words." }
         }
     }
 }
 
-/// A name that addresses can end with: `#brdf::schlick-agrees_with-schlick_matches`.
-fn anchor(record: &Record) -> String {
-    let name = format!("{}-{}", subject(record), record.test);
-    name.chars().map(|c| if c.is_alphanumeric() || ":_-".contains(c) { c } else { '-' }).collect()
+/// A record with a name that addresses can end with: `#brdf::schlick-agrees_with-schlick_matches`.
+struct Row<'r> {
+    record: &'r Record,
+    anchor: String,
 }
 
-fn failures(records: &[Record]) -> Markup {
-    let failing: Vec<&Record> = records.iter().filter(|record| is_failure(record)).collect();
+impl<'r> Row<'r> {
+    /// No two have one name: a test may check a function several times.
+    fn all(records: &'r [Record]) -> Vec<Self> {
+        let mut known: BTreeMap<String, usize> = BTreeMap::new();
+        let row = |record: &'r Record| {
+            let name = format!("{}-{}", subject(record), record.test);
+            let plain = |c: char| if c.is_alphanumeric() || ":_-".contains(c) { c } else { '-' };
+            let name: String = name.chars().map(plain).collect();
+            let count = known.entry(name.clone()).or_default();
+            *count += 1;
+            let anchor = if *count == 1 { name } else { format!("{name}-{count}") };
+            Self { record, anchor }
+        };
+        records.iter().map(row).collect()
+    }
+
+    fn fails(&self) -> bool {
+        is_failure(self.record)
+    }
+
+    /// What is shown in full has its name there.
+    fn id(&self) -> Option<&str> {
+        (!self.fails()).then_some(&self.anchor)
+    }
+
+    /// What a search finds and the row doesn't show.
+    fn words(&self) -> String {
+        let of = |path: &PathRecord| format!("{} {} ", path.adapter, path.asserted);
+        self.record.paths.iter().map(of).collect()
+    }
+
+    fn class(&self) -> &'static str {
+        if self.fails() { "row failing" } else { "row" }
+    }
+}
+
+fn failures(rows: &[Row<'_>]) -> Markup {
     html! {
-        @if !failing.is_empty() {
+        @if rows.iter().any(Row::fails) {
             section {
                 h2 { "What fails" }
-                @for record in failing {
-                    article class="row failing" id=(anchor(record)) {
-                        h3 { a href={ "#" (anchor(record)) } { (subject(record)) } " " small { (record.test) } }
-                        @if let Some(message) = message(record) { pre { (message) } }
-                        @if let Some(replay) = replay(record) {
-                            p { button type="button" data-copy=(replay) { "Copy the replay command" } }
-                        }
-                        @for path in &record.paths {
+                @for row in rows.iter().filter(|row| row.fails()) {
+                    article class="row failing" id=(row.anchor) {
+                        h3 { a href={ "#" (row.anchor) } { (subject(row.record)) } " " small { (row.record.test) } }
+                        @if let Some(message) = message(row.record) { pre { (message) } }
+                        (copied(&replays(row.record)))
+                        @for path in &row.record.paths {
                             @if let Some(plot) = &path.plot {
                                 (plot::figures(plot, &path.adapter.path, &path.asserted))
                             }
@@ -113,6 +153,31 @@ fn failures(records: &[Record]) -> Markup {
                 }
             }
         }
+    }
+}
+
+/// A button for each command, in the order of the message.
+fn copied(commands: &[&str]) -> Markup {
+    html! {
+        @if !commands.is_empty() {
+            p {
+                @for (at, command) in commands.iter().enumerate() {
+                    button type="button" data-copy=(command) title=(command) {
+                        "Copy the " @if commands.len() > 1 { (nth(at)) " " } "replay command"
+                    }
+                    " "
+                }
+            }
+        }
+    }
+}
+
+fn nth(at: usize) -> String {
+    match at {
+        0 => "first".to_owned(),
+        1 => "second".to_owned(),
+        2 => "third".to_owned(),
+        _ => format!("{}th", at + 1),
     }
 }
 
@@ -175,12 +240,12 @@ fn distribution(errors: &Errors) -> Markup {
     }
 }
 
-fn functions(records: &[Record]) -> Markup {
-    let functions: Vec<_> = records
+fn functions(rows: &[Row<'_>]) -> Markup {
+    let functions: Vec<_> = rows
         .iter()
-        .filter_map(|record| match &record.subject {
-            Subject::Function { function, check, location, .. } => {
-                Some((record, function, check, location))
+        .filter_map(|row| match &row.record.subject {
+            Subject::Function { function, check, location, domain, assertion, .. } => {
+                Some((row, function, check, [location, &row.record.test, assertion, domain]))
             }
             Subject::Frame { .. } => None,
         })
@@ -194,14 +259,16 @@ fn functions(records: &[Record]) -> Markup {
                      some cases by their error in powers of two of the bound, which is the line."
                 }
                 table {
-                    @for (record, function, check, location) in functions {
-                        tr class=(row_class(record)) id=[(!is_failure(record)).then(|| anchor(record))] {
+                    @for (row, function, check, facts) in functions {
+                        tr class=(row.class()) id=[row.id()] data-words=(row.words()) {
                             th scope="row" {
-                                a href={ "#" (anchor(record)) } { (function) } " " small { (check) }
-                                div class="place" { (location) }
+                                a href={ "#" (row.anchor) } { (function) } " " small { (check) }
+                                div class="place" {
+                                    @for fact in facts.iter().filter(|fact| !fact.is_empty()) { span { (fact) } " " }
+                                }
                             }
-                            @if record.paths.is_empty() { td class="fail" { "no verdict" } }
-                            @for path in &record.paths { (cell(path)) }
+                            @if row.record.paths.is_empty() { td class="fail" { "no verdict" } }
+                            @for path in &row.record.paths { (cell(path)) }
                         }
                     }
                 }
@@ -210,15 +277,11 @@ fn functions(records: &[Record]) -> Markup {
     }
 }
 
-fn row_class(record: &Record) -> &'static str {
-    if is_failure(record) { "row failing" } else { "row" }
-}
-
-fn frames(records: &[Record], review: Option<&str>) -> Markup {
-    let frames: Vec<_> = records
+fn frames(rows: &[Row<'_>], review: Option<&str>) -> Markup {
+    let frames: Vec<_> = rows
         .iter()
-        .filter_map(|record| match &record.subject {
-            Subject::Frame { golden, .. } => Some((record, golden)),
+        .filter_map(|row| match &row.record.subject {
+            Subject::Frame { golden, .. } => Some((row, golden)),
             Subject::Function { .. } => None,
         })
         .collect();
@@ -230,17 +293,17 @@ fn frames(records: &[Record], review: Option<&str>) -> Markup {
                     p class="note" { "Look at them with " code { "karat review" } "." }
                 }
                 table {
-                    @for (record, golden) in frames {
-                        tr class=(row_class(record)) id=[(!is_failure(record)).then(|| anchor(record))] {
+                    @for (row, golden) in frames {
+                        tr class=(row.class()) id=[row.id()] data-words=(row.words()) {
                             th scope="row" {
                                 @match review {
                                     Some(review) => a href={ (review) "#" (golden) } { (golden) },
-                                    None => a href={ "#" (anchor(record)) } { (golden) },
+                                    None => a href={ "#" (row.anchor) } { (golden) },
                                 }
-                                div class="place" { (record.test) }
+                                div class="place" { (row.record.test) }
                             }
-                            @if record.paths.is_empty() { td class="fail" { "no verdict" } }
-                            @for path in &record.paths { (cell(path)) }
+                            @if row.record.paths.is_empty() { td class="fail" { "no verdict" } }
+                            @for path in &row.record.paths { (cell(path)) }
                         }
                     }
                 }

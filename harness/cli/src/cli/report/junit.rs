@@ -69,7 +69,7 @@ fn case(record: &Record) -> TestCase {
             known.unwrap_or_default()
         ));
     }
-    lines.extend(super::replay(record).map(|command| format!("replay: {command}")));
+    lines.extend(super::replays(record).first().map(|command| format!("replay: {command}")));
     if !lines.is_empty() {
         case.set_system_out(lines.join("\n"));
     }

@@ -19,9 +19,7 @@ pub(super) fn merged(parts: Vec<Recorded>) -> Recorded {
     });
     let mut checks: BTreeMap<String, Record> = BTreeMap::new();
     for record in parts.into_iter().flat_map(|part| part.records) {
-        let subject = serde_json::to_string(&record.subject).unwrap_or_default();
-        let known =
-            checks.entry(format!("{subject} {}", record.test)).or_insert_with(|| record.clone());
+        let known = checks.entry(key(&record)).or_insert_with(|| record.clone());
         if severity(record.verdict) > severity(known.verdict) {
             *known = record;
         }
@@ -37,9 +35,8 @@ pub(super) fn side_by_side(records: Vec<Record>) -> Vec<Record> {
     // Several checks of a test may be about the same; on each path they come in the same order.
     let mut seen: BTreeMap<(String, String), u32> = BTreeMap::new();
     for record in records {
-        let subject = serde_json::to_string(&record.subject).unwrap_or_default();
         let paths: Vec<&str> = record.paths.iter().map(|path| &*path.adapter.path).collect();
-        let key = format!("{subject} {}", record.test);
+        let key = key(&record);
         let count = seen.entry((key.clone(), paths.join(","))).or_default();
         *count += 1;
         match checks.entry(format!("{key} {count}")) {
@@ -61,6 +58,12 @@ pub(super) fn side_by_side(records: Vec<Record>) -> Vec<Record> {
     let mut records: Vec<Record> = checks.into_values().collect();
     Record::sort(&mut records);
     records
+}
+
+/// What a record is about. What an overlay was in the place of is another matter.
+fn key(record: &Record) -> String {
+    let subject = serde_json::to_string(&record.subject).unwrap_or_default();
+    format!("{subject} {} {:?}", record.test, record.overlay)
 }
 
 fn severity(verdict: Verdict) -> u8 {

@@ -258,6 +258,7 @@ mod tests {
             check: "agrees_with".to_owned(),
             assertion: "1 ulp".to_owned(),
             location: String::new(),
+            domain: String::new(),
             seed: 0,
         };
         let test = "t".to_owned();

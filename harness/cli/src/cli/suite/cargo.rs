@@ -9,9 +9,8 @@ mod libtest;
 mod programs;
 
 use std::collections::{BTreeSet, HashMap, HashSet};
-use std::io::{BufRead, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, channel};
 
 use karat::diagnostic::FileRead;
 use karat::record::{self, Record};
@@ -21,11 +20,11 @@ use self::programs::{Programs, TestProgram};
 use super::super::watch::{Request, Said};
 use super::super::{Ending, Outcome};
 use super::latest::Latest;
-use super::serve::say;
+use super::serve::{requests, say};
 
 pub(super) fn run(root: &Path, out: &mut dyn Write) -> Outcome {
     let mut tests = Tests { programs: Programs::of(root), ..Tests::default() };
-    for request in requests() {
+    for request in requests(libtest::end_all) {
         if let Some(file) = &request.report {
             let there = tests.names("");
             say(&tests.latest.write(file, |name| there.contains(name)), out)?;
@@ -42,23 +41,6 @@ pub(super) fn run(root: &Path, out: &mut dyn Write) -> Outcome {
         say(&done, out)?;
     }
     Ok(Ending::Good)
-}
-
-/// What is asked for. When nobody can ask any more, the process ends with the test program that runs.
-fn requests() -> Receiver<Request> {
-    let (sender, requests) = channel();
-    std::thread::spawn(move || {
-        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
-            if let Ok(request) = serde_json::from_str(&line)
-                && sender.send(request).is_err()
-            {
-                return;
-            }
-        }
-        libtest::end_all();
-        std::process::exit(0);
-    });
-    requests
 }
 
 /// What a test was made of when it last ran.

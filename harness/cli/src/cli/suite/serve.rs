@@ -3,6 +3,7 @@
 use std::collections::{BTreeSet, HashMap};
 use std::io::{BufRead, Write};
 use std::path::Path;
+use std::sync::mpsc::{Receiver, channel};
 
 use karat::reflect::Dependence;
 use karat_suite::{Suite, Test};
@@ -19,8 +20,7 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
     std::panic::set_hook(Box::new(|_| {}));
     Dependence::unwanted();
     let (mut known, mut latest) = (Known::new(), Latest::default());
-    for line in std::io::stdin().lock().lines() {
-        let request: Request = serde_json::from_str(&line?)?;
+    for request in requests(|| {}) {
         let done = match Suite::open(folder) {
             Ok(suite) if request.report.is_some() => {
                 let is_there = |name: &str| suite.tests.iter().any(|test| test.name == name);
@@ -35,6 +35,24 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
         say(&done, out)?;
     }
     Ok(Ending::Good)
+}
+
+/// What is asked for. When nobody can ask any more, the process ends with what it runs: a shader that hangs
+/// keeps no process alive.
+pub(super) fn requests(at_end: impl FnOnce() + Send + 'static) -> Receiver<Request> {
+    let (sender, requests) = channel();
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+            if let Ok(request) = serde_json::from_str(&line)
+                && sender.send(request).is_err()
+            {
+                return;
+            }
+        }
+        at_end();
+        std::process::exit(0);
+    });
+    requests
 }
 
 fn answer(

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use notify::{Event as Changed, EventKind, RecommendedWatcher, RecursiveMode, Watcher};
+use same_file::Handle;
 
 use super::Event;
 
@@ -17,7 +18,7 @@ const QUIET: Duration = Duration::from_millis(3);
 /// A burst that doesn't end is told all the same.
 const LONGEST: Duration = Duration::from_millis(100);
 
-/// How often a folder that is gone is looked for.
+/// How often it is looked whether the folder is still the same one.
 const MISSING: Duration = Duration::from_millis(200);
 
 /// Files whose changes concern tests.
@@ -31,8 +32,8 @@ pub(super) struct Watching {
     _ends: Sender<()>,
 }
 
-/// Tells of each burst of changes below a folder, or of a file. If the folder goes, that is told, and it is
-/// watched again when it is back.
+/// Tells of each burst of changes below a folder, or of a file. If the folder goes, or another one takes its
+/// place, that is told, and what is there is watched.
 pub(super) fn watch(folder: &Path, sender: Sender<Event>) -> anyhow::Result<Watching> {
     let root = folder.canonicalize().with_context(|| format!("`{}`", folder.display()))?;
     // Editors replace files: a file is watched by its folder.
@@ -63,7 +64,7 @@ fn follow(
     sender: &Sender<Event>,
 ) {
     let mut watcher = Some(watcher);
-    let mut there = true;
+    let mut there = Handle::from_path(folder).ok();
     while !matches!(ended.try_recv(), Err(std::sync::mpsc::TryRecvError::Disconnected)) {
         let mut files = BTreeSet::new();
         match changes.recv_timeout(MISSING) {
@@ -77,12 +78,12 @@ fn follow(
         {
             add(&mut files, change);
         }
-        let now = folder.is_dir();
+        let now = Handle::from_path(folder).ok().filter(|_| folder.is_dir());
         if now != there {
             files.insert(folder.to_owned());
-            // The watch of a folder that is gone sees nothing of the one that is back.
-            watcher = if now { started(folder, raw).ok() } else { None };
-            there = now && watcher.is_some();
+            // The watch of a folder that is gone sees nothing of the one that has its place.
+            watcher = now.as_ref().and_then(|_| started(folder, raw).ok());
+            there = now.filter(|_| watcher.is_some());
         }
         if !files.is_empty() && sender.send(Event::Files(files.into_iter().collect())).is_err() {
             return;

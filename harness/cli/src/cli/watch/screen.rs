@@ -89,7 +89,10 @@ impl Screen {
         };
         lines.push(styled(
             HEAD,
-            &cut(&format!("karat watch {}{filter}", view.folder.display()), columns),
+            &cut(
+                &format!("karat watch {}{filter}", karat::diagnostic::shown(view.folder)),
+                columns,
+            ),
         ));
         if !view.changed.is_empty() {
             lines

@@ -1,7 +1,7 @@
 //! A process that runs tests whenever it is asked.
 
 use std::collections::BTreeSet;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::Sender;
@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
 
+use super::super::child::LastWords;
 use super::{DEADLINE, Event, Source};
 
 /// A worker that is no longer needed ends by itself within this time.
@@ -82,12 +83,7 @@ impl Worker {
         let mut child = command.spawn().context("a process for tests can't be started")?;
         let stdin = child.stdin.take().context("it is piped")?;
         let stdout = child.stdout.take().context("it is piped")?;
-        let mut stderr = child.stderr.take().context("it is piped")?;
-        let last_words = std::thread::spawn(move || {
-            let mut text = Vec::new();
-            drop(stderr.read_to_end(&mut text));
-            String::from_utf8_lossy(&text).into_owned()
-        });
+        let last_words = LastWords::of(child.stderr.take().context("it is piped")?);
         let sender = sender.clone();
         std::thread::spawn(move || {
             for line in BufReader::new(stdout).lines() {
@@ -99,12 +95,9 @@ impl Worker {
                     return;
                 }
             }
-            let words = last_words.join().unwrap_or_default();
-            let words: Vec<&str> =
-                words.lines().filter(|line| !line.contains("XDG_RUNTIME_DIR")).collect();
-            let why = match words.join("\n").trim() {
-                "" => "the process of the tests ended".to_owned(),
-                words => words.to_owned(),
+            let why = match last_words.heard() {
+                words if words.is_empty() => "the process of the tests ended".to_owned(),
+                words => words,
             };
             drop(sender.send(Event::Worker(index, Said::Ended { why })));
         });

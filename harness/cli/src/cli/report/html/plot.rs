@@ -34,12 +34,18 @@ pub(super) fn figures(plot: &Plot, path: &str, asserted: &str) -> Markup {
         [(a, first), (b, second), ..] if *first > MATTERS && *second > MATTERS => map(plot, *a, *b),
         _ => None,
     };
+    let drawn: Vec<String> = drawn.chain(map).collect();
     html! {
-        figure {
-            figcaption {
-                "Error divided by its bound on " (path) " (" (asserted) "), of " (plot.rows.len()) " cases"
+        // With one case, or arguments of which none is another number, there is nothing to see.
+        @if !drawn.is_empty() {
+            figure {
+                figcaption {
+                    "Error divided by its bound on " (path) " (" (asserted) "), of " (plot.rows.len())
+                    " cases. A dot is a case, red above the bound, which is the line at 1; a field of the map \
+                     is empty where no case is."
+                }
+                @for svg in drawn { (PreEscaped(svg)) }
             }
-            @for svg in drawn.chain(map) { (PreEscaped(svg)) }
         }
     }
 }
@@ -83,11 +89,18 @@ fn range(plot: &Plot, argument: usize) -> Option<(f64, f64)> {
     (lo < hi).then_some((lo, hi))
 }
 
+type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
+
+/// A chart with a title, and room for the numbers at its axes.
+fn titled<'a, 'b>(area: &'a Area<'b>, title: &str) -> ChartBuilder<'a, 'b, SVGBackend<'b>> {
+    let mut chart = ChartBuilder::on(area);
+    chart.margin(6).x_label_area_size(24).y_label_area_size(52);
+    chart.caption(title, ("sans-serif", 13).into_font().color(&INK));
+    chart
+}
+
 /// An SVG by what draws it.
-fn svg(
-    size: (u32, u32),
-    draw: impl FnOnce(&DrawingArea<SVGBackend<'_>, plotters::coord::Shift>) -> Option<()>,
-) -> Option<String> {
+fn svg(size: (u32, u32), draw: impl FnOnce(&Area<'_>) -> Option<()>) -> Option<String> {
     let mut text = String::new();
     {
         let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
@@ -103,11 +116,7 @@ fn scatter(plot: &Plot, argument: usize) -> Option<String> {
     let top = plot.rows.iter().map(|row| ratio(row)).fold(10.0, f64::max) * 2.0;
     svg((360, 220), |area| {
         let text = ("sans-serif", 12).into_font().color(&INK);
-        let mut chart = ChartBuilder::on(area)
-            .margin(6)
-            .caption(&plot.arguments[argument], ("sans-serif", 13).into_font().color(&INK))
-            .x_label_area_size(24)
-            .y_label_area_size(52)
+        let mut chart = titled(area, &plot.arguments[argument])
             .build_cartesian_2d(lo..hi, (LEAST..top).log_scale())
             .ok()?;
         chart
@@ -155,13 +164,7 @@ fn map(plot: &Plot, across: usize, up: usize) -> Option<String> {
             plot.arguments[up],
             most.exp()
         );
-        let mut chart = ChartBuilder::on(area)
-            .margin(6)
-            .caption(title, ("sans-serif", 13).into_font().color(&INK))
-            .x_label_area_size(24)
-            .y_label_area_size(52)
-            .build_cartesian_2d(x0..x1, y0..y1)
-            .ok()?;
+        let mut chart = titled(area, &title).build_cartesian_2d(x0..x1, y0..y1).ok()?;
         chart
             .configure_mesh()
             .disable_mesh()

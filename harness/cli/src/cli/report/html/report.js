@@ -8,7 +8,7 @@ function filter() {
   const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
   let count = 0;
   for (const row of rows) {
-    const text = row.textContent.toLowerCase();
+    const text = `${row.textContent} ${row.dataset.words || ""}`.toLowerCase();
     const stays = words.every(word => text.includes(word))
       && (!failing.checked || row.classList.contains("failing"));
     row.hidden = !stays;

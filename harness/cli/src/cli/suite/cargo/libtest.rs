@@ -1,13 +1,14 @@
 //! Runs tests of a program, and reads what Rust's test runner prints.
 
 use std::collections::BTreeMap;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::{Mutex, PoisonError};
 
 use anyhow::Context;
 
+use super::super::super::child::LastWords;
 use super::programs::TestProgram;
 
 /// Names in one command: Windows takes 32,767 characters.
@@ -58,13 +59,8 @@ fn run_some(
     let name = program.executable.display();
     let mut child = command.spawn().with_context(|| format!("can't run `{name}`"))?;
     let stdout = child.stdout.take().context("it is piped")?;
-    let mut stderr = child.stderr.take().context("it is piped")?;
+    let last_words = LastWords::of(child.stderr.take().context("it is piped")?);
     *RUNNING.lock().unwrap_or_else(PoisonError::into_inner) = Some(child);
-    let last_words = std::thread::spawn(move || {
-        let mut text = Vec::new();
-        drop(stderr.read_to_end(&mut text));
-        String::from_utf8_lossy(&text).into_owned()
-    });
     let mut parser = Parser::default();
     for line in BufReader::new(stdout).split(b'\n') {
         let line = line.context("the output of a test program ended early")?;
@@ -75,15 +71,13 @@ fn run_some(
     }
     let child = RUNNING.lock().unwrap_or_else(PoisonError::into_inner).take();
     let status = child.map(|mut child| child.wait()).transpose()?;
-    let words = last_words.join().unwrap_or_default();
-    let words: Vec<&str> = words.lines().filter(|line| !line.contains("XDG_RUNTIME_DIR")).collect();
+    let words = last_words.heard();
     for test in tests {
         if let Some(message) = parser.failure(test) {
             heard(test, Some(message))?;
         } else if !parser.has_passed(test) {
             let status = status.map_or_else(String::new, |status| status.to_string());
-            let message =
-                format!("its program ended before it ({status})\n{}", words.join("\n").trim());
+            let message = format!("its program ended before it ({status})\n{words}");
             heard(test, Some(message))?;
         }
     }

@@ -1,0 +1,143 @@
+//! Numbers of which nothing is known but their type.
+
+use super::{Domain, Edges, Integers, Source, shrink};
+use crate::value::Scalar;
+
+/// Half of the draws are small, as most numbers of shaders are; the others have any size.
+#[derive(Clone, Debug)]
+pub(super) struct Plausible<T>(Vec<T>);
+
+/// The largest float: positions in metres and times in milliseconds are below a million. Squares of larger
+/// ones soon lose all digits, which says nothing of a shader.
+const LARGEST: f32 = 1_048_576.0;
+
+/// Half of the floats lie from minus this to this.
+const SMALL: f32 = 4.0;
+
+/// Half of the integers are below this.
+const FEW: u32 = 16;
+
+/// What a message says of these numbers.
+pub(super) fn described(scalar: Scalar) -> String {
+    match scalar {
+        Scalar::F32 | Scalar::F16 => {
+            format!("from -{LARGEST} to {LARGEST}, half of them from -{SMALL} to {SMALL}")
+        }
+        Scalar::I32 | Scalar::U32 => format!("any, half of them below {FEW}"),
+        Scalar::Bool => "false or true".to_owned(),
+    }
+}
+
+impl Plausible<f32> {
+    pub(super) fn floats() -> Self {
+        let positive = [1.0, 0.5, 2.0, 1e-3, SMALL, 1000.0, LARGEST];
+        let signed = positive.into_iter().flat_map(|x| [x, -x]);
+        Self([0.0].into_iter().chain(signed).chain([-0.0]).collect())
+    }
+}
+
+impl Domain for Plausible<f32> {
+    type Value = f32;
+
+    fn draw(&self, source: &mut Source) -> Option<f32> {
+        match source.below(8) {
+            0..=4 => (-SMALL..=SMALL).draw(source),
+            5 => self.0.get(usize::try_from(source.below(self.0.len() as u64)).ok()?).copied(),
+            _ => {
+                // Each binade between one millionth and a million is as likely as every other.
+                let size = (40.0 * source.unit() - 20.0).exp2();
+                #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
+                let size = size as f32;
+                Some(if source.bits() & 1 == 0 { size } else { -size })
+            }
+        }
+    }
+
+    fn edges(&self) -> Vec<f32> {
+        self.0.clone()
+    }
+
+    fn admits(&self, value: &f32) -> Option<bool> {
+        Some(value.abs() <= LARGEST)
+    }
+
+    fn shrink(&self, value: &f32) -> Vec<f32> {
+        shrink::floats(*value, &self.0, |value| value.abs() <= LARGEST)
+    }
+}
+
+macro_rules! integer {
+    ($integer:ty, $constructor:ident, $edges:expr, $small:expr, |$source:ident| $any:expr) => {
+        impl Plausible<$integer> {
+            pub(super) fn $constructor() -> Self {
+                Self($edges)
+            }
+        }
+
+        impl Domain for Plausible<$integer> {
+            type Value = $integer;
+
+            fn draw(&self, $source: &mut Source) -> Option<$integer> {
+                match $source.below(8) {
+                    0..=3 => Integers($small).draw($source),
+                    4..=5 => Edges::<$integer>::$constructor().draw($source),
+                    _ => Some($any),
+                }
+            }
+
+            fn edges(&self) -> Vec<$integer> {
+                self.0.clone()
+            }
+
+            fn admits(&self, _: &$integer) -> Option<bool> {
+                Some(true)
+            }
+
+            fn shrink(&self, value: &$integer) -> Vec<$integer> {
+                Integers(<$integer>::MIN..=<$integer>::MAX).shrink(value)
+            }
+        }
+    };
+}
+
+#[expect(clippy::cast_possible_wrap, reason = "16")]
+const SIGNED: i32 = FEW as i32;
+
+integer!(
+    u32,
+    u32,
+    vec![0, 1, 2, 3, FEW - 1, FEW, 255, 65_535, 1 << 31, u32::MAX],
+    0..=FEW - 1,
+    |source| source.bits()
+);
+integer!(
+    i32,
+    i32,
+    vec![0, 1, -1, 2, -2, SIGNED - 1, 255, 65_535, i32::MAX, i32::MIN],
+    1 - SIGNED..=SIGNED - 1,
+    |source| source.bits().cast_signed()
+);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_size_is_drawn_and_half_are_small() {
+        let floats = Plausible::floats();
+        let draw = |case| floats.draw(&mut Source::new(3, case)).expect("a number");
+        let drawn: Vec<f32> = (0..4000).map(draw).collect();
+        assert!(drawn.iter().all(|x| floats.admits(x) == Some(true)));
+        assert!(drawn.iter().filter(|x| x.abs() <= SMALL).count() >= 2000);
+        for (least, most) in [(1e-6, 1e-4), (10.0, 1e3), (1e3, 1e6)] {
+            let count = drawn.iter().filter(|x| (least..most).contains(&x.abs())).count();
+            assert!(count > 40, "{count} of 4000 have a size from {least} to {most}");
+        }
+        let whole = Plausible::<u32>::u32();
+        let draw = |case| whole.draw(&mut Source::new(3, case)).expect("a number");
+        let drawn: Vec<u32> = (0..4000).map(draw).collect();
+        assert!(drawn.iter().filter(|x| **x < FEW).count() >= 2000);
+        assert!(drawn.iter().filter(|x| **x > 1 << 24).count() > 800);
+        assert_eq!(whole.shrink(&77_000).first(), Some(&0));
+    }
+}
