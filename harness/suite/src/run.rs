@@ -19,7 +19,7 @@ use crate::domains::{lanes, no_such, over, parts};
 use crate::fixtures::fixture;
 use crate::table;
 use crate::tolerances::{criterion, tolerance};
-use crate::{Kind, Suite, Test};
+use crate::{Broken, Kind, Suite, Test};
 
 impl Suite {
     /// Runs a test, on a thread that has its name: seeds and records are by it.
@@ -42,6 +42,40 @@ impl Suite {
             let thread = thread.spawn_scoped(scope, run).expect("a thread can be started");
             thread.join().unwrap_or_else(|_| Err("it panics".to_owned()))
         })
+    }
+
+    /// Tests that can run, and what is wrong with the others: a fault that many share is told once.
+    #[must_use]
+    pub fn sound<'t>(&self, tests: Vec<&'t Test>) -> (Vec<&'t Test>, Vec<Broken>) {
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        let size = tests.len().div_ceil(threads).max(1);
+        let wrong = |test: &&Test| match &test.kind {
+            Kind::Wgsl(test) => test.parameters().err(),
+            Kind::Function(_) | Kind::Frame(_) => None,
+        };
+        let wrong: Vec<Option<String>> = std::thread::scope(|scope| {
+            let part = |part| scope.spawn(move || part_of(part, wrong));
+            let parts: Vec<_> = tests.chunks(size).map(part).collect();
+            let join = |part: std::thread::ScopedJoinHandle<'_, Vec<_>>| {
+                part.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+            };
+            parts.into_iter().flat_map(join).collect()
+        });
+        let (mut sound, mut broken) = (Vec::new(), Vec::<(String, String, usize)>::new());
+        for (test, wrong) in tests.into_iter().zip(wrong) {
+            match wrong {
+                None => sound.push(test),
+                Some(message) => match broken.iter_mut().find(|(_, known, _)| *known == message) {
+                    Some((_, _, more)) => *more += 1,
+                    None => broken.push((test.name.clone(), message, 0)),
+                },
+            }
+        }
+        let named = |(name, message, more): (String, String, usize)| match more {
+            0 => Broken { name, message },
+            more => Broken { name: format!("{name} and {more} more"), message },
+        };
+        (sound, broken.into_iter().map(named).collect())
     }
 
     fn verdict(&self, test: &Test) -> Result<(), String> {
@@ -67,12 +101,17 @@ impl Suite {
     }
 }
 
+fn part_of(tests: &[&Test], wrong: impl Fn(&&Test) -> Option<String>) -> Vec<Option<String>> {
+    tests.iter().map(wrong).collect()
+}
+
 /// A message of a check, which has Rust's words for what its author writes, in those of a file.
 fn declared_words(message: &str) -> String {
     let message = message.replace("remove `.fails_on(...)`", "remove its `fails_on`");
     // `.with("name", ...)`
     let Some((before, rest)) = message.split_once("add `.with(\"") else { return message };
     let Some((name, after)) = rest.split_once("\", ...)`") else { return message };
+    let name = name.rsplit("::").next().unwrap_or(name);
     format!("{before}add `with = {{ {name} = ... }}`{after}")
 }
 

@@ -70,7 +70,7 @@ fn a_folder_of_shaders_is_tested_without_cargo() {
     assert!(here.contains("10 checks"), "{here}");
     let some = cpu(folder.path(), &["grazing"]).good();
     assert!(some.contains("1 checks"), "{some}");
-    let error = cpu(folder.path(), &["brdf_test::grasing"]).error();
+    let error = cpu(folder.path(), &["brdf_test::grasing"]).failure(3);
     let meant =
         "none of 10 tests has a name with `brdf_test::grasing`; did you mean `brdf_test::grazing`?";
     assert!(error.contains(meant), "{error}");
@@ -252,7 +252,7 @@ fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
         write(folder.path(), "brdf.wgsl", &format!("{BRDF}{more}"));
         write(folder.path(), file, text);
         let ran = cpu(folder.path(), &[]);
-        assert!(ran.code == Some(1) || ran.code == Some(2), "{text}: {ran:?}");
+        assert!(matches!(ran.code, Some(1..=3)), "{text}: {ran:?}");
         assert!(
             ran.out.contains(part) || ran.err.contains(part),
             "no `{part}` for {text}: {ran:?}"
@@ -260,7 +260,21 @@ fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
     }
     let nothing = tempfile::tempdir().expect("a temporary folder");
     write(nothing.path(), "brdf.wgsl", BRDF);
-    assert!(cpu(nothing.path(), &[]).error().contains("there are no tests"));
+    assert!(cpu(nothing.path(), &[]).failure(3).contains("there are no tests"));
+    // A fault that tests share is told once.
+    let shared = tempfile::tempdir().expect("a temporary folder");
+    let test = |at: u32| format!("@test fn t{at}() {{ expect_true(helper() > {at}.0); }}\n");
+    let text = format!(
+        "import karat::expect_true;\nfn helper() -> f32 {{ return 1.0 * ; }}\n{}{}{}",
+        test(0),
+        test(1),
+        "@test fn sound() { expect_true(true); }\n"
+    );
+    write(shared.path(), "t.wgsl", &text);
+    let ran = cpu(shared.path(), &[]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert!(ran.out.contains("test t::t0 and 1 more ... FAILED"), "{ran:?}");
+    assert!(ran.out.contains("test t::sound ... ok"), "{ran:?}");
 }
 
 /// Values exactly at their bounds hold, however many there are; cases that evaluate nothing aren't counted.

@@ -101,6 +101,9 @@ fn verdicts_follow_edits() {
     let broken = watch.until("cpu: no verdict");
     let told = watch.until("calc.wgsl:1:39");
     assert!(broken.contains("changed: calc.wgsl"), "{broken}{told}");
+    // An edit that doesn't mend it leaves it without a verdict.
+    watch.edit("more.wgsl", "fn more() {}\n");
+    watch.until("cpu: no verdict");
     watch.edit("calc.wgsl", SHADER);
     watch.until("cpu: 2 tests pass");
     // A shader that hangs is ended, and the next edit has its verdict.

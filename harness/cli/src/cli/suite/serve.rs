@@ -81,11 +81,16 @@ fn answer(
         known.insert(test.name.clone(), essence);
         concerned.push(test);
     }
+    let asked: Vec<&str> = concerned.iter().map(|test| &*test.name).collect();
+    let (concerned, unsound) = suite.sound(concerned);
+    // Whoever can't run has no verdict, and is asked again at each edit.
+    let runs = |name: &&str| concerned.iter().any(|test| test.name == **name);
+    asked.into_iter().filter(|name| !runs(name)).for_each(|name| drop(known.remove(name)));
     each(suite, &concerned, &mut |test, verdict| {
         say(&Said::Test { name: test.name.clone(), message: verdict.err() }, out)
     })?;
     latest.take_own(concerned.iter().map(|test| &*test.name));
-    let error = suite.broken.iter().map(|broken| broken.message.as_str());
+    let error = suite.broken.iter().chain(&unsound).map(|broken| broken.message.as_str());
     let error = error.collect::<Vec<_>>().join("\n");
     Ok(Said::Done { tests: all, error: Some(error).filter(|error| !error.is_empty()) })
 }
