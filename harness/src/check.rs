@@ -113,13 +113,16 @@ pub struct Probe<'a> {
     executors: Vec<&'a dyn Executor>,
     /// Where the author wrote what is checked, and in which package, if the function is generated.
     place: Option<(Span, PathBuf)>,
+    /// Where the same function returns what its expectations saw, too, if it is a test in WGSL.
+    telling: Option<&'a Package>,
 }
 
 impl Package {
     /// Selects a function: `module::name`, or `name` in a package of one module.
     pub fn function(&self, name: &str) -> Probe<'_> {
-        let (fixtures, inputs, executors) = Default::default();
-        Probe { package: self, name: name.to_owned(), fixtures, inputs, executors, place: None }
+        let (fixtures, inputs, executors, place) = Default::default();
+        let (name, telling) = (name.to_owned(), None);
+        Probe { package: self, name, fixtures, inputs, executors, place, telling }
     }
 }
 

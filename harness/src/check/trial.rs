@@ -1,5 +1,7 @@
 //! How a plan is carried out: its session, a verb, the verdict and its record.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use super::demand::Demand;
 use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
@@ -17,6 +19,19 @@ impl Plan<'_> {
     /// Prepares the session, runs a verb and records its verdict.
     pub(super) fn conclude(
         &self,
+        asserted: &Asserted,
+        stream: &dyn Stream,
+        demand: &Demand,
+        recording: Recording,
+        verb: Body<'_>,
+    ) -> Result<Agreement, Failure> {
+        self.conclude_unless(&AtomicBool::new(false), asserted, stream, demand, recording, verb)
+    }
+
+    /// The same, but for the record if the verb says that another run will have the verdict.
+    pub(super) fn conclude_unless(
+        &self,
+        withheld: &AtomicBool,
         asserted: &Asserted,
         stream: &dyn Stream,
         demand: &Demand,
@@ -63,7 +78,7 @@ impl Plan<'_> {
             })
         };
         let result = run();
-        if recording == Recording::On {
+        if recording == Recording::On && !withheld.load(Ordering::Relaxed) {
             reporter.record(subject, paths, read, &result);
         }
         result

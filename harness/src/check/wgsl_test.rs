@@ -51,8 +51,10 @@ pub struct WgslTest {
 struct Made {
     parameters: Vec<(String, Shape)>,
     calls: BTreeSet<String>,
-    /// The module that calls it.
-    generated: Package,
+    /// The module that calls it, and returns how many expectations may have failed.
+    counting: Package,
+    /// The same with what they saw.
+    telling: Package,
 }
 
 impl Package {
@@ -99,34 +101,33 @@ impl WgslTest {
         let program = Program::of_function(package, &self.name)?;
         let parameters = program.test_parameters(&self.name)?;
         let own = self.name.rsplit("::").next().unwrap_or_default();
-        // A generated name can't be the author's: `karat_` is what kernels keep for themselves.
-        let mut text = format!(
-            "import karat::{{begin, report}};\nimport {TESTED}::{} as karat_test;\n",
-            self.name
-        );
         let mut structs = BTreeMap::new();
         let mut list = Vec::new();
         for (name, shape) in &parameters {
             list.push(format!("{name}: {}", type_text(&program, shape, &mut structs)));
         }
-        for (path, alias) in &structs {
-            writeln!(text, "import {TESTED}::{path} as {alias};").expect("text takes text");
-        }
         let names: Vec<&str> = parameters.iter().map(|(name, _)| &**name).collect();
-        writeln!(
-            text,
-            "fn {own}({}) -> array<u32, {REPORT_WORDS}> {{\n    begin();\n    karat_test({});\n    \
-             return report();\n}}",
-            list.join(", "),
-            names.join(", "),
-        )
-        .expect("text takes text");
-        let generated = Package::from_modules(&package.name(), [(self.module.as_str(), text)]);
-        Ok(Made {
-            calls: program.calls(&self.name),
-            parameters,
-            generated: generated.depends_on(TESTED, package),
-        })
+        let (list, names) = (list.join(", "), names.join(", "));
+        // A generated name can't be the author's: `karat_` is what kernels keep for themselves.
+        let generated = |report: &str, words: usize| {
+            let mut text = format!(
+                "import karat::{{begin, {report}}};\nimport {TESTED}::{} as karat_test;\n",
+                self.name
+            );
+            for (path, alias) in &structs {
+                writeln!(text, "import {TESTED}::{path} as {alias};").expect("text takes text");
+            }
+            writeln!(
+                text,
+                "fn {own}({list}) -> array<u32, {words}> {{\n    begin();\n    \
+                 karat_test({names});\n    return {report}();\n}}"
+            )
+            .expect("text takes text");
+            let generated = Package::from_modules(&package.name(), [(self.module.as_str(), text)]);
+            generated.depends_on(TESTED, package)
+        };
+        let (counting, telling) = (generated("counts", 2), generated("report", REPORT_WORDS));
+        Ok(Made { calls: program.calls(&self.name), parameters, counting, telling })
     }
 
     /// What it is made of, but for comments and blanks: its verdict changes with this alone. `None` if it
@@ -156,7 +157,8 @@ impl WgslTest {
     /// What is wrong with it, with its place.
     pub fn probe(&self) -> Result<Probe<'_>, String> {
         let place = Some((self.span.clone(), self.package.root()));
-        Ok(Probe { place, ..self.made()?.generated.function(&self.name) })
+        let Made { counting, telling, .. } = self.made()?;
+        Ok(Probe { place, telling: Some(telling), ..counting.function(&self.name) })
     }
 }
 

@@ -156,6 +156,10 @@ fn begin() {{
     suspected = 0u;
 }}
 
+fn counts() -> array<u32, 2> {{
+    return array<u32, 2>(evaluated, suspected);
+}}
+
 fn report() -> array<u32, {REPORT_WORDS}> {{
     return array<u32, {REPORT_WORDS}>(evaluated, suspected{listed});
 }}

@@ -51,6 +51,8 @@ pub(super) struct Library {
     packages: RefCell<Vec<(Rc<Package>, String)>>,
     overlay: Overlay,
     modules: RefCell<BTreeMap<ModulePath, Arc<Module>>>,
+    /// Which modules exist, as far as somebody asked.
+    there: RefCell<BTreeMap<ModulePath, bool>>,
     /// What the module defines that is linked.
     defined: RefCell<Features>,
     /// Modules by the paths that they give themselves.
@@ -64,8 +66,8 @@ impl Library {
         let overlay = Overlay::of(&package)?;
         Manifest::of(&package)?;
         let packages = RefCell::new(vec![(Rc::new(package), String::new())]);
-        let (modules, defined, composed) = Default::default();
-        let library = Self { packages, overlay, modules, defined, composed };
+        let (modules, there, defined, composed) = Default::default();
+        let library = Self { packages, overlay, modules, there, defined, composed };
         library.expect_features()?;
         Ok(library)
     }
@@ -95,7 +97,12 @@ impl Library {
 
     /// Whether a module exists, readable or not.
     pub(super) fn has(&self, path: &ModulePath) -> bool {
-        self.package(path.package).find(&path.components).is_some()
+        if let Some(known) = self.there.borrow().get(path) {
+            return *known;
+        }
+        let has = self.package(path.package).find(&path.components).is_some();
+        self.there.borrow_mut().insert(path.clone(), has);
+        has
     }
 
     /// Whether a crate has a module of this name at its root.
