@@ -77,7 +77,7 @@ pub(super) fn draw(
             break;
         }
         ties.push(tie);
-        let more = pairs(types, &ties).next().is_some();
+        let more = pairs(types, &ties, usize::MAX).0 > 0;
         if !more || source.below(TIED_AGAIN) != 0 {
             break;
         }
@@ -87,16 +87,30 @@ pub(super) fn draw(
 
 /// Two components of one type, of which the second is in no tie yet.
 fn like(types: &[TypeId], ties: &[Tie], source: &mut Source) -> Option<(usize, usize)> {
-    let count = pairs(types, ties).count();
-    let index = usize::try_from(source.below(count as u64)).ok()?;
-    pairs(types, ties).nth(index)
+    let index = source.below(pairs(types, ties, usize::MAX).0 as u64);
+    pairs(types, ties, usize::try_from(index).ok()?).1
 }
 
-fn pairs(types: &[TypeId], ties: &[Tie]) -> impl Iterator<Item = (usize, usize)> {
-    let free = move |to: usize| ties.iter().all(|tie| tie.from != to && tie.to != to);
-    (0..types.len())
-        .flat_map(|from| (0..types.len()).map(move |to| (from, to)))
-        .filter(move |(from, to)| from != to && types[*from] == types[*to] && free(*to))
+/// How many such pairs there are, and one of them by its index. Written as loops: tests run with little
+/// optimisation, and this runs for one draw in eight.
+fn pairs(types: &[TypeId], ties: &[Tie], wanted: usize) -> (usize, Option<(usize, usize)>) {
+    let (mut count, mut found) = (0, None);
+    for from in 0..types.len() {
+        for to in 0..types.len() {
+            if from == to || types[from] != types[to] || is_tied(to, ties) {
+                continue;
+            }
+            if count == wanted {
+                found = Some((from, to));
+            }
+            count += 1;
+        }
+    }
+    (count, found)
+}
+
+fn is_tied(to: usize, ties: &[Tie]) -> bool {
+    ties.iter().any(|tie| tie.from == to || tie.to == to)
 }
 
 impl Tie {
