@@ -3,9 +3,9 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::demand::Demand;
+use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
 use super::session::Asserted;
-use super::path_tally::PathTally;
 use super::tally::{Class, Judge, Judged};
 use super::{Agreement, Failure, Probe, Vacuous};
 use crate::diagnostic::one_line;
@@ -116,9 +116,9 @@ impl<'r> Report<'r> {
         words.take(self.suspected().min(MOST_KEPT)).map(|words| Kept { words })
     }
 
-    /// More may have failed than were kept: nobody can say that they hold.
+    /// More may have failed than were kept, or nothing is kept: nobody can say that those hold.
     fn passes(&self) -> bool {
-        self.suspected() <= MOST_KEPT && self.kept().all(|kept| kept.holds())
+        self.kept().count() == self.suspected() && self.kept().all(|kept| kept.holds())
     }
 
     fn lines(&self) -> Vec<(&'static str, String)> {
@@ -180,8 +180,13 @@ impl Plan<'_> {
     ) -> Result<Agreement, Failure> {
         let asserted = Asserted::new(NAME, "what its expectations say".to_owned());
         let suspicious = AtomicBool::new(false);
-        let counted =
-            self.conclude_unless(&suspicious, &asserted, stream, demand, recording, &mut |session| {
+        let counted = self.conclude_unless(
+            &suspicious,
+            &asserted,
+            stream,
+            demand,
+            recording,
+            &mut |session| {
                 let tallies = session.run(&mut |batch, dispatches| {
                     let tallies = session.judge(batch, dispatches, |_| None, |_| Reports)?;
                     if self.probe.telling.is_some() && tallies.iter().any(PathTally::fails) {
@@ -193,7 +198,8 @@ impl Plan<'_> {
                 })?;
                 let asserted = tallies.iter().all(|path| path.tally.census.judged() > 0);
                 session.expect_tested(asserted, tallies, Vacuous::NoExpectation)
-            });
+            },
+        );
         match self.probe.telling.filter(|_| suspicious.into_inner()) {
             None => counted,
             Some(package) => {
@@ -214,6 +220,20 @@ mod tests {
         (words[2], words[6]) = (actual.to_bits(), expected.to_bits());
         (words[10], words[11]) = (bounds[0].to_bits(), bounds[1].to_bits());
         words
+    }
+
+    #[test]
+    fn what_was_not_kept_does_not_pass() {
+        let passes = |words: &[u32]| Report { words }.passes();
+        assert!(passes(&[3, 0]) && !passes(&[3, 1]), "a report that only counts");
+        let good = kept(Wanted::Near, 1.0, 1.0, [0.0; 2]);
+        let bad = kept(Wanted::Near, 2.0, 1.0, [0.0; 2]);
+        let report = |suspected: u32, kept: [[u32; KEPT_WORDS]; MOST_KEPT]| {
+            let words = [&[9, suspected][..], &kept.concat()].concat();
+            passes(&words)
+        };
+        assert!(report(3, [good; 3]) && !report(4, [good; 3]) && !report(2, [good, bad, good]));
+        assert!(report(1, [good, bad, bad]), "what is behind the count is of an earlier case");
     }
 
     #[test]

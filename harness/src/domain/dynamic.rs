@@ -144,12 +144,12 @@ impl Part {
     pub fn range(scalar: Scalar, range: RangeInclusive<f64>) -> Option<Self> {
         let (low, high) = range.into_inner();
         let whole = low.fract() == 0.0 && high.fract() == 0.0;
+        let text = format!("from {low} to {high}");
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
             reason = "ranges of integers are looked at first, others are rounded"
         )]
-        let text = format!("from {low} to {high}");
         Some(match scalar {
             Scalar::F32 | Scalar::F16 => Self::of(low as f32..=high as f32, text),
             Scalar::I32 => {

@@ -162,15 +162,13 @@ fn it_ends_when_nobody_reads_it() {
     out.read_line(&mut String::new()).expect("its first line");
     drop(out);
     let began = Instant::now();
-    while began.elapsed() < PATIENCE {
-        if let Some(status) = child.try_wait().expect("it can be asked") {
-            assert!(status.success(), "{status}");
-            return;
-        }
+    let ended = |child: &mut Child| child.try_wait().expect("it can be asked").is_some();
+    while !ended(&mut child) && began.elapsed() < PATIENCE {
         std::thread::sleep(Duration::from_millis(20));
     }
     drop(child.kill());
-    panic!("it lives on");
+    let status = child.wait().expect("it ends");
+    assert!(status.success(), "it lives on: {status}");
 }
 
 /// Processes whose command line names a folder.
