@@ -69,7 +69,7 @@ pub use sampling::{
 pub use tally::Census;
 pub use vacuous::Vacuous;
 pub use verdict::{Agreement, Failure};
-pub use wgsl_test::WgslTest;
+pub use wgsl_test::{TestGroup, WgslTest};
 
 use std::path::PathBuf;
 
@@ -81,7 +81,7 @@ use crate::package::Package;
 use crate::path::{PathError, Selector};
 use crate::probe::Inputs;
 use crate::tolerance::Tolerance;
-use crate::value::Arguments;
+use crate::value::{Arguments, Shape};
 
 /// Cases of a check unless it says otherwise: one dispatch, and enough draws that each edge of
 /// six arguments meets each other edge.
@@ -115,14 +115,31 @@ pub struct Probe<'a> {
     place: Option<(Span, PathBuf)>,
     /// Where the same function returns what its expectations saw, too, if it is a test in WGSL.
     telling: Option<&'a Package>,
+    /// A function that counts for it and for others, if one does.
+    together: Option<Together<'a>>,
+}
+
+/// A function that does what several functions do: the first argument says which, and each has arguments of
+/// its own behind it.
+#[derive(Clone, Debug)]
+struct Together<'a> {
+    package: &'a Package,
+    /// `brdf_test::counted`
+    function: &'a str,
+    /// The types of all arguments.
+    shapes: &'a [Shape],
+    which: u32,
+    /// Where the words of its own arguments begin, and how many words all have.
+    first: usize,
+    words: usize,
 }
 
 impl Package {
     /// Selects a function: `module::name`, or `name` in a package of one module.
     pub fn function(&self, name: &str) -> Probe<'_> {
         let (fixtures, inputs, executors, place) = Default::default();
-        let (name, telling) = (name.to_owned(), None);
-        Probe { package: self, name, fixtures, inputs, executors, place, telling }
+        let (name, telling, together) = (name.to_owned(), None, None);
+        Probe { package: self, name, fixtures, inputs, executors, place, telling, together }
     }
 }
 
@@ -147,6 +164,14 @@ impl<'a> Probe<'a> {
     fn root(&self) -> PathBuf {
         let root = || self.package.root();
         self.place.as_ref().map_or_else(root, |(_, root)| root.clone())
+    }
+
+    /// The function that is called: its own, unless another one stands for it.
+    fn called(&self) -> &str {
+        match &self.together {
+            Some(together) if std::ptr::eq(together.package, self.package) => together.function,
+            _ => &self.name,
+        }
     }
 
     /// The file of the module that has the function, if it is one.

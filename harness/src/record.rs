@@ -16,7 +16,7 @@ use std::time::{Instant, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
-pub use self::errors::{Errors, Plot};
+pub use self::errors::{Errors, Histogram, Plot};
 pub use self::folder::Running;
 use self::folder::Turn;
 pub use crate::diagnostic::FileRead;
@@ -165,6 +165,9 @@ pub struct PathRecord {
     /// Where the errors are; for paths that fail.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plot: Option<Plot>,
+    /// What was counted in the worst configuration of a sampler that is rejected.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub histogram: Option<Histogram>,
 }
 
 /// What WGSL allows a function to return, compared with the tolerance of a check. Where it allows more,

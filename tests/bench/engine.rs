@@ -23,9 +23,10 @@ fn on(path: &str, task: &str, cold: bool) -> (f64, f64) {
 pub(super) fn run() {
     println!("\n{CHECKS} checks, process start to verdicts [s]");
     for (task, cases) in [("checks_of_1000", "1,000 cases each"), ("checks", "65,536 cases each")] {
-        for path in ["cpu", "vulkan"] {
-            let times = (0..STARTS).map(|_| on(path, task, false).0).collect();
-            println!("  {path:<7} {cases:<18} {}", Spread::of(times));
+        for (path, cold) in [("cpu", false), ("vulkan", false), ("vulkan", true)] {
+            let times = (0..STARTS).map(|_| on(path, task, cold).0).collect();
+            let cache = if cold { "driver cache cold" } else { "" };
+            println!("  {path:<7} {cases:<18} {}  {cache}", Spread::of(times));
         }
     }
     println!(

@@ -7,10 +7,12 @@ use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
 use super::session::Asserted;
 use super::tally::{Class, Judge, Judged};
-use super::{Agreement, Failure, Probe, Vacuous};
+use super::{Agreement, Failure, Probe, Together, Vacuous};
 use crate::diagnostic::one_line;
-use crate::domain::Stream;
+use crate::domain::{Emptiness, Held, Origin, Shrinkable, Stream};
+use crate::package::Package;
 use crate::package::expectations::{self, KEPT_WORDS, MOST_KEPT, Wanted};
+use crate::run::{Identity, Memory};
 use crate::tolerance::{Abs, LaneError, Rel, Tolerance, Ulp};
 use crate::value::{Scalar, format_f32, format_lane};
 
@@ -167,45 +169,185 @@ impl Judge for Reports {
 /// The verb, as records and replays have it.
 pub(super) const NAME: &str = "expects";
 
-impl Plan<'_> {
+/// Rows of one function as those of the function that does what several do.
+#[derive(Debug)]
+struct Placed<'s> {
+    stream: Rows<'s>,
+    which: u32,
+    first: usize,
+    words: usize,
+}
+
+/// A stream, which has no `Debug`.
+struct Rows<'s>(&'s dyn Stream);
+
+impl std::fmt::Debug for Rows<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("rows")
+    }
+}
+
+impl Placed<'_> {
+    fn place(&self, own: &[u32], rows: &mut Vec<u32>) {
+        let start = rows.len();
+        rows.push(self.which);
+        rows.resize(start + self.first, 0);
+        rows.extend_from_slice(own);
+        rows.resize(start + self.words, 0);
+    }
+}
+
+impl Stream for Placed<'_> {
+    fn width(&self) -> usize {
+        self.words
+    }
+
+    fn size(&self) -> Option<u64> {
+        self.stream.0.size()
+    }
+
+    fn emptiness(&self) -> Option<Emptiness> {
+        self.stream.0.emptiness()
+    }
+
+    fn edges(&self) -> usize {
+        self.stream.0.edges()
+    }
+
+    fn row(&self, origin: Origin<'_>, rows: &mut Vec<u32>) -> bool {
+        let mut own = Vec::new();
+        let made = self.stream.0.row(origin, &mut own);
+        if made {
+            self.place(&own, rows);
+        }
+        made
+    }
+
+    /// What fails runs alone: nothing is simplified here.
+    fn value(&self, _: Origin<'_>) -> Option<Held> {
+        None
+    }
+
+    fn shrinkable(&self, _: Origin<'_>) -> Option<Shrinkable<'_, Held>> {
+        None
+    }
+
+    fn admits(&self, _: &[u32]) -> Option<bool> {
+        None
+    }
+
+    fn shrink(&self, _: &[u32]) -> Vec<Vec<u32>> {
+        Vec::new()
+    }
+
+    fn described(&self) -> String {
+        self.stream.0.described()
+    }
+
+    fn show(&self, row: &[u32]) -> String {
+        let end = (self.first + self.stream.0.width()).min(row.len());
+        self.stream.0.show(&row[self.first.min(end)..end])
+    }
+}
+
+/// What a run that only counts has seen.
+enum Counted {
+    /// All of it holds, or nothing could be said: that is the verdict.
+    Concluded(Result<Agreement, Failure>),
+    /// Something may have failed.
+    Suspicious,
+}
+
+impl<'a> Plan<'a> {
     /// Runs a test that is written in WGSL.
     ///
-    /// Drivers compile a kernel that only counts in a third of the time of one that keeps what it saw. So
-    /// the test is counted first; it runs again, and tells, if anything may have failed.
+    /// Drivers compile a kernel that only counts in a third of the time of one that keeps what it saw, and
+    /// one kernel of several tests in a fraction of the time of several. So tests are counted together
+    /// first; whatever isn't simply good runs alone, and tells.
     pub(super) fn expects(
         &self,
         stream: &dyn Stream,
         demand: &Demand,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
+        let identity = Identity::of(&self.probe.name, NAME)?;
+        if let Some(agreement) = self.together(&identity, stream, demand, recording) {
+            return Ok(agreement);
+        }
+        let alone = |package: &'a Package, telling| {
+            let probe = Probe { package, telling, together: None, ..self.probe.clone() };
+            Plan { probe, ..self.clone() }
+        };
+        let counting = alone(self.probe.package, self.probe.telling);
+        match (counting.counted(&identity, stream, demand, recording), self.probe.telling) {
+            (Counted::Concluded(verdict), _) => verdict,
+            (Counted::Suspicious, None) => unreachable!("without telling it concludes"),
+            (Counted::Suspicious, Some(package)) => {
+                match alone(package, None).counted(&identity, stream, demand, recording) {
+                    Counted::Concluded(verdict) => verdict,
+                    Counted::Suspicious => unreachable!("without telling it concludes"),
+                }
+            }
+        }
+    }
+
+    /// The verdict with other tests, if it is good. Inputs that are remembered or replayed are its own.
+    fn together(
+        &self,
+        identity: &Identity,
+        stream: &dyn Stream,
+        demand: &Demand,
+        recording: Recording,
+    ) -> Option<Agreement> {
+        let Together { package, shapes, which, first, words, .. } = self.probe.together.as_ref()?;
+        let name = &self.probe.name;
+        let replays = identity.case(name, &identity.check).is_some();
+        let remembers =
+            || Memory::open(identity).is_some_and(|m| !m.of(name, &identity.check).is_empty());
+        if replays || remembers() {
+            return None;
+        }
+        let probe = Probe { package, ..self.probe.clone() };
+        let stream = Placed { stream: Rows(stream), which: *which, first: *first, words: *words };
+        let demand = Demand { arguments: shapes.to_vec(), ..*demand };
+        match (Plan { probe, ..self.clone() }).counted(identity, &stream, &demand, recording) {
+            Counted::Concluded(Ok(agreement)) => Some(agreement),
+            _ => None,
+        }
+    }
+
+    fn counted(
+        &self,
+        identity: &Identity,
+        stream: &dyn Stream,
+        demand: &Demand,
+        recording: Recording,
+    ) -> Counted {
         let asserted = Asserted::new(NAME, "what its expectations say".to_owned());
         let suspicious = AtomicBool::new(false);
-        let counted = self.conclude_unless(
-            &suspicious,
-            &asserted,
-            stream,
-            demand,
-            recording,
-            &mut |session| {
+        // With others, anything but a success is another run's verdict.
+        let withheld = AtomicBool::new(self.probe.together.is_some());
+        let run = (identity, &withheld);
+        let verdict =
+            self.conclude_unless(run, &asserted, stream, demand, recording, &mut |session| {
                 let tallies = session.run(&mut |batch, dispatches| {
                     let tallies = session.judge(batch, dispatches, |_| None, |_| Reports)?;
                     if self.probe.telling.is_some() && tallies.iter().any(PathTally::fails) {
                         // Nobody sees this one.
                         suspicious.store(true, Ordering::Relaxed);
+                        withheld.store(true, Ordering::Relaxed);
                         return session.called.vacuous(Vacuous::NoExpectation);
                     }
                     Ok(tallies)
                 })?;
                 let asserted = tallies.iter().all(|path| path.tally.census.judged() > 0);
-                session.expect_tested(asserted, tallies, Vacuous::NoExpectation)
-            },
-        );
-        match self.probe.telling.filter(|_| suspicious.into_inner()) {
-            None => counted,
-            Some(package) => {
-                let probe = Probe { package, telling: None, ..self.probe.clone() };
-                Plan { probe, ..self.clone() }.expects(stream, demand, recording)
-            }
+                let tallies = session.expect_tested(asserted, tallies, Vacuous::NoExpectation)?;
+                withheld.store(false, Ordering::Relaxed);
+                Ok(tallies)
+            });
+        match suspicious.into_inner() {
+            true => Counted::Suspicious,
+            false => Counted::Concluded(verdict),
         }
     }
 }
@@ -213,6 +355,22 @@ impl Plan<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::{Just, Numbering, Typed};
+
+    #[test]
+    fn rows_stand_where_their_function_reads_them() {
+        let domain = (Just(7_u32), Just(9_u32));
+        let alone = Typed::arguments(&domain);
+        let row = |first: usize, words: usize| {
+            let placed = Placed { stream: Rows(&alone), which: 3, first, words };
+            let mut rows = Vec::new();
+            let cases = Numbering::of(&placed, 1, 1, 1);
+            assert_eq!((placed.rows(&cases, 0..1, &mut rows), placed.width()), (1, words));
+            rows
+        };
+        assert_eq!(row(1, 3), [3, 7, 9]);
+        assert_eq!(row(2, 6), [3, 0, 7, 9, 0, 0]);
+    }
 
     fn kept(wanted: Wanted, actual: f32, expected: f32, bounds: [f32; 2]) -> [u32; KEPT_WORDS] {
         let mut words = [0; KEPT_WORDS];

@@ -72,6 +72,7 @@ impl PathTally {
             granted: self.granted,
             errors: self.sample.as_ref().map(Sample::errors),
             plot: self.sample.as_ref().filter(|_| self.fails()).map(Sample::plot),
+            histogram: None,
         }
     }
 

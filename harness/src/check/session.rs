@@ -79,7 +79,7 @@ impl<'a> Session<'a> {
         asserted: Asserted,
         inputs: Inputs,
     ) -> Result<Self, Failure> {
-        let function = (plan.probe.package, &*plan.probe.name);
+        let function = (plan.probe.package, plan.probe.called());
         let mut fitting = Fitting::find(function, inputs, &demand.arguments, demand.who)?;
         if let Some((place, _)) = &plan.probe.place {
             fitting.declared_at(place.clone());

@@ -25,13 +25,16 @@ impl Plan<'_> {
         recording: Recording,
         verb: Body<'_>,
     ) -> Result<Agreement, Failure> {
-        self.conclude_unless(&AtomicBool::new(false), asserted, stream, demand, recording, verb)
+        let identity = Identity::of(&self.probe.name, asserted.check)?;
+        let run = (&identity, &AtomicBool::new(false));
+        self.conclude_unless(run, asserted, stream, demand, recording, verb)
     }
 
-    /// The same, but for the record if the verb says that another run will have the verdict.
+    /// The same under an identity that several runs share, and without a record as long as another run
+    /// may have the verdict.
     pub(super) fn conclude_unless(
         &self,
-        withheld: &AtomicBool,
+        (identity, withheld): (&Identity, &AtomicBool),
         asserted: &Asserted,
         stream: &dyn Stream,
         demand: &Demand,
@@ -41,7 +44,6 @@ impl Plan<'_> {
         let reporter = Reporter::start();
         let Asserted { check, text, expectation } = asserted;
         let function = self.probe.name.clone();
-        let identity = Identity::of(&function, check)?;
         let seed = self.seed.unwrap_or_else(|| identity.seed(&function, &identity.check));
         let mut subject = Subject::Function {
             package: self.probe.root().display().to_string(),
@@ -56,16 +58,16 @@ impl Plan<'_> {
         let mut read: Vec<_> = self.probe.module_file().into_iter().collect();
         let mut run = || {
             self.expect_reasons()?;
-            inputs::each(self, &identity, &mut |inputs| {
+            inputs::each(self, identity, &mut |inputs| {
                 let own = self.tolerance_on.iter().map(|(on, own)| format!("; on {on} {own}"));
                 let own: String = own.collect();
                 let text_of_paths = format!("{text}{own}");
                 let asserted = Asserted { check, text: text_of_paths, expectation: *expectation };
                 let session =
-                    Session::open(self, stream, demand, &identity, seed, asserted, inputs)?;
+                    Session::open(self, stream, demand, identity, seed, asserted, inputs)?;
                 // What is declared to fail needn't be remembered.
                 let remembered = recording == Recording::On && self.known_issues.is_empty();
-                let memory = Memory::open(&identity).filter(|_| remembered);
+                let memory = Memory::open(identity).filter(|_| remembered);
                 let session = session.remembering(memory);
                 if let Subject::Function { location, .. } = &mut subject {
                     *location = session.called.function().span.to_string();

@@ -4,12 +4,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::sync::{Arc, OnceLock};
 
-use super::Probe;
+use super::{Probe, Together};
 use crate::diagnostic::Span;
 use crate::package::Package;
 use crate::package::expectations::{REPORT_WORDS, TestItem};
 use crate::reflect::{Program, ReflectError};
-use crate::value::Shape;
+use crate::value::{Scalar, Shape};
 
 /// The name under which generated modules import the package of a test.
 const TESTED: &str = "karat_tested";
@@ -159,6 +159,94 @@ impl WgslTest {
         let place = Some((self.span.clone(), self.package.root()));
         let Made { counting, telling, .. } = self.made()?;
         Ok(Probe { place, telling: Some(telling), ..counting.function(&self.name) })
+    }
+}
+
+/// Tests of one module that drivers count in one kernel: compiling one of several tests takes a fraction of
+/// the time of several. Whatever isn't simply good there runs alone, and is told as if it always had.
+#[derive(Debug)]
+pub struct TestGroup {
+    package: Package,
+    function: String,
+    shapes: Vec<Shape>,
+    words: usize,
+    /// Which it is, and where its arguments begin, by the test's name.
+    members: BTreeMap<String, (u32, usize)>,
+}
+
+/// Tests of one kernel: compilers take more than in proportion for large ones.
+const TOGETHER: usize = 8;
+
+impl TestGroup {
+    /// Groups of some tests; a test that no other one of its module is with, or that isn't valid, is in
+    /// none.
+    #[must_use]
+    pub fn of(tests: &[&WgslTest]) -> Vec<Self> {
+        let mut modules: BTreeMap<&str, Vec<&WgslTest>> = BTreeMap::new();
+        for test in tests.iter().filter(|test| test.made().is_ok()) {
+            modules.entry(&test.module).or_default().push(test);
+        }
+        let parts = modules.values().flat_map(|tests| tests.chunks(TOGETHER));
+        parts.filter(|part| part.len() > 1).filter_map(|part| Self::new(part).ok()).collect()
+    }
+
+    fn new(tests: &[&WgslTest]) -> Result<Self, ReflectError> {
+        let mut text = "import karat::{begin, counts};\n".to_owned();
+        let (mut list, mut calls) = (vec!["karat_which: u32".to_owned()], String::new());
+        let (mut structs, mut members) = (BTreeMap::new(), BTreeMap::new());
+        let (mut shapes, mut words) = (vec![Shape::Scalar(Scalar::U32)], 1);
+        let (package, module) = (&tests[0].package, &*tests[0].module);
+        for (which, test) in (0..).zip(tests) {
+            let program = Program::of_function(package, &test.name)?;
+            writeln!(text, "import {TESTED}::{} as karat_test{which};", test.name)
+                .expect("text takes text");
+            members.insert(test.name.clone(), (which, words));
+            let mut names = Vec::new();
+            for (name, shape) in test.parameters().unwrap_or_default() {
+                let name = format!("karat_{which}_{name}");
+                list.push(format!("{name}: {}", type_text(&program, shape, &mut structs)));
+                words += shape.lanes().len();
+                shapes.push(shape.clone());
+                names.push(name);
+            }
+            writeln!(
+                calls,
+                "        case {which}u: {{ karat_test{which}({}); }}",
+                names.join(", ")
+            )
+            .expect("text takes text");
+        }
+        for (path, alias) in &structs {
+            writeln!(text, "import {TESTED}::{path} as {alias};").expect("text takes text");
+        }
+        writeln!(
+            text,
+            "fn counted({}) -> array<u32, 2> {{\n    begin();\n    switch karat_which {{\n{calls}        \
+             default: {{}}\n    }}\n    return counts();\n}}",
+            list.join(", ")
+        )
+        .expect("text takes text");
+        let function =
+            if module.is_empty() { "counted".to_owned() } else { format!("{module}::counted") };
+        let package =
+            Package::from_modules(&package.name(), [(module, text)]).depends_on(TESTED, package);
+        // What can't be linked together runs alone.
+        Program::of_function(&package, &function)?;
+        Ok(Self { package, function, shapes, words, members })
+    }
+
+    /// [`WgslTest::probe`] with the others: `None` if it isn't in this group.
+    pub fn probe<'a>(&'a self, test: &'a WgslTest) -> Option<Probe<'a>> {
+        let (which, first) = *self.members.get(&test.name)?;
+        let together = Together {
+            package: &self.package,
+            function: &self.function,
+            shapes: &self.shapes,
+            which,
+            first,
+            words: self.words,
+        };
+        Some(Probe { together: Some(together), ..test.probe().ok()? })
     }
 }
 

@@ -96,6 +96,7 @@ impl Frame<'_> {
                 granted: None,
                 errors: None,
                 plot: None,
+                histogram: None,
             };
             match compared {
                 Ok(margin) => {

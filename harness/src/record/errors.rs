@@ -51,6 +51,19 @@ pub struct Plot {
     pub rows: Vec<Vec<f64>>,
 }
 
+/// How many samples each cell of a sampler's support got, and should have got.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Histogram {
+    /// What rows and columns stand for: `theta` and `phi`; the second is empty on a line.
+    pub axes: [String; 2],
+    /// How many cells each row has. Cells of a row lie side by side; rows needn't have the same number.
+    pub rows: Vec<usize>,
+    /// Samples in each cell, row by row.
+    pub observed: Vec<u64>,
+    /// What the density has there.
+    pub expected: Vec<f64>,
+}
+
 /// Rows in which `null` is NaN: JSON has no name for what isn't finite.
 fn with_nan<'de, D: serde::Deserializer<'de>>(rows: D) -> Result<Vec<Vec<f64>>, D::Error> {
     let rows: Vec<Vec<Option<f64>>> = Deserialize::deserialize(rows)?;

@@ -34,6 +34,7 @@ use karat::check::WgslTest;
 use karat::diagnostic::Span;
 
 pub use find::FindError;
+pub use run::Groups;
 
 /// The tests of a package.
 #[derive(Debug)]

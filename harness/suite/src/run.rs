@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-use karat::check::{Agreement, DynamicCheck, Failure, Limit, Probe, WgslTest};
+use karat::check::{Agreement, DynamicCheck, Failure, Limit, Probe, TestGroup, WgslTest};
 use karat::diagnostic::Diagnostic;
 use karat::domain::{Dynamic, Part};
 use karat::golden::FrameTolerance;
@@ -30,8 +30,19 @@ impl Suite {
     /// # Panics
     /// If no thread can be started.
     pub fn run(&self, test: &Test) -> Result<(), String> {
+        self.run_with(test, &Groups::default())
+    }
+
+    /// [`run`](Self::run), with the others of its group.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    ///
+    /// # Panics
+    /// If no thread can be started.
+    pub fn run_with(&self, test: &Test, groups: &Groups) -> Result<(), String> {
         let run = || {
-            catch_unwind(AssertUnwindSafe(|| self.verdict(test))).unwrap_or_else(|panic| {
+            catch_unwind(AssertUnwindSafe(|| self.verdict(test, groups))).unwrap_or_else(|panic| {
                 let text = panic.downcast_ref::<String>().cloned();
                 let text = text.or_else(|| Some((*panic.downcast_ref::<&str>()?).to_owned()));
                 Err(text.unwrap_or_else(|| "it panics".to_owned()))
@@ -78,12 +89,30 @@ impl Suite {
         (sound, broken.into_iter().map(named).collect())
     }
 
-    fn verdict(&self, test: &Test) -> Result<(), String> {
+    /// Tests that one kernel counts, of those that are about to run. On the path `cpu` alone there is
+    /// nothing to compile, and no group.
+    #[must_use]
+    pub fn groups(tests: &[&Test]) -> Groups {
+        let drivers =
+            karat::path::selected().is_ok_and(|all| all.iter().any(|p| *p != karat::Path::CPU));
+        let mut own: Vec<&WgslTest> = Vec::new();
+        for test in tests {
+            if let Kind::Wgsl(test) = &test.kind {
+                own.push(test);
+            }
+        }
+        Groups(if drivers { TestGroup::of(&own) } else { Vec::new() })
+    }
+
+    fn verdict(&self, test: &Test, groups: &Groups) -> Result<(), String> {
         let placed = |error: String| format!("error: {error}\n   --> {}", test.span);
         match &test.kind {
             Kind::Wgsl(test) => {
                 // What isn't valid WGSL has its own place.
-                let probe = test.probe()?;
+                let probe = match groups.0.iter().find_map(|group| group.probe(test)) {
+                    Some(together) => together,
+                    None => test.probe()?,
+                };
                 wgsl(test, probe).map_err(placed)?.map(drop).map_err(|e| e.to_string())
             }
             Kind::Function(assertion) => {
@@ -100,6 +129,10 @@ impl Suite {
         }
     }
 }
+
+/// Tests that one kernel counts: see [`Suite::groups`].
+#[derive(Debug, Default)]
+pub struct Groups(Vec<TestGroup>);
 
 fn part_of(tests: &[&Test], wrong: impl Fn(&&Test) -> Option<String>) -> Vec<Option<String>> {
     tests.iter().map(wrong).collect()

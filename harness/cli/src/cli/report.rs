@@ -20,6 +20,7 @@ use karat::package::FunctionItem;
 use karat::record::{PathRecord, Record, Recorded, Run, SCHEMA, Subject};
 use karat_suite::{Suite, Test};
 
+use self::html::Beside;
 use super::list::callable;
 use super::project::Project;
 use super::{Ending, NotThere, Outcome, PackageArgs, spare};
@@ -39,6 +40,12 @@ pub(super) struct OutputArgs {
     /// Where the page of frames is, which `karat review --static` writes; the report links to it
     #[arg(long, value_name = "URL", requires = "html")]
     review: Option<String>,
+    /// Where the page of translations is, which `karat matrix --html` writes; the report links to it
+    #[arg(long, value_name = "URL", requires = "html")]
+    matrix: Option<String>,
+    /// Look for hazards, too, and show them on the page
+    #[arg(long, requires = "html")]
+    hazards: bool,
     /// Print GitHub's annotations of failures and append to the job's summary [default: where
     /// GITHUB_ACTIONS is `true`]
     #[arg(long)]
@@ -105,10 +112,11 @@ pub(super) fn write_page(
     page: &Path,
 ) -> anyhow::Result<()> {
     let records = merge::side_by_side(records);
-    let untested = names(untested(&records, &project.packages_if_any(&PackageArgs::default())?)?);
+    let packages = project.packages_if_any(&PackageArgs::default())?;
+    let untested = Some(names(untested(&records, &packages)?));
     let passed = !records.iter().any(tables::is_failure);
     let run = Run { schema: SCHEMA, selected: Vec::new(), passed };
-    let text = html::page(&records, Some(&run), Some(&untested), None);
+    let text = html::page(&records, Some(&run), &Beside { untested, ..Beside::default() });
     let folder = page.parent().unwrap_or(page);
     std::fs::create_dir_all(folder)
         .and_then(|()| write_whole(page, visible(&text).as_bytes()))
@@ -173,16 +181,15 @@ impl OutputArgs {
             write(file, &serde_json::to_string_pretty(&all).context("records are plain data")?)?;
         }
         if let Some(file) = &self.html {
+            let packages = project.packages_if_any(&PackageArgs::default())?;
             // What was left out on purpose isn't untested.
             let whole = run.is_some_and(|run| run.selected.is_empty());
-            let untested = match whole {
-                true => {
-                    let packages = project.packages_if_any(&PackageArgs::default())?;
-                    Some(names(untested(records, &packages)?))
-                }
-                false => None,
-            };
-            write(file, &html::page(records, run, untested.as_deref(), self.review.as_deref()))?;
+            let untested = whole.then(|| untested(records, &packages)).transpose()?.map(names);
+            let look = || packages.iter().map(|package| package.hazards().run()).collect();
+            let hazards = self.hazards.then(look).transpose()?;
+            let (review, matrix) = (self.review.as_deref(), self.matrix.as_deref());
+            let beside = Beside { untested, hazards, review, matrix };
+            write(file, &html::page(records, run, &beside))?;
         }
         let on_github = std::env::var_os("GITHUB_ACTIONS").is_some_and(|value| value == "true");
         if self.github || on_github {

@@ -114,12 +114,13 @@ fn each(suite: &Suite, tests: &[&Test], heard: Heard<'_>) -> std::io::Result<()>
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let (sender, verdicts) = channel();
+    let groups = &Suite::groups(tests);
     std::thread::scope(|scope| {
         for _ in 0..threads.min(tests.len()) {
             let (sender, next) = (sender.clone(), &next);
             scope.spawn(move || {
                 while let Some(test) = tests.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    if sender.send((*test, suite.run(test))).is_err() {
+                    if sender.send((*test, suite.run_with(test, groups))).is_err() {
                         break;
                     }
                 }

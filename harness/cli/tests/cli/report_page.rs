@@ -68,6 +68,37 @@ fn the_page_shows_what_fails_with_its_plots() {
     assert_eq!(json["run"]["passed"], true);
 }
 
+/// What a sampler counted, what can go wrong, and links to the other pages.
+#[test]
+fn the_page_has_maps_hazards_and_links() {
+    let histogram = r#""histogram":{"axes":["theta","phi"],"rows":[1,2],"observed":[9,1,0],"expected":[4,4,2]}"#;
+    let line = check("calc::half", "a", "fail");
+    let line = line.replacen("\"asserted\"", &format!("{histogram},\"asserted\""), 1);
+    let (project, folders) = recorded(&[&[line]]);
+    write(
+        &project.path().join("shaders"),
+        "calc.wgsl",
+        "fn half(n_dot_l: f32) -> f32 { return 1.0 / n_dot_l; }\n",
+    );
+    let folder = folders[0].to_str().expect("UTF-8");
+    let more = ["--hazards", "--matrix", "routes.html", "--html", "r.html"];
+    let ran = output(&mut command(
+        project.path(),
+        &[&["report", "--record", folder][..], &more].concat(),
+    ));
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    let page = std::fs::read_to_string(project.path().join("r.html")).expect("written");
+    for part in [
+        "Samples in each of 3 cells",
+        "9, expected 4.00 (+2.5 sigma)",
+        "href=\"routes.html\"",
+        "shaders: 1 in 1 functions",
+        "1.0 / n_dot_l",
+    ] {
+        assert!(page.contains(part), "no `{part}` in {page}");
+    }
+}
+
 #[test]
 fn reports_spare_what_is_there() {
     let lines = [check("calc::half", "a", "pass"), check("calc::half", "a", "pass")];

@@ -298,6 +298,69 @@ fn what_lies_at_its_bound_holds_and_idle_cases_are_none() {
     assert_eq!(seldom["paths"][0]["cases"], 1, "{ran}");
 }
 
+/// One kernel counts several tests, each with its own arguments; what fails there runs alone and is told as
+/// on the path that compiles nothing.
+#[test]
+fn tests_that_are_counted_together_have_their_own_verdicts() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let good = (0..9).map(|at| {
+        format!(
+            "@test fn good{at}(@over({at}) a: f32, @over(0, 1) b: vec2f, @over({at}, {}) p: u32) {{\n    \
+             expect_near(a, {at}.0, 0.0);\n    expect_true(all(b >= vec2f(0.0)) && all(b <= vec2f(1.0)));\n    \
+             expect_true(p == {at}u || p == {}u);\n}}\n",
+            at + 1,
+            at + 1
+        )
+    });
+    let text = format!(
+        "import karat::{{expect_true, expect_near}};\n{}\
+         @test @cases(300) fn wrong(@over(0, 15) i: u32, flag: bool) {{\n    \
+         expect_true(i != 7u || flag);\n}}\n\
+         @test fn idle() {{}}\n",
+        good.collect::<String>()
+    );
+    write(folder.path(), "t.wgsl", &text);
+    let run = |path: &str| {
+        let mut command =
+            command(folder.path(), &["test", ".", "--paths", path, "--json", "all.json"]);
+        let ran = output(command.env("KARAT_FAILURES", "off"));
+        assert_eq!(ran.code, Some(1), "{ran:?}");
+        for part in [
+            "t.wgsl:48:5: `expect_true(i != 7u || flag)` saw false",
+            "i = 7",
+            "11 checks, 2 failed",
+        ] {
+            assert!(ran.out.contains(part), "no `{part}` on {path}: {}", ran.out);
+        }
+        assert!(ran.out.contains("no case in which an expectation is evaluated"), "{}", ran.out);
+        let json = std::fs::read_to_string(folder.path().join("all.json")).expect("written");
+        let all: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+        let facts = |record: &serde_json::Value| {
+            let path = &record["paths"][0];
+            let subject = &record["subject"];
+            let facts = [
+                &subject["function"],
+                &subject["seed"],
+                &subject["location"],
+                &record["verdict"],
+                &path["cases"],
+                &path["failures"],
+            ];
+            facts.map(ToString::to_string)
+        };
+        let mut facts: Vec<_> =
+            all["records"].as_array().expect("records").iter().map(facts).collect();
+        facts.sort();
+        facts
+    };
+    let together = run("vulkan");
+    assert_eq!(together, run("cpu"));
+    assert!(
+        together.iter().any(|facts| facts[0].contains("good3") && facts[4] == "4096"),
+        "{together:?}"
+    );
+}
+
 /// A test is no part of the shader that others import or validate.
 #[test]
 fn tests_are_stripped_from_what_is_drawn_and_listed() {

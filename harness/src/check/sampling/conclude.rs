@@ -115,6 +115,8 @@ pub(super) fn conclude(
             let (path, adapter) = (*path, adapter.clone());
             let known_issue = plan.known_issues.on(path, &adapter).map(str::to_owned);
             let is_known = known_issue.is_some();
+            let worst = sum.worst.as_ref().and_then(|worst| worst.histogram.as_ref());
+            let histogram = worst.map(|worst| worst.record(settings.support));
             paths.push(PathRecord {
                 adapter: adapter.clone(),
                 cases: sum.configurations * settings.samples,
@@ -126,6 +128,7 @@ pub(super) fn conclude(
                 granted: None,
                 errors: None,
                 plot: None,
+                histogram,
             });
             if sum.configurations < selected.end - selected.start || sum.configurations == 0 {
                 let declared = selected.end - selected.start;

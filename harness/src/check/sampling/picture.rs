@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use crate::golden::build_output;
 use crate::image::{Image, ImageError, Precision};
+use crate::record;
 use crate::stats::{Cells, Rectangle, Support};
 
 /// Pixels of a cell's side.
@@ -22,6 +23,15 @@ pub(super) struct Histogram {
     pub(super) expected: Vec<f64>,
 }
 
+/// What rows and columns of cells stand for.
+fn axes(support: Support) -> [&'static str; 2] {
+    match support {
+        Support::Sphere | Support::Hemisphere => ["theta", "phi"],
+        Support::Disk => ["r", "phi"],
+        Support::Interval(..) => ["x", ""],
+    }
+}
+
 impl Histogram {
     /// The difference of a cell in standard deviations.
     fn difference(&self, cell: usize) -> f64 {
@@ -29,15 +39,21 @@ impl Histogram {
         if observed == expected { 0.0 } else { (observed - expected) / expected.sqrt() }
     }
 
+    /// The counts for a report.
+    pub(super) fn record(&self, support: Support) -> record::Histogram {
+        record::Histogram {
+            axes: axes(support).map(str::to_owned),
+            rows: self.cells.row_lengths(),
+            observed: self.observed.clone(),
+            expected: self.expected.clone(),
+        }
+    }
+
     /// The cells that differ most.
     pub(super) fn worst_cells(&self, support: Support) -> String {
         let mut cells: Vec<usize> = (0..self.cells.len()).collect();
         cells.sort_by(|a, b| self.difference(*b).abs().total_cmp(&self.difference(*a).abs()));
-        let names = match support {
-            Support::Sphere | Support::Hemisphere => ["theta", "phi"],
-            Support::Disk => ["r", "phi"],
-            Support::Interval(..) => ["x", ""],
-        };
+        let names = axes(support);
         let shown = |cell: usize| {
             let Rectangle { low, high } = self.cells.rectangle(cell);
             let mut text = format!("{} {:.4}..{:.4}", names[0], low[0], high[0]);

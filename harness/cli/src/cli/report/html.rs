@@ -1,9 +1,11 @@
 //! One page for a run: self-contained, so that it opens from a file wherever it is sent.
 
+mod cells;
 mod plot;
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use karat::hazards::Hazards;
 use karat::record::{Errors, PathRecord, Record, Run, Subject, Verdict};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -13,13 +15,22 @@ use super::{message, replays, subject};
 const STYLE: &str = include_str!("html/report.css");
 const SCRIPT: &str = include_str!("html/report.js");
 
-/// The page of a run. `untested` are functions without a test; `review` is where the page of frames is.
-pub(super) fn page(
-    records: &[Record],
-    run: Option<&Run>,
-    untested: Option<&[String]>,
-    review: Option<&str>,
-) -> String {
+/// What stands on the page beside the records.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Beside<'p> {
+    /// Functions without a test; `None` where some were left out on purpose.
+    pub(super) untested: Option<Vec<String>>,
+    /// What can go wrong in each package; `None` where nobody looked.
+    pub(super) hazards: Option<Vec<Hazards>>,
+    /// Where the page of frames is.
+    pub(super) review: Option<&'p str>,
+    /// Where the page of translations is.
+    pub(super) matrix: Option<&'p str>,
+}
+
+/// The page of a run.
+pub(super) fn page(records: &[Record], run: Option<&Run>, beside: &Beside<'_>) -> String {
+    let Beside { untested, hazards: found, review, matrix } = beside;
     let verdict = match run {
         _ if records.iter().any(is_failure) => "failed",
         None => "not ended",
@@ -37,12 +48,13 @@ pub(super) fn page(
                 style { (PreEscaped(STYLE)) }
             }
             body {
-                (head(records, run, verdict))
+                (head(records, run, verdict, *matrix))
                 main {
                     (failures(rows))
                     (functions(rows))
-                    (frames(rows, review))
-                    (without_tests(untested))
+                    (frames(rows, *review))
+                    @if let Some(found) = found { (hazards(found)) }
+                    (without_tests(untested.as_deref()))
                 }
                 script { (PreEscaped(SCRIPT)) }
             }
@@ -52,7 +64,7 @@ pub(super) fn page(
 }
 
 /// The verdict, what ran, and what searches.
-fn head(records: &[Record], run: Option<&Run>, verdict: &str) -> Markup {
+fn head(records: &[Record], run: Option<&Run>, verdict: &str, matrix: Option<&str>) -> Markup {
     let failed = records.iter().filter(|record| is_failure(record)).count();
     let known = records.iter().filter(|record| record.verdict == Verdict::KnownIssue).count();
     let paths = || records.iter().flat_map(|record| &record.paths);
@@ -84,6 +96,7 @@ fn head(records: &[Record], run: Option<&Run>, verdict: &str) -> Markup {
             @for overlay in overlays {
                 p class="fail" { "With KARAT_OVERLAY=" (overlay) ": not the modules of the packages." }
             }
+            @if let Some(matrix) = matrix { p { a href=(matrix) { "Every translation of the shaders" } } }
             ul class="adapters" { @for adapter in &adapters { li { (adapter) } } }
             label { "Search " input id="search" type="search" placeholder="name, test, path, message"; }
             label { input id="failing" type="checkbox"; " only what fails" }
@@ -147,6 +160,9 @@ fn failures(rows: &[Row<'_>]) -> Markup {
                         @for path in &row.record.paths {
                             @if let Some(plot) = &path.plot {
                                 (plot::figures(plot, &path.adapter.path, &path.asserted))
+                            }
+                            @if let Some(histogram) = &path.histogram {
+                                (cells::map(histogram, &path.adapter.path))
                             }
                         }
                     }
@@ -307,6 +323,25 @@ fn frames(rows: &[Row<'_>], review: Option<&str>) -> Markup {
                         }
                     }
                 }
+            }
+        }
+    }
+}
+
+fn hazards(all: &[Hazards]) -> Markup {
+    html! {
+        section {
+            h2 { "Hazards" }
+            p class="note" {
+                "What can go wrong inside of functions, over arguments that names and types suggest, whether or not \
+                 a test sees it: " code { "karat hazards" } "."
+            }
+            @for Hazards { package, functions, found, accepted, .. } in all {
+                p {
+                    (package) ": " (found.len()) " in " (functions) " functions"
+                    @if *accepted > 0 { ", " (accepted) " accepted" }
+                }
+                @for hazard in found { pre class="row" { (hazard) } }
             }
         }
     }

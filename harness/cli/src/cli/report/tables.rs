@@ -251,6 +251,7 @@ mod tests {
             granted: None,
             errors: None,
             plot: None,
+            histogram: None,
         };
         let subject = Subject::Function {
             package: String::new(),
