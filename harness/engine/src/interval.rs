@@ -251,7 +251,10 @@ impl Interval {
         }
         let one = Self::point(1.0);
         if lo == 0.0 {
-            return one.div(Self::point(hi as f32).inverse_sqrt()).join(Self::point(0.0));
+            // What is subnormal may be taken for 0, of which there is no inverse root; the root of the least
+            // normal number is above its own.
+            let hi = (hi as f32).max(f32::MIN_POSITIVE);
+            return one.div(Self::point(hi).inverse_sqrt()).join(Self::point(0.0));
         }
         one.div(self.inverse_sqrt())
     }
@@ -526,6 +529,16 @@ impl Truth {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A subnormal number may be taken for 0, and has a root either way.
+    #[test]
+    fn roots_of_subnormal_numbers_are_bounded() {
+        for x in [f32::from_bits(1), 1e-38, 1e-40] {
+            let (lo, hi) = Interval::point(x).sqrt().bounds().expect("it is bounded");
+            assert!(lo <= 0.0 && hi >= f64::from(x).sqrt() && hi < 1.2e-19, "{x}: {lo} to {hi}");
+        }
+        assert!(Interval::point(f32::from_bits(1)).inverse_sqrt().bounds().is_none());
+    }
 
     #[test]
     fn bounds_are_the_neighbours_outside() {

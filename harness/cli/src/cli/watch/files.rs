@@ -12,8 +12,8 @@ use same_file::Handle;
 
 use super::Event;
 
-/// A burst is over when nothing comes for this long.
-const QUIET: Duration = Duration::from_millis(3);
+/// A burst is over when nothing comes for this long. One that goes on later runs the tests once more.
+const QUIET: Duration = Duration::from_millis(1);
 
 /// A burst that doesn't end is told all the same.
 const LONGEST: Duration = Duration::from_millis(100);
