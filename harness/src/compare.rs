@@ -169,7 +169,8 @@ impl Request {
 
     fn compare(&self, name: &str) -> (String, Change) {
         let unjudged = |error: &dyn std::fmt::Display| {
-            let reason = error.to_string().lines().next().unwrap_or_default().to_owned();
+            let reason = error.to_string().replacen("error: ", "", 1);
+            let reason = reason.lines().next().unwrap_or_default().to_owned();
             (String::new(), Change::Unjudged { reason })
         };
         // What can't be called may be untouched all the same.

@@ -32,7 +32,7 @@ pub use layout::LayoutError;
 pub(crate) use layout::bytes_of;
 use message::{causes, to_author};
 pub(crate) use parsed::parsed;
-pub(crate) use rounds::{COUNTERS, CountedLoop, Watched, count_rounds};
+pub(crate) use rounds::{COUNTERS, CountedLoop, Nesting, Watched, count_rounds};
 pub use signature::Function;
 pub(crate) use validation::validate;
 pub use validation::{Invalid, Validated};

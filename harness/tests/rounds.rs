@@ -72,6 +72,37 @@ fn loops_count_together() {
     }
 }
 
+/// A loop that no case enters takes a round each time when what is around it runs: then the driver leaves all
+/// loops after fewer rounds of the others.
+#[test]
+fn loops_that_nobody_enters_count() {
+    let source = format!(
+        "{SPIN}fn hidden(n: u32) -> u32 {{\n    var s = 0u;\n    \
+         for (var i = 0u; i < n; i++) {{\n        \
+         if i > n {{ for (var j = 0u; j < n; j++) {{ s += 7u; }} }}\n        s += i % 3u;\n    }}\n    return s;\n}}\n\
+         fn arms(n: u32) -> u32 {{\n    switch n % 2u {{\n        case 0u: {{ return spin(n); }}\n        \
+         case 1u: {{ return spin(n); }}\n        default: {{ return 0u; }}\n    }}\n}}\n\
+         fn before(n: u32) -> u32 {{\n    if n == 0u {{ return spin(n + 1u); }}\n    return spin(n);\n}}\n"
+    );
+    let counts = |function: &str, fits: u32, too_many: &[u32]| {
+        let probed = probed(&source, function);
+        for path in paths() {
+            let results = call(&probed, path, &[vec![fits]]).expect("it ends");
+            assert_eq!(results[0], [spun(fits)], "{function} on {path}");
+            for n in too_many {
+                match call(&probed, path, &[vec![*n]]) {
+                    Err(ProbeError::Rounds { .. }) => {}
+                    Ok(results) if !leaves(path) => assert_eq!(results[0], [spun(*n)]),
+                    other => panic!("{function}({n}) on {path}: {other:?}"),
+                }
+            }
+        }
+    };
+    counts("hidden", 32_000, &[32_768, 50_000, 65_000]);
+    counts("arms", 65_000, &[65_535, 65_536, 131_072]);
+    counts("before", 65_000, &[65_535, 131_072]);
+}
+
 /// Lanes of a vector go round each other's loops: none of these cases is too long by itself.
 #[test]
 fn neighbours_do_not_cut_each_other_short() {

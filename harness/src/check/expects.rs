@@ -61,7 +61,8 @@ impl Kept<'_> {
             Wanted::Less => finite && a < e,
             Wanted::InRange => {
                 let a = f64::from(a);
-                a.is_finite() && first <= a && a <= second
+                let bounded = first.is_finite() && second.is_finite();
+                a.is_finite() && bounded && first <= a && a <= second
             }
         }
     }
@@ -407,6 +408,8 @@ mod tests {
         assert!(!holds(Wanted::Within, 1002.0, 1000.0, [1e-3, 1e-6]));
         assert!(holds(Wanted::InRange, 1.0, 0.0, [0.0, 1.0]));
         assert!(!holds(Wanted::InRange, 1.1, 0.0, [0.0, 1.0]));
+        assert!(!holds(Wanted::InRange, 1.0, 0.0, [0.0, f32::INFINITY]));
+        assert!(!holds(Wanted::Relative, -3.4e38, 3.4e38, [1.05, 0.0]));
         assert!(
             holds(Wanted::AtMost, 1.0, 1.0, [0.0; 2]) && !holds(Wanted::Less, 1.0, 1.0, [0.0; 2])
         );

@@ -73,10 +73,10 @@ impl Package {
             false => self.fingerprints_in(module, &names).unwrap_or(vec![None; names.len()]),
         };
         let new = |(item, essence): (TestItem, Option<String>)| {
-            let over = item.over.iter().flatten().map(|(words, _)| words.join(","));
-            let over = over.collect::<Vec<_>>().join(";");
+            // Of which parameter each is counts, too.
+            let over: Vec<_> = item.over.iter().map(|over| over.as_ref().map(|o| &o.0)).collect();
             WgslTest {
-                essence: essence.map(|essence| format!("{essence} {:?} {over}", item.cases)),
+                essence: essence.map(|essence| format!("{essence} {:?} {over:?}", item.cases)),
                 name: item.name,
                 span: item.span,
                 cases: item.cases,
@@ -111,7 +111,7 @@ impl WgslTest {
         // A generated name can't be the author's: `karat_` is what kernels keep for themselves.
         let generated = |report: &str, words: usize| {
             let mut text = format!(
-                "import karat::{{begin, {report}}};\nimport {TESTED}::{} as karat_test;\n",
+                "import karat::{{begin as karat_begin, {report} as karat_report}};\nimport {TESTED}::{} as karat_test;\n",
                 self.name
             );
             for (path, alias) in &structs {
@@ -119,8 +119,8 @@ impl WgslTest {
             }
             writeln!(
                 text,
-                "fn {own}({list}) -> array<u32, {words}> {{\n    begin();\n    \
-                 karat_test({names});\n    return {report}();\n}}"
+                "fn {own}({list}) -> array<u32, {words}> {{\n    karat_begin();\n    \
+                 karat_test({names});\n    return karat_report();\n}}"
             )
             .expect("text takes text");
             let generated = Package::from_modules(&package.name(), [(self.module.as_str(), text)]);

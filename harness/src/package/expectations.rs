@@ -278,7 +278,7 @@ fn expect_false(site: u32, condition: bool) {{
                 Wanted::Relative,
                 "tolerance",
                 &format!(
-                    "{finite} && are_finite(vec4f(tolerance)) && all(abs(a - e) <= 0.999 * tolerance * abs(e))"
+                    "{finite} && are_finite(tolerance * abs(e)) && are_finite(vec4f(tolerance)) && all(abs(a - e) <= 0.999 * tolerance * abs(e))"
                 ),
             ),
         );

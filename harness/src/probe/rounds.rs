@@ -1,8 +1,8 @@
 //! Loops that a driver leaves before they end.
 //!
 //! Mesa's llvmpipe counts the rounds of all loops of an invocation and of its neighbours in the
-//! same vector of lanes, because all lanes go round together. After [`MOST_ROUNDS`] it leaves every
-//! loop without a message, and results are wrong. So where naga's IR shows no bound, a copy of the
+//! same vector of lanes, because all lanes go round together, and one round of each loop that no lane enters.
+//! After [`MOST_ROUNDS`] it leaves every loop without a message, and results are wrong. So where naga's IR shows no bound, a copy of the
 //! kernel counts the rounds. If no case exceeds the limit by itself, but several in one vector
 //! might, the kernel runs again with each case in a vector of its own.
 
@@ -10,7 +10,7 @@ use super::dispatcher::Dispatcher;
 use super::{ProbeError, Probed};
 use crate::fixture::Fixtures;
 use crate::path::{Device, MOST_ROUNDS};
-use crate::reflect::{CountedLoop, count_rounds};
+use crate::reflect::{CountedLoop, Nesting, count_rounds};
 
 /// Invocations that may share a vector: llvmpipe's widest has 512 bits.
 pub(super) const VECTOR: u32 = 16;
@@ -19,6 +19,7 @@ pub(super) const VECTOR: u32 = 16;
 pub(super) struct Rounds<'d> {
     dispatcher: Dispatcher<'d>,
     loops: Vec<CountedLoop>,
+    nesting: Nesting,
     function: String,
 }
 
@@ -29,14 +30,14 @@ impl<'d> Rounds<'d> {
         fixtures: &Fixtures,
         cases: usize,
     ) -> Result<Self, ProbeError> {
-        let kernel = probed.kernel.counting(probed.program.loops());
+        let kernel = probed.kernel.counting(2 * probed.program.loops());
         let counting = count_rounds(&probed.program, &kernel.text);
         let function = probed.function.name.clone();
         let pipeline = device
             .pipeline_of_ir(counting.module, super::kernel::ENTRY_POINT)
             .map_err(|error| ProbeError::Compile { function: function.clone(), error })?;
         let dispatcher = Dispatcher::new(device, probed, &kernel, fixtures, cases, Some(pipeline))?;
-        Ok(Self { dispatcher, loops: counting.loops, function })
+        Ok(Self { dispatcher, loops: counting.loops, nesting: counting.nesting, function })
     }
 
     /// Whether cases must be kept apart for the driver not to leave a loop.
@@ -50,7 +51,7 @@ impl<'d> Rounds<'d> {
         let stride = self.loops.len();
         // Each round of a vector is one of some lane: less in all lanes together than the driver
         // allows is never cut short.
-        let together = |rounds: &[u32]| rounds.iter().map(|count| u64::from(*count)).sum::<u64>();
+        let together = |rounds: &[u64]| rounds.iter().sum::<u64>();
         let vector = stride * VECTOR as usize;
         if rounds.chunks(vector).all(|lanes| together(lanes) < MOST_ROUNDS) {
             return Ok(false);
@@ -63,9 +64,9 @@ impl<'d> Rounds<'d> {
         }
         // Lanes go round one loop together as often as the one that does so most; loops in loops
         // may take turns.
-        let at_most = |lanes: &[u32]| -> u64 {
+        let at_most = |lanes: &[u64]| -> u64 {
             let of_loop = |(index, counted): (usize, &CountedLoop)| {
-                let counts = lanes.iter().skip(index).step_by(stride).map(|c| u64::from(*c));
+                let counts = lanes.iter().skip(index).step_by(stride).copied();
                 if counted.nested { counts.sum() } else { counts.max().unwrap_or(0) }
             };
             self.loops.iter().enumerate().map(of_loop).sum()
@@ -73,26 +74,28 @@ impl<'d> Rounds<'d> {
         Ok(rounds.chunks(vector).any(|lanes| at_most(lanes) >= MOST_ROUNDS))
     }
 
-    /// The rounds of each loop of each case.
+    /// The rounds that the driver counts of each loop of each case.
     fn count(
         &self,
         cases: usize,
         arguments: &[u32],
         canary: u32,
         invocations: u32,
-    ) -> Result<Vec<u32>, ProbeError> {
+    ) -> Result<Vec<u64>, ProbeError> {
         let dispatch = self.dispatcher.dispatch(cases, arguments, canary, invocations)?;
         let stride = self.dispatcher.stride_out();
         self.dispatcher.read(dispatch, |words| {
-            words.chunks_exact(stride).flat_map(|case| &case[..stride - 1]).copied().collect()
+            let cases = words.chunks_exact(stride);
+            cases.flat_map(|case| self.nesting.rounds(&case[..stride - 1])).collect()
         })
     }
 
-    fn too_many(&self, case: usize, counts: &[u32]) -> ProbeError {
+    fn too_many(&self, case: usize, counts: &[u64]) -> ProbeError {
         let most = self.loops.iter().zip(counts).max_by_key(|(_, count)| **count);
         let (counted, count) = most.expect("a kernel that counts has a loop");
         let of = format!("`{}`", self.function);
-        let diagnostic = self.dispatcher.device().left_loop(&of, *count, counted.span.as_ref());
+        let rounds = u32::try_from(*count).unwrap_or(u32::MAX);
+        let diagnostic = self.dispatcher.device().left_loop(&of, rounds, counted.span.as_ref());
         ProbeError::Rounds { case, diagnostic: Box::new(diagnostic) }
     }
 }

@@ -55,7 +55,8 @@ impl Program {
         called
     }
 
-    /// How many loops there are, in the order in which [`count_rounds`] numbers them.
+    /// How many loops there are, in the order in which [`count_rounds`] numbers them. Each has two counters:
+    /// its rounds, and how often it is entered.
     pub(crate) fn loops(&self) -> usize {
         let functions = self.checked.module.functions.iter().map(|(_, function)| &function.body);
         functions.map(|body| loops_of(body).len()).sum()
@@ -66,6 +67,111 @@ impl Program {
 pub(crate) struct Counting {
     pub(crate) module: Module,
     pub(crate) loops: Vec<CountedLoop>,
+    pub(crate) nesting: Nesting,
+}
+
+/// What a loop stands in, or a call.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Around {
+    /// The entry point, which runs once.
+    Entry,
+    Function(usize),
+    Loop(usize),
+}
+
+/// Which loops stand in which, by their numbers.
+///
+/// A driver that runs cases in the lanes of a vector goes through both branches of each `if`, and once
+/// through each loop in them, whether or not a lane is active there. So a loop that no case enters takes a
+/// round each time when what is around it runs.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Nesting {
+    /// What each loop stands in.
+    loops: Vec<Around>,
+    /// The function of each loop.
+    owners: Vec<usize>,
+    /// Where each function is called.
+    calls: Vec<Vec<Around>>,
+}
+
+impl Nesting {
+    fn of(module: &Module) -> Self {
+        let calls = vec![Vec::new(); module.functions.len()];
+        let mut nesting = Self { calls, ..Self::default() };
+        for (handle, function) in module.functions.iter() {
+            let own = handle.index();
+            nesting.add(&function.body, own, Around::Function(own));
+        }
+        for entry in &module.entry_points {
+            nesting.add(&entry.function.body, usize::MAX, Around::Entry);
+        }
+        nesting
+    }
+
+    fn add(&mut self, block: &Block, owner: usize, around: Around) {
+        for statement in block.iter() {
+            let inside = match statement {
+                Statement::Loop { .. } => {
+                    self.loops.push(around);
+                    self.owners.push(owner);
+                    Around::Loop(self.loops.len() - 1)
+                }
+                Statement::Call { function, .. } => {
+                    self.calls[function.index()].push(around);
+                    continue;
+                }
+                _ => around,
+            };
+            for (inner, _) in blocks(statement) {
+                self.add(inner, owner, inside);
+            }
+        }
+    }
+
+    /// The most rounds that a driver counts for one round of each loop, but for those of loops inside of it
+    /// that are entered: one, and one for each loop inside.
+    fn weights(&self) -> Vec<u32> {
+        // Loops of a function that stand in no other loop of it, with those of functions that it calls.
+        let mut outermost = vec![0_u32; self.calls.len()];
+        let within = |around: Around, outermost: &[u32]| -> u32 {
+            let own = self.loops.iter().filter(|known| **known == around).count();
+            let called = self.calls.iter().zip(outermost).map(|(sites, loops)| {
+                let sites = sites.iter().filter(|site| **site == around).count();
+                u32::try_from(sites).unwrap_or(u32::MAX).saturating_mul(*loops)
+            });
+            called.fold(u32::try_from(own).unwrap_or(u32::MAX), u32::saturating_add)
+        };
+        // naga's functions stand after those that they call.
+        for function in 0..self.calls.len() {
+            outermost[function] = within(Around::Function(function), &outermost);
+        }
+        let weight = |at| within(Around::Loop(at), &outermost).saturating_add(1);
+        (0..self.loops.len()).map(weight).collect()
+    }
+
+    /// The rounds that a driver counts of each loop for one case: `counters` are the rounds of each loop, and
+    /// then how often each was entered.
+    pub(crate) fn rounds(&self, counters: &[u32]) -> Vec<u64> {
+        let (rounds, entered) = counters.split_at(self.loops.len().min(counters.len()));
+        let mut totals = vec![0_u64; self.loops.len()];
+        let mut runs = vec![0_u64; self.calls.len()];
+        // naga's functions stand after those that they call.
+        for function in (0..self.calls.len()).rev() {
+            let times = |around: &Around, totals: &[u64], runs: &[u64]| match around {
+                Around::Entry => 1,
+                Around::Function(at) => runs[*at],
+                Around::Loop(at) => totals[*at],
+            };
+            runs[function] =
+                self.calls[function].iter().map(|around| times(around, &totals, &runs)).sum();
+            for at in (0..self.loops.len()).filter(|at| self.owners[*at] == function) {
+                let around = times(&self.loops[at], &totals, &runs);
+                let skipped = around.saturating_sub(u64::from(entered[at]));
+                totals[at] = u64::from(rounds[at]) + skipped;
+            }
+        }
+        totals
+    }
 }
 
 /// A loop whose rounds are counted.
@@ -77,7 +183,8 @@ pub(crate) struct CountedLoop {
     pub(crate) nested: bool,
 }
 
-/// Lets each loop of a kernel's functions add 1 to an element of [`COUNTERS`] in each round.
+/// Lets each loop of a kernel's functions add 1 to an element of [`COUNTERS`] in each round, and to another
+/// one where it is entered.
 /// `text` is the program's text and the kernel behind it, which declares the counters.
 ///
 /// # Panics
@@ -86,6 +193,7 @@ pub(crate) fn count_rounds(program: &Program, text: &str) -> Counting {
     let module = super::parsed(text).expect("it is the verdict's kernel but for the counters");
     let mut module = Arc::unwrap_or_clone(module);
     let counters = global(&module, COUNTERS);
+    let nesting = Nesting::of(&module);
     let mut loops = Vec::new();
     for (_, function) in module.functions.iter() {
         for (span, nested) in loops_of(&function.body) {
@@ -94,13 +202,16 @@ pub(crate) fn count_rounds(program: &Program, text: &str) -> Counting {
         }
     }
     let mut index = 0;
+    let all = u32::try_from(loops.len()).unwrap_or(u32::MAX);
     let handles: Vec<_> = module.functions.iter().map(|(handle, _)| handle).collect();
     let called_in_loops = called_in_loops(&module);
     for handle in handles {
         let function = module.functions.get_mut(handle);
         let mut body = std::mem::take(&mut function.body);
         let first = index;
-        instrument(&mut body, &mut index, &mut |own| count(function, counters, own));
+        instrument(&mut body, &mut index, &mut |own, enters| {
+            count(function, counters, if enters { all + own } else { own })
+        });
         function.body = body;
         if called_in_loops.contains(&handle) {
             loops[first as usize..index as usize]
@@ -108,7 +219,7 @@ pub(crate) fn count_rounds(program: &Program, text: &str) -> Counting {
                 .for_each(|counted| counted.nested = true);
         }
     }
-    Counting { module, loops }
+    Counting { module, loops, nesting }
 }
 
 /// The functions that are called in a loop, or by such a function.
@@ -165,10 +276,10 @@ fn blocks(statement: &Statement) -> Vec<(&Block, bool)> {
     }
 }
 
-/// Puts what `counted` makes for a loop at the beginning of its rounds; loops are numbered in the
-/// order of [`loops_of`].
-fn instrument(block: &mut Block, index: &mut u32, counted: &mut dyn FnMut(u32) -> Block) {
-    for statement in block.iter_mut() {
+/// Puts what `counted` makes for a loop at the beginning of its rounds, and in front of it where it is
+/// entered; loops are numbered in the order of [`loops_of`].
+fn instrument(block: &mut Block, index: &mut u32, counted: &mut dyn FnMut(u32, bool) -> Block) {
+    for (statement, span) in block.span_iter_mut() {
         match statement {
             Statement::Block(inner) => instrument(inner, index, counted),
             Statement::If { accept, reject, .. } => {
@@ -185,9 +296,13 @@ fn instrument(block: &mut Block, index: &mut u32, counted: &mut dyn FnMut(u32) -
                 *index += 1;
                 instrument(body, index, counted);
                 instrument(continuing, index, counted);
-                let mut round = counted(own);
+                let mut round = counted(own, false);
                 round.append(body);
                 *body = round;
+                let mut entered = counted(own, true);
+                let place = span.map_or(NOWHERE, |span| *span);
+                entered.push(std::mem::replace(statement, Statement::Kill), place);
+                *statement = Statement::Block(entered);
             }
             _ => {}
         }

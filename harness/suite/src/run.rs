@@ -113,7 +113,11 @@ impl Suite {
                     Some(together) => together,
                     None => test.probe()?,
                 };
-                wgsl(test, probe).map_err(placed)?.map(drop).map_err(|e| e.to_string())
+                let judged = wgsl(test, probe).map_err(placed)?;
+                judged.map(drop).map_err(|error| match unbound(&error.to_string()) {
+                    Some(unbound) => placed(unbound),
+                    None => error.to_string(),
+                })
             }
             Kind::Function(assertion) => {
                 let placed = |error: String| {
@@ -136,6 +140,17 @@ pub struct Groups(Vec<TestGroup>);
 
 fn part_of(tests: &[&Test], wrong: impl Fn(&&Test) -> Option<String>) -> Vec<Option<String>> {
     tests.iter().map(wrong).collect()
+}
+
+/// That a test in WGSL reads what nobody binds.
+fn unbound(message: &str) -> Option<String> {
+    let (variable, rest) = message.strip_prefix('`')?.split_once('`')?;
+    let (kind, _) = rest.split_once(" has no fixture")?;
+    let name = variable.rsplit("::").next().unwrap_or(variable);
+    Some(format!(
+        "`{name}`{kind} is read by this test, and a test in WGSL binds nothing: declare a test in \
+         `*.test.toml`, with `with = {{ {name} = ... }}`"
+    ))
 }
 
 /// A message of a check, which has Rust's words for what its author writes, in those of a file.
@@ -174,7 +189,9 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
     let Assertion { test, function, what, folder, .. } = assertion;
     let probed = match Probed::new(package, function) {
         Ok(probed) => probed,
-        Err(error) => return Ok(Err(error.into())),
+        // What isn't valid WGSL has its own place.
+        Err(error) if error.to_string().starts_with("error") => return Ok(Err(error.into())),
+        Err(error) => return Err(format!("function: {error}")),
     };
     let parameters = probed.function().parameters.clone();
     let known = || parameters.iter().map(|(name, _)| &**name);
@@ -300,6 +317,9 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
         What::Integral(Integral { over, is, at_most, slack, rings }) => {
             if !matches!(shapes.last(), Some(Shape::Vector { size: 3, scalar: Scalar::F32 })) {
                 return Err("an integral is over the last parameter, a vec3f".to_owned());
+            }
+            if *rings == Some(0) {
+                return Err("an integral with 0 rings has no node".to_owned());
             }
             let directions = match over {
                 Region::Sphere => Directions::sphere(),

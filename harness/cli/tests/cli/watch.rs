@@ -114,6 +114,38 @@ fn verdicts_follow_edits() {
     assert!(slow.contains("was stopped: ") && slow.contains("calc.wgsl:3:5"), "{slow}");
     watch.edit("calc.wgsl", SHADER);
     watch.until("cpu: 2 tests pass; 1 ran");
+    // Which parameter a domain belongs to is part of its test.
+    let over = "import karat::expect_in_range;\n@test fn over(\n@over(0, 1)\na: f32,\n\
+                b: f32) { expect_in_range(a, 0.0, 1.0); }\n";
+    watch.edit("over_test.wgsl", over);
+    watch.until("cpu: 3 tests pass; 1 ran");
+    watch.edit(
+        "over_test.wgsl",
+        &over.replace("\n@over(0, 1)\na: f32,\n", "\na: f32,\n@over(0, 1)\n"),
+    );
+    watch.until("cpu: 1 of 3 tests fail; 1 ran");
+    // A folder of modules comes, and goes.
+    let shaders = watch.folder.path().join("shaders");
+    let away = watch.folder.path().join("more");
+    std::fs::remove_file(shaders.join("over_test.wgsl")).expect("removed");
+    watch.until("cpu: 2 tests pass");
+    write(
+        &away.join("deep"),
+        "bad_test.wgsl",
+        "import karat::expect_true;\n@test fn bad() { expect_true(false); }\n",
+    );
+    std::fs::rename(&away, shaders.join("more")).expect("renamed");
+    watch.until("cpu: 1 of 3 tests fail");
+    std::fs::rename(shaders.join("more"), &away).expect("renamed");
+    watch.until("cpu: 2 tests pass");
+    write(
+        &shaders.join("new").join("deep"),
+        "bad_test.wgsl",
+        "import karat::expect_true;\n@test fn bad() { expect_true(false); }\n",
+    );
+    watch.until("cpu: 1 of 3 tests fail");
+    std::fs::remove_dir_all(shaders.join("new")).expect("removed");
+    watch.until("cpu: 2 tests pass");
     // A test that goes is forgotten, one that comes runs.
     watch.edit("calc_test.wgsl", &TESTS.replace("@test fn other", "@test fn third"));
     watch.until("cpu: 2 tests pass; 1 ran");

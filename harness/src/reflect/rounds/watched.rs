@@ -5,7 +5,7 @@ use naga::{
     Statement, Type, TypeInner,
 };
 
-use super::{NOWHERE, instrument, loops_of};
+use super::{NOWHERE, Nesting, instrument, loops_of};
 use crate::diagnostic::Span;
 use crate::reflect::Program;
 
@@ -58,14 +58,20 @@ impl Program {
             variable(Watched::VARIABLE, naga::AddressSpace::Storage { access }, place, array);
         let most = module.global_variables.append(most, NOWHERE);
 
+        // A driver goes once through loops that no invocation enters, in each round of what is around them.
+        let weights = Nesting::of(&module).weights();
         let mut index = 0;
         let mut watch = |function: &mut Function| {
             let mut body = std::mem::take(&mut function.body);
-            instrument(&mut body, &mut index, &mut |loop_index| {
+            instrument(&mut body, &mut index, &mut |loop_index, enters| {
                 let mut block = Block::new();
+                if enters {
+                    return block;
+                }
                 let mut add = |expression| function.expressions.append(expression, NOWHERE);
                 let pointer = add(Expression::GlobalVariable(own));
-                let one = add(Expression::Literal(Literal::U32(1)));
+                let weight = weights.get(loop_index as usize).copied().unwrap_or(1);
+                let one = add(Expression::Literal(Literal::U32(weight)));
                 let right = add(Expression::Literal(Literal::U32(limit)));
                 let left = add(Expression::Load { pointer });
                 let value = add(Expression::Binary { op: BinaryOperator::Add, left, right: one });

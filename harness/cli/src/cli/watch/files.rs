@@ -7,6 +7,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
+use notify::event::ModifyKind;
 use notify::{Event as Changed, EventKind, RecommendedWatcher, RecursiveMode, Watcher};
 use same_file::Handle;
 
@@ -22,9 +23,9 @@ const LONGEST: Duration = Duration::from_millis(100);
 const MISSING: Duration = Duration::from_millis(200);
 
 /// Files whose changes concern tests.
-const ENDINGS: [&str; 14] = [
+const ENDINGS: [&str; 24] = [
     "wgsl", "wesl", "toml", "csv", "exr", "png", "rs", "lock", "json", "ron", "npy", "hdr", "glsl",
-    "txt",
+    "txt", "py", "sh", "js", "lua", "pl", "rb", "bin", "ktx2", "yaml", "yml",
 ];
 
 /// Watches while it lives.
@@ -64,11 +65,12 @@ fn follow(
     sender: &Sender<Event>,
 ) {
     let mut watcher = Some(watcher);
+    let mut look_again: Option<(Instant, BTreeSet<PathBuf>)> = None;
     let mut there = Handle::from_path(folder).ok();
     while !matches!(ended.try_recv(), Err(std::sync::mpsc::TryRecvError::Disconnected)) {
-        let mut files = BTreeSet::new();
+        let (mut files, mut folders) = (BTreeSet::new(), false);
         match changes.recv_timeout(MISSING) {
-            Ok(change) => add(&mut files, change),
+            Ok(change) => folders |= add(&mut files, folder, change),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return,
         }
@@ -76,7 +78,16 @@ fn follow(
         while began.elapsed() < LONGEST
             && let Ok(change) = changes.recv_timeout(QUIET)
         {
-            add(&mut files, change);
+            folders |= add(&mut files, folder, change);
+        }
+        // What was written into a new folder before it was watched.
+        if look_again.as_ref().is_some_and(|(at, _)| at.elapsed() >= MISSING)
+            && let Some((_, seen)) = look_again.take()
+        {
+            files.extend(seen);
+        }
+        if folders {
+            look_again = Some((Instant::now(), files.clone()));
         }
         let now = Handle::from_path(folder).ok().filter(|_| folder.is_dir());
         if now != there {
@@ -92,16 +103,62 @@ fn follow(
     drop(watcher);
 }
 
-fn add(files: &mut BTreeSet<PathBuf>, change: notify::Result<Changed>) {
-    let Ok(Changed { kind, paths, .. }) = change else { return };
+/// Adds what a change concerns; whether a folder came or went, in which more may have happened than was seen.
+fn add(files: &mut BTreeSet<PathBuf>, root: &Path, change: notify::Result<Changed>) -> bool {
+    let Ok(Changed { kind, paths, .. }) = change else { return false };
     if matches!(kind, EventKind::Access(_)) {
-        return;
+        return false;
     }
-    files.extend(paths.into_iter().filter(|path| {
-        let is_ours =
-            |part: &std::ffi::OsStr| part == ".karat" || part == "target" || part == ".git";
+    let mut folders = false;
+    for path in paths.into_iter().filter(|path| !is_ours(path, root)) {
         let ending = path.extension().unwrap_or_default();
-        let pending = path.to_string_lossy().contains(".new.");
-        ENDINGS.iter().any(|known| ending == *known) && !pending && !path.iter().any(is_ours)
-    }));
+        let known = ENDINGS.iter().any(|known| ending == *known);
+        // Of what is gone nobody knows whether it was a folder.
+        let gone = matches!(kind, EventKind::Remove(_) | EventKind::Modify(ModifyKind::Name(_)));
+        let folder = path.is_dir() || (gone && ending.is_empty() && !path.exists());
+        let created = !matches!(kind, EventKind::Modify(ModifyKind::Metadata(_)));
+        folders |= folder && created;
+        if known || (folder && created) {
+            files.insert(path);
+        }
+    }
+    folders
+}
+
+/// Whether a path below the root is what tools keep, what they build, or what waits to be accepted.
+fn is_ours(path: &Path, root: &Path) -> bool {
+    let below = path.strip_prefix(root).unwrap_or(path);
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let mut at = root.to_owned();
+    let kept = below.iter().any(|part| {
+        // A module may lie in a folder of this name, where Cargo builds nothing.
+        let built = part == "target" && at.join("Cargo.toml").is_file();
+        at.push(part);
+        built || part == ".karat" || part == ".git"
+    });
+    kept || name.contains(".new.")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_ours_is_below_the_root() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let root = folder.path().join("target").join("x.new.1");
+        std::fs::create_dir_all(root.join("cargo")).expect("a folder");
+        std::fs::write(root.join("cargo").join("Cargo.toml"), "").expect("a file");
+        for (path, ours) in [
+            ("lib.wgsl", false),
+            ("target/lib.wgsl", false),
+            ("cargo/target/lib.wgsl", true),
+            (".karat/run/a.json", true),
+            (".git/index.toml", true),
+            ("golden/a.new.exr", true),
+            ("golden/a.exr", false),
+        ] {
+            assert_eq!(is_ours(&root.join(path), &root), ours, "{path}");
+        }
+    }
 }
