@@ -39,7 +39,7 @@ pub(crate) struct Kernel {
     pub(super) inputs: Inputs,
     /// Whether cases can be kept apart, each in a vector of its own: the batch says so.
     pub(super) apart: bool,
-    /// How many loops have their rounds counted, which are the results then.
+    /// How many counters there are, which are the results then.
     counted: Option<usize>,
     /// The linked text, and the function that is called.
     linked: String,
@@ -131,7 +131,9 @@ impl Kernel {
         }
         let (results, batch) = (binding + 1, binding + 2);
         let counters = self.counted.map_or_else(String::new, |loops| {
-            format!("var<private> {COUNTERS}: array<u32, {loops}>;\n\n")
+            // Each by itself: glslang's HLSL has no zero for an array of several.
+            let one = |index| format!("var<private> {COUNTERS}{index}: u32;\n");
+            (0..loops).map(one).collect::<String>() + "\n"
         });
         writeln!(
             text,
@@ -201,7 +203,7 @@ impl Kernel {
         writeln!(text, "    var karat_r = {}({});", function.linked, arguments.join(", "))?;
         if let Some(loops) = self.counted {
             for index in 0..loops {
-                writeln!(text, "    karat_out[karat_to + {index}u] = {COUNTERS}[{index}];")?;
+                writeln!(text, "    karat_out[karat_to + {index}u] = {COUNTERS}{index};")?;
             }
             return Ok(());
         }

@@ -20,7 +20,7 @@ pub(crate) use watched::Watched;
 use super::Program;
 use crate::diagnostic::Span;
 
-/// The counters' name in a kernel that counts: a private array with an element a loop.
+/// How the counters' names begin in a kernel that counts: private variables, with a number behind it.
 pub(crate) const COUNTERS: &str = "karat_rounds";
 
 impl Program {
@@ -183,8 +183,8 @@ pub(crate) struct CountedLoop {
     pub(crate) nested: bool,
 }
 
-/// Lets each loop of a kernel's functions add 1 to an element of [`COUNTERS`] in each round, and to another
-/// one where it is entered.
+/// Lets each loop of a kernel's functions add 1 to one of the [`COUNTERS`] in each round, and to another one
+/// where it is entered.
 /// `text` is the program's text and the kernel behind it, which declares the counters.
 ///
 /// # Panics
@@ -192,7 +192,6 @@ pub(crate) struct CountedLoop {
 pub(crate) fn count_rounds(program: &Program, text: &str) -> Counting {
     let module = super::parsed(text).expect("it is the verdict's kernel but for the counters");
     let mut module = Arc::unwrap_or_clone(module);
-    let counters = global(&module, COUNTERS);
     let nesting = Nesting::of(&module);
     let mut loops = Vec::new();
     for (_, function) in module.functions.iter() {
@@ -202,7 +201,8 @@ pub(crate) fn count_rounds(program: &Program, text: &str) -> Counting {
         }
     }
     let mut index = 0;
-    let all = u32::try_from(loops.len()).unwrap_or(u32::MAX);
+    let counter = |index: usize| global(&module, &format!("{COUNTERS}{index}"));
+    let counters: Vec<_> = (0..2 * loops.len()).map(counter).collect();
     let handles: Vec<_> = module.functions.iter().map(|(handle, _)| handle).collect();
     let called_in_loops = called_in_loops(&module);
     for handle in handles {
@@ -210,7 +210,8 @@ pub(crate) fn count_rounds(program: &Program, text: &str) -> Counting {
         let mut body = std::mem::take(&mut function.body);
         let first = index;
         instrument(&mut body, &mut index, &mut |own, enters| {
-            count(function, counters, if enters { all + own } else { own })
+            let own = own as usize;
+            count(function, counters[if enters { loops.len() + own } else { own }])
         });
         function.body = body;
         if called_in_loops.contains(&handle) {
@@ -317,16 +318,15 @@ fn global(module: &Module, name: &str) -> Handle<GlobalVariable> {
 
 const NOWHERE: naga::Span = naga::Span::UNDEFINED;
 
-/// Adds 1 to an element of an array.
-fn count(function: &mut Function, counters: Handle<GlobalVariable>, index: u32) -> Block {
+/// Adds 1 to a counter.
+fn count(function: &mut Function, counter: Handle<GlobalVariable>) -> Block {
     let mut add = |expression| function.expressions.append(expression, NOWHERE);
-    let base = add(Expression::GlobalVariable(counters));
+    let pointer = add(Expression::GlobalVariable(counter));
     let one = add(Expression::Literal(Literal::U32(1)));
-    let pointer = add(Expression::AccessIndex { base, index });
     let left = add(Expression::Load { pointer });
     let value = add(Expression::Binary { op: BinaryOperator::Add, left, right: one });
     let mut block = Block::new();
-    block.push(Statement::Emit(naga::Range::new_from_bounds(pointer, value)), NOWHERE);
+    block.push(Statement::Emit(naga::Range::new_from_bounds(left, value)), NOWHERE);
     block.push(Statement::Store { pointer, value }, NOWHERE);
     block
 }
