@@ -25,8 +25,8 @@ pub(super) fn run() {
     for (task, cases) in [("checks_of_1000", "1,000 cases each"), ("checks", "65,536 cases each")] {
         for (path, cold) in [("cpu", false), ("vulkan", false), ("vulkan", true)] {
             let times = (0..STARTS).map(|_| on(path, task, cold).0).collect();
-            let cache = if cold { "driver cache cold" } else { "" };
-            println!("  {path:<7} {cases:<18} {}  {cache}", Spread::of(times));
+            let cache = if cold { "   driver cache cold" } else { "" };
+            println!("  {path:<7} {cases:<18} {}{cache}", Spread::of(times));
         }
     }
     println!(

@@ -1,10 +1,11 @@
 //! Loops that a driver leaves before they end.
 //!
 //! Mesa's llvmpipe counts the rounds of all loops of an invocation and of its neighbours in the
-//! same vector of lanes, because all lanes go round together, and one round of each loop that no lane enters.
-//! After [`MOST_ROUNDS`] it leaves every loop without a message, and results are wrong. So where naga's IR shows no bound, a copy of the
-//! kernel counts the rounds. If no case exceeds the limit by itself, but several in one vector
-//! might, the kernel runs again with each case in a vector of its own.
+//! same vector of lanes, because all lanes go round together, and one round of each loop that no lane
+//! enters. After [`MOST_ROUNDS`] it leaves every loop without a message, and results are wrong. So
+//! where naga's IR shows no bound, a copy of the kernel counts the rounds. If no case exceeds the limit
+//! by itself, but several in one vector might, the kernel runs again with each case in a vector of its
+//! own.
 
 use super::dispatcher::Dispatcher;
 use super::{ProbeError, Probed};

@@ -136,7 +136,8 @@ fn is_ours(path: &Path, root: &Path) -> bool {
         at.push(part);
         built || part == ".karat" || part == ".git"
     });
-    kept || name.contains(".new.")
+    // Vim writes and removes a file named by a number before it saves.
+    kept || name.contains(".new.") || name.bytes().all(|byte| byte.is_ascii_digit())
 }
 
 #[cfg(test)]
@@ -157,6 +158,8 @@ mod tests {
             (".git/index.toml", true),
             ("golden/a.new.exr", true),
             ("golden/a.exr", false),
+            ("4913", true),
+            ("lib2", false),
         ] {
             assert_eq!(is_ours(&root.join(path), &root), ours, "{path}");
         }
