@@ -1,6 +1,6 @@
 //! `karat doctor`
 
-mod profile;
+pub(super) mod profile;
 
 use std::io::Write;
 

@@ -9,7 +9,9 @@ use karat::Package;
 use karat::package::FunctionItem;
 use karat::probe::Probed;
 
+use super::doctor::profile::unoptimised;
 use super::list::callable;
+use super::project::Project;
 use super::table::{DIM, GOOD, HEAD};
 use super::{Ending, Outcome, check};
 
@@ -55,6 +57,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     );
     let written = first_test(&package, &folder, &items, out)?;
     ignore(out)?;
+    optimise(&folder, out)?;
     if args.github {
         keep(Path::new(".github/workflows/karat.yml"), &with_folder(GITHUB, &folder), out)?;
     }
@@ -175,6 +178,38 @@ fn ignore(out: &mut dyn Write) -> anyhow::Result<()> {
     }
     std::fs::write(file, text).context("`.gitignore`")?;
     writeln!(out, "{GOOD}added{GOOD:#} {} to .gitignore", missing.join(" and "))?;
+    Ok(())
+}
+
+/// Has Cargo optimise what tests wait for, in a project that depends on Karat. A level that somebody chose
+/// stays.
+fn optimise(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
+    let project = Project::around(&folder.canonicalize()?)?;
+    let file = project.root().join("Cargo.toml");
+    let unoptimised = unoptimised(project.root());
+    if unoptimised.is_empty() {
+        return Ok(());
+    }
+    let mut text = std::fs::read_to_string(&file).context("`Cargo.toml`")?;
+    let table: toml::Table = text.parse().context("`Cargo.toml`")?;
+    let profiles = || table.get("profile")?.get("dev")?.get("package");
+    let mut added = Vec::new();
+    for one in unoptimised {
+        if profiles().is_some_and(|profiles| profiles.get(one.name).is_some()) {
+            continue;
+        }
+        if !text.ends_with('\n') {
+            text.push('\n');
+        }
+        text += &format!("\n[profile.dev.package.{}]\nopt-level = {}\n", one.name, one.recommended);
+        added.push(one.name);
+    }
+    // Tables may be written in a way that takes no more of them: then `karat doctor` says what is missing.
+    if added.is_empty() || text.parse::<toml::Table>().is_err() {
+        return Ok(());
+    }
+    std::fs::write(&file, text).context("`Cargo.toml`")?;
+    writeln!(out, "{GOOD}added{GOOD:#} profiles of {} to Cargo.toml", added.join(", "))?;
     Ok(())
 }
 

@@ -2,6 +2,28 @@
 
 use super::*;
 
+/// In a project that depends on Karat what tests wait for is optimised; what somebody chose stays.
+#[test]
+fn a_project_gets_the_profiles_that_tests_need() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(&folder.path().join("shaders"), "a.wgsl", "fn f(u: f32) -> f32 { return 0.5 * u; }\n");
+    let manifest = "[package]\nname = \"a\"\n\n[profile.dev.package]\nkarat.opt-level = 0";
+    write(folder.path(), "Cargo.toml", manifest);
+    let read = || std::fs::read_to_string(folder.path().join("Cargo.toml")).expect("it is there");
+    // Of what isn't there Cargo would warn.
+    karat(folder.path(), &["init", "shaders"]).good();
+    assert_eq!(read(), manifest);
+    write(folder.path(), "Cargo.lock", "[[package]]\nname = \"karat\"\n");
+    let ran = karat(folder.path(), &["init", "shaders"]).good();
+    assert!(ran.contains("added profiles of karat-engine, naga to Cargo.toml"), "{ran}");
+    let now: toml::Table = read().parse().expect("TOML");
+    let level = |name: &str| now["profile"]["dev"]["package"][name]["opt-level"].as_integer();
+    assert_eq!(["karat", "karat-engine", "naga"].map(level), [Some(0), Some(3), Some(1)]);
+    let written = read();
+    karat(folder.path(), &["init", "shaders"]).good();
+    assert_eq!(read(), written, "once");
+}
+
 #[test]
 fn a_first_test_is_written_and_passes() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -13,17 +13,17 @@ const CRATES: [(&str, i64, &str); 3] = [
 
 /// A crate that is compiled with less.
 #[derive(Debug, PartialEq, Eq, Serialize)]
-pub(super) struct Unoptimised {
-    pub(super) name: &'static str,
+pub(in crate::cli) struct Unoptimised {
+    pub(in crate::cli) name: &'static str,
     /// The level that its profile has.
-    pub(super) level: i64,
-    pub(super) recommended: i64,
-    pub(super) about: &'static str,
+    pub(in crate::cli) level: i64,
+    pub(in crate::cli) recommended: i64,
+    pub(in crate::cli) about: &'static str,
 }
 
 /// The crates that the project in a folder compiles with less than is recommended; none where it has no
 /// crate `karat`.
-pub(super) fn unoptimised(root: &Path) -> Vec<Unoptimised> {
+pub(in crate::cli) fn unoptimised(root: &Path) -> Vec<Unoptimised> {
     let read = |file: &str| std::fs::read_to_string(root.join(file)).ok();
     let uses_karat =
         read("Cargo.lock").is_some_and(|lock| lock.lines().any(|line| line == "name = \"karat\""));
