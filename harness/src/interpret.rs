@@ -4,6 +4,7 @@
 //! functions, fixtures and the author's files.
 
 pub(crate) mod hazards;
+mod supply;
 pub(crate) mod trace;
 
 use std::borrow::Cow;
@@ -13,15 +14,12 @@ use std::time::Instant;
 
 pub(crate) use karat_engine::Accuracy;
 use karat_engine::{
-    Arithmetic, Dimension, F32, F64, Filter, Interval, Intervals, Lane, LaneOf, Observer, Options,
-    Program as Lowered, Range, Refusal, Resources, Results, Sampler as EngineSampler, Settings,
-    Stop, Texels, Texture as EngineTexture, Truth,
+    Arithmetic, F32, F64, Interval, Intervals, Lane, LaneOf, Observer, Options, Program as Lowered,
+    Range, Refusal, Resources, Results, Settings, Stop, Truth,
 };
 
 use crate::diagnostic::{Diagnostic, Span};
-use crate::fixture::{
-    CubeMap, Fixture, Fixtures, Level, Sampler, Storage, Texture, Uniform, resolve,
-};
+use crate::fixture::{Fixtures, resolve};
 use crate::path::{Path, PathError};
 #[cfg(feature = "routes")]
 use crate::probe::Data;
@@ -62,26 +60,9 @@ impl Interpreted {
         let name = program.name_of(&function.name);
         let lowered = Lowered::function(program.module(), program.info(), name, settings)
             .map_err(|refusal| refused(program, &refusal))?;
-        let wrong = |message: String| PathError::Route { path: Path::CPU, message };
         let mut resources = Resources::new();
         for (binding, fixture) in resolve(&function.bindings, fixtures)? {
-            let (group, number) = (binding.group, binding.binding);
-            match fixture {
-                Fixture::Uniform(Uniform(values)) | Fixture::Storage(Storage(values)) => {
-                    resources.set_buffer(group, number, values.bytes(program, binding)?);
-                }
-                Fixture::CubeMap(CubeMap { levels, .. }) => {
-                    let texture = texture(Dimension::Cube, levels, 6).map_err(wrong)?;
-                    resources.set_texture(group, number, texture);
-                }
-                Fixture::Texture(Texture { levels, .. }) => {
-                    let texture = texture(Dimension::D2, levels, 1).map_err(wrong)?;
-                    resources.set_texture(group, number, texture);
-                }
-                Fixture::Sampler(sampler) => {
-                    resources.set_sampler(group, number, filtering(*sampler));
-                }
-            }
+            supply::supply(&mut resources, program, binding, fixture)?;
         }
         let arguments = function.parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
         Ok(Self {
@@ -359,19 +340,4 @@ fn each_half<'w>(
         let words = words().iter_mut().zip(scalars.iter().cycle());
         words.filter(|(_, s)| **s == Scalar::F16).for_each(|(word, _)| *word = change(word));
     }
-}
-
-fn filtering(sampler: Sampler) -> EngineSampler {
-    let filter = match sampler {
-        Sampler::Linear => Filter::Linear,
-        Sampler::Nearest => Filter::Nearest,
-    };
-    EngineSampler { mag: filter, min: filter, mip: filter, ..EngineSampler::default() }
-}
-
-fn texture(dimension: Dimension, levels: &[Level], layers: u32) -> Result<EngineTexture, String> {
-    let first = levels.first().ok_or("a texture without a level")?;
-    let texels = levels.iter().map(|level| Texels::Float(level.texels.clone())).collect();
-    EngineTexture::new(dimension, [first.width, first.height, layers], 1, texels)
-        .map_err(|error| error.to_string())
 }

@@ -15,10 +15,12 @@ mod kernel;
 mod lets;
 #[cfg(any(feature = "engine", feature = "routes"))]
 pub(crate) mod made_up;
+mod painted;
 mod poison;
 mod prepared;
 mod rounds;
 mod runner;
+mod texels;
 mod upload;
 
 #[cfg(feature = "routes")]
@@ -30,6 +32,7 @@ pub(crate) use lets::Let;
 pub(crate) use lets::lets;
 pub use prepared::{Call, Prepared, Reader, Started};
 pub(crate) use runner::{BATCH, Runner};
+pub(crate) use texels::Codec;
 pub(crate) use upload::{Resource, upload};
 
 use std::sync::Arc;

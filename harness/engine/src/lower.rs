@@ -322,6 +322,11 @@ impl<'m> Lower<'m> {
                 };
                 Ok(self.buffer(binding, name, span, inner))
             }
+            (AddressSpace::Immediate, _) => {
+                let [group, binding] = crate::Resources::IMMEDIATE;
+                let binding = crate::code::Binding::Resource { group, binding };
+                Ok(self.buffer(binding, name, span, inner))
+            }
             (AddressSpace::WorkGroup, _) => {
                 if !self.shared {
                     return Err(self.refuse(format!(

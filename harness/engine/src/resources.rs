@@ -19,6 +19,9 @@ impl Resources {
         Self::default()
     }
 
+    /// The group and the binding under which the bytes of `var<immediate>` are bound, which has neither.
+    pub const IMMEDIATE: [u32; 2] = [u32::MAX; 2];
+
     /// Binds a buffer: bytes in the layout of its type, little-endian.
     pub fn set_buffer(&mut self, group: u32, binding: u32, bytes: impl Into<Vec<u8>>) {
         self.buffers.insert((group, binding), bytes.into());

@@ -32,6 +32,20 @@ where
     }
 }
 
+/// A function without parameters, whose one case is what its resources are.
+impl<F, R> Reference<()> for F
+where
+    F: Fn() -> R + Sync,
+    R: Mirror,
+{
+    fn shape(&self) -> Shape {
+        R::shape()
+    }
+    fn expect(&self, (): &(), lanes: &mut Vec<f64>) {
+        self().lanes(lanes);
+    }
+}
+
 macro_rules! reference {
     ($(($($name:ident $index:tt),+))*) => {$(
         impl<F, R, $($name),+> Reference<($($name,)+)> for F
@@ -57,4 +71,10 @@ reference! {
     (A 0, B 1, C 2, D 3)
     (A 0, B 1, C 2, D 3, E 4)
     (A 0, B 1, C 2, D 3, E 4, G 5)
+    (A 0, B 1, C 2, D 3, E 4, G 5, H 6)
+    (A 0, B 1, C 2, D 3, E 4, G 5, H 6, I 7)
+    (A 0, B 1, C 2, D 3, E 4, G 5, H 6, I 7, J 8)
+    (A 0, B 1, C 2, D 3, E 4, G 5, H 6, I 7, J 8, K 9)
+    (A 0, B 1, C 2, D 3, E 4, G 5, H 6, I 7, J 8, K 9, L 10)
+    (A 0, B 1, C 2, D 3, E 4, G 5, H 6, I 7, J 8, K 9, L 10, M 11)
 }

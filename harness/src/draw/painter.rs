@@ -18,8 +18,15 @@ struct Prepared {
     buffers: Option<(wgpu::Buffer, Vec<wgpu::Buffer>)>,
     vertices: u32,
     instances: u32,
-    depth: Option<(wgpu::RenderPipeline, Vec<wgpu::BindGroup>)>,
-    color: (wgpu::RenderPipeline, Vec<wgpu::BindGroup>),
+    depth: Option<Ready>,
+    color: Ready,
+}
+
+/// A pipeline with all that it reads.
+struct Ready {
+    pipeline: wgpu::RenderPipeline,
+    groups: Vec<wgpu::BindGroup>,
+    immediates: Option<Vec<u8>>,
 }
 
 /// What draws a scene on a device.
@@ -58,7 +65,12 @@ impl Painter<'_> {
         };
         let bound = |pipeline: wgpu::RenderPipeline, bindings: &[Binding]| {
             let groups = self.bind(&pipeline, bindings);
-            (pipeline, groups)
+            let immediates =
+                bindings.iter().find_map(|binding| match &self.resources[binding.path.as_str()] {
+                    Resource::Immediate(bytes) => Some(bytes.clone()),
+                    _ => None,
+                });
+            Ready { pipeline, groups, immediates }
         };
         // Only meshes are drawn in advance: what covers the frame is behind them.
         let depth = (self.scene.prepass && draw.mesh.is_some())
@@ -87,15 +99,16 @@ impl Painter<'_> {
     }
 
     fn bind(&self, pipeline: &wgpu::RenderPipeline, bindings: &[Binding]) -> Vec<wgpu::BindGroup> {
-        let groups = bindings.iter().map(|binding| binding.group + 1).max().unwrap_or(0);
+        let bound = bindings.iter().filter(|binding| binding.group != Binding::NOWHERE);
+        let groups = bound.map(|binding| binding.group + 1).max().unwrap_or(0);
         (0..groups)
             .map(|group| {
                 let entries: Vec<_> = bindings
                     .iter()
                     .filter(|binding| binding.group == group)
-                    .map(|binding| wgpu::BindGroupEntry {
-                        binding: binding.binding,
-                        resource: self.resources[binding.path.as_str()].binding(),
+                    .filter_map(|binding| {
+                        let resource = self.resources[binding.path.as_str()].binding()?;
+                        Some(wgpu::BindGroupEntry { binding: binding.binding, resource })
                     })
                     .collect();
                 self.device.device.create_bind_group(&wgpu::BindGroupDescriptor {
@@ -193,11 +206,14 @@ fn depth_attachment(
 fn record(
     pass: &mut wgpu::RenderPass<'_>,
     draw: &Prepared,
-    (pipeline, groups): &(wgpu::RenderPipeline, Vec<wgpu::BindGroup>),
+    ready: &Ready,
 ) {
-    pass.set_pipeline(pipeline);
-    for (index, group) in (0..).zip(groups) {
+    pass.set_pipeline(&ready.pipeline);
+    for (index, group) in (0..).zip(&ready.groups) {
         pass.set_bind_group(index, group, &[]);
+    }
+    if let Some(bytes) = &ready.immediates {
+        pass.set_immediates(0, bytes);
     }
     match &draw.buffers {
         Some((indices, attributes)) => {

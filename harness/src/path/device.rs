@@ -30,6 +30,7 @@ pub(crate) struct Device {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     color_format: wgpu::TextureFormat,
+    multisampled_format: wgpu::TextureFormat,
     pipelines: Mutex<HashMap<blake3::Hash, Arc<Pipeline>>>,
     /// `None`: threads needn't take turns.
     turns: Option<ReentrantMutex<()>>,
@@ -49,6 +50,11 @@ impl std::fmt::Debug for Pipeline {
 }
 
 impl Pipeline {
+    /// Whether it was made of another compiler's SPIR-V.
+    pub(crate) fn is_foreign(&self) -> bool {
+        self.foreign.is_some()
+    }
+
     /// Where a resource of WGSL's is bound: its group and binding. `None`: the pipeline doesn't have
     /// it.
     pub(crate) fn place(&self, group: u32, binding: u32) -> Option<(u32, u32)> {
@@ -127,7 +133,11 @@ impl Device {
             | wgpu::Features::FLOAT32_FILTERABLE
             | wgpu::Features::FLOAT32_BLENDABLE
             // Where loops of vertex shaders are counted.
-            | wgpu::Features::VERTEX_WRITABLE_STORAGE;
+            | wgpu::Features::VERTEX_WRITABLE_STORAGE
+            // What fixtures may be.
+            | wgpu::Features::IMMEDIATES
+            | wgpu::Features::TEXTURE_FORMAT_16BIT_NORM
+            | wgpu::Features::TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES;
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("karat"),
             required_features: adapter.features() & optional | needed,
@@ -140,6 +150,12 @@ impl Device {
         let full = wgpu::TextureFormat::Rgba32Float;
         let usages = adapter.get_texture_format_features(full).allowed_usages;
         let renderable = usages.contains(wgpu::TextureUsages::RENDER_ATTACHMENT);
+        let specific = wgpu::Features::TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES;
+        let flags = adapter.get_texture_format_features(full).flags;
+        let multisampled = device.features().contains(specific)
+            && flags.contains(wgpu::TextureFormatFeatureFlags::MULTISAMPLE_X4);
+        let multisampled_format =
+            if multisampled { full } else { wgpu::TextureFormat::Rgba16Float };
         let color_format = if renderable { full } else { wgpu::TextureFormat::Rgba16Float };
         let info = adapter.get_info();
         let (path_name, driver) = (path.to_string(), driver_of(&info));
@@ -149,7 +165,7 @@ impl Device {
         let adapter = Adapter { software: software || adapter.is_llvmpipe(), ..adapter };
         let turns = (path.api() == Api::Gl).then(ReentrantMutex::default);
         let pipelines = Mutex::default();
-        Ok(Self { path, adapter, device, queue, color_format, pipelines, turns })
+        Ok(Self { path, adapter, device, queue, color_format, multisampled_format, pipelines, turns })
     }
 
     /// Waits until no other thread uses the device, where a driver serves one thread at a time: wgpu
@@ -210,6 +226,11 @@ impl Device {
         } else {
             wgpu::TextureFormat::Rgba16Float
         }
+    }
+
+    /// The best format of float textures whose texels have several samples.
+    pub(crate) fn multisampled_format(&self) -> wgpu::TextureFormat {
+        self.multisampled_format
     }
 
     /// The format of frames: 32-bit floats, or 16-bit floats where the path can't draw into those.

@@ -5,15 +5,30 @@ use std::sync::Arc;
 
 use super::kernel::ENTRY_POINT;
 use super::{ProbeError, Resource};
-use crate::path::{Device, Pipeline};
+use crate::path::{Device, PathError, Pipeline};
 
-/// The fixtures of each group, with their binding numbers.
+/// The fixtures of each group, with their binding numbers; immediates are in a group that isn't one.
 pub(super) type Resources = BTreeMap<u32, Vec<(u32, Resource)>>;
 
 /// A compiled kernel with its bindings.
 pub(super) struct Bound {
     pub(super) pipeline: Arc<Pipeline>,
     pub(super) groups: Vec<wgpu::BindGroup>,
+    /// What is set with the commands.
+    immediates: Option<Vec<u8>>,
+}
+
+impl Bound {
+    /// Sets all that a dispatch needs.
+    pub(super) fn set(&self, pass: &mut wgpu::ComputePass<'_>) {
+        pass.set_pipeline(&self.pipeline.pipeline);
+        for (index, group) in (0..).zip(&self.groups) {
+            pass.set_bind_group(index, group, &[]);
+        }
+        if let Some(bytes) = &self.immediates {
+            pass.set_immediates(0, bytes);
+        }
+    }
 }
 
 /// Compiles a kernel.
@@ -36,8 +51,17 @@ pub(super) fn bind(
     own: [Option<&wgpu::Buffer>; 3],
 ) -> Result<Bound, ProbeError> {
     let fixtures = resources.iter().flat_map(|(group, resources)| {
-        resources.iter().map(|(binding, resource)| ((*group, *binding), resource.binding()))
+        let bound = resources.iter().filter_map(|(at, resource)| Some((at, resource.binding()?)));
+        bound.map(|(binding, resource)| ((*group, *binding), resource))
     });
+    let immediates = resources.values().flatten().find_map(|(_, resource)| match resource {
+        Resource::Immediate(bytes) => Some(bytes.clone()),
+        _ => None,
+    });
+    if immediates.is_some() && pipeline.is_foreign() {
+        let message = "immediates aren't passed to shaders of other compilers".to_owned();
+        return Err(PathError::Route { path: device.path(), message }.into());
+    }
     let own = (first_binding..).zip(own).filter_map(|(binding, buffer)| {
         buffer.map(|buffer| ((0, binding), buffer.as_entire_binding()))
     });
@@ -58,5 +82,5 @@ pub(super) fn bind(
         };
         (0..=last_group).map(group).collect()
     })?;
-    Ok(Bound { pipeline, groups })
+    Ok(Bound { pipeline, groups, immediates })
 }

@@ -8,8 +8,9 @@ use super::bound::{Bound, Resources, bind, compile};
 use super::kernel::{Kernel, UNIFORM_WORDS, WORKGROUP};
 use super::poison::{self, Poison};
 use super::{Inputs, ProbeError, Probed, Resource, borders, upload};
-use crate::fixture::{self, Fixture, Fixtures};
+use crate::fixture::{self, Fixtures};
 use crate::path::{Device, Pipeline, Turn, guard};
+use crate::reflect::BindingKind;
 
 /// One kernel on one device.
 pub(super) struct Dispatcher<'d> {
@@ -97,7 +98,7 @@ impl<'d> Dispatcher<'d> {
         fixture::check_used(&function.bindings, fixtures)?;
         for (binding, fixture) in fixture::resolve(&function.bindings, fixtures)? {
             let resource = upload(device, program, binding, fixture)?;
-            if let (Fixture::CubeMap(_), Resource::View(view)) = (fixture, &resource) {
+            if let (BindingKind::TEXTURE_CUBE, Resource::View(view)) = (binding.kind, &resource) {
                 borders::fill(device, view)?;
             }
             resources.entry(binding.group).or_default().push((binding.binding, resource));
@@ -204,7 +205,7 @@ impl<'d> Dispatcher<'d> {
 
     /// Runs the kernel over results that are set to `poison`. The arguments are on the device.
     fn submit(&self, dispatch: &Dispatch, poison: &Poison) -> Result<(), ProbeError> {
-        let Bound { pipeline, groups: bindings } = dispatch
+        let bound = dispatch
             .constants
             .as_ref()
             .or(self.bound.as_ref())
@@ -216,10 +217,7 @@ impl<'d> Dispatcher<'d> {
             poison.fill(&mut encoder, &self.results, size);
             {
                 let mut pass = encoder.begin_compute_pass(&Default::default());
-                pass.set_pipeline(&pipeline.pipeline);
-                for (index, group) in (0..).zip(bindings) {
-                    pass.set_bind_group(index, group, &[]);
-                }
+                bound.set(&mut pass);
                 pass.dispatch_workgroups(columns, rows, 1);
             }
             encoder.copy_buffer_to_buffer(&self.results, 0, &self.staging, 0, size);

@@ -1,10 +1,10 @@
 //! Inputs that a signature asks for, where no test says what they mean.
 
 use crate::domain::Source;
-use crate::fixture::{CubeMap, Fixture, Fixtures, Sampler, Texture};
+use crate::fixture::{Compare, CubeMap, Fixture, Fixtures, Sampler, Texel, Texture};
 #[cfg(feature = "routes")]
 use crate::reflect::Program;
-use crate::reflect::{Binding, BindingKind};
+use crate::reflect::{Binding, BindingKind, Dimension, Texels};
 
 #[cfg(feature = "routes")]
 use super::Data;
@@ -155,25 +155,69 @@ const ELEMENTS: usize = 64;
 fn fixture(probed: &Probed, binding: &Binding) -> Option<Fixture> {
     let mut source = Source::new(SEED, u64::from(binding.group) << 32 | u64::from(binding.binding));
     Some(match binding.kind {
-        BindingKind::Uniform | BindingKind::Storage { .. } => {
+        BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate => {
             let (shape, unsized_) = probed.program.buffer_data(binding)?;
             let mut lanes = Vec::new();
             let count = if unsized_ { ELEMENTS } else { 1 };
             (0..count).for_each(|_| draw(&shape, &mut source, &mut lanes));
             Fixture::of_lanes(shape, lanes, unsized_)
         }
-        // Smooth, so that a filter's few bits of weight don't matter much.
-        BindingKind::Texture2d => {
-            let wave = |x: u32, y: u32| {
-                let (x, y) = (x as f32 / SIDE as f32, y as f32 / SIDE as f32);
-                glam::Vec4::new(x, y, 0.5 * (x + y), 1.0)
-            };
-            Texture::from_fn(SIDE, SIDE, wave).with_mips().into()
-        }
-        BindingKind::TextureCube => {
+        BindingKind::TEXTURE_CUBE => {
             CubeMap::from_fn(SIDE, |d| d * 0.5 + glam::Vec3::ONE).with_mips().into()
         }
-        BindingKind::Sampler => Sampler::Linear.into(),
-        BindingKind::Other => return None,
+        BindingKind::Texture(kind) => {
+            let samples = if kind.multisampled { 4 } else { 1 };
+            texture(kind.dimension, kind.arrayed, kind.texels, samples).into()
+        }
+        BindingKind::StorageTexture { dimension, arrayed, format, access } if !access.writes => {
+            texture(dimension, arrayed, format.texels(), 1).into()
+        }
+        BindingKind::Sampler { comparison: false } => Sampler::Linear.into(),
+        BindingKind::Sampler { comparison: true } => {
+            Sampler::Linear.compare(Compare::LessEqual).into()
+        }
+        BindingKind::StorageTexture { .. } | BindingKind::Other => return None,
     })
+}
+
+/// Smooth texels, so that a filter's few bits of weight don't matter much.
+fn texture(dimension: Dimension, arrayed: bool, texels: Texels, samples: u32) -> Texture {
+    let wave = |x: u32, y: u32, z: u32| {
+        let [x, y, z] = [x, y, z].map(|n| n as f32 / SIDE as f32);
+        glam::Vec4::new(x, y, 0.5 * (x + y) + 0.25 * z, 1.0)
+    };
+    match texels {
+        Texels::Float => {
+            let texture = made(dimension, arrayed, samples, wave);
+            if samples > 1 { texture } else { texture.with_mips() }
+        }
+        Texels::Depth => made(dimension, arrayed, samples, |x, y, z| {
+            0.5 * (x + y + z) as f32 / (3 * SIDE) as f32
+        }),
+        Texels::Sint => {
+            made(dimension, arrayed, samples, |x, y, z| (x + y + z).cast_signed() - 4)
+        }
+        Texels::Uint => made(dimension, arrayed, samples, |x, y, z| x + y + z),
+    }
+}
+
+/// A texture whose values are made of columns, rows, and slices, layers or samples.
+fn made<T: Texel>(
+    dimension: Dimension,
+    arrayed: bool,
+    samples: u32,
+    value: impl Fn(u32, u32, u32) -> T,
+) -> Texture {
+    let layer = |z: u32| Texture::from_fn(SIDE, SIDE, |x, y| value(x, y, z));
+    match (dimension, arrayed) {
+        (Dimension::D1, _) => Texture::line(SIDE, |x| value(x, 0, 0)),
+        (Dimension::D2, false) if samples > 1 => {
+            Texture::multisampled(SIDE, SIDE, samples, value)
+        }
+        (Dimension::D2, false) => layer(0),
+        (Dimension::D2, true) => Texture::array((0..4).map(layer)),
+        (Dimension::D3, _) => Texture::volume([SIDE, SIDE, 4], value),
+        (Dimension::Cube, false) => Texture::cube((0..6).map(layer)),
+        (Dimension::Cube, true) => Texture::cubes((0..12).map(layer)),
+    }
 }

@@ -1,62 +1,60 @@
 //! Fixtures on a device: textures, samplers and buffers.
 
-use crate::fixture::{CubeMap, Fixture, FixtureError, Level, Sampler, Storage, Texture, Uniform};
+use super::painted::{self, Layer};
+use super::texels::Codec;
+use crate::fixture::{
+    Address, Compare, Filter, Fixture, FixtureError, Level, Sampler, View as Given,
+};
 use crate::path::Device;
-use crate::reflect::{Binding, BindingKind, Program};
+use crate::reflect::{Binding, BindingKind, Dimension, Program, Texels};
 
 /// A fixture on a device.
 pub(crate) enum Resource {
     Buffer(wgpu::Buffer),
     View(wgpu::TextureView),
     Sampler(wgpu::Sampler),
+    /// Bytes that are set with the commands.
+    Immediate(Vec<u8>),
 }
 
 impl Resource {
-    pub(crate) fn binding(&self) -> wgpu::BindingResource<'_> {
-        match self {
+    /// What a group of bindings takes; `None` of what isn't bound.
+    pub(crate) fn binding(&self) -> Option<wgpu::BindingResource<'_>> {
+        Some(match self {
             Self::Buffer(buffer) => buffer.as_entire_binding(),
             Self::View(view) => wgpu::BindingResource::TextureView(view),
             Self::Sampler(sampler) => wgpu::BindingResource::Sampler(sampler),
-        }
+            Self::Immediate(_) => return None,
+        })
     }
 }
 
-/// Puts a fixture on a device.
+/// Puts a fixture on a device. The fixture has the variable's kind.
 pub(crate) fn upload(
     device: &Device,
     program: &Program,
     binding: &Binding,
     fixture: &Fixture,
 ) -> Result<Resource, FixtureError> {
-    let resource = match fixture {
-        Fixture::Uniform(Uniform(values)) | Fixture::Storage(Storage(values)) => {
-            buffer(device, binding, &values.bytes(program, binding)?)?
-        }
-        Fixture::CubeMap(CubeMap { levels, .. }) => upload_texture(device, binding, levels, 6)?,
-        Fixture::Texture(Texture { levels, .. }) => upload_texture(device, binding, levels, 1)?,
-        Fixture::Sampler(sampler) => {
-            let (filter, mipmap_filter) = match sampler {
-                Sampler::Linear => (wgpu::FilterMode::Linear, wgpu::MipmapFilterMode::Linear),
-                Sampler::Nearest => (wgpu::FilterMode::Nearest, wgpu::MipmapFilterMode::Nearest),
-            };
-            device.checked(|| {
-                Resource::Sampler(device.device.create_sampler(&wgpu::SamplerDescriptor {
-                    mag_filter: filter,
-                    min_filter: filter,
-                    mipmap_filter,
-                    ..wgpu::SamplerDescriptor::default()
-                }))
-            })?
-        }
-    };
-    Ok(resource)
+    if let Some(bytes) = fixture.bytes(program, binding) {
+        let bytes = bytes?;
+        return match binding.kind {
+            BindingKind::Immediate => Ok(Resource::Immediate(bytes)),
+            _ => buffer(device, binding, &bytes),
+        };
+    }
+    match (fixture, fixture.view()) {
+        (_, Some(view)) => texture(device, binding, &view),
+        (Fixture::Sampler(sampler), _) => sample(device, sampler),
+        _ => unreachable!("a fixture is bytes, texels or a sampler"),
+    }
 }
 
 /// A buffer that holds these bytes.
 fn buffer(device: &Device, binding: &Binding, bytes: &[u8]) -> Result<Resource, FixtureError> {
     let usage = match binding.kind {
         BindingKind::Uniform => wgpu::BufferUsages::UNIFORM,
-        _ => wgpu::BufferUsages::STORAGE,
+        _ => wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
     };
     Ok(device.checked(|| {
         let buffer = device.device.create_buffer(&wgpu::BufferDescriptor {
@@ -70,64 +68,205 @@ fn buffer(device: &Device, binding: &Binding, bytes: &[u8]) -> Result<Resource, 
     })?)
 }
 
-fn upload_texture(
+fn sample(device: &Device, sampler: &Sampler) -> Result<Resource, FixtureError> {
+    let address = |address| match address {
+        Address::Clamp => wgpu::AddressMode::ClampToEdge,
+        Address::Repeat => wgpu::AddressMode::Repeat,
+        Address::Mirror => wgpu::AddressMode::MirrorRepeat,
+    };
+    let filter = |filter| match filter {
+        Filter::Nearest => wgpu::FilterMode::Nearest,
+        Filter::Linear => wgpu::FilterMode::Linear,
+    };
+    let compare = |compare| match compare {
+        Compare::Never => wgpu::CompareFunction::Never,
+        Compare::Less => wgpu::CompareFunction::Less,
+        Compare::Equal => wgpu::CompareFunction::Equal,
+        Compare::LessEqual => wgpu::CompareFunction::LessEqual,
+        Compare::Greater => wgpu::CompareFunction::Greater,
+        Compare::NotEqual => wgpu::CompareFunction::NotEqual,
+        Compare::GreaterEqual => wgpu::CompareFunction::GreaterEqual,
+        Compare::Always => wgpu::CompareFunction::Always,
+    };
+    let [u, v, w] = sampler.address.map(address);
+    Ok(device.checked(|| {
+        Resource::Sampler(device.device.create_sampler(&wgpu::SamplerDescriptor {
+            label: None,
+            address_mode_u: u,
+            address_mode_v: v,
+            address_mode_w: w,
+            mag_filter: filter(sampler.mag),
+            min_filter: filter(sampler.min),
+            mipmap_filter: match sampler.mip {
+                Filter::Nearest => wgpu::MipmapFilterMode::Nearest,
+                Filter::Linear => wgpu::MipmapFilterMode::Linear,
+            },
+            lod_min_clamp: sampler.lod.0,
+            lod_max_clamp: sampler.lod.1,
+            compare: sampler.compare.map(compare),
+            anisotropy_clamp: sampler.anisotropy,
+            border_color: None,
+        }))
+    })?)
+}
+
+fn texture(
     device: &Device,
     binding: &Binding,
-    levels: &[Level],
-    layers: u32,
+    given: &Given<'_>,
 ) -> Result<Resource, FixtureError> {
-    let variable = || binding.path.clone();
-    let format = device.float_format();
-    let half = format == wgpu::TextureFormat::Rgba16Float;
-    let overflows = |v: &&f32| v.is_finite() && !half::f16::from_f32(**v).is_finite();
-    let texels = || levels.iter().flat_map(|level| level.texels.iter().flatten());
-    if texels().next().is_none() {
-        return Err(FixtureError::Empty { variable: variable() });
-    }
-    if let Some(value) = texels().find(overflows).filter(|_| half) {
-        let path = device.path();
-        return Err(FixtureError::Range { variable: variable(), value: *value, path });
-    }
-    let extent = |level: &Level| wgpu::Extent3d {
-        width: level.width,
-        height: level.height,
-        depth_or_array_layers: layers,
-    };
-    let resource = device.checked(|| {
-        let texture = device.device.create_texture(&wgpu::TextureDescriptor {
-            label: None,
-            size: extent(&levels[0]),
-            mip_level_count: levels.len() as u32,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[],
-        });
-        for (mip_level, level) in (0..).zip(levels) {
-            let bytes = if half { halves(&level.texels) } else { words(&level.texels) };
-            let texel_size = if half { 8 } else { 16 };
-            let layout = wgpu::TexelCopyBufferLayout {
-                offset: 0,
-                bytes_per_row: Some(level.width * texel_size),
-                rows_per_image: Some(level.height),
-            };
-            let target = wgpu::TexelCopyTextureInfo { mip_level, ..texture.as_image_copy() };
-            device.queue.write_texture(target, &bytes, layout, extent(level));
+    let (format, usage) = match binding.kind {
+        BindingKind::StorageTexture { format, .. } => {
+            let name = format.name();
+            let codec = Codec::named(&name)
+                .ok_or_else(|| unusable(binding, format!("Karat doesn't write texels of {name}")))?;
+            (codec.format, wgpu::TextureUsages::STORAGE_BINDING)
         }
-        let dimension = (layers == 6).then_some(wgpu::TextureViewDimension::Cube);
+        BindingKind::Texture(kind) => {
+            let format = match kind.texels {
+                Texels::Depth => wgpu::TextureFormat::Depth32Float,
+                Texels::Float if kind.multisampled => device.multisampled_format(),
+                Texels::Float => device.float_format(),
+                Texels::Sint if kind.multisampled => wgpu::TextureFormat::Rgba16Sint,
+                Texels::Sint => wgpu::TextureFormat::Rgba32Sint,
+                Texels::Uint if kind.multisampled => wgpu::TextureFormat::Rgba16Uint,
+                Texels::Uint => wgpu::TextureFormat::Rgba32Uint,
+            };
+            (format, wgpu::TextureUsages::TEXTURE_BINDING)
+        }
+        _ => unreachable!("a variable that takes texels is a texture"),
+    };
+    let drawn = format.is_depth_stencil_format() || given.samples > 1;
+    let codec = Codec::of(format);
+    expect_kept(device, binding, given, format, codec)?;
+    let fill = if drawn {
+        wgpu::TextureUsages::RENDER_ATTACHMENT
+    } else {
+        wgpu::TextureUsages::COPY_DST | wgpu::TextureUsages::COPY_SRC
+    };
+    let first = &given.levels[0];
+    let size = wgpu::Extent3d {
+        width: first.width,
+        height: first.height,
+        depth_or_array_layers: first.depth * given.layers,
+    };
+    let texture = device.checked(|| {
+        device.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(&binding.path),
+            size,
+            mip_level_count: given.levels.len() as u32,
+            sample_count: given.samples,
+            dimension: match given.dimension {
+                Dimension::D1 => wgpu::TextureDimension::D1,
+                Dimension::D2 | Dimension::Cube => wgpu::TextureDimension::D2,
+                Dimension::D3 => wgpu::TextureDimension::D3,
+            },
+            format,
+            usage: usage | fill,
+            view_formats: &[],
+        })
+    })?;
+    for (index, level) in (0..).zip(given.levels) {
+        match codec.filter(|_| !drawn) {
+            Some(codec) => write(device, &texture, index, level, given.layers, codec)?,
+            None => {
+                let texels = level.words.len() / given.layers as usize;
+                for (layer, words) in (0..).zip(level.words.chunks_exact(texels)) {
+                    let width = level.width;
+                    painted::paint(device, &Layer { texture: &texture, level: index, layer, width, words })?;
+                }
+            }
+        }
+    }
+    Ok(device.checked(|| {
         Resource::View(texture.create_view(&wgpu::TextureViewDescriptor {
-            dimension,
+            dimension: Some(match (given.dimension, given.arrayed) {
+                (Dimension::D1, _) => wgpu::TextureViewDimension::D1,
+                (Dimension::D2, false) => wgpu::TextureViewDimension::D2,
+                (Dimension::D2, true) => wgpu::TextureViewDimension::D2Array,
+                (Dimension::D3, _) => wgpu::TextureViewDimension::D3,
+                (Dimension::Cube, false) => wgpu::TextureViewDimension::Cube,
+                (Dimension::Cube, true) => wgpu::TextureViewDimension::CubeArray,
+            }),
             ..wgpu::TextureViewDescriptor::default()
         }))
-    })?;
-    Ok(resource)
+    })?)
 }
 
-fn words(texels: &[[f32; 4]]) -> Vec<u8> {
-    bytemuck::cast_slice(texels).to_vec()
+fn unusable(binding: &Binding, reason: String) -> FixtureError {
+    FixtureError::Unusable { variable: binding.path.clone(), reason }
 }
 
-fn halves(texels: &[[f32; 4]]) -> Vec<u8> {
-    texels.iter().flatten().flat_map(|value| half::f16::from_f32(*value).to_le_bytes()).collect()
+/// Refuses texels that the format would change beyond rounding.
+fn expect_kept(
+    device: &Device,
+    binding: &Binding,
+    given: &Given<'_>,
+    format: wgpu::TextureFormat,
+    codec: Option<Codec>,
+) -> Result<(), FixtureError> {
+    let words = || given.levels.iter().flat_map(|level| level.words.iter().flatten().copied());
+    let storage = matches!(binding.kind, BindingKind::StorageTexture { .. });
+    if format == wgpu::TextureFormat::Rgba16Float && !storage {
+        let overflows = |v: &f32| v.is_finite() && !half::f16::from_f32(*v).is_finite();
+        if let Some(value) = words().map(f32::from_bits).find(overflows) {
+            let (path, variable) = (device.path(), binding.path.clone());
+            return Err(FixtureError::Range { variable, value, path });
+        }
+    }
+    if format.is_depth_stencil_format() {
+        let depths = given.levels.iter().flat_map(|level| level.words.iter());
+        let wrong = |depth: &f32| !(0.0..=1.0).contains(depth);
+        if let Some(depth) = depths.map(|words| f32::from_bits(words[0])).find(wrong) {
+            let reason = format!("it has a depth of {depth}, and depths are 0 to 1");
+            return Err(unusable(binding, reason));
+        }
+    }
+    let Some(codec) = codec.filter(|codec| codec.is_integer()) else { return Ok(()) };
+    let mut bytes = Vec::new();
+    for texel in given.levels.iter().flat_map(|level| &level.words) {
+        bytes.clear();
+        codec.encode(*texel, &mut bytes);
+        let kept = codec.decode(&bytes);
+        let changed = texel.iter().zip(kept).position(|(given, kept)| *given != kept);
+        // Channels that the format lacks are nobody's.
+        if let Some(channel) = changed.filter(|channel| *channel < codec.channels()) {
+            let value = texel[channel];
+            let reason = format!("a texel is {value}, which {format:?} can't hold");
+            return Err(unusable(binding, reason));
+        }
+    }
+    Ok(())
+}
+
+/// Copies a level into a texture.
+fn write(
+    device: &Device,
+    texture: &wgpu::Texture,
+    mip_level: u32,
+    level: &Level,
+    layers: u32,
+    codec: Codec,
+) -> Result<(), FixtureError> {
+    let mut bytes = Vec::with_capacity(level.words.len() * codec.size());
+    match texture.format() {
+        wgpu::TextureFormat::Rgba32Float
+        | wgpu::TextureFormat::Rgba32Uint
+        | wgpu::TextureFormat::Rgba32Sint => {
+            bytes.extend_from_slice(bytemuck::cast_slice(&level.words));
+        }
+        _ => level.words.iter().for_each(|words| codec.encode(*words, &mut bytes)),
+    }
+    let size = wgpu::Extent3d {
+        width: level.width,
+        height: level.height,
+        depth_or_array_layers: level.depth * layers,
+    };
+    let layout = wgpu::TexelCopyBufferLayout {
+        offset: 0,
+        bytes_per_row: Some(level.width * codec.size() as u32),
+        rows_per_image: Some(level.height),
+    };
+    let target = wgpu::TexelCopyTextureInfo { mip_level, ..texture.as_image_copy() };
+    Ok(device.checked(|| device.queue.write_texture(target, &bytes, layout, size))?)
 }

@@ -1,63 +1,34 @@
 //! The resource variables of functions and entry points.
 
-use std::fmt;
-
 use naga::valid::GlobalUse;
 
-use super::{Program, Stage};
+use super::{BindingKind, Program, Stage};
+use crate::diagnostic::Span;
 
 /// A resource variable.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Binding {
     /// Author's path: `environment::sky`.
     pub path: String,
-    /// `@group`
+    /// `@group`; of an immediate [`NOWHERE`](Self::NOWHERE).
     pub group: u32,
-    /// `@binding`
+    /// `@binding`; of an immediate [`NOWHERE`](Self::NOWHERE).
     pub binding: u32,
     /// What it is.
     pub kind: BindingKind,
+    /// Where its author declares it.
+    pub span: Option<Span>,
     pub(crate) ty: naga::Handle<naga::Type>,
 }
 
 impl Binding {
+    /// The group and the binding of what has none.
+    pub const NOWHERE: u32 = u32::MAX;
+
     /// The variable's own name, without its module.
     #[must_use]
     pub fn name(&self) -> &str {
         self.path.rsplit("::").next().unwrap_or_default()
-    }
-}
-
-/// The kind of a resource variable.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BindingKind {
-    /// `var<uniform>`
-    Uniform,
-    /// `var<storage>`
-    Storage {
-        /// `read_write`
-        writable: bool,
-    },
-    /// `texture_2d<f32>`
-    Texture2d,
-    /// `texture_cube<f32>`
-    TextureCube,
-    /// `sampler`
-    Sampler,
-    /// Something that no fixture can supply yet.
-    Other,
-}
-
-impl fmt::Display for BindingKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Uniform => "uniform buffer",
-            Self::Storage { .. } => "storage buffer",
-            Self::Texture2d => "texture_2d<f32>",
-            Self::TextureCube => "texture_cube<f32>",
-            Self::Sampler => "sampler",
-            Self::Other => "resource of an unsupported kind",
-        })
     }
 }
 
@@ -98,6 +69,12 @@ impl Program {
         vec![0; size.next_multiple_of(ELEMENT)]
     }
 
+    /// The bytes that a buffer's type takes, with one element of an array without a length.
+    pub(crate) fn least_bytes(&self, binding: &Binding) -> usize {
+        let inner = &self.checked.module.types[binding.ty].inner;
+        inner.size(self.checked.module.to_ctx()) as usize
+    }
+
     /// The first binding number of group 0 that the program leaves free.
     pub(crate) fn free_binding(&self) -> u32 {
         let used = self.checked.module.global_variables.iter().filter_map(|(_, global)| {
@@ -116,43 +93,20 @@ impl Program {
             .global_variables
             .iter()
             .filter(|(handle, _)| !usage(*handle).is_empty())
-            .filter_map(|(_, global)| {
-                let resource = global.binding.as_ref()?;
+            .filter_map(|(handle, global)| {
+                let kind = BindingKind::of(global, &self.checked.module.types[global.ty].inner);
+                let place = global.binding.as_ref().map(|place| (place.group, place.binding));
+                let nowhere = (Binding::NOWHERE, Binding::NOWHERE);
+                let place = place.or((kind == BindingKind::Immediate).then_some(nowhere));
+                let (group, binding) = place?;
                 let name = global.name.clone().unwrap_or_default();
-                Some(Binding {
-                    path: self.linked.names.get(&name).cloned().unwrap_or(name),
-                    group: resource.group,
-                    binding: resource.binding,
-                    kind: self.binding_kind(global),
-                    ty: global.ty,
-                })
+                let path = self.linked.names.get(&name).cloned().unwrap_or(name);
+                let range = self.checked.module.global_variables.get_span(handle).to_range();
+                let span = range.and_then(|range| self.resolve(range));
+                Some(Binding { path, group, binding, kind, span, ty: global.ty })
             })
             .collect();
         bindings.sort_by_key(|binding| (binding.group, binding.binding));
         bindings
-    }
-
-    fn binding_kind(&self, global: &naga::GlobalVariable) -> BindingKind {
-        use naga::{AddressSpace, ImageClass, ImageDimension, ScalarKind, TypeInner};
-        match (global.space, &self.checked.module.types[global.ty].inner) {
-            (AddressSpace::Uniform, _) => BindingKind::Uniform,
-            (AddressSpace::Storage { access }, _) => {
-                BindingKind::Storage { writable: access.contains(naga::StorageAccess::STORE) }
-            }
-            (_, TypeInner::Sampler { comparison: false }) => BindingKind::Sampler,
-            (
-                _,
-                TypeInner::Image {
-                    dim,
-                    arrayed: false,
-                    class: ImageClass::Sampled { kind: ScalarKind::Float, multi: false },
-                },
-            ) => match dim {
-                ImageDimension::D2 => BindingKind::Texture2d,
-                ImageDimension::Cube => BindingKind::TextureCube,
-                ImageDimension::D1 | ImageDimension::D3 => BindingKind::Other,
-            },
-            _ => BindingKind::Other,
-        }
     }
 }

@@ -36,13 +36,25 @@ pub(crate) fn bytes_of(
     if writer.at != lanes.len() {
         return Err(LayoutError::Count { supplied: lanes.len(), expected: writer.at });
     }
-    let size = match module.types[ty].inner {
-        TypeInner::Array { size: ArraySize::Dynamic, .. } => writer.bytes.len(),
-        _ => layouter[ty].size as usize,
+    // An array without a length has as many elements as fit into the buffer: it has no more bytes.
+    // Others may have more, and in uniform space a multiple of 16. Padding is zero.
+    let (size, multiple) = match dynamic(module, ty) {
+        true => (writer.bytes.len(), 4),
+        false => (layouter[ty].size as usize, 16),
     };
-    // A buffer binding's size is a multiple of 16 in uniform space, and padding is zero.
-    writer.bytes.resize(size.max(writer.bytes.len()).next_multiple_of(16), 0);
+    writer.bytes.resize(size.max(writer.bytes.len()).next_multiple_of(multiple), 0);
     Ok(writer.bytes)
+}
+
+/// Whether a type is an array without a length, or a structure that ends in one.
+pub(super) fn dynamic(module: &Module, ty: Handle<Type>) -> bool {
+    match &module.types[ty].inner {
+        TypeInner::Array { size: ArraySize::Dynamic, .. } => true,
+        TypeInner::Struct { members, .. } => {
+            members.last().is_some_and(|member| dynamic(module, member.ty))
+        }
+        _ => false,
+    }
 }
 
 struct Writer<'a> {

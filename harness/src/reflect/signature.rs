@@ -234,6 +234,24 @@ impl Program {
         }
     }
 
+    /// The shapes of a structure that ends in an array without a length: of its other members, as a
+    /// structure, and of the array's elements. `None` if the type isn't one, or has no shape.
+    pub(crate) fn headed_shape(&self, ty: naga::Handle<naga::Type>) -> Option<(Shape, Shape)> {
+        let types = &self.checked.module.types;
+        let naga::TypeInner::Struct { members, .. } = &types[ty].inner else { return None };
+        let (last, head) = members.split_last()?;
+        let naga::TypeInner::Array { base, size: naga::ArraySize::Dynamic, .. } = types[last.ty].inner
+        else {
+            return None;
+        };
+        let member = |member: &naga::StructMember| {
+            Some((member.name.clone().unwrap_or_default(), self.shape(member.ty).ok()?))
+        };
+        let members = head.iter().map(member).collect::<Option<_>>()?;
+        let name = types[ty].name.clone().unwrap_or_default();
+        Some((Shape::Struct { name, members }, self.shape(base).ok()?))
+    }
+
     /// The bytes of a buffer, from the lanes of its value or of its elements.
     #[cfg(feature = "routes")]
     pub(crate) fn bytes(

@@ -169,11 +169,11 @@ impl<T: Shareable, const N: usize> Shareable for [T; N] {
     }
 }
 
-/// The arguments of one case: a [`Shareable`] value, or a tuple of up to six; `()` if there are
+/// The arguments of one case: a [`Shareable`] value, or a tuple of up to twelve; `()` if there are
 /// none.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` can't be the arguments of a WGSL function",
-    label = "expected a WGSL value or a tuple of one to six of them",
+    label = "expected a WGSL value or a tuple of one to twelve of them",
     note = "WGSL values are f32, i32, u32, bool, half::f16, glam's f32 vectors and matrices, arrays \
             of them, and structures declared with `karat::shareable!`"
 )]
@@ -229,6 +229,12 @@ arguments! {
     (A 0, B 1, C 2, D 3)
     (A 0, B 1, C 2, D 3, E 4)
     (A 0, B 1, C 2, D 3, E 4, F 5)
+    (A 0, B 1, C 2, D 3, E 4, F 5, G 6)
+    (A 0, B 1, C 2, D 3, E 4, F 5, G 6, H 7)
+    (A 0, B 1, C 2, D 3, E 4, F 5, G 6, H 7, I 8)
+    (A 0, B 1, C 2, D 3, E 4, F 5, G 6, H 7, I 8, J 9)
+    (A 0, B 1, C 2, D 3, E 4, F 5, G 6, H 7, I 8, J 9, K 10)
+    (A 0, B 1, C 2, D 3, E 4, F 5, G 6, H 7, I 8, J 9, K 10, L 11)
 }
 
 /// Declares a structure that crosses the CPU/GPU boundary, with its `f64` mirror.

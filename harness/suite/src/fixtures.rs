@@ -44,17 +44,17 @@ pub(crate) fn fixture(
         numbers.map(Some).ok_or_else(|| wrong(format!("a colour is a list of {count} numbers")))
     };
     match binding.kind {
-        BindingKind::Sampler => match value.as_str() {
+        BindingKind::Sampler { .. } => match value.as_str() {
             Some("linear") => Ok(Sampler::Linear.into()),
             Some("nearest") => Ok(Sampler::Nearest.into()),
             _ => Err(wrong("a sampler is \"linear\" or \"nearest\"".to_owned())),
         },
-        BindingKind::Texture2d => match (value.as_str(), colour(4)?) {
+        BindingKind::TEXTURE_2D => match (value.as_str(), colour(4)?) {
             (Some(file), _) => Ok(Texture::from(&image(file)?).into()),
-            (_, Some(c)) => Ok(Texture::constant([c[0], c[1], c[2], c[3]].into()).into()),
+            (_, Some(c)) => Ok(Texture::constant([c[0], c[1], c[2], c[3]]).into()),
             _ => Err(wrong("a texture is the name of an image, or a colour".to_owned())),
         },
-        BindingKind::TextureCube => match (value.as_str(), colour(3)?) {
+        BindingKind::TEXTURE_CUBE => match (value.as_str(), colour(3)?) {
             (Some(file), _) => {
                 let map = CubeMap::from_image(&image(file)?, FACE);
                 Ok(map.map_err(|error| wrong(error.to_string()))?.into())

@@ -1,0 +1,243 @@
+//! Kinds of resource variables, by WGSL's names.
+
+use std::fmt;
+
+use naga::{ImageClass, ImageDimension, ScalarKind, StorageFormat};
+
+/// How coordinates find texels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Dimension {
+    /// By one coordinate.
+    D1,
+    /// By two.
+    D2,
+    /// By three.
+    D3,
+    /// By a direction.
+    Cube,
+}
+
+impl fmt::Display for Dimension {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::D1 => "1d",
+            Self::D2 => "2d",
+            Self::D3 => "3d",
+            Self::Cube => "cube",
+        })
+    }
+}
+
+/// What texels are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Texels {
+    /// `f32`
+    Float,
+    /// `i32`
+    Sint,
+    /// `u32`
+    Uint,
+    /// Depths, which comparison samplers read.
+    Depth,
+}
+
+/// The type of a texture that is sampled or loaded from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct TextureKind {
+    /// How coordinates find texels.
+    pub dimension: Dimension,
+    /// Whether there is a layer beside the coordinates.
+    pub arrayed: bool,
+    /// What texels are made of.
+    pub texels: Texels,
+    /// Whether a texel has several samples.
+    pub multisampled: bool,
+}
+
+impl fmt::Display for TextureKind {
+    /// `texture_depth_2d_array`, `texture_multisampled_2d<u32>`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { dimension, arrayed, texels, multisampled } = self;
+        let (samples, layers) =
+            (if *multisampled { "multisampled_" } else { "" }, if *arrayed { "_array" } else { "" });
+        let scalar = match texels {
+            Texels::Depth => return write!(f, "texture_depth_{samples}{dimension}{layers}"),
+            Texels::Float => "f32",
+            Texels::Sint => "i32",
+            Texels::Uint => "u32",
+        };
+        write!(f, "texture_{samples}{dimension}{layers}<{scalar}>")
+    }
+}
+
+/// How a shader reaches a storage texture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Access {
+    /// `read`, `read_write`
+    pub reads: bool,
+    /// `write`, `read_write`
+    pub writes: bool,
+}
+
+impl fmt::Display for Access {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match (self.reads, self.writes) {
+            (true, true) => "read_write",
+            (false, true) => "write",
+            _ => "read",
+        })
+    }
+}
+
+/// The format of a storage texture's texels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Format(StorageFormat);
+
+impl Format {
+    /// What its texels are made of.
+    #[must_use]
+    pub fn texels(self) -> Texels {
+        match naga::Scalar::from(self.0).kind {
+            ScalarKind::Sint => Texels::Sint,
+            ScalarKind::Uint => Texels::Uint,
+            _ => Texels::Float,
+        }
+    }
+
+    /// WGSL's name: `rgba8unorm`.
+    #[must_use]
+    pub fn name(self) -> String {
+        format!("{:?}", self.0).to_lowercase()
+    }
+}
+
+/// The kind of a resource variable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BindingKind {
+    /// `var<uniform>`
+    Uniform,
+    /// `var<storage>`
+    Storage {
+        /// `read_write`
+        writable: bool,
+    },
+    /// `var<immediate>`: bytes that a program sets with its commands. Vulkan calls them push constants.
+    Immediate,
+    /// A texture that is sampled or loaded from.
+    Texture(TextureKind),
+    /// `texture_storage_...`
+    StorageTexture {
+        /// How coordinates find texels.
+        dimension: Dimension,
+        /// Whether there is a layer beside the coordinates.
+        arrayed: bool,
+        /// What is kept of a texel.
+        format: Format,
+        /// What the shader does with it.
+        access: Access,
+    },
+    /// `sampler`, `sampler_comparison`
+    Sampler {
+        /// Whether it compares.
+        comparison: bool,
+    },
+    /// Something that no fixture can supply: an array of bindings, an acceleration structure, an
+    /// external texture.
+    Other,
+}
+
+impl BindingKind {
+    /// `texture_2d<f32>`
+    pub const TEXTURE_2D: Self = Self::Texture(TextureKind {
+        dimension: Dimension::D2,
+        arrayed: false,
+        texels: Texels::Float,
+        multisampled: false,
+    });
+
+    /// `texture_cube<f32>`
+    pub const TEXTURE_CUBE: Self = Self::Texture(TextureKind {
+        dimension: Dimension::Cube,
+        arrayed: false,
+        texels: Texels::Float,
+        multisampled: false,
+    });
+
+    /// Whether an invocation can change it.
+    #[must_use]
+    pub fn is_written(self) -> bool {
+        match self {
+            Self::Storage { writable } => writable,
+            Self::StorageTexture { access, .. } => access.writes,
+            _ => false,
+        }
+    }
+
+    pub(super) fn of(global: &naga::GlobalVariable, inner: &naga::TypeInner) -> Self {
+        use naga::{AddressSpace, TypeInner};
+        match (global.space, inner) {
+            (AddressSpace::Uniform, _) => Self::Uniform,
+            (AddressSpace::Immediate, _) => Self::Immediate,
+            (AddressSpace::Storage { access }, _) => {
+                Self::Storage { writable: access.contains(naga::StorageAccess::STORE) }
+            }
+            (_, TypeInner::Sampler { comparison }) => Self::Sampler { comparison: *comparison },
+            (_, TypeInner::Image { dim, arrayed, class }) => {
+                let (dimension, arrayed) = (dimension(*dim), *arrayed);
+                let texture = |texels, multisampled| {
+                    Self::Texture(TextureKind { dimension, arrayed, texels, multisampled })
+                };
+                match class {
+                    ImageClass::Sampled { kind: ScalarKind::Float, multi } => {
+                        texture(Texels::Float, *multi)
+                    }
+                    ImageClass::Sampled { kind: ScalarKind::Sint, multi } => {
+                        texture(Texels::Sint, *multi)
+                    }
+                    ImageClass::Sampled { kind: ScalarKind::Uint, multi } => {
+                        texture(Texels::Uint, *multi)
+                    }
+                    ImageClass::Depth { multi } => texture(Texels::Depth, *multi),
+                    ImageClass::Storage { format, access } => Self::StorageTexture {
+                        dimension,
+                        arrayed,
+                        format: Format(*format),
+                        access: Access {
+                            reads: access.contains(naga::StorageAccess::LOAD),
+                            writes: access.contains(naga::StorageAccess::STORE),
+                        },
+                    },
+                    _ => Self::Other,
+                }
+            }
+            _ => Self::Other,
+        }
+    }
+}
+
+fn dimension(of: ImageDimension) -> Dimension {
+    match of {
+        ImageDimension::D1 => Dimension::D1,
+        ImageDimension::D2 => Dimension::D2,
+        ImageDimension::D3 => Dimension::D3,
+        ImageDimension::Cube => Dimension::Cube,
+    }
+}
+
+impl fmt::Display for BindingKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Uniform => f.write_str("uniform buffer"),
+            Self::Storage { .. } => f.write_str("storage buffer"),
+            Self::Immediate => f.write_str("immediate"),
+            Self::Texture(kind) => kind.fmt(f),
+            Self::StorageTexture { dimension, arrayed, format, access } => {
+                let layers = if *arrayed { "_array" } else { "" };
+                write!(f, "texture_storage_{dimension}{layers}<{}, {access}>", format.name())
+            }
+            Self::Sampler { comparison: true } => f.write_str("sampler_comparison"),
+            Self::Sampler { comparison: false } => f.write_str("sampler"),
+            Self::Other => f.write_str("resource of an unsupported kind"),
+        }
+    }
+}

@@ -1,0 +1,3 @@
+//! What engines bind, call and dispatch, each kind with a test that fails if it is ignored.
+
+mod resources;

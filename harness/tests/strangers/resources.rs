@@ -1,0 +1,411 @@
+//! Samplers, textures and buffers of every kind.
+
+use glam::{DVec2, DVec4, IVec4, UVec2, UVec4, Vec2, Vec4};
+use karat::fixture::{Address, Buffer, Compare, Filter, Fixture};
+use karat::prelude::*;
+use karat::probe::ProbeError;
+
+/// Weights of filters have 8 bits or more.
+const FILTERED: Abs = Abs(0.006);
+
+fn ramp() -> Texture {
+    Texture::from_fn(4, 4, |x, y| Vec4::new(x as f32, y as f32, 0.0, 1.0))
+}
+
+fn package(declarations: &str, body: &str) -> Package {
+    Package::from_source("r", format!("{declarations}\n{body}\n"))
+}
+
+const SAMPLED: &str = "@group(0) @binding(0) var image: texture_2d<f32>;\n\
+     @group(0) @binding(1) var filtering: sampler;\n\
+     fn f(uv: vec2f) -> vec4f { return textureSampleLevel(image, filtering, uv, 0.0); }";
+
+/// The nearest texel of `ramp`, by what is done with coordinates outside.
+fn nearest(uv: DVec2, wrap: impl Fn(f64) -> f64) -> DVec4 {
+    let at = (uv * 4.0).floor();
+    DVec4::new(wrap(at.x), wrap(at.y), 0.0, 1.0)
+}
+
+fn mirrored(texel: f64) -> f64 {
+    let twice = texel.rem_euclid(8.0);
+    if twice < 4.0 { twice } else { 7.0 - twice }
+}
+
+/// Coordinates that are neither at a texel's edge nor at its centre.
+fn coordinates() -> impl Domain<Value = Vec2> {
+    let texel = |i: i32| (f64::from(i) + 0.7) as f32 / 4.0;
+    let places: Vec<Vec2> =
+        (-9..12).flat_map(|y| (-9..12).map(move |x| Vec2::new(texel(x), texel(y)))).collect();
+    OneOf(places)
+}
+
+fn addressed(sampler: Sampler, wrap: fn(f64) -> f64) {
+    let package = package("", SAMPLED);
+    let reference = move |uv: DVec2| nearest(uv, wrap);
+    let probe = || package.function("f").with("image", ramp()).with("filtering", sampler);
+    probe().over(coordinates()).agrees_with(reference, Abs(0.0));
+}
+
+#[test]
+fn samplers_clamp_repeat_and_mirror() {
+    addressed(Sampler::Nearest, |texel| texel.clamp(0.0, 3.0));
+    addressed(Sampler::Nearest.repeat(), |texel| texel.rem_euclid(4.0));
+    addressed(Sampler::Nearest.mirror(), mirrored);
+}
+
+/// A clamped sampler in place of a repeating one is seen.
+#[test]
+fn a_sampler_that_is_taken_for_another_is_seen() {
+    let package = package("", SAMPLED);
+    let repeated = |uv: DVec2| nearest(uv, |texel| texel.rem_euclid(4.0));
+    for wrong in [Sampler::Nearest, Sampler::Nearest.mirror(), Sampler::Linear.repeat()] {
+        let check = package.function("f").with("image", ramp()).with("filtering", wrong);
+        check.over(coordinates()).try_agrees_with(repeated, FILTERED).expect_err("it differs");
+    }
+}
+
+#[test]
+fn each_coordinate_has_its_own_address() {
+    let package = package("", SAMPLED);
+    let sampler =
+        Sampler::Nearest.address([Address::Repeat, Address::Mirror, Address::Clamp]);
+    let reference = |uv: DVec2| {
+        let at = (uv * 4.0).floor();
+        DVec4::new(at.x.rem_euclid(4.0), mirrored(at.y), 0.0, 1.0)
+    };
+    package
+        .function("f")
+        .with("image", ramp())
+        .with("filtering", sampler)
+        .over(coordinates())
+        .agrees_with(reference, Abs(0.0));
+}
+
+/// The level of detail chooses between levels of one value each, so that only the filter between them
+/// and the clamp show.
+#[test]
+fn filters_between_levels_and_their_clamp() {
+    let declarations = "@group(0) @binding(0) var image: texture_2d<f32>;\n\
+         @group(0) @binding(1) var filtering: sampler;";
+    let package = package(
+        declarations,
+        "fn f(lod: f32) -> f32 { return textureSampleLevel(image, filtering, vec2f(0.5), lod).x; }",
+    );
+    let flat = |size: u32, value: f32| Texture::from_fn(size, size, move |_, _| value);
+    let image = || flat(4, 0.0).with_levels([flat(2, 1.0), flat(1, 2.0)]);
+    let check = |sampler: Sampler, reference: fn(f64) -> f64| {
+        let probe = package.function("f").with("image", image()).with("filtering", sampler);
+        // Not where the nearest level changes.
+        let lods = [-1.0, 0.0, 0.3, 0.7, 1.0, 1.2, 1.7, 2.0, 5.0_f32];
+        probe.over(OneOf(lods.to_vec())).agrees_with(reference, FILTERED);
+    };
+    check(Sampler::Linear, |lod| lod.clamp(0.0, 2.0));
+    check(Sampler::Linear.mip(Filter::Nearest), |lod| lod.clamp(0.0, 2.0).round());
+    check(Sampler::Linear.lod(1.0, 1.5), |lod| lod.clamp(1.0, 1.5));
+}
+
+/// Where a texel is larger than a pixel `mag` counts, and `min` where it is smaller.
+#[test]
+fn filters_of_larger_and_smaller_texels() {
+    let text = "@group(0) @binding(0) var image: texture_2d<f32>;\n\
+         @group(0) @binding(1) var filtering: sampler;\n\
+         fn f(lod: f32) -> f32 {\n    \
+         return textureSampleLevel(image, filtering, vec2f(0.45, 0.5), lod).x;\n}";
+    let package = package("", text);
+    let step = |size: u32| Texture::from_fn(size, size, move |x, _| f32::from(u8::from(2 * x >= size)));
+    let image = step(4).with_levels([step(2)]);
+    let sampler = Sampler::Nearest.mag(Filter::Linear);
+    let reference = |lod: f64| if lod <= 0.0 { 0.3 } else { 0.0 };
+    package
+        .function("f")
+        .with("image", image)
+        .with("filtering", sampler)
+        .over(OneOf(vec![-1.0_f32, 1.0]))
+        .agrees_with(reference, FILTERED);
+}
+
+fn depths() -> Texture {
+    Texture::from_fn(2, 2, |x, y| (x + 2 * y) as f32 / 4.0)
+}
+
+#[test]
+fn comparison_samplers_compare() {
+    let text = "@group(0) @binding(0) var shadow: texture_depth_2d;\n\
+         @group(0) @binding(1) var comparing: sampler_comparison;\n\
+         fn f(at: vec2u, depth: f32) -> f32 {\n    \
+         let uv = (vec2f(at) + 0.5) / 2.0;\n    \
+         return textureSampleCompareLevel(shadow, comparing, uv, depth);\n}\n\
+         fn loaded(at: vec2u) -> f32 { return textureLoad(shadow, at, 0); }";
+    let package = package("", text);
+    type Holds = fn(f64, f64) -> bool;
+    let kinds: [(Compare, Holds); 8] = [
+        (Compare::Never, |_, _| false),
+        (Compare::Less, |a, b| a < b),
+        (Compare::Equal, |a, b| a == b),
+        (Compare::LessEqual, |a, b| a <= b),
+        (Compare::Greater, |a, b| a > b),
+        (Compare::NotEqual, |a, b| a != b),
+        (Compare::GreaterEqual, |a, b| a >= b),
+        (Compare::Always, |_, _| true),
+    ];
+    let places = || OneOf((0..4).map(|i| UVec2::new(i % 2, i / 2)).collect::<Vec<_>>());
+    let depth = |at: UVec2| f64::from(at.x + 2 * at.y) / 4.0;
+    for (compare, holds) in kinds {
+        package
+            .function("f")
+            .with("shadow", depths())
+            .with("comparing", Sampler::Nearest.compare(compare))
+            .over((places(), OneOf(vec![0.0_f32, 0.25, 0.5, 0.6, 0.75, 1.0])))
+            .agrees_with(
+                move |at: UVec2, reference: f64| f64::from(u8::from(holds(reference, depth(at)))),
+                Abs(0.0),
+            );
+    }
+    package.function("loaded").with("shadow", depths()).over(places()).agrees_with(depth, Abs(0.0));
+}
+
+/// Textures of each dimension and kind of texels, loaded from.
+#[test]
+fn every_texture_is_loaded_from() {
+    let value = |x: u32, y: u32, z: u32| x + 4 * y + 16 * z;
+    let place = |i: u32| (i % 4, i / 4 % 4, i / 16);
+    let float = move |x, y, z| value(x, y, z) as f32 / 8.0;
+    let signed = move |x, y, z| IVec4::splat(5 - value(x, y, z).cast_signed());
+    let unsigned = move |x, y, z| UVec4::splat(value(x, y, z) << 20);
+    let at = "let p = vec3u(i % 4u, i / 4u % 4u, i / 16u);";
+    let depth = move |x: u32, y: u32, z: u32| value(x, y, z) as f32 / 64.0;
+    let layer = |z: u32| Texture::from_fn(4, 4, move |x, y| float(x, y, z));
+    let cases: Vec<(&str, &str, Texture, u32)> = vec![
+        ("texture_1d<f32>", "textureLoad(t, p.x, 0).x * 8.0", Texture::line(4, |x| float(x, 0, 0)), 4),
+        ("texture_2d<f32>", "textureLoad(t, p.xy, 0).x * 8.0", layer(0), 16),
+        (
+            "texture_2d_array<f32>",
+            "textureLoad(t, p.xy, p.z, 0).x * 8.0",
+            Texture::array((0..4).map(layer)),
+            64,
+        ),
+        ("texture_3d<f32>", "textureLoad(t, p, 0).x * 8.0", Texture::volume([4; 3], float), 64),
+        (
+            "texture_2d<i32>",
+            "f32(5 - textureLoad(t, p.xy, 0).w)",
+            Texture::from_fn(4, 4, |x, y| signed(x, y, 0)),
+            16,
+        ),
+        ("texture_3d<i32>", "f32(5 - textureLoad(t, p, 0).y)", Texture::volume([4; 3], signed), 64),
+        (
+            "texture_2d<u32>",
+            "f32(textureLoad(t, p.xy, 0).z >> 20u)",
+            Texture::from_fn(4, 4, |x, y| unsigned(x, y, 0)),
+            16,
+        ),
+        (
+            "texture_depth_2d",
+            "textureLoad(t, p.xy, 0) * 64.0",
+            Texture::from_fn(4, 4, |x, y| depth(x, y, 0)),
+            16,
+        ),
+        (
+            "texture_depth_2d_array",
+            "textureLoad(t, p.xy, p.z, 0) * 64.0",
+            Texture::array((0..4).map(|z| Texture::from_fn(4, 4, move |x, y| depth(x, y, z)))),
+            64,
+        ),
+        (
+            "texture_multisampled_2d<f32>",
+            "textureLoad(t, p.xy, p.z).x * 8.0",
+            Texture::multisampled(4, 4, 4, float),
+            64,
+        ),
+        (
+            "texture_multisampled_2d<u32>",
+            "f32(textureLoad(t, p.xy, p.z).x)",
+            Texture::multisampled(4, 4, 4, |x, y, s| UVec4::splat(value(x, y, s))),
+            64,
+        ),
+        (
+            "texture_depth_multisampled_2d",
+            "textureLoad(t, p.xy, p.z) * 64.0",
+            Texture::multisampled(4, 4, 4, depth),
+            64,
+        ),
+        (
+            "texture_storage_2d<r32uint, read>",
+            "f32(textureLoad(t, p.xy).x >> 20u)",
+            Texture::from_fn(4, 4, |x, y| unsigned(x, y, 0)),
+            16,
+        ),
+        (
+            "texture_storage_3d<r32float, read>",
+            "textureLoad(t, p).x * 8.0",
+            Texture::volume([4; 3], float),
+            64,
+        ),
+    ];
+    for (kind, expression, texture, texels) in cases {
+        let text = format!(
+            "@group(0) @binding(0) var t: {kind};\nfn f(i: u32) -> f32 {{ {at} return {expression}; }}"
+        );
+        let package = Package::from_source(kind, text);
+        package
+            .function("f")
+            .with("t", texture)
+            .over(Integers(0..=texels - 1))
+            .agrees_with(
+                move |i: u32| {
+                    let (x, y, z) = place(i);
+                    f64::from(value(x, y, z))
+                },
+                Abs(0.0),
+            );
+    }
+}
+
+/// Faces and layers of cubes, along their axes.
+#[test]
+fn cubes_have_faces_layers_and_depths() {
+    let text = "@group(0) @binding(0) var many: texture_cube_array<f32>;\n\
+         @group(0) @binding(1) var filtering: sampler;\n\
+         @group(0) @binding(2) var shadow: texture_depth_cube;\n\
+         @group(0) @binding(3) var comparing: sampler_comparison;\n\
+         fn axis(i: u32) -> vec3f {\n    \
+         var d = vec3f();\n    d[i / 2u] = 1.0 - 2.0 * f32(i % 2u);\n    return d;\n}\n\
+         fn f(face: u32, layer: u32) -> f32 {\n    \
+         return textureSampleLevel(many, filtering, axis(face), layer, 0.0).x;\n}\n\
+         fn lit(face: u32, depth: f32) -> f32 {\n    \
+         return textureSampleCompareLevel(shadow, comparing, axis(face), depth);\n}\n";
+    let package = package("", text);
+    let face = |value: f32| Texture::from_fn(2, 2, move |_, _| value);
+    package
+        .function("f")
+        .with("many", Texture::cubes((0..12_u8).map(|i| face(f32::from(i)))))
+        .with("filtering", Sampler::Nearest)
+        .over((Integers(0..=5_u32), Integers(0..=1_u32)))
+        .agrees_with(|face: u32, layer: u32| f64::from(6 * layer + face), Abs(0.0));
+    package
+        .function("lit")
+        .with("shadow", Texture::cube((0..6_u8).map(|i| face(f32::from(i) / 8.0))))
+        .with("comparing", Sampler::Nearest.compare(Compare::Less))
+        .over((Integers(0..=5_u32), OneOf(vec![0.2_f32, 0.4, 0.6])))
+        .agrees_with(
+            |face: u32, depth: f64| f64::from(u8::from(depth < f64::from(face) / 8.0)),
+            Abs(0.0),
+        );
+}
+
+karat::shareable! {
+    struct Head mirrors HeadMirror { count: u32, scale: f32 }
+}
+
+#[test]
+fn buffers_by_their_values_and_by_their_bytes() {
+    let text = "struct Lights { count: u32, scale: f32, items: array<vec4f> }\n\
+         @group(0) @binding(0) var<storage, read> lights: Lights;\n\
+         @group(0) @binding(1) var<storage, read> plain: array<f32>;\n\
+         fn f(i: u32) -> f32 { return lights.items[i].y * lights.scale + f32(lights.count); }\n\
+         fn lengths() -> vec2u { return vec2u(arrayLength(&lights.items), arrayLength(&plain)); }\n\
+         fn g(i: u32) -> f32 { return plain[i]; }";
+    let package = package("", text);
+    let items = || (0..3_u8).map(|i| Vec4::splat(f32::from(i)));
+    let lights = || Storage::with_head(Head { count: 3, scale: 2.0 }, items());
+    let expected = |i: u32| 2.0 * f64::from(i) + 3.0;
+    let three = || Integers(0..=2_u32);
+    package.function("f").with("lights", lights()).over(three()).agrees_with(expected, Abs(0.0));
+
+    let mut words = vec![3_u32, 2.0_f32.to_bits(), 0, 0];
+    words.extend(items().flat_map(|item| item.to_array().map(f32::to_bits)));
+    let bytes = Buffer::of_pod(&words);
+    package.function("f").with("lights", bytes.clone()).over(three()).agrees_with(expected, Abs(0.0));
+    package
+        .function("lengths")
+        .with("lights", lights())
+        .with("plain", Storage::new([1.0_f32, 2.0, 3.0]))
+        .over(())
+        .agrees_with(|| UVec2::new(3, 3), Abs(0.0));
+    // A dynamic offset: what lies before it isn't seen.
+    let shifted = [vec![7.0_f32; 64], vec![0.0, 1.0, 2.0]].concat();
+    package
+        .function("g")
+        .with("plain", Buffer::of_pod(&shifted).from(256))
+        .over(three())
+        .agrees_with(|i: u32| f64::from(i), Abs(0.0));
+}
+
+#[test]
+fn immediates_are_set() {
+    let text = "struct Push { offset: vec2f, scale: f32 }\n\
+         var<immediate> push: Push;\n\
+         fn f(x: f32) -> f32 { return push.offset.y + push.scale * x; }";
+    karat::shareable! {
+        struct Push mirrors PushMirror { offset: Vec2, scale: f32 }
+    }
+    let package = package("", text);
+    let push = Push { offset: Vec2::new(1.0, 3.0), scale: 0.5 };
+    package
+        .function("f")
+        .with("push", Uniform::new(push))
+        .over(OneOf(vec![0.0_f32, 2.0, 8.0]))
+        .agrees_with(|x: f64| 3.0 + 0.5 * x, Abs(0.0));
+}
+
+/// What is wrong with a fixture is told before anything runs, with the line that binds the variable.
+#[test]
+fn mistakes_are_told_with_the_variables_line() {
+    let text = "@group(0) @binding(0) var image: texture_2d<u32>;\n\
+         @group(0) @binding(1) var<storage, read> table: array<vec4f>;\n\
+         @group(0) @binding(2) var filtering: sampler;\n\
+         @group(0) @binding(3) var shadow: texture_depth_2d;\n\
+         fn f(i: u32) -> u32 { return textureLoad(image, vec2u(i, 0u), 0).x; }\n\
+         fn g(i: u32) -> f32 { return table[i].x; }\n\
+         fn h(i: u32) -> f32 { return textureLoad(shadow, vec2u(i, 0u), 0); }";
+    let package = package("", text);
+    let told = |function: &str, name: &str, fixture: Option<Fixture>, parts: &[&str]| {
+        let probe = package.function(function);
+        let probe = match fixture {
+            Some(fixture) => probe.with(name, fixture),
+            None => probe,
+        };
+        let error = match function {
+            "f" => probe.over(Just(0_u32)).try_agrees_with(|_: u32| 0_u32, Abs(0.0)),
+            _ => probe.over(Just(0_u32)).try_agrees_with(|_: u32| 0.0_f64, Abs(0.0)),
+        };
+        let error = error.expect_err("the fixture is wrong").to_string();
+        for part in parts {
+            assert!(error.contains(part), "{part} in:\n{error}");
+        }
+    };
+    told("f", "", None, &["<r>:2:23", "`image` (texture_2d<u32>) has no fixture"]);
+    told(
+        "f",
+        "image",
+        Some(ramp().into()),
+        &["<r>:2:23", "`image` is a texture_2d<u32>", "a Texture for `texture_2d<f32>`"],
+    );
+    told(
+        "f",
+        "image",
+        Some(Sampler::Linear.into()),
+        &["<r>:2:23", "a Sampler that doesn't compare"],
+    );
+    told("f", "imgae", Some(ramp().into()), &["no variable `imgae`", "did you mean `image`"]);
+    told(
+        "g",
+        "table",
+        Some(Buffer::zeros(12).into()),
+        &["<r>:3:23", "at least 16 bytes, the fixture has 12"],
+    );
+    told("h", "shadow", Some(Texture::constant(2.0_f32).into()), &["depth of 2"]);
+    let empty = Texture::from_fn(0, 0, |_, _| 0_u32);
+    told("f", "image", Some(empty.into()), &["the fixture of `image` is empty"]);
+}
+
+/// An error of the fixtures is one that programs can tell from others.
+#[test]
+fn errors_carry_their_source() {
+    let package = package("", SAMPLED);
+    let probed = karat::probe::Probed::new(&package, "f").expect("valid");
+    let error = karat::executor::call(&probed, Path::CPU, &[vec![0, 0]]);
+    let Err(ProbeError::Fixture(karat::fixture::FixtureError::Declared { source, .. })) = error else {
+        panic!("{error:?}");
+    };
+    assert!(matches!(*source, karat::fixture::FixtureError::Missing { .. }));
+}
