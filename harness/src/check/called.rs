@@ -3,11 +3,13 @@
 use super::{Failure, Mismatch, Vacuous};
 use crate::diagnostic::{FileRead, Span};
 use crate::executor::{self, Executor};
-use crate::fixture::Fixtures;
+use crate::fixture::{FixtureError, Fixtures};
 use crate::package::Package;
 use crate::path::{Adapter, Path};
 use crate::probe::{self, BATCH, Call, Inputs, Prepared, ProbeError, Probed, Started};
+use crate::record::PathRecord;
 use crate::reflect::Function;
+use crate::run::{KnownIssues, Seen};
 use crate::tolerance::Tolerance;
 use crate::value::{Scalar, Shape};
 
@@ -44,29 +46,67 @@ impl Fitting {
         Err(Mismatch::Arguments { declared, supplied, who }.of(&probed.function))
     }
 
-    /// Gets it ready on each executor, with room for so many calls in a batch.
+    /// Gets it ready on each executor, with room for so many calls in a batch. Where it is declared to
+    /// fail, it may be refused: a driver's compiler may not know what it is made of.
     pub(super) fn on<'e>(
         self,
         executors: &[&'e dyn Executor],
         fixtures: &Fixtures,
         calls: usize,
+        known_issues: &KnownIssues,
     ) -> Result<Called<'e>, Failure> {
         let Self(probed) = self;
         let words = probe::parameter_shapes(&probed.function);
         let words = words.into_iter().map(|shape| shape.lanes().len()).sum();
         let width = probed.function.result.lanes().len();
         let call = Call { probed: &probed, fixtures, cases: calls };
-        let ready = |executor: &&'e dyn Executor| {
-            let (path, prepared) = (executor.path(), executor.prepare(&call)?);
+        let mut refused = Vec::new();
+        let mut ready = |executor: &&'e dyn Executor| {
+            let path = executor.path();
+            let prepared = match executor.prepare(&call) {
+                Err(
+                    ProbeError::Compile { .. }
+                    | ProbeError::F16 { .. }
+                    | ProbeError::Path(_)
+                    | ProbeError::Fixture(FixtureError::Unsupported { .. }),
+                ) if known_issues.on(path, &executor::adapter(*executor)).is_some() => {
+                    refused.push(Refused { path, adapter: executor::adapter(*executor) });
+                    return Ok(None);
+                }
+                prepared => prepared?,
+            };
             if prepared.capacity() == 0 {
                 let function = probed.function.name.clone();
                 return Err(ProbeError::NoRoom { function, path });
             }
             let adapter = executor::adapter(*executor);
-            Ok(Ready { path, adapter, prepared, width })
+            Ok(Some(Ready { path, adapter, prepared, width }))
         };
-        let ready = executors.iter().map(ready).collect::<Result<_, ProbeError>>()?;
-        Ok(Called { probed, ready, words })
+        let ready = executors.iter().filter_map(|executor| ready(executor).transpose());
+        let ready = ready.collect::<Result<_, ProbeError>>()?;
+        Ok(Called { probed, ready, words, refused })
+    }
+}
+
+impl Refused {
+    pub(super) fn seen(&self) -> Seen {
+        Seen { adapter: self.adapter.clone(), path: self.path, cases: 0, failures: 1 }
+    }
+
+    pub(super) fn record(&self, asserted: &str) -> PathRecord {
+        PathRecord {
+            adapter: self.adapter.clone(),
+            cases: 0,
+            failures: 1,
+            worst: "refused".to_owned(),
+            ratio: None,
+            asserted: asserted.to_owned(),
+            known_issue: None,
+            granted: None,
+            errors: None,
+            plot: None,
+            histogram: None,
+        }
     }
 }
 
@@ -76,6 +116,14 @@ pub(super) struct Called<'e> {
     pub(super) ready: Vec<Ready<'e>>,
     /// Words of all arguments.
     pub(super) words: usize,
+    /// Where it isn't compiled, as was declared.
+    pub(super) refused: Vec<Refused>,
+}
+
+/// An executor that refuses a function.
+pub(super) struct Refused {
+    pub(super) path: Path,
+    pub(super) adapter: Adapter,
 }
 
 /// A function on one executor.

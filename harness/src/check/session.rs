@@ -88,14 +88,14 @@ impl<'a> Session<'a> {
         let count = usize::try_from(cases.count).unwrap_or(BATCH);
         let capacity = count.saturating_mul(demand.calls).clamp(SMALLEST, BATCH);
         let executors = plan.probe.executors()?;
-        let called = fitting.on(&executors, &plan.probe.fixtures, capacity)?;
+        let (fixtures, known) = (&plan.probe.fixtures, &plan.known_issues);
+        let called = fitting.on(&executors, fixtures, capacity, known)?;
         let case = identity.case(&plan.probe.name, &with_inputs(&identity.check, inputs));
         if case.is_some() {
             replay::done();
         }
         let own_executors = !plan.probe.executors.is_empty();
         let memory = None;
-        let fixtures = &plan.probe.fixtures;
         Ok(Self {
             called,
             stream,

@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use super::called::Refused;
 use super::demand::Demand;
 use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
@@ -76,6 +77,12 @@ impl Plan<'_> {
                 let tallies = verb(&session)?;
                 let text = format!("{text}{}", inputs.remark());
                 paths.extend(tallies.iter().map(|tally| self.record(tally, &text)));
+                let refused = session.called.refused.iter();
+                paths.extend(refused.map(|refused| PathRecord {
+                    known_issue:
+                        self.known_issues.on(refused.path, &refused.adapter).map(str::to_owned),
+                    ..refused.record(&text)
+                }));
                 self.verdict(&session, tallies)
             })
         };
@@ -101,12 +108,13 @@ impl Plan<'_> {
         } else {
             session.conclude(judged)?
         };
+        let refused = session.called.refused.iter().map(Refused::seen);
         let seen = known.into_iter().map(|PathTally { adapter, path, tally, .. }| {
             let Census { cases, failures, .. } = tally.census;
             Seen { adapter, path, cases, failures }
         });
         // One case that is replayed may be one that passes.
-        agreement.known_issues = self.known(seen, session.is_replay())?;
+        agreement.known_issues = self.known(refused.chain(seen), session.is_replay())?;
         Ok(agreement)
     }
 

@@ -203,11 +203,7 @@ fn depth_attachment(
     }
 }
 
-fn record(
-    pass: &mut wgpu::RenderPass<'_>,
-    draw: &Prepared,
-    ready: &Ready,
-) {
+fn record(pass: &mut wgpu::RenderPass<'_>, draw: &Prepared, ready: &Ready) {
     pass.set_pipeline(&ready.pipeline);
     for (index, group) in (0..).zip(&ready.groups) {
         pass.set_bind_group(index, group, &[]);

@@ -165,7 +165,16 @@ impl Device {
         let adapter = Adapter { software: software || adapter.is_llvmpipe(), ..adapter };
         let turns = (path.api() == Api::Gl).then(ReentrantMutex::default);
         let pipelines = Mutex::default();
-        Ok(Self { path, adapter, device, queue, color_format, multisampled_format, pipelines, turns })
+        Ok(Self {
+            path,
+            adapter,
+            device,
+            queue,
+            color_format,
+            multisampled_format,
+            pipelines,
+            turns,
+        })
     }
 
     /// Waits until no other thread uses the device, where a driver serves one thread at a time: wgpu

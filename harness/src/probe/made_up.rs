@@ -194,9 +194,7 @@ fn texture(dimension: Dimension, arrayed: bool, texels: Texels, samples: u32) ->
         Texels::Depth => made(dimension, arrayed, samples, |x, y, z| {
             0.5 * (x + y + z) as f32 / (3 * SIDE) as f32
         }),
-        Texels::Sint => {
-            made(dimension, arrayed, samples, |x, y, z| (x + y + z).cast_signed() - 4)
-        }
+        Texels::Sint => made(dimension, arrayed, samples, |x, y, z| (x + y + z).cast_signed() - 4),
         Texels::Uint => made(dimension, arrayed, samples, |x, y, z| x + y + z),
     }
 }
@@ -211,9 +209,7 @@ fn made<T: Texel>(
     let layer = |z: u32| Texture::from_fn(SIDE, SIDE, |x, y| value(x, y, z));
     match (dimension, arrayed) {
         (Dimension::D1, _) => Texture::line(SIDE, |x| value(x, 0, 0)),
-        (Dimension::D2, false) if samples > 1 => {
-            Texture::multisampled(SIDE, SIDE, samples, value)
-        }
+        (Dimension::D2, false) if samples > 1 => Texture::multisampled(SIDE, SIDE, samples, value),
         (Dimension::D2, false) => layer(0),
         (Dimension::D2, true) => Texture::array((0..4).map(layer)),
         (Dimension::D3, _) => Texture::volume([SIDE, SIDE, 4], value),

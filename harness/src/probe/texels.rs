@@ -239,12 +239,10 @@ mod tests {
         assert_eq!(floats(F::Rgba8Snorm, texel), [64.0 / 127.0, 1.0, -1.0, 32.0 / 127.0]);
         assert_eq!(floats(F::Rg11b10Ufloat, texel), [0.5, 2.0, 0.0, 1.0]);
         assert_eq!(floats(F::Rgb10a2Unorm, [1.0, 0.0, 1.0, 1.0]), [1.0, 0.0, 1.0, 1.0]);
-        assert_eq!(again(F::Rgba8Sint, [1, 200, (-200_i32).cast_unsigned(), 7]), [
-            1,
-            127,
-            (-128_i32).cast_unsigned(),
-            7
-        ]);
+        assert_eq!(
+            again(F::Rgba8Sint, [1, 200, (-200_i32).cast_unsigned(), 7]),
+            [1, 127, (-128_i32).cast_unsigned(), 7]
+        );
     }
 
     /// sRGB keeps linear values: 188 of 255 is about one half.

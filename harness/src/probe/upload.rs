@@ -5,7 +5,7 @@ use super::texels::Codec;
 use crate::fixture::{
     Address, Compare, Filter, Fixture, FixtureError, Level, Sampler, View as Given,
 };
-use crate::path::Device;
+use crate::path::{Api, Device};
 use crate::reflect::{Binding, BindingKind, Dimension, Program, Texels};
 
 /// A fixture on a device.
@@ -115,11 +115,16 @@ fn texture(
     binding: &Binding,
     given: &Given<'_>,
 ) -> Result<Resource, FixtureError> {
+    if let Some(reason) = unsupported(device, binding, given) {
+        let (variable, path) = (binding.path.clone(), device.path());
+        return Err(FixtureError::Unsupported { variable, reason, path });
+    }
     let (format, usage) = match binding.kind {
         BindingKind::StorageTexture { format, .. } => {
             let name = format.name();
-            let codec = Codec::named(&name)
-                .ok_or_else(|| unusable(binding, format!("Karat doesn't write texels of {name}")))?;
+            let codec = Codec::named(&name).ok_or_else(|| {
+                unusable(binding, format!("Karat doesn't write texels of {name}"))
+            })?;
             (codec.format, wgpu::TextureUsages::STORAGE_BINDING)
         }
         BindingKind::Texture(kind) => {
@@ -173,7 +178,10 @@ fn texture(
                 let texels = level.words.len() / given.layers as usize;
                 for (layer, words) in (0..).zip(level.words.chunks_exact(texels)) {
                     let width = level.width;
-                    painted::paint(device, &Layer { texture: &texture, level: index, layer, width, words })?;
+                    painted::paint(
+                        device,
+                        &Layer { texture: &texture, level: index, layer, width, words },
+                    )?;
                 }
             }
         }
@@ -195,6 +203,27 @@ fn texture(
 
 fn unusable(binding: &Binding, reason: String) -> FixtureError {
     FixtureError::Unusable { variable: binding.path.clone(), reason }
+}
+
+/// What wgpu's GL takes for something else without a word (`Texture::get_info_from_desc` of wgpu-hal 30).
+fn unsupported(device: &Device, binding: &Binding, given: &Given<'_>) -> Option<&'static str> {
+    if device.path().api() != Api::Gl {
+        return None;
+    }
+    let square = given.levels.first().is_some_and(|level| level.width == level.height);
+    let plain_array = given.dimension == Dimension::D2 && given.arrayed;
+    let storage = matches!(binding.kind, BindingKind::StorageTexture { .. });
+    if storage && (given.dimension == Dimension::D3 || given.arrayed) {
+        Some("wgpu's GL binds the first slice of storage textures alone")
+    } else if given.samples > 1 {
+        Some("wgpu's GL has no multisampled textures that a shader reads")
+    } else if given.dimension == Dimension::D1 {
+        Some("wgpu's GL makes 2D textures of 1D ones")
+    } else if plain_array && square && given.layers.is_multiple_of(6) {
+        Some("wgpu's GL makes cubes of arrays whose layers are square and a multiple of six")
+    } else {
+        None
+    }
 }
 
 /// Refuses texels that the format would change beyond rounding.

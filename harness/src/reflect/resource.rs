@@ -58,8 +58,10 @@ impl fmt::Display for TextureKind {
     /// `texture_depth_2d_array`, `texture_multisampled_2d<u32>`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { dimension, arrayed, texels, multisampled } = self;
-        let (samples, layers) =
-            (if *multisampled { "multisampled_" } else { "" }, if *arrayed { "_array" } else { "" });
+        let (samples, layers) = (
+            if *multisampled { "multisampled_" } else { "" },
+            if *arrayed { "_array" } else { "" },
+        );
         let scalar = match texels {
             Texels::Depth => return write!(f, "texture_depth_{samples}{dimension}{layers}"),
             Texels::Float => "f32",

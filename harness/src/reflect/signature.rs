@@ -240,7 +240,8 @@ impl Program {
         let types = &self.checked.module.types;
         let naga::TypeInner::Struct { members, .. } = &types[ty].inner else { return None };
         let (last, head) = members.split_last()?;
-        let naga::TypeInner::Array { base, size: naga::ArraySize::Dynamic, .. } = types[last.ty].inner
+        let naga::TypeInner::Array { base, size: naga::ArraySize::Dynamic, .. } =
+            types[last.ty].inner
         else {
             return None;
         };

@@ -67,8 +67,7 @@ fn a_sampler_that_is_taken_for_another_is_seen() {
 #[test]
 fn each_coordinate_has_its_own_address() {
     let package = package("", SAMPLED);
-    let sampler =
-        Sampler::Nearest.address([Address::Repeat, Address::Mirror, Address::Clamp]);
+    let sampler = Sampler::Nearest.address([Address::Repeat, Address::Mirror, Address::Clamp]);
     let reference = |uv: DVec2| {
         let at = (uv * 4.0).floor();
         DVec4::new(at.x.rem_euclid(4.0), mirrored(at.y), 0.0, 1.0)
@@ -112,7 +111,8 @@ fn filters_of_larger_and_smaller_texels() {
          fn f(lod: f32) -> f32 {\n    \
          return textureSampleLevel(image, filtering, vec2f(0.45, 0.5), lod).x;\n}";
     let package = package("", text);
-    let step = |size: u32| Texture::from_fn(size, size, move |x, _| f32::from(u8::from(2 * x >= size)));
+    let step =
+        |size: u32| Texture::from_fn(size, size, move |x, _| f32::from(u8::from(2 * x >= size)));
     let image = step(4).with_levels([step(2)]);
     let sampler = Sampler::Nearest.mag(Filter::Linear);
     let reference = |lod: f64| if lod <= 0.0 { 0.3 } else { 0.0 };
@@ -161,7 +161,12 @@ fn comparison_samplers_compare() {
                 Abs(0.0),
             );
     }
-    package.function("loaded").with("shadow", depths()).over(places()).agrees_with(depth, Abs(0.0));
+    package
+        .function("loaded")
+        .with("shadow", depths())
+        .over(places())
+        .fails_on(Path::GL, "naga's GLSL has no textureLoad of depths")
+        .agrees_with(depth, Abs(0.0));
 }
 
 /// Textures of each dimension and kind of texels, loaded from.
@@ -176,7 +181,12 @@ fn every_texture_is_loaded_from() {
     let depth = move |x: u32, y: u32, z: u32| value(x, y, z) as f32 / 64.0;
     let layer = |z: u32| Texture::from_fn(4, 4, move |x, y| float(x, y, z));
     let cases: Vec<(&str, &str, Texture, u32)> = vec![
-        ("texture_1d<f32>", "textureLoad(t, p.x, 0).x * 8.0", Texture::line(4, |x| float(x, 0, 0)), 4),
+        (
+            "texture_1d<f32>",
+            "textureLoad(t, p.x, 0).x * 8.0",
+            Texture::line(4, |x| float(x, 0, 0)),
+            4,
+        ),
         ("texture_2d<f32>", "textureLoad(t, p.xy, 0).x * 8.0", layer(0), 16),
         (
             "texture_2d_array<f32>",
@@ -242,21 +252,26 @@ fn every_texture_is_loaded_from() {
         ),
     ];
     for (kind, expression, texture, texels) in cases {
+        let gl = match kind {
+            "texture_1d<f32>" => Some("wgpu makes a 2D texture of it"),
+            "texture_storage_3d<r32float, read>" => Some("wgpu binds one slice of it"),
+            kind if kind.contains("multisampled") => Some("wgpu makes a plain texture of it"),
+            kind if kind.contains("depth") => Some("naga's GLSL has no textureLoad of depths"),
+            _ => None,
+        };
         let text = format!(
             "@group(0) @binding(0) var t: {kind};\nfn f(i: u32) -> f32 {{ {at} return {expression}; }}"
         );
         let package = Package::from_source(kind, text);
-        package
-            .function("f")
-            .with("t", texture)
-            .over(Integers(0..=texels - 1))
-            .agrees_with(
-                move |i: u32| {
-                    let (x, y, z) = place(i);
-                    f64::from(value(x, y, z))
-                },
-                Abs(0.0),
-            );
+        let check = package.function("f").with("t", texture).over(Integers(0..=texels - 1));
+        let check = gl.into_iter().fold(check, |check, reason| check.fails_on(Path::GL, reason));
+        check.agrees_with(
+            move |i: u32| {
+                let (x, y, z) = place(i);
+                f64::from(value(x, y, z))
+            },
+            Abs(0.0),
+        );
     }
 }
 
@@ -314,7 +329,11 @@ fn buffers_by_their_values_and_by_their_bytes() {
     let mut words = vec![3_u32, 2.0_f32.to_bits(), 0, 0];
     words.extend(items().flat_map(|item| item.to_array().map(f32::to_bits)));
     let bytes = Buffer::of_pod(&words);
-    package.function("f").with("lights", bytes.clone()).over(three()).agrees_with(expected, Abs(0.0));
+    package
+        .function("f")
+        .with("lights", bytes.clone())
+        .over(three())
+        .agrees_with(expected, Abs(0.0));
     package
         .function("lengths")
         .with("lights", lights())
@@ -398,13 +417,38 @@ fn mistakes_are_told_with_the_variables_line() {
     told("f", "image", Some(empty.into()), &["the fixture of `image` is empty"]);
 }
 
+/// A path whose compiler refuses a function can be declared, and no other.
+#[test]
+fn a_path_that_compiles_nothing_is_declared() {
+    let text = "@group(0) @binding(0) var shadow: texture_depth_2d;\n\
+         fn f(i: u32) -> f32 { return textureLoad(shadow, vec2u(i, 0u), 0); }";
+    let package = package("", text);
+    let check = || package.function("f").with("shadow", depths()).over(Integers(0..=1_u32));
+    let reference = |i: u32| f64::from(i) / 4.0;
+    if karat::path::adapter(Path::GL).is_err() {
+        check().agrees_with(reference, Abs(0.0));
+        return;
+    }
+    let declared = check().fails_on(Path::GL, "no textureLoad of depths");
+    let agreement = declared.try_agrees_with(reference, Abs(0.0)).expect("others agree");
+    let issues: Vec<_> = agreement.known_issues.iter().map(|i| (i.cases, i.failures)).collect();
+    assert_eq!(issues, [(0, 1)]);
+    let error = check().try_agrees_with(reference, Abs(0.0)).expect_err("GL compiles nothing");
+    assert!(error.to_string().contains("not supported in GLSL"), "{error}");
+    check()
+        .fails_on(Path::VULKAN, "nothing")
+        .try_agrees_with(reference, Abs(0.0))
+        .expect_err("another path is declared");
+}
+
 /// An error of the fixtures is one that programs can tell from others.
 #[test]
 fn errors_carry_their_source() {
     let package = package("", SAMPLED);
     let probed = karat::probe::Probed::new(&package, "f").expect("valid");
     let error = karat::executor::call(&probed, Path::CPU, &[vec![0, 0]]);
-    let Err(ProbeError::Fixture(karat::fixture::FixtureError::Declared { source, .. })) = error else {
+    let Err(ProbeError::Fixture(karat::fixture::FixtureError::Declared { source, .. })) = error
+    else {
         panic!("{error:?}");
     };
     assert!(matches!(*source, karat::fixture::FixtureError::Missing { .. }));

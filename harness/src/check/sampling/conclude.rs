@@ -4,7 +4,7 @@ use super::calls::Calls;
 use super::judgement::Judgement;
 use super::rejection::{self, PathRejection, Rejection};
 use super::{CONFIGURATIONS, Configuration, ENUMERATED, Fit, Hypothesis, Other, Sampled};
-use crate::check::called::{Called, Fitting, Ready};
+use crate::check::called::{Called, Fitting, Ready, Refused};
 use crate::check::demand::Demand;
 use crate::check::plan::Recording;
 use crate::check::session::{Asserted, Session};
@@ -12,7 +12,7 @@ use crate::check::{Failure, Mismatch, Vacuous};
 use crate::domain::Source;
 use crate::probe::{BATCH, Inputs};
 use crate::record::{PathRecord, Subject};
-use crate::run::{Identity, Replayed, Reporter, Seen};
+use crate::run::{Identity, KnownIssues, Replayed, Reporter, Seen};
 use crate::stats::sidak;
 
 /// A sampler in progress, and the other functions that a check needs.
@@ -87,7 +87,7 @@ pub(super) fn conclude(
                 return Err(Mismatch::Executor.of(fitting.function()));
             }
             // Where the sampler runs: what they return is compared with its samples.
-            let called = fitting.on(&executors, &probe.fixtures, BATCH)?;
+            let called = fitting.on(&executors, &probe.fixtures, BATCH, &KnownIssues::default())?;
             read.extend(called.files(&probe.fixtures));
             Ok(called)
         };
@@ -110,7 +110,7 @@ pub(super) fn conclude(
             }
         }
         let (mut fits, mut rejections, mut agreeing) = (Vec::new(), Vec::new(), Vec::new());
-        let mut known = Vec::new();
+        let mut known: Vec<Seen> = session.called.refused.iter().map(Refused::seen).collect();
         for (Ready { path, adapter, .. }, sum) in ready.iter().zip(sums) {
             let (path, adapter) = (*path, adapter.clone());
             let known_issue = plan.known_issues.on(path, &adapter).map(str::to_owned);
