@@ -80,6 +80,7 @@ use crate::fixture::{Fixture, Fixtures};
 use crate::package::Package;
 use crate::path::{PathError, Selector};
 use crate::probe::Inputs;
+use crate::reflect::Overrides;
 use crate::tolerance::Tolerance;
 use crate::value::{Arguments, Shape};
 
@@ -107,6 +108,7 @@ pub struct Probe<'a> {
     package: &'a Package,
     name: String,
     fixtures: Fixtures,
+    overrides: Overrides,
     /// Where arguments come from; none: from a storage buffer.
     inputs: Vec<Inputs>,
     /// What runs it; none: what the environment selects.
@@ -137,9 +139,9 @@ struct Together<'a> {
 impl Package {
     /// Selects a function: `module::name`, or `name` in a package of one module.
     pub fn function(&self, name: &str) -> Probe<'_> {
-        let (fixtures, inputs, executors, place) = Default::default();
-        let (name, telling, together) = (name.to_owned(), None, None);
-        Probe { package: self, name, fixtures, inputs, executors, place, telling, together }
+        let (fixtures, overrides, inputs, executors, place) = Default::default();
+        let (package, name, telling, together) = (self, name.to_owned(), None, None);
+        Probe { package, name, fixtures, overrides, inputs, executors, place, telling, together }
     }
 }
 
@@ -147,6 +149,14 @@ impl<'a> Probe<'a> {
     /// Supplies a texture, sampler or buffer for the resource variable `name`.
     pub fn with(mut self, name: &str, fixture: impl Into<Fixture>) -> Self {
         self.fixtures.push((name.to_owned(), fixture.into()));
+        self
+    }
+
+    /// Sets an `override` of the shader, by its name or its `@id`. A `bool` is 0 or 1.
+    ///
+    /// One without an initialiser needs a value.
+    pub fn override_(mut self, name: &str, value: impl Into<f64>) -> Self {
+        self.overrides.insert(name.to_owned(), value.into());
         self
     }
 

@@ -11,6 +11,7 @@ mod bound;
 mod compute;
 mod dispatcher;
 mod inputs;
+mod kept;
 mod kernel;
 mod lets;
 #[cfg(any(feature = "engine", feature = "routes"))]
@@ -18,6 +19,7 @@ pub(crate) mod made_up;
 mod painted;
 mod poison;
 mod prepared;
+mod quads;
 mod rounds;
 mod runner;
 mod texels;
@@ -38,10 +40,10 @@ pub(crate) use upload::{Resource, upload};
 use std::sync::Arc;
 
 use crate::diagnostic::Diagnostic;
-use crate::fixture::FixtureError;
+use crate::fixture::{self, FixtureError, Fixtures};
 use crate::package::Package;
 use crate::path::{Path, PathError};
-use crate::reflect::{Function, Program, ReflectError};
+use crate::reflect::{Function, Overrides, Program, ReflectError};
 use crate::value::Shape;
 
 /// A function, linked, reflected, and with its kernel.
@@ -58,7 +60,16 @@ impl Probed {
     /// # Errors
     /// If there is no such function, the shader isn't valid, or a kernel can't call it.
     pub fn new(package: &Package, path: &str) -> Result<Self, ProbeError> {
-        let program = Program::of_function(package, path)?;
+        Self::with_overrides(package, path, &Overrides::new())
+    }
+
+    /// The same with values of overrides.
+    pub(crate) fn with_overrides(
+        package: &Package,
+        path: &str,
+        overrides: &Overrides,
+    ) -> Result<Self, ProbeError> {
+        let program = Program::of_function(package, path)?.overridden(overrides)?;
         // What the function doesn't reach must be valid, too, but where somebody else wrote it:
         // modules of crates are whole with some features only.
         if !package.is_crate() {
@@ -75,12 +86,48 @@ impl Probed {
     /// # Errors
     /// If one case's arguments don't fit into a uniform buffer.
     pub(crate) fn with_inputs(self, inputs: Inputs) -> Result<Self, ProbeError> {
+        let form = &self.function.form;
+        if inputs != Inputs::Storage && (form.alone || form.fragment) {
+            let reason = "it writes what others would see, or needs a quad of pixels".to_owned();
+            return Err(ProbeError::Inputs { function: self.function.name, inputs, reason });
+        }
         let kernel = Kernel::with_inputs(&self.program, &self.function, inputs);
         if kernel.largest_batch() == Some(0) {
             let reason = "one case's arguments are larger than 16 KiB".to_owned();
             return Err(ProbeError::Inputs { function: self.function.name, inputs, reason });
         }
         Ok(Self { kernel, ..self })
+    }
+
+    /// The same with these fixtures, which say how long what it writes is.
+    pub(crate) fn with_fixtures(mut self, fixtures: &Fixtures) -> Result<Self, ProbeError> {
+        if self.function.written().next().is_none() {
+            return Ok(self);
+        }
+        let mut written = Vec::new();
+        for (binding, fixture) in fixture::resolve(&self.function.bindings, fixtures)? {
+            if binding.kind.is_written() {
+                let count = kept::count(&self.program, binding, fixture)?;
+                let shape = self.program.written_shape(binding, Some(count));
+                written.extend(shape.map(|shape| (binding.name().to_owned(), shape)));
+            }
+        }
+        self.function.join(written);
+        Ok(self)
+    }
+
+    /// The same where these parameters are given with their derivatives. Others are too, in vain, if
+    /// the function isn't one of fragments.
+    pub(crate) fn with_quads(mut self, varying: &[bool]) -> Self {
+        if varying.contains(&true) {
+            for ((_, shape), _) in
+                self.function.parameters.iter_mut().zip(varying).filter(|(_, varies)| **varies)
+            {
+                *shape = shape.as_quad();
+            }
+            self.kernel = Kernel::with_inputs(&self.program, &self.function, self.kernel.inputs());
+        }
+        self
     }
 
     /// The function's signature, place, comment and resources.

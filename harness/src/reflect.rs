@@ -10,6 +10,7 @@ mod kept;
 mod layout;
 mod locals;
 mod message;
+mod overrides;
 mod parsed;
 mod resource;
 mod rounds;
@@ -30,12 +31,14 @@ pub use binding::Binding;
 pub use dependence::Dependence;
 use kept::Wanted;
 pub use layout::LayoutError;
-pub(crate) use layout::bytes_of;
+pub(crate) use layout::{bytes_of, lanes_of};
 use message::{causes, to_author};
-pub(crate) use parsed::parsed;
+pub(crate) use overrides::Overrides;
+pub(crate) use parsed::{parsed, parsed_with};
 pub use resource::{Access, BindingKind, Dimension, Format, Texels, TextureKind};
 pub(crate) use rounds::{COUNTERS, CountedLoop, Nesting, Watched, count_rounds};
 pub use signature::Function;
+pub(crate) use signature::Passed;
 pub(crate) use validation::validate;
 pub use validation::{Invalid, Validated};
 
@@ -47,6 +50,8 @@ use crate::package::{Linked, Package, PackageError};
 pub struct Program {
     linked: Linked,
     checked: Arc<Checked>,
+    /// Values of overrides, by their names in the text. The IR has them already.
+    overrides: Overrides,
 }
 
 /// What naga made of a text, and found valid.
@@ -151,7 +156,7 @@ impl Program {
         let known = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
         let hash = blake3::hash(linked.text().as_bytes());
         if let Some(checked) = known().get(&hash).cloned() {
-            return Ok(Self { linked, checked });
+            return Ok(Self { linked, checked, overrides: Overrides::new() });
         }
         let program = Self::parsed(linked)?;
         let mut known = known();
@@ -192,13 +197,18 @@ impl Program {
             .update(module.to_ctx())
             .map_err(|error| invalid(Diagnostic::new(error.to_string())))?;
         let checked = Arc::new(Checked { module, info, layouter });
-        Ok(Self { linked, checked })
+        Ok(Self { linked, checked, overrides: Overrides::new() })
     }
 
     /// The linked WGSL.
     #[must_use]
     pub fn text(&self) -> &str {
         self.linked.text()
+    }
+
+    /// Values of overrides, by their names in the text.
+    pub(crate) fn overrides(&self) -> &Overrides {
+        &self.overrides
     }
 
     /// naga's IR of [`text`](Self::text).

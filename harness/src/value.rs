@@ -7,11 +7,14 @@
 //! signature that naga reflects: the three are compared before anything is dispatched.
 
 mod mirror;
+mod quad;
+mod several;
 mod shareable;
 
 use std::fmt;
 
 pub use mirror::Mirror;
+pub use quad::Quad;
 pub use shareable::{Arguments, Shareable};
 
 /// A WGSL scalar type.
@@ -170,13 +173,28 @@ impl Shape {
             (Self::Array { element, length }, Self::Array { element: e, length: l }) => {
                 length == l && element.stands_for(e, result)
             }
-            (Self::Struct { members, .. }, Self::Struct { members: others, .. }) => {
+            (Self::Struct { name: own, members }, Self::Struct { members: others, .. }) => {
+                let tuple = own == several::NAME;
                 members.len() == others.len()
                     && members.iter().zip(others).all(|((name, shape), (other, wgsl))| {
-                        name == other && shape.stands_for(wgsl, result)
+                        (tuple || name == other) && shape.stands_for(wgsl, result)
                     })
             }
             _ => false,
+        }
+    }
+
+    /// The shape of a [`Quad`] of this one.
+    pub(crate) fn as_quad(&self) -> Self {
+        Quad::<f32>::members(self)
+    }
+
+    /// What varies over a quad, if this is the shape of a [`Quad`]: floats.
+    pub(crate) fn quad(&self) -> Option<&Self> {
+        let Self::Struct { name, members } = self else { return None };
+        match &**members {
+            [(_, value), _, _] if name == Quad::<f32>::NAME => Some(value),
+            _ => None,
         }
     }
 
@@ -243,7 +261,14 @@ impl fmt::Display for Shape {
                 write!(f, "mat{columns}x{rows}<{}>", scalar.wgsl())
             }
             Self::Array { element, length } => write!(f, "array<{element}, {length}>"),
-            Self::Struct { name, .. } => f.write_str(name),
+            Self::Struct { name, members } if name == several::NAME => {
+                let members: Vec<String> = members.iter().map(|(_, m)| m.to_string()).collect();
+                write!(f, "({})", members.join(", "))
+            }
+            Self::Struct { name, .. } => match self.quad() {
+                Some(value) => write!(f, "Quad<{value}>"),
+                None => f.write_str(name),
+            },
         }
     }
 }

@@ -8,7 +8,7 @@ use crate::package::Package;
 use crate::path::{Adapter, Path};
 use crate::probe::{self, BATCH, Call, Inputs, Prepared, ProbeError, Probed, Started};
 use crate::record::PathRecord;
-use crate::reflect::Function;
+use crate::reflect::{Function, Overrides};
 use crate::run::{KnownIssues, Seen};
 use crate::tolerance::Tolerance;
 use crate::value::{Scalar, Shape};
@@ -30,11 +30,18 @@ impl Fitting {
     /// Finds a function, which has to take these arguments. `who` supplies them: `the domain draws`.
     pub(super) fn find(
         (package, function): (&Package, &str),
+        (fixtures, overrides): (&Fixtures, &Overrides),
         inputs: Inputs,
         supplied: &[Shape],
         who: &'static str,
     ) -> Result<Self, Failure> {
-        let probed = Probed::new(package, function)?.with_inputs(inputs)?;
+        let probed = Probed::with_overrides(package, function, overrides)?;
+        let probed = probed.with_inputs(inputs)?.with_fixtures(fixtures)?;
+        let varying: Vec<bool> = match probed.function.form.fragment {
+            true => supplied.iter().map(|shape| shape.quad().is_some()).collect(),
+            false => Vec::new(),
+        };
+        let probed = probed.with_quads(&varying);
         let declared = probe::parameter_shapes(&probed.function);
         let fits = supplied.len() == declared.len()
             && supplied.iter().zip(&declared).all(|(host, wgsl)| host.stands_for(wgsl, false));

@@ -241,13 +241,13 @@ impl DynamicCheck<'_> {
 
     fn result(&self) -> Result<Shape, Failure> {
         let probe = &self.plan.probe;
-        Ok(Probed::new(probe.package, &probe.name)?.function.result)
+        Ok(Probed::with_overrides(probe.package, &probe.name, &probe.overrides)?.function.result)
     }
 
     /// Another function in `f64`.
     fn shadow(&self, reference: &str) -> Result<(Shape, Interpreted), Failure> {
         let probe = &self.plan.probe;
-        let probed = Probed::new(probe.package, reference)?;
+        let probed = Probed::with_overrides(probe.package, reference, &probe.overrides)?;
         let taken: Vec<&Shape> =
             probed.function.parameters.iter().map(|(_, shape)| shape).collect();
         if taken != self.domain.shapes().iter().collect::<Vec<_>>() {

@@ -80,7 +80,8 @@ impl<'a> Session<'a> {
         inputs: Inputs,
     ) -> Result<Self, Failure> {
         let function = (plan.probe.package, plan.probe.called());
-        let mut fitting = Fitting::find(function, inputs, &demand.arguments, demand.who)?;
+        let given = (&plan.probe.fixtures, &plan.probe.overrides);
+        let mut fitting = Fitting::find(function, given, inputs, &demand.arguments, demand.who)?;
         if let Some((place, _)) = &plan.probe.place {
             fitting.declared_at(place.clone());
         }

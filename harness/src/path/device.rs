@@ -9,7 +9,7 @@ use std::time::Duration;
 use parking_lot::{ReentrantMutex, ReentrantMutexGuard};
 
 use crate::diagnostic::{Diagnostic, Span};
-use crate::reflect::{self, Ir};
+use crate::reflect::{self, Ir, Overrides};
 
 use super::route::{self, Foreign, Routed};
 use super::{Adapter, Api, Path, PathError, driver, guard};
@@ -268,13 +268,17 @@ impl Device {
         &self,
         wgsl: &str,
         entry_point: &str,
+        overrides: &Overrides,
     ) -> Result<Arc<Pipeline>, PathError> {
-        let key = blake3::hash(wgsl.as_bytes());
+        let key = match overrides.is_empty() {
+            true => blake3::hash(wgsl.as_bytes()),
+            false => blake3::hash(format!("{overrides:?} {wgsl}").as_bytes()),
+        };
         let lock = || self.pipelines.lock().expect("no thread panics while it holds the lock");
         if let Some(pipeline) = lock().get(&key) {
             return Ok(Arc::clone(pipeline));
         }
-        let module = reflect::parsed(wgsl)
+        let module = reflect::parsed_with(wgsl, overrides)
             .map_err(|message| PathError::Driver { path: self.path, message })?;
         let pipeline = self.pipeline_of_ir(Ir::clone(&module), entry_point)?;
         lock().insert(key, Arc::clone(&pipeline));

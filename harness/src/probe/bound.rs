@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::kernel::ENTRY_POINT;
-use super::{ProbeError, Resource};
+use super::kernel::{ENTRY_POINT, Kernel};
+use super::{ProbeError, Resource, quads};
 use crate::path::{Device, PathError, Pipeline};
 
 /// The fixtures of each group, with their binding numbers; immediates are in a group that isn't one.
@@ -12,16 +12,57 @@ pub(super) type Resources = BTreeMap<u32, Vec<(u32, Resource)>>;
 
 /// A compiled kernel with its bindings.
 pub(super) struct Bound {
-    pub(super) pipeline: Arc<Pipeline>,
+    pub(super) pipeline: Compiled,
     pub(super) groups: Vec<wgpu::BindGroup>,
     /// What is set with the commands.
     immediates: Option<Vec<u8>>,
 }
 
+/// A kernel as a pipeline.
+pub(super) enum Compiled {
+    Dispatched(Arc<Pipeline>),
+    Drawn(wgpu::RenderPipeline),
+}
+
+impl Compiled {
+    /// Where a resource of WGSL's is bound.
+    fn place(&self, group: u32, binding: u32) -> Option<(u32, u32)> {
+        match self {
+            Self::Dispatched(pipeline) => pipeline.place(group, binding),
+            Self::Drawn(_) => Some((group, binding)),
+        }
+    }
+
+    fn layout(&self, group: u32) -> wgpu::BindGroupLayout {
+        match self {
+            Self::Dispatched(pipeline) => pipeline.pipeline.get_bind_group_layout(group),
+            Self::Drawn(pipeline) => pipeline.get_bind_group_layout(group),
+        }
+    }
+
+    fn is_foreign(&self) -> bool {
+        matches!(self, Self::Dispatched(pipeline) if pipeline.is_foreign())
+    }
+}
+
 impl Bound {
+    /// Draws a triangle over all quads.
+    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>) {
+        let Compiled::Drawn(pipeline) = &self.pipeline else { return };
+        pass.set_pipeline(pipeline);
+        for (index, group) in (0..).zip(&self.groups) {
+            pass.set_bind_group(index, group, &[]);
+        }
+        if let Some(bytes) = &self.immediates {
+            pass.set_immediates(0, bytes);
+        }
+        pass.draw(0..3, 0..1);
+    }
+
     /// Sets all that a dispatch needs.
     pub(super) fn set(&self, pass: &mut wgpu::ComputePass<'_>) {
-        pass.set_pipeline(&self.pipeline.pipeline);
+        let Compiled::Dispatched(pipeline) = &self.pipeline else { return };
+        pass.set_pipeline(&pipeline.pipeline);
         for (index, group) in (0..).zip(&self.groups) {
             pass.set_bind_group(index, group, &[]);
         }
@@ -36,16 +77,22 @@ pub(super) fn compile(
     device: &Device,
     function: &str,
     text: &str,
-) -> Result<Arc<Pipeline>, ProbeError> {
-    device
-        .compute_pipeline(text, ENTRY_POINT)
-        .map_err(|error| ProbeError::Compile { function: function.to_owned(), error })
+    kernel: &Kernel,
+) -> Result<Compiled, ProbeError> {
+    if kernel.is_drawn() {
+        let pipeline = quads::compile(device, function, text, &kernel.overrides)?;
+        return Ok(Compiled::Drawn(pipeline));
+    }
+    let pipeline = device.compute_pipeline(text, ENTRY_POINT, &kernel.overrides);
+    let pipeline =
+        pipeline.map_err(|error| ProbeError::Compile { function: function.to_owned(), error })?;
+    Ok(Compiled::Dispatched(pipeline))
 }
 
 /// Binds the fixtures, and in group 0 the arguments, the results and the batch, in this order.
 pub(super) fn bind(
     device: &Device,
-    pipeline: Arc<Pipeline>,
+    pipeline: Compiled,
     resources: &Resources,
     first_binding: u32,
     own: [Option<&wgpu::Buffer>; 3],
@@ -76,7 +123,7 @@ pub(super) fn bind(
         let group = |group| {
             device.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: None,
-                layout: &pipeline.pipeline.get_bind_group_layout(group),
+                layout: &pipeline.layout(group),
                 entries: entries.get(&group).map_or(&[], Vec::as_slice),
             })
         };

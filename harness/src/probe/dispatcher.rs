@@ -2,15 +2,18 @@
 //!
 //! Poison and canaries show that each word was written once, by its case.
 
-use std::sync::Arc;
-
-use super::bound::{Bound, Resources, bind, compile};
+use super::bound::{Bound, Compiled, Resources, bind, compile};
+use super::kept::Kept;
 use super::kernel::{Kernel, UNIFORM_WORDS, WORKGROUP};
 use super::poison::{self, Poison};
+use super::quads::Target;
 use super::{Inputs, ProbeError, Probed, Resource, borders, upload};
 use crate::fixture::{self, Fixtures};
-use crate::path::{Device, Pipeline, Turn, guard};
+use crate::path::{Device, Turn, guard};
 use crate::reflect::BindingKind;
+
+/// Cases of a batch if each runs alone: each has commands of its own, and a copy of what is written.
+const ALONE: usize = 64;
 
 /// One kernel on one device.
 pub(super) struct Dispatcher<'d> {
@@ -24,6 +27,10 @@ pub(super) struct Dispatcher<'d> {
     poison: Poison,
     batch: wgpu::Buffer,
     staging: wgpu::Buffer,
+    /// What is drawn into, if the kernel is a fragment function.
+    target: Option<Target>,
+    /// What a batch is for each case, and the resources that are written, if each case runs alone.
+    alone: Option<(wgpu::Buffer, Vec<Kept>)>,
     capacity: usize,
     words_in: usize,
     stride_out: usize,
@@ -61,7 +68,7 @@ impl<'d> Dispatcher<'d> {
         kernel: &Kernel,
         fixtures: &Fixtures,
         cases: usize,
-        pipeline: Option<Arc<Pipeline>>,
+        pipeline: Option<Compiled>,
     ) -> Result<Self, ProbeError> {
         let Probed { program, function, .. } = probed;
 
@@ -94,12 +101,24 @@ impl<'d> Dispatcher<'d> {
             (arguments, results, poison, batch, staging)
         })?;
 
+        let target = kernel.is_drawn().then(|| Target::new(device, capacity)).transpose()?;
+        let mut alone = match kernel.is_alone() {
+            true => {
+                let usage = Usage::COPY_SRC | Usage::COPY_DST;
+                Some((device.checked(|| buffer("batches", 4 * capacity, usage))?, Vec::new()))
+            }
+            false => None,
+        };
         let mut resources = Resources::new();
         fixture::check_used(&function.bindings, fixtures)?;
         for (binding, fixture) in fixture::resolve(&function.bindings, fixtures)? {
             let resource = upload(device, program, binding, fixture)?;
             if let (BindingKind::TEXTURE_CUBE, Resource::View(view)) = (binding.kind, &resource) {
                 borders::fill(device, view)?;
+            }
+            if let Some((_, kept)) = &mut alone {
+                let written = (binding, fixture);
+                kept.extend(Kept::new(device, program, written, &resource, capacity)?);
             }
             resources.entry(binding.group).or_default().push((binding.binding, resource));
         }
@@ -117,6 +136,8 @@ impl<'d> Dispatcher<'d> {
             poison,
             batch,
             staging,
+            target,
+            alone,
             capacity,
             words_in: kernel.words_in,
             stride_out,
@@ -131,6 +152,7 @@ impl<'d> Dispatcher<'d> {
         let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let widest = 4 * kernel.words_in.max(kernel.words_out + 1);
         let largest = usize::try_from(bytes).unwrap_or(usize::MAX) / widest;
+        let largest = if kernel.is_alone() { largest.min(ALONE) } else { largest };
         kernel.largest_batch().map_or(largest, |batch| batch.min(largest))
     }
 
@@ -140,7 +162,7 @@ impl<'d> Dispatcher<'d> {
             let (function, inputs) = (self.function.clone(), self.kernel.inputs);
             ProbeError::Inputs { function, inputs, reason }
         })?;
-        let pipeline = compile(self.device, &self.function, &text)?;
+        let pipeline = compile(self.device, &self.function, &text, &self.kernel)?;
         let own = [None, Some(&self.results), Some(&self.batch)];
         bind(self.device, pipeline, &self.resources, self.kernel.first_binding, own)
     }
@@ -190,12 +212,17 @@ impl<'d> Dispatcher<'d> {
         let limit = self.device.device.limits().max_compute_workgroups_per_dimension;
         let groups = (count * invocations).div_ceil(WORKGROUP);
         let (columns, rows) = (groups.min(limit), groups.div_ceil(limit));
-        let batch = [count, canary, columns * WORKGROUP, invocations];
+        let row = self.target.as_ref().map_or(columns * WORKGROUP, |target| target.columns);
+        let batch = [count, canary, row, invocations];
         self.device.checked(|| {
             if let Some(buffer) = &self.arguments {
                 self.device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(arguments));
             }
             self.device.queue.write_buffer(&self.batch, 0, bytemuck::cast_slice(&batch));
+            if let Some((batches, _)) = &self.alone {
+                let each: Vec<[u32; 4]> = (0..count).map(|case| [count, canary, 0, case]).collect();
+                self.device.queue.write_buffer(batches, 0, bytemuck::cast_slice(&each));
+            }
         })?;
         let groups = (columns, rows);
         let dispatch = Dispatch { cases, canary, groups, constants, _deadline: deadline };
@@ -215,10 +242,32 @@ impl<'d> Dispatcher<'d> {
             let mut encoder = self.device.device.create_command_encoder(&Default::default());
             let size = self.bytes(dispatch.cases);
             poison.fill(&mut encoder, &self.results, size);
-            {
-                let mut pass = encoder.begin_compute_pass(&Default::default());
-                bound.set(&mut pass);
-                pass.dispatch_workgroups(columns, rows, 1);
+            match (&self.target, &self.alone) {
+                (Some(target), _) => bound.draw(&mut target.pass(&mut encoder)),
+                (None, Some((batches, kept))) => {
+                    for case in 0..dispatch.cases {
+                        kept.iter().for_each(|kept| kept.reset(&mut encoder));
+                        encoder.copy_buffer_to_buffer(
+                            batches,
+                            case as u64 * 16,
+                            &self.batch,
+                            0,
+                            16,
+                        );
+                        {
+                            let mut pass = encoder.begin_compute_pass(&Default::default());
+                            bound.set(&mut pass);
+                            pass.dispatch_workgroups(1, 1, 1);
+                        }
+                        kept.iter().for_each(|kept| kept.keep(&mut encoder, case));
+                    }
+                    kept.iter().for_each(|kept| kept.stage(&mut encoder, dispatch.cases));
+                }
+                (None, None) => {
+                    let mut pass = encoder.begin_compute_pass(&Default::default());
+                    bound.set(&mut pass);
+                    pass.dispatch_workgroups(columns, rows, 1);
+                }
             }
             encoder.copy_buffer_to_buffer(&self.results, 0, &self.staging, 0, size);
             self.device.queue.submit([encoder.finish()]);
@@ -262,6 +311,28 @@ impl<'d> Dispatcher<'d> {
             count: 1 + unwritten.count(),
             words: dispatch.cases * (self.stride_out - 1),
         })
+    }
+
+    /// Whether each case runs alone.
+    pub(super) fn is_alone(&self) -> bool {
+        self.alone.is_some()
+    }
+
+    /// Waits for a dispatch whose cases run alone. For each case the words of what the function returns,
+    /// of what its pointers point to and of the resources that it writes; and how many they are.
+    pub(super) fn rows(&self, dispatch: Dispatch) -> Result<(Vec<u32>, usize), ProbeError> {
+        let (cases, width) = (dispatch.cases, self.stride_out - 1);
+        let words = self.read(dispatch, <[u32]>::to_vec)?;
+        let kept = self.alone.iter().flat_map(|(_, kept)| kept);
+        let written =
+            kept.map(|kept| kept.lanes(self.device, cases)).collect::<Result<Vec<_>, _>>()?;
+        let mut rows = Vec::new();
+        for (case, words) in words.chunks_exact(self.stride_out).enumerate() {
+            rows.extend_from_slice(&words[..width]);
+            written.iter().for_each(|lanes| rows.extend_from_slice(&lanes[case]));
+        }
+        let stride = rows.len() / cases.max(1);
+        Ok((rows, stride))
     }
 
     /// The places of result words that are poison.

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::Inputs;
 use crate::path::MOST_ROUNDS;
-use crate::reflect::{COUNTERS, Function, Program};
+use crate::reflect::{COUNTERS, Function, Overrides, Passed, Program};
 use crate::value::{Scalar, Shape, format_f32, hexfloat};
 
 /// Invocations of a workgroup: what every device supports, and a multiple of every vector width.
@@ -22,6 +22,9 @@ const CALLS: usize = 16;
 
 /// Name of the generated entry point.
 pub(super) const ENTRY_POINT: &str = "karat_probe";
+
+/// Name of the vertex function beside an entry point that is a fragment function.
+pub(super) const VERTEX: &str = "karat_vertex";
 
 /// A kernel and the layout of its buffers.
 #[derive(Clone, Debug)]
@@ -44,6 +47,8 @@ pub(crate) struct Kernel {
     /// The linked text, and the function that is called.
     linked: String,
     function: Function,
+    /// Values of overrides, by their names in the text.
+    pub(super) overrides: Overrides,
 }
 
 impl Kernel {
@@ -59,13 +64,16 @@ impl Kernel {
         let mut kernel = Self {
             text: String::new(),
             words_in,
-            words_out: lanes(&function.result),
+            words_out: function.outputs().iter().map(|(_, shape)| lanes(shape)).sum(),
             first_binding: program.free_binding(),
             inputs,
-            apart: program.most_rounds().is_none_or(|rounds| rounds >= MOST_ROUNDS),
+            apart: !function.form.fragment
+                && !function.form.alone
+                && program.most_rounds().is_none_or(|rounds| rounds >= MOST_ROUNDS),
             counted: None,
             linked: program.text().to_owned(),
             function: function.clone(),
+            overrides: program.overrides().clone(),
         };
         kernel.text = kernel.write(&[]).expect("writing to a String never fails");
         kernel
@@ -91,6 +99,21 @@ impl Kernel {
             Inputs::Uniform => Some(UNIFORM_WORDS / self.words_in.max(1)),
             Inputs::Constant => Some(CALLS),
         }
+    }
+
+    /// Where the arguments come from.
+    pub(super) fn inputs(&self) -> Inputs {
+        self.inputs
+    }
+
+    /// Whether it is a fragment function, whose cases are quads.
+    pub(super) fn is_drawn(&self) -> bool {
+        self.function.form.fragment
+    }
+
+    /// Whether each case has a dispatch of its own.
+    pub(super) fn is_alone(&self) -> bool {
+        self.function.form.alone
     }
 
     /// The text for cases whose arguments are constants; or why they can't be.
@@ -135,15 +158,47 @@ impl Kernel {
             let one = |index| format!("var<private> {COUNTERS}{index}: u32;\n");
             (0..loops).map(one).collect::<String>() + "\n"
         });
+        let form = &self.function.form;
+        let what = match (form.fragment, form.alone) {
+            (true, _) => "quads in a row, nothing",
+            (_, true) => "nothing, the case",
+            _ => "invocations in a row of workgroups, invocations a case",
+        };
         writeln!(
             text,
             "@group(0) @binding({results}) var<storage, read_write> karat_out: array<u32>;\n\
-             // Number of cases, canary, invocations in a row of workgroups, invocations a case.\n\
+             // Number of cases, canary, {what}.\n\
              @group(0) @binding({batch}) var<uniform> karat_batch: vec4<u32>;\n\n\
-             {counters}@compute @workgroup_size({WORKGROUP})\n\
-             fn {ENTRY_POINT}(@builtin(global_invocation_id) karat_id: vec3<u32>) {{"
+             {counters}{}",
+            self.pointed()
         )?;
-        if self.apart {
+        if form.fragment {
+            writeln!(
+                text,
+                "@vertex\n\
+                 fn {VERTEX}(@builtin(vertex_index) karat_index: u32) -> @builtin(position) vec4<f32> {{\n    \
+                 let karat_x = f32(karat_index % 2u) * 4.0 - 1.0;\n    \
+                 let karat_y = f32(karat_index / 2u) * 4.0 - 1.0;\n    \
+                 return vec4<f32>(karat_x, karat_y, 0.0, 1.0);\n}}\n\n\
+                 @fragment\n\
+                 fn {ENTRY_POINT}(@builtin(position) karat_position: vec4<f32>) -> @location(0) vec4<f32> {{\n    \
+                 // Each case is a quad of two by two pixels. Derivatives need all four.\n    \
+                 let karat_pixel = vec2<u32>(karat_position.xy);\n    \
+                 let karat_step = vec2<f32>(karat_pixel % vec2<u32>(2u));\n    \
+                 let karat_quad = karat_pixel.x / 2u + karat_pixel.y / 2u * karat_batch.z;\n    \
+                 let karat_case = min(karat_quad, karat_batch.x - 1u);"
+            )?;
+        } else {
+            let size = if form.alone { 1 } else { WORKGROUP };
+            writeln!(
+                text,
+                "@compute @workgroup_size({size})\n\
+                 fn {ENTRY_POINT}(@builtin(global_invocation_id) karat_id: vec3<u32>) {{"
+            )?;
+        }
+        if form.alone {
+            writeln!(text, "    let karat_case = karat_batch.w + karat_id.x;")?;
+        } else if self.apart {
             writeln!(
                 text,
                 "    // Invocations a case: more than one keep cases apart.\n    \
@@ -151,10 +206,12 @@ impl Kernel {
                  if karat_index % karat_batch.w != 0u {{ return; }}\n    \
                  let karat_case = karat_index / karat_batch.w;"
             )?;
-        } else {
+        } else if !form.fragment {
             writeln!(text, "    let karat_case = karat_id.x + karat_id.y * karat_batch.z;")?;
         }
-        writeln!(text, "    if karat_case >= karat_batch.x {{ return; }}")?;
+        if !form.fragment && !form.alone {
+            writeln!(text, "    if karat_case >= karat_batch.x {{ return; }}")?;
+        }
         if *words_in > 0 && *inputs != Inputs::Constant {
             writeln!(text, "    let karat_from = karat_case * {words_in}u;")?;
         }
@@ -177,7 +234,12 @@ impl Kernel {
                 _ => from_word(scalar, &format!("karat_in[karat_from + {lane}u]")),
             })?;
         }
-        writeln!(text, "    karat_out[karat_to + {words_out}u] = karat_batch.y ^ karat_case;\n}}")?;
+        let canary = format!("karat_out[karat_to + {words_out}u] = karat_batch.y ^ karat_case;");
+        if form.fragment {
+            writeln!(text, "        {canary}\n    }}\n    return vec4<f32>();\n}}")?;
+        } else {
+            writeln!(text, "    {canary}\n}}")?;
+        }
         Ok(text)
     }
 
@@ -189,35 +251,90 @@ impl Kernel {
         lane: &dyn Fn(Scalar, usize) -> String,
     ) -> std::fmt::Result {
         let function = &self.function;
+        let form = &function.form;
         let mut at = 0;
-        for (index, (_, shape)) in function.parameters.iter().enumerate() {
-            let value = compose(shape, &mut |scalar| {
+        let mut arguments = Vec::new();
+        for (index, ((_, shape), passed)) in
+            function.parameters.iter().zip(&form.passed).enumerate()
+        {
+            let mut lane = |scalar| {
                 at += 1;
                 lane(scalar, at - 1)
-            });
-            writeln!(text, "    {declare} karat_a{index} = {value};")?;
+            };
+            let value = match shape.quad() {
+                Some(of) => {
+                    let mut part = || compose(of, &mut lane);
+                    let (value, dx, dy) = (part(), part(), part());
+                    format!("{value} + karat_step.x * {dx} + karat_step.y * {dy}")
+                }
+                None => compose(shape, &mut lane),
+            };
+            let name = match passed {
+                Passed::Value => {
+                    writeln!(text, "    {declare} karat_a{index} = {value};")?;
+                    format!("karat_a{index}")
+                }
+                Passed::Function => {
+                    writeln!(text, "    var karat_p{index} = {value};")?;
+                    format!("&karat_p{index}")
+                }
+                Passed::Private | Passed::Workgroup => {
+                    writeln!(text, "    karat_p{index} = {value};")?;
+                    format!("&karat_p{index}")
+                }
+            };
+            arguments.push(name);
         }
-        let arguments: Vec<String> =
-            (0..function.parameters.len()).map(|index| format!("karat_a{index}")).collect();
+        let call = format!("{}({})", function.linked, arguments.join(", "));
         // A variable: a value of array type can't be indexed otherwise on all translations.
-        writeln!(text, "    var karat_r = {}({});", function.linked, arguments.join(", "))?;
+        match &form.returns {
+            Some(_) => writeln!(text, "    var karat_r = {call};")?,
+            None => writeln!(text, "    {call};")?,
+        }
         if let Some(loops) = self.counted {
             for index in 0..loops {
                 writeln!(text, "    karat_out[karat_to + {index}u] = {COUNTERS}{index};")?;
             }
             return Ok(());
         }
-        let lanes = function.result.lanes().into_iter().zip(function.result.lane_names());
-        for (index, (scalar, name)) in lanes.enumerate() {
-            let value = match scalar {
-                Scalar::F32 | Scalar::I32 => format!("bitcast<u32>(karat_r{name})"),
-                Scalar::F16 => format!("bitcast<u32>(f32(karat_r{name}))"),
-                Scalar::U32 => format!("karat_r{name}"),
-                Scalar::Bool => format!("select(0u, 1u, karat_r{name})"),
-            };
-            writeln!(text, "    karat_out[karat_to + {index}u] = {value};")?;
+        let mut indent = "    ";
+        if form.fragment {
+            indent = "        ";
+            writeln!(
+                text,
+                "    if karat_quad < karat_batch.x && all(karat_pixel % vec2<u32>(2u) == vec2<u32>(0u)) {{"
+            )?;
+        }
+        let returned = form.returns.iter().map(|shape| ("karat_r".to_owned(), shape));
+        let pointers = function.parameters.iter().zip(&form.passed).enumerate();
+        let pointers = pointers.filter(|(_, (_, passed))| **passed != Passed::Value);
+        let pointers = pointers.map(|(index, ((_, shape), _))| (format!("karat_p{index}"), shape));
+        let mut index = 0;
+        for (variable, shape) in returned.chain(pointers) {
+            for (scalar, name) in shape.lanes().into_iter().zip(shape.lane_names()) {
+                let value = match scalar {
+                    Scalar::F32 | Scalar::I32 => format!("bitcast<u32>({variable}{name})"),
+                    Scalar::F16 => format!("bitcast<u32>(f32({variable}{name}))"),
+                    Scalar::U32 => format!("{variable}{name}"),
+                    Scalar::Bool => format!("select(0u, 1u, {variable}{name})"),
+                };
+                writeln!(text, "{indent}karat_out[karat_to + {index}u] = {value};")?;
+                index += 1;
+            }
         }
         Ok(())
+    }
+
+    /// Variables that pointers to other address spaces than a function's point to.
+    fn pointed(&self) -> String {
+        let function = &self.function;
+        let of = function.parameters.iter().zip(&function.form.passed).enumerate();
+        let declared = of.filter_map(|(index, ((_, shape), passed))| match passed {
+            Passed::Private => Some(format!("var<private> karat_p{index}: {shape};\n")),
+            Passed::Workgroup => Some(format!("var<workgroup> karat_p{index}: {shape};\n")),
+            Passed::Value | Passed::Function => None,
+        });
+        declared.collect()
     }
 }
 

@@ -7,6 +7,7 @@
 //! by itself, but several in one vector might, the kernel runs again with each case in a vector of its
 //! own.
 
+use super::bound::Compiled;
 use super::dispatcher::Dispatcher;
 use super::{ProbeError, Probed};
 use crate::fixture::Fixtures;
@@ -37,7 +38,14 @@ impl<'d> Rounds<'d> {
         let pipeline = device
             .pipeline_of_ir(counting.module, super::kernel::ENTRY_POINT)
             .map_err(|error| ProbeError::Compile { function: function.clone(), error })?;
-        let dispatcher = Dispatcher::new(device, probed, &kernel, fixtures, cases, Some(pipeline))?;
+        let dispatcher = Dispatcher::new(
+            device,
+            probed,
+            &kernel,
+            fixtures,
+            cases,
+            Some(Compiled::Dispatched(pipeline)),
+        )?;
         Ok(Self { dispatcher, loops: counting.loops, nesting: counting.nesting, function })
     }
 

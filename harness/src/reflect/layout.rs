@@ -46,6 +46,55 @@ pub(crate) fn bytes_of(
     Ok(writer.bytes)
 }
 
+/// The lanes of a value of type `ty`, from its bytes: the way back from [`bytes_of`]. Atomics are their
+/// scalars, and an array without a length has as many elements as there are bytes for. `None` if the
+/// bytes are too few.
+pub(crate) fn lanes_of(module: &Module, ty: Handle<Type>, bytes: &[u8]) -> Option<Vec<u32>> {
+    let mut lanes = Vec::new();
+    read(module, ty, bytes, &mut lanes)?;
+    Some(lanes)
+}
+
+fn read(module: &Module, ty: Handle<Type>, bytes: &[u8], lanes: &mut Vec<u32>) -> Option<()> {
+    let scalars = |scalar: naga::Scalar, count: usize, bytes: &[u8], lanes: &mut Vec<u32>| {
+        for index in 0..count {
+            let width = usize::from(scalar.width);
+            let one = bytes.get(index * width..(index + 1) * width)?;
+            lanes.push(match one {
+                [a, b, c, d] => u32::from_le_bytes([*a, *b, *c, *d]),
+                [a, b] => half::f16::from_le_bytes([*a, *b]).to_f32().to_bits(),
+                _ => return None,
+            });
+        }
+        Some(())
+    };
+    match &module.types[ty].inner {
+        TypeInner::Scalar(scalar) | TypeInner::Atomic(scalar) => scalars(*scalar, 1, bytes, lanes),
+        TypeInner::Vector { size, scalar } => scalars(*scalar, *size as usize, bytes, lanes),
+        TypeInner::Matrix { columns, rows, scalar } => {
+            let rows_in_memory = if *rows == naga::VectorSize::Tri { 4 } else { *rows as usize };
+            let stride = rows_in_memory * usize::from(scalar.width);
+            (0..*columns as usize).try_for_each(|column| {
+                scalars(*scalar, *rows as usize, bytes.get(column * stride..)?, lanes)
+            })
+        }
+        TypeInner::Array { base, size, stride } => {
+            let stride = *stride as usize;
+            let count = match size {
+                ArraySize::Constant(length) => length.get() as usize,
+                ArraySize::Dynamic => bytes.len() / stride,
+                ArraySize::Pending(_) => return None,
+            };
+            (0..count)
+                .try_for_each(|index| read(module, *base, bytes.get(index * stride..)?, lanes))
+        }
+        TypeInner::Struct { members, .. } => members.iter().try_for_each(|member| {
+            read(module, member.ty, bytes.get(member.offset as usize..)?, lanes)
+        }),
+        _ => None,
+    }
+}
+
 /// Whether a type is an array without a length, or a structure that ends in one.
 pub(super) fn dynamic(module: &Module, ty: Handle<Type>) -> bool {
     match &module.types[ty].inner {
@@ -165,6 +214,22 @@ mod tests {
         assert_eq!(words[..5], [1, 2, 3, 4, 5]);
         assert_eq!(words[8..13], [6, 7, 8, 9, 10]);
         assert!(matches!(lay_out(wgsl, &[1, 2, 3]), Err(LayoutError::Count { expected: 4, .. })));
+    }
+
+    /// What is laid out is read again.
+    #[test]
+    fn lanes_survive_their_bytes() {
+        let wgsl = "struct T { m: mat3x3<f32>, a: array<vec2<u32>, 2> }\n\
+                    struct S { a: f32, b: vec3<f32>, c: array<T, 1>, rest: array<vec3<f32>> }\n\
+                    @group(0) @binding(0) var<storage, read> s: S;";
+        let module = naga::front::wgsl::parse_str(wgsl).expect("valid WGSL");
+        let mut layouter = Layouter::default();
+        layouter.update(module.to_ctx()).expect("types have layouts");
+        let (_, global) = module.global_variables.iter().next().expect("one variable");
+        let lanes: Vec<u32> = (1..=4 + 13 + 6).collect();
+        let bytes = bytes_of(&module, &layouter, global.ty, &lanes).expect("fits");
+        assert_eq!(lanes_of(&module, global.ty, &bytes), Some(lanes));
+        assert_eq!(lanes_of(&module, global.ty, &bytes[..20]), None);
     }
 
     #[test]

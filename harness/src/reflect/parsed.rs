@@ -6,6 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use naga::Module;
 use naga::front::wgsl;
 
+use super::Overrides;
+
 /// Kernels that are kept: those that all threads compile at a time, for path after path.
 const MOST_KEPT: usize = 64;
 
@@ -23,6 +25,17 @@ pub(crate) fn parsed(text: &str) -> Result<Arc<Module>, String> {
     kept.truncate(MOST_KEPT - 1);
     kept.push_front((key, Arc::clone(&module)));
     Ok(module)
+}
+
+/// The kernel with values of overrides, by their names in its text.
+pub(crate) fn parsed_with(text: &str, overrides: &Overrides) -> Result<Arc<Module>, String> {
+    let module = parsed(text)?;
+    if overrides.is_empty() {
+        return Ok(module);
+    }
+    let mut module = Module::clone(&module);
+    super::overrides::set(&mut module, overrides).map_err(|(_, reason)| reason)?;
+    Ok(Arc::new(module))
 }
 
 #[cfg(test)]

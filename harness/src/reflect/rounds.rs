@@ -190,7 +190,8 @@ pub(crate) struct CountedLoop {
 /// # Panics
 /// If the kernel doesn't parse: it is the verdict's but for the counters.
 pub(crate) fn count_rounds(program: &Program, text: &str) -> Counting {
-    let module = super::parsed(text).expect("it is the verdict's kernel but for the counters");
+    let module = super::parsed_with(text, program.overrides())
+        .expect("it is the verdict's kernel but for the counters");
     let mut module = Arc::unwrap_or_clone(module);
     let nesting = Nesting::of(&module);
     let mut loops = Vec::new();

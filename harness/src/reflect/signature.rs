@@ -6,7 +6,7 @@ use std::sync::Arc;
 use naga::valid::{GlobalUse, ShaderStages};
 
 use super::binding::Binding;
-use super::{Program, ReflectError};
+use super::{BindingKind, Program, ReflectError, Texels};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::value::{Scalar, Shape};
 
@@ -21,23 +21,97 @@ pub struct Function {
     pub span: Span,
     /// The comment lines (`///`) above it.
     pub doc: String,
-    /// Name and type of each parameter.
+    /// Name and type of each parameter; of a pointer, the type that it points to.
     pub parameters: Vec<(String, Shape)>,
-    /// Type of the result.
+    /// Type of all that a call gives: what the function returns, then what its pointers point to
+    /// afterwards, then the resources that it writes. Several of them are a structure with a member
+    /// each.
     pub result: Shape,
-    /// The resources that it reads, directly or through what it calls.
+    /// The resources that it uses, directly or through what it calls.
     pub bindings: Vec<Binding>,
+    /// How it is called.
+    pub(crate) form: Form,
+}
+
+/// How a function is called.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Form {
+    /// What it returns; `None`: nothing.
+    pub(crate) returns: Option<Shape>,
+    /// How each parameter is passed.
+    pub(crate) passed: Vec<Passed>,
+    /// Whether each case runs by itself, as what it writes would be seen by others.
+    pub(crate) alone: bool,
+    /// Whether only fragment shaders may call it: each case is a quad of pixels.
+    pub(crate) fragment: bool,
+}
+
+/// How a parameter is passed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Passed {
+    /// By its value.
+    Value,
+    /// By a pointer to a variable of the function that calls.
+    Function,
+    /// By a pointer to a private variable.
+    Private,
+    /// By a pointer to a variable of the workgroup.
+    Workgroup,
+}
+
+impl Passed {
+    /// The address space of a pointer.
+    pub(crate) fn space(self) -> Option<&'static str> {
+        match self {
+            Self::Value => None,
+            Self::Function => Some("function"),
+            Self::Private => Some("private"),
+            Self::Workgroup => Some("workgroup"),
+        }
+    }
+}
+
+impl Function {
+    /// The shapes that one invocation's call gives: the result, and what pointers point to.
+    pub(crate) fn outputs(&self) -> Vec<(String, Shape)> {
+        let returned = self.form.returns.iter().map(|shape| ("result".to_owned(), shape.clone()));
+        let pointers = self.parameters.iter().zip(&self.form.passed);
+        let pointers = pointers.filter(|(_, passed)| **passed != Passed::Value);
+        returned.chain(pointers.map(|(parameter, _)| parameter.clone())).collect()
+    }
+
+    /// What it writes of its resources.
+    pub(crate) fn written(&self) -> impl Iterator<Item = &Binding> {
+        self.bindings.iter().filter(|binding| binding.kind.is_written())
+    }
+
+    /// Sets the type of the result, where resources that are written have these shapes.
+    pub(crate) fn join(&mut self, written: Vec<(String, Shape)>) {
+        let mut members = self.outputs();
+        members.extend(written);
+        self.result = match &*members {
+            [(_, shape)] => shape.clone(),
+            _ => Shape::Struct { name: "all that a call gives".to_owned(), members },
+        };
+    }
 }
 
 impl fmt::Display for Function {
     /// The signature: `fresnel::schlick(f0: vec3<f32>, v_dot_h: f32) -> vec3<f32>`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}(", self.name)?;
-        for (index, (name, shape)) in self.parameters.iter().enumerate() {
+        let spaces = self.form.passed.iter().map(|passed| passed.space());
+        for (index, ((name, shape), space)) in self.parameters.iter().zip(spaces).enumerate() {
             let separator = if index > 0 { ", " } else { "" };
-            write!(f, "{separator}{name}: {shape}")?;
+            match space {
+                None => write!(f, "{separator}{name}: {shape}")?,
+                Some(space) => write!(f, "{separator}{name}: ptr<{space}, {shape}>")?,
+            }
         }
-        write!(f, ") -> {}", self.result)
+        match &self.form.returns {
+            Some(shape) => write!(f, ") -> {shape}"),
+            None => write!(f, ")"),
+        }
     }
 }
 
@@ -69,44 +143,132 @@ impl Program {
             let message = format!("`{path}` can't be probed: {what}");
             unprobeable(Diagnostic::new(message).at(span.clone(), "declared here").note(note))
         };
-        let stages = self.checked.info[handle].available_stages;
-        if !stages.contains(ShaderStages::COMPUTE) {
+        let info = &self.checked.info[handle];
+        let fragment = !info.available_stages.contains(ShaderStages::COMPUTE);
+        if fragment && self.discards(handle) {
             return Err(refuse(
-                "it uses operations of fragment shaders (derivatives, implicit-LOD sampling or \
-                 discard)"
-                    .to_owned(),
-                "use textureSampleLevel or textureSampleGrad, or pass derivatives as arguments",
+                "it may discard, and then there is no result".to_owned(),
+                "return what decides whether to discard",
             ));
         }
-        if let Some(shared) = self.shared_state(&self.checked.info[handle]) {
+        let mut form =
+            Form { fragment, alone: self.shared_state(info).is_some(), ..Form::default() };
+        if fragment && form.alone {
             return Err(refuse(
-                format!("it {shared}, which other cases of the same dispatch see"),
-                "pass values, return values: a result must not depend on its neighbours",
+                "it uses operations of fragment shaders, and writes what other pixels see"
+                    .to_owned(),
+                "split it in two functions",
             ));
         }
         let mut parameters = Vec::new();
         for argument in &function.arguments {
             let name = argument.name.clone().unwrap_or_default();
-            let shape = self.shape(argument.ty).map_err(|reason| {
+            let (ty, passed) = self.passed(argument.ty);
+            form.alone |= passed == Passed::Workgroup;
+            let shape = self.shape(ty).map_err(|reason| {
                 refuse(format!("its parameter `{name}` is {reason}"), "pass values, return values")
             })?;
             parameters.push((name, shape));
+            form.passed.push(passed);
         }
-        let result = function.result.as_ref().ok_or_else(|| {
-            refuse("it returns nothing".to_owned(), "return the value that should be checked")
-        })?;
-        let result = self.shape(result.ty).map_err(|reason| {
-            refuse(format!("its result is {reason}"), "pass values, return values")
-        })?;
-        Ok(Function {
+        form.returns = match &function.result {
+            None => None,
+            Some(result) => Some(self.shape(result.ty).map_err(|reason| {
+                refuse(format!("its result is {reason}"), "pass values, return values")
+            })?),
+        };
+        let bindings = self.bindings(|global| info[global]);
+        let mut function = Function {
             name: path.to_owned(),
             linked: name.to_owned(),
             doc: doc_above(&span),
             parameters,
-            result,
-            bindings: self.bindings(|global| self.checked.info[handle][global]),
-            span,
-        })
+            result: Shape::Scalar(Scalar::Bool),
+            bindings,
+            form,
+            span: span.clone(),
+        };
+        if function.outputs().is_empty() && function.written().next().is_none() {
+            return Err(refuse(
+                "it returns nothing and writes nothing that is seen afterwards".to_owned(),
+                "return the value that should be checked",
+            ));
+        }
+        let mut written = Vec::new();
+        for binding in function.written() {
+            let shape = self.written_shape(binding, None).ok_or_else(|| {
+                let what = format!("it writes `{}`, which no host can read", binding.path);
+                refuse(what, "pass values, return values")
+            })?;
+            written.push((binding.name().to_owned(), shape));
+        }
+        function.join(written);
+        Ok(function)
+    }
+
+    /// The type of a parameter's value, and how it is passed.
+    fn passed(&self, ty: naga::Handle<naga::Type>) -> (naga::Handle<naga::Type>, Passed) {
+        use naga::AddressSpace;
+        match self.checked.module.types[ty].inner {
+            naga::TypeInner::Pointer { base, space: AddressSpace::Function } => {
+                (base, Passed::Function)
+            }
+            naga::TypeInner::Pointer { base, space: AddressSpace::Private } => {
+                (base, Passed::Private)
+            }
+            naga::TypeInner::Pointer { base, space: AddressSpace::WorkGroup } => {
+                (base, Passed::Workgroup)
+            }
+            _ => (ty, Passed::Value),
+        }
+    }
+
+    /// The shape of a resource that is written, after a call. Without the number of its bytes, or of its
+    /// texels, an array without a length has no elements. `None`: no host can read it.
+    pub(crate) fn written_shape(&self, binding: &Binding, count: Option<usize>) -> Option<Shape> {
+        if let BindingKind::StorageTexture { format, .. } = binding.kind {
+            let scalar = match format.texels() {
+                Texels::Sint => Scalar::I32,
+                Texels::Uint => Scalar::U32,
+                Texels::Float | Texels::Depth => Scalar::F32,
+            };
+            let length = u32::try_from(count.unwrap_or_default()).ok()?;
+            let element = Box::new(Shape::Vector { size: 4, scalar });
+            return Some(Shape::Array { element, length });
+        }
+        self.memory_shape(binding.ty, count.unwrap_or_default())
+    }
+
+    /// The shape of a type in memory, where atomics are their scalars and arrays without a length fill
+    /// so many bytes.
+    fn memory_shape(&self, ty: naga::Handle<naga::Type>, bytes: usize) -> Option<Shape> {
+        let declared = &self.checked.module.types[ty];
+        match &declared.inner {
+            naga::TypeInner::Atomic(scalar) => Some(Shape::Scalar(scalar_of(*scalar).ok()?)),
+            naga::TypeInner::Array { base, size, stride } => {
+                let length = match size {
+                    naga::ArraySize::Constant(length) => length.get(),
+                    naga::ArraySize::Dynamic => u32::try_from(bytes / *stride as usize).ok()?,
+                    naga::ArraySize::Pending(_) => return None,
+                };
+                Some(Shape::Array { element: Box::new(self.memory_shape(*base, 0)?), length })
+            }
+            naga::TypeInner::Struct { members, .. } => {
+                let members = members.iter().map(|member| {
+                    let rest = bytes.saturating_sub(member.offset as usize);
+                    let shape = self.memory_shape(member.ty, rest)?;
+                    Some((member.name.clone().unwrap_or_default(), shape))
+                });
+                let members = members.collect::<Option<_>>()?;
+                Some(Shape::Struct { name: declared.name.clone().unwrap_or_default(), members })
+            }
+            _ => self.shape(ty).ok(),
+        }
+    }
+
+    /// Whether a function, or one that it calls, may discard.
+    fn discards(&self, handle: naga::Handle<naga::Function>) -> bool {
+        self.checked.info[handle].may_kill
     }
 
     /// The parameters of a function that needn't return anything: a test.
@@ -209,6 +371,13 @@ impl Program {
         }
         self.checked.module.global_variables.iter().find_map(|(handle, global)| {
             let name = global.name.as_deref().unwrap_or_default();
+            let inner = &self.checked.module.types[global.ty].inner;
+            if !info[handle].is_empty()
+                && let kind @ BindingKind::StorageTexture { .. } = BindingKind::of(global, inner)
+                && kind.is_written()
+            {
+                return Some(format!("writes the storage texture `{name}`"));
+            }
             match global.space {
                 AddressSpace::WorkGroup if !info[handle].is_empty() => {
                     Some(format!("uses the workgroup variable `{name}`"))

@@ -82,7 +82,8 @@ pub(super) fn conclude(
         let executors = plan.probe.executors()?;
         let mut open = |Other { probe, shapes, .. }: &Other<'_>| {
             let function = (probe.package, &*probe.name);
-            let fitting = Fitting::find(function, inputs, shapes, "it is given")?;
+            let given = (&probe.fixtures, &probe.overrides);
+            let fitting = Fitting::find(function, given, inputs, shapes, "it is given")?;
             if !probe.executors.is_empty() {
                 return Err(Mismatch::Executor.of(fitting.function()));
             }

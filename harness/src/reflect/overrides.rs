@@ -1,0 +1,127 @@
+//! Values of `override` declarations, which a program gives its pipelines.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use naga::{Expression, Handle, Literal, Module, Override, ScalarKind, TypeInner};
+
+use super::{Program, ReflectError};
+use crate::diagnostic::{Diagnostic, nearest};
+
+/// Values by the name of the override, or by its `@id`.
+pub(crate) type Overrides = BTreeMap<String, f64>;
+
+impl Program {
+    /// The program with these values. Each override needs one, or an initialiser.
+    pub(crate) fn overridden(
+        self: &Arc<Self>,
+        given: &Overrides,
+    ) -> Result<Arc<Self>, ReflectError> {
+        let declared = &self.checked.module.overrides;
+        if given.is_empty() && declared.iter().all(|(_, declared)| declared.init.is_some()) {
+            return Ok(Arc::clone(self));
+        }
+        let mut values = Overrides::new();
+        for (name, value) in given {
+            values.insert(self.text_name(name)?, *value);
+        }
+        for (handle, declared) in declared.iter() {
+            let name = declared.name.as_deref().unwrap_or_default();
+            if declared.init.is_none() && !values.contains_key(name) {
+                let name = self.author_path(name).unwrap_or(name);
+                let name = name.rsplit("::").next().unwrap_or(name);
+                let message = format!("the override `{name}` has no value");
+                let note = format!("add `.override_(\"{name}\", ...)`, or `--override {name}=...`");
+                return Err(self.told(handle, Diagnostic::new(message).note(note)));
+            }
+        }
+        let mut module = self.checked.module.clone();
+        if let Err((handle, reason)) = set(&mut module, &values) {
+            return Err(self.told(handle, Diagnostic::new(reason)));
+        }
+        let program = Self::from_ir(self.linked.clone(), module)?;
+        Ok(Arc::new(Self { overrides: values, ..program }))
+    }
+
+    /// The name in the text of the override that its author, or its number, calls so.
+    fn text_name(&self, name: &str) -> Result<String, ReflectError> {
+        let overrides = || self.checked.module.overrides.iter().map(|(_, declared)| declared);
+        let path = |declared: &Override| {
+            let text = declared.name.as_deref().unwrap_or_default();
+            self.author_path(text).unwrap_or(text).to_owned()
+        };
+        let last = |path: &str| path.rsplit("::").next().unwrap_or_default().to_owned();
+        let is_it = |declared: &&Override| {
+            let path = path(declared);
+            path == name
+                || last(&path) == name
+                || declared.id.is_some_and(|id| id.to_string() == name)
+        };
+        if let Some(found) = overrides().find(is_it) {
+            return Ok(found.name.clone().unwrap_or_default());
+        }
+        let known: Vec<String> = overrides().map(|declared| last(&path(declared))).collect();
+        let nearest = nearest(name, known.iter().map(String::as_str));
+        let nearest = nearest.map_or_else(String::new, |n| format!("; did you mean `{n}`?"));
+        let message = format!("the shader has no override `{name}`{nearest}");
+        Err(ReflectError::Unprobeable(Box::new(Diagnostic::new(message))))
+    }
+
+    fn told(&self, handle: Handle<Override>, diagnostic: Diagnostic) -> ReflectError {
+        let range = self.checked.module.overrides.get_span(handle).to_range();
+        let span = range.and_then(|range| self.resolve(range));
+        let diagnostic = match span {
+            Some(span) => diagnostic.at(span, "declared here"),
+            None => diagnostic,
+        };
+        ReflectError::Unprobeable(Box::new(diagnostic))
+    }
+}
+
+/// Makes the values the initialisers of their overrides, which are called as in the text.
+pub(super) fn set(
+    module: &mut Module,
+    values: &Overrides,
+) -> Result<(), (Handle<Override>, String)> {
+    let handles: Vec<_> = module.overrides.iter().map(|(handle, _)| handle).collect();
+    for handle in handles {
+        let declared = &module.overrides[handle];
+        let name = declared.name.clone().unwrap_or_default();
+        let Some(value) = values.get(&name) else { continue };
+        let TypeInner::Scalar(scalar) = module.types[declared.ty].inner else { continue };
+        let literal = literal(scalar, *value).ok_or_else(|| {
+            let kind = match scalar.kind {
+                ScalarKind::Sint => "an i32",
+                ScalarKind::Uint => "a u32",
+                ScalarKind::Bool => "a bool (0 or 1)",
+                _ => "a float that is finite",
+            };
+            (handle, format!("the override `{name}` is {kind}, and {value} isn't one"))
+        })?;
+        let literal = Expression::Literal(literal);
+        let span = module.overrides.get_span(handle);
+        let init = module.global_expressions.append(literal, span);
+        module.overrides.get_mut(handle).init = Some(init);
+    }
+    Ok(())
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the range is checked")]
+fn literal(scalar: naga::Scalar, value: f64) -> Option<Literal> {
+    let whole = |least: f64, most: f64| value.fract() == 0.0 && (least..=most).contains(&value);
+    match (scalar.kind, scalar.width) {
+        (ScalarKind::Float, 4) => {
+            Some(Literal::F32(value as f32)).filter(|_| (value as f32).is_finite())
+        }
+        (ScalarKind::Float, 2) => {
+            let half = half::f16::from_f64(value);
+            Some(Literal::F16(half)).filter(|_| half.is_finite())
+        }
+        (ScalarKind::Sint, 4) if whole(i32::MIN.into(), i32::MAX.into()) => {
+            Some(Literal::I32(value as i32))
+        }
+        (ScalarKind::Uint, 4) if whole(0.0, u32::MAX.into()) => Some(Literal::U32(value as u32)),
+        (ScalarKind::Bool, _) if value == 0.0 || value == 1.0 => Some(Literal::Bool(value != 0.0)),
+        _ => None,
+    }
+}

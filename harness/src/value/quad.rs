@@ -1,0 +1,58 @@
+//! Values that vary from pixel to pixel.
+
+use super::{Mirror, Shape, Shareable};
+
+/// A value over a quad of two by two pixels: what it is at the upper left one, and how it changes from
+/// there to the right (`dx`) and downwards (`dy`). It is an argument of functions that take derivatives
+/// or sample with implicit level of detail, whose result at the upper left pixel is judged.
+///
+/// `T` is `f32`, a vector or a matrix of it; the reference gets a `Quad` of its mirror.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quad<T> {
+    /// At the upper left pixel.
+    pub value: T,
+    /// What the pixel to the right has more: `dpdx(value)`.
+    pub dx: T,
+    /// What the pixel below has more: `dpdy(value)`.
+    pub dy: T,
+}
+
+impl<T> Quad<T> {
+    /// What the shape is called. WGSL has no such name.
+    pub(crate) const NAME: &str = "Quad<>";
+
+    pub(super) fn members(shape: &Shape) -> Shape {
+        let members = ["value", "dx", "dy"].map(|name| (name.to_owned(), shape.clone()));
+        Shape::Struct { name: Self::NAME.to_owned(), members: members.to_vec() }
+    }
+}
+
+impl<T: Shareable> Shareable for Quad<T> {
+    type Mirror = Quad<T::Mirror>;
+
+    fn shape() -> Shape {
+        Self::members(&T::shape())
+    }
+
+    fn store(&self, lanes: &mut Vec<u32>) {
+        [&self.value, &self.dx, &self.dy].into_iter().for_each(|part| part.store(lanes));
+    }
+
+    fn load(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
+        Self { value: T::load(lanes), dx: T::load(lanes), dy: T::load(lanes) }
+    }
+
+    fn widen(&self) -> Self::Mirror {
+        Quad { value: self.value.widen(), dx: self.dx.widen(), dy: self.dy.widen() }
+    }
+}
+
+impl<T: Mirror> Mirror for Quad<T> {
+    fn shape() -> Shape {
+        Self::members(&T::shape())
+    }
+
+    fn lanes(&self, lanes: &mut Vec<f64>) {
+        [&self.value, &self.dx, &self.dy].into_iter().for_each(|part| part.lanes(lanes));
+    }
+}

@@ -1,0 +1,31 @@
+//! Several results of one call: tuples of mirrors.
+
+use super::{Mirror, Shape};
+
+/// What the shape of a tuple is called. WGSL has no such name.
+pub(super) const NAME: &str = "()";
+
+macro_rules! tuples {
+    ($(($($name:ident $index:tt),+))*) => {$(
+        /// The result, what pointers point to afterwards and the resources that are written, in this
+        /// order.
+        impl<$($name: Mirror),+> Mirror for ($($name,)+) {
+            fn shape() -> Shape {
+                let members = vec![$((stringify!($index).to_owned(), $name::shape())),+];
+                Shape::Struct { name: NAME.to_owned(), members }
+            }
+
+            fn lanes(&self, lanes: &mut Vec<f64>) {
+                $(self.$index.lanes(lanes);)+
+            }
+        }
+    )*};
+}
+
+tuples! {
+    (A 0, B 1)
+    (A 0, B 1, C 2)
+    (A 0, B 1, C 2, D 3)
+    (A 0, B 1, C 2, D 3, E 4)
+    (A 0, B 1, C 2, D 3, E 4, F 5)
+}
