@@ -3,7 +3,9 @@
 //! This is what stands between the two: the engine knows naga's IR and words, and a check knows
 //! functions, fixtures and the author's files.
 
+mod alone;
 pub(crate) mod hazards;
+mod quads;
 mod supply;
 pub(crate) mod trace;
 
@@ -26,9 +28,12 @@ use crate::probe::Data;
 use crate::probe::{ProbeError, Probed};
 #[cfg(feature = "routes")]
 use crate::reflect::BindingKind;
-use crate::reflect::Program;
+use crate::reflect::{ADAPTER, Program};
 use crate::settings;
-use crate::value::Scalar;
+use crate::value::{Scalar, Shape};
+
+pub(crate) use alone::Alone;
+use quads::Quads;
 
 /// A function that is lowered, with what it reads.
 #[derive(Debug)]
@@ -37,6 +42,8 @@ pub(crate) struct Interpreted {
     resources: Resources,
     /// The scalars of a case's arguments and of its result.
     arguments: Vec<Scalar>,
+    /// How a case becomes the four pixels of a quad, if it is one.
+    quads: Option<Quads>,
     results: Vec<Scalar>,
     name: String,
     declared: Span,
@@ -57,18 +64,32 @@ impl Interpreted {
 
     fn with(probed: &Probed, fixtures: &Fixtures, settings: &Settings) -> Result<Self, ProbeError> {
         let Probed { program, function, .. } = probed;
-        let name = program.name_of(&function.name);
-        let lowered = Lowered::function(program.module(), program.info(), name, settings)
-            .map_err(|refusal| refused(program, &refusal))?;
+        if function.form.alone {
+            let name = &function.name;
+            let message =
+                format!("`{name}` writes what is seen outside of it: it has no such values");
+            return Err(PathError::Route { path: Path::CPU, message }.into());
+        }
+        let settings = Settings { quads: function.form.fragment, ..settings.clone() };
+        let lowered = match program.adapted(function)? {
+            Some((module, info)) => Lowered::function(&module, &info, ADAPTER, &settings),
+            None => {
+                let name = program.name_of(&function.name);
+                Lowered::function(program.module(), program.info(), name, &settings)
+            }
+        };
+        let lowered = lowered.map_err(|refusal| refused(program, &refusal))?;
         let mut resources = Resources::new();
         for (binding, fixture) in resolve(&function.bindings, fixtures)? {
             supply::supply(&mut resources, program, binding, fixture)?;
         }
-        let arguments = function.parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
+        let of_pixel = |shape: &Shape| shape.quad().unwrap_or(shape).lanes();
+        let arguments = function.parameters.iter().flat_map(|(_, shape)| of_pixel(shape)).collect();
         Ok(Self {
             lowered,
             resources,
             arguments,
+            quads: function.form.fragment.then(|| Quads::of(function)),
             results: function.result.lanes(),
             name: function.name.clone(),
             declared: function.span.clone(),
@@ -120,6 +141,10 @@ impl Interpreted {
     /// Results of some cases, in the words that a driver would write.
     pub(crate) fn words(&self, cases: usize, arguments: &[u32]) -> Result<Vec<u32>, ProbeError> {
         let mut words = self.call::<F32>(cases, arguments)?.words();
+        if self.quads.is_some() {
+            let width = self.results.len();
+            words = words.chunks(width).step_by(quads::PIXELS).flatten().copied().collect();
+        }
         let whole = |word: &u32| {
             let bits = u16::try_from(*word).unwrap_or_default();
             half::f16::from_bits(bits).to_f32().to_bits()
@@ -131,6 +156,7 @@ impl Interpreted {
     /// What WGSL allows each lane of the results of some cases to be. Constants stand for the decimals
     /// that are rounded to them, as a reference has those.
     pub(crate) fn bounds(&self, cases: usize, arguments: &[u32]) -> Result<Vec<Bound>, ProbeError> {
+        self.expect_bounds()?;
         let options = Options { decimals: true, ..self.options() };
         let results = self.call_with::<Intervals>(cases, arguments, &options)?;
         Ok((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect())
@@ -143,6 +169,7 @@ impl Interpreted {
         arguments: &[u32],
         accuracy: &Arc<Accuracy>,
     ) -> Result<Vec<Bound>, ProbeError> {
+        self.expect_bounds()?;
         let accuracy = Some(Arc::clone(accuracy));
         let options = Options { decimals: true, accuracy, ..self.options() };
         let results = self.call_with::<Intervals>(cases, arguments, &options)?;
@@ -152,13 +179,28 @@ impl Interpreted {
     /// Results in double precision.
     pub(crate) fn shadow(&self, cases: usize, arguments: &[u32]) -> Result<Vec<f64>, ProbeError> {
         let results = self.call::<F64>(cases, arguments)?;
-        let lanes = (0..cases).flat_map(|case| results.row(case)).zip(self.results.iter().cycle());
+        let pixels = if self.quads.is_some() { quads::PIXELS } else { 1 };
+        let lanes = (0..cases).flat_map(|case| results.row(case * pixels));
+        let lanes = lanes.zip(self.results.iter().cycle());
         let value = |(lane, scalar): (LaneOf<F64>, &Scalar)| match lane {
             Lane::Float(x) => x,
             Lane::Int(word) => scalar.decode(word),
             Lane::Bool(x) => f64::from(u8::from(x)),
         };
         Ok(lanes.map(value).collect())
+    }
+
+    /// Refuses to bound what WGSL doesn't.
+    fn expect_bounds(&self) -> Result<(), ProbeError> {
+        if self.quads.is_none() {
+            return Ok(());
+        }
+        let name = &self.name;
+        let message = format!(
+            "`{name}` takes derivatives, of which WGSL doesn't say how exact they are: use a tolerance \
+             of your own"
+        );
+        Err(PathError::Route { path: Path::CPU, message }.into())
     }
 
     /// What made a bound infinite: the operation in the author's file, and its text.
@@ -196,8 +238,11 @@ impl Interpreted {
         options: &Options,
         observer: &impl Observer<A>,
     ) -> Result<Results<A>, ProbeError> {
+        let (cases, mut rows) = match &self.quads {
+            Some(quads) => (cases * quads::PIXELS, Cow::Owned(quads.pixels(arguments))),
+            None => (cases, Cow::Borrowed(arguments)),
+        };
         // Cases carry 16-bit floats as 32-bit ones; the engine takes their own bits.
-        let mut rows = Cow::Borrowed(arguments);
         let half = |word: &u32| u32::from(half::f16::from_f32(f32::from_bits(*word)).to_bits());
         each_half(&self.arguments, || rows.to_mut(), half);
         self.lowered

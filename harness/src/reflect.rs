@@ -3,6 +3,8 @@
 //! A [`Program`] holds the linked text, the IR and the source map. Whatever transforms or
 //! interprets shaders starts from it.
 
+#[cfg(feature = "engine")]
+mod adapter;
 mod binding;
 mod dependence;
 mod essence;
@@ -27,6 +29,8 @@ use naga::front::wgsl;
 use naga::proc::Layouter;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
+#[cfg(feature = "engine")]
+pub(crate) use adapter::ADAPTER;
 pub use binding::Binding;
 pub use dependence::Dependence;
 use kept::Wanted;
@@ -34,7 +38,7 @@ pub use layout::LayoutError;
 pub(crate) use layout::{bytes_of, lanes_of};
 use message::{causes, to_author};
 pub(crate) use overrides::Overrides;
-pub(crate) use parsed::{parsed, parsed_with};
+pub(crate) use parsed::parsed_with;
 pub use resource::{Access, BindingKind, Dimension, Format, Texels, TextureKind};
 pub(crate) use rounds::{COUNTERS, CountedLoop, Nesting, Watched, count_rounds};
 pub use signature::Function;
@@ -198,6 +202,15 @@ impl Program {
             .map_err(|error| invalid(Diagnostic::new(error.to_string())))?;
         let checked = Arc::new(Checked { module, info, layouter });
         Ok(Self { linked, checked, overrides: Overrides::new() })
+    }
+
+    /// A kernel of this program, by its text: naga's IR, and what its validator knows.
+    #[cfg(feature = "engine")]
+    pub(crate) fn kernel(&self, text: &str) -> Result<(naga::Module, ModuleInfo), String> {
+        let module = parsed_with(text, &self.overrides)?;
+        let mut validator = Validator::new(ValidationFlags::all(), Capabilities::all());
+        let info = validator.validate(&module).map_err(|error| error.to_string())?;
+        Ok((naga::Module::clone(&module), info))
     }
 
     /// The linked WGSL.

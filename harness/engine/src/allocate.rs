@@ -213,6 +213,7 @@ fn is_pure(op: Op) -> bool {
             | Op::FromInt(_)
             | Op::Scale(_)
             | Op::ToHalf
+            | Op::Neighbour(_)
             | Op::CompareFloat(_)
             | Op::CompareInt(..)
             | Op::And

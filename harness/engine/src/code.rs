@@ -21,6 +21,27 @@ pub(crate) enum Compare {
     LessEqual,
 }
 
+/// A lane of a quad, seen from one of its lanes. They are the upper left pixel, the one to its right, and
+/// the two below.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Neighbour {
+    Left,
+    Right,
+    Above,
+    Below,
+}
+
+impl Neighbour {
+    pub(crate) fn of(self, lane: usize) -> usize {
+        match self {
+            Self::Left => lane & !1,
+            Self::Right => lane | 1,
+            Self::Above => lane & !2,
+            Self::Below => lane | 2,
+        }
+    }
+}
+
 /// What an operation does. Its registers are in [`Code::pool`], results first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Op {
@@ -31,6 +52,8 @@ pub(crate) enum Op {
     Scale(Scale),
     /// Rounds to half precision.
     ToHalf,
+    /// What another lane of the quad has.
+    Neighbour(Neighbour),
     CompareFloat(Compare),
     CompareInt(Compare, bool),
     And,
@@ -306,7 +329,7 @@ impl Code {
             Op::ToInt(rule) => Shape { outs: int, ins: [rule.arity() as u32, 0, 0] },
             Op::FromInt(rule) => Shape { outs: [rule.arity() as u32, 0, 0], ins: int },
             Op::Scale(_) => Shape { outs: float, ins: [1, 1, 0] },
-            Op::ToHalf => Shape { outs: float, ins: float },
+            Op::ToHalf | Op::Neighbour(_) => Shape { outs: float, ins: float },
             Op::CompareFloat(_) => Shape { outs: bool, ins: [2, 0, 0] },
             Op::CompareInt(..) => Shape { outs: bool, ins: [0, 2, 0] },
             Op::And | Op::Or | Op::Differ => Shape { outs: bool, ins: [0, 0, 2] },

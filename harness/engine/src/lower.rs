@@ -4,6 +4,7 @@
 //! so that neither exists at run time. What it costs is bounded by [`MOST_OPERATIONS`].
 
 mod control;
+mod derivative;
 mod expression;
 mod image;
 mod math;
@@ -46,6 +47,9 @@ pub struct Settings {
     pub contract: bool,
     /// Whether observers are shown let-bindings.
     pub named: bool,
+    /// Whether four cases after one another are a quad of pixels: the upper left one, the one to its
+    /// right, and the two below. Only then are there derivatives.
+    pub quads: bool,
 }
 
 /// What an expression stands for.

@@ -213,6 +213,12 @@ impl<'p, A: Rules> Machine<'p, A> {
                     }
                 }
                 Op::ToHalf => self.floats.map::<1, 1>(registers, |[x]| [A::to_half(x)]),
+                Op::Neighbour(neighbour) => self.floats.write(registers[0], |floats, out| {
+                    let of = floats.get(registers[1]);
+                    for (lane, out) in out.iter_mut().enumerate() {
+                        *out = of[neighbour.of(lane)];
+                    }
+                }),
                 Op::CompareFloat(_)
                 | Op::CompareInt(..)
                 | Op::And

@@ -7,6 +7,9 @@ use crate::probe::{CONSTANTS, Inputs};
 use crate::reflect::Function;
 use crate::value::Shape;
 
+/// Cases that have a dispatch each, unless the check says otherwise: a driver takes some 50 us for one.
+const ALONE: u64 = 2048;
+
 /// What one verb asks of a session.
 pub(super) struct Demand {
     /// Types of the arguments that the host supplies.
@@ -35,6 +38,10 @@ pub(super) fn number(
     let (cases, enumerated) = match plan.cases {
         Some(cases) => (cases, cases),
         None => (demand.cases, demand.enumerated),
+    };
+    let (cases, enumerated) = match plan.cases {
+        None if function.form.alone => (cases.min(ALONE), enumerated.min(ALONE)),
+        _ => (cases, enumerated),
     };
     let few = CONSTANTS as u64;
     let (cases, enumerated) = match inputs {

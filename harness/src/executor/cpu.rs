@@ -1,7 +1,7 @@
 //! The path `cpu`: Karat's own engine, which needs no driver.
 
 use super::Executor;
-use crate::interpret::Interpreted;
+use crate::interpret::{Alone, Interpreted};
 use crate::path::{Adapter, Path, cpu};
 use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
 
@@ -21,8 +21,14 @@ impl Executor for Cpu {
 
     fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
         let Call { probed, fixtures, cases } = *call;
+        let cases = cases.max(1);
+        if probed.function().form.alone {
+            let function = Alone::new(probed, fixtures)?;
+            let width = probed.function().result.lanes().len();
+            return Ok(Box::new(ReadyAlone { function, cases, width }));
+        }
         let function = Interpreted::new(probed, fixtures)?;
-        Ok(Box::new(Ready { function, cases: cases.max(1) }))
+        Ok(Box::new(Ready { function, cases }))
     }
 }
 
@@ -42,6 +48,29 @@ impl Prepared for Ready {
         let width = self.function.results().len();
         Ok(Box::new(move |read: Reader<'_>| {
             read(&words, width);
+            Ok(())
+        }))
+    }
+}
+
+/// A function that writes what is seen outside of it.
+#[derive(Debug)]
+struct ReadyAlone {
+    function: Alone,
+    cases: usize,
+    /// Words of all that a case gives.
+    width: usize,
+}
+
+impl Prepared for ReadyAlone {
+    fn capacity(&self) -> usize {
+        self.cases
+    }
+
+    fn start<'p>(&'p self, cases: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError> {
+        let words = self.function.words(cases, arguments)?;
+        Ok(Box::new(move |read: Reader<'_>| {
+            read(&words, self.width);
             Ok(())
         }))
     }

@@ -104,3 +104,15 @@ fn texture(binding: &Binding, view: &View<'_>) -> Result<engine::Texture, String
     let size = [first.width, first.height, first.depth * view.layers];
     engine::Texture::new(dimension, size, view.samples, levels).map_err(|error| error.to_string())
 }
+
+/// The words of texels, four each.
+pub(super) fn words(texels: &engine::Texels) -> Vec<u32> {
+    match texels {
+        engine::Texels::Float(texels) => texels.iter().flatten().map(|x| x.to_bits()).collect(),
+        engine::Texels::Sint(texels) => {
+            texels.iter().flatten().map(|x| x.cast_unsigned()).collect()
+        }
+        engine::Texels::Uint(texels) => texels.iter().flatten().copied().collect(),
+        engine::Texels::Depth(texels) => texels.iter().map(|x| x.to_bits()).collect(),
+    }
+}

@@ -46,8 +46,8 @@ impl Compiled {
 }
 
 impl Bound {
-    /// Draws a triangle over all quads.
-    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>) {
+    /// Draws a triangle for each case.
+    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, cases: usize) {
         let Compiled::Drawn(pipeline) = &self.pipeline else { return };
         pass.set_pipeline(pipeline);
         for (index, group) in (0..).zip(&self.groups) {
@@ -56,7 +56,7 @@ impl Bound {
         if let Some(bytes) = &self.immediates {
             pass.set_immediates(0, bytes);
         }
-        pass.draw(0..3, 0..1);
+        pass.draw(0..3, 0..u32::try_from(cases).expect("a batch fits in 32 bits"));
     }
 
     /// Sets all that a dispatch needs.

@@ -212,8 +212,10 @@ impl<'d> Dispatcher<'d> {
         let limit = self.device.device.limits().max_compute_workgroups_per_dimension;
         let groups = (count * invocations).div_ceil(WORKGROUP);
         let (columns, rows) = (groups.min(limit), groups.div_ceil(limit));
-        let row = self.target.as_ref().map_or(columns * WORKGROUP, |target| target.columns);
-        let batch = [count, canary, row, invocations];
+        let batch = match &self.target {
+            Some(Target { grid: [columns, rows], .. }) => [count, canary, *columns, *rows],
+            None => [count, canary, columns * WORKGROUP, invocations],
+        };
         self.device.checked(|| {
             if let Some(buffer) = &self.arguments {
                 self.device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(arguments));
@@ -243,7 +245,7 @@ impl<'d> Dispatcher<'d> {
             let size = self.bytes(dispatch.cases);
             poison.fill(&mut encoder, &self.results, size);
             match (&self.target, &self.alone) {
-                (Some(target), _) => bound.draw(&mut target.pass(&mut encoder)),
+                (Some(target), _) => bound.draw(&mut target.pass(&mut encoder), dispatch.cases),
                 (None, Some((batches, kept))) => {
                     for case in 0..dispatch.cases {
                         kept.iter().for_each(|kept| kept.reset(&mut encoder));

@@ -92,11 +92,6 @@ impl Kept {
         Ok(Some(Self { program, binding, live, before, after, staging, stride }))
     }
 
-    /// Bytes of one copy of what it holds.
-    pub(super) fn stride(&self) -> u64 {
-        self.stride
-    }
-
     /// Gives it back what it held before.
     pub(super) fn reset(&self, encoder: &mut wgpu::CommandEncoder) {
         match (&self.before, &self.live) {

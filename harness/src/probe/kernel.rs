@@ -26,6 +26,9 @@ pub(super) const ENTRY_POINT: &str = "karat_probe";
 /// Name of the vertex function beside an entry point that is a fragment function.
 pub(super) const VERTEX: &str = "karat_vertex";
 
+/// Pixels along a side of what a quad has for itself, with room for a triangle that covers it.
+pub(super) const CELL: u32 = 4;
+
 /// A kernel and the layout of its buffers.
 #[derive(Clone, Debug)]
 pub(crate) struct Kernel {
@@ -101,6 +104,13 @@ impl Kernel {
         }
     }
 
+    /// The first of three bindings in group 0 (arguments, results, batch), and the words of one case's
+    /// arguments and results.
+    #[cfg(feature = "engine")]
+    pub(crate) fn buffers(&self) -> (u32, usize, usize) {
+        (self.first_binding, self.words_in, self.words_out)
+    }
+
     /// Where the arguments come from.
     pub(super) fn inputs(&self) -> Inputs {
         self.inputs
@@ -160,7 +170,7 @@ impl Kernel {
         });
         let form = &self.function.form;
         let what = match (form.fragment, form.alone) {
-            (true, _) => "quads in a row, nothing",
+            (true, _) => "quads in a row, rows of quads",
             (_, true) => "nothing, the case",
             _ => "invocations in a row of workgroups, invocations a case",
         };
@@ -175,17 +185,23 @@ impl Kernel {
         if form.fragment {
             writeln!(
                 text,
-                "@vertex\n\
-                 fn {VERTEX}(@builtin(vertex_index) karat_index: u32) -> @builtin(position) vec4<f32> {{\n    \
-                 let karat_x = f32(karat_index % 2u) * 4.0 - 1.0;\n    \
-                 let karat_y = f32(karat_index / 2u) * 4.0 - 1.0;\n    \
-                 return vec4<f32>(karat_x, karat_y, 0.0, 1.0);\n}}\n\n\
+                "// Each case is a quad of two by two pixels, for its own triangle, which covers all four: a\n\
+                 // driver may read nothing for a pixel that isn't covered.\n\
+                 @vertex\n\
+                 fn {VERTEX}(\n    \
+                 @builtin(vertex_index) karat_index: u32,\n    \
+                 @builtin(instance_index) karat_case: u32,\n\
+                 ) -> @builtin(position) vec4<f32> {{\n    \
+                 let karat_cell = vec2<u32>(karat_case % karat_batch.z, karat_case / karat_batch.z);\n    \
+                 let karat_corner = karat_cell + vec2<u32>(karat_index % 2u, karat_index / 2u);\n    \
+                 let karat_at = vec2<f32>(karat_corner) / vec2<f32>(karat_batch.zw);\n    \
+                 return vec4<f32>(2.0 * karat_at.x - 1.0, 1.0 - 2.0 * karat_at.y, 0.0, 1.0);\n}}\n\n\
                  @fragment\n\
                  fn {ENTRY_POINT}(@builtin(position) karat_position: vec4<f32>) -> @location(0) vec4<f32> {{\n    \
-                 // Each case is a quad of two by two pixels. Derivatives need all four.\n    \
                  let karat_pixel = vec2<u32>(karat_position.xy);\n    \
                  let karat_step = vec2<f32>(karat_pixel % vec2<u32>(2u));\n    \
-                 let karat_quad = karat_pixel.x / 2u + karat_pixel.y / 2u * karat_batch.z;\n    \
+                 let karat_cell = karat_pixel / vec2<u32>({CELL}u);\n    \
+                 let karat_quad = karat_cell.x + karat_cell.y * karat_batch.z;\n    \
                  let karat_case = min(karat_quad, karat_batch.x - 1u);"
             )?;
         } else {
@@ -278,7 +294,7 @@ impl Kernel {
                     writeln!(text, "    var karat_p{index} = {value};")?;
                     format!("&karat_p{index}")
                 }
-                Passed::Private | Passed::Workgroup => {
+                Passed::Private => {
                     writeln!(text, "    karat_p{index} = {value};")?;
                     format!("&karat_p{index}")
                 }
@@ -300,10 +316,7 @@ impl Kernel {
         let mut indent = "    ";
         if form.fragment {
             indent = "        ";
-            writeln!(
-                text,
-                "    if karat_quad < karat_batch.x && all(karat_pixel % vec2<u32>(2u) == vec2<u32>(0u)) {{"
-            )?;
+            writeln!(text, "    if all(karat_pixel % vec2<u32>({CELL}u) == vec2<u32>(0u)) {{")?;
         }
         let returned = form.returns.iter().map(|shape| ("karat_r".to_owned(), shape));
         let pointers = function.parameters.iter().zip(&form.passed).enumerate();
@@ -331,7 +344,6 @@ impl Kernel {
         let of = function.parameters.iter().zip(&function.form.passed).enumerate();
         let declared = of.filter_map(|(index, ((_, shape), passed))| match passed {
             Passed::Private => Some(format!("var<private> karat_p{index}: {shape};\n")),
-            Passed::Workgroup => Some(format!("var<workgroup> karat_p{index}: {shape};\n")),
             Passed::Value | Passed::Function => None,
         });
         declared.collect()

@@ -1,7 +1,7 @@
 //! Kernels that are fragment functions: what they are drawn into.
 
 use super::ProbeError;
-use super::kernel::{ENTRY_POINT, VERTEX};
+use super::kernel::{CELL, ENTRY_POINT, VERTEX};
 use crate::path::Device;
 use crate::reflect::{Overrides, on_deep_stack, parsed_with};
 
@@ -11,8 +11,8 @@ const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 /// The target of a kernel's quads.
 pub(super) struct Target {
     view: wgpu::TextureView,
-    /// Quads in a row.
-    pub(super) columns: u32,
+    /// Quads in a row, and rows.
+    pub(super) grid: [u32; 2],
 }
 
 impl Target {
@@ -25,8 +25,8 @@ impl Target {
             let texture = device.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some("quads"),
                 size: wgpu::Extent3d {
-                    width: 2 * columns,
-                    height: 2 * rows,
+                    width: CELL * columns,
+                    height: CELL * rows,
                     depth_or_array_layers: 1,
                 },
                 mip_level_count: 1,
@@ -38,7 +38,7 @@ impl Target {
             });
             texture.create_view(&wgpu::TextureViewDescriptor::default())
         })?;
-        Ok(Self { view, columns })
+        Ok(Self { view, grid: [columns, rows] })
     }
 
     /// A pass that draws into it.

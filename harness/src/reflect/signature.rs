@@ -55,8 +55,6 @@ pub(crate) enum Passed {
     Function,
     /// By a pointer to a private variable.
     Private,
-    /// By a pointer to a variable of the workgroup.
-    Workgroup,
 }
 
 impl Passed {
@@ -66,7 +64,6 @@ impl Passed {
             Self::Value => None,
             Self::Function => Some("function"),
             Self::Private => Some("private"),
-            Self::Workgroup => Some("workgroup"),
         }
     }
 }
@@ -164,7 +161,6 @@ impl Program {
         for argument in &function.arguments {
             let name = argument.name.clone().unwrap_or_default();
             let (ty, passed) = self.passed(argument.ty);
-            form.alone |= passed == Passed::Workgroup;
             let shape = self.shape(ty).map_err(|reason| {
                 refuse(format!("its parameter `{name}` is {reason}"), "pass values, return values")
             })?;
@@ -215,9 +211,6 @@ impl Program {
             }
             naga::TypeInner::Pointer { base, space: AddressSpace::Private } => {
                 (base, Passed::Private)
-            }
-            naga::TypeInner::Pointer { base, space: AddressSpace::WorkGroup } => {
-                (base, Passed::Workgroup)
             }
             _ => (ty, Passed::Value),
         }

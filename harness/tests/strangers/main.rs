@@ -1,3 +1,4 @@
 //! What engines bind, call and dispatch, each kind with a test that fails if it is ignored.
 
+mod functions;
 mod resources;

@@ -199,8 +199,14 @@ impl<'m> Lower<'m> {
             Expression::ImageSample { .. }
             | Expression::ImageLoad { .. }
             | Expression::ImageQuery { .. } => self.image(scope, handle),
-            Expression::Derivative { .. } => {
-                Err(self.refuse("a derivative, which only fragments have"))
+            Expression::Derivative { axis, expr, .. } => {
+                let scalars = self.scalars(&self.type_of(scope, expr))?;
+                let half = scalars.first() == Some(&Scalar::F16);
+                let registers = self.flat(scope, expr)?;
+                let of = |register| self.derivative(axis, register, half);
+                let derivatives: Vec<Reg> =
+                    registers.iter().copied().map(of).collect::<Lowered<_>>()?;
+                Ok(Value::Flat(derivatives.into()))
             }
             Expression::CallResult(_)
             | Expression::AtomicResult { .. }

@@ -1,13 +1,13 @@
 //! Textures.
 
 use naga::{
-    Expression, Handle, ImageClass, ImageDimension, ImageQuery, SampleLevel, ScalarKind, Statement,
-    TypeInner,
+    DerivativeAxis, Expression, Handle, ImageClass, ImageDimension, ImageQuery, SampleLevel,
+    ScalarKind, Statement, TypeInner,
 };
 
 use super::{Lower, Lowered, Scope, Value};
 use crate::code::{Detail, ImageKind, ImageOp, Op, Reg};
-use crate::rules::FromInt;
+use crate::rules::{Basic, Exponential, FloatRule, FromInt};
 use crate::scalar::File;
 
 /// A texture's slot and type.
@@ -121,10 +121,33 @@ impl<'m> Lower<'m> {
                         Detail::Gradient
                     }
                     SampleLevel::Auto if gather.is_some() => Detail::Zero,
+                    SampleLevel::Auto | SampleLevel::Bias(_)
+                        if texture.dimension == ImageDimension::Cube =>
+                    {
+                        return Err(self.refuse("implicit level of detail of a cube texture"));
+                    }
                     SampleLevel::Auto | SampleLevel::Bias(_) => {
-                        return Err(self.refuse(
-                            "sampling with implicit derivatives, which only fragments have",
-                        ));
+                        // The bias is added to the level, which is a logarithm.
+                        let scale = match level {
+                            SampleLevel::Bias(bias) => {
+                                let bias = self.flat(scope, bias)?[0];
+                                let exp2 = FloatRule::Exponential(Exponential::Exp2);
+                                Some(self.float_op(exp2, &[bias], false)?)
+                            }
+                            _ => None,
+                        };
+                        let at = self.flat(scope, coordinate)?;
+                        for axis in [DerivativeAxis::X, DerivativeAxis::Y] {
+                            for register in at.iter() {
+                                let mut change = self.derivative(axis, *register, false)?;
+                                if let Some(scale) = scale {
+                                    change =
+                                        self.basic(Basic::Multiply, &[change, scale], false)?;
+                                }
+                                floats.push(change);
+                            }
+                        }
+                        Detail::Gradient
                     }
                 };
                 let gather = gather.map(|channel| channel.index() as u8);

@@ -1,0 +1,87 @@
+//! Functions that write what is seen outside of them: each case is a dispatch of the kernel.
+
+use std::sync::Arc;
+
+use karat_engine::{F32, Options, Program as Lowered, Resources, Settings};
+
+use super::{refused, stopped, supply};
+use crate::fixture::{Fixtures, resolve};
+use crate::path::{Path, PathError};
+use crate::probe::{ProbeError, Probed};
+use crate::reflect::{Binding, BindingKind, Program, lanes_of};
+use crate::settings;
+
+/// A kernel in the engine, with what it reads.
+#[derive(Debug)]
+pub(crate) struct Alone {
+    lowered: Lowered,
+    resources: Resources,
+    program: Arc<Program>,
+    name: String,
+    written: Vec<Binding>,
+    /// The first of three bindings in group 0: arguments, results, batch.
+    first: u32,
+    words_in: usize,
+    words_out: usize,
+}
+
+impl Alone {
+    pub(crate) fn new(probed: &Probed, fixtures: &Fixtures) -> Result<Self, ProbeError> {
+        let Probed { program, function, .. } = probed;
+        let unfit = |message: String| PathError::Route { path: Path::CPU, message };
+        let (module, info) = program.kernel(probed.kernel()).map_err(unfit)?;
+        let settings = Settings::default();
+        let lowered = Lowered::entry_point(&module, &info, Probed::ENTRY_POINT, &settings)
+            .map_err(|refusal| refused(program, &refusal))?;
+        let mut resources = Resources::new();
+        for (binding, fixture) in resolve(&function.bindings, fixtures)? {
+            supply::supply(&mut resources, program, binding, fixture)?;
+        }
+        let (first, words_in, words_out) = probed.kernel.buffers();
+        let (program, name) = (Arc::clone(program), function.name.clone());
+        let written = function.written().cloned().collect();
+        Ok(Self { lowered, resources, program, name, written, first, words_in, words_out })
+    }
+
+    /// For each case the words of what the function returns, of what its pointers point to and of the
+    /// resources that it writes.
+    pub(crate) fn words(&self, cases: usize, arguments: &[u32]) -> Result<Vec<u32>, ProbeError> {
+        let mut rows = Vec::new();
+        for case in 0..cases {
+            let own = &arguments[case * self.words_in..][..self.words_in];
+            rows.extend(self.case(own)?);
+        }
+        Ok(rows)
+    }
+
+    fn case(&self, arguments: &[u32]) -> Result<Vec<u32>, ProbeError> {
+        let mut resources = self.resources.clone();
+        let bytes = |words: &[u32]| bytemuck::cast_slice::<u32, u8>(words).to_vec();
+        resources.set_buffer(0, self.first, bytes(arguments));
+        resources.set_buffer(0, self.first + 1, vec![0; 4 * (self.words_out + 1)]);
+        resources.set_buffer(0, self.first + 2, bytes(&[1, 0, 0, 0]));
+        let deadline = std::time::Instant::now().checked_add(settings::deadline());
+        let options = Options { fuel: settings::fuel(), deadline, ..Options::default() };
+        self.lowered
+            .dispatch::<F32>([1; 3], &mut resources, &options, &())
+            .map_err(|stop| stopped(&self.program, &self.name, &stop))?;
+        let results = resources.buffer(0, self.first + 1).unwrap_or_default();
+        let mut words: Vec<u32> = bytemuck::pod_collect_to_vec(results);
+        words.truncate(self.words_out);
+        self.written.iter().for_each(|binding| {
+            words.extend(after(&self.program, &resources, binding));
+        });
+        Ok(words)
+    }
+}
+
+/// The lanes of what a resource holds.
+pub(super) fn after(program: &Program, resources: &Resources, binding: &Binding) -> Vec<u32> {
+    let (group, number) = (binding.group, binding.binding);
+    if let BindingKind::StorageTexture { .. } = binding.kind {
+        let texture = resources.texture(group, number);
+        return texture.and_then(|t| t.texels().first()).map_or_else(Vec::new, supply::words);
+    }
+    let bytes = resources.buffer(group, number).unwrap_or_default();
+    lanes_of(program.module(), binding.ty, bytes).unwrap_or_default()
+}

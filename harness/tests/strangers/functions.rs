@@ -1,0 +1,335 @@
+//! Functions with pointers, without a result, that write, and that only fragment shaders may call.
+
+use glam::{DVec2, DVec4, UVec2, Vec2, Vec4};
+use karat::prelude::*;
+use karat::value::Quad;
+
+fn check(text: &str) -> Package {
+    Package::from_source("f", text)
+}
+
+/// What a pointer points to goes in by value and comes out as a further result.
+#[test]
+fn pointers_are_values_in_and_out() {
+    let package = check(
+        "fn next(state: ptr<function, u32>) -> u32 {\n    \
+         *state = *state * 747796405u + 2891336453u;\n    return *state >> 16u;\n}\n\
+         fn scale(v: ptr<function, vec2f>, by: f32) { *v = *v * by; }\n\
+         var<private> kept: f32;\n\
+         fn add(sum: ptr<private, f32>, x: f32) -> f32 { kept += x; *sum += x; return kept; }",
+    );
+    let step = |state: u32| state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+    package
+        .function("next")
+        .over(Integers(0..=u32::MAX))
+        .agrees_with(move |state: u32| (step(state) >> 16, step(state)), Abs(0.0));
+    // Without a result what the pointer points to is the result.
+    package
+        .function("scale")
+        .over(((-1.0_f32..=1.0, -1.0_f32..=1.0).map(|(x, y)| Vec2::new(x, y)), 0.0_f32..=4.0))
+        .agrees_with(|v: DVec2, by: f64| v * by, Ulp(1.0));
+    // A private variable starts anew in each case.
+    package
+        .function("add")
+        .over((-1.0_f32..=1.0, -1.0_f32..=1.0))
+        .agrees_with(|sum: f64, x: f64| (x, sum + x), Ulp(1.0).or(Abs(1e-7)));
+}
+
+/// A reference that takes no note of the pointer, or a wrong one, is seen.
+#[test]
+fn what_a_pointer_points_to_is_compared() {
+    let package = check("fn f(a: ptr<function, i32>) -> i32 { *a += 1; return *a * 2; }");
+    let probe = || package.function("f").over(Integers(-100..=100_i32));
+    probe().agrees_with(|a: i32| (2 * (a + 1), a + 1), Abs(0.0));
+    let wrong = probe().try_agrees_with(|a: i32| (2 * (a + 1), a), Abs(0.0));
+    let text = wrong.expect_err("it adds 1").to_string();
+    assert!(text.contains("at .a"), "{text}");
+    let unpaired = probe().try_agrees_with(|a: i32| 2 * (a + 1), Abs(0.0));
+    let text = unpaired.expect_err("the pointer is a result, too").to_string();
+    assert!(text.contains("returns"), "{text}");
+}
+
+#[test]
+fn twelve_parameters_and_none() {
+    let package = check(
+        "@must_use fn sum(a: f32, b: f32, c: f32, d: f32, e: f32, f: f32, g: f32, h: f32, i: f32, \
+         j: f32, k: i32, l: u32) -> f32 {\n    \
+         return a + b + c + d + e + f + g + h + i + j + f32(k) + f32(l);\n}\n\
+         @group(0) @binding(0) var<uniform> one: f32;\n\
+         fn none() -> f32 { return one; }",
+    );
+    let one = || OneOf(vec![0.0_f32, 1.0, 2.0]);
+    let domain = (
+        one(),
+        one(),
+        one(),
+        one(),
+        one(),
+        one(),
+        one(),
+        one(),
+        one(),
+        one(),
+        Integers(-3..=3_i32),
+        Integers(0..=3_u32),
+    );
+    package.function("sum").over(domain).cases(2000).agrees_with(
+        |a: f64,
+         b: f64,
+         c: f64,
+         d: f64,
+         e: f64,
+         f: f64,
+         g: f64,
+         h: f64,
+         i: f64,
+         j: f64,
+         k: i32,
+         l: u32| a + b + c + d + e + f + g + h + i + j + f64::from(k) + f64::from(l),
+        Abs(0.0),
+    );
+    package
+        .function("none")
+        .with("one", Uniform::new(1.0_f32))
+        .over(())
+        .agrees_with(|| 1.0_f64, Abs(0.0));
+}
+
+#[test]
+fn overrides_are_set() {
+    let package = check(
+        "override GAIN: f32;\n@id(7) override COUNT: u32 = 2u;\noverride ON: bool = false;\n\
+         const K = 3.0;\n\
+         fn f(x: f32) -> f32 { return select(0.0, GAIN * x + f32(COUNT), ON); }",
+    );
+    let probe = || package.function("f").override_("GAIN", 2.0).override_("ON", 1.0);
+    let xs = || OneOf(vec![0.0_f32, 1.0, 4.0]);
+    probe().over(xs()).agrees_with(|x: f64| 2.0 * x + 2.0, Abs(0.0));
+    probe().override_("7", 5.0).over(xs()).agrees_with(|x: f64| 2.0 * x + 5.0, Abs(0.0));
+    // One that is ignored is seen.
+    probe()
+        .override_("COUNT", 5.0)
+        .over(xs())
+        .try_agrees_with(|x: f64| 2.0 * x + 2.0, Abs(0.0))
+        .expect_err("COUNT is 5");
+    let told = |name: &str, value: f64, parts: &[&str]| {
+        let probe = package.function("f").override_(name, value);
+        let error = probe.over(xs()).try_agrees_with(|x: f64| x, Abs(0.0)).expect_err("a mistake");
+        parts.iter().for_each(|part| assert!(error.to_string().contains(part), "{error}"));
+    };
+    told("COUNT", 3.0, &["<f>:1:1", "the override `GAIN` has no value", ".override_(\"GAIN\""]);
+    told("GAINS", 3.0, &["no override `GAINS`", "did you mean `GAIN`?"]);
+    let wrong = probe().override_("COUNT", -1.0).over(xs()).try_agrees_with(|x: f64| x, Abs(0.0));
+    let text = wrong.expect_err("a u32").to_string();
+    assert!(text.contains("`COUNT` is a u32, and -1 isn't one"), "{text}");
+    let wrong =
+        probe().override_("GAIN", f64::NAN).over(xs()).try_agrees_with(|x: f64| x, Abs(0.0));
+    wrong.expect_err("no constant is NaN");
+}
+
+/// Storage that a case writes is what it was before, for each case; what it is afterwards is a result.
+#[test]
+fn written_storage_is_a_result_and_starts_anew() {
+    let package = check(
+        "struct Bins { total: atomic<u32>, count: array<atomic<u32>> }\n\
+         @group(0) @binding(0) var<storage, read_write> bins: Bins;\n\
+         fn bump(i: u32, by: u32) -> u32 {\n    \
+         atomicAdd(&bins.total, by);\n    return atomicAdd(&bins.count[i % 3u], by);\n}\n\
+         @group(0) @binding(1) var<storage, read_write> line: array<vec3f>;\n\
+         fn put(i: u32, x: f32) { line[i] = vec3f(x, 1.0, f32(arrayLength(&line))); }",
+    );
+    let bins = || karat::fixture::Buffer::of_pod(&[10_u32, 1, 2, 3]);
+    let domain = || (Integers(0..=5_u32), Integers(0..=9_u32));
+    package.function("bump").with("bins", bins()).over(domain()).agrees_with(
+        |i: u32, by: u32| {
+            let mut count = [1_u32, 2, 3];
+            count[i as usize % 3] += by;
+            (count[i as usize % 3] - by, Bins { total: 10 + by, count })
+        },
+        Abs(0.0),
+    );
+    let line = || Storage::new([glam::Vec3::ZERO, glam::Vec3::ONE]);
+    package
+        .function("put")
+        .with("line", line())
+        .over((Integers(0..=1_u32), 0.0_f32..=1.0))
+        .cases(64)
+        .agrees_with(
+            |i: u32, x: f64| {
+                let mut line = [glam::DVec3::ZERO, glam::DVec3::ONE];
+                line[i as usize] = glam::DVec3::new(x, 1.0, 2.0);
+                line
+            },
+            Abs(0.0),
+        );
+    let wrong = package
+        .function("put")
+        .with("line", line())
+        .over((Integers(0..=1_u32), 0.0_f32..=1.0))
+        .cases(64)
+        .try_agrees_with(|_: u32, _: f64| [glam::DVec3::ZERO, glam::DVec3::ONE], Abs(0.0));
+    wrong.expect_err("it writes");
+}
+
+/// The mirror of `Bins` in WGSL: atomics are their scalars.
+#[derive(Clone, Debug)]
+struct Bins {
+    total: u32,
+    count: [u32; 3],
+}
+
+impl karat::value::Mirror for Bins {
+    fn shape() -> karat::value::Shape {
+        use karat::value::{Scalar, Shape};
+        let count = Shape::Array { element: Box::new(Shape::Scalar(Scalar::U32)), length: 3 };
+        let total = ("total".to_owned(), Shape::Scalar(Scalar::U32));
+        Shape::Struct { name: "Bins".to_owned(), members: vec![total, ("count".to_owned(), count)] }
+    }
+
+    fn lanes(&self, lanes: &mut Vec<f64>) {
+        lanes.push(f64::from(self.total));
+        lanes.extend(self.count.map(f64::from));
+    }
+}
+
+/// Workgroup variables are zero in each case, and a barrier is met by its one invocation.
+#[test]
+fn workgroup_state_starts_anew() {
+    let package = check(
+        "var<workgroup> shared_sum: array<u32, 4>;\n\
+         fn f(i: u32, x: u32) -> u32 {\n    \
+         shared_sum[i] += x;\n    workgroupBarrier();\n    \
+         return shared_sum[0] + shared_sum[1] + shared_sum[2] + shared_sum[3];\n}",
+    );
+    let domain = || (Integers(0..=3_u32), Integers(0..=9_u32));
+    package.function("f").over(domain()).agrees_with(|_: u32, x: u32| x, Abs(0.0));
+}
+
+#[test]
+fn storage_textures_are_read_back() {
+    let package = check(
+        "@group(0) @binding(0) var target_: texture_storage_2d<rgba8unorm, write>;\n\
+         @group(0) @binding(1) var counts: texture_storage_2d<r32uint, read_write>;\n\
+         fn paint(at: vec2u, x: f32) { textureStore(target_, at, vec4f(x, 1.0 - x, 2.0, 1.0)); }\n\
+         fn count(at: vec2u) -> u32 {\n    \
+         let old = textureLoad(counts, at).x;\n    \
+         textureStore(counts, at, vec4u(old + 1u, 0u, 0u, 0u));\n    return old;\n}",
+    );
+    let places = || OneOf((0..6).map(|i| UVec2::new(i % 3, i / 3)).collect::<Vec<_>>());
+    let rounded = |x: f64| (x.clamp(0.0, 1.0) * 255.0).round_ties_even() / 255.0;
+    package
+        .function("paint")
+        .with("target_", Texture::from_fn(3, 2, |_, _| Vec4::ZERO))
+        .over((places(), OneOf(vec![0.0_f32, 0.2, 0.6, 1.0])))
+        .agrees_with(
+            move |at: UVec2, x: f64| {
+                let mut texels = [DVec4::ZERO; 6];
+                texels[(at.y * 3 + at.x) as usize] =
+                    DVec4::new(rounded(x), rounded(1.0 - x), 1.0, 1.0);
+                texels
+            },
+            Abs(1e-7),
+        );
+    package
+        .function("count")
+        .with("counts", Texture::from_fn(3, 2, |x, y| 10 * y + x))
+        .over(places())
+        .agrees_with(
+            |at: UVec2| {
+                let mut texels: [glam::UVec4; 6] = std::array::from_fn(|i| {
+                    let i = i as u32;
+                    glam::UVec4::new(10 * (i / 3) + i % 3, 0, 0, 1)
+                });
+                texels[(at.y * 3 + at.x) as usize].x += 1;
+                (10 * at.y + at.x, texels)
+            },
+            Abs(0.0),
+        );
+}
+
+/// A value with its derivatives goes in; the result at the upper left pixel is judged.
+#[test]
+fn derivatives_over_quads() {
+    let package = check(
+        "fn edge(d: f32) -> f32 { return clamp(0.5 - d / fwidth(d), 0.0, 1.0); }\n\
+         fn slope(p: vec2f, by: f32) -> vec4f { return by * vec4f(dpdx(p), dpdy(p)); }",
+    );
+    // Steps that are exact in binary: what is added to a value can be taken off again.
+    let steps = || OneOf(vec![-0.5_f32, -0.25, 0.25, 1.0]);
+    let values = || Grid::linear(-1.0..=1.0, 33);
+    let quad = || (values(), steps(), steps()).map(|(value, dx, dy)| Quad { value, dx, dy });
+    package.function("edge").over(quad()).agrees_with(
+        |d: Quad<f64>| (0.5 - d.value / (d.dx.abs() + d.dy.abs())).clamp(0.0, 1.0),
+        Ulp(4.0).or(Abs(1e-6)),
+    );
+    let pair = || {
+        (quad(), quad()).map(|(x, y)| Quad {
+            value: Vec2::new(x.value, y.value),
+            dx: Vec2::new(x.dx, y.dx),
+            dy: Vec2::new(x.dy, y.dy),
+        })
+    };
+    package.function("slope").over((pair(), OneOf(vec![1.0_f32, -2.0]))).agrees_with(
+        |p: Quad<DVec2>, by: f64| by * DVec4::new(p.dx.x, p.dx.y, p.dy.x, p.dy.y),
+        Ulp(0.0),
+    );
+    let wrong = package
+        .function("edge")
+        .over(quad())
+        .try_agrees_with(|d: Quad<f64>| (0.5 - d.value / d.dx.abs()).clamp(0.0, 1.0), Abs(1e-3));
+    wrong.expect_err("a derivative is left out");
+    // Without derivatives a value is the same at all four pixels.
+    package
+        .function("slope")
+        .over((Just(Vec2::ONE), Just(3.0_f32)))
+        .agrees_with(|_: DVec2, _: f64| DVec4::ZERO, Abs(0.0));
+}
+
+/// Sampling with an implicit level of detail, and with a bias.
+#[test]
+fn implicit_levels_of_detail() {
+    let package = check(
+        "@group(0) @binding(0) var image: texture_2d<f32>;\n\
+         @group(0) @binding(1) var filtering: sampler;\n\
+         fn f(uv: vec2f) -> f32 { return textureSample(image, filtering, uv).x; }\n\
+         fn biased(uv: vec2f, bias: f32) -> f32 {\n    \
+         return textureSampleBias(image, filtering, uv, bias).x;\n}",
+    );
+    let flat = |size: u32, value: f32| Texture::from_fn(size, size, move |_, _| value);
+    let image = || flat(8, 0.0).with_levels([flat(4, 1.0), flat(2, 2.0), flat(1, 3.0)]);
+    let uv = || {
+        OneOf(vec![1.0_f32, 2.0, 4.0]).map(|texels| Quad {
+            value: Vec2::splat(0.25),
+            dx: Vec2::new(texels / 8.0, 0.0),
+            dy: Vec2::new(0.0, texels / 8.0),
+        })
+    };
+    let level = |uv: Quad<DVec2>| (8.0 * uv.dx.x).log2();
+    let probe = |function: &str| {
+        package.function(function).with("image", image()).with("filtering", Sampler::Linear)
+    };
+    probe("f").over(uv()).agrees_with(level, Abs(0.02));
+    probe("biased").over((uv(), OneOf(vec![-1.0_f32, 0.0, 1.0]))).agrees_with(
+        move |uv: Quad<DVec2>, bias: f64| (level(uv) + bias).clamp(0.0, 3.0),
+        Abs(0.02),
+    );
+}
+
+/// What can't be a subject is refused with its reason and its line.
+#[test]
+fn what_has_no_value_is_refused() {
+    let told = |text: &str, part: &str| {
+        let package = check(text);
+        let check = package.function("f").over(Just(1.0_f32));
+        let error = check.try_agrees_with(|x: f64| x, Abs(0.0)).expect_err("it is refused");
+        let error = error.to_string();
+        assert!(error.contains(part) && error.contains("<f>:"), "{part} in:\n{error}");
+    };
+    told("fn f(x: f32) { }", "returns nothing and writes nothing");
+    told("fn f(x: f32) -> f32 { if x > 0.5 { discard; } return x; }", "it may discard");
+    told(
+        "@group(0) @binding(0) var<storage, read_write> s: f32;\n\
+         fn f(x: f32) -> f32 { s = dpdx(x); return x; }",
+        "writes what other pixels see",
+    );
+}
