@@ -34,6 +34,7 @@ pub(crate) use lets::Let;
 pub(crate) use lets::lets;
 pub use prepared::{Call, Prepared, Reader, Started};
 pub(crate) use runner::{BATCH, Runner};
+#[cfg(feature = "engine")]
 pub(crate) use texels::Codec;
 pub(crate) use upload::{Resource, upload};
 

@@ -117,7 +117,7 @@ fn draw(device: &Device, layer: &Layer<'_>) {
         })];
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             color_attachments: if depth { &[] } else { &color },
-            depth_stencil_attachment: depth.then(|| wgpu::RenderPassDepthStencilAttachment {
+            depth_stencil_attachment: depth.then_some(wgpu::RenderPassDepthStencilAttachment {
                 view: &view,
                 depth_ops: Some(wgpu::Operations {
                     load: wgpu::LoadOp::Clear(0.0),
