@@ -14,6 +14,7 @@ use std::fmt::Debug;
 #[cfg(feature = "engine")]
 pub(crate) use accuracy::measured;
 
+use crate::dispatch::{Afterwards, DispatchError, Passes};
 use crate::draw::{DrawError, Drawing};
 use crate::image::Image;
 use crate::path::{self, Adapter, Device, Path, PathError};
@@ -45,6 +46,15 @@ pub trait Executor: Debug + Sync {
         let _ = drawing;
         Err(DrawError::Unable { path: self.path() })
     }
+
+    /// Dispatches compute passes: for each resource that they write, its number and its lanes.
+    ///
+    /// # Errors
+    /// If they can't be dispatched here. The default implementation returns an error.
+    fn dispatch(&self, passes: &Passes) -> Result<Afterwards, DispatchError> {
+        let _ = passes;
+        Err(DispatchError::Unable { path: self.path() })
+    }
 }
 
 /// A driver keeps the contract that each word is written once, by its case, by poison and canaries.
@@ -67,6 +77,10 @@ impl Executor for Device {
 
     fn draw(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
         self.render(drawing)
+    }
+
+    fn dispatch(&self, passes: &Passes) -> Result<Afterwards, DispatchError> {
+        Self::dispatch(self, passes)
     }
 }
 

@@ -4,6 +4,7 @@
 //! functions, fixtures and the author's files.
 
 mod alone;
+mod dispatch;
 pub(crate) mod hazards;
 mod quads;
 mod supply;
@@ -33,6 +34,7 @@ use crate::settings;
 use crate::value::{Scalar, Shape};
 
 pub(crate) use alone::Alone;
+pub(crate) use dispatch::dispatch;
 use quads::Quads;
 
 /// A function that is lowered, with what it reads.
@@ -188,6 +190,16 @@ impl Interpreted {
             Lane::Bool(x) => f64::from(u8::from(x)),
         };
         Ok(lanes.map(value).collect())
+    }
+
+    /// Refuses what looks at one pixel, where a case is a quad of them.
+    fn expect_one_pixel(&self) -> Result<(), ProbeError> {
+        if self.quads.is_none() {
+            return Ok(());
+        }
+        let name = &self.name;
+        let message = format!("`{name}` takes derivatives, and one pixel alone has none");
+        Err(PathError::Route { path: Path::CPU, message }.into())
     }
 
     /// Refuses to bound what WGSL doesn't.

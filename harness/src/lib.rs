@@ -29,7 +29,9 @@
 pub mod check;
 #[cfg(feature = "engine")]
 pub mod compare;
+pub mod compute;
 pub mod diagnostic;
+pub mod dispatch;
 pub mod domain;
 pub mod draw;
 pub mod executor;

@@ -28,6 +28,7 @@ mod upload;
 #[cfg(feature = "routes")]
 pub(crate) use compute::{Data, run_entry_point};
 pub use inputs::Inputs;
+pub(crate) use kept::{Kept, count};
 pub(crate) use kernel::{CONSTANTS, Kernel};
 #[cfg(feature = "routes")]
 pub(crate) use lets::Let;
@@ -36,7 +37,7 @@ pub use prepared::{Call, Prepared, Reader, Started};
 pub(crate) use runner::{BATCH, Runner};
 #[cfg(feature = "engine")]
 pub(crate) use texels::Codec;
-pub(crate) use upload::{Resource, upload};
+pub(crate) use upload::{Resource, upload, upload_shared};
 
 use std::sync::Arc;
 
@@ -100,21 +101,21 @@ impl Probed {
         Ok(Self { kernel, ..self })
     }
 
-    /// The same with these fixtures, which say how long what it writes is.
-    pub(crate) fn with_fixtures(mut self, fixtures: &Fixtures) -> Result<Self, ProbeError> {
+    /// Takes note of how long what it writes is, which its fixtures say.
+    pub(crate) fn fit(&mut self, fixtures: &Fixtures) -> Result<(), ProbeError> {
         if self.function.written().next().is_none() {
-            return Ok(self);
+            return Ok(());
         }
         let mut written = Vec::new();
         for (binding, fixture) in fixture::resolve(&self.function.bindings, fixtures)? {
             if binding.kind.is_written() {
-                let count = kept::count(&self.program, binding, fixture)?;
+                let count = count(&self.program, binding, fixture)?;
                 let shape = self.program.written_shape(binding, Some(count));
                 written.extend(shape.map(|shape| (binding.name().to_owned(), shape)));
             }
         }
         self.function.join(written);
-        Ok(self)
+        Ok(())
     }
 
     /// The same where these parameters are given with their derivatives. Others are too, in vain, if

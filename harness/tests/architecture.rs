@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// The modules of the library from the bottom up: a module uses only those before it.
-const ORDER: [&str; 26] = [
+const ORDER: [&str; 28] = [
     "output",
     "diagnostic",
     "settings",
@@ -24,6 +24,7 @@ const ORDER: [&str; 26] = [
     "path",
     "fixture",
     "probe",
+    "dispatch",
     "interpret",
     "draw",
     "executor",
@@ -32,6 +33,7 @@ const ORDER: [&str; 26] = [
     "run",
     "check",
     "frame",
+    "compute",
     "hazards",
     "compare",
     "trace",
@@ -40,7 +42,7 @@ const ORDER: [&str; 26] = [
 
 /// Crates that only these modules may name.
 const OWNERS: [(&str, &[&str]); 11] = [
-    ("wgpu", &["path", "probe", "draw"]),
+    ("wgpu", &["path", "probe", "dispatch", "draw"]),
     ("naga", &["reflect"]),
     ("karat_engine", &["interpret"]),
     ("karat_foreign", &["path"]),

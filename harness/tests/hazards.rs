@@ -118,7 +118,7 @@ fn inputs_are_declared_and_hazards_accepted() {
         other => panic!("{other:?}"),
     }
     write("karat.toml", "");
-    write("maths.wgsl", "fn f(p: ptr<function, f32>) { *p = 1.0; }\n");
+    write("maths.wgsl", "fn f(x: f32) -> f32 { if x > 1.0 { discard; } return x; }\n");
     assert!(matches!(look(), Err(HazardError::Nothing { .. })), "no verdict without evidence");
 }
 

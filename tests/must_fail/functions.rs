@@ -170,9 +170,9 @@ fn shaders_that_redefine_what_the_kernel_uses() {
     }
 }
 
-/// A result that depends on other cases of its dispatch is no function of its arguments.
+/// What a case writes is seen by no other case: each has its resources and its workgroup to itself.
 #[test]
-fn functions_that_share_state_between_cases() {
+fn functions_that_would_share_state_between_cases() {
     let shared = [
         ("var<workgroup> w: array<f32, 1>;\nfn f(x: f32) -> f32 { w[0] = x; return w[0]; }", "w"),
         (
@@ -183,10 +183,24 @@ fn functions_that_share_state_between_cases() {
     ];
     for (wgsl, name) in shared {
         let package = Package::from_source("planted", wgsl);
-        let found = package.function("f").over(0.0..=1.0).try_agrees_with(|x: f64| x, Ulp(0.0));
-        let error = found.expect_err("state is shared").to_string();
-        assert!(error.contains("which other cases of the same dispatch see"), "{error}");
-        assert!(error.contains(&format!("`{name}`")), "{error}");
+        let probe = package.function("f");
+        match name {
+            "w" => {
+                let found = probe.over(0.0..=1.0).cases(200).try_agrees_with(|x: f64| x, Ulp(0.0));
+                found.expect("no case sees another one's");
+            }
+            _ => {
+                let check = || {
+                    let probe = probe.clone().with(name, Storage::new([1.0_f32, 0.0, 0.0, 0.0]));
+                    probe.over(0.0..=1.0).cases(200)
+                };
+                let sound = |x: f64| (1.0 + x, [1.0 + x, 0.0, 0.0, 0.0]);
+                check().try_agrees_with(sound, Ulp(1.0)).expect("no case sees another one's");
+                let wrong = |x: f64| (1.0 + x, [1.0, 0.0, 0.0, 0.0]);
+                let error = check().try_agrees_with(wrong, Ulp(1.0)).expect_err("it writes");
+                assert!(error.to_string().contains("at .s[0]"), "{error}");
+            }
+        }
     }
 }
 
@@ -311,11 +325,15 @@ fn an_unknown_function_and_a_missing_fixture() {
         other => panic!("not an error of fixtures: {other:?}"),
     };
     let cube = || CubeMap::constant(Vec3::ONE);
-    assert_eq!(
-        message(radiance().over(UnitVector).try_agrees_with(constant, Ulp(0.0))),
+    let missing = message(radiance().over(UnitVector).try_agrees_with(constant, Ulp(0.0)));
+    for part in [
         "`environment::environment` (texture_cube<f32>) has no fixture; add \
-         `.with(\"environment::environment\", ...)`"
-    );
+         `.with(\"environment::environment\", ...)`",
+        "environment.wgsl:",
+        "bound here",
+    ] {
+        assert!(missing.contains(part), "{part} in:\n{missing}");
+    }
     let misspelt =
         radiance().with("enviroment", cube()).with("environment_sampler", Sampler::Linear);
     assert!(

@@ -19,6 +19,20 @@ impl Resources {
         Self::default()
     }
 
+    /// Binds what others have under a group and a binding, under another group and binding.
+    pub fn take_from(&mut self, others: &Self, from: [u32; 2], to: [u32; 2]) {
+        let (from, to) = ((from[0], from[1]), (to[0], to[1]));
+        if let Some(bytes) = others.buffers.get(&from) {
+            self.buffers.insert(to, bytes.clone());
+        }
+        if let Some(texture) = others.textures.get(&from) {
+            self.textures.insert(to, texture.clone());
+        }
+        if let Some(sampler) = others.samplers.get(&from) {
+            self.samplers.insert(to, sampler.clone());
+        }
+    }
+
     /// The group and the binding under which the bytes of `var<immediate>` are bound, which has neither.
     pub const IMMEDIATE: [u32; 2] = [u32::MAX; 2];
 

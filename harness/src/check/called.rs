@@ -3,7 +3,7 @@
 use super::{Failure, Mismatch, Vacuous};
 use crate::diagnostic::{FileRead, Span};
 use crate::executor::{self, Executor};
-use crate::fixture::{FixtureError, Fixtures};
+use crate::fixture::{self, FixtureError, Fixtures};
 use crate::package::Package;
 use crate::path::{Adapter, Path};
 use crate::probe::{self, BATCH, Call, Inputs, Prepared, ProbeError, Probed, Started};
@@ -36,7 +36,8 @@ impl Fitting {
         who: &'static str,
     ) -> Result<Self, Failure> {
         let probed = Probed::with_overrides(package, function, overrides)?;
-        let probed = probed.with_inputs(inputs)?.with_fixtures(fixtures)?;
+        let mut probed = probed.with_inputs(inputs)?;
+        probed.fit(fixtures)?;
         let varying: Vec<bool> = match probed.function.form.fragment {
             true => supplied.iter().map(|shape| shape.quad().is_some()).collect(),
             false => Vec::new(),
@@ -66,6 +67,7 @@ impl Fitting {
         let words = probe::parameter_shapes(&probed.function);
         let words = words.into_iter().map(|shape| shape.lanes().len()).sum();
         let width = probed.function.result.lanes().len();
+        fixture::check_used(&probed.function.bindings, fixtures).map_err(ProbeError::from)?;
         let call = Call { probed: &probed, fixtures, cases: calls };
         let mut refused = Vec::new();
         let mut ready = |executor: &&'e dyn Executor| {

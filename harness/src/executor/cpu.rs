@@ -1,6 +1,7 @@
 //! The path `cpu`: Karat's own engine, which needs no driver.
 
 use super::Executor;
+use crate::dispatch::{Afterwards, DispatchError, Passes};
 use crate::interpret::{Alone, Interpreted};
 use crate::path::{Adapter, Path, cpu};
 use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
@@ -29,6 +30,10 @@ impl Executor for Cpu {
         }
         let function = Interpreted::new(probed, fixtures)?;
         Ok(Box::new(Ready { function, cases }))
+    }
+
+    fn dispatch(&self, passes: &Passes) -> Result<Afterwards, DispatchError> {
+        crate::interpret::dispatch(passes)
     }
 }
 

@@ -239,6 +239,7 @@ impl Interpreted {
         cases: usize,
         rows: &[u32],
     ) -> Result<Vec<Vec<Found>>, ProbeError> {
+        self.expect_one_pixel()?;
         let width = self.arguments.len();
         let mut found = Vec::with_capacity(cases);
         for first in (0..cases).step_by(TOGETHER) {

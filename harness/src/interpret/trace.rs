@@ -162,6 +162,7 @@ impl Seen {
 impl Interpreted {
     /// The operations of a call, in the order in which they run.
     pub(crate) fn trace(&self, row: &[u32]) -> Result<Vec<Step>, ProbeError> {
+        self.expect_one_pixel()?;
         let options = self.options();
         let (single, double, bounds) = (Values::new(), Values::new(), Values::new());
         self.observed::<F32>(1, row, &options, &single)?;

@@ -5,7 +5,7 @@ use karat_translate::{Shader, Target, TranslateError, Translation};
 use super::{Column, Request, Row, Source};
 use crate::package::FunctionItem;
 use crate::path::Via;
-use crate::probe::{ProbeError, Probed};
+use crate::probe::{ProbeError, Probed, made_up};
 use crate::reflect::{Program, ReflectError};
 
 /// A function or an entry point with its translations; or its row, if it has none.
@@ -105,7 +105,7 @@ pub(super) fn prepare(request: &Request, item: &FunctionItem) -> Subject {
             Err(error) => failed("entry point", error),
         };
     }
-    match Probed::new(&request.package, &item.name) {
+    match Probed::new(&request.package, &item.name).and_then(made_up::fitted) {
         Ok(probed) => match Shader::parse(probed.kernel()) {
             Ok(shader) => {
                 let made = translated(request, &shader, Probed::ENTRY_POINT);

@@ -9,7 +9,7 @@ use crate::path::Device;
 use crate::reflect::{Binding, BindingKind, Program, lanes_of};
 
 /// A resource that is written, with a copy of what it holds before.
-pub(super) struct Kept {
+pub(crate) struct Kept {
     program: Arc<Program>,
     binding: Binding,
     live: Memory,
@@ -61,7 +61,7 @@ fn row(texture: &wgpu::Texture, codec: Codec) -> u64 {
 
 impl Kept {
     /// The resource of a binding that is written, with room for what it holds after `runs` runs.
-    pub(super) fn new(
+    pub(crate) fn new(
         device: &Device,
         program: &Arc<Program>,
         (binding, fixture): (&Binding, &Fixture),
@@ -93,7 +93,7 @@ impl Kept {
     }
 
     /// Gives it back what it held before.
-    pub(super) fn reset(&self, encoder: &mut wgpu::CommandEncoder) {
+    pub(crate) fn reset(&self, encoder: &mut wgpu::CommandEncoder) {
         match (&self.before, &self.live) {
             (Memory::Buffer(before), Memory::Buffer(live)) => {
                 encoder.copy_buffer_to_buffer(before, 0, live, 0, live.size());
@@ -107,7 +107,7 @@ impl Kept {
     }
 
     /// Keeps what it holds after a run, by the run's number.
-    pub(super) fn keep(&self, encoder: &mut wgpu::CommandEncoder, run: usize) {
+    pub(crate) fn keep(&self, encoder: &mut wgpu::CommandEncoder, run: usize) {
         let offset = self.stride * run as u64;
         match &self.live {
             Memory::Buffer(live) => {
@@ -126,13 +126,13 @@ impl Kept {
     }
 
     /// Makes the first runs' copies ready to be read.
-    pub(super) fn stage(&self, encoder: &mut wgpu::CommandEncoder, runs: usize) {
+    pub(crate) fn stage(&self, encoder: &mut wgpu::CommandEncoder, runs: usize) {
         let size = self.stride * runs as u64;
         encoder.copy_buffer_to_buffer(&self.after, 0, &self.staging, 0, size);
     }
 
     /// The lanes of what it held after each of the first runs.
-    pub(super) fn lanes(&self, device: &Device, runs: usize) -> Result<Vec<Vec<u32>>, ProbeError> {
+    pub(crate) fn lanes(&self, device: &Device, runs: usize) -> Result<Vec<Vec<u32>>, ProbeError> {
         let size = self.stride * runs as u64;
         let of = |bytes: &[u8]| {
             let runs = bytes.chunks_exact(self.stride as usize);

@@ -1,7 +1,7 @@
 //! Inputs that a signature asks for, where no test says what they mean.
 
 use crate::domain::Source;
-use crate::fixture::{Compare, CubeMap, Fixture, Fixtures, Sampler, Texel, Texture};
+use crate::fixture::{Buffer, Compare, CubeMap, Fixture, Fixtures, Sampler, Texel, Texture};
 #[cfg(feature = "routes")]
 use crate::reflect::Program;
 use crate::reflect::{Binding, BindingKind, Dimension, Texels};
@@ -93,6 +93,14 @@ fn lane(scalar: Scalar, source: &mut Source) -> u32 {
     }
 }
 
+/// A function that takes note of how long its made-up resources are, if there are such.
+pub(crate) fn fitted(mut probed: Probed) -> Result<Probed, super::ProbeError> {
+    if let Ok(fixtures) = fixtures(&probed) {
+        probed.fit(&fixtures)?;
+    }
+    Ok(probed)
+}
+
 /// Something for each resource that the function reads; or the one that there is nothing for.
 pub(crate) fn fixtures(probed: &Probed) -> Result<Fixtures, String> {
     let one = |binding: &Binding| {
@@ -156,7 +164,10 @@ fn fixture(probed: &Probed, binding: &Binding) -> Option<Fixture> {
     let mut source = Source::new(SEED, u64::from(binding.group) << 32 | u64::from(binding.binding));
     Some(match binding.kind {
         BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate => {
-            let (shape, unsized_) = probed.program.buffer_data(binding)?;
+            let Some((shape, unsized_)) = probed.program.buffer_data(binding) else {
+                // Atomics, and structures that end in an array.
+                return Some(Buffer::of_bytes(probed.program.zeros(binding, ELEMENTS)).into());
+            };
             let mut lanes = Vec::new();
             let count = if unsized_ { ELEMENTS } else { 1 };
             (0..count).for_each(|_| draw(&shape, &mut source, &mut lanes));
@@ -169,14 +180,14 @@ fn fixture(probed: &Probed, binding: &Binding) -> Option<Fixture> {
             let samples = if kind.multisampled { 4 } else { 1 };
             texture(kind.dimension, kind.arrayed, kind.texels, samples).into()
         }
-        BindingKind::StorageTexture { dimension, arrayed, format, access } if !access.writes => {
-            texture(dimension, arrayed, format.texels(), 1).into()
+        BindingKind::StorageTexture { dimension, arrayed, format, .. } => {
+            texture(dimension, arrayed, format.texels(), 1).without_mips().into()
         }
         BindingKind::Sampler { comparison: false } => Sampler::Linear.into(),
         BindingKind::Sampler { comparison: true } => {
             Sampler::Linear.compare(Compare::LessEqual).into()
         }
-        BindingKind::StorageTexture { .. } | BindingKind::Other => return None,
+        BindingKind::Other => return None,
     })
 }
 

@@ -36,31 +36,45 @@ pub(crate) fn upload(
     binding: &Binding,
     fixture: &Fixture,
 ) -> Result<Resource, FixtureError> {
-    if let Some(bytes) = fixture.bytes(program, binding) {
+    upload_shared(device, program, &[binding], fixture)
+}
+
+/// Puts a fixture on a device for several variables, the first of which is the program's. It has the
+/// kind of each.
+pub(crate) fn upload_shared(
+    device: &Device,
+    program: &Program,
+    bindings: &[&Binding],
+    fixture: &Fixture,
+) -> Result<Resource, FixtureError> {
+    let first = bindings.first().expect("a fixture is some variable's");
+    if let Some(bytes) = fixture.bytes(program, first) {
         let bytes = bytes?;
-        return match binding.kind {
+        return match first.kind {
             BindingKind::Immediate => Ok(Resource::Immediate(bytes)),
-            _ => buffer(device, binding, &bytes),
+            _ => buffer(device, bindings, &bytes),
         };
     }
     match (fixture, fixture.view()) {
-        (_, Some(view)) => texture(device, binding, &view),
+        (_, Some(view)) => texture(device, bindings, &view),
         (Fixture::Sampler(sampler), _) => sample(device, sampler),
         _ => unreachable!("a fixture is bytes, texels or a sampler"),
     }
 }
 
 /// A buffer that holds these bytes.
-fn buffer(device: &Device, binding: &Binding, bytes: &[u8]) -> Result<Resource, FixtureError> {
-    let usage = match binding.kind {
-        BindingKind::Uniform => wgpu::BufferUsages::UNIFORM,
-        _ => wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+fn buffer(device: &Device, bindings: &[&Binding], bytes: &[u8]) -> Result<Resource, FixtureError> {
+    use wgpu::BufferUsages as Usage;
+    let usage = |binding: &&Binding| match binding.kind {
+        BindingKind::Uniform => Usage::UNIFORM,
+        _ => Usage::STORAGE | Usage::COPY_SRC,
     };
+    let usage = bindings.iter().map(usage).fold(Usage::COPY_DST, |all, usage| all | usage);
     Ok(device.checked(|| {
         let buffer = device.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some(&binding.path),
+            label: Some(&bindings[0].path),
             size: bytes.len() as u64,
-            usage: usage | wgpu::BufferUsages::COPY_DST,
+            usage,
             mapped_at_creation: false,
         });
         device.queue.write_buffer(&buffer, 0, bytes);
@@ -112,9 +126,14 @@ fn sample(device: &Device, sampler: &Sampler) -> Result<Resource, FixtureError> 
 
 fn texture(
     device: &Device,
-    binding: &Binding,
+    bindings: &[&Binding],
     given: &Given<'_>,
 ) -> Result<Resource, FixtureError> {
+    // A storage texture says its format; whoever samples it takes what there is.
+    let is_storage =
+        |binding: &&&Binding| matches!(binding.kind, BindingKind::StorageTexture { .. });
+    let binding = *bindings.iter().find(is_storage).unwrap_or(&bindings[0]);
+    let sampled = bindings.iter().any(|binding| !is_storage(&binding));
     if let Some(reason) = unsupported(device, binding, given) {
         let (variable, path) = (binding.path.clone(), device.path());
         return Err(FixtureError::Unsupported { variable, reason, path });
@@ -144,6 +163,10 @@ fn texture(
     let drawn = format.is_depth_stencil_format() || given.samples > 1;
     let codec = Codec::of(format);
     expect_kept(device, binding, given, format, codec)?;
+    let usage = match sampled {
+        true => usage | wgpu::TextureUsages::TEXTURE_BINDING,
+        false => usage,
+    };
     let fill = if drawn {
         wgpu::TextureUsages::RENDER_ATTACHMENT
     } else {

@@ -49,7 +49,6 @@ impl Program {
 
     /// The resources of a compute entry point, by its name in the text, and the invocations of its
     /// workgroup.
-    #[cfg(feature = "routes")]
     pub(crate) fn compute_entry_point(&self, name: &str) -> Option<(Vec<Binding>, [u32; 3])> {
         let mut entries = self.checked.module.entry_points.iter();
         let index = entries
@@ -59,9 +58,24 @@ impl Program {
         Some((self.bindings(|global| info[global]), size))
     }
 
+    /// The names of the compute entry points, as their author calls them.
+    pub(crate) fn compute_entry_points(&self) -> Vec<String> {
+        let entries = self.checked.module.entry_points.iter();
+        let compute = entries.filter(|entry| entry.stage == naga::ShaderStage::Compute);
+        let path = |text: &str| self.author_path(text).unwrap_or(text).to_owned();
+        let names = compute.map(|entry| path(&entry.name));
+        names.map(|path| path.rsplit("::").next().unwrap_or_default().to_owned()).collect()
+    }
+
+    /// Where an entry point is declared, by its name in the text: its name and what is in front of it.
+    pub(crate) fn entry_point_span(&self, name: &str) -> Option<Span> {
+        let at = self.text().find(&format!("fn {name}("))?;
+        self.resolve(at..at + "fn ".len() + name.len())
+    }
+
     /// The bytes of a buffer whose type has no shape that a host could fill: zeros, with room for
     /// `elements` more where it ends in an array without a length.
-    #[cfg(feature = "routes")]
+    #[cfg(any(feature = "engine", feature = "routes"))]
     pub(crate) fn zeros(&self, binding: &Binding, elements: usize) -> Vec<u8> {
         /// The largest alignment of an element that isn't an array or a structure.
         const ELEMENT: usize = 16;

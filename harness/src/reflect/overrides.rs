@@ -43,6 +43,11 @@ impl Program {
         Ok(Arc::new(Self { overrides: values, ..program }))
     }
 
+    /// Whether it has an override that its author, or its number, calls so.
+    pub(crate) fn has_override(&self, name: &str) -> bool {
+        self.text_name(name).is_ok()
+    }
+
     /// The name in the text of the override that its author, or its number, calls so.
     fn text_name(&self, name: &str) -> Result<String, ReflectError> {
         let overrides = || self.checked.module.overrides.iter().map(|(_, declared)| declared);

@@ -144,6 +144,7 @@ fn part_of(tests: &[&Test], wrong: impl Fn(&&Test) -> Option<String>) -> Vec<Opt
 
 /// That a test in WGSL reads what nobody binds.
 fn unbound(message: &str) -> Option<String> {
+    let message = message.strip_prefix("error: ").unwrap_or(message);
     let (variable, rest) = message.strip_prefix('`')?.split_once('`')?;
     let (kind, _) = rest.split_once(" has no fixture")?;
     let name = variable.rsplit("::").next().unwrap_or(variable);

@@ -1,4 +1,5 @@
 //! What engines bind, call and dispatch, each kind with a test that fails if it is ignored.
 
+mod compute;
 mod functions;
 mod resources;

@@ -1,0 +1,433 @@
+//! Compute passes as subjects: entry points are dispatched over given buffers and textures, and what
+//! these hold afterwards is compared with a reference, or has to satisfy a statement.
+//!
+//! ```no_run
+//! use karat::prelude::*;
+//!
+//! static SHADERS: Package = karat::package!("shaders");
+//!
+//! let values: Vec<u32> = (0..256).collect();
+//! let sums = values.iter().scan(0, |sum, value| { *sum += value; Some(*sum) });
+//! SHADERS
+//!     .compute()
+//!     .with("data", Storage::new(values.iter().copied()))
+//!     .dispatch("scan::blocks", [4, 1, 1])
+//!     .dispatch("scan::add", [4, 1, 1])
+//!     .after("data")
+//!     .agrees_with(sums, Abs(0.0));
+//! ```
+
+mod judge;
+
+use std::fmt;
+use std::panic::Location;
+
+use crate::dispatch::{DispatchError, Passes, Wanted};
+use crate::executor::{self, Executor};
+use crate::fixture::{Fixture, Fixtures};
+use crate::package::Package;
+use crate::path::{Adapter, Path, PathError, Selected, Selector};
+use crate::record::Verdict;
+use crate::reflect::Overrides;
+use crate::run::{
+    Concluded, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passed, Passes as Unexpected,
+    or_panic,
+};
+use crate::settings::SettingsError;
+use crate::tolerance::{LaneError, Tolerance};
+use crate::value::{Mirror, Shape, Shareable};
+
+/// Compute passes over resources that they share.
+#[derive(Clone, Debug)]
+#[must_use = "nothing is dispatched until `.after(...)` and a verb such as `.agrees_with(...)`"]
+pub struct Compute<'a> {
+    package: &'a Package,
+    wanted: Vec<Wanted>,
+    fixtures: Fixtures,
+    /// Variables, and whose resource they have.
+    same: Vec<(String, String)>,
+    overrides: Overrides,
+    executors: Vec<&'a dyn Executor>,
+    tolerance_on: Selected<Tolerance>,
+    known_issues: KnownIssues,
+}
+
+/// A resource after compute passes.
+#[derive(Clone, Debug)]
+#[must_use = "nothing is compared until a verb such as `.agrees_with(...)`"]
+pub struct After<'a> {
+    compute: Compute<'a>,
+    variable: String,
+}
+
+/// What agreed, and how close it came.
+#[derive(Clone, Debug)]
+pub struct ComputeAgreement {
+    /// The variable.
+    pub variable: String,
+    /// Elements that were compared on each path.
+    pub elements: usize,
+    /// Each path with its worst error.
+    pub paths: Vec<(Adapter, LaneError)>,
+    /// Paths that fail as was declared.
+    pub known_issues: Vec<KnownIssue>,
+}
+
+/// Why passes fail, or can't be judged.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ComputeError {
+    /// Nothing could be dispatched.
+    #[error(transparent)]
+    Dispatch(#[from] DispatchError),
+    /// The environment has a setting that can't be used.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// Another check is to be replayed.
+    #[error(transparent)]
+    NotReplayed(#[from] NotReplayed),
+    /// The reference has other elements than the resource.
+    #[error("`{variable}` holds {declared} after `{entry_point}`, {who} {supplied}")]
+    Type {
+        /// The variable.
+        variable: String,
+        /// The last entry point.
+        entry_point: String,
+        /// What it holds.
+        declared: String,
+        /// Who supplies something else: `the reference gives`.
+        who: &'static str,
+        /// What was supplied.
+        supplied: String,
+    },
+    /// The reference has another number of elements.
+    #[error(
+        "`{variable}` holds {found} elements after `{entry_point}`, the reference gives {expected}"
+    )]
+    Count {
+        /// The variable.
+        variable: String,
+        /// The last entry point.
+        entry_point: String,
+        /// Elements that it holds.
+        found: usize,
+        /// Elements of the reference.
+        expected: usize,
+    },
+    /// There is nothing to compare.
+    #[error("nothing is compared: {0}")]
+    Nothing(String),
+    /// The reference isn't finite.
+    #[error("the reference of `{variable}` is {value} at [{index}]; a reference is finite")]
+    Reference {
+        /// The variable.
+        variable: String,
+        /// Its element.
+        index: usize,
+        /// What the reference gives.
+        value: f64,
+    },
+    /// A bound that bounds nothing.
+    #[error("the tolerance {tolerance} has the bound {bound}: use a finite number of at least 0")]
+    Bound {
+        /// The tolerance.
+        tolerance: Tolerance,
+        /// The bound.
+        bound: f64,
+    },
+    /// A path that is declared to fail agrees.
+    #[error(
+        "`{variable}` is as it should be on {path}, where it is declared to fail: {reason}\n\
+         the bug is gone, or hidden: remove `.fails_on(...)`"
+    )]
+    UnexpectedPass {
+        /// The variable.
+        variable: String,
+        /// The path.
+        path: Path,
+        /// What was declared.
+        reason: String,
+    },
+    /// A path is declared to fail without a reason.
+    #[error("`{variable}` is declared to fail on {on} without a reason: name the bug")]
+    UnexplainedIssue {
+        /// The variable.
+        variable: String,
+        /// The paths.
+        on: Selector,
+    },
+    /// Elements differ.
+    #[error("{0}")]
+    Differs(Box<Difference>),
+}
+
+pub use judge::Difference;
+
+impl From<PathError> for ComputeError {
+    fn from(error: PathError) -> Self {
+        Self::Dispatch(error.into())
+    }
+}
+
+impl From<NotBegun> for ComputeError {
+    fn from(error: NotBegun) -> Self {
+        match error {
+            NotBegun::Settings(error) => Self::Settings(error),
+            NotBegun::NotReplayed(error) => Self::NotReplayed(error),
+        }
+    }
+}
+
+impl Passed for ComputeAgreement {
+    fn known_issues(&self) -> &[KnownIssue] {
+        &self.known_issues
+    }
+}
+
+impl Concluded for Result<ComputeAgreement, ComputeError> {
+    fn verdict(&self) -> Verdict {
+        match self {
+            Ok(passed) if passed.known_issues.is_empty() => Verdict::Pass,
+            Ok(_) => Verdict::KnownIssue,
+            Err(ComputeError::Differs(_) | ComputeError::UnexpectedPass { .. }) => Verdict::Fail,
+            Err(_) => Verdict::Error,
+        }
+    }
+
+    fn message(&self) -> Option<String> {
+        self.as_ref().err().map(ToString::to_string)
+    }
+}
+
+impl fmt::Display for ComputeAgreement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {} elements agree", self.variable, self.elements)?;
+        for (adapter, worst) in &self.paths {
+            write!(f, "; {} worst {worst}", adapter.path)?;
+        }
+        Ok(())
+    }
+}
+
+impl Package {
+    /// Starts a list of compute passes.
+    pub fn compute(&self) -> Compute<'_> {
+        Compute {
+            package: self,
+            wanted: Vec::new(),
+            fixtures: Vec::new(),
+            same: Vec::new(),
+            overrides: Overrides::new(),
+            executors: Vec::new(),
+            tolerance_on: Selected::default(),
+            known_issues: KnownIssues::default(),
+        }
+    }
+}
+
+impl<'a> Compute<'a> {
+    /// Supplies a texture, sampler or buffer for the resource variable `name` of all passes, which share
+    /// it.
+    pub fn with(mut self, name: &str, fixture: impl Into<Fixture>) -> Self {
+        self.fixtures.push((name.to_owned(), fixture.into()));
+        self
+    }
+
+    /// Gives the variable `name` the same resource as the variable `other`, whose fixture was added
+    /// before: what one pass writes as `target` another reads as `source`.
+    ///
+    /// # Panics
+    /// If `other` has no fixture.
+    pub fn same(mut self, name: &str, other: &str) -> Self {
+        let known = self.fixtures.iter().any(|(known, _)| known == other);
+        assert!(known, "`{other}` has no fixture; add `.with(\"{other}\", ...)` before");
+        self.same.push((name.to_owned(), other.to_owned()));
+        self
+    }
+
+    /// Sets an `override` of the shaders, by its name or its `@id`: [`Probe::override_`].
+    ///
+    /// [`Probe::override_`]: crate::check::Probe::override_
+    pub fn override_(mut self, name: &str, value: impl Into<f64>) -> Self {
+        self.overrides.insert(name.to_owned(), value.into());
+        self
+    }
+
+    /// Dispatches a compute entry point (`module::name`) over so many workgroups, behind those that were
+    /// added before.
+    pub fn dispatch(mut self, entry_point: &str, workgroups: [u32; 3]) -> Self {
+        self.wanted.push(Wanted { name: entry_point.to_owned(), workgroups });
+        self
+    }
+
+    /// Dispatches on this executor instead of the environment's paths. Further calls add more.
+    pub fn on(mut self, executor: &'a dyn Executor) -> Self {
+        self.executors.push(executor);
+        self
+    }
+
+    /// Sets another tolerance for paths whose driver is less exact (see [`Selector`]).
+    pub fn tolerance_on(
+        mut self,
+        on: impl Into<Selector>,
+        tolerance: impl Into<Tolerance>,
+    ) -> Self {
+        self.tolerance_on.declare(on.into(), tolerance.into());
+        self
+    }
+
+    /// Declares that it fails on a path, and why. If it passes there, the test fails.
+    pub fn fails_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
+        self.known_issues.declare(on.into(), reason);
+        self
+    }
+
+    /// What a resource holds after all passes, by the name of its variable. Some pass has to write it.
+    pub fn after(self, variable: &str) -> After<'a> {
+        After { compute: self, variable: variable.to_owned() }
+    }
+
+    fn passes(&self) -> Result<Passes, DispatchError> {
+        let fixtures = (&self.fixtures, &*self.same);
+        Passes::new(self.package, &self.wanted, fixtures, &self.overrides)
+    }
+}
+
+impl After<'_> {
+    /// Compares each element with a reference, which gives as many: the elements of an array, the one
+    /// value of another type, or the texels of a texture as `DVec4`, `IVec4` or `UVec4`.
+    ///
+    /// # Panics
+    /// If an element differs, or nothing could be compared.
+    #[track_caller]
+    pub fn agrees_with<T: Mirror>(
+        self,
+        reference: impl IntoIterator<Item = T>,
+        tolerance: impl Into<Tolerance>,
+    ) -> ComputeAgreement {
+        let (lanes, place) = (lanes(reference), Location::caller());
+        let expected = judge::Expected { shape: T::shape(), lanes };
+        or_panic(self.judge(judge::Assertion::Agrees(expected, tolerance.into()), place, true))
+    }
+
+    /// [`agrees_with`](Self::agrees_with), with its failure as a value that isn't recorded.
+    ///
+    /// # Errors
+    /// If an element differs, or nothing could be compared.
+    #[track_caller]
+    pub fn try_agrees_with<T: Mirror>(
+        self,
+        reference: impl IntoIterator<Item = T>,
+        tolerance: impl Into<Tolerance>,
+    ) -> Result<ComputeAgreement, ComputeError> {
+        let (lanes, place) = (lanes(reference), Location::caller());
+        let expected = judge::Expected { shape: T::shape(), lanes };
+        self.judge(judge::Assertion::Agrees(expected, tolerance.into()), place, false)
+    }
+
+    /// Wants a statement of all elements to hold: that they are in order, that their sum is kept.
+    ///
+    /// # Panics
+    /// If it doesn't, or nothing could be compared.
+    #[track_caller]
+    pub fn satisfies<T: Shareable>(
+        self,
+        statement: &str,
+        holds: impl Fn(&[T]) -> bool,
+    ) -> ComputeAgreement {
+        or_panic(self.state(statement, holds, Location::caller(), true))
+    }
+
+    /// [`satisfies`](Self::satisfies), with its failure as a value that isn't recorded.
+    ///
+    /// # Errors
+    /// If it doesn't hold, or nothing could be compared.
+    #[track_caller]
+    pub fn try_satisfies<T: Shareable>(
+        self,
+        statement: &str,
+        holds: impl Fn(&[T]) -> bool,
+    ) -> Result<ComputeAgreement, ComputeError> {
+        self.state(statement, holds, Location::caller(), false)
+    }
+
+    /// The elements on one path.
+    ///
+    /// # Errors
+    /// If the passes can't be dispatched there, or the elements are of another type.
+    pub fn read<T: Shareable>(&self, path: Path) -> Result<Vec<T>, ComputeError> {
+        let passes = self.compute.passes()?;
+        let (number, shape) = passes.written(&self.variable)?;
+        let element = self.element(&passes, &shape, &T::shape(), "the test reads", false)?;
+        let words = words(executor::of(path)?, &passes, number)?;
+        let elements = words.chunks_exact(element.lanes().len().max(1));
+        Ok(elements.map(|words| T::load(&mut words.iter())).collect())
+    }
+
+    fn state<T: Shareable>(
+        &self,
+        statement: &str,
+        holds: impl Fn(&[T]) -> bool,
+        place: &'static Location<'static>,
+        recorded: bool,
+    ) -> Result<ComputeAgreement, ComputeError> {
+        let width = T::shape().lanes().len().max(1);
+        let holds = |words: &[u32]| {
+            let elements = words.chunks_exact(width).map(|words| T::load(&mut words.iter()));
+            holds(&elements.collect::<Vec<T>>())
+        };
+        let statement =
+            judge::Statement { text: statement.to_owned(), shape: T::shape(), holds: &holds };
+        self.judge(judge::Assertion::Holds(statement), place, recorded)
+    }
+
+    /// The type of an element, if a host's type can stand for it.
+    fn element(
+        &self,
+        passes: &Passes,
+        shape: &Shape,
+        host: &Shape,
+        who: &'static str,
+        result: bool,
+    ) -> Result<Shape, ComputeError> {
+        let element = match shape {
+            Shape::Array { element, .. } if host.stands_for(element, result) => element,
+            whole if host.stands_for(whole, result) => whole,
+            whole => {
+                return Err(ComputeError::Type {
+                    variable: self.variable.clone(),
+                    entry_point: passes.entry_points().last().unwrap_or_default().to_owned(),
+                    declared: whole.to_string(),
+                    who,
+                    supplied: host.to_string(),
+                });
+            }
+        };
+        Ok(element.clone())
+    }
+
+    fn executors(&self) -> Result<Vec<&dyn Executor>, PathError> {
+        executor::or_selected(&self.compute.executors)
+    }
+
+    fn passes_unexpectedly(&self, Unexpected { path, reason }: Unexpected) -> ComputeError {
+        ComputeError::UnexpectedPass { variable: self.variable.clone(), path, reason }
+    }
+}
+
+/// The words of a resource after passes.
+fn words(
+    executor: &dyn Executor,
+    passes: &Passes,
+    number: usize,
+) -> Result<Vec<u32>, DispatchError> {
+    let afterwards = executor.dispatch(passes)?;
+    let found = afterwards.into_iter().find(|(of, _)| *of == number);
+    found.map(|(_, words)| words).ok_or(DispatchError::Unable { path: executor.path() })
+}
+
+fn lanes<T: Mirror>(reference: impl IntoIterator<Item = T>) -> Vec<f64> {
+    let mut lanes = Vec::new();
+    reference.into_iter().for_each(|element| element.lanes(&mut lanes));
+    lanes
+}

@@ -1,0 +1,372 @@
+//! Judges what resources hold after passes.
+
+use std::fmt;
+use std::panic::Location;
+
+use super::{After, ComputeAgreement, ComputeError, words};
+use crate::diagnostic::FileRead;
+use crate::dispatch::Passes;
+use crate::executor;
+use crate::path::Adapter;
+use crate::record::{PathRecord, Subject};
+use crate::run::{Identity, Replayed, Reporter, Seen, replay};
+use crate::tolerance::{LaneError, Tolerance};
+use crate::value::{Shape, hexfloat};
+
+/// What is asserted of the elements.
+pub(super) enum Assertion<'a> {
+    Agrees(Expected, Tolerance),
+    Holds(Statement<'a>),
+}
+
+/// A reference's elements.
+pub(super) struct Expected {
+    pub(super) shape: Shape,
+    pub(super) lanes: Vec<f64>,
+}
+
+/// A statement of all elements.
+pub(super) struct Statement<'a> {
+    pub(super) text: String,
+    pub(super) shape: Shape,
+    pub(super) holds: &'a dyn Fn(&[u32]) -> bool,
+}
+
+/// Elements that differ, on each path that fails.
+#[derive(Clone, Debug)]
+pub struct Difference {
+    /// The entry points, in the order in which they were dispatched.
+    pub entry_points: String,
+    /// The variable.
+    pub variable: String,
+    /// What was asserted.
+    pub assertion: String,
+    /// Where the last entry point is declared, and its line.
+    pub location: String,
+    /// Each path that fails.
+    pub paths: Vec<PathDifference>,
+    /// Paths that agree.
+    pub agreeing: Vec<Adapter>,
+}
+
+/// Elements that differ on one path.
+#[derive(Clone, Debug)]
+pub struct PathDifference {
+    /// Path, adapter and driver.
+    pub adapter: Adapter,
+    /// Elements that were compared.
+    pub elements: usize,
+    /// How many of them fail.
+    pub failures: usize,
+    /// The first that fails, and the worst.
+    pub shown: Vec<Element>,
+    /// The command that dispatches it again on this path.
+    pub replay: String,
+}
+
+/// An element that differs.
+#[derive(Clone, Debug)]
+pub struct Element {
+    /// Which one, and its component: `[12].x`.
+    pub place: String,
+    /// What it is.
+    pub actual: String,
+    /// What it should be.
+    pub expected: String,
+    /// How far off it is.
+    pub error: String,
+}
+
+/// What the elements of one path add up to.
+struct Sum {
+    failures: usize,
+    worst: LaneError,
+    shown: Vec<Element>,
+}
+
+impl After<'_> {
+    /// Dispatches on each path, judges and records.
+    pub(super) fn judge(
+        &self,
+        assertion: Assertion<'_>,
+        place: &'static Location<'static>,
+        recorded: bool,
+    ) -> Result<ComputeAgreement, ComputeError> {
+        let reporter = Reporter::start();
+        let (mut paths, mut read) = (Vec::new(), Vec::new());
+        let wanted = self.compute.wanted.last();
+        let function = wanted.map(|wanted| wanted.name.clone()).unwrap_or_default();
+        let mut subject = Subject::Function {
+            package: self.compute.package.root().display().to_string(),
+            function: function.clone(),
+            check: format!("after.{}", assertion.verb()),
+            assertion: assertion.text(),
+            location: place.to_string(),
+            domain: String::new(),
+            seed: 0,
+        };
+        let result = self.judged(&assertion, &function, &mut paths, &mut read, &mut subject);
+        if recorded {
+            reporter.record(subject, paths, read, &result);
+        }
+        result
+    }
+
+    fn judged(
+        &self,
+        assertion: &Assertion<'_>,
+        function: &str,
+        records: &mut Vec<PathRecord>,
+        read: &mut Vec<FileRead>,
+        subject: &mut Subject,
+    ) -> Result<ComputeAgreement, ComputeError> {
+        let compute = &self.compute;
+        let verb = format!("after.{}", assertion.verb());
+        let identity = Identity::of(function, &verb)?;
+        if identity.case(function, &identity.check).is_some() {
+            replay::done();
+        }
+        compute.known_issues.expect_sound()?;
+        compute.tolerance_on.expect_sound()?;
+        if let Some(on) = compute.known_issues.unexplained() {
+            let (variable, on) = (self.variable.clone(), on.clone());
+            return Err(ComputeError::UnexplainedIssue { variable, on });
+        }
+        let executors = self.executors()?;
+        let passes = compute.passes()?;
+        read.extend(passes.read());
+        let (number, shape) = passes.written(&self.variable)?;
+        let element = self.fitting(assertion, &passes, &shape)?;
+        if let (Some(span), Subject::Function { location, .. }) = (passes.span(), subject) {
+            *location = span.to_string();
+        }
+        let (mut agreed, mut known) = (Vec::new(), Vec::new());
+        let (mut different, mut elements) = (Vec::new(), 0);
+        for executor in executors {
+            let (adapter, path) = (executor::adapter(executor), executor.path());
+            let issue = compute.known_issues.on(path, &adapter).map(str::to_owned);
+            let own = compute.tolerance_on.on(path, &adapter);
+            let found = match words(executor, &passes, number) {
+                // Whatever stops a path that is declared to fail is its failure.
+                Err(_) if issue.is_some() => {
+                    known.push(Seen { adapter, path, cases: 0, failures: 1 });
+                    continue;
+                }
+                found => found?,
+            };
+            let width = element.lanes().len().max(1);
+            let count = found.len() / width;
+            if count == 0 {
+                let reason = format!("`{}` holds no element", self.variable);
+                return Err(ComputeError::Nothing(reason));
+            }
+            elements = count;
+            let sum = self.sum(assertion, own, &element, &found, function)?;
+            let asserted = match own {
+                Some(own) => format!("{}; on {path} {own}", assertion.text()),
+                None => assertion.text(),
+            };
+            records.push(PathRecord {
+                adapter: adapter.clone(),
+                cases: count as u64,
+                failures: sum.failures as u64,
+                worst: sum.worst.to_string(),
+                ratio: sum.worst.ratio.is_finite().then_some(sum.worst.ratio),
+                asserted,
+                known_issue: issue.clone(),
+                granted: None,
+                errors: None,
+                plot: None,
+                histogram: None,
+            });
+            if issue.is_some() {
+                let failures = sum.failures as u64;
+                known.push(Seen { adapter, path, cases: count as u64, failures });
+            } else if sum.failures > 0 {
+                let replayed = Replayed { case: 0, steps: &[], input: None };
+                let selectable = compute.executors.is_empty().then_some(path);
+                let replay = identity.replay(selectable, 0, function, &identity.check, replayed);
+                let (failures, shown) = (sum.failures, sum.shown);
+                different.push(PathDifference {
+                    adapter,
+                    elements: count,
+                    failures,
+                    shown,
+                    replay,
+                });
+            } else {
+                agreed.push((adapter, sum.worst));
+            }
+        }
+        if !different.is_empty() {
+            let entry_points: Vec<&str> = passes.entry_points().collect();
+            return Err(ComputeError::Differs(Box::new(Difference {
+                entry_points: entry_points.join(", "),
+                variable: self.variable.clone(),
+                assertion: assertion.text(),
+                location: passes.span().map_or_else(String::new, |span| span.to_string()),
+                paths: different,
+                agreeing: agreed.into_iter().map(|(adapter, _)| adapter).collect(),
+            })));
+        }
+        let known_issues = compute.known_issues.judge(known, false);
+        let known_issues = known_issues.map_err(|passes| self.passes_unexpectedly(passes))?;
+        let variable = self.variable.clone();
+        Ok(ComputeAgreement { variable, elements, paths: agreed, known_issues })
+    }
+
+    /// The type of an element, once what is asserted fits it.
+    fn fitting(
+        &self,
+        assertion: &Assertion<'_>,
+        passes: &Passes,
+        shape: &Shape,
+    ) -> Result<Shape, ComputeError> {
+        match assertion {
+            Assertion::Agrees(expected, tolerance) => {
+                let who = "the reference gives";
+                let element = self.element(passes, shape, &expected.shape, who, true)?;
+                let own = self.compute.tolerance_on.iter().map(|(_, tolerance)| tolerance);
+                for tolerance in own.chain([tolerance]) {
+                    if let Some(bound) = tolerance.unusable() {
+                        let tolerance = tolerance.clone();
+                        return Err(ComputeError::Bound { tolerance, bound });
+                    }
+                }
+                let width = element.lanes().len().max(1);
+                if let Some(at) = expected.lanes.iter().position(|value| !value.is_finite()) {
+                    let (variable, value) = (self.variable.clone(), expected.lanes[at]);
+                    return Err(ComputeError::Reference { variable, index: at / width, value });
+                }
+                if expected.lanes.is_empty() {
+                    let reason = "the reference gives no element".to_owned();
+                    return Err(ComputeError::Nothing(reason));
+                }
+                Ok(element)
+            }
+            Assertion::Holds(statement) => {
+                self.element(passes, shape, &statement.shape, "the statement takes", false)
+            }
+        }
+    }
+
+    fn sum(
+        &self,
+        assertion: &Assertion<'_>,
+        own: Option<&Tolerance>,
+        element: &Shape,
+        found: &[u32],
+        entry_point: &str,
+    ) -> Result<Sum, ComputeError> {
+        let (scalars, names) = (element.lanes(), element.lane_names());
+        let width = scalars.len().max(1);
+        let (expected, tolerance) = match assertion {
+            Assertion::Agrees(expected, tolerance) => (expected, own.unwrap_or(tolerance)),
+            Assertion::Holds(statement) => {
+                let holds = (statement.holds)(found);
+                let worst = LaneError::statement(holds);
+                return Ok(Sum { failures: usize::from(!holds), worst, shown: Vec::new() });
+            }
+        };
+        if expected.lanes.len() != found.len() {
+            return Err(ComputeError::Count {
+                variable: self.variable.clone(),
+                entry_point: entry_point.to_owned(),
+                found: found.len() / width,
+                expected: expected.lanes.len() / width,
+            });
+        }
+        let mut sum = Sum { failures: 0, worst: LaneError::ZERO, shown: Vec::new() };
+        let pairs = found.chunks_exact(width).zip(expected.lanes.chunks_exact(width));
+        for (index, (found, expected)) in pairs.enumerate() {
+            let mut worst: Option<(usize, LaneError)> = None;
+            for (lane, scalar) in scalars.iter().enumerate() {
+                let measure = match scalar.is_float() {
+                    true => tolerance.measure(lane, f32::from_bits(found[lane]), expected[lane]),
+                    // Integers are equal or wrong.
+                    #[expect(clippy::float_cmp, reason = "both are integers")]
+                    false => LaneError::equality(scalar.decode(found[lane]) == expected[lane]),
+                };
+                if worst.is_none_or(|(_, other)| !(measure.ratio <= other.ratio)) {
+                    worst = Some((lane, measure));
+                }
+            }
+            let Some((lane, measure)) = worst else { continue };
+            let worse = !(measure.ratio <= sum.worst.ratio);
+            if worse {
+                sum.worst = measure;
+            }
+            if measure.passes() {
+                continue;
+            }
+            sum.failures += 1;
+            // The first one stays, and behind it the worst.
+            if sum.failures == 1 || worse {
+                sum.shown.truncate(1);
+                let scalar = scalars[lane];
+                let bits = match scalar.is_float() {
+                    true => format!(" ({})", hexfloat(f32::from_bits(found[lane]))),
+                    false => String::new(),
+                };
+                let actual = crate::value::format_lane(scalar, found[lane]);
+                sum.shown.push(Element {
+                    place: format!("[{index}]{}", names[lane]),
+                    actual: format!("{actual}{bits}"),
+                    expected: expected[lane].to_string(),
+                    error: measure.to_string(),
+                });
+            }
+        }
+        Ok(sum)
+    }
+}
+
+impl Assertion<'_> {
+    fn verb(&self) -> &'static str {
+        match self {
+            Self::Agrees(..) => "agrees_with",
+            Self::Holds(_) => "satisfies",
+        }
+    }
+
+    fn text(&self) -> String {
+        match self {
+            Self::Agrees(_, tolerance) => tolerance.to_string(),
+            Self::Holds(statement) => statement.text.clone(),
+        }
+    }
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { entry_points, variable, assertion, location, .. } = self;
+        writeln!(f, "error: `{variable}` after `{entry_points}` fails: {assertion}")?;
+        if !location.is_empty() {
+            writeln!(f, "  --> {location}")?;
+        }
+        for path in &self.paths {
+            writeln!(f, "on {}", path.adapter)?;
+            if path.shown.is_empty() {
+                writeln!(f, "  it doesn't hold of its {} elements", path.elements)?;
+            } else {
+                let share = 100.0 * path.failures as f64 / path.elements as f64;
+                writeln!(
+                    f,
+                    "  {} of {} elements differ ({share:.3}%)",
+                    path.failures, path.elements
+                )?;
+            }
+            for (element, what) in path.shown.iter().zip(["first", "worst"]) {
+                writeln!(f, "  {what}: {}", element.place)?;
+                writeln!(f, "      actual = {}", element.actual)?;
+                writeln!(f, "    expected = {}", element.expected)?;
+                writeln!(f, "       error = {}", element.error)?;
+            }
+            writeln!(f, "  replay: {}", path.replay)?;
+        }
+        for adapter in &self.agreeing {
+            writeln!(f, "on {adapter}\n  all elements agree")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,271 @@
+//! What compute passes dispatch: entry points over resources that they share.
+//!
+//! [`Passes`] are linked and validated data, which an [`Executor`](crate::executor::Executor) runs one
+//! after the other.
+
+mod runner;
+
+use std::sync::Arc;
+
+use crate::diagnostic::{Diagnostic, FileRead, Span};
+use crate::fixture::{self, Fixture, FixtureError, Fixtures};
+use crate::package::Package;
+use crate::path::{Path, PathError};
+use crate::probe::{self, ProbeError};
+use crate::reflect::{Binding, BindingKind, Overrides, Program, ReflectError};
+use crate::value::Shape;
+
+/// Why nothing was dispatched.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DispatchError {
+    /// The shader is at fault.
+    #[error(transparent)]
+    Reflect(#[from] ReflectError),
+    /// Fixtures and variables don't match.
+    #[error(transparent)]
+    Fixture(#[from] FixtureError),
+    /// A path can't be used.
+    #[error(transparent)]
+    Path(#[from] PathError),
+    /// A pass gives no results.
+    #[error(transparent)]
+    Probe(#[from] ProbeError),
+    /// A loop takes more rounds than the driver allows.
+    #[error("{0}")]
+    Rounds(Box<Diagnostic>),
+    /// No such entry point.
+    #[error("`{name}` is no compute entry point{}",
+        nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
+    EntryPoint {
+        /// What was asked for.
+        name: String,
+        /// The closest one of its module.
+        nearest: Option<String>,
+    },
+    /// Nothing is dispatched.
+    #[error("nothing is dispatched; add `.dispatch(\"module::entry_point\", [x, y, z])`")]
+    Empty,
+    /// A dispatch of no workgroups, or of more than a device can do.
+    #[error("`{name}` is dispatched over {} x {} x {} workgroups; each number is 1 to 65535", workgroups[0], workgroups[1], workgroups[2])]
+    Workgroups {
+        /// The entry point.
+        name: String,
+        /// Workgroups in each direction.
+        workgroups: [u32; 3],
+    },
+    /// No pass writes a resource of that name.
+    #[error("no pass writes `{name}`{}",
+        nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
+    NotWritten {
+        /// What was asked for.
+        name: String,
+        /// The closest one that is written.
+        nearest: Option<String>,
+    },
+    /// No pass has an override of that name.
+    #[error("no pass has the override `{name}`")]
+    Override {
+        /// What was asked for.
+        name: String,
+    },
+    /// The executor dispatches nothing.
+    #[error("path `{path}` dispatches no entry points")]
+    Unable {
+        /// The path.
+        path: Path,
+    },
+}
+
+/// The most workgroups in a direction, on every device.
+const MOST_WORKGROUPS: u32 = 65_535;
+
+/// One dispatch, as its author says it.
+#[derive(Clone, Debug)]
+pub(crate) struct Wanted {
+    /// `module::entry_point`
+    pub(crate) name: String,
+    pub(crate) workgroups: [u32; 3],
+}
+
+/// Dispatches whose shaders are valid and whose fixtures fit them.
+#[derive(Debug)]
+pub struct Passes {
+    pub(crate) passes: Vec<Pass>,
+    pub(crate) resources: Vec<Held>,
+}
+
+/// One dispatch.
+#[derive(Debug)]
+pub(crate) struct Pass {
+    /// `module::entry_point`
+    pub(crate) name: String,
+    pub(crate) program: Arc<Program>,
+    /// The entry point's name in the text.
+    pub(crate) entry_point: String,
+    pub(crate) workgroups: [u32; 3],
+    /// What it uses, with the number of the resource.
+    pub(crate) bindings: Vec<(Binding, usize)>,
+}
+
+/// A resource that passes share.
+#[derive(Debug)]
+pub(crate) struct Held {
+    pub(crate) name: String,
+    pub(crate) fixture: Fixture,
+}
+
+impl Passes {
+    pub(crate) fn new(
+        package: &Package,
+        wanted: &[Wanted],
+        (given, same): (&Fixtures, &[(String, String)]),
+        overrides: &Overrides,
+    ) -> Result<Self, DispatchError> {
+        // A variable that has another one's resource is found under its own name, too.
+        let of = |(name, other): &(String, String)| {
+            let place = given.iter().rposition(|(known, _)| known == other)?;
+            Some(((name.clone(), given[place].1.clone()), place))
+        };
+        let (others, places): (Vec<_>, Vec<_>) = same.iter().filter_map(of).unzip();
+        let fixtures: Fixtures = given.iter().cloned().chain(others).collect();
+        let given_as = |place: usize| match place.checked_sub(given.len()) {
+            Some(index) => places[index],
+            None => place,
+        };
+        if wanted.is_empty() {
+            return Err(DispatchError::Empty);
+        }
+        let mut passes = Vec::new();
+        let mut resources: Vec<(usize, Held)> = Vec::new();
+        let mut all = Vec::new();
+        let mut unknown_overrides: Vec<&String> = overrides.keys().collect();
+        for Wanted { name, workgroups } in wanted {
+            let workgroups = *workgroups;
+            if workgroups.iter().any(|count| !(1..=MOST_WORKGROUPS).contains(count)) {
+                return Err(DispatchError::Workgroups { name: name.clone(), workgroups });
+            }
+            let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
+            let program = Program::of_items(package, module, &[own])
+                .map_err(|error| unknown(package, name, error))?;
+            // Of several passes each takes the overrides that it has.
+            let own_overrides: Overrides = overrides
+                .iter()
+                .filter(|(name, _)| wanted.len() == 1 || program.has_override(name))
+                .map(|(name, value)| (name.clone(), *value))
+                .collect();
+            unknown_overrides.retain(|name| !own_overrides.contains_key(*name));
+            let program = program.overridden(&own_overrides)?;
+            let entry_point = program.entry_point_name(own).to_owned();
+            let Some((bindings, _)) = program.compute_entry_point(&entry_point) else {
+                let known = program.compute_entry_points();
+                let nearest = crate::diagnostic::nearest(own, known.iter().map(String::as_str));
+                let (name, nearest) = (name.clone(), nearest.map(str::to_owned));
+                return Err(DispatchError::EntryPoint { name, nearest });
+            };
+            let mut bound = Vec::new();
+            for (binding, fixture) in fixture::resolve(&bindings, &fixtures)? {
+                // One fixture is one resource, whichever passes use it.
+                let place = fixtures.iter().position(|(_, one)| std::ptr::eq(one, fixture));
+                let place = given_as(place.unwrap_or_default());
+                let known = resources.iter().position(|(fixture, _)| *fixture == place);
+                let number = known.unwrap_or_else(|| {
+                    let (name, fixture) = (fixtures[place].0.clone(), fixture.clone());
+                    resources.push((place, Held { name, fixture }));
+                    resources.len() - 1
+                });
+                bound.push((binding.clone(), number));
+            }
+            all.extend(bindings);
+            let (name, bindings) = (name.clone(), bound);
+            passes.push(Pass { name, program, entry_point, workgroups, bindings });
+        }
+        if let Some(name) = unknown_overrides.first() {
+            return Err(DispatchError::Override { name: (*name).clone() });
+        }
+        fixture::check_used(&all, &fixtures)?;
+        let resources = resources.into_iter().map(|(_, held)| held).collect();
+        Ok(Self { passes, resources })
+    }
+
+    /// The entry points, in the order in which they are dispatched.
+    pub fn entry_points(&self) -> impl Iterator<Item = &str> {
+        self.passes.iter().map(|pass| pass.name.as_str())
+    }
+
+    /// Where each resource is used.
+    pub(crate) fn uses(&self, resource: usize) -> impl Iterator<Item = (&Pass, &Binding)> {
+        self.passes.iter().flat_map(move |pass| {
+            let own = pass.bindings.iter().filter(move |(_, number)| *number == resource);
+            own.map(move |(binding, _)| (pass, binding))
+        })
+    }
+
+    /// The first use of a resource that may write it.
+    pub(crate) fn writer(&self, resource: usize) -> Option<(&Pass, &Binding)> {
+        self.uses(resource).find(|(_, binding)| binding.kind.is_written())
+    }
+
+    /// A resource that is written, by the name of its variable or of its fixture; and the type of what
+    /// it holds.
+    pub(crate) fn written(&self, name: &str) -> Result<(usize, Shape), DispatchError> {
+        let is_it = |number: &usize| {
+            let named = |b: &Binding| b.name() == name || b.path == name;
+            self.resources[*number].name == name || self.uses(*number).any(|(_, b)| named(b))
+        };
+        let mut numbers = 0..self.resources.len();
+        let found = numbers.find(|number| is_it(number) && self.writer(*number).is_some());
+        let Some(number) = found else {
+            let written = (0..self.resources.len()).filter_map(|number| self.writer(number));
+            let known: Vec<&str> = written.map(|(_, binding)| binding.name()).collect();
+            let nearest = crate::diagnostic::nearest(name, known).map(str::to_owned);
+            return Err(DispatchError::NotWritten { name: name.to_owned(), nearest });
+        };
+        let (pass, binding) = self.writer(number).expect("it is written");
+        let count = probe::count(&pass.program, binding, &self.resources[number].fixture)?;
+        let shape = pass.program.written_shape(binding, Some(count));
+        let shape = shape.ok_or_else(|| FixtureError::Unusable {
+            variable: binding.path.clone(),
+            reason: "no host can read it".to_owned(),
+        })?;
+        Ok((number, shape))
+    }
+
+    /// The files that it depends on.
+    pub(crate) fn read(&self) -> Vec<FileRead> {
+        let modules = self.passes.iter().flat_map(|pass| pass.program.files());
+        let fixtures = self.resources.iter().flat_map(|held| held.fixture.read());
+        modules.chain(fixtures).cloned().collect()
+    }
+
+    /// Where the last entry point is declared.
+    pub(crate) fn span(&self) -> Option<Span> {
+        let pass = self.passes.last()?;
+        pass.program.entry_point_span(&pass.entry_point)
+    }
+
+    /// Whether a resource is bound, and not set with the commands.
+    fn is_bound(binding: &Binding) -> bool {
+        binding.kind != BindingKind::Immediate
+    }
+}
+
+/// What a resource that is written holds after all passes: its number, and its lanes.
+pub type Afterwards = Vec<(usize, Vec<u32>)>;
+
+/// An entry point that isn't there has the nearest name of its module.
+fn unknown(package: &Package, name: &str, error: ReflectError) -> DispatchError {
+    let items = package.functions().unwrap_or_default();
+    let known = items.iter().filter(|item| item.entry_point).map(|item| item.name.as_str());
+    let known: Vec<&str> = known.collect();
+    if known.contains(&name) {
+        return error.into();
+    }
+    match crate::diagnostic::nearest(name, known) {
+        Some(nearest) => {
+            let (name, nearest) = (name.to_owned(), Some(nearest.to_owned()));
+            DispatchError::EntryPoint { name, nearest }
+        }
+        None => error.into(),
+    }
+}
