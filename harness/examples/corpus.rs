@@ -281,10 +281,8 @@ fn seeming_functions(text: &str) -> usize {
 const BY_NATURE: &[(&str, &str)] = &[
     ("a pointer", "pointer"),
     ("returns nothing", "no result"),
-    ("fragment shaders", "derivatives"),
-    ("workgroup variable", "workgroup memory"),
-    ("waits at a barrier", "barrier"),
-    ("writes the storage buffer", "writes storage"),
+    ("may discard", "discards"),
+    ("writes what other pixels see", "fragment that writes"),
     ("texture or sampler", "texture as argument"),
     ("64-bit", "64 bits"),
     ("without a fixed size", "runtime array"),
