@@ -183,7 +183,8 @@ fn the_texels_of_a_cube_cover_the_sphere() {
         for size in 1..=64_u32 {
             let texels: Vec<Vec<u32>> =
                 (0..size * size).map(|index| vec![size, index % size, index / size]).collect();
-            let results = karat::executor::call(&probed, path, &texels).expect("the kernel runs");
+            let results = karat::executor::call(&probed, path, &texels, &Vec::new())
+                .expect("the kernel runs");
             let face: f64 = results.iter().map(|lanes| f64::from(f32::from_bits(lanes[0]))).sum();
             let sphere = 6.0 * face / (4.0 * PI);
             assert!((sphere - 1.0).abs() < 1e-6, "{path}, {size}: {sphere} of the sphere");

@@ -16,6 +16,7 @@ pub(crate) use accuracy::measured;
 
 use crate::dispatch::{Afterwards, DispatchError, Passes};
 use crate::draw::{DrawError, Drawing};
+use crate::fixture::{self, Fixtures};
 use crate::image::Image;
 use crate::path::{self, Adapter, Device, Path, PathError};
 use crate::probe::{BATCH, Call, Prepared, ProbeError, Probed, Runner};
@@ -101,9 +102,14 @@ pub(crate) fn of(path: Path) -> Result<&'static dyn Executor, PathError> {
 ///
 /// # Errors
 /// If the path doesn't open, a fixture is missing, or the function gives no results there.
-pub fn call(probed: &Probed, path: Path, cases: &[Vec<u32>]) -> Result<Vec<Vec<u32>>, ProbeError> {
-    let fixtures = Vec::new();
-    let call = Call { probed, fixtures: &fixtures, cases: cases.len().min(BATCH) };
+pub fn call(
+    probed: &Probed,
+    path: Path,
+    cases: &[Vec<u32>],
+    fixtures: &Fixtures,
+) -> Result<Vec<Vec<u32>>, ProbeError> {
+    fixture::check_used(&probed.function().bindings, fixtures)?;
+    let call = Call { probed, fixtures, cases: cases.len().min(BATCH) };
     let prepared = of(path)?.prepare(&call)?;
     let width = probed.function().result.lanes().len();
     let mut results = Vec::with_capacity(cases.len());

@@ -200,7 +200,7 @@ macro_rules! into_fixture {
 into_fixture!(CubeMap, Texture, Sampler, Uniform, Storage, Buffer);
 
 /// Fixtures by the name of their variable: `environment`, or `sky::environment`.
-pub(crate) type Fixtures = Vec<(String, Fixture)>;
+pub type Fixtures = Vec<(String, Fixture)>;
 
 fn named(binding: &Binding, name: &str) -> bool {
     binding.path == name || binding.name() == name

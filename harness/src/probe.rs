@@ -39,6 +39,7 @@ pub(crate) use runner::{BATCH, Runner};
 pub(crate) use texels::Codec;
 pub(crate) use upload::{Resource, upload, upload_shared};
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::diagnostic::Diagnostic;
@@ -65,11 +66,14 @@ impl Probed {
         Self::with_overrides(package, path, &Overrides::new())
     }
 
-    /// The same with values of overrides.
-    pub(crate) fn with_overrides(
+    /// The same with values of overrides, by their names or numbers.
+    ///
+    /// # Errors
+    /// Those of [`new`](Self::new); and if an override has no value, or there is no such override.
+    pub fn with_overrides(
         package: &Package,
         path: &str,
-        overrides: &Overrides,
+        overrides: &BTreeMap<String, f64>,
     ) -> Result<Self, ProbeError> {
         let program = Program::of_function(package, path)?.overridden(overrides)?;
         // What the function doesn't reach must be valid, too, but where somebody else wrote it:
@@ -102,7 +106,10 @@ impl Probed {
     }
 
     /// Takes note of how long what it writes is, which its fixtures say.
-    pub(crate) fn fit(&mut self, fixtures: &Fixtures) -> Result<(), ProbeError> {
+    ///
+    /// # Errors
+    /// If fixtures and variables don't match.
+    pub fn fit(&mut self, fixtures: &Fixtures) -> Result<(), ProbeError> {
         if self.function.written().next().is_none() {
             return Ok(());
         }
@@ -120,7 +127,8 @@ impl Probed {
 
     /// The same where these parameters are given with their derivatives. Others are too, in vain, if
     /// the function isn't one of fragments.
-    pub(crate) fn with_quads(mut self, varying: &[bool]) -> Self {
+    #[must_use]
+    pub fn with_quads(mut self, varying: &[bool]) -> Self {
         if varying.contains(&true) {
             for ((_, shape), _) in
                 self.function.parameters.iter_mut().zip(varying).filter(|(_, varies)| **varies)
@@ -130,6 +138,12 @@ impl Probed {
             self.kernel = Kernel::with_inputs(&self.program, &self.function, self.kernel.inputs());
         }
         self
+    }
+
+    /// Whether only fragment shaders may call it, so that each case is a quad of pixels.
+    #[must_use]
+    pub fn takes_derivatives(&self) -> bool {
+        self.function.form.fragment
     }
 
     /// The function's signature, place, comment and resources.

@@ -35,9 +35,9 @@ fn probed(source: &str, function: &str) -> Probed {
 fn a_loop_that_the_driver_leaves_is_an_error_with_its_line() {
     let probed = probed(SPIN, "spin");
     for path in paths() {
-        let results = call(&probed, path, &[vec![100], vec![65_000], vec![3]]);
+        let results = call(&probed, path, &[vec![100], vec![65_000], vec![3]], &Vec::new());
         assert_eq!(results.expect("it ends"), [[spun(100)], [spun(65_000)], [spun(3)]]);
-        match call(&probed, path, &[vec![100], vec![131_072]]) {
+        match call(&probed, path, &[vec![100], vec![131_072]], &Vec::new()) {
             Ok(results) => {
                 assert!(!leaves(path), "{path} gave {results:?}");
                 assert_eq!(results[1], [spun(131_072)]);
@@ -64,9 +64,9 @@ fn loops_count_together() {
         for (function, fits, too_many) in [("twice", 32_000, 33_000), ("grid", 250, 300)] {
             let probed = probed(&source, function);
             let factor = if function == "grid" { fits } else { 2 };
-            let results = call(&probed, path, &[vec![fits]]).expect("it ends");
+            let results = call(&probed, path, &[vec![fits]], &Vec::new()).expect("it ends");
             assert_eq!(results[0], [factor * spun(fits)], "{function} on {path}");
-            let result = call(&probed, path, &[vec![too_many]]);
+            let result = call(&probed, path, &[vec![too_many]], &Vec::new());
             assert!(matches!(result, Err(ProbeError::Rounds { .. })), "{function} on {path}");
         }
     }
@@ -87,10 +87,10 @@ fn loops_that_nobody_enters_count() {
     let counts = |function: &str, fits: u32, too_many: &[u32]| {
         let probed = probed(&source, function);
         for path in paths() {
-            let results = call(&probed, path, &[vec![fits]]).expect("it ends");
+            let results = call(&probed, path, &[vec![fits]], &Vec::new()).expect("it ends");
             assert_eq!(results[0], [spun(fits)], "{function} on {path}");
             for n in too_many {
-                match call(&probed, path, &[vec![*n]]) {
+                match call(&probed, path, &[vec![*n]], &Vec::new()) {
                     Err(ProbeError::Rounds { .. }) => {}
                     Ok(results) if !leaves(path) => assert_eq!(results[0], [spun(*n)]),
                     other => panic!("{function}({n}) on {path}: {other:?}"),
@@ -118,13 +118,15 @@ fn neighbours_do_not_cut_each_other_short() {
         let cases: Vec<Vec<u32>> = (0..64).map(|i| vec![40_000 + i, i % 2]).collect();
         let expected: Vec<Vec<u32>> =
             (0..64).map(|i| vec![spun(40_000 + i) + u32::from(i % 2 == 0)]).collect();
-        let results = call(&probed(&source, "either"), path, &cases).expect("each ends");
+        let results =
+            call(&probed(&source, "either"), path, &cases, &Vec::new()).expect("each ends");
         assert_eq!(results, expected, "on {path}");
 
         // Each lane has a turn in a loop of its own: together they go round 16 times as often.
         let cases: Vec<Vec<u32>> = (0..64).map(|i| vec![9_000 + i, i % 16]).collect();
         let expected: Vec<Vec<u32>> = (0..64).map(|i| vec![spun(9_000 + i)]).collect();
-        let results = call(&probed(&source, "turns"), path, &cases).expect("each ends");
+        let results =
+            call(&probed(&source, "turns"), path, &cases, &Vec::new()).expect("each ends");
         assert_eq!(results, expected, "on {path}");
     }
 }

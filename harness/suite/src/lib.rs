@@ -34,7 +34,9 @@ use karat::check::WgslTest;
 use karat::diagnostic::Span;
 
 pub use find::FindError;
+pub use fixtures::fixture;
 pub use run::Groups;
+pub use tolerances::tolerance;
 
 /// The tests of a package.
 #[derive(Debug)]

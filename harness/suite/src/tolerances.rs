@@ -38,7 +38,10 @@ pub(crate) fn criterion(text: &str) -> Result<Criterion, String> {
 }
 
 /// A tolerance: bounds joined by `or`, or by `and`.
-pub(crate) fn tolerance(text: &str) -> Result<Tolerance, String> {
+///
+/// # Errors
+/// If the text is none.
+pub fn tolerance(text: &str) -> Result<Tolerance, String> {
     let (words, or): (Vec<&str>, bool) = match (text.contains(" or "), text.contains(" and ")) {
         (true, true) => {
             return Err(format!(

@@ -444,7 +444,7 @@ fn a_path_that_compiles_nothing_is_declared() {
 fn errors_carry_their_source() {
     let package = package("", SAMPLED);
     let probed = karat::probe::Probed::new(&package, "f").expect("valid");
-    let error = karat::executor::call(&probed, Path::CPU, &[vec![0, 0]]);
+    let error = karat::executor::call(&probed, Path::CPU, &[vec![0, 0]], &Vec::new());
     let Err(ProbeError::Fixture(karat::fixture::FixtureError::Declared { source, .. })) = error
     else {
         panic!("{error:?}");

@@ -5,6 +5,7 @@ use std::io::Write;
 use std::path::Path;
 
 use anyhow::Context;
+use karat::fixture::Fixtures;
 use karat::image::write_whole;
 use karat::probe::Probed;
 use karat::trace::{Step, Value, trace};
@@ -18,10 +19,11 @@ const LOST: f64 = 1.0 / 4096.0;
 /// Prints the steps of a call.
 pub(super) fn write_text(
     probed: &Probed,
+    fixtures: &Fixtures,
     arguments: &[u32],
     out: &mut dyn Write,
 ) -> anyhow::Result<()> {
-    let steps = trace(probed, arguments)?;
+    let steps = trace(probed, fixtures, arguments)?;
     writeln!(out)?;
     let mut table = Table::new(&["place", "operation", "f32", "f64", "WGSL allows"], &[]);
     for step in &steps {
@@ -43,8 +45,13 @@ pub(super) fn write_text(
 }
 
 /// Writes the steps as a page, each below its line of the source.
-pub(super) fn write_html(probed: &Probed, arguments: &[u32], file: &Path) -> anyhow::Result<()> {
-    let steps = trace(probed, arguments)?;
+pub(super) fn write_html(
+    probed: &Probed,
+    fixtures: &Fixtures,
+    arguments: &[u32],
+    file: &Path,
+) -> anyhow::Result<()> {
+    let steps = trace(probed, fixtures, arguments)?;
     let function = probed.function();
     let mut page = String::from(HEAD);
     writeln!(page, "<title>{}</title><h1>{}</h1>", html(&function.name), html(&function.name))?;

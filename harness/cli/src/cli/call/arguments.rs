@@ -1,0 +1,232 @@
+//! Arguments of a call as words: numbers, derivatives, and one range that is swept.
+
+use anyhow::{Context, bail, ensure};
+use karat::diagnostic::nearest;
+use karat::reflect::Function;
+use karat::value::{Scalar, Shape};
+
+/// Points of a sweep, at most.
+const MOST_POINTS: u32 = 1 << 22;
+
+/// What is given on the command line.
+pub(super) struct Given {
+    /// The lanes of each argument: one after the other, with derivatives where they are given.
+    pub(super) lanes: Vec<u32>,
+    /// Which arguments have derivatives.
+    pub(super) varying: Vec<bool>,
+    pub(super) sweep: Option<Sweep>,
+}
+
+/// A component that takes one value after the other.
+pub(super) struct Sweep {
+    /// Its place among the lanes.
+    pub(super) lane: usize,
+    /// Its values.
+    pub(super) values: Vec<u32>,
+}
+
+impl Given {
+    /// Reads the arguments of a function: each `0.5`, `1,0,0`, `0..1:100` (a sweep) or, of functions that
+    /// take derivatives, `0.5@0.1@0` (its value, and how it changes to the right and downwards). Each may
+    /// have its parameter's name in front: `x=0.5`.
+    pub(super) fn read(function: &Function, arguments: &[String]) -> anyhow::Result<Self> {
+        let ordered = ordered(function, arguments)?;
+        let mut given = Self { lanes: Vec::new(), varying: Vec::new(), sweep: None };
+        for (text, (name, shape)) in ordered.iter().zip(&function.parameters) {
+            let parts: Vec<&str> = text.split('@').collect();
+            ensure!(
+                matches!(parts.len(), 1 | 3),
+                "argument `{name}`: derivatives are two, to the right and downwards: \
+                 `{}@DX@DY`",
+                parts[0]
+            );
+            given.varying.push(parts.len() == 3);
+            for part in parts {
+                given.value(name, shape, part).with_context(|| format!("argument `{name}`"))?;
+            }
+        }
+        Ok(given)
+    }
+
+    fn value(&mut self, name: &str, shape: &Shape, text: &str) -> anyhow::Result<()> {
+        let words: Vec<&str> = text.split(',').collect();
+        let scalars = shape.lanes();
+        ensure!(
+            words.len() == scalars.len(),
+            "`{name}` is a {shape} of {} components, `{text}` has {}",
+            scalars.len(),
+            words.len()
+        );
+        for (word, scalar) in words.iter().zip(scalars) {
+            let lane = self.lanes.len();
+            match word.split_once("..") {
+                None => self.lanes.push(parse(word, scalar)?),
+                Some((least, rest)) => {
+                    ensure!(self.sweep.is_none(), "one component is swept, not two");
+                    let values = swept(scalar, least, rest)?;
+                    self.lanes.push(values[0]);
+                    self.sweep = Some(Sweep { lane, values });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The arguments in the order of the parameters.
+fn ordered<'a>(function: &Function, arguments: &'a [String]) -> anyhow::Result<Vec<&'a str>> {
+    let parameters = &function.parameters;
+    let mut found: Vec<Option<&str>> = vec![None; parameters.len()];
+    let mut next = 0;
+    for text in arguments {
+        let (place, value) = match text.split_once('=') {
+            Some((name, value)) => {
+                let place = parameters.iter().position(|(known, _)| known == name.trim());
+                let Some(place) = place else {
+                    let near = nearest(name, parameters.iter().map(|(known, _)| known.as_str()));
+                    let near = near.map_or_else(String::new, |n| format!("; did you mean `{n}`?"));
+                    bail!("`{}` has no parameter `{name}`{near}\n  {function}", function.name);
+                };
+                (place, value)
+            }
+            None => {
+                while found.get(next).is_some_and(Option::is_some) {
+                    next += 1;
+                }
+                (next, text.as_str())
+            }
+        };
+        match found.get_mut(place) {
+            Some(slot @ None) => *slot = Some(value),
+            Some(Some(_)) => bail!("the argument `{}` is given twice", parameters[place].0),
+            None => break,
+        }
+    }
+    let count = arguments.len();
+    let expected = parameters.len();
+    ensure!(
+        count == expected && found.iter().all(Option::is_some),
+        "`{}` takes {expected} arguments, not {count}\n  {function}",
+        function.name,
+    );
+    Ok(found.into_iter().flatten().collect())
+}
+
+/// The values of `least..most:count`.
+fn swept(scalar: Scalar, least: &str, rest: &str) -> anyhow::Result<Vec<u32>> {
+    let (most, count) = rest
+        .split_once(':')
+        .with_context(|| format!("`{least}..{rest}`: a sweep says how many points: `0..1:100`"))?;
+    let most = most.strip_prefix('=').unwrap_or(most);
+    let count: u32 = count.trim().parse().with_context(|| format!("`{count}` is no number"))?;
+    ensure!(
+        (2..=MOST_POINTS).contains(&count),
+        "a sweep has 2 to {MOST_POINTS} points, not {count}"
+    );
+    let end = |word: &str| Ok::<_, anyhow::Error>(scalar.decode(parse(word, scalar)?));
+    ensure!(scalar != Scalar::Bool, "a bool isn't swept");
+    let (least, most) = (end(least)?, end(most)?);
+    let value = |index: u32| {
+        let value = least + (most - least) * f64::from(index) / f64::from(count - 1);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "it lies between two values of the type"
+        )]
+        match scalar {
+            Scalar::F32 => (value as f32).to_bits(),
+            Scalar::F16 => half::f16::from_f64(value).to_f32().to_bits(),
+            Scalar::I32 => (value.round() as i32).cast_unsigned(),
+            Scalar::U32 | Scalar::Bool => value.round() as u32,
+        }
+    };
+    Ok((0..count).map(value).collect())
+}
+
+/// A scalar's lane. Decimals are rounded to the nearest f32, which the shortest decimals of that
+/// f32 name exactly; hexadecimal floats (`0x1.8p-3`) are exact, or refused.
+pub(super) fn parse(word: &str, scalar: Scalar) -> anyhow::Result<u32> {
+    let word = word.trim();
+    let bad = || format!("`{word}` isn't a value of type {}", scalar.wgsl());
+    Ok(match scalar {
+        Scalar::F32 | Scalar::F16 => {
+            let value: f32 = match hexadecimal(word) {
+                Some(value) => {
+                    #[expect(clippy::cast_possible_truncation, reason = "it is compared below")]
+                    let single = value as f32;
+                    ensure!(
+                        f64::from(single).to_bits() == value.to_bits(),
+                        "`{word}` is no f32: it has more than 24 binary digits, or is too large"
+                    );
+                    single
+                }
+                None => word.parse().with_context(bad)?,
+            };
+            let value = match scalar {
+                Scalar::F16 => half::f16::from_f32(value).to_f32(),
+                _ => value,
+            };
+            // An infinity is written `inf`: digits that overflow are a slip.
+            let digits = word.contains(|c: char| c.is_ascii_digit());
+            ensure!(value.is_finite() || !digits, "`{word}` is too large for {}", scalar.wgsl());
+            value.to_bits()
+        }
+        Scalar::I32 => word.parse::<i32>().with_context(bad)?.cast_unsigned(),
+        Scalar::U32 => match word.strip_prefix("0x") {
+            Some(digits) => u32::from_str_radix(digits, 16).with_context(bad)?,
+            None => word.parse::<u32>().with_context(bad)?,
+        },
+        Scalar::Bool => u32::from(word.parse::<bool>().with_context(bad)?),
+    })
+}
+
+/// A hexadecimal float of C99, as WGSL and Karat write it; exact in `f64` with up to 13 digits behind the
+/// point, which are more than an f32 has.
+pub(super) fn hexadecimal(word: &str) -> Option<f64> {
+    let (sign, word) = match word.strip_prefix('-') {
+        Some(rest) => (-1.0, rest),
+        None => (1.0, word),
+    };
+    let rest = word.strip_prefix("0x").or_else(|| word.strip_prefix("0X"))?;
+    let (digits, exponent) = rest.split_once(['p', 'P'])?;
+    let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
+    let all = format!("{whole}{fraction}");
+    if all.is_empty() || all.len() > 13 {
+        return None;
+    }
+    let mantissa = u64::from_str_radix(&all, 16).ok()?;
+    let exponent: i32 = exponent.parse().ok().filter(|e| (-1000..1000).contains(e))?;
+    let shift = exponent - 4 * i32::try_from(fraction.len()).ok()?;
+    #[expect(clippy::cast_precision_loss, reason = "13 digits are 52 bits")]
+    let value = mantissa as f64 * 2.0_f64.powi(shift);
+    Some(sign * value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use karat::value::hexfloat;
+
+    #[test]
+    fn what_hexfloat_writes_is_read() {
+        for value in [0.1_f32, 1.0, -0.0, f32::MAX, f32::MIN_POSITIVE, f32::from_bits(1), 1e-40] {
+            let text = hexfloat(value);
+            assert_eq!(parse(&text, Scalar::F32).expect("it is one"), value.to_bits(), "{text}");
+        }
+        for wrong in ["0x1.0000001p+0", "0x1p+128", "0x", "0xp1", "0x1.8"] {
+            parse(wrong, Scalar::F32).expect_err(wrong);
+        }
+    }
+
+    #[test]
+    fn sweeps_have_their_ends() {
+        let values = swept(Scalar::F32, "0", "1:5").expect("a sweep");
+        let values: Vec<f32> = values.into_iter().map(f32::from_bits).collect();
+        assert_eq!(values, [0.0, 0.25, 0.5, 0.75, 1.0]);
+        assert_eq!(swept(Scalar::U32, "3", "=6:4").expect("a sweep"), [3, 4, 5, 6]);
+        for (rest, part) in [("1", "how many points"), ("1:1", "2 to"), ("x:3", "f32")] {
+            let error = format!("{:#}", swept(Scalar::F32, "0", rest).expect_err(rest));
+            assert!(error.contains(part), "{error}");
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! What a call binds: `--bind name=...` and `--override name=...`.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context, anyhow, bail};
+use karat::diagnostic::nearest;
+use karat::fixture::{Buffer, Fixtures};
+use karat::probe::Probed;
+use karat::reflect::BindingKind;
+use toml::Value;
+
+/// The values of overrides: `GAIN=2`.
+pub(super) fn overrides(given: &[String]) -> anyhow::Result<BTreeMap<String, f64>> {
+    let one = |text: &String| {
+        let (name, value) = parted("override", text)?;
+        let value = match value {
+            "true" => 1.0,
+            "false" => 0.0,
+            number => number.parse().with_context(|| format!("--override {text}"))?,
+        };
+        Ok((name.to_owned(), value))
+    };
+    given.iter().map(one).collect()
+}
+
+fn parted<'a>(option: &str, text: &'a str) -> anyhow::Result<(&'a str, &'a str)> {
+    text.split_once('=').with_context(|| format!("--{option} {text}: write NAME=VALUE"))
+}
+
+/// The fixtures of a function's variables.
+pub(super) fn fixtures(probed: &Probed, given: &[String]) -> anyhow::Result<Fixtures> {
+    let bindings = &probed.function().bindings;
+    let mut all = Fixtures::new();
+    for text in given {
+        let (name, value) = parted("bind", text)?;
+        let known = bindings.iter().find(|b| b.name() == name || b.path == name);
+        let Some(binding) = known else {
+            let near = nearest(name, bindings.iter().map(|b| b.name()));
+            let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+            bail!("`{}` reads no variable `{name}`{near}", probed.function().name);
+        };
+        let is_buffer = matches!(
+            binding.kind,
+            BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate
+        );
+        let fixture = if is_buffer && value.ends_with(".bin") {
+            let bytes = std::fs::read(value).with_context(|| format!("can't read `{value}`"))?;
+            Buffer::of_bytes(bytes).into()
+        } else {
+            let value = parsed(value, is_buffer).with_context(|| format!("--bind {text}"))?;
+            let here = Path::new("");
+            karat_suite::fixture(probed.program(), binding, &value, here)
+                .map_err(|error| anyhow!("--bind {text}: {error}"))?
+        };
+        all.push((name.to_owned(), fixture));
+    }
+    let missing = bindings.iter().find(|b| !all.iter().any(|(n, _)| n == b.name() || *n == b.path));
+    if let Some(missing) = missing {
+        let (name, kind) = (missing.name(), missing.kind);
+        let place = missing.span.as_ref().map_or_else(String::new, |span| format!(" ({span})"));
+        bail!("`{name}`, a {kind}, is read{place}: add --bind {name}={}", example(missing.kind));
+    }
+    Ok(all)
+}
+
+fn example(kind: BindingKind) -> &'static str {
+    match kind {
+        BindingKind::Sampler { comparison: true } => "\"linear less_equal\"",
+        BindingKind::Sampler { .. } => "\"linear repeat\"",
+        BindingKind::Texture(_) | BindingKind::StorageTexture { .. } => "image.exr",
+        _ => "values.json",
+    }
+}
+
+/// A value: a file of JSON or TOML, JSON itself, or numbers that are joined by commas.
+fn parsed(text: &str, is_buffer: bool) -> anyhow::Result<Value> {
+    let json = |text: &str| {
+        let value: serde_json::Value = serde_json::from_str(text)?;
+        Value::try_from(value).context("TOML has no such value")
+    };
+    let read = || std::fs::read_to_string(text).with_context(|| format!("can't read `{text}`"));
+    if is_buffer && text.ends_with(".json") {
+        return json(&read()?);
+    }
+    if is_buffer && text.ends_with(".toml") {
+        return Ok(Value::Table(read()?.parse()?));
+    }
+    if text.starts_with(['{', '[']) {
+        return json(text);
+    }
+    let number = |word: &str| {
+        let word = word.trim();
+        let float = || super::arguments::hexadecimal(word).or_else(|| word.parse().ok());
+        match word.parse::<i64>() {
+            Ok(whole) => Some(Value::Integer(whole)),
+            Err(_) => float().map(Value::Float).or_else(|| word.parse().ok().map(Value::Boolean)),
+        }
+    };
+    let numbers: Option<Vec<Value>> = text.split(',').map(number).collect();
+    Ok(match numbers {
+        Some(mut one) if one.len() == 1 => one.remove(0),
+        Some(many) => Value::Array(many),
+        None => Value::String(text.to_owned()),
+    })
+}

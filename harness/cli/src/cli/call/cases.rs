@@ -1,0 +1,385 @@
+//! `karat call --cases`: a table of cases, evaluated, and compared if it says what is expected.
+
+use std::fs::File;
+use std::io::{Read, Write};
+use std::path::Path as FilePath;
+
+use anyhow::{Context, bail, ensure};
+use indicatif::{ProgressBar, ProgressStyle};
+use karat::diagnostic::nearest;
+use karat::fixture::Fixtures;
+use karat::image::write_whole;
+use karat::probe::Probed;
+use karat::reflect::Function;
+use karat::value::{Scalar, Shape, format_lane, hexfloat};
+use karat::{Path, Tolerance};
+
+use super::arguments::{hexadecimal, parse};
+use super::{BAD, Ending, Outcome};
+
+/// Rows of a table that are evaluated before the progress bar moves.
+const STEP: usize = 65_536;
+/// Bytes and rows of a table: what is read is kept, with all results, until the table is written.
+const LONGEST: u64 = 256 << 20;
+const MOST_CASES: usize = 1 << 22;
+/// Rows that fail and are shown.
+const SHOWN: usize = 10;
+
+/// What is done with a table.
+pub(super) struct Request<'a> {
+    pub(super) probed: &'a Probed,
+    pub(super) fixtures: &'a Fixtures,
+    pub(super) paths: &'a [Path],
+    /// Where it goes; none: standard output.
+    pub(super) output: Option<&'a FilePath>,
+    /// Whether floats are written in hexadecimal.
+    pub(super) exact: bool,
+    /// The column of what is expected, and how far off results may be.
+    pub(super) expect: Option<(&'a str, Tolerance)>,
+}
+
+/// The cases of a table.
+#[derive(Default)]
+struct Table {
+    rows: Vec<Vec<u32>>,
+    text: String,
+    /// Where the reader stood in the text before each row.
+    starts: Vec<usize>,
+    /// What is expected of each row.
+    expected: Vec<Vec<f64>>,
+    /// Columns that are no arguments: their names, and their words in each row.
+    others: Vec<(String, Vec<String>)>,
+}
+
+/// Evaluates a table.
+pub(super) fn evaluate(request: &Request<'_>, input: &FilePath, out: &mut dyn Write) -> Outcome {
+    let function = request.probed.function();
+    let columns = columns(function);
+    ensure!(
+        !columns.is_empty(),
+        "`{}` takes no arguments, so a table has no columns",
+        function.name
+    );
+    let table = read(input, &columns, function, request.expect.as_ref().map(|(name, _)| *name))?;
+    ensure!(!table.rows.is_empty(), "`{}` holds no case", input.display());
+    let results = results(request, &table.rows)?;
+    match &request.expect {
+        None => {
+            write_table(request, &table.rows, &results, &table.others, out)?;
+            Ok(Ending::Good)
+        }
+        Some((_, tolerance)) => {
+            if request.output.is_some() {
+                write_table(request, &table.rows, &results, &table.others, out)?;
+            }
+            compare(request, &columns, &table, &results, tolerance, input, out)
+        }
+    }
+}
+
+/// The results on each path.
+pub(super) fn results(
+    request: &Request<'_>,
+    rows: &[Vec<u32>],
+) -> anyhow::Result<Vec<Vec<Vec<u32>>>> {
+    let steps = (rows.len() * request.paths.len()) as u64;
+    let bar = ProgressBar::new(steps).with_style(
+        ProgressStyle::with_template("{bar:40} {human_pos} of {human_len} cases, {eta} left")
+            .expect("the template is valid"),
+    );
+    let mut results: Vec<Vec<Vec<u32>>> = Vec::new();
+    for path in request.paths {
+        let mut values = Vec::with_capacity(rows.len());
+        for batch in rows.chunks(STEP) {
+            let fixtures = request.fixtures;
+            values.extend(karat::executor::call(request.probed, *path, batch, fixtures)?);
+            bar.inc(batch.len() as u64);
+        }
+        results.push(values);
+    }
+    bar.finish_and_clear();
+    Ok(results)
+}
+
+/// A lane as decimals that read back to it, or in hexadecimal.
+fn shown(scalar: Scalar, lane: u32, exact: bool) -> String {
+    match exact && scalar.is_float() {
+        true => hexfloat(f32::from_bits(lane)),
+        false => format_lane(scalar, lane),
+    }
+}
+
+/// Writes arguments and results as a table.
+pub(super) fn write_table(
+    request: &Request<'_>,
+    rows: &[Vec<u32>],
+    results: &[Vec<Vec<u32>>],
+    others: &[(String, Vec<String>)],
+    out: &mut dyn Write,
+) -> anyhow::Result<()> {
+    let (function, exact) = (request.probed.function(), request.exact);
+    let columns = columns(function);
+    let mut head: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
+    head.extend(others.iter().map(|(name, _)| name.clone()));
+    for path in request.paths {
+        let lanes = function.result.lane_names().into_iter();
+        head.extend(lanes.map(|lane| format!("{path}{lane}")));
+    }
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(&head)?;
+    let scalars = function.result.lanes();
+    for (index, row) in rows.iter().enumerate() {
+        let inputs =
+            row.iter().zip(&columns).map(|(lane, (_, scalar))| shown(*scalar, *lane, exact));
+        let others = others.iter().map(|(_, words)| words[index].clone());
+        let values = results.iter().flat_map(|values| {
+            let lanes = values[index].iter().zip(&scalars);
+            lanes.map(|(lane, scalar)| shown(*scalar, *lane, exact))
+        });
+        writer.write_record(inputs.chain(others).chain(values))?;
+    }
+    let bytes = writer.into_inner().context("a table in memory")?;
+    match request.output {
+        Some(path) => write_whole(path, &bytes)
+            .with_context(|| format!("can't write `{}`", path.display()))?,
+        None => out.write_all(&bytes)?,
+    }
+    Ok(())
+}
+
+/// Compares results with what is expected. The first rows that differ are shown.
+fn compare(
+    request: &Request<'_>,
+    columns: &[(String, Scalar)],
+    table: &Table,
+    results: &[Vec<Vec<u32>>],
+    tolerance: &Tolerance,
+    input: &FilePath,
+    out: &mut dyn Write,
+) -> Outcome {
+    let function = request.probed.function();
+    let (scalars, names) = (function.result.lanes(), function.result.lane_names());
+    let mut ending = Ending::Good;
+    for (path, values) in request.paths.iter().zip(results) {
+        let mut failing = 0;
+        for (index, (actual, expected)) in values.iter().zip(&table.expected).enumerate() {
+            let wrong = scalars.iter().enumerate().find_map(|(lane, scalar)| {
+                let measure = match scalar.is_float() {
+                    true => tolerance.measure(lane, f32::from_bits(actual[lane]), expected[lane]),
+                    false if scalar.decode(actual[lane]).to_bits() == expected[lane].to_bits() => {
+                        return None;
+                    }
+                    false => return Some((lane, "different".to_owned())),
+                };
+                (!measure.passes()).then(|| (lane, measure.to_string()))
+            });
+            let Some((lane, error)) = wrong else { continue };
+            failing += 1;
+            if failing > SHOWN {
+                continue;
+            }
+            let arguments = table.rows[index].iter().zip(columns);
+            let arguments = arguments
+                .map(|(lane, (name, scalar))| format!("{name} = {}", format_lane(*scalar, *lane)));
+            writeln!(
+                out,
+                "{BAD}{path} {}:{}{BAD:#}  {}: result{} = {}, expected {}, error {error}",
+                input.display(),
+                line(&table.text, table.starts[index]),
+                arguments.collect::<Vec<_>>().join(", "),
+                names[lane],
+                shown(scalars[lane], actual[lane], request.exact),
+                expected[lane],
+            )?;
+        }
+        let count = table.rows.len();
+        match failing {
+            0 => writeln!(out, "{path}: all {count} rows agree ({tolerance})")?,
+            _ => {
+                writeln!(out, "{path}: {failing} of {count} rows differ ({tolerance})")?;
+                ending = Ending::Bad;
+            }
+        }
+    }
+    Ok(ending)
+}
+
+/// Name and type of each scalar that a case consists of.
+pub(super) fn columns(function: &Function) -> Vec<(String, Scalar)> {
+    let of = |(name, shape): &(String, Shape)| {
+        let lanes = shape.lane_names().into_iter().map(|lane| format!("{name}{lane}"));
+        lanes.zip(shape.lanes()).collect::<Vec<_>>()
+    };
+    function.parameters.iter().flat_map(of).collect()
+}
+
+/// Where the columns of a table are.
+struct Places {
+    arguments: Vec<usize>,
+    expected: Vec<usize>,
+    /// Names and places of all others.
+    others: Vec<(String, usize)>,
+}
+
+impl Places {
+    /// By a head, which names the columns in any order.
+    fn of_head(
+        record: &csv::StringRecord,
+        columns: &[(String, Scalar)],
+        expected: &[String],
+        shown: &dyn std::fmt::Display,
+    ) -> anyhow::Result<Self> {
+        for (place, word) in record.iter().enumerate() {
+            let again = record.iter().take(place).any(|before| before == word);
+            ensure!(
+                !again,
+                "`{shown}` has two columns `{word}`; the columns are {}",
+                names(columns)
+            );
+        }
+        let find = |name: &str| {
+            record.iter().position(|word| word == name).with_context(|| {
+                let near = nearest(name, record.iter());
+                let near = near.map_or_else(String::new, |n| format!("; did you mean `{n}`?"));
+                format!("`{shown}` has no column `{name}`{near}; a case is {}", names(columns))
+            })
+        };
+        let arguments =
+            columns.iter().map(|(name, _)| find(name)).collect::<Result<Vec<_>, _>>()?;
+        let expected = expected.iter().map(|name| find(name)).collect::<Result<Vec<_>, _>>()?;
+        let used = |place: &usize| arguments.contains(place) || expected.contains(place);
+        let others = record.iter().enumerate().filter(|(place, _)| !used(place));
+        let others = others.map(|(place, name)| (name.to_owned(), place)).collect();
+        Ok(Self { arguments, expected, others })
+    }
+}
+
+fn names(columns: &[(String, Scalar)]) -> String {
+    columns.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(",")
+}
+
+fn read(
+    input: &FilePath,
+    columns: &[(String, Scalar)],
+    function: &Function,
+    expect: Option<&str>,
+) -> anyhow::Result<Table> {
+    let shown = input.display();
+    let text = text(input)?;
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true) // each row is compared with the signature, not with the row above it
+        .trim(csv::Trim::All)
+        .comment(Some(b'#'))
+        .from_reader(text.as_bytes());
+    let lanes = function.result.lane_names().into_iter();
+    let expected: Vec<String> =
+        expect.map_or_else(Vec::new, |name| lanes.map(|lane| format!("{name}{lane}")).collect());
+    let mut places = Places {
+        arguments: (0..columns.len()).collect(),
+        expected: Vec::new(),
+        others: Vec::new(),
+    };
+    let mut headed = false;
+    let mut width = columns.len();
+    let mut table = Table::default();
+    for (index, record) in reader.records().enumerate() {
+        let record = record.with_context(|| format!("in `{shown}`"))?;
+        let start = record.position().map_or(0, |position| position.byte() as usize);
+        let line = || line(&text, start);
+        if index == 0 && record.iter().any(is_name) {
+            places = Places::of_head(&record, columns, &expected, &shown)?;
+            let others = places.others.iter().map(|(name, _)| (name.clone(), Vec::new()));
+            table.others = others.collect();
+            (headed, width) = (true, record.len());
+            continue;
+        }
+        ensure!(
+            headed || expect.is_none(),
+            "`{shown}` has no head, so no column is called `{}`",
+            expect.unwrap_or_default()
+        );
+        ensure!(
+            record.len() == width,
+            "`{shown}` line {} has {} columns, {} has {width}: {}",
+            line(),
+            record.len(),
+            if headed { "its head" } else { "a case" },
+            names(columns)
+        );
+        ensure!(
+            table.rows.len() < MOST_CASES,
+            "`{shown}` has more than {MOST_CASES} cases: evaluate it in parts"
+        );
+        let at = |name: &str| format!("`{shown}` line {}, column `{name}`", line());
+        let row = columns.iter().zip(&places.arguments).map(|((name, scalar), place)| {
+            parse(&record[*place], *scalar).with_context(|| at(name))
+        });
+        table.rows.push(row.collect::<anyhow::Result<_>>()?);
+        table.starts.push(start);
+        let wanted = places
+            .expected
+            .iter()
+            .zip(&expected)
+            .map(|(place, name)| number(&record[*place]).with_context(|| at(name)));
+        table.expected.push(wanted.collect::<anyhow::Result<_>>()?);
+        for ((_, place), (_, words)) in places.others.iter().zip(&mut table.others) {
+            words.push(record[*place].to_owned());
+        }
+    }
+    drop(reader);
+    table.text = text;
+    Ok(table)
+}
+
+/// What is expected of a component.
+fn number(word: &str) -> anyhow::Result<f64> {
+    let value = match word.trim() {
+        "true" => 1.0,
+        "false" => 0.0,
+        word => match hexadecimal(word) {
+            Some(value) => value,
+            None => word.parse().with_context(|| format!("`{word}` is no number"))?,
+        },
+    };
+    if !value.is_finite() {
+        bail!("`{word}` isn't finite, so nothing can be compared with it");
+    }
+    Ok(value)
+}
+
+/// A table as text, if it has an end.
+fn text(input: &FilePath) -> anyhow::Result<String> {
+    let shown = input.display();
+    let failed = || format!("can't read `{shown}`");
+    let file = File::open(input).with_context(failed)?;
+    let announced = file.metadata().with_context(failed)?.len();
+    let mut text = String::new();
+    let mut length = announced;
+    if announced <= LONGEST {
+        // A device or a pipe announces nothing, and may never end.
+        length = file.take(LONGEST + 1).read_to_string(&mut text).with_context(failed)? as u64;
+    }
+    ensure!(
+        length <= LONGEST,
+        "`{shown}` is longer than {} MB: evaluate it in parts",
+        LONGEST >> 20
+    );
+    Ok(text)
+}
+
+/// Whether a word of a table's first row is a name: it reads as no value of any type.
+fn is_name(word: &str) -> bool {
+    word.parse::<f64>().is_err() && word.parse::<bool>().is_err()
+}
+
+/// The line of a record, from 1. A record's position is where its reader stood before it: comments
+/// and empty lines may follow.
+fn line(text: &str, start: usize) -> usize {
+    let rest = text.get(start..).unwrap_or_default();
+    let skipped = rest
+        .split_inclusive('\n')
+        .take_while(|line| line.starts_with('#') || line.trim_end_matches(['\r', '\n']).is_empty());
+    let start = start + skipped.map(str::len).sum::<usize>();
+    text.get(..start).unwrap_or_default().matches('\n').count() + 1
+}

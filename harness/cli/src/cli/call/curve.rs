@@ -1,0 +1,123 @@
+//! The results of a sweep as a curve: in a file, or in the terminal.
+
+use std::io::Write;
+use std::path::Path as FilePath;
+
+use anyhow::{Context, ensure};
+use karat::image::write_whole;
+use plotters::prelude::*;
+
+/// A component of the result on one path.
+pub(super) struct Curve {
+    pub(super) name: String,
+    pub(super) points: Vec<(f64, f64)>,
+}
+
+/// Characters of a curve in a terminal.
+const COLUMNS: usize = 72;
+const ROWS: usize = 18;
+
+/// Marks of the first curves.
+const MARKS: [char; 6] = ['*', 'o', '+', 'x', '#', '@'];
+
+/// The ends of the axes; `None` if nothing is finite.
+fn ends(curves: &[Curve]) -> Option<[(f64, f64); 2]> {
+    let points = || {
+        let all = curves.iter().flat_map(|curve| &curve.points);
+        all.filter(|(x, y)| x.is_finite() && y.is_finite())
+    };
+    let of = |value: &dyn Fn(&(f64, f64)) -> f64| {
+        let values = || points().map(value);
+        let (lo, hi) = (values().reduce(f64::min)?, values().reduce(f64::max)?);
+        // A constant has room on both sides.
+        let room = if lo < hi { 0.0 } else { 0.5 * lo.abs().max(1.0) };
+        Some((lo - room, hi + room))
+    };
+    Some([of(&|point| point.0)?, of(&|point| point.1)?])
+}
+
+/// Draws curves with characters.
+pub(super) fn write_text(curves: &[Curve], axis: &str, out: &mut dyn Write) -> anyhow::Result<()> {
+    let Some([(left, right), (bottom, top)]) = ends(curves) else {
+        writeln!(out, "nothing is finite, so there is no curve")?;
+        return Ok(());
+    };
+    let mut field = vec![vec![' '; COLUMNS]; ROWS];
+    let place = |value: f64, lo: f64, hi: f64, count: usize| {
+        let share = (value - lo) / (hi - lo);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "it lies between the ends"
+        )]
+        let at = (share * (count - 1) as f64).round() as usize;
+        at.min(count - 1)
+    };
+    // The first one is on top.
+    for (index, curve) in curves.iter().enumerate().rev() {
+        let mark = MARKS[index % MARKS.len()];
+        for (x, y) in curve.points.iter().filter(|(_, y)| y.is_finite()) {
+            let column = place(*x, left, right, COLUMNS);
+            field[ROWS - 1 - place(*y, bottom, top, ROWS)][column] = mark;
+        }
+    }
+    for (row, marks) in field.iter().enumerate() {
+        let label = match row {
+            0 => format!("{top:.4}"),
+            _ if row == ROWS - 1 => format!("{bottom:.4}"),
+            _ => String::new(),
+        };
+        let line: String = marks.iter().collect();
+        writeln!(out, "{label:>12} |{}", line.trim_end())?;
+    }
+    writeln!(out, "{:>12} +{}", "", "-".repeat(COLUMNS))?;
+    let (left, right) = (format!("{axis} = {left:.4}"), format!("{right:.4}"));
+    let gap = COLUMNS.saturating_sub(left.len() + right.len());
+    writeln!(out, "{:>14}{left}{}{right}", "", " ".repeat(gap))?;
+    for (curve, mark) in curves.iter().zip(MARKS.iter().cycle()) {
+        let gone = curve.points.iter().filter(|(_, y)| !y.is_finite()).count();
+        let gone = match gone {
+            0 => String::new(),
+            count => format!(" ({count} points aren't finite)"),
+        };
+        writeln!(out, "{:>14}{mark} {}{gone}", "", curve.name)?;
+    }
+    Ok(())
+}
+
+/// Draws curves into an SVG.
+pub(super) fn write_svg(curves: &[Curve], axis: &str, file: &FilePath) -> anyhow::Result<()> {
+    let ends = ends(curves);
+    ensure!(ends.is_some(), "nothing is finite, so there is no curve");
+    let [(left, right), (bottom, top)] = ends.unwrap_or_default();
+    let mut text = String::new();
+    {
+        let area = SVGBackend::with_string(&mut text, (720, 440)).into_drawing_area();
+        let drawn = || -> Result<(), Box<dyn std::error::Error>> {
+            area.fill(&WHITE)?;
+            let mut chart = ChartBuilder::on(&area)
+                .margin(12)
+                .x_label_area_size(36)
+                .y_label_area_size(64)
+                .build_cartesian_2d(left..right, bottom..top)?;
+            chart.configure_mesh().x_desc(axis).draw()?;
+            for (index, curve) in curves.iter().enumerate() {
+                let colour = Palette99::pick(index).to_rgba();
+                // A point that isn't finite parts the curve.
+                for part in curve.points.split(|(_, y)| !y.is_finite()) {
+                    chart.draw_series(LineSeries::new(part.iter().copied(), colour))?;
+                }
+                let first = curve.points.iter().take(1).copied();
+                let label = chart.draw_series(LineSeries::new(first, colour))?;
+                label
+                    .label(&curve.name)
+                    .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 14, y)], colour));
+            }
+            chart.configure_series_labels().border_style(BLACK.mix(0.3)).draw()?;
+            area.present()?;
+            Ok(())
+        };
+        drawn().map_err(|error| anyhow::anyhow!("the curve can't be drawn: {error}"))?;
+    }
+    write_whole(file, text.as_bytes()).with_context(|| format!("can't write `{}`", file.display()))
+}

@@ -1,0 +1,152 @@
+//! `karat call` with what functions read, sweeps, and tables that are checks.
+
+use super::*;
+
+const LIT: &str = "\
+struct Globals { scale: f32, offset: vec2f, count: u32 }
+@group(0) @binding(0) var<uniform> globals: Globals;
+@group(0) @binding(1) var image: texture_2d<f32>;
+@group(0) @binding(2) var filtering: sampler;
+@group(0) @binding(3) var<storage, read> table: array<f32>;
+@group(0) @binding(4) var<storage, read_write> counts: array<u32>;
+override GAIN: f32 = 1.0;
+fn scaled(x: f32) -> f32 { return GAIN * globals.scale * x + globals.offset.y; }
+fn sampled(u: f32) -> f32 { return textureSampleLevel(image, filtering, vec2f(u, 0.5), 0.0).x; }
+fn looked_up(i: u32) -> f32 { return table[i]; }
+fn count(i: u32) -> u32 { counts[i] += 1u; return counts[i]; }
+fn next(state: ptr<function, u32>) -> u32 { *state += 1u; return *state * 2u; }
+fn edge(d: f32) -> f32 { return clamp(0.5 - d / fwidth(d), 0.0, 1.0); }
+fn cubic(t: f32, up: bool) -> vec2f { return vec2f(t * t * t, select(-t, t, up)); }
+";
+
+fn lit() -> TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), "shaders/lit.wgsl", LIT);
+    folder
+}
+
+/// What a call prints on path `cpu`.
+fn called(folder: &TempDir, arguments: &[&str]) -> String {
+    karat(folder.path(), &[&["call"][..], arguments, &["--path", "cpu"]].concat()).good()
+}
+
+#[test]
+fn variables_are_bound_by_names_files_and_numbers() {
+    let folder = lit();
+    let json = r#"globals={"scale": 2, "offset": [0, 0.5], "count": 1}"#;
+    let out = called(&folder, &["lit::scaled", "3", "--bind", json]);
+    assert!(out.contains("cpu      6.5"), "{out}");
+    let gain = ["lit::scaled", "3", "--bind", json, "--override", "GAIN=0.5"];
+    assert!(called(&folder, &gain).contains("cpu      3.5"));
+    write(folder.path(), "globals.json", &json["globals=".len()..]);
+    let file = ["lit::scaled", "3", "--bind", "globals=globals.json"];
+    assert!(called(&folder, &file).contains("cpu      6.5"));
+    write(folder.path(), "globals.toml", "scale = 2\noffset = [0, 0.5]\ncount = 1\n");
+    let file = ["lit::scaled", "3", "--bind", "globals=globals.toml"];
+    assert!(called(&folder, &file).contains("cpu      6.5"));
+    let words = [2.0_f32.to_bits(), 0, 0, 0.5_f32.to_bits(), 1, 0];
+    let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    std::fs::write(folder.path().join("globals.bin"), bytes).expect("written");
+    let file = ["lit::scaled", "3", "--bind", "globals=globals.bin"];
+    assert!(called(&folder, &file).contains("cpu      6.5"));
+
+    let pixels = (0..4_u8).map(|x| [f32::from(x), 0.0, 0.0, 1.0]).collect();
+    let file = folder.path().join("ramp.exr");
+    let image = karat::Image::new(4, 1, pixels);
+    image.write_exr(&file, karat::image::Precision::Float, None).expect("written");
+    let sampled = |u: &str, sampler: &str| {
+        let sampler = format!("filtering={sampler}");
+        called(&folder, &["lit::sampled", u, "--bind", "image=ramp.exr", "--bind", &sampler])
+    };
+    assert!(sampled("1.125", "nearest repeat").contains("cpu      0 "));
+    assert!(sampled("1.125", "nearest").contains("cpu      3 "));
+    assert!(called(&folder, &["lit::looked_up", "2", "--bind", "table=5,6,7.5"]).contains("7.5"));
+    let out = called(&folder, &["lit::count", "1", "--bind", "counts=4,5"]);
+    assert!(out.contains("result: 6, counts: [4, 6]"), "{out}");
+}
+
+#[test]
+fn pointers_derivatives_and_names() {
+    let folder = lit();
+    let out = called(&folder, &["lit::next", "4"]);
+    assert!(out.contains("next(state: ptr<function, u32>) -> u32"), "{out}");
+    assert!(out.contains("{ result: 10, state: 5 }"), "{out}");
+    assert!(called(&folder, &["lit::edge", "0.25@0.5@0"]).contains("cpu      0 "));
+    assert!(called(&folder, &["lit::edge", "0.125@0.5@0"]).contains("cpu      0.25"));
+    let out = called(&folder, &["lit::cubic", "up=true", "t=-0x1p-1"]);
+    assert!(out.contains("(-0.125, -0.5)"), "{out}");
+}
+
+#[test]
+fn sweeps_are_tables_and_curves() {
+    let folder = lit();
+    let out = called(&folder, &["lit::cubic", "0..1:5", "true"]);
+    let lines: Vec<&str> = out.lines().collect();
+    assert_eq!(lines[0], "t,up,cpu.x,cpu.y");
+    assert_eq!((lines.len(), lines[3]), (6, "0.5,true,0.125,0.5"));
+    let exact = called(&folder, &["lit::cubic", "0..1:3", "true", "--exact"]);
+    assert!(exact.contains("0x1p-1,true,0x1p-3,0x1p-1"), "{exact}");
+    let drawn = called(&folder, &["lit::cubic", "t=-1..1:100", "true", "--plot"]);
+    assert!(drawn.contains("t = -1.0000") && drawn.contains("* cpu.x"), "{drawn}");
+    called(&folder, &["lit::cubic", "t=-1..1:100", "true", "--plot=curve.svg", "--out", "t.csv"]);
+    let svg = std::fs::read_to_string(folder.path().join("curve.svg")).expect("written");
+    assert!(svg.starts_with("<svg") && svg.contains("cpu.y"), "{svg}");
+    let table = std::fs::read_to_string(folder.path().join("t.csv")).expect("written");
+    assert_eq!(table.lines().count(), 101);
+}
+
+#[test]
+fn a_table_is_a_check() {
+    let folder = lit();
+    let table = "# cubes\nnote,t,up,cube.x,cube.y\nfirst,0.5,true,0.125,0.5\n\
+                 second,0x1p-2,false,0x1p-6,-0.25\n";
+    write(folder.path(), "cases.csv", table);
+    let out = called(&folder, &["lit::cubic", "--cases", "cases.csv"]);
+    assert!(out.starts_with("t,up,note,cube.x,cube.y,cpu.x,cpu.y\n"), "{out}");
+    assert!(out.contains("0.25,false,second,0x1p-6,-0.25,0.015625,-0.25"), "{out}");
+    let check = ["--cases", "cases.csv", "--expect", "cube", "--tolerance", "4 ulp"];
+    let out = called(&folder, &[&["lit::cubic"][..], &check].concat());
+    assert_eq!(out, "cpu: all 2 rows agree (4 ulp)\n");
+    write(folder.path(), "cases.csv", &table.replace("0x1p-6", "0.02"));
+    let all = [&["call", "lit::cubic"][..], &check, &["--path", "cpu"]].concat();
+    let ran = karat(folder.path(), &all);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    for part in ["cases.csv:4", "t = 0.25", "result.x = 0.015625, expected 0.02", "1 of 2 rows"] {
+        assert!(ran.out.contains(part), "{part}: {ran:?}");
+    }
+}
+
+#[test]
+fn slips_are_told() {
+    let folder = lit();
+    let told = |arguments: &[&str], part: &str| {
+        let error = karat(folder.path(), &[&["call"][..], arguments].concat()).error();
+        assert!(error.contains(part), "{part} in:\n{error}");
+    };
+    told(&["lit::scaled", "1"], "`globals`, a uniform buffer, is read (shaders/lit.wgsl:2:23)");
+    told(&["lit::scaled", "1"], "--bind globals=values.json");
+    told(&["lit::scaled", "1", "--bind", "globls=1"], "did you mean `globals`?");
+    told(&["lit::scaled", "1", "--bind", "globals"], "write NAME=VALUE");
+    told(&["lit::scaled", "1", "--bind", "globals={\"scale\": 1}"], "member `offset` is missing");
+    told(&["lit::scaled", "1", "--bind", "globals=none.json"], "can't read `none.json`");
+    told(
+        &["lit::sampled", "0", "--bind", "image=1", "--bind", "filtering=linear less"],
+        "it compares nothing",
+    );
+    told(&["lit::cubic", "1", "true", "--override", "GAIM=1"], "no override `GAIM`");
+    told(&["lit::cubic", "0..1", "true"], "how many points");
+    told(&["lit::cubic", "x=1", "true"], "no parameter `x`");
+    told(&["lit::cubic", "t=1", "t=2"], "`t` is given twice");
+    told(&["lit::cubic", "1@0@0", "true"], "takes no derivatives");
+    told(&["lit::edge", "1@0"], "derivatives are two");
+    told(&["lit::cubic", "1", "true", "--plot"], "--plot needs a sweep");
+    told(&["lit::cubic", "0x1.0000001p+0", "true"], "is no f32");
+    write(folder.path(), "cases.csv", "t,upp\n0.5,true\n");
+    told(&["lit::cubic", "--cases", "cases.csv"], "no column `up`; did you mean `upp`?");
+    write(folder.path(), "cases.csv", "t,up\n0.5,ture\n");
+    told(&["lit::cubic", "--cases", "cases.csv"], "`cases.csv` line 2, column `up`");
+    let expect = ["--expect", "cube", "--tolerance", "exact"];
+    told(&[&["lit::cubic", "--cases", "cases.csv"][..], &expect].concat(), "no column `cube.x`");
+    write(folder.path(), "cases.csv", "t,up,cube.x,cube.y\n0.5,true,nan,1\n");
+    told(&[&["lit::cubic", "--cases", "cases.csv"][..], &expect].concat(), "isn't finite");
+}
