@@ -339,7 +339,7 @@ fn a_faulty_table_is_an_error_that_names_the_line() {
         ("x\n1\n# why\n\ntwo\n", "`in.csv` line 5, column `x`: `two` isn't a value of type f32"),
         ("1\n\n1e99\n", "`in.csv` line 3, column `x`: `1e99` is too large for f32"),
         ("1,2\n", "`in.csv` line 1 has 2 columns, a case has 1: x"),
-        ("value\n1\n", "`in.csv` has a column `value`; the columns are x"),
+        ("value\n1\n", "`in.csv` has no column `x`; it has value"),
         ("", "`in.csv` holds no case"),
         ("x\n", "`in.csv` holds no case"),
         ("# nothing\n", "`in.csv` holds no case"),
@@ -349,7 +349,10 @@ fn a_faulty_table_is_an_error_that_names_the_line() {
         assert!(error.contains(message), "{text:?}: {error}");
     }
     for (head, message) in [
-        ("a.x,a.y,a.w,b", "`in.csv` has a column `a.w`; the columns are a.x,a.y,a.z,b"),
+        (
+            "a.x,a.y,a.w,b",
+            "`in.csv` has no column `a.z` (did you mean `a.w`?); it has a.x,a.y,a.w,b",
+        ),
         ("a.x,a.y,b,b", "`in.csv` has two columns `b`; the columns are a.x,a.y,a.z,b"),
     ] {
         write(project.path(), "in.csv", &format!("{head}\n1,2,3,4\n"));

@@ -256,7 +256,7 @@ fn shaped<T: karat::fixture::Texel>(
             Texture::cube((0..6).map(layer))
         }
         (Dimension::Cube, true) => {
-            if layers % 6 != 0 {
+            if !layers.is_multiple_of(6) {
                 return Err(format!("cubes are of six images each, not of {layers}"));
             }
             square()?;

@@ -142,7 +142,7 @@ fn slips_are_told() {
     told(&["lit::cubic", "1", "true", "--plot"], "--plot needs a sweep");
     told(&["lit::cubic", "0x1.0000001p+0", "true"], "is no f32");
     write(folder.path(), "cases.csv", "t,upp\n0.5,true\n");
-    told(&["lit::cubic", "--cases", "cases.csv"], "no column `up`; did you mean `upp`?");
+    told(&["lit::cubic", "--cases", "cases.csv"], "no column `up` (did you mean `upp`?)");
     write(folder.path(), "cases.csv", "t,up\n0.5,ture\n");
     told(&["lit::cubic", "--cases", "cases.csv"], "`cases.csv` line 2, column `up`");
     let expect = ["--expect", "cube", "--tolerance", "exact"];

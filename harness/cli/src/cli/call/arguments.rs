@@ -42,7 +42,7 @@ impl Given {
             );
             given.varying.push(parts.len() == 3);
             for part in parts {
-                given.value(name, shape, part).with_context(|| format!("argument `{name}`"))?;
+                given.value(name, shape, part)?;
             }
         }
         Ok(given)
@@ -53,17 +53,18 @@ impl Given {
         let scalars = shape.lanes();
         ensure!(
             words.len() == scalars.len(),
-            "`{name}` is a {shape} of {} components, `{text}` has {}",
+            "argument `{name}` is a {shape} of {} components, `{text}` has {}",
             scalars.len(),
             words.len()
         );
+        let of = || format!("argument `{name}`");
         for (word, scalar) in words.iter().zip(scalars) {
             let lane = self.lanes.len();
             match word.split_once("..") {
-                None => self.lanes.push(parse(word, scalar)?),
+                None => self.lanes.push(parse(word, scalar).with_context(of)?),
                 Some((least, rest)) => {
                     ensure!(self.sweep.is_none(), "one component is swept, not two");
-                    let values = swept(scalar, least, rest)?;
+                    let values = swept(scalar, least, rest).with_context(of)?;
                     self.lanes.push(values[0]);
                     self.sweep = Some(Sweep { lane, values });
                 }

@@ -240,8 +240,9 @@ impl Places {
         let find = |name: &str| {
             record.iter().position(|word| word == name).with_context(|| {
                 let near = nearest(name, record.iter());
-                let near = near.map_or_else(String::new, |n| format!("; did you mean `{n}`?"));
-                format!("`{shown}` has no column `{name}`{near}; a case is {}", names(columns))
+                let near = near.map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
+                let own: Vec<&str> = record.iter().collect();
+                format!("`{shown}` has no column `{name}`{near}; it has {}", own.join(","))
             })
         };
         let arguments =
@@ -304,7 +305,7 @@ fn read(
             "`{shown}` line {} has {} columns, {} has {width}: {}",
             line(),
             record.len(),
-            if headed { "its head" } else { "a case" },
+            if width == columns.len() { "a case" } else { "its head" },
             names(columns)
         );
         ensure!(
