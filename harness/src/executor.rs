@@ -71,7 +71,7 @@ impl Executor for Device {
     fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
         let prepared = Box::new(Runner::new(self, call.probed, call.fixtures, call.cases)?);
         #[cfg(feature = "engine")]
-        return Ok(endless::guarded(self, call, prepared));
+        return endless::guarded(self, call, prepared);
         #[cfg(not(feature = "engine"))]
         Ok(prepared)
     }

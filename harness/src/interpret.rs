@@ -130,6 +130,11 @@ impl Interpreted {
         Some((span, text))
     }
 
+    /// The same that stops after so many rounds of loops.
+    pub(crate) fn with_fuel(self, fuel: u64) -> Self {
+        Self { fuel, ..self }
+    }
+
     /// Where the function is declared.
     pub(crate) fn place(&self) -> &Span {
         &self.declared
@@ -257,9 +262,15 @@ impl Interpreted {
         // Cases carry 16-bit floats as 32-bit ones; the engine takes their own bits.
         let half = |word: &u32| u32::from(half::f16::from_f32(f32::from_bits(*word)).to_bits());
         each_half(&self.arguments, || rows.to_mut(), half);
-        self.lowered
-            .call::<A>(cases, &rows, &self.resources, options, observer)
-            .map_err(|stop| stopped(&self.program, &self.name, &stop))
+        self.lowered.call::<A>(cases, &rows, &self.resources, options, observer).map_err(|stop| {
+            match stopped(&self.program, &self.name, &stop) {
+                // A case is all pixels of its quad.
+                ProbeError::Rounds { case, diagnostic } if self.quads.is_some() => {
+                    ProbeError::Rounds { case: case / quads::PIXELS, diagnostic }
+                }
+                error => error,
+            }
+        })
     }
 }
 

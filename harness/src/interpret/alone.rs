@@ -23,6 +23,8 @@ pub(crate) struct Alone {
     first: u32,
     words_in: usize,
     words_out: usize,
+    /// Rounds of loops that a case may make.
+    fuel: u64,
 }
 
 impl Alone {
@@ -40,7 +42,13 @@ impl Alone {
         let (first, words_in, words_out) = probed.kernel.buffers();
         let (program, name) = (Arc::clone(program), function.name.clone());
         let written = function.written().cloned().collect();
-        Ok(Self { lowered, resources, program, name, written, first, words_in, words_out })
+        let fuel = settings::fuel();
+        Ok(Self { lowered, resources, program, name, written, first, words_in, words_out, fuel })
+    }
+
+    /// The same that stops after so many rounds of loops.
+    pub(crate) fn with_fuel(self, fuel: u64) -> Self {
+        Self { fuel, ..self }
     }
 
     /// For each case the words of what the function returns, of what its pointers point to and of the
@@ -49,7 +57,11 @@ impl Alone {
         let mut rows = Vec::new();
         for case in 0..cases {
             let own = &arguments[case * self.words_in..][..self.words_in];
-            rows.extend(self.case(own)?);
+            let words = self.case(own).map_err(|error| match error {
+                ProbeError::Rounds { diagnostic, .. } => ProbeError::Rounds { case, diagnostic },
+                error => error,
+            });
+            rows.extend(words?);
         }
         Ok(rows)
     }
@@ -61,7 +73,7 @@ impl Alone {
         resources.set_buffer(0, self.first + 1, vec![0; 4 * (self.words_out + 1)]);
         resources.set_buffer(0, self.first + 2, bytes(&[1, 0, 0, 0]));
         let deadline = std::time::Instant::now().checked_add(settings::deadline());
-        let options = Options { fuel: settings::fuel(), deadline, ..Options::default() };
+        let options = Options { fuel: self.fuel, deadline, ..Options::default() };
         self.lowered
             .dispatch::<F32>([1; 3], &mut resources, &options, &())
             .map_err(|stop| stopped(&self.program, &self.name, &stop))?;

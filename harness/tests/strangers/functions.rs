@@ -315,6 +315,43 @@ fn implicit_levels_of_detail() {
     );
 }
 
+/// A driver that leaves loops without a word does so in cases that run alone, and in quads, too.
+#[test]
+fn loops_that_a_driver_leaves_are_told() {
+    let text = "@group(0) @binding(0) var<storage, read_write> sum: u32;\n\
+         fn written(n: u32) {\n    for (var i = 0u; i < n; i++) { sum += i % 3u; }\n}\n\
+         fn drawn(n: u32, x: f32) -> f32 {\n    \
+         var s = dpdx(x);\n    for (var i = 0u; i < n; i++) { s += f32(i % 3u); }\n    return s;\n}";
+    let package = check(text);
+    let spun = |n: u32| (0..n).map(|i| i % 3).sum::<u32>();
+    let written = |n: u32| {
+        let probe = package.function("written").with("sum", Uniform::new(0_u32));
+        probe.over(Just(n)).try_agrees_with(spun, Abs(0.0))
+    };
+    let drawn = |n: u32| {
+        let reference = |n: u32, _: f64| f64::from(spun(n));
+        package
+            .function("drawn")
+            .over((Just(n), Just(1.0_f32)))
+            .try_agrees_with(reference, Abs(0.0))
+    };
+    written(1000).expect("it ends");
+    drawn(1000).expect("it ends");
+    for (name, result) in [("written", written(200_000)), ("drawn", drawn(200_000))] {
+        match result {
+            Ok(agreement) => assert!(
+                agreement.paths.iter().all(|(adapter, _)| !adapter.name.contains("llvmpipe")),
+                "{agreement}"
+            ),
+            Err(error) => {
+                let error = error.to_string();
+                let told = error.contains("<f>:3:5") || error.contains("<f>:7:5");
+                assert!(error.contains(name) && told, "{error}");
+            }
+        }
+    }
+}
+
 /// What can't be a subject is refused with its reason and its line.
 #[test]
 fn what_has_no_value_is_refused() {
