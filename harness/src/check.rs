@@ -196,7 +196,7 @@ impl<'a> Probe<'a> {
     }
 
     /// Chooses the arguments: one domain for a function of one parameter, a tuple of domains for
-    /// up to six.
+    /// up to twelve, `()` for a function without parameters.
     pub fn over<D: Domain>(self, domain: D) -> Check<'a, D>
     where
         D::Value: Arguments,

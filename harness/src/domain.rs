@@ -53,7 +53,7 @@ const SIMPLER: usize = 256;
     label = "expected a domain of WGSL values",
     note = "use a closed range such as `0.0..=1.0` (not `0.0..1.0`), `Integers(0..=7_u32)`, \
             `UnitVector`, `Hemisphere`, `UnitRgb`, `Just(x)`, `Grid`, `OneOf`, `Edges`, `AnyF32`, \
-            `LatinHypercube`, or a tuple of up to six of them"
+            `LatinHypercube`, or a tuple of up to twelve of them"
 )]
 pub trait Domain: Send + Sync {
     /// What is drawn.

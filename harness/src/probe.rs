@@ -34,6 +34,8 @@ pub(crate) use kernel::{CONSTANTS, Kernel};
 pub(crate) use lets::Let;
 pub(crate) use lets::lets;
 pub use prepared::{Call, Prepared, Reader, Started};
+#[cfg(feature = "engine")]
+pub(crate) use rounds::VECTOR;
 pub(crate) use runner::{BATCH, Runner};
 #[cfg(feature = "engine")]
 pub(crate) use texels::Codec;

@@ -3,10 +3,10 @@
 
 use crate::interpret::{Alone, Interpreted};
 use crate::path::{Device, MOST_ROUNDS, PathError};
-use crate::probe::{Call, Prepared, ProbeError, Started};
+use crate::probe::{Call, Prepared, ProbeError, Started, VECTOR};
 
-/// Lanes that go round a loop together, at most: llvmpipe's widest vector has 512 bits.
-const TOGETHER: u64 = 16;
+/// Rounds that a case may make without its vector's lanes together making more than the driver allows.
+const ROUNDS: u64 = MOST_ROUNDS / VECTOR as u64;
 
 /// A function in the engine.
 enum Watcher {
@@ -55,7 +55,7 @@ impl Prepared for Guarded<'_> {
     fn start<'p>(&'p self, cases: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError> {
         match (self.function.run(cases, arguments), &self.leaves) {
             (Err(ProbeError::Rounds { case, diagnostic }), Some((device, of))) => {
-                let rounds = u32::try_from(MOST_ROUNDS / TOGETHER).expect("it fits");
+                let rounds = u32::try_from(ROUNDS).expect("it fits");
                 let told = device.left_loop(of, rounds, diagnostic.location());
                 Err(ProbeError::Rounds { case, diagnostic: Box::new(told) })
             }
@@ -88,7 +88,7 @@ pub(super) fn guarded<'e>(
         }
         let of = format!("`{}`", call.probed.function().name);
         let function = Watcher::new(call).map_err(|error| unwatched(device, &of, &error))?;
-        let function = function.with_fuel(MOST_ROUNDS / TOGETHER);
+        let function = function.with_fuel(ROUNDS);
         return Ok(Box::new(Guarded { prepared, function, leaves: Some((device, of)) }));
     }
     if most.is_some() {

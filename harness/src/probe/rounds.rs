@@ -15,7 +15,7 @@ use crate::path::{Device, MOST_ROUNDS};
 use crate::reflect::{CountedLoop, Nesting, count_rounds};
 
 /// Invocations that may share a vector: llvmpipe's widest has 512 bits.
-pub(super) const VECTOR: u32 = 16;
+pub(crate) const VECTOR: u32 = 16;
 
 /// A kernel that counts the rounds of each loop of each case.
 pub(super) struct Rounds<'d> {
