@@ -187,6 +187,12 @@ impl Request {
             (Err(error), _) => return unjudged(&format!("before: {error}")),
             (_, Err(error)) => return unjudged(&format!("after: {error}")),
         };
+        // An edit may have brought derivatives in, or taken them away.
+        let (before, after) = match (before.takes_derivatives(), after.takes_derivatives()) {
+            (true, false) => (before, after.varying()),
+            (false, true) => (before.varying(), after),
+            _ => (before, after),
+        };
         let location = after.function.span.to_string();
         let shapes = |function: &Function| {
             let parameters = function.parameters.iter().map(|(_, shape)| shape.clone());

@@ -267,6 +267,15 @@ impl Request {
         let text = |error: &dyn fmt::Display| first_line(&error.to_string());
         let probed = Probed::new(&self.package, name).map_err(|error| text(&error))?;
         let fixtures = made_up::fixtures(&probed)?;
+        let form = &probed.function.form;
+        if form.fragment {
+            return Err("it takes derivatives: hazards are looked for pixel by pixel".to_owned());
+        }
+        if form.alone {
+            return Err("it writes what others would see: hazards are looked for in functions \
+                        that only return"
+                .to_owned());
+        }
         let engine = Interpreted::new(&probed, &fixtures).map_err(|error| text(&error))?;
         let rows = inputs::rows(&probed, inputs, self.cases);
         let function = probed.function();

@@ -85,13 +85,14 @@ impl Interpreted {
         for (binding, fixture) in resolve(&function.bindings, fixtures)? {
             supply::supply(&mut resources, program, binding, fixture)?;
         }
+        let varies = function.parameters.iter().any(|(_, shape)| shape.quad().is_some());
         let of_pixel = |shape: &Shape| shape.quad().unwrap_or(shape).lanes();
         let arguments = function.parameters.iter().flat_map(|(_, shape)| of_pixel(shape)).collect();
         Ok(Self {
             lowered,
             resources,
             arguments,
-            quads: function.form.fragment.then(|| Quads::of(function)),
+            quads: (function.form.fragment || varies).then(|| Quads::of(function)),
             results: function.result.lanes(),
             name: function.name.clone(),
             declared: function.span.clone(),

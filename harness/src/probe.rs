@@ -142,6 +142,31 @@ impl Probed {
         self
     }
 
+    /// The same for arguments of these types: those that are quads vary, if it takes derivatives.
+    pub(crate) fn with_quads_of(self, arguments: &[Shape]) -> Self {
+        if !self.takes_derivatives() {
+            return self;
+        }
+        let varying: Vec<bool> = arguments.iter().map(|shape| shape.quad().is_some()).collect();
+        self.with_quads(&varying)
+    }
+
+    /// The same where each parameter that has a float is given with its derivatives, if the function
+    /// takes any: with arguments that don't vary each derivative is 0, and nothing is tried.
+    #[must_use]
+    pub fn with_varying(self) -> Self {
+        if self.takes_derivatives() { self.varying() } else { self }
+    }
+
+    /// The same where each parameter that has a float is given with its derivatives, be they taken or
+    /// not.
+    pub(crate) fn varying(self) -> Self {
+        let parameters = self.function.parameters.iter();
+        let floats = |shape: &Shape| shape.lanes().iter().any(|scalar| scalar.is_float());
+        let varying: Vec<bool> = parameters.map(|(_, shape)| floats(shape)).collect();
+        self.with_quads(&varying)
+    }
+
     /// Whether only fragment shaders may call it, so that each case is a quad of pixels.
     #[must_use]
     pub fn takes_derivatives(&self) -> bool {

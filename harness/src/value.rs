@@ -189,8 +189,9 @@ impl Shape {
         Quad::<f32>::members(self)
     }
 
-    /// What varies over a quad, if this is the shape of a [`Quad`]: floats.
-    pub(crate) fn quad(&self) -> Option<&Self> {
+    /// What varies from pixel to pixel, if this is the shape of a [`Quad`].
+    #[must_use]
+    pub fn quad(&self) -> Option<&Self> {
         let Self::Struct { name, members } = self else { return None };
         match &**members {
             [(_, value), _, _] if name == Quad::<f32>::NAME => Some(value),

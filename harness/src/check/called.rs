@@ -38,11 +38,7 @@ impl Fitting {
         let probed = Probed::with_overrides(package, function, overrides)?;
         let mut probed = probed.with_inputs(inputs)?;
         probed.fit(fixtures)?;
-        let varying: Vec<bool> = match probed.function.form.fragment {
-            true => supplied.iter().map(|shape| shape.quad().is_some()).collect(),
-            false => Vec::new(),
-        };
-        let probed = probed.with_quads(&varying);
+        let probed = probed.with_quads_of(supplied);
         let declared = probe::parameter_shapes(&probed.function);
         let fits = supplied.len() == declared.len()
             && supplied.iter().zip(&declared).all(|(host, wgsl)| host.stands_for(wgsl, false));

@@ -100,11 +100,24 @@ impl DynamicCheck<'_> {
         reference: &str,
         criterion: impl Into<Criterion>,
     ) -> Result<Agreement, Failure> {
-        let (shape, shadow) = self.shadow(reference)?;
+        let (shape, shadow, plain) = self.shadow(reference)?;
         let expect = |rows: super::batch::Rows<'_>, lanes: &mut Vec<f64>| {
             // What isn't finite is told as an error of the reference.
             let none = || vec![f64::NAN; rows.len() * shape.lanes().len()];
-            lanes.extend(shadow.shadow(rows.len(), rows.words()).unwrap_or_else(|_| none()));
+            let taken: Vec<u32>;
+            let words = match &plain {
+                Some(kept) => {
+                    let kept = |row| {
+                        kept.iter().map(move |lane: &usize| -> u32 {
+                            <[u32]>::get(row, *lane).copied().unwrap_or_default()
+                        })
+                    };
+                    taken = rows.iter().flat_map(kept).collect();
+                    &*taken
+                }
+                None => rows.words(),
+            };
+            lanes.extend(shadow.shadow(rows.len(), words).unwrap_or_else(|_| none()));
         };
         let expected = Expected { shape: shape.clone(), expect: &expect };
         let demand = self.demand();
@@ -241,27 +254,48 @@ impl DynamicCheck<'_> {
 
     fn result(&self) -> Result<Shape, Failure> {
         let probe = &self.plan.probe;
-        Ok(Probed::with_overrides(probe.package, &probe.name, &probe.overrides)?.function.result)
+        let mut probed = Probed::with_overrides(probe.package, &probe.name, &probe.overrides)?;
+        probed.fit(&probe.fixtures)?;
+        Ok(probed.function.result)
     }
 
-    /// Another function in `f64`.
-    fn shadow(&self, reference: &str) -> Result<(Shape, Interpreted), Failure> {
+    /// Another function in `f64`, its result's type, and which of the drawn lanes it takes, unless it
+    /// takes all of them.
+    fn shadow(&self, reference: &str) -> Result<Shadow, Failure> {
         let probe = &self.plan.probe;
         let probed = Probed::with_overrides(probe.package, reference, &probe.overrides)?;
-        let taken: Vec<&Shape> =
-            probed.function.parameters.iter().map(|(_, shape)| shape).collect();
-        if taken != self.domain.shapes().iter().collect::<Vec<_>>() {
-            let declared = taken.into_iter().cloned().collect();
+        let drawn = self.domain.shapes();
+        let mut probed = probed.with_quads_of(drawn);
+        let taken: Vec<Shape> =
+            probed.function.parameters.iter().map(|(_, shape)| shape.clone()).collect();
+        // A reference without derivatives takes what is at the pixel.
+        let fits = |(own, drawn): (&Shape, &Shape)| {
+            own == drawn || drawn.quad().is_some_and(|value| value == own)
+        };
+        if taken.len() != drawn.len() || !taken.iter().zip(drawn).all(fits) {
             let (supplied, who) = (self.domain.shapes().to_vec(), "the test draws");
-            let mismatch = super::Mismatch::Arguments { declared, supplied, who };
+            let mismatch = super::Mismatch::Arguments { declared: taken, supplied, who };
             return Err(mismatch.of(&probed.function));
         }
         // Fixtures that it doesn't read are none of its own.
         let bindings = &probed.function.bindings;
         let read = |(name, _): &&(String, _)| bindings.iter().any(|b| b.name() == name);
         let fixtures = probe.fixtures.iter().filter(read).cloned().collect();
+        probed.fit(&fixtures)?;
         let shape = probed.function.result.clone();
         let shadow = Interpreted::new(&probed, &fixtures).map_err(Failure::from)?;
-        Ok((shape, shadow))
+        let mut first = 0;
+        let kept: Vec<usize> = taken
+            .iter()
+            .zip(drawn)
+            .flat_map(|(own, drawn)| {
+                let from = first;
+                first += drawn.lanes().len();
+                from..from + own.lanes().len()
+            })
+            .collect();
+        Ok((shape, shadow, (kept.len() < first).then_some(kept)))
     }
 }
+
+type Shadow = (Shape, Interpreted, Option<Vec<usize>>);

@@ -220,6 +220,11 @@ struct Part {
 }
 
 fn parts(name: &str, shape: &Shape, declared: &Declared, all: &mut Vec<Part>) {
+    if let Some(value) = shape.quad() {
+        parts(name, value, declared, all);
+        let slope = |scalar: Scalar| Part { meaning: SLOPE, scalars: vec![scalar] };
+        return all.extend([0, 1].iter().flat_map(|_| value.lanes()).map(slope));
+    }
     match shape {
         Shape::Struct { members, .. } => {
             members.iter().for_each(|(name, member)| parts(name, member, declared, all));
@@ -233,6 +238,10 @@ fn parts(name: &str, shape: &Shape, declared: &Declared, all: &mut Vec<Part>) {
         }
     }
 }
+
+/// What a number changes from pixel to pixel. Zero is an end of both halves, so it is small as often as
+/// not: textures' levels follow the logarithm.
+const SLOPE: Meaning = Meaning::Range(-0.5, 0.5);
 
 /// Whether nothing is known of some float.
 pub(super) fn are_guessed(probed: &Probed, declared: &Declared) -> bool {

@@ -1,6 +1,7 @@
 //! Cases that are quads of pixels.
 
 use crate::reflect::Function;
+use crate::value::{Scalar, Shape};
 
 /// Pixels of a quad: the upper left one, the one to its right, and the two below.
 pub(super) const PIXELS: usize = 4;
@@ -8,23 +9,26 @@ pub(super) const PIXELS: usize = 4;
 /// How the rows of cases become the rows of pixels.
 #[derive(Debug)]
 pub(super) struct Quads {
-    /// The lanes of each argument at one pixel, and whether it varies.
-    arguments: Vec<(usize, bool)>,
+    /// The scalars of each argument at one pixel, and whether it varies.
+    arguments: Vec<(Vec<Scalar>, bool)>,
 }
 
 impl Quads {
     pub(super) fn of(function: &Function) -> Self {
-        let of = |(_, shape): &(String, crate::value::Shape)| match shape.quad() {
-            Some(value) => (value.lanes().len(), true),
-            None => (shape.lanes().len(), false),
+        let of = |(_, shape): &(String, Shape)| match shape.quad() {
+            Some(value) => (value.lanes(), true),
+            None => (shape.lanes(), false),
         };
         Self { arguments: function.parameters.iter().map(of).collect() }
     }
 
     /// The rows of all pixels, in the arithmetic of the kernel.
     pub(super) fn pixels(&self, rows: &[u32]) -> Vec<u32> {
-        let width: usize =
-            self.arguments.iter().map(|(lanes, varies)| lanes * if *varies { 3 } else { 1 }).sum();
+        let width: usize = self
+            .arguments
+            .iter()
+            .map(|(scalars, varies)| scalars.len() * if *varies { 3 } else { 1 })
+            .sum();
         if width == 0 {
             return Vec::new();
         }
@@ -33,21 +37,24 @@ impl Quads {
             for pixel in 0..PIXELS {
                 let step = [(pixel % 2) as f32, (pixel / 2) as f32];
                 let mut rest = row;
-                for &(lanes, varies) in &self.arguments {
-                    let (value, behind) = rest.split_at(lanes);
+                for (scalars, varies) in &self.arguments {
+                    let (value, behind) = rest.split_at(scalars.len());
                     rest = behind;
                     if !varies {
                         pixels.extend_from_slice(value);
                         continue;
                     }
-                    let (dx, behind) = rest.split_at(lanes);
-                    let (dy, behind) = behind.split_at(lanes);
+                    let (dx, behind) = rest.split_at(scalars.len());
+                    let (dy, behind) = behind.split_at(scalars.len());
                     rest = behind;
-                    let at = |index: usize| {
+                    let at = |(index, scalar): (usize, &Scalar)| {
+                        if !scalar.is_float() {
+                            return value[index];
+                        }
                         let [value, dx, dy] = [value, dx, dy].map(|w| f32::from_bits(w[index]));
                         (value + step[0] * dx + step[1] * dy).to_bits()
                     };
-                    pixels.extend((0..lanes).map(at));
+                    pixels.extend(scalars.iter().enumerate().map(at));
                 }
             }
         }

@@ -273,17 +273,35 @@ impl Kernel {
         for (index, ((_, shape), passed)) in
             function.parameters.iter().zip(&form.passed).enumerate()
         {
-            let mut lane = |scalar| {
-                at += 1;
-                lane(scalar, at - 1)
+            let first = at;
+            at += shape.lanes().len();
+            let mut next = first;
+            let mut numbered = || {
+                next += 1;
+                next - 1
             };
             let value = match shape.quad() {
                 Some(of) => {
-                    let mut part = || compose(of, &mut lane);
-                    let (value, dx, dy) = (part(), part(), part());
-                    format!("{value} + karat_step.x * {dx} + karat_step.y * {dy}")
+                    let width = of.lanes().len();
+                    compose(of, &mut |scalar| {
+                        let index = numbered();
+                        let [value, dx, dy] =
+                            [0, 1, 2].map(|part| lane(scalar, index + part * width));
+                        match scalar {
+                            // A function without derivatives takes what is at the pixel.
+                            _ if !form.fragment => value,
+                            Scalar::F32 => {
+                                format!("{value} + karat_step.x * {dx} + karat_step.y * {dy}")
+                            }
+                            Scalar::F16 => format!(
+                                "{value} + f16(karat_step.x) * {dx} + f16(karat_step.y) * {dy}"
+                            ),
+                            // Integers and booleans are the same at all four pixels.
+                            _ => value,
+                        }
+                    })
                 }
-                None => compose(shape, &mut lane),
+                None => compose(shape, &mut |scalar| lane(scalar, numbered())),
             };
             let name = match passed {
                 Passed::Value => {

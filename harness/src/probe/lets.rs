@@ -108,7 +108,9 @@ fn copy_that_returns(probed: &Probed, one: &LetStatement, ty: &str) -> Option<Pr
         locals.function,
         arguments.join(", "),
     );
-    Probed::new(&Package::from_source("karat_let", copy), "karat_let_of").ok()
+    let copy = Probed::new(&Package::from_source("karat_let", copy), "karat_let_of").ok()?;
+    let given = probed.function().parameters.iter().map(|(_, shape)| shape.clone());
+    Some(copy.with_quads_of(&given.collect::<Vec<_>>()))
 }
 
 #[cfg(test)]

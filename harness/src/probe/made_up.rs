@@ -49,6 +49,19 @@ fn special(scalar: Scalar, index: usize) -> u32 {
 }
 
 fn draw(shape: &Shape, source: &mut Source, rows: &mut Vec<u32>) {
+    if let Some(value) = shape.quad() {
+        draw(value, source, rows);
+        let from = rows.len();
+        (0..2).for_each(|_| draw(value, source, rows));
+        // From pixel to pixel little changes: what a derivative selects, such as a level of a texture,
+        // is seen on all scales.
+        let scale = source.log_distance() as f32;
+        let scalars = value.lanes().into_iter().cycle();
+        for (word, _) in rows[from..].iter_mut().zip(scalars).filter(|(_, s)| s.is_float()) {
+            *word = (f32::from_bits(*word) * scale).to_bits();
+        }
+        return;
+    }
     match shape {
         // Directions, as often as not: many functions take nothing else.
         Shape::Vector { size, scalar: Scalar::F32 } if *size > 1 && source.below(2) == 0 => {
@@ -93,8 +106,10 @@ fn lane(scalar: Scalar, source: &mut Source) -> u32 {
     }
 }
 
-/// A function that takes note of how long its made-up resources are, if there are such.
-pub(crate) fn fitted(mut probed: Probed) -> Result<Probed, super::ProbeError> {
+/// A function that takes note of how long its made-up resources are, if there are such. Where it takes
+/// derivatives its arguments have some.
+pub(crate) fn fitted(probed: Probed) -> Result<Probed, super::ProbeError> {
+    let mut probed = probed.with_varying();
     if let Ok(fixtures) = fixtures(&probed) {
         probed.fit(&fixtures)?;
     }

@@ -23,7 +23,16 @@ impl Program {
         }
         let mut values = Overrides::new();
         for (name, value) in given {
-            values.insert(self.text_name(name)?, *value);
+            // A name and its number are one override.
+            let text_name = self.text_name(name)?;
+            if values.get(&text_name).is_some_and(|other| other.to_bits() != value.to_bits()) {
+                let message = format!(
+                    "the override `{name}` has two values, by its name and by its \
+                                       number"
+                );
+                return Err(ReflectError::Unprobeable(Box::new(Diagnostic::new(message))));
+            }
+            values.insert(text_name, *value);
         }
         for (handle, declared) in declared.iter() {
             let name = declared.name.as_deref().unwrap_or_default();
@@ -103,6 +112,12 @@ pub(super) fn set(
             };
             (handle, format!("the override `{name}` is {kind}, and {value} isn't one"))
         })?;
+        // naga wants an initialiser before whatever uses its override.
+        for (_, expression) in module.global_expressions.iter_mut() {
+            if *expression == Expression::Override(handle) {
+                *expression = Expression::Literal(literal);
+            }
+        }
         let literal = Expression::Literal(literal);
         let span = module.overrides.get_span(handle);
         let init = module.global_expressions.append(literal, span);

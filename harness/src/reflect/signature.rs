@@ -415,13 +415,30 @@ impl Program {
         Some((Shape::Struct { name, members }, self.shape(base).ok()?))
     }
 
+    /// The shape of what a buffer holds, where an array without a length, be it the whole or its last
+    /// member, has so many elements, and atomics are their scalars. `None` if it isn't a buffer.
+    #[must_use]
+    pub fn buffer_of(&self, binding: &Binding, elements: usize) -> Option<Shape> {
+        use naga::{ArraySize, TypeInner};
+        let types = &self.checked.module.types;
+        let endless = |ty: naga::Handle<naga::Type>| match types[ty].inner {
+            TypeInner::Array { size: ArraySize::Dynamic, stride, .. } => Some(stride as usize),
+            _ => None,
+        };
+        let bytes = match &types[binding.ty].inner {
+            TypeInner::Struct { members, .. } => members
+                .last()
+                .and_then(|last| Some(last.offset as usize + endless(last.ty)? * elements)),
+            _ => endless(binding.ty).map(|stride| stride * elements),
+        };
+        self.memory_shape(binding.ty, bytes.unwrap_or_default())
+    }
+
     /// The bytes of a buffer, from the lanes of its value or of its elements.
-    #[cfg(feature = "routes")]
-    pub(crate) fn bytes(
-        &self,
-        binding: &Binding,
-        lanes: &[u32],
-    ) -> Result<Vec<u8>, super::LayoutError> {
+    ///
+    /// # Errors
+    /// If the lanes aren't as many as the type has.
+    pub fn bytes(&self, binding: &Binding, lanes: &[u32]) -> Result<Vec<u8>, super::LayoutError> {
         super::bytes_of(&self.checked.module, &self.checked.layouter, binding.ty, lanes)
     }
 

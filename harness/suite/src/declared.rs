@@ -21,6 +21,9 @@
 //! size = [64, 64]                               # compared with golden/gradient.exr
 //! ```
 //!
+//! A test binds what its function reads by `with = { exposure = 2, albedo = "wood.png" }`, and gives
+//! `override = { GAIN = 2 }`.
+//!
 //! | assertion | holds if |
 //! |---|---|
 //! | `agrees_with = "f"` | another function, which Karat's engine executes in `f64`, returns the same |
@@ -73,6 +76,9 @@ pub(crate) struct Declared {
     pub(crate) fails_on: BTreeMap<String, String>,
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Value>,
+    /// Values of `override`s, by their names or numbers.
+    #[serde(default, rename = "override")]
+    pub(crate) overrides: BTreeMap<String, OverrideValue>,
     agrees_with: Option<String>,
     table: Option<PathBuf>,
     equals: Option<Value>,
@@ -83,6 +89,23 @@ pub(crate) struct Declared {
     limit: Option<BTreeMap<String, Value>>,
     integral: Option<Integral>,
     no_hazards: Option<bool>,
+}
+
+/// A number, or `true` and `false`.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(untagged)]
+pub(crate) enum OverrideValue {
+    Number(f64),
+    Switch(bool),
+}
+
+impl OverrideValue {
+    pub(crate) fn number(self) -> f64 {
+        match self {
+            Self::Number(number) => number,
+            Self::Switch(on) => f64::from(u8::from(on)),
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, Deserialize)]

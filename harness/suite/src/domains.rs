@@ -6,6 +6,7 @@
 //! | a vector or matrix | as for a number, for each component; or one of these for each component in a list; `"unit_vector"`, `"hemisphere"`, `"unit_rgb"` |
 //! | any of these | `{ one_of = [[0, 0, 1], [1, 0, 0]] }` |
 //! | a struct | a table of its members |
+//! | what varies from pixel to pixel, where the function takes derivatives | any of these; or `{ value = "0..1", dx = 0.1, dy = 0 }` |
 //!
 //! What isn't named comes from its name and type, as in `karat hazards`: `n` is a unit vector, `roughness`
 //! is from 0 to 1.
@@ -30,6 +31,9 @@ pub(crate) fn parts(name: &str, shape: &Shape, value: Option<&Value>) -> Result<
         };
         let rows = list.iter().map(|value| lanes(shape, value)).collect::<Result<Vec<_>, _>>();
         return Ok(vec![Part::listed(shape.lanes(), rows.map_err(wrong)?)]);
+    }
+    if let Some(at_pixel) = shape.quad() {
+        return varying(name, shape, at_pixel, value);
     }
     match shape {
         Shape::Struct { members, .. } => {
@@ -81,6 +85,41 @@ pub(crate) fn parts(name: &str, shape: &Shape, value: Option<&Value>) -> Result<
     }
 }
 
+/// The parts of what varies from pixel to pixel: a domain of its value, or
+/// `{ value = "0..1", dx = 0.1, dy = 0 }`. What isn't said is made up.
+fn varying(
+    name: &str,
+    shape: &Shape,
+    at_pixel: &Shape,
+    value: &Value,
+) -> Result<Vec<Part>, String> {
+    const MEMBERS: [&str; 3] = ["value", "dx", "dy"];
+    let table = value.as_table();
+    let table = table.filter(|table| MEMBERS.iter().any(|own| table.contains_key(*own)));
+    let said = |member: &str| match table {
+        Some(table) => table.get(member),
+        None => Some(value).filter(|_| member == "value"),
+    };
+    if let Some(unknown) =
+        table.and_then(|table| table.keys().find(|key| !MEMBERS.contains(&key.as_str())))
+    {
+        return Err(format!("`{name}`: {}", no_such("member", unknown, MEMBERS)));
+    }
+    let mut all = Vec::new();
+    let mut made_up = karat::hazards::suggested(name, shape).into_iter();
+    for member in MEMBERS {
+        let mut own: Vec<Part> = Vec::new();
+        while own.iter().map(Part::width).sum::<usize>() < at_pixel.lanes().len() {
+            own.extend(made_up.next());
+        }
+        all.extend(match said(member) {
+            Some(value) => parts(name, at_pixel, Some(value))?,
+            None => own,
+        });
+    }
+    Ok(all)
+}
+
 /// The part of one number.
 fn number(scalar: Scalar, value: &Value) -> Result<Part, String> {
     match value {
@@ -121,7 +160,14 @@ fn lane(scalar: Scalar, value: &Value) -> Result<u32, String> {
     let wrong = || format!("`{value}` is no {}", name(scalar));
     #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
     match (scalar, value) {
-        (Scalar::F32 | Scalar::F16, Value::Float(number)) => Ok((*number as f32).to_bits()),
+        (Scalar::F32 | Scalar::F16, Value::Float(number)) => {
+            let single = *number as f32;
+            // An infinity is written `inf`: digits that overflow are a slip.
+            match single.is_infinite() && number.is_finite() {
+                true => Err(format!("`{value}` is too large for {}", name(scalar))),
+                false => Ok(single.to_bits()),
+            }
+        }
         #[expect(clippy::cast_precision_loss, reason = "as a literal of WGSL would")]
         (Scalar::F32 | Scalar::F16, Value::Integer(number)) => Ok((*number as f32).to_bits()),
         (Scalar::I32, Value::Integer(number)) => {

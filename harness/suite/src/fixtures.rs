@@ -2,28 +2,27 @@
 //!
 //! | for | is |
 //! |---|---|
-//! | a 2D texture | `"image.exr"` or `"image.png"`; or the value of each texel: a number, or `[r, g, b, a]` |
-//! | an array, a volume, a cube of depths | a list of as many images (layers, slices, faces), or the value of each texel |
-//! | a cube map | `"equirectangular.exr"`, or a colour `[r, g, b]` |
-//! | a sampler | `"linear"` or `"nearest"`, then `repeat` or `mirror`; of one that compares `"linear less_equal"` |
-//! | a buffer | its value: numbers, lists, tables of members; for an array without a length, a list |
+//! | a 2D texture | `"image.exr"` or `"image.png"`; or the value of each texel: a number, `[r, g, b]` or `[r, g, b, a]` |
+//! | an array, a volume, cubes | a list of images or colours: layers, slices, faces; or the value of each texel |
+//! | a cube map of floats | any of these, or `"equirectangular.exr"` |
+//! | a sampler | `"linear"` or `"nearest"`, then `clamp`, `repeat` or `mirror`; of one that compares `"linear less_equal"` |
+//! | a buffer | its value: numbers, lists, tables of members, of which the last may be a list of any length; or `"values.json"`, `"values.toml"`, `"bytes.bin"` |
 //!
-//! Texels of depth and integer textures are the red channel of an image.
+//! Texels of depth textures are the red channel of an image.
 
 use std::path::Path;
 
-use karat::fixture::{Compare, Fixture};
+use glam::{IVec4, UVec4};
+use karat::fixture::{Buffer, Compare, Fixture};
 use karat::reflect::{Binding, BindingKind, Dimension, Program, Texels, TextureKind};
-use karat::{CubeMap, Image, Sampler, Storage, Texture, Uniform};
+use karat::value::Shape;
+use karat::{CubeMap, Image, Sampler, Texture};
 use toml::Value;
 
 use crate::domains::lanes;
 
 /// Texels along an edge of a face of a cube map that is made of an image.
 const FACE: u32 = 64;
-
-/// Layers of an array, and slices of a volume, whose texels are all of one value.
-const LAYERS: usize = 1;
 
 /// The samples of a texel of a multisampled texture, which are all the same.
 const SAMPLES: u32 = 4;
@@ -42,15 +41,13 @@ pub fn fixture(
     let wrong = |reason: String| format!("with `{name}`: {reason}");
     let made = match binding.kind {
         BindingKind::Sampler { comparison } => sampler(value, comparison).map(Fixture::from),
-        BindingKind::TEXTURE_CUBE => cube(value, folder).map(Fixture::from),
-        BindingKind::Texture(kind) => texture(kind, value, folder).map(Fixture::from),
+        BindingKind::Texture(kind) => texture(kind, value, folder),
         BindingKind::StorageTexture { dimension, arrayed, format, .. } => {
             let (texels, multisampled) = (format.texels(), false);
-            let kind = TextureKind { dimension, arrayed, texels, multisampled };
-            texture(kind, value, folder).map(Fixture::from)
+            texture(TextureKind { dimension, arrayed, texels, multisampled }, value, folder)
         }
         BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate => {
-            buffer(program, binding, value)
+            buffer(program, binding, value, folder)
         }
         BindingKind::Other => Err(format!("it is a {}", binding.kind)),
     };
@@ -61,8 +58,15 @@ fn sampler(value: &Value, comparison: bool) -> Result<Sampler, String> {
     let example = if comparison { "\"linear less_equal\"" } else { "\"linear repeat\"" };
     let wrong = |what: &str| {
         format!(
-            "{what}; a sampler is \"linear\" or \"nearest\", then \"repeat\" or \"mirror\"{}: {example}",
-            if comparison { ", then how it compares" } else { "" }
+            "{what}; a sampler is \"linear\" or \"nearest\", then \"clamp\" (the default), \"repeat\" or \
+             \"mirror\"{}: {example}",
+            match comparison {
+                true => {
+                    ", then how it compares: never, less, equal, less_equal, greater, not_equal, \
+                     greater_equal or always"
+                }
+                false => "",
+            }
         )
     };
     let text = value.as_str().ok_or_else(|| wrong(&format!("{value} is no sampler")))?;
@@ -72,16 +76,18 @@ fn sampler(value: &Value, comparison: bool) -> Result<Sampler, String> {
         Some("nearest") => Sampler::Nearest,
         _ => return Err(wrong(&format!("\"{text}\" is no sampler"))),
     };
-    let mut compares = false;
+    let (mut compares, mut addressed) = (None, None);
     for word in words {
         let compare = match word {
-            "clamp" => continue,
-            "repeat" => {
-                sampler = sampler.repeat();
-                continue;
-            }
-            "mirror" => {
-                sampler = sampler.mirror();
+            "clamp" | "repeat" | "mirror" => {
+                if let Some(other) = addressed.replace(word) {
+                    return Err(wrong(&format!("`{other}` and `{word}` can't both be")));
+                }
+                sampler = match word {
+                    "repeat" => sampler.repeat(),
+                    "mirror" => sampler.mirror(),
+                    _ => sampler,
+                };
                 continue;
             }
             "never" => Compare::Never,
@@ -94,10 +100,12 @@ fn sampler(value: &Value, comparison: bool) -> Result<Sampler, String> {
             "always" => Compare::Always,
             other => return Err(wrong(&format!("`{other}` is nothing of a sampler"))),
         };
-        compares = true;
+        if let Some(other) = compares.replace(word) {
+            return Err(wrong(&format!("`{other}` and `{word}` can't both be")));
+        }
         sampler = sampler.compare(compare);
     }
-    match (compares, comparison) {
+    match (compares.is_some(), comparison) {
         (false, true) => Err(wrong("it compares depths, and the sampler doesn't say how")),
         (true, false) => Err(wrong("it compares nothing, and the sampler says how")),
         _ => Ok(sampler),
@@ -108,108 +116,126 @@ fn image(file: &str, folder: &Path) -> Result<Image, String> {
     Image::read(&folder.join(file)).map_err(|error| error.to_string())
 }
 
-/// Numbers of a list.
-fn numbers(list: &[Value]) -> Option<Vec<f32>> {
+/// The texel that a value is: a number of all colours, or four of them. `f64` holds all integers of
+/// textures, and all floats.
+fn texel(value: &Value) -> Option<[f64; 4]> {
     let number = |value: &Value| match value {
-        #[expect(clippy::cast_possible_truncation, reason = "texels are f32")]
-        Value::Float(number) => Some(*number as f32),
-        #[expect(clippy::cast_precision_loss, reason = "as a literal of WGSL would")]
-        Value::Integer(number) => Some(*number as f32),
+        Value::Float(number) => Some(*number),
+        #[expect(clippy::cast_precision_loss, reason = "what has more digits isn't in range")]
+        Value::Integer(number) => Some(*number as f64),
         _ => None,
     };
-    list.iter().map(number).collect()
-}
-
-fn cube(value: &Value, folder: &Path) -> Result<CubeMap, String> {
-    match value {
-        Value::String(file) => {
-            let map = CubeMap::from_image(&image(file, folder)?, FACE);
-            map.map_err(|error| error.to_string())
-        }
-        Value::Array(list) => match numbers(list).as_deref() {
-            Some([r, g, b]) => Ok(CubeMap::constant([*r, *g, *b].into())),
-            _ => Err("a colour is a list of 3 numbers".to_owned()),
-        },
-        _ => Err("a cube map is the name of an image, or a colour".to_owned()),
+    let Value::Array(list) = value else { return number(value).map(|x| [x, x, x, 1.0]) };
+    let list: Option<Vec<f64>> = list.iter().map(number).collect();
+    match list.as_deref() {
+        Some([x]) => Some([*x, *x, *x, 1.0]),
+        Some([r, g, b]) => Some([*r, *g, *b, 1.0]),
+        Some([r, g, b, a]) => Some([*r, *g, *b, *a]),
+        _ => None,
     }
 }
 
-fn texture(kind: TextureKind, value: &Value, folder: &Path) -> Result<Texture, String> {
-    let is_2d = kind.dimension == Dimension::D2 && !kind.arrayed;
-    let files = match value {
-        Value::String(file) if is_2d || kind.dimension == Dimension::D1 => vec![file.as_str()],
-        Value::Array(list) if !list.is_empty() && list.iter().all(Value::is_str) => {
-            list.iter().filter_map(Value::as_str).collect()
+/// A layer, slice or face.
+struct Layer {
+    width: u32,
+    height: u32,
+    texels: Vec<[f64; 4]>,
+}
+
+impl Layer {
+    fn read(file: &str, folder: &Path) -> Result<Self, String> {
+        let image = image(file, folder)?;
+        let texels = image.pixels().iter().map(|texel| texel.map(f64::from)).collect();
+        Ok(Self { width: image.width(), height: image.height(), texels })
+    }
+
+    fn of(value: &Value, folder: &Path) -> Result<Self, String> {
+        match value {
+            Value::String(file) => Self::read(file, folder),
+            other => match texel(other) {
+                Some(texel) => Ok(Self { width: 1, height: 1, texels: vec![texel] }),
+                None => Err(format!("{other} is no image and no colour")),
+            },
         }
-        _ => Vec::new(),
+    }
+}
+
+fn texture(kind: TextureKind, value: &Value, folder: &Path) -> Result<Fixture, String> {
+    if let (BindingKind::TEXTURE_CUBE, Value::String(file)) = (BindingKind::Texture(kind), value) {
+        let map = CubeMap::from_image(&image(file, folder)?, FACE);
+        return map.map(Fixture::from).map_err(|error| error.to_string());
+    }
+    let several = kind.arrayed || kind.dimension != Dimension::D2;
+    let layers = match (texel(value), value) {
+        // One value for all texels.
+        (Some(texel), _) => {
+            let count = if kind.dimension == Dimension::Cube { 6 } else { 1 };
+            let layer = |_| Layer { width: 1, height: 1, texels: vec![texel] };
+            (0..count).map(layer).collect()
+        }
+        (None, Value::Array(list)) if several && !list.is_empty() => {
+            list.iter().map(|value| Layer::of(value, folder)).collect::<Result<Vec<_>, _>>()?
+        }
+        (None, Value::String(file)) if !several || kind.dimension == Dimension::D1 => {
+            vec![Layer::read(file, folder)?]
+        }
+        _ => {
+            let listed = match kind.dimension {
+                Dimension::Cube if !kind.arrayed && kind.texels == Texels::Float => {
+                    "the name of an equirectangular image, a list of six images or colours"
+                }
+                Dimension::Cube if !kind.arrayed => "a list of six images or colours",
+                _ if several => "a list of images or colours",
+                _ => "the name of an image",
+            };
+            return Err(format!(
+                "a {kind} is {listed}, a number, or a colour: a list of 3 or 4 numbers"
+            ));
+        }
     };
-    if files.is_empty() {
-        let all = match value {
-            Value::Array(list) => numbers(list),
-            one => numbers(std::slice::from_ref(one)),
-        };
-        let texel = match all.as_deref() {
-            Some([x]) => [*x, *x, *x, 1.0],
-            Some([r, g, b, a]) => [*r, *g, *b, *a],
-            _ => {
-                return Err(match is_2d {
-                    true => {
-                        "a texture is the name of an image, a number, or a colour: a list of 4 \
-                             numbers"
-                            .to_owned()
-                    }
-                    false => {
-                        format!("a {kind} is a list of images, a number, or a list of 4 numbers")
-                    }
-                });
-            }
-        };
-        let layers = match (kind.dimension, kind.arrayed) {
-            (Dimension::Cube, _) => 6,
-            _ => LAYERS,
-        };
-        let constant = Image::new(1, 1, vec![texel]);
-        return of_images(kind, &vec![constant; layers]);
-    }
-    let images = files.iter().map(|file| image(file, folder)).collect::<Result<Vec<_>, _>>()?;
-    of_images(kind, &images)
+    of_layers(kind, &layers).map(Fixture::from)
 }
 
-/// A texture whose layers, slices or faces are images.
-fn of_images(kind: TextureKind, images: &[Image]) -> Result<Texture, String> {
-    let first = images.first().ok_or("a texture without an image")?;
-    let (width, height) = (first.width(), first.height());
-    if images.iter().any(|image| (image.width(), image.height()) != (width, height)) {
+/// A texture whose layers, slices or faces these are.
+fn of_layers(kind: TextureKind, layers: &[Layer]) -> Result<Texture, String> {
+    let first = layers.first().ok_or("a texture without an image")?;
+    let (width, height) = (first.width, first.height);
+    if layers.iter().any(|layer| (layer.width, layer.height) != (width, height)) {
         return Err("its images are of one size".to_owned());
     }
-    let at = |layer: usize, x: u32, y: u32| images[layer].pixels()[(y * width + x) as usize];
-    let whole = |x: f32| {
-        let fits = x.fract() == 0.0 && x.abs() < 16_777_216.0;
-        fits.then_some(x).ok_or_else(|| format!("a texel is {x}, and its texels are integers"))
+    let (least, most, name) = match kind.texels {
+        Texels::Sint => (f64::from(i32::MIN), f64::from(i32::MAX), "i32"),
+        Texels::Uint => (0.0, f64::from(u32::MAX), "u32"),
+        Texels::Float | Texels::Depth => (f64::NEG_INFINITY, f64::INFINITY, "f32"),
     };
-    if matches!(kind.texels, Texels::Sint | Texels::Uint) {
-        for image in images {
-            image.pixels().iter().try_for_each(|texel| {
-                whole(texel[0])?;
-                match kind.texels {
-                    Texels::Uint if texel[0] < 0.0 => {
-                        Err(format!("a texel is {}, and its texels are u32", texel[0]))
-                    }
-                    _ => Ok(()),
-                }
-            })?;
+    for value in layers.iter().flat_map(|layer| layer.texels.iter().flatten()) {
+        let integer = name != "f32";
+        #[expect(clippy::cast_possible_truncation, reason = "it is asked whether it fits")]
+        let overflows = value.is_finite() && !(*value as f32).is_finite();
+        if integer && value.fract() != 0.0 {
+            return Err(format!("a texel is {value}, and its texels are integers"));
+        }
+        if overflows || integer && !(least..=most).contains(value) {
+            return Err(format!("a texel is {value}, and its texels are {name}"));
         }
     }
+    let at = |layer: usize, x: u32, y: u32| layers[layer].texels[(y * width + x) as usize];
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "they are whole and in range"
+        reason = "integers are whole and in range, floats are rounded"
     )]
     match kind.texels {
-        Texels::Float => shaped(kind, images.len(), width, height, at),
-        Texels::Depth => shaped(kind, images.len(), width, height, |l, x, y| at(l, x, y)[0]),
-        Texels::Sint => shaped(kind, images.len(), width, height, |l, x, y| at(l, x, y)[0] as i32),
-        Texels::Uint => shaped(kind, images.len(), width, height, |l, x, y| at(l, x, y)[0] as u32),
+        Texels::Float => {
+            shaped(kind, layers.len(), width, height, |l, x, y| at(l, x, y).map(|c| c as f32))
+        }
+        Texels::Depth => shaped(kind, layers.len(), width, height, |l, x, y| at(l, x, y)[0] as f32),
+        Texels::Sint => shaped(kind, layers.len(), width, height, |l, x, y| {
+            IVec4::from(at(l, x, y).map(|c| c as i32))
+        }),
+        Texels::Uint => shaped(kind, layers.len(), width, height, |l, x, y| {
+            UVec4::from(at(l, x, y).map(|c| c as u32))
+        }),
     }
 }
 
@@ -265,22 +291,70 @@ fn shaped<T: karat::fixture::Texel>(
     })
 }
 
-fn buffer(program: &Program, binding: &Binding, value: &Value) -> Result<Fixture, String> {
-    let Some((shape, elements)) = program.buffer_data(binding) else {
-        return Err(
-            "its type has atomics, or is a structure that ends in an array: this can't be \
-                    bound by values yet"
-                .to_owned(),
-        );
-    };
-    if !elements {
-        return Ok(Uniform::of_lanes(shape.clone(), lanes(&shape, value)?).into());
+fn buffer(
+    program: &Program,
+    binding: &Binding,
+    value: &Value,
+    folder: &Path,
+) -> Result<Fixture, String> {
+    if let Value::String(name) = value {
+        let file = folder.join(name);
+        let unread = |error: std::io::Error| format!("can't read `{}`: {error}", file.display());
+        let read = || std::fs::read_to_string(&file).map_err(unread);
+        let inside = |error: &dyn std::fmt::Display| format!("`{}`: {error}", file.display());
+        let value = match file.extension().and_then(|extension| extension.to_str()) {
+            Some("bin") => {
+                return Ok(Buffer::of_bytes(std::fs::read(&file).map_err(unread)?).into());
+            }
+            Some("json") => {
+                let value: serde_json::Value =
+                    serde_json::from_str(&read()?).map_err(|error| inside(&error))?;
+                Value::try_from(value).map_err(|error| inside(&error))?
+            }
+            Some("toml") => Value::Table(read()?.parse().map_err(|error| inside(&error))?),
+            _ => {
+                return Err(format!(
+                    "`{name}` is no value; a buffer is a number, a list, a table of its members, or a \
+                     file: values.json, values.toml, bytes.bin"
+                ));
+            }
+        };
+        return buffer(program, binding, &value, Path::new("")).map_err(|error| inside(&error));
     }
-    let Value::Array(list) = value else {
-        return Err("an array without a length is a list".to_owned());
+    let is_list = |shape: &Shape| matches!(shape, Shape::Array { .. });
+    let unknown = || format!("no values are known for a {}", binding.kind);
+    // An array without a length has as many elements as the list; in a structure it is the last member.
+    let plain = program.buffer_of(binding, 0).ok_or_else(unknown)?;
+    let elements = match (&plain, value) {
+        (Shape::Struct { members, .. }, Value::Table(table)) => {
+            let last = members.last().filter(|(_, shape)| is_list(shape));
+            let last = last.and_then(|(name, _)| table.get(name));
+            last.and_then(Value::as_array).map_or(0, Vec::len)
+        }
+        (shape, Value::Array(list)) if is_list(shape) => list.len(),
+        (Shape::Array { length: 0, .. }, _) => {
+            return Err("an array without a length is a list".to_owned());
+        }
+        _ => 0,
     };
-    let all = list.iter().map(|value| lanes(&shape, value)).collect::<Result<Vec<_>, _>>()?;
-    Ok(Storage::of_lanes(shape, all.concat()).into())
+    let shape = program.buffer_of(binding, elements).ok_or_else(unknown)?;
+    if elements == 0 && is_left_empty(&shape) {
+        return Err("an array without a length has one element, at least".to_owned());
+    }
+    let lanes = lanes(&shape, value)?;
+    let bytes = program.bytes(binding, &lanes).map_err(|error| error.to_string())?;
+    Ok(Buffer::of_bytes(bytes).into())
+}
+
+/// Whether an array without a length, which is the whole or its last member, is left empty.
+fn is_left_empty(shape: &Shape) -> bool {
+    match shape {
+        Shape::Array { length, .. } => *length == 0,
+        Shape::Struct { members, .. } => {
+            members.last().is_some_and(|(_, shape)| is_left_empty(shape))
+        }
+        _ => false,
+    }
 }
 
 #[cfg(test)]

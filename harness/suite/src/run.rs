@@ -188,11 +188,20 @@ const CASES: u64 = 4096;
 
 fn function(package: &Package, assertion: &Assertion) -> Judged {
     let Assertion { test, function, what, folder, .. } = assertion;
-    let probed = match Probed::new(package, function) {
+    let overrides = test.overrides.iter().map(|(name, value)| (name.clone(), value.number()));
+    let overrides: BTreeMap<String, f64> = overrides.collect();
+    let probed = match Probed::with_overrides(package, function, &overrides) {
         Ok(probed) => probed,
         // What isn't valid WGSL has its own place.
         Err(error) if error.to_string().starts_with("error") => return Ok(Err(error.into())),
         Err(error) => return Err(format!("function: {error}")),
+    };
+    // With arguments that don't vary a derivative would be 0 in each case.
+    let mut probed = match what {
+        What::Integral(_) if probed.takes_derivatives() => {
+            return Err("it takes derivatives, and directions of an integral don't vary".to_owned());
+        }
+        _ => probed.with_varying(),
     };
     let parameters = probed.function().parameters.clone();
     let known = || parameters.iter().map(|(name, _)| &**name);
@@ -200,8 +209,13 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
         return Err(format!("over: {}", no_such("parameter", unknown, known())));
     }
     let mut probe = package.function(function);
-    for (name, fixture) in bound(probed.program(), &probed.function().bindings, &test.with, folder)?
-    {
+    for (name, value) in overrides {
+        probe = probe.override_(&name, value);
+    }
+    let fixtures = bound(probed.program(), &probed.function().bindings, &test.with, folder)?;
+    // What isn't bound, or wrongly, is told by the check.
+    let _ = probed.fit(&fixtures);
+    for (name, fixture) in fixtures {
         probe = probe.with(&name, fixture);
     }
     let result = probed.function().result.clone();

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, anyhow, bail};
 use karat::diagnostic::nearest;
-use karat::fixture::{Buffer, Fixtures};
+use karat::fixture::Fixtures;
 use karat::probe::Probed;
 use karat::reflect::BindingKind;
 use toml::Value;
@@ -19,9 +19,16 @@ pub(super) fn overrides(given: &[String]) -> anyhow::Result<BTreeMap<String, f64
             "false" => 0.0,
             number => number.parse().with_context(|| format!("--override {text}"))?,
         };
-        Ok((name.to_owned(), value))
+        anyhow::Ok((name.to_owned(), value))
     };
-    given.iter().map(one).collect()
+    let mut all = BTreeMap::new();
+    for text in given {
+        let (name, value) = one(text)?;
+        if all.insert(name, value).is_some() {
+            bail!("the override is given twice: --override {text}");
+        }
+    }
+    Ok(all)
 }
 
 fn parted<'a>(option: &str, text: &'a str) -> anyhow::Result<(&'a str, &'a str)> {
@@ -40,19 +47,14 @@ pub(super) fn fixtures(probed: &Probed, given: &[String]) -> anyhow::Result<Fixt
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
             bail!("`{}` reads no variable `{name}`{near}", probed.function().name);
         };
-        let is_buffer = matches!(
-            binding.kind,
-            BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate
-        );
-        let fixture = if is_buffer && value.ends_with(".bin") {
-            let bytes = std::fs::read(value).with_context(|| format!("can't read `{value}`"))?;
-            Buffer::of_bytes(bytes).into()
-        } else {
-            let value = parsed(value, is_buffer).with_context(|| format!("--bind {text}"))?;
-            let here = Path::new("");
-            karat_suite::fixture(probed.program(), binding, &value, here)
-                .map_err(|error| anyhow!("--bind {text}: {error}"))?
-        };
+        if all.iter().any(|(other, _): &(String, _)| {
+            other == name || *other == binding.path || other == binding.name()
+        }) {
+            bail!("`{}` is bound twice: --bind {text}", binding.name());
+        }
+        let value = parsed(value).with_context(|| format!("--bind {text}"))?;
+        let fixture = karat_suite::fixture(probed.program(), binding, &value, Path::new(""))
+            .map_err(|error| anyhow!("--bind {text}: {error}"))?;
         all.push((name.to_owned(), fixture));
     }
     let missing = bindings.iter().find(|b| !all.iter().any(|(n, _)| n == b.name() || *n == b.path));
@@ -73,19 +75,12 @@ fn example(kind: BindingKind) -> &'static str {
     }
 }
 
-/// A value: a file of JSON or TOML, JSON itself, or numbers that are joined by commas.
-fn parsed(text: &str, is_buffer: bool) -> anyhow::Result<Value> {
+/// A value: JSON, numbers that are joined by commas, or else a word, such as the name of a file.
+fn parsed(text: &str) -> anyhow::Result<Value> {
     let json = |text: &str| {
         let value: serde_json::Value = serde_json::from_str(text)?;
         Value::try_from(value).context("TOML has no such value")
     };
-    let read = || std::fs::read_to_string(text).with_context(|| format!("can't read `{text}`"));
-    if is_buffer && text.ends_with(".json") {
-        return json(&read()?);
-    }
-    if is_buffer && text.ends_with(".toml") {
-        return Ok(Value::Table(read()?.parse()?));
-    }
     if text.starts_with(['{', '[']) {
         return json(text);
     }
