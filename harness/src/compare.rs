@@ -29,7 +29,7 @@ use crate::path::Path;
 use crate::probe::{Call, Prepared, ProbeError, Probed, made_up};
 use crate::reflect::{Function, Program};
 use crate::tolerance::ulp_distance;
-use crate::value::Scalar;
+use crate::value::{Scalar, Shape, format_lane};
 
 /// Inputs of each function: what runs in a moment on any path.
 const CASES: usize = 4096;
@@ -328,9 +328,35 @@ fn changed(
         ulp,
         relative,
         arguments: arguments(function, &row),
-        before: function.result.format(&was),
-        after: function.result.format(&is),
+        before: told(&function.result, &was, (&was, &is)),
+        after: told(&function.result, &is, (&was, &is)),
     }))
+}
+
+/// Components of a result that are shown whole; of more, such as a buffer, only those that changed.
+const WHOLE: usize = 16;
+
+/// A result as it is shown.
+fn told(shape: &Shape, own: &[u32], (was, is): (&[u32], &[u32])) -> String {
+    let scalars = shape.lanes();
+    if scalars.len() <= WHOLE {
+        return shape.format(own);
+    }
+    let names = shape.lane_names();
+    let differs = |lane: &usize| distance(scalars[*lane], was[*lane], is[*lane]).is_some();
+    let changed: Vec<usize> = (0..scalars.len()).filter(differs).collect();
+    let one = |lane: &usize| {
+        format!(
+            "{} = {}",
+            names[*lane].trim_start_matches('.'),
+            format_lane(scalars[*lane], own[*lane])
+        )
+    };
+    let shown = changed.iter().take(4).map(one).collect::<Vec<_>>().join(", ");
+    match changed.len().saturating_sub(4) {
+        0 => shown,
+        more => format!("{shown} and {more} more of {}", scalars.len()),
+    }
 }
 
 /// How far two results are from each other.
@@ -444,6 +470,37 @@ mod tests {
             let Change::Unjudged { reason } = change else { panic!("{name}: {change:?}") };
             assert!(reason.starts_with("it was edited, and "), "{reason}");
         }
+    }
+
+    #[test]
+    fn derivatives_have_something_to_differentiate() {
+        let before = "struct Point { uv: vec2f, id: u32 }\n\
+                      fn edge(d: f32) -> f32 { return d / max(fwidth(d), 1e-3); }\n\
+                      fn slope(p: Point) -> f32 { return dpdx(p.uv.y) + f32(p.id); }\n\
+                      fn plain(x: f32) -> f32 { return x; }\n";
+        for (old, new) in [
+            ("d / max(fwidth(d)", "d / max(2.0 * fwidth(d)"),
+            ("dpdx(p.uv.y)", "dpdy(p.uv.y)"),
+            ("return x;", "return x + dpdx(x);"),
+        ] {
+            for (was, is) in
+                [(before, before.replace(old, new)), (&before.replace(old, new), before.to_owned())]
+            {
+                let all = changes(was, &is);
+                let changed =
+                    all.iter().filter(|(_, change)| matches!(change, Change::Changed { .. }));
+                assert_eq!(changed.count(), 1, "{new}: {all:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn of_a_whole_buffer_what_changed_is_shown() {
+        let before = "@group(0) @binding(0) var<storage, read_write> all: array<u32, 40>;\n\
+                      fn put(i: u32) { all[3] = 1u; }\n";
+        let all = changes(before, &before.replace("1u", "2u"));
+        let Change::Changed { paths } = &all[0].1 else { panic!("{all:?}") };
+        assert_eq!((&*paths[0].before, &*paths[0].after), ("[3] = 1", "[3] = 2"));
     }
 
     #[test]

@@ -195,6 +195,24 @@ impl Probed {
     }
 }
 
+impl ProbeError {
+    /// Whether it is the path that can't do what the function needs, so that others may.
+    #[must_use]
+    pub fn is_of_path(&self) -> bool {
+        let unsupported = |error: &FixtureError| match error {
+            FixtureError::Declared { source, .. } => {
+                matches!(**source, FixtureError::Unsupported { .. })
+            }
+            other => matches!(other, FixtureError::Unsupported { .. }),
+        };
+        match self {
+            Self::F16 { .. } | Self::Compile { .. } => true,
+            Self::Fixture(error) => unsupported(error),
+            _ => false,
+        }
+    }
+}
+
 /// Why a function gave no results.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]

@@ -243,3 +243,21 @@ fn made<T: Texel>(
         (Dimension::Cube, true) => Texture::cubes((0..12).map(layer)),
     }
 }
+
+#[cfg(all(test, feature = "routes"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_differentiated_varies() {
+        let text = "fn f(a: f32, k: u32, v: vec2f) -> f32 { return dpdx(a) + dpdy(v.x) + f32(k); }";
+        let probed = Probed::new(&crate::Package::from_source("p", text), "f").and_then(fitted);
+        let rows = rows(&probed.expect("it is called"), 64);
+        // a, its dx and dy; k; v, its dx and dy
+        let cases = || rows.chunks_exact(3 + 1 + 6).skip(FLOATS.len());
+        for slope in [1, 2, 6, 8] {
+            let varying = cases().filter(|row| f32::from_bits(row[slope]) != 0.0).count();
+            assert!(2 * varying > cases().count(), "{varying} cases have slope {slope}");
+        }
+    }
+}

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use naga::{Expression, Handle, Literal, Module, Override, ScalarKind, TypeInner};
+use naga::{Arena, Expression, Handle, Literal, Module, Override, ScalarKind, TypeInner};
 
 use super::{Program, ReflectError};
 use crate::diagnostic::{Diagnostic, nearest};
@@ -97,9 +97,8 @@ pub(super) fn set(
     module: &mut Module,
     values: &Overrides,
 ) -> Result<(), (Handle<Override>, String)> {
-    let handles: Vec<_> = module.overrides.iter().map(|(handle, _)| handle).collect();
-    for handle in handles {
-        let declared = &module.overrides[handle];
+    let mut given = Vec::new();
+    for (handle, declared) in module.overrides.iter() {
         let name = declared.name.clone().unwrap_or_default();
         let Some(value) = values.get(&name) else { continue };
         let TypeInner::Scalar(scalar) = module.types[declared.ty].inner else { continue };
@@ -112,18 +111,65 @@ pub(super) fn set(
             };
             (handle, format!("the override `{name}` is {kind}, and {value} isn't one"))
         })?;
-        // naga wants an initialiser before whatever uses its override.
-        for (_, expression) in module.global_expressions.iter_mut() {
-            if *expression == Expression::Override(handle) {
-                *expression = Expression::Literal(literal);
-            }
-        }
-        let literal = Expression::Literal(literal);
+        given.push((handle, literal));
+    }
+    // naga wants an initialiser before whatever uses its override: these are the first expressions.
+    let mut expressions = Arena::new();
+    let mut initialisers = Vec::new();
+    for (handle, literal) in given {
         let span = module.overrides.get_span(handle);
-        let init = module.global_expressions.append(literal, span);
-        module.overrides.get_mut(handle).init = Some(init);
+        initialisers.push((handle, expressions.append(Expression::Literal(literal), span)));
+    }
+    let mut moved = Vec::new();
+    for (handle, expression) in module.global_expressions.iter() {
+        let expression = moved_to(expression.clone(), &moved);
+        moved.push(expressions.append(expression, module.global_expressions.get_span(handle)));
+    }
+    module.global_expressions = expressions;
+    let to = |handle: &mut Handle<Expression>| *handle = moved[handle.index()];
+    let constants: Vec<_> = module.constants.iter().map(|(handle, _)| handle).collect();
+    constants.into_iter().for_each(|handle| to(&mut module.constants.get_mut(handle).init));
+    let variables = module.global_variables.iter_mut();
+    variables.filter_map(|(_, variable)| variable.init.as_mut()).for_each(to);
+    let overrides = module.overrides.iter_mut();
+    overrides.filter_map(|(_, declared)| declared.init.as_mut()).for_each(to);
+    for entry_point in &mut module.entry_points {
+        let sizes = entry_point.workgroup_size_overrides.iter_mut().flatten();
+        sizes.flatten().for_each(to);
+        if let Some(mesh) = &mut entry_point.mesh_info {
+            mesh.max_vertices_override.iter_mut().for_each(to);
+            mesh.max_primitives_override.iter_mut().for_each(to);
+        }
+    }
+    for (handle, initialiser) in initialisers {
+        module.overrides.get_mut(handle).init = Some(initialiser);
     }
     Ok(())
+}
+
+/// An expression outside of functions, whose operands have moved.
+fn moved_to(mut expression: Expression, moved: &[Handle<Expression>]) -> Expression {
+    let to = |handle: &mut Handle<Expression>| *handle = moved[handle.index()];
+    match &mut expression {
+        Expression::Compose { components, .. } => components.iter_mut().for_each(to),
+        Expression::Splat { value, .. } => to(value),
+        Expression::Swizzle { vector, .. } => to(vector),
+        Expression::Access { base, index } => [base, index].into_iter().for_each(to),
+        Expression::AccessIndex { base, .. } => to(base),
+        Expression::Unary { expr, .. } | Expression::As { expr, .. } => to(expr),
+        Expression::Binary { left, right, .. } => [left, right].into_iter().for_each(to),
+        Expression::Select { condition, accept, reject } => {
+            [condition, accept, reject].into_iter().for_each(to);
+        }
+        Expression::Relational { argument, .. } => to(argument),
+        Expression::Math { arg, arg1, arg2, arg3, .. } => {
+            to(arg);
+            [arg1, arg2, arg3].into_iter().flatten().for_each(to);
+        }
+        // Literals, and what stands for itself; others are expressions of functions.
+        _ => {}
+    }
+    expression
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the range is checked")]

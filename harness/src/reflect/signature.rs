@@ -77,9 +77,11 @@ impl Function {
         returned.chain(pointers.map(|(parameter, _)| parameter.clone())).collect()
     }
 
-    /// What it writes of its resources.
+    /// What it may write of its resources. One that only reads them, though they are declared
+    /// `read_write`, doesn't run alone, and has none.
     pub(crate) fn written(&self) -> impl Iterator<Item = &Binding> {
-        self.bindings.iter().filter(|binding| binding.kind.is_written())
+        let written = |binding: &&Binding| self.form.alone && binding.kind.is_written();
+        self.bindings.iter().filter(written)
     }
 
     /// Sets the type of the result, where resources that are written have these shapes.

@@ -409,7 +409,8 @@ mod tests {
             ("texture_2d<u32>", "0.5", "its texels are integers"),
             ("texture_2d<u32>", "-1", "its texels are u32"),
             ("texture_2d<f32>", "\"missing.exr\"", "missing.exr"),
-            ("texture_3d<f32>", "[1, 2]", "a list of images"),
+            ("texture_3d<f32>", "true", "a list of images"),
+            ("texture_3d<f32>", "[[1], true]", "true is no image"),
         ] {
             let error = bound(declared, value).expect_err(declared);
             assert!(error.contains(part), "{declared}: {error}");

@@ -57,6 +57,12 @@ pub fn tolerance(text: &str) -> Result<Tolerance, String> {
 
 fn bound(text: &str) -> Result<Tolerance, String> {
     let words: Vec<&str> = text.split_whitespace().collect();
+    if let [granted @ ("spec" | "device"), ..] = &*words {
+        return Err(format!(
+            "`{granted}` is no number, and one is needed here: `4 ulp`, `rel 1e-4`, `abs 1e-6` or \
+             `exact`"
+        ));
+    }
     let (unit, number) = match &*words {
         ["exact"] => return Ok(Ulp(0.0).into()),
         [number, unit] if number.parse::<f64>().is_ok() => (*unit, *number),

@@ -1,6 +1,6 @@
 //! Functions with pointers, without a result, that write, and that only fragment shaders may call.
 
-use glam::{DVec2, DVec4, UVec2, Vec2, Vec4};
+use glam::{DVec2, DVec3, DVec4, UVec2, Vec2, Vec4};
 use karat::prelude::*;
 use karat::value::Quad;
 
@@ -95,6 +95,23 @@ fn twelve_parameters_and_none() {
         .agrees_with(|| 1.0_f64, Abs(0.0));
 }
 
+/// One that another one is made of, with and without an initialiser.
+#[test]
+fn overrides_that_others_are_made_of_are_set() {
+    let package = check(
+        "override A: f32 = 2.0;\noverride B = A * 3.0;\noverride D: f32;\noverride E = D + B;\n\
+         @id(3) override N: u32 = 1u;\n\
+         fn f(x: f32) -> f32 { return x + A + 10.0 * B + 100.0 * E + f32(N); }",
+    );
+    let probe = || package.function("f").override_("D", 1.0);
+    let xs = || OneOf(vec![0.0_f32, 1.0, 4.0]);
+    probe().over(xs()).agrees_with(|x: f64| x + 3.0 + 60.0 + 700.0, Abs(0.0));
+    probe().override_("A", 1.0).over(xs()).agrees_with(|x: f64| x + 2.0 + 30.0 + 400.0, Abs(0.0));
+    let twice = probe().override_("N", 1.0).override_("3", 2.0).over(xs());
+    let error = twice.try_agrees_with(|x: f64| x, Abs(0.0)).expect_err("two values").to_string();
+    assert!(error.contains("has two values"), "{error}");
+}
+
 #[test]
 fn overrides_are_set() {
     let package = check(
@@ -156,8 +173,8 @@ fn written_storage_is_a_result_and_starts_anew() {
         .cases(64)
         .agrees_with(
             |i: u32, x: f64| {
-                let mut line = [glam::DVec3::ZERO, glam::DVec3::ONE];
-                line[i as usize] = glam::DVec3::new(x, 1.0, 2.0);
+                let mut line = [DVec3::ZERO, DVec3::ONE];
+                line[i as usize] = DVec3::new(x, 1.0, 2.0);
                 line
             },
             Abs(0.0),
@@ -167,7 +184,7 @@ fn written_storage_is_a_result_and_starts_anew() {
         .with("line", line())
         .over((Integers(0..=1_u32), 0.0_f32..=1.0))
         .cases(64)
-        .try_agrees_with(|_: u32, _: f64| [glam::DVec3::ZERO, glam::DVec3::ONE], Abs(0.0));
+        .try_agrees_with(|_: u32, _: f64| [DVec3::ZERO, DVec3::ONE], Abs(0.0));
     wrong.expect_err("it writes");
 }
 
@@ -193,6 +210,19 @@ impl karat::value::Mirror for Bins {
 }
 
 /// Workgroup variables are zero in each case, and a barrier is met by its one invocation.
+/// What may be written, and is only read, is no result.
+#[test]
+fn storage_that_is_only_read_is_no_result() {
+    let package = check(
+        "struct Lights { count: atomic<u32>, items: array<f32> }\n\
+         @group(0) @binding(0) var<storage, read_write> lights: Lights;\n\
+         fn f(i: u32) -> f32 { return f32(atomicLoad(&lights.count)) * lights.items[i]; }",
+    );
+    let words = [2_u32, 0.5_f32.to_bits(), 3.0_f32.to_bits()];
+    let probe = package.function("f").with("lights", karat::fixture::Buffer::of_pod(&words));
+    probe.over(Integers(0..=1_u32)).agrees_with(|i: u32| if i == 0 { 1.0 } else { 6.0 }, Abs(0.0));
+}
+
 #[test]
 fn workgroup_state_starts_anew() {
     let package = check(
@@ -283,6 +313,26 @@ fn derivatives_over_quads() {
         .function("slope")
         .over((Just(Vec2::ONE), Just(3.0_f32)))
         .agrees_with(|_: DVec2, _: f64| DVec4::ZERO, Abs(0.0));
+}
+
+karat::shareable! { struct Point mirrors PointMirror { uv: Vec2, id: u32 } }
+
+/// Of a structure the floats vary, and the integers are those of the pixel.
+#[test]
+fn structures_vary_over_quads() {
+    let package = check(
+        "struct Point { uv: vec2f, id: u32 }\n\
+         fn f(p: Point) -> vec3f { return vec3f(dpdx(p.uv), f32(p.id)); }",
+    );
+    let at = |u: f32, id: u32| Point { uv: Vec2::new(u, 0.5), id };
+    let quads = OneOf(
+        vec![1.0_f32, 2.0, 4.0]
+            .into_iter()
+            .map(|u| Quad { value: at(u, 7), dx: at(0.25 * u, 3), dy: at(0.0, 5) })
+            .collect(),
+    );
+    let expect = |p: Quad<PointMirror>| DVec3::new(p.dx.uv.x, p.dx.uv.y, f64::from(p.value.id));
+    package.function("f").over((quads,)).agrees_with(expect, Abs(0.0));
 }
 
 /// Sampling with an implicit level of detail, and with a bias.

@@ -296,6 +296,14 @@ fn cubes_have_faces_layers_and_depths() {
         .with("filtering", Sampler::Nearest)
         .over((Integers(0..=5_u32), Integers(0..=1_u32)))
         .agrees_with(|face: u32, layer: u32| f64::from(6 * layer + face), Abs(0.0));
+    // An array of one cube is no cube, and wgpu's GL takes it for one.
+    package
+        .function("f")
+        .with("many", Texture::cubes((0..6_u8).map(|i| face(f32::from(i)))))
+        .with("filtering", Sampler::Nearest)
+        .over((Integers(0..=5_u32), Just(0_u32)))
+        .fails_on(Path::GL, "wgpu's GL makes a plain cube of an array of one cube")
+        .agrees_with(|face: u32, _: u32| f64::from(face), Abs(0.0));
     package
         .function("lit")
         .with("shadow", Texture::cube((0..6_u8).map(|i| face(f32::from(i) / 8.0))))

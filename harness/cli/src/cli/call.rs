@@ -9,9 +9,9 @@ mod trace;
 use std::io::Write;
 use std::path::PathBuf;
 
-use anyhow::{Context, anyhow, ensure};
+use anyhow::{Context, anyhow, bail, ensure};
 use karat::fixture::Fixtures;
-use karat::probe::{ProbeError, Probed};
+use karat::probe::Probed;
 use karat::value::hexfloat;
 use karat::{Path, Tolerance};
 
@@ -28,7 +28,7 @@ pub(super) struct Args {
     function: String,
     /// Its arguments, in order or as NAME=VALUE; components are joined by commas. `0..1:100` sweeps a
     /// component (`x=-1..1:100` if it begins with a minus), `0.5@0.1@0` has the derivatives of a
-    /// fragment function's argument
+    /// fragment function's argument to the right and downwards, `0.5,1@0.1,0@0,0.1` those of a vector
     #[arg(allow_negative_numbers = true)]
     arguments: Vec<String>,
     /// What a variable holds: an image or a colour, a value as JSON or in a file (.json, .toml, .bin),
@@ -47,8 +47,8 @@ pub(super) struct Args {
     /// Where the table goes [default: standard output]
     #[arg(long, value_name = "OUT.CSV")]
     out: Option<PathBuf>,
-    /// Compare each case with this column of the table (of vectors `COLUMN.x` and so on), and fail if
-    /// one differs
+    /// Compare each case with this column of the table (of vectors `COLUMN.x` and so on), within
+    /// --tolerance, and fail if one differs
     #[arg(long, value_name = "COLUMN", requires = "cases", requires = "tolerance")]
     expect: Option<String>,
     /// How far results may be from what is expected: `4 ulp`, `rel 1e-4 or abs 1e-6`, `exact`
@@ -89,11 +89,19 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     let fixtures = bind::fixtures(&probed, &args.bind)?;
     probed.fit(&fixtures)?;
+    if let Some(Some(plot)) = &args.plot {
+        let svg = plot.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg"));
+        ensure!(svg, "a plot is an SVG: --plot={}", plot.with_extension("svg").display());
+    }
     let tolerance = match &args.tolerance {
         Some(text) => Some(karat_suite::tolerance(text).map_err(|error| anyhow!(error))?),
         None => None,
     };
     if let Some(cases) = &args.cases {
+        if probed.takes_derivatives() {
+            let varying = cases::varying(cases, probed.function())?;
+            probed = probed.with_quads(&varying);
+        }
         let paths = paths(&probed, &fixtures, &args.paths)?;
         let expect = args.expect.as_deref().zip(tolerance);
         return cases::evaluate(&args.request(&probed, &fixtures, &paths, expect), cases, out);
@@ -146,13 +154,20 @@ fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Resu
     if named.trim() != "all" {
         return Ok(paths);
     }
-    // Unless they are asked for, paths without f16 are left out where it is needed.
-    let able = |path: &Path| {
-        let called = karat::executor::call(probed, *path, &[], fixtures);
-        !matches!(called, Err(ProbeError::F16 { .. }))
-    };
-    let able: Vec<_> = paths.into_iter().filter(able).collect();
-    ensure!(!able.is_empty(), "`{}` needs f16, which no path has", probed.function().name);
+    // Unless they are asked for, paths are left out that can't do what is needed.
+    let (mut able, mut reasons) = (Vec::new(), Vec::new());
+    for path in paths {
+        match karat::executor::call(probed, path, &[], fixtures) {
+            Err(error) if error.is_of_path() => reasons.push(error.to_string()),
+            _ => able.push(path),
+        }
+    }
+    if able.is_empty() {
+        bail!("{}", reasons.join("\n"));
+    }
+    for reason in reasons {
+        eprintln!("note: {}", reason.trim_start_matches("error: "));
+    }
     Ok(able)
 }
 

@@ -116,6 +116,85 @@ fn a_table_is_a_check() {
     }
 }
 
+const TEXELS: &str = "\
+@group(0) @binding(0) var words: texture_2d<u32>;
+@group(0) @binding(1) var signed: texture_2d<i32>;
+@group(0) @binding(2) var layers: texture_2d_array<f32>;
+@group(0) @binding(3) var sky: texture_cube<f32>;
+@group(0) @binding(4) var filtering: sampler;
+struct Lights { count: atomic<u32>, scale: f32, items: array<vec2f> }
+@group(0) @binding(5) var<storage, read_write> lights: Lights;
+fn word() -> vec4u { return textureLoad(words, vec2u(), 0); }
+fn integer() -> vec4i { return textureLoad(signed, vec2u(), 0); }
+fn layer(i: u32) -> vec4f { return textureLoad(layers, vec2u(), i, 0); }
+fn face(d: vec3f) -> vec4f { return textureSampleLevel(sky, filtering, d, 0.0); }
+fn light(i: u32) -> vec2f { return f32(atomicLoad(&lights.count)) * lights.scale * lights.items[i]; }
+";
+
+#[test]
+fn values_of_textures_and_buffers_are_exact() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), "shaders/t.wgsl", TEXELS);
+    let out = |arguments: &[&str], part: &str| {
+        let out = called(&folder, arguments);
+        assert!(out.contains(part), "{arguments:?}: {part} in\n{out}");
+    };
+    let words = "words=4294967295,16777217,2,3";
+    out(&["t::word", "--bind", words], "(4294967295, 16777217, 2, 3)");
+    let integers = "signed=-2147483648,2147483647,-1,0";
+    out(&["t::integer", "--bind", integers], "(-2147483648, 2147483647, -1, 0)");
+    out(&["t::layer", "1", "--bind", "layers=[[1, 0, 0, 1], [0, 0.5, 0]]"], "(0, 0.5, 0, 1)");
+    let faces = "sky=[1, 2, 3, 4, 5, [6, 7, 8]]";
+    out(&["t::face", "0,0,-1", "--bind", faces, "--bind", "filtering=nearest"], "(6, 7, 8, 1)");
+    let lights = r#"lights={"count": 2, "scale": 0.5, "items": [[1, 2], [3, 4]]}"#;
+    out(&["t::light", "1", "--bind", lights], "cpu      (3, 4)");
+    let told = |arguments: &[&str], part: &str| {
+        let error = karat(folder.path(), &[&["call"][..], arguments].concat()).error();
+        assert!(error.contains(part), "{part} in:\n{error}");
+    };
+    told(
+        &["t::word", "--bind", "words=4294967296"],
+        "a texel is 4294967296, and its texels are u32",
+    );
+    told(&["t::word", "--bind", words, "--bind", "words=1"], "`words` is bound twice");
+    told(
+        &["t::light", "1", "--bind", r#"lights={"count": 1, "scale": 1e39, "items": [1]}"#],
+        "too large for f32",
+    );
+    told(
+        &["t::light", "1", "--bind", r#"lights={"count": 1, "scale": 1, "items": []}"#],
+        "one element, at least",
+    );
+    told(
+        &["t::face", "1,0,0", "--bind", "sky=1", "--bind", "filtering=linear clamp repeat"],
+        "can't both be",
+    );
+}
+
+#[test]
+fn tables_have_derivatives_and_carry_their_columns() {
+    let folder = lit();
+    let sweep = called(&folder, &["lit::edge", "0.125@0..1:3@0"]);
+    assert!(sweep.starts_with("d.value,d.dx,d.dy,cpu\n0.125,0,0,"), "{sweep}");
+    write(folder.path(), "sweep.csv", &sweep);
+    let again = called(&folder, &["lit::edge", "--cases", "sweep.csv"]);
+    assert!(again.starts_with("d.value,d.dx,d.dy,given.cpu,cpu\n"), "{again}");
+    assert!(again.contains("0.125,0.5,0,0.25,0.25"), "{again}");
+    let error = |arguments: &[&str], part: &str| {
+        let error = karat(folder.path(), &[&["call"][..], arguments].concat()).error();
+        assert!(error.contains(part), "{part} in:\n{error}");
+    };
+    error(&["lit::cubic", "0..1:3", "true", "--plot=o.png"], "--plot=o.svg");
+    error(&["lit::cubic", "0..nan:3", "true"], "from one number to another");
+    error(&["lit::looked_up", "0..2:4", "--bind", "table=1,2,3"], "there are 3 integers");
+    let spec = ["lit::cubic", "--cases", "sweep.csv", "--expect", "cube", "--tolerance", "spec"];
+    error(&spec, "`spec` is no number");
+    error(
+        &["lit::cubic", "1", "true", "--override", "GAIN=1", "--override", "GAIN=2"],
+        "given twice",
+    );
+}
+
 #[test]
 fn slips_are_told() {
     let folder = lit();
@@ -123,7 +202,7 @@ fn slips_are_told() {
         let error = karat(folder.path(), &[&["call"][..], arguments].concat()).error();
         assert!(error.contains(part), "{part} in:\n{error}");
     };
-    told(&["lit::scaled", "1"], "`globals`, a uniform buffer, is read (shaders/lit.wgsl:2:23)");
+    told(&["lit::scaled", "1"], "`globals`, a uniform buffer, is used (shaders/lit.wgsl:2:23)");
     told(&["lit::scaled", "1"], "--bind globals=values.json");
     told(&["lit::scaled", "1", "--bind", "globls=1"], "did you mean `globals`?");
     told(&["lit::scaled", "1", "--bind", "globals"], "write NAME=VALUE");

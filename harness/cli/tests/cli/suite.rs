@@ -141,6 +141,47 @@ fn planted_faults_turn_each_assertion_red() {
     }
 }
 
+/// Functions that take derivatives, write, have overrides, or read what a file holds.
+#[test]
+fn what_strangers_declare_is_tested() {
+    const TEXT: &str = "@group(0) @binding(0) var<storage, read_write> log: array<u32>;\n\
+        struct Globals { gain: f32, offset: f32 }\n@group(0) @binding(1) var<uniform> g: Globals;\n\
+        override A: f32 = 1.0;\noverride ON: bool = false;\n\
+        fn edge(d: f32) -> f32 { return clamp(0.5 - d / fwidth(d), 0.0, 1.0); }\n\
+        fn slope(d: f32) -> f32 { return dpdx(d); }\n\
+        fn put(i: u32) { log[1] = i + 1u; }\n\
+        fn gained(x: f32) -> f32 { return select(0.0, A * g.gain, ON) + x * g.offset; }\n";
+    const DECLARED: &str = "[[test]]\nfunction = \"edge\"\nin_range = [0, 1]\n\
+           over = { d = { value = \"-1..1\", dx = \"0.1..1\", dy = 0.0 } }\n\
+           [[test]]\nfunction = \"slope\"\nequals = 0.25\ntolerance = \"abs 1e-6\"\n\
+           over = { d = { value = 0.0, dx = 0.25 } }\n\
+           [[test]]\nname = \"free\"\nfunction = \"slope\"\nin_range = [-0.5, 0.5]\n\
+           over = { d = \"0..0.001\" }\n\
+           [[test]]\nfunction = \"put\"\nequals = [4, 3, 6]\ntolerance = \"exact\"\n\
+           over = { i = 2 }\nwith = { log = [4, 5, 6] }\n\
+           [[test]]\nfunction = \"gained\"\nequals = 6\ntolerance = \"exact\"\n\
+           over = { x = 2 }\nwith = { g = \"g.json\" }\noverride = { A = 2, ON = true }\n";
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "own.wgsl", TEXT);
+    write(folder.path(), "own.test.toml", DECLARED);
+    write(folder.path(), "g.json", "{\"gain\": 2, \"offset\": 1}");
+    let ran = cpu(folder.path(), &[]).good();
+    assert!(ran.contains("5 checks") && ran.contains("0 failed"), "{ran}");
+    for (fault, by, name) in [
+        ("clamp(0.5 - d / fwidth(d), 0.0, 1.0)", "0.5 - d / fwidth(d)", "edge in_range"),
+        ("return dpdx(d)", "return dpdy(d)", "slope equals"),
+        ("return dpdx(d)", "return 1.0 + dpdx(d)", "free in_range"),
+        ("log[1] = i", "log[1] = 2u * i", "put equals"),
+        ("A * g.gain", "g.gain", "gained equals"),
+    ] {
+        write(folder.path(), "own.wgsl", &TEXT.replacen(fault, by, 1));
+        let ran = cpu(folder.path(), &[]);
+        assert_eq!(ran.code, Some(1), "{ran:?}");
+        let red = ran.out.lines().any(|line| line.ends_with(&format!("{name} ... FAILED")));
+        assert!(red, "`{by}` leaves `{name}` green:\n{}", ran.out);
+    }
+}
+
 #[test]
 fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
     for (file, text, part) in [

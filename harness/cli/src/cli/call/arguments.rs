@@ -127,6 +127,13 @@ fn swept(scalar: Scalar, least: &str, rest: &str) -> anyhow::Result<Vec<u32>> {
     let end = |word: &str| Ok::<_, anyhow::Error>(scalar.decode(parse(word, scalar)?));
     ensure!(scalar != Scalar::Bool, "a bool isn't swept");
     let (least, most) = (end(least)?, end(most)?);
+    ensure!(least.is_finite() && most.is_finite(), "a sweep goes from one number to another");
+    let distinct = (most - least).abs() + 1.0;
+    ensure!(
+        scalar.is_float() || f64::from(count) <= distinct,
+        "there are {distinct} integers from {least} to {most}, not {count}"
+    );
+    ensure!(!scalar.is_float() || least != most, "a sweep's ends are two numbers");
     let value = |index: u32| {
         let value = least + (most - least) * f64::from(index) / f64::from(count - 1);
         #[expect(

@@ -61,7 +61,7 @@ pub(super) fn fixtures(probed: &Probed, given: &[String]) -> anyhow::Result<Fixt
     if let Some(missing) = missing {
         let (name, kind) = (missing.name(), missing.kind);
         let place = missing.span.as_ref().map_or_else(String::new, |span| format!(" ({span})"));
-        bail!("`{name}`, a {kind}, is read{place}: add --bind {name}={}", example(missing.kind));
+        bail!("`{name}`, a {kind}, is used{place}: add --bind {name}={}", example(missing.kind));
     }
     Ok(all)
 }

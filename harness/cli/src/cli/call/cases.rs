@@ -120,11 +120,18 @@ pub(super) fn write_table(
     let (function, exact) = (request.probed.function(), request.exact);
     let columns = columns(function);
     let mut head: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
-    head.extend(others.iter().map(|(name, _)| name.clone()));
+    let mut results_head = Vec::new();
     for path in request.paths {
         let lanes = function.result.lane_names().into_iter();
-        head.extend(lanes.map(|lane| format!("{path}{lane}")));
+        results_head.extend(lanes.map(|lane| format!("{path}{lane}")));
     }
+    // A table that this command wrote has columns of these names already.
+    let carried = |name: &String| match results_head.contains(name) {
+        true => format!("given.{name}"),
+        false => name.clone(),
+    };
+    head.extend(others.iter().map(|(name, _)| carried(name)));
+    head.extend(results_head.iter().cloned());
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(&head)?;
     let scalars = function.result.lanes();
@@ -257,6 +264,22 @@ impl Places {
 
 fn names(columns: &[(String, Scalar)]) -> String {
     columns.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(",")
+}
+
+/// Which arguments have derivatives, by the table's head: `x.value`, `x.dx`, `x.dy`.
+pub(super) fn varying(input: &FilePath, function: &Function) -> anyhow::Result<Vec<bool>> {
+    let text = text(input)?;
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .trim(csv::Trim::All)
+        .comment(Some(b'#'))
+        .from_reader(text.as_bytes());
+    let head = reader.records().next().transpose()?.unwrap_or_default();
+    let of = |(name, _): &(String, Shape)| {
+        head.iter().any(|column| column.starts_with(&format!("{name}.value")))
+    };
+    Ok(function.parameters.iter().map(of).collect())
 }
 
 fn read(

@@ -39,8 +39,7 @@ fn ends(curves: &[Curve]) -> Option<[(f64, f64); 2]> {
 /// Draws curves with characters.
 pub(super) fn write_text(curves: &[Curve], axis: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     let Some([(left, right), (bottom, top)]) = ends(curves) else {
-        writeln!(out, "nothing is finite, so there is no curve")?;
-        return Ok(());
+        anyhow::bail!("nothing is finite, so there is no curve");
     };
     let mut field = vec![vec![' '; COLUMNS]; ROWS];
     let place = |value: f64, lo: f64, hi: f64, count: usize| {
@@ -76,7 +75,9 @@ pub(super) fn write_text(curves: &[Curve], axis: &str, out: &mut dyn Write) -> a
     writeln!(out, "{:>14}{left}{}{right}", "", " ".repeat(gap))?;
     for (curve, mark) in curves.iter().zip(MARKS.iter().cycle()) {
         let gone = curve.points.iter().filter(|(_, y)| !y.is_finite()).count();
+        let hidden = !field.iter().flatten().any(|own| own == mark) && curves.len() <= MARKS.len();
         let gone = match gone {
+            0 if hidden => " (behind the others)".to_owned(),
             0 => String::new(),
             count => format!(" ({count} points aren't finite)"),
         };
