@@ -150,6 +150,10 @@ fn texture(
             let format = match kind.texels {
                 Texels::Depth => wgpu::TextureFormat::Depth32Float,
                 Texels::Float if kind.multisampled => device.multisampled_format(),
+                // What no sampler filters has full precision on each path.
+                Texels::Float if !bindings.iter().any(|binding| binding.sampled) => {
+                    wgpu::TextureFormat::Rgba32Float
+                }
                 Texels::Float => device.float_format(),
                 Texels::Sint if kind.multisampled => wgpu::TextureFormat::Rgba16Sint,
                 Texels::Sint => wgpu::TextureFormat::Rgba32Sint,

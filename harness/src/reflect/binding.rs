@@ -1,6 +1,5 @@
 //! The resource variables of functions and entry points.
 
-use naga::valid::GlobalUse;
 
 use super::{BindingKind, Program, Stage};
 use crate::diagnostic::Span;
@@ -18,6 +17,8 @@ pub struct Binding {
     pub kind: BindingKind,
     /// Where its author declares it.
     pub span: Option<Span>,
+    /// Whether it is a texture that a sampler reads.
+    pub(crate) sampled: bool,
     pub(crate) ty: naga::Handle<naga::Type>,
 }
 
@@ -44,7 +45,7 @@ impl Program {
         let mut entries = self.checked.module.entry_points.iter();
         let index = entries.position(|entry| entry.name == name && entry.stage == naga_stage)?;
         let info = self.checked.info.get_entry_point(index);
-        Some(self.bindings(|global| info[global]))
+        Some(self.bindings(info))
     }
 
     /// The resources of a compute entry point, by its name in the text, and the invocations of its
@@ -55,7 +56,7 @@ impl Program {
             .position(|entry| entry.name == name && entry.stage == naga::ShaderStage::Compute)?;
         let info = self.checked.info.get_entry_point(index);
         let size = self.checked.module.entry_points[index].workgroup_size;
-        Some((self.bindings(|global| info[global]), size))
+        Some((self.bindings(info), size))
     }
 
     /// The names of the compute entry points, as their author calls them.
@@ -99,14 +100,14 @@ impl Program {
 
     pub(super) fn bindings(
         &self,
-        usage: impl Fn(naga::Handle<naga::GlobalVariable>) -> GlobalUse,
+        info: &naga::valid::FunctionInfo,
     ) -> Vec<Binding> {
         let mut bindings: Vec<Binding> = self
             .checked
             .module
             .global_variables
             .iter()
-            .filter(|(handle, _)| !usage(*handle).is_empty())
+            .filter(|(handle, _)| !info[*handle].is_empty())
             .filter_map(|(handle, global)| {
                 let kind = BindingKind::of(global, &self.checked.module.types[global.ty].inner);
                 let place = global.binding.as_ref().map(|place| (place.group, place.binding));
@@ -117,7 +118,8 @@ impl Program {
                 let path = self.linked.names.get(&name).cloned().unwrap_or(name);
                 let range = self.checked.module.global_variables.get_span(handle).to_range();
                 let span = range.and_then(|range| self.resolve(range));
-                Some(Binding { path, group, binding, kind, span, ty: global.ty })
+                let sampled = info.sampling_set.iter().any(|key| key.image == handle);
+                Some(Binding { path, group, binding, kind, span, sampled, ty: global.ty })
             })
             .collect();
         bindings.sort_by_key(|binding| (binding.group, binding.binding));

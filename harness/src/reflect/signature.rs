@@ -175,7 +175,7 @@ impl Program {
                 refuse(format!("its result is {reason}"), "pass values, return values")
             })?),
         };
-        let bindings = self.bindings(|global| info[global]);
+        let bindings = self.bindings(info);
         let mut function = Function {
             name: path.to_owned(),
             linked: name.to_owned(),

@@ -459,3 +459,19 @@ fn errors_carry_their_source() {
     };
     assert!(matches!(*source, karat::fixture::FixtureError::Missing { .. }));
 }
+
+/// GL filters 16-bit floats alone. What no sampler reads has all bits there, too.
+#[test]
+fn loaded_texels_have_full_precision() {
+    let package = package(
+        "",
+        "@group(0) @binding(0) var image: texture_2d<f32>;\n\
+         fn f(x: u32) -> f32 { return textureLoad(image, vec2u(x, 0u), 0).x; }\n",
+    );
+    let texels = [0.1_f32, 1.0e9, 1.0 + f32::EPSILON, 65_505.0];
+    package
+        .function("f")
+        .with("image", Texture::from_fn(4, 1, |x, _| texels[x as usize]))
+        .over(Integers(0..=3_u32))
+        .agrees_with(|x: u32| f64::from(texels[x as usize]), Abs(0.0));
+}
