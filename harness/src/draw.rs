@@ -5,31 +5,29 @@
 //! draws. With a depth pre-pass, depth alone is drawn first, and the colour pass draws only where
 //! the depth is equal, so each pixel is shaded once.
 
+mod blend;
 mod drawing;
+mod format;
 mod mesh;
 mod painter;
 mod pipeline;
 mod renderer;
+mod request;
 mod row;
+mod state;
 
+pub use blend::{Blend, Component, Factor, Operation};
 pub use drawing::Drawing;
-pub(crate) use drawing::{Draw, Scene};
+pub(crate) use drawing::{Scene, Source};
+pub use format::Format;
 pub use mesh::{Attribute, Mesh};
+pub use request::Draw;
+pub use state::{Cull, DepthBias, Stencil, StencilOperation, Winding};
 
 use crate::diagnostic::Diagnostic;
 use crate::fixture::FixtureError;
 use crate::path::{Path, PathError};
 use crate::reflect::{ReflectError, Stage};
-
-/// What happens to a pixel that is drawn again.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Blend {
-    /// The new value replaces the old one.
-    #[default]
-    Replace,
-    /// Values add up. A fragment function that returns 1 counts how often a pixel is shaded.
-    Add,
-}
 
 /// Why nothing could be drawn.
 #[derive(Debug, thiserror::Error)]
@@ -72,6 +70,12 @@ pub enum DrawError {
     /// Nothing is drawn.
     #[error("the frame draws nothing; add `.mesh(...)` or `.fullscreen(...)`")]
     Empty,
+    /// No device can draw it as it is said.
+    #[error("the frame can't be drawn: {reason}")]
+    Unsound {
+        /// Why not.
+        reason: String,
+    },
     /// The executor can only call functions, not draw.
     #[error(
         "path `{path}` draws no frames; it calls functions only. Frames need a driver: `karat doctor` \

@@ -12,6 +12,7 @@ mod buffer;
 mod cube_map;
 mod error;
 mod level;
+mod member;
 mod sampler;
 mod texture;
 
@@ -19,6 +20,7 @@ pub use buffer::{Buffer, Storage, Uniform};
 pub use cube_map::{CubeMap, CubeMapError};
 pub use error::FixtureError;
 pub(crate) use level::Level;
+pub(crate) use member::with_members;
 pub use sampler::{Address, Compare, Filter, Sampler};
 pub use texture::{Texel, Texture};
 

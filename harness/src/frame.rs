@@ -6,28 +6,32 @@
 mod comparison;
 mod expectation;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 pub use expectation::FrameMean;
 
-use crate::draw::{Blend, Draw, DrawError, Drawing, Mesh, Scene};
+use crate::draw::{Blend, Draw, DrawError, Drawing, Format, Mesh, Scene, Source};
 use crate::executor::{self, Executor};
-use crate::fixture::Fixture;
+use crate::fixture::{Fixture, Texture};
 use crate::golden::{FrameMargin, FrameTolerance, GoldenError};
 use crate::image::Image;
 use crate::metric::{Mask, MaskError, Rect};
 use crate::package::Package;
-use crate::path::{self, Adapter, Path, PathError, Selected, Selector};
+use crate::path::{Adapter, Path, PathError, Selected, Selector};
 use crate::record::Verdict;
 use crate::run::{Concluded, KnownIssue, KnownIssues, NotBegun, NotReplayed, Passed, Passes};
 use crate::settings::SettingsError;
 use crate::tolerance::LaneError;
+use crate::value::Shareable;
 
 /// A frame to be drawn.
 #[derive(Clone, Debug)]
 #[must_use = "a frame draws nothing until `.render(...)` or `.matches(...)`"]
 pub struct Frame<'a> {
     scene: Scene<'a>,
+    /// Frames that it reads, by the name of the texture.
+    inputs: Vec<(String, Self)>,
     /// What draws it; none: what the environment selects.
     executors: Vec<&'a dyn Executor>,
     /// `None`: the default for the golden and the adapter.
@@ -176,18 +180,9 @@ impl<T: Passed> Concluded for Result<T, FrameError> {
 impl Package {
     /// Starts a frame of `width` x `height` pixels, drawn with entry points of `module`.
     pub fn frame(&self, module: &str, width: u32, height: u32) -> Frame<'_> {
-        let scene = Scene {
-            package: self,
-            module: module.to_owned(),
-            width,
-            height,
-            fixtures: Vec::new(),
-            draws: Vec::new(),
-            prepass: false,
-            blend: Blend::Replace,
-        };
         Frame {
-            scene,
+            scene: Scene::new(self, module, (width, height)),
+            inputs: Vec::new(),
             executors: Vec::new(),
             tolerance: None,
             tolerance_on: Selected::default(),
@@ -207,23 +202,93 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Draws `instances` copies of a mesh.
-    pub fn mesh(mut self, vertex: &str, fragment: &str, mesh: Mesh, instances: u32) -> Self {
-        let (vertex, fragment) = (vertex.to_owned(), fragment.to_owned());
-        self.scene.draws.push(Draw {
-            vertex,
-            fragment,
-            depth_fragment: None,
-            mesh: Some((mesh, instances)),
-        });
+    /// Supplies what another frame draws for the texture variable `name`: a pass that this one reads.
+    /// The other is drawn first, on the same path. Its image is a 2D texture of floats, or of depths if
+    /// it is [`depth`](Self::depth).
+    pub fn with_frame(mut self, name: &str, frame: Self) -> Self {
+        self.inputs.push((name.to_owned(), frame));
         self
+    }
+
+    /// Sets one member of a buffer, such as the time or the number of the frame: `globals.time`. The
+    /// others are what the buffer's fixture says, or zeros. The value is kept with the golden.
+    ///
+    /// ```no_run
+    /// # let shaders = karat::Package::from_source("m", "");
+    /// # let frame = shaders.frame("m", 8, 8);
+    /// let frame = frame.set("globals.time", 1.5_f32).set("globals.frame_count", 90_u32);
+    /// ```
+    pub fn set<T: Shareable>(mut self, member: &str, value: T) -> Self {
+        let mut lanes = Vec::new();
+        value.store(&mut lanes);
+        self.facts.insert(member.to_owned(), T::shape().format(&lanes));
+        self.scene.members.push((member.to_owned(), T::shape(), lanes));
+        self
+    }
+
+    /// Adds a draw, with its state. They are drawn in this order.
+    pub fn draw(mut self, draw: Draw) -> Self {
+        self.scene.draws.push(draw);
+        self
+    }
+
+    /// Draws `instances` copies of a mesh.
+    pub fn mesh(self, vertex: &str, fragment: &str, mesh: Mesh, instances: u32) -> Self {
+        self.draw(Draw::mesh(vertex, fragment, mesh).instances(instances))
     }
 
     /// Draws one triangle whose three corners the vertex function makes from
     /// `@builtin(vertex_index)`. At depth 1 it is seen where no mesh is.
-    pub fn fullscreen(mut self, vertex: &str, fragment: &str) -> Self {
-        let (vertex, fragment) = (vertex.to_owned(), fragment.to_owned());
-        self.scene.draws.push(Draw { vertex, fragment, depth_fragment: None, mesh: None });
+    pub fn fullscreen(self, vertex: &str, fragment: &str) -> Self {
+        self.draw(Draw::fullscreen(vertex, fragment))
+    }
+
+    /// Draws over the whole frame with a fragment function alone: see [`Draw::fragment`].
+    ///
+    /// ```no_run
+    /// # let shaders = karat::Package::from_source("m", "");
+    /// # let goldens = karat::Goldens::open("golden".as_ref());
+    /// shaders.frame("sky", 64, 64).fragment("fragment").matches(&goldens, "sky");
+    /// ```
+    pub fn fragment(self, fragment: &str) -> Self {
+        self.draw(Draw::fragment(fragment))
+    }
+
+    /// Draws into targets of these formats, the first at `@location(0)` (default: one of
+    /// [`Format::Float`]). The frame's image is the first, or what [`target`](Self::target) says.
+    pub fn formats(mut self, formats: impl IntoIterator<Item = Format>) -> Self {
+        self.scene.formats = formats.into_iter().collect();
+        self
+    }
+
+    /// Makes the target at this location the frame's image.
+    pub fn target(mut self, location: usize) -> Self {
+        self.scene.result = Source::Target(location);
+        self
+    }
+
+    /// Makes depth the frame's image: its red, from 0 to 1.
+    pub fn depth(mut self) -> Self {
+        self.scene.result = Source::Depth;
+        self
+    }
+
+    /// Draws with so many samples a pixel (default 1), of which the image has the mean. Every device has
+    /// 1 and 4.
+    pub fn samples(mut self, samples: u32) -> Self {
+        self.scene.samples = samples;
+        self
+    }
+
+    /// Sets what each target holds before the first draw (default: zeros).
+    pub fn clear(mut self, color: [f32; 4]) -> Self {
+        self.scene.clear = color;
+        self
+    }
+
+    /// Sets the depth before the first draw (default 1): 0 where nearer is larger.
+    pub fn clear_depth(mut self, depth: f32) -> Self {
+        self.scene.clear_depth = depth;
         self
     }
 
@@ -239,9 +304,10 @@ impl<'a> Frame<'a> {
     /// # Panics
     /// If no mesh was added.
     pub fn depth_fragment(mut self, fragment: &str) -> Self {
-        let mesh = self.scene.draws.iter_mut().rev().find(|draw| draw.mesh.is_some());
-        mesh.expect("a mesh comes before its `.depth_fragment(...)`").depth_fragment =
-            Some(fragment.to_owned());
+        let mesh = self.scene.draws.iter().rposition(Draw::is_mesh);
+        let mesh = mesh.expect("a mesh comes before its `.depth_fragment(...)`");
+        let draw = self.scene.draws.remove(mesh).depth_fragment(fragment);
+        self.scene.draws.insert(mesh, draw);
         self
     }
 
@@ -323,7 +389,25 @@ impl<'a> Frame<'a> {
     /// # Errors
     /// If the shader isn't valid, a fixture is missing, or the path doesn't open.
     pub fn render(&self, path: Path) -> Result<Image, FrameError> {
-        Ok(drawn(path::open(path)?, &self.scene.drawing()?)?)
+        let executor = executor::of(path)?;
+        Ok(drawn(executor, &self.drawing_on(executor)?)?)
+    }
+
+    /// What is drawn on an executor, with the frames that it reads.
+    fn drawing_on(&self, executor: &dyn Executor) -> Result<Drawing<'_>, DrawError> {
+        if self.inputs.is_empty() {
+            return self.scene.drawing();
+        }
+        let (mut scene, mut inputs) = (self.scene.clone(), Vec::new());
+        for (name, frame) in &self.inputs {
+            let drawing = frame.drawing_on(executor)?;
+            let image = drawn(executor, &drawing)?;
+            scene.fixtures.push((name.clone(), Texture::from(&image).into()));
+            inputs.push(drawing);
+        }
+        let mut drawing = Drawing::of(Cow::Owned(scene))?;
+        inputs.iter().for_each(|input| drawing.reads(input));
+        Ok(drawing)
     }
 
     /// What draws the frame. Never empty.

@@ -39,7 +39,7 @@ pub(crate) use rounds::VECTOR;
 pub(crate) use runner::{BATCH, Runner};
 #[cfg(feature = "engine")]
 pub(crate) use texels::Codec;
-pub(crate) use upload::{Resource, upload, upload_shared};
+pub(crate) use upload::{Resource, compare, upload, upload_shared};
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -6,6 +6,7 @@
 #[cfg(feature = "engine")]
 mod adapter;
 mod binding;
+mod covering;
 mod dependence;
 mod essence;
 mod kept;
@@ -32,6 +33,7 @@ use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 #[cfg(feature = "engine")]
 pub(crate) use adapter::ADAPTER;
 pub use binding::Binding;
+pub(crate) use covering::COVERING;
 pub use dependence::Dependence;
 use kept::Wanted;
 pub use layout::LayoutError;

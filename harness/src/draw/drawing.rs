@@ -1,12 +1,15 @@
 //! Draws as data, and the program that they run.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::{Blend, DrawError, Mesh};
+use super::request::{Draw, Geometry};
+use super::{Blend, DrawError, Format};
 use crate::diagnostic::FileRead;
 use crate::fixture::{self, FixtureError, Fixtures};
 use crate::package::Package;
 use crate::reflect::{Binding, Program, Stage};
+use crate::value::Shape;
 
 /// What a frame is made of, as its author says it.
 #[derive(Clone, Debug)]
@@ -16,29 +19,40 @@ pub(crate) struct Scene<'a> {
     pub(crate) width: u32,
     pub(crate) height: u32,
     pub(crate) fixtures: Fixtures,
+    /// Members of buffers that have values of their own: `globals.time`.
+    pub(crate) members: Vec<(String, Shape, Vec<u32>)>,
     pub(crate) draws: Vec<Draw>,
     pub(crate) prepass: bool,
     pub(crate) blend: Blend,
+    /// The formats of the targets: one, at least.
+    pub(crate) formats: Vec<Format>,
+    /// What the image is made of.
+    pub(crate) result: Source,
+    pub(crate) samples: u32,
+    pub(crate) clear: [f32; 4],
+    pub(crate) clear_depth: f32,
 }
 
-/// A mesh or a triangle with its entry points.
-#[derive(Clone, Debug)]
-pub(crate) struct Draw {
-    pub(crate) vertex: String,
-    pub(crate) fragment: String,
-    /// What the depth pre-pass runs; `None`: depth comes from the triangles alone.
-    pub(crate) depth_fragment: Option<String>,
-    /// `None`: one triangle that covers the frame, from `@builtin(vertex_index)`.
-    pub(crate) mesh: Option<(Mesh, u32)>,
+/// What a frame's image is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Source {
+    /// A colour target, by its location.
+    Target(usize),
+    /// Depth, in red.
+    Depth,
 }
 
 /// A scene whose shader is valid and whose fixtures fit it.
 #[derive(Debug)]
 pub struct Drawing<'s> {
-    pub(super) scene: &'s Scene<'s>,
+    pub(super) scene: Cow<'s, Scene<'s>>,
     pub(super) program: Arc<Program>,
     /// What each draw reads.
     pub(super) bindings: Vec<Bindings>,
+    /// The scene's, with the members that have values of their own.
+    fixtures: Fixtures,
+    /// The shaders, and the files, of the frames that it reads.
+    read: (Vec<String>, Vec<FileRead>),
 }
 
 /// What a draw's two pipelines read.
@@ -48,49 +62,134 @@ pub(super) struct Bindings {
     pub(super) color: Vec<Binding>,
 }
 
+impl<'a> Scene<'a> {
+    pub(crate) fn new(package: &'a Package, module: &str, (width, height): (u32, u32)) -> Self {
+        Self {
+            package,
+            module: module.to_owned(),
+            width,
+            height,
+            fixtures: Vec::new(),
+            members: Vec::new(),
+            draws: Vec::new(),
+            prepass: false,
+            blend: Blend::Replace,
+            formats: vec![Format::Float],
+            result: Source::Target(0),
+            samples: 1,
+            clear: [0.0; 4],
+            clear_depth: 1.0,
+        }
+    }
+}
+
 impl Scene<'_> {
     /// Links and validates what the draws run, and sees that each variable has its fixture.
     pub(crate) fn drawing(&self) -> Result<Drawing<'_>, DrawError> {
+        Drawing::of(Cow::Borrowed(self))
+    }
+
+    /// Whether depth alone is drawn.
+    pub(super) fn is_depth_only(&self) -> bool {
+        self.draws.iter().all(|draw| draw.fragment.is_none())
+    }
+
+    /// What no device draws.
+    fn expect_sound(&self) -> Result<(), DrawError> {
+        let unsound = |reason: String| Err(DrawError::Unsound { reason });
+        let targets = self.formats.len();
+        let (depth_only, mixed) =
+            (self.is_depth_only(), self.draws.iter().any(|draw| draw.fragment.is_none()));
         if self.draws.is_empty() {
             return Err(DrawError::Empty);
         }
-        let mut items: Vec<&str> = Vec::new();
+        if mixed && !depth_only {
+            return unsound(
+                "some of its draws draw depth alone, and others colour: make two frames of them"
+                    .to_owned(),
+            );
+        }
+        if let Some(other) = self.draws.iter().flat_map(Draw::named_targets).find(|t| *t >= targets)
+        {
+            return unsound(format!("a draw names target {other}, and the frame has {targets}"));
+        }
+        match self.result {
+            Source::Target(_) if depth_only => {
+                return unsound("it draws depth alone: add `.depth()`".to_owned());
+            }
+            Source::Target(target) if target >= targets => {
+                return unsound(format!("it has {targets} targets, and none is {target}"));
+            }
+            Source::Depth if self.samples > 1 => {
+                return unsound("depths of several samples aren't one image".to_owned());
+            }
+            _ => {}
+        }
         for draw in &self.draws {
-            items.extend([draw.vertex.as_str(), draw.fragment.as_str()]);
-            items.extend(draw.depth_fragment.as_deref());
+            if let Geometry::Mesh(mesh) = &draw.geometry
+                && let Some(most) = mesh.most_instances()
+                && (draw.first_instance as usize + draw.instances as usize) > most
+            {
+                return unsound(format!(
+                    "a mesh is drawn {} times from copy {}, and an attribute has {most} values",
+                    draw.instances, draw.first_instance
+                ));
+            }
         }
-        let program = Program::of_items(self.package, &self.module, &items)?;
-        // What the draws don't reach must be valid, too, as of functions that are probed.
-        if !self.package.is_crate() {
-            crate::reflect::validate(self.package, &self.module)?;
-        }
-        let bindings = self.bindings(&program)?;
-        let drawing = Drawing { scene: self, program, bindings };
-        fixture::check_used(&drawing.all_bindings(), &self.fixtures)?;
-        Ok(drawing)
+        Ok(())
     }
 
     /// What each draw of a program reads.
     pub(super) fn bindings(&self, program: &Program) -> Result<Vec<Bindings>, DrawError> {
-        let of = |stage: Stage, name: &str| {
+        let of = |stage: Stage, name: &Option<String>| {
+            let Some(name) = name else { return Ok(Vec::new()) };
             program.entry_point_bindings(stage, name).ok_or_else(|| DrawError::EntryPoint {
                 module: self.module.clone(),
                 stage,
-                name: name.to_owned(),
+                name: name.clone(),
             })
         };
         let mut bindings = Vec::new();
         for draw in &self.draws {
             let vertex = of(Stage::Vertex, &draw.vertex)?;
             let fragment = of(Stage::Fragment, &draw.fragment)?;
-            let depth = match &draw.depth_fragment {
-                Some(fragment) => of(Stage::Fragment, fragment)?,
-                None => Vec::new(),
-            };
+            let depth = of(Stage::Fragment, &draw.depth_fragment)?;
             let (depth, color) = (union(&vertex, depth)?, union(&vertex, fragment)?);
             bindings.push(Bindings { depth, color });
         }
         Ok(bindings)
+    }
+}
+
+impl<'s> Drawing<'s> {
+    /// Links and validates what the draws run, and sees that each variable has its fixture.
+    pub(crate) fn of(scene: Cow<'s, Scene<'s>>) -> Result<Self, DrawError> {
+        scene.expect_sound()?;
+        let names = |draw: &'_ Draw| {
+            let all = [&draw.vertex, &draw.fragment, &draw.depth_fragment];
+            all.into_iter().flatten().cloned().collect::<Vec<_>>()
+        };
+        let items: Vec<String> = scene.draws.iter().flat_map(names).collect();
+        let items: Vec<&str> = items.iter().map(String::as_str).collect();
+        let program = Program::of_items(scene.package, &scene.module, &items)?;
+        // What the draws don't reach must be valid, too, as of functions that are probed.
+        if !scene.package.is_crate() {
+            crate::reflect::validate(scene.package, &scene.module)?;
+        }
+        let bindings = scene.bindings(&program)?;
+        let of = |bindings: &Bindings| [&*bindings.depth, &*bindings.color].concat();
+        let all: Vec<Binding> = bindings.iter().flat_map(of).collect();
+        let members = scene.members.iter().map(|(path, shape, lanes)| (&**path, shape, &**lanes));
+        let fixtures = fixture::with_members(&program, &all, &scene.fixtures, members)?;
+        let drawing = Self { scene, program, bindings, fixtures, read: (Vec::new(), Vec::new()) };
+        fixture::check_used(&drawing.all_bindings(), &drawing.fixtures)?;
+        Ok(drawing)
+    }
+
+    /// Takes note of a frame that it reads.
+    pub(crate) fn reads(&mut self, other: &Drawing<'_>) {
+        self.read.0.push(other.shader());
+        self.read.1.extend(other.read());
     }
 }
 
@@ -116,7 +215,7 @@ impl Drawing<'_> {
     /// The textures, samplers and buffers of the variables, by name.
     #[must_use]
     pub fn fixtures(&self) -> &Fixtures {
-        &self.scene.fixtures
+        &self.fixtures
     }
 
     /// What all draws read.
@@ -127,13 +226,19 @@ impl Drawing<'_> {
 
     /// The hash of the WGSL that is run.
     pub(crate) fn shader(&self) -> String {
-        blake3::hash(self.program.text().as_bytes()).to_hex().to_string()
+        let text = self.program.text();
+        match &*self.read.0 {
+            [] => blake3::hash(text.as_bytes()),
+            others => blake3::hash([text, &*others.concat()].concat().as_bytes()),
+        }
+        .to_hex()
+        .to_string()
     }
 
     /// The files that it depends on.
     pub(crate) fn read(&self) -> Vec<FileRead> {
-        let fixtures = self.scene.fixtures.iter().flat_map(|(_, fixture)| fixture.read());
-        self.program.files().iter().chain(fixtures).cloned().collect()
+        let fixtures = self.fixtures.iter().flat_map(|(_, fixture)| fixture.read());
+        self.program.files().iter().chain(fixtures).chain(&self.read.1).cloned().collect()
     }
 }
 

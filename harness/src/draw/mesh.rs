@@ -1,6 +1,8 @@
 //! Meshes: triangles, with attributes of their vertices.
 
-use glam::{Vec2, Vec3, Vec4};
+use glam::{IVec2, IVec3, IVec4, UVec2, UVec3, UVec4, Vec2, Vec3, Vec4};
+
+use crate::value::Scalar;
 
 /// Triangles, with their corners' positions at `@location(0)` as `vec3<f32>`.
 #[derive(Clone, Debug)]
@@ -14,40 +16,52 @@ pub struct Mesh {
 #[derive(Clone, Debug)]
 pub(super) struct Column {
     pub(super) location: u32,
+    pub(super) scalar: Scalar,
     /// Scalars of a value: 1 to 4.
     pub(super) width: usize,
-    pub(super) scalars: Vec<f32>,
+    pub(super) words: Vec<u32>,
+    /// Whether each copy has a value, not each vertex.
+    pub(super) by_instance: bool,
 }
 
-/// A type of vertex attributes: `f32` and glam's vectors of it.
+/// A type of attributes: `f32`, `i32`, `u32` and glam's vectors of them.
 pub trait Attribute: Copy {
+    /// The type of its scalars.
+    const SCALAR: Scalar;
     /// Number of scalars, 1 to 4.
     const WIDTH: usize;
 
-    /// Appends the scalars.
-    fn store(self, scalars: &mut Vec<f32>);
+    /// Appends the bits of the scalars.
+    fn store(self, words: &mut Vec<u32>);
 }
 
 macro_rules! attribute {
-    ($($name:ty: $width:literal),*) => {$(
+    ($($name:ty: $scalar:ident $width:literal, |$value:ident| $words:expr;)*) => {$(
         impl Attribute for $name {
+            const SCALAR: Scalar = Scalar::$scalar;
             const WIDTH: usize = $width;
 
-            fn store(self, scalars: &mut Vec<f32>) {
-                scalars.extend_from_slice(&self.to_array());
+            fn store(self, words: &mut Vec<u32>) {
+                let $value = self;
+                words.extend($words);
             }
         }
     )*};
 }
 
-attribute!(Vec2: 2, Vec3: 3, Vec4: 4);
-
-impl Attribute for f32 {
-    const WIDTH: usize = 1;
-
-    fn store(self, scalars: &mut Vec<f32>) {
-        scalars.push(self);
-    }
+attribute! {
+    f32: F32 1, |x| [x.to_bits()];
+    Vec2: F32 2, |v| v.to_array().map(f32::to_bits);
+    Vec3: F32 3, |v| v.to_array().map(f32::to_bits);
+    Vec4: F32 4, |v| v.to_array().map(f32::to_bits);
+    i32: I32 1, |x| [x.cast_unsigned()];
+    IVec2: I32 2, |v| v.to_array().map(i32::cast_unsigned);
+    IVec3: I32 3, |v| v.to_array().map(i32::cast_unsigned);
+    IVec4: I32 4, |v| v.to_array().map(i32::cast_unsigned);
+    u32: U32 1, |x| [x];
+    UVec2: U32 2, |v| v.to_array();
+    UVec3: U32 3, |v| v.to_array();
+    UVec4: U32 4, |v| v.to_array();
 }
 
 impl Mesh {
@@ -60,7 +74,7 @@ impl Mesh {
         assert_eq!(indices.len() % 3, 0, "a triangle has three indices");
         let highest = indices.iter().max().copied().unwrap_or(0);
         assert!((highest as usize) < positions.len(), "index {highest} has no position");
-        Self { indices, attributes: vec![Column::new(0, &positions)] }
+        Self { indices, attributes: vec![Column::new(0, &positions, false)] }
     }
 
     /// Adds a value for each vertex, which the vertex function reads at `@location(location)`:
@@ -69,21 +83,57 @@ impl Mesh {
     /// # Panics
     /// If there are more or fewer values than positions, or the location is taken.
     #[must_use]
-    pub fn attribute<T: Attribute>(mut self, location: u32, values: &[T]) -> Self {
-        let vertices = self.attributes[0].scalars.len() / Vec3::WIDTH;
+    pub fn attribute<T: Attribute>(self, location: u32, values: &[T]) -> Self {
+        let vertices = self.vertices();
         assert_eq!(values.len(), vertices, "a mesh of {vertices} vertices has as many values");
+        self.column(Column::new(location, values, false))
+    }
+
+    /// Adds a value for each copy that is drawn: its transformation's columns, its colour.
+    ///
+    /// # Panics
+    /// If there is no value, or the location is taken.
+    #[must_use]
+    pub fn instance_attribute<T: Attribute>(self, location: u32, values: &[T]) -> Self {
+        assert!(!values.is_empty(), "location {location} has no value");
+        self.column(Column::new(location, values, true))
+    }
+
+    fn column(mut self, column: Column) -> Self {
+        let location = column.location;
         let taken = self.attributes.iter().any(|column| column.location == location);
         assert!(!taken, "location {location} is taken");
-        self.attributes.push(Column::new(location, values));
+        self.attributes.push(column);
         self
+    }
+
+    fn vertices(&self) -> usize {
+        self.attributes[0].words.len() / Vec3::WIDTH
+    }
+
+    /// The copies for which each attribute has a value; `None`: any number of them.
+    pub(super) fn most_instances(&self) -> Option<usize> {
+        let columns = self.attributes.iter().filter(|column| column.by_instance);
+        columns.map(|column| column.words.len() / column.width).min()
     }
 }
 
 impl Column {
-    fn new<T: Attribute>(location: u32, values: &[T]) -> Self {
-        let mut scalars = Vec::with_capacity(values.len() * T::WIDTH);
-        values.iter().for_each(|value| value.store(&mut scalars));
-        Self { location, width: T::WIDTH, scalars }
+    fn new<T: Attribute>(location: u32, values: &[T], by_instance: bool) -> Self {
+        let mut words = Vec::with_capacity(values.len() * T::WIDTH);
+        values.iter().for_each(|value| value.store(&mut words));
+        Self { location, scalar: T::SCALAR, width: T::WIDTH, words, by_instance }
+    }
+
+    /// wgpu's format of a value.
+    pub(super) fn format(&self) -> wgpu::VertexFormat {
+        use wgpu::VertexFormat as F;
+        let formats = match self.scalar {
+            Scalar::I32 => [F::Sint32, F::Sint32x2, F::Sint32x3, F::Sint32x4],
+            Scalar::U32 => [F::Uint32, F::Uint32x2, F::Uint32x3, F::Uint32x4],
+            _ => [F::Float32, F::Float32x2, F::Float32x3, F::Float32x4],
+        };
+        formats[self.width - 1]
     }
 }
 
@@ -100,7 +150,7 @@ mod tests {
         let mesh = triangle().attribute(2, &[Vec2::ONE; 3]).attribute(1, &[0.5_f32; 3]);
         let widths: Vec<_> = mesh.attributes.iter().map(|c| (c.location, c.width)).collect();
         assert_eq!(widths, [(0, 3), (2, 2), (1, 1)]);
-        assert_eq!(mesh.attributes[1].scalars, [1.0; 6]);
+        assert_eq!(mesh.attributes[1].words, [1.0_f32.to_bits(); 6]);
     }
 
     #[test]

@@ -3,21 +3,24 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use super::drawing::{Bindings, Draw, Scene};
+use super::DrawError;
+use super::drawing::{Bindings, Scene, Source};
+use super::pipeline::Pass;
+use super::request::{Draw, Geometry};
 use super::row::Row;
-use super::{DrawError, Mesh};
 use crate::path::Device;
 use crate::probe::Resource;
 use crate::reflect::{Binding, Program};
 
-pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
-
 /// A draw with its pipelines.
-struct Prepared {
+struct Prepared<'d> {
+    draw: &'d Draw,
     /// Indices, then a buffer for each attribute.
     buffers: Option<(wgpu::Buffer, Vec<wgpu::Buffer>)>,
-    vertices: u32,
-    instances: u32,
+    /// Vertices, or indices.
+    count: u32,
+    /// The numbers of the draw, if the device reads them.
+    indirect: Option<wgpu::Buffer>,
     depth: Option<Ready>,
     color: Ready,
 }
@@ -34,35 +37,126 @@ pub(super) struct Painter<'a> {
     pub(super) device: &'a Device,
     pub(super) scene: &'a Scene<'a>,
     pub(super) program: &'a Program,
-    pub(super) format: wgpu::TextureFormat,
+    /// Of the targets; none if depth alone is drawn.
+    pub(super) formats: Vec<wgpu::TextureFormat>,
+    pub(super) depth_format: wgpu::TextureFormat,
     pub(super) resources: &'a BTreeMap<&'a str, Resource>,
 }
 
-impl Painter<'_> {
+impl<'a> Painter<'a> {
+    pub(super) fn new(
+        device: &'a Device,
+        scene: &'a Scene<'a>,
+        program: &'a Program,
+        resources: &'a BTreeMap<&'a str, Resource>,
+    ) -> Self {
+        let of = |(index, format): (usize, &super::Format)| {
+            let blends = scene.draws.iter().map(|draw| draw.blend_of(index, scene.blend));
+            let blended = blends.into_iter().any(|blend| blend != super::Blend::Replace);
+            format.on(device, blended, scene.samples)
+        };
+        let formats = match scene.is_depth_only() {
+            true => Vec::new(),
+            false => scene.formats.iter().enumerate().map(of).collect(),
+        };
+        let stencil = scene.draws.iter().any(|draw| draw.state.stencil.is_some());
+        let exact = device.device.features().contains(wgpu::Features::DEPTH32FLOAT_STENCIL8);
+        let depth_format = match (stencil, exact) {
+            (false, _) => wgpu::TextureFormat::Depth32Float,
+            (true, true) => wgpu::TextureFormat::Depth32FloatStencil8,
+            (true, false) => wgpu::TextureFormat::Depth24PlusStencil8,
+        };
+        Self { device, scene, program, formats, depth_format, resources }
+    }
+
+    /// The format of what is read back.
+    pub(super) fn result_format(&self) -> wgpu::TextureFormat {
+        match self.scene.result {
+            Source::Target(target) => self.formats[target],
+            Source::Depth => self.depth_format,
+        }
+    }
+
     /// Draws everything; the image as a buffer.
     pub(super) fn draw(&self, bindings: &[Bindings]) -> Result<wgpu::Buffer, DrawError> {
+        // Fragment functions that come alone have a vertex function for what they read.
+        let alone = |draw: &Draw| match (&draw.vertex, &draw.fragment) {
+            (None, Some(fragment)) => Ok(Some(self.program.covering(fragment)?)),
+            _ => Ok(None),
+        };
+        let covering: Vec<Option<String>> =
+            self.scene.draws.iter().map(alone).collect::<Result<_, DrawError>>()?;
+        let covering = covering.iter().map(|text| {
+            let text = text.as_ref()?;
+            Some(crate::reflect::parsed_with(text, &Default::default()))
+        });
+        let covering = covering.map(Option::transpose).collect::<Result<Vec<_>, String>>();
+        let covering = covering.map_err(|message| crate::path::PathError::Driver {
+            path: self.device.path(),
+            message,
+        })?;
         let image = crate::reflect::on_deep_stack(|| {
             let module = self.device.drawn(self.program.module().clone())?;
-            let source = wgpu::ShaderSource::Naga(Cow::Owned(module));
+            let covering = covering.into_iter().map(|module| {
+                module.map(|module| self.device.drawn((*module).clone())).transpose()
+            });
+            let covering = covering.collect::<Result<Vec<_>, _>>()?;
             self.device.checked(|| {
-                let descriptor = wgpu::ShaderModuleDescriptor { label: None, source };
-                let shader = self.device.device.create_shader_module(descriptor);
-                let draws = self.scene.draws.iter().zip(bindings);
-                let draws: Vec<Prepared> =
-                    draws.map(|(draw, bindings)| self.prepare(&shader, draw, bindings)).collect();
+                let made = |module| {
+                    let source = wgpu::ShaderSource::Naga(Cow::Owned(module));
+                    let descriptor = wgpu::ShaderModuleDescriptor { label: None, source };
+                    self.device.device.create_shader_module(descriptor)
+                };
+                let shader = made(module);
+                let draws = self.scene.draws.iter().zip(bindings).zip(covering);
+                let draws: Vec<Prepared<'_>> = draws
+                    .map(|((draw, bindings), covering)| {
+                        let covering = covering.map(made);
+                        self.prepare((&shader, covering.as_ref()), draw, bindings)
+                    })
+                    .collect();
                 self.paint(&draws)
             })
         });
         Ok(image?)
     }
 
-    fn prepare(&self, shader: &wgpu::ShaderModule, draw: &Draw, bindings: &Bindings) -> Prepared {
-        let (buffers, vertices, instances) = match &draw.mesh {
-            Some((mesh, instances)) => {
-                (Some(self.upload(mesh)), mesh.indices.len() as u32, *instances)
+    fn prepare<'d>(
+        &self,
+        shaders: (&wgpu::ShaderModule, Option<&wgpu::ShaderModule>),
+        draw: &'d Draw,
+        bindings: &Bindings,
+    ) -> Prepared<'d> {
+        let (buffers, count) = match &draw.geometry {
+            Geometry::Mesh(mesh) => {
+                let count = mesh.indices.len() as u32;
+                let indices = match draw.short_indices {
+                    false => bytemuck::cast_slice(&mesh.indices).to_vec(),
+                    true => {
+                        #[expect(clippy::cast_possible_truncation, reason = "they are short")]
+                        let mut short: Vec<u16> =
+                            mesh.indices.iter().map(|index| *index as u16).collect();
+                        // Copies are of whole words.
+                        short.resize(short.len().next_multiple_of(2), 0);
+                        bytemuck::cast_slice(&short).to_vec()
+                    }
+                };
+                let indices = self.upload(&indices, wgpu::BufferUsages::INDEX);
+                let columns = mesh.attributes.iter().map(|column| {
+                    self.upload(bytemuck::cast_slice(&column.words), wgpu::BufferUsages::VERTEX)
+                });
+                (Some((indices, columns.collect())), count)
             }
-            None => (None, 3, 1),
+            Geometry::Vertices(count) => (None, *count),
         };
+        let indirect = draw.indirect.then(|| {
+            let base = draw.base_vertex.cast_unsigned();
+            let words = match draw.is_mesh() {
+                true => vec![count, draw.instances, 0, base, draw.first_instance],
+                false => vec![count, draw.instances, base, draw.first_instance],
+            };
+            self.upload(bytemuck::cast_slice(&words), wgpu::BufferUsages::INDIRECT)
+        });
         let bound = |pipeline: wgpu::RenderPipeline, bindings: &[Binding]| {
             let groups = self.bind(&pipeline, bindings);
             let immediates =
@@ -73,29 +167,21 @@ impl Painter<'_> {
             Ready { pipeline, groups, immediates }
         };
         // Only meshes are drawn in advance: what covers the frame is behind them.
-        let depth = (self.scene.prepass && draw.mesh.is_some())
-            .then(|| bound(self.pipeline(shader, draw, false), &bindings.depth));
-        let color = bound(self.pipeline(shader, draw, true), &bindings.color);
-        Prepared { buffers, vertices, instances, depth, color }
+        let depth = (self.scene.prepass && draw.is_mesh())
+            .then(|| bound(self.pipeline(shaders, draw, Pass::Depth), &bindings.depth));
+        let color = bound(self.pipeline(shaders, draw, Pass::Color), &bindings.color);
+        Prepared { draw, buffers, count, indirect, depth, color }
     }
 
-    fn upload(&self, mesh: &Mesh) -> (wgpu::Buffer, Vec<wgpu::Buffer>) {
-        let upload = |bytes: &[u8], usage| {
-            let buffer = self.device.device.create_buffer(&wgpu::BufferDescriptor {
-                label: None,
-                size: bytes.len() as u64,
-                usage: usage | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            });
-            self.device.queue.write_buffer(&buffer, 0, bytes);
-            buffer
-        };
-        let indices = upload(bytemuck::cast_slice(&mesh.indices), wgpu::BufferUsages::INDEX);
-        let columns = mesh.attributes.iter();
-        let attributes = columns
-            .map(|c| upload(bytemuck::cast_slice(&c.scalars), wgpu::BufferUsages::VERTEX))
-            .collect();
-        (indices, attributes)
+    fn upload(&self, bytes: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let buffer = self.device.device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size: bytes.len() as u64,
+            usage: usage | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.device.queue.write_buffer(&buffer, 0, bytes);
+        buffer
     }
 
     fn bind(&self, pipeline: &wgpu::RenderPipeline, bindings: &[Binding]) -> Vec<wgpu::BindGroup> {
@@ -121,31 +207,57 @@ impl Painter<'_> {
     }
 
     /// Submits both passes and the copy into a buffer, which it returns.
-    fn paint(&self, draws: &[Prepared]) -> wgpu::Buffer {
-        let Scene { width, height, .. } = *self.scene;
+    fn paint(&self, draws: &[Prepared<'_>]) -> wgpu::Buffer {
+        let Scene { width, height, samples, clear, clear_depth, result, .. } = *self.scene;
         let device = &self.device.device;
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };
-        let texture = |format, usage| {
+        let texture = |format, sample_count, usage| {
             device.create_texture(&wgpu::TextureDescriptor {
                 label: None,
                 size,
                 mip_level_count: 1,
-                sample_count: 1,
+                sample_count,
                 dimension: wgpu::TextureDimension::D2,
                 format,
                 usage: usage | wgpu::TextureUsages::RENDER_ATTACHMENT,
                 view_formats: &[],
             })
         };
-        let color = texture(self.format, wgpu::TextureUsages::COPY_SRC);
-        let depth = texture(DEPTH, wgpu::TextureUsages::empty());
-        let color_view = color.create_view(&wgpu::TextureViewDescriptor::default());
-        let depth_view = depth.create_view(&wgpu::TextureViewDescriptor::default());
+        let view =
+            |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let copied = |of| match of == result {
+            true => wgpu::TextureUsages::COPY_SRC,
+            false => wgpu::TextureUsages::empty(),
+        };
+        // What is read back, and what is drawn into where pixels have several samples.
+        let colors: Vec<(wgpu::Texture, Option<wgpu::Texture>)> = (0..)
+            .zip(&self.formats)
+            .map(|(index, format)| {
+                let several =
+                    (samples > 1).then(|| texture(*format, samples, wgpu::TextureUsages::empty()));
+                (texture(*format, 1, copied(Source::Target(index))), several)
+            })
+            .collect();
+        let depth = texture(self.depth_format, samples, copied(Source::Depth));
+        let views: Vec<_> = colors
+            .iter()
+            .map(|(plain, several)| (view(plain), several.as_ref().map(&view)))
+            .collect();
+        let depth_view = view(&depth);
+        let depth_attachment = |load| {
+            let stencil =
+                wgpu::Operations { load: wgpu::LoadOp::Clear(0), store: wgpu::StoreOp::Store };
+            Some(wgpu::RenderPassDepthStencilAttachment {
+                view: &depth_view,
+                depth_ops: Some(wgpu::Operations { load, store: wgpu::StoreOp::Store }),
+                stencil_ops: self.depth_format.has_stencil_aspect().then_some(stencil),
+            })
+        };
         let mut encoder = device.create_command_encoder(&Default::default());
-        let mut loaded = wgpu::LoadOp::Clear(1.0);
+        let mut loaded = wgpu::LoadOp::Clear(clear_depth);
         if self.scene.prepass {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                depth_stencil_attachment: Some(depth_attachment(&depth_view, loaded)),
+                depth_stencil_attachment: depth_attachment(loaded),
                 ..wgpu::RenderPassDescriptor::default()
             });
             for draw in draws {
@@ -156,24 +268,31 @@ impl Painter<'_> {
             loaded = wgpu::LoadOp::Load;
         }
         {
+            let [r, g, b, a] = clear.map(f64::from);
+            let attachments: Vec<_> = views
+                .iter()
+                .map(|(plain, several)| {
+                    Some(wgpu::RenderPassColorAttachment {
+                        view: several.as_ref().unwrap_or(plain),
+                        depth_slice: None,
+                        resolve_target: several.as_ref().map(|_| plain),
+                        ops: wgpu::Operations {
+                            load: wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a }),
+                            store: wgpu::StoreOp::Store,
+                        },
+                    })
+                })
+                .collect();
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                    view: &color_view,
-                    depth_slice: None,
-                    resolve_target: None,
-                    ops: wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                        store: wgpu::StoreOp::Store,
-                    },
-                })],
-                depth_stencil_attachment: Some(depth_attachment(&depth_view, loaded)),
+                color_attachments: &attachments,
+                depth_stencil_attachment: depth_attachment(loaded),
                 ..wgpu::RenderPassDescriptor::default()
             });
             for draw in draws {
                 record(&mut pass, draw, &draw.color);
             }
         }
-        let stride = Row::new(self.format, width).stride;
+        let stride = Row::new(self.result_format(), width).stride;
         let staging = device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("frame"),
             size: stride * u64::from(height),
@@ -186,24 +305,21 @@ impl Painter<'_> {
             rows_per_image: Some(height),
         };
         let target = wgpu::TexelCopyBufferInfo { buffer: &staging, layout };
-        encoder.copy_texture_to_buffer(color.as_image_copy(), target, size);
+        let source = match result {
+            Source::Target(index) => colors[index].0.as_image_copy(),
+            Source::Depth => wgpu::TexelCopyTextureInfo {
+                aspect: wgpu::TextureAspect::DepthOnly,
+                ..depth.as_image_copy()
+            },
+        };
+        encoder.copy_texture_to_buffer(source, target, size);
         self.device.queue.submit([encoder.finish()]);
         staging
     }
 }
 
-fn depth_attachment(
-    view: &wgpu::TextureView,
-    load: wgpu::LoadOp<f32>,
-) -> wgpu::RenderPassDepthStencilAttachment<'_> {
-    wgpu::RenderPassDepthStencilAttachment {
-        view,
-        depth_ops: Some(wgpu::Operations { load, store: wgpu::StoreOp::Store }),
-        stencil_ops: None,
-    }
-}
-
-fn record(pass: &mut wgpu::RenderPass<'_>, draw: &Prepared, ready: &Ready) {
+fn record(pass: &mut wgpu::RenderPass<'_>, prepared: &Prepared<'_>, ready: &Ready) {
+    let Prepared { draw, buffers, count, indirect, .. } = prepared;
     pass.set_pipeline(&ready.pipeline);
     for (index, group) in (0..).zip(&ready.groups) {
         pass.set_bind_group(index, group, &[]);
@@ -211,14 +327,31 @@ fn record(pass: &mut wgpu::RenderPass<'_>, draw: &Prepared, ready: &Ready) {
     if let Some(bytes) = &ready.immediates {
         pass.set_immediates(0, bytes);
     }
-    match &draw.buffers {
-        Some((indices, attributes)) => {
+    let [r, g, b, a] = draw.state.blend_constant.map(f64::from);
+    pass.set_blend_constant(wgpu::Color { r, g, b, a });
+    if let Some(stencil) = draw.state.stencil {
+        pass.set_stencil_reference(stencil.reference.into());
+    }
+    let instances = draw.first_instance..draw.first_instance + draw.instances;
+    match (buffers, indirect) {
+        (Some((indices, attributes)), _) => {
             for (slot, buffer) in (0..).zip(attributes) {
                 pass.set_vertex_buffer(slot, buffer.slice(..));
             }
-            pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
-            pass.draw_indexed(0..draw.vertices, 0, 0..draw.instances);
+            let format = match draw.short_indices {
+                true => wgpu::IndexFormat::Uint16,
+                false => wgpu::IndexFormat::Uint32,
+            };
+            pass.set_index_buffer(indices.slice(..), format);
+            match indirect {
+                Some(arguments) => pass.draw_indexed_indirect(arguments, 0),
+                None => pass.draw_indexed(0..*count, draw.base_vertex, instances),
+            }
         }
-        None => pass.draw(0..draw.vertices, 0..draw.instances),
+        (None, Some(arguments)) => pass.draw_indirect(arguments, 0),
+        (None, None) => {
+            let first = draw.base_vertex.cast_unsigned();
+            pass.draw(first..first + count, instances);
+        }
     }
 }

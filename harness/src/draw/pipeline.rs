@@ -1,95 +1,137 @@
 //! The pipelines of a draw.
 
-use super::Blend;
-use super::drawing::Draw;
-use super::painter::{DEPTH, Painter};
+use super::painter::Painter;
+use super::request::{Draw, Geometry};
+use super::state::{Cull, Winding};
+use crate::probe::compare;
+
+/// Which passes of a frame a pipeline is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Pass {
+    /// Depth alone, in advance.
+    Depth,
+    Color,
+}
 
 impl Painter<'_> {
-    /// The pipeline of a draw's colour, or of its depth alone.
+    /// The pipeline of a draw in a pass.
     pub(super) fn pipeline(
         &self,
-        shader: &wgpu::ShaderModule,
+        (shader, covering): (&wgpu::ShaderModule, Option<&wgpu::ShaderModule>),
         draw: &Draw,
-        color: bool,
+        pass: Pass,
     ) -> wgpu::RenderPipeline {
-        let columns = draw.mesh.iter().flat_map(|(mesh, _)| &mesh.attributes);
-        let attributes: Vec<(u64, [wgpu::VertexAttribute; 1])> = columns
+        let columns = match &draw.geometry {
+            Geometry::Mesh(mesh) => &*mesh.attributes,
+            Geometry::Vertices(_) => &[],
+        };
+        let attributes: Vec<[wgpu::VertexAttribute; 1]> = columns
+            .iter()
             .map(|column| {
-                let format = [
-                    wgpu::VertexFormat::Float32,
-                    wgpu::VertexFormat::Float32x2,
-                    wgpu::VertexFormat::Float32x3,
-                    wgpu::VertexFormat::Float32x4,
-                ][column.width - 1];
-                let location = column.location;
-                let attribute =
-                    wgpu::VertexAttribute { format, offset: 0, shader_location: location };
-                (4 * column.width as u64, [attribute])
+                let (format, shader_location) = (column.format(), column.location);
+                [wgpu::VertexAttribute { format, offset: 0, shader_location }]
             })
             .collect();
-        let layouts: Vec<Option<wgpu::VertexBufferLayout<'_>>> = attributes
+        let layouts: Vec<Option<wgpu::VertexBufferLayout<'_>>> = columns
             .iter()
-            .map(|(array_stride, attributes)| {
+            .zip(&attributes)
+            .map(|(column, attributes)| {
                 Some(wgpu::VertexBufferLayout {
-                    array_stride: *array_stride,
-                    step_mode: wgpu::VertexStepMode::Vertex,
+                    array_stride: 4 * column.width as u64,
+                    step_mode: match column.by_instance {
+                        true => wgpu::VertexStepMode::Instance,
+                        false => wgpu::VertexStepMode::Vertex,
+                    },
                     attributes,
                 })
             })
             .collect();
-        let (compare, write) = match (color, self.scene.prepass) {
-            (true, true) => (wgpu::CompareFunction::Equal, false),
-            (true, false) => (wgpu::CompareFunction::LessEqual, true),
-            (false, _) => (wgpu::CompareFunction::Less, true),
+        let state = &draw.state;
+        let own = state.depth_compare.map(compare);
+        let (depth_compare, write) = match (pass, self.scene.prepass && draw.is_mesh()) {
+            (Pass::Color, true) => (wgpu::CompareFunction::Equal, false),
+            (Pass::Color, false) => {
+                (own.unwrap_or(wgpu::CompareFunction::LessEqual), state.depth_write.unwrap_or(true))
+            }
+            (Pass::Depth, _) => {
+                (own.unwrap_or(wgpu::CompareFunction::Less), state.depth_write.unwrap_or(true))
+            }
         };
-        let target = wgpu::ColorTargetState {
-            blend: blend_state(self.scene.blend),
-            ..wgpu::ColorTargetState::from(self.format)
+        let targets: Vec<Option<wgpu::ColorTargetState>> = (0..)
+            .zip(&self.formats)
+            .map(|(index, format)| {
+                let mut write_mask = wgpu::ColorWrites::ALL;
+                if let Some((_, own)) = state.masks.iter().rev().find(|(of, _)| *of == index) {
+                    let channels = own.chars().map(|channel| match channel {
+                        'r' => wgpu::ColorWrites::RED,
+                        'g' => wgpu::ColorWrites::GREEN,
+                        'b' => wgpu::ColorWrites::BLUE,
+                        _ => wgpu::ColorWrites::ALPHA,
+                    });
+                    write_mask = channels.fold(wgpu::ColorWrites::empty(), |all, own| all | own);
+                }
+                let blend = draw.blend_of(index, self.scene.blend).state();
+                Some(wgpu::ColorTargetState { format: *format, blend, write_mask })
+            })
+            .collect();
+        let fragment = match pass {
+            Pass::Color => draw.fragment.as_deref(),
+            Pass::Depth => draw.depth_fragment.as_deref(),
         };
-        let targets = [Some(target)];
-        let fragment =
-            if color { Some(draw.fragment.as_str()) } else { draw.depth_fragment.as_deref() };
+        let vertex = match (&draw.vertex, covering) {
+            (Some(name), _) => (shader, self.program.entry_point_name(name)),
+            (None, Some(covering)) => (covering, crate::reflect::COVERING),
+            (None, None) => unreachable!("a draw without a vertex function has Karat's"),
+        };
+        let stencil = state.stencil.unwrap_or_default();
+        let cull = match (state.cull, &draw.geometry) {
+            (Some(Cull::None), _) | (None, Geometry::Vertices(_)) => None,
+            (Some(Cull::Front), _) => Some(wgpu::Face::Front),
+            (Some(Cull::Back), _) | (None, Geometry::Mesh(_)) => Some(wgpu::Face::Back),
+        };
         self.device.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some(&draw.fragment),
+            label: draw.fragment.as_deref().or(draw.vertex.as_deref()),
             layout: None,
             vertex: wgpu::VertexState {
-                module: shader,
-                entry_point: Some(self.program.entry_point_name(&draw.vertex)),
+                module: vertex.0,
+                entry_point: Some(vertex.1),
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
                 buffers: &layouts,
             },
             primitive: wgpu::PrimitiveState {
-                cull_mode: draw.mesh.is_some().then_some(wgpu::Face::Back),
+                cull_mode: cull,
+                front_face: match state.winding {
+                    Winding::CounterClockwise => wgpu::FrontFace::Ccw,
+                    Winding::Clockwise => wgpu::FrontFace::Cw,
+                },
                 ..wgpu::PrimitiveState::default()
             },
             depth_stencil: Some(wgpu::DepthStencilState {
-                format: DEPTH,
+                format: self.depth_format,
                 depth_write_enabled: Some(write),
-                depth_compare: Some(compare),
-                stencil: wgpu::StencilState::default(),
-                bias: wgpu::DepthBiasState::default(),
+                depth_compare: Some(depth_compare),
+                stencil: match pass {
+                    Pass::Color => stencil.state(),
+                    Pass::Depth => wgpu::StencilState::default(),
+                },
+                bias: wgpu::DepthBiasState {
+                    constant: state.bias.constant,
+                    slope_scale: state.bias.slope,
+                    clamp: state.bias.clamp,
+                },
             }),
-            multisample: wgpu::MultisampleState::default(),
+            multisample: wgpu::MultisampleState {
+                count: self.scene.samples,
+                ..wgpu::MultisampleState::default()
+            },
             fragment: fragment.map(|name| wgpu::FragmentState {
                 module: shader,
                 entry_point: Some(self.program.entry_point_name(name)),
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
-                targets: if color { &targets } else { &[] },
+                targets: if pass == Pass::Color { &targets } else { &[] },
             }),
             multiview_mask: None,
             cache: None,
         })
-    }
-}
-
-fn blend_state(blend: Blend) -> Option<wgpu::BlendState> {
-    let sum = wgpu::BlendComponent {
-        src_factor: wgpu::BlendFactor::One,
-        dst_factor: wgpu::BlendFactor::One,
-        operation: wgpu::BlendOperation::Add,
-    };
-    match blend {
-        Blend::Replace => None,
-        Blend::Add => Some(wgpu::BlendState { color: sum, alpha: sum }),
     }
 }

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
+use super::DrawError;
 use super::drawing::{Drawing, Scene};
 use super::painter::Painter;
 use super::row::Row;
-use super::{Blend, DrawError};
 use crate::fixture;
 use crate::image::Image;
 use crate::path::{Device, MOST_ROUNDS, guard};
@@ -16,8 +16,9 @@ use crate::reflect::{Program, Watched};
 impl Device {
     /// Draws a frame.
     pub(crate) fn render(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
-        let Drawing { scene, program, bindings } = drawing;
-        let Scene { width, height, .. } = **scene;
+        let Drawing { scene, program, bindings, .. } = drawing;
+        let scene: &Scene<'_> = scene;
+        let Scene { width, height, .. } = *scene;
         let limit = self.device.limits().max_texture_dimension_2d;
         if width.min(height) == 0 || width.max(height) > limit {
             return Err(DrawError::Size { width, height, path: self.path(), limit });
@@ -26,7 +27,7 @@ impl Device {
         // By variable: draws may use one binding number for several.
         let mut resources: BTreeMap<&str, Resource> = BTreeMap::new();
         let all = drawing.all_bindings();
-        for (binding, fixture) in fixture::resolve(&all, &scene.fixtures)? {
+        for (binding, fixture) in fixture::resolve(&all, drawing.fixtures())? {
             if let Entry::Vacant(entry) = resources.entry(&binding.path) {
                 entry.insert(upload(self, program, binding, fixture)?);
             }
@@ -40,10 +41,13 @@ impl Device {
         if unbounded && self.leaves_loops() {
             watch_rounds(self, scene, program, &mut resources)?;
         }
-        let format = color_format(self, scene.blend);
-        let painter = Painter { device: self, scene, program, format, resources: &resources };
+        let painter = Painter::new(self, scene, program, &resources);
+        if painter.result_format() == wgpu::TextureFormat::Depth24PlusStencil8 {
+            let reason = "with a stencil, this driver's depth can't be read".to_owned();
+            return Err(DrawError::Unsound { reason });
+        }
         let image = painter.draw(bindings)?;
-        let row = Row::new(format, width);
+        let row = Row::new(painter.result_format(), width);
         let pixels = self.read_back(&image, row.stride * u64::from(height), |bytes| {
             let rows = bytes.chunks_exact(row.stride as usize);
             rows.flat_map(|bytes| row.pixels(bytes)).collect()
@@ -74,8 +78,7 @@ fn watch_rounds(
     use wgpu::BufferUsages as Usage;
     let counts = device.checked(|| buffer(Usage::STORAGE | Usage::COPY_SRC))?;
     resources.insert(Watched::VARIABLE, Resource::Buffer(counts.clone()));
-    let format = color_format(device, scene.blend);
-    let painter = Painter { device, scene, program: &program, format, resources };
+    let painter = Painter::new(device, scene, &program, resources);
     drop(painter.draw(&scene.bindings(&program)?)?);
     let staging = device.checked(|| {
         let staging = buffer(Usage::MAP_READ | Usage::COPY_DST);
@@ -93,15 +96,5 @@ fn watch_rounds(
             let of = format!("the frame of module `{}`", scene.module);
             Err(DrawError::Rounds(Box::new(device.left_loop(&of, count, place.as_ref()))))
         }
-    }
-}
-
-/// The path's format of frames; where it can't be blended, half floats can everywhere.
-fn color_format(device: &Device, blend: Blend) -> wgpu::TextureFormat {
-    let blendable = device.device.features().contains(wgpu::Features::FLOAT32_BLENDABLE);
-    if blend == Blend::Replace || blendable {
-        device.color_format()
-    } else {
-        wgpu::TextureFormat::Rgba16Float
     }
 }

@@ -1,33 +1,50 @@
 //! Rows of pixels, as a device has them.
 
-use half::f16;
-
-/// Channels of a pixel: RGBA.
-const CHANNELS: u32 = 4;
+use crate::probe::Codec;
 
 /// A row of pixels in a buffer that a texture is copied to.
 pub(super) struct Row {
     width: usize,
-    half: bool,
+    codec: Codec,
     /// Bytes from one row to the next.
     pub(super) stride: u64,
 }
 
 impl Row {
+    /// Of a format that a copy may have: depth is one float.
     pub(super) fn new(format: wgpu::TextureFormat, width: u32) -> Self {
-        let half = format == wgpu::TextureFormat::Rgba16Float;
-        let bytes = width * CHANNELS * if half { 2 } else { 4 };
+        let copied = match format.is_depth_stencil_format() {
+            true => wgpu::TextureFormat::R32Float,
+            false => format,
+        };
+        let codec = Codec::of(copied).expect("what a frame is drawn into has a codec");
+        let bytes = width * codec.size() as u32;
         let stride = u64::from(bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT));
-        Self { width: width as usize, half, stride }
+        Self { width: width as usize, codec, stride }
     }
 
+    /// The pixels as floats; integers are exact up to 2^24.
     pub(super) fn pixels(&self, bytes: &[u8]) -> Vec<[f32; 4]> {
-        if self.half {
-            let pixels = &bytes[..self.width * 8];
-            let halves: Vec<[u16; 4]> = bytemuck::pod_collect_to_vec(pixels);
-            halves.into_iter().map(|p| p.map(|bits| f16::from_bits(bits).to_f32())).collect()
-        } else {
-            bytemuck::pod_collect_to_vec(&bytes[..self.width * 16])
+        let size = self.codec.size();
+        let pixels = &bytes[..self.width * size];
+        match self.codec.format {
+            wgpu::TextureFormat::Rgba32Float => bytemuck::pod_collect_to_vec(pixels),
+            wgpu::TextureFormat::Rgba16Float => {
+                let halves: Vec<[u16; 4]> = bytemuck::pod_collect_to_vec(pixels);
+                halves.into_iter().map(|p| p.map(|h| half::f16::from_bits(h).to_f32())).collect()
+            }
+            format => {
+                let signed = format == wgpu::TextureFormat::R32Sint;
+                let integer = self.codec.is_integer();
+                let value = |word: u32| match (integer, signed) {
+                    (false, _) => f32::from_bits(word),
+                    #[expect(clippy::cast_precision_loss, reason = "as its documentation has it")]
+                    (true, true) => word.cast_signed() as f32,
+                    #[expect(clippy::cast_precision_loss, reason = "as its documentation has it")]
+                    (true, false) => word as f32,
+                };
+                pixels.chunks_exact(size).map(|texel| self.codec.decode(texel).map(value)).collect()
+            }
         }
     }
 }

@@ -59,13 +59,13 @@ impl Frame<'_> {
             return Err(FrameError::Aov(name.to_owned(), reason));
         }
         let executors = self.executors()?;
-        let drawing = self.scene.drawing()?;
-        read.extend(drawing.read());
         read.extend(self.variance.as_ref().and_then(Image::origin).cloned());
         read.extend(self.mask.as_ref().and_then(Mask::origin).cloned());
         for executor in executors {
             let (adapter, path) = (executor::adapter(executor), executor.path());
+            let drawing = self.drawing_on(executor)?;
             let image = super::drawn(executor, &drawing)?;
+            read.extend(drawing.read());
             read.extend(goldens.files(case, &adapter));
             let tolerance = self.tolerance_of(path, &adapter);
             let known_issue = self.known_issues.on(path, &adapter).map(str::to_owned);
@@ -189,7 +189,7 @@ impl Frame<'_> {
 
     /// What else is kept of the pixels. What can't be drawn is missed by no verdict.
     fn aovs_on(&self, executor: &dyn Executor) -> Vec<Part> {
-        let draw = |frame: &Self| super::drawn(executor, &frame.scene.drawing()?);
+        let draw = |frame: &Self| super::drawn(executor, &frame.drawing_on(executor)?);
         let drawn = self.aovs.iter().filter_map(|(name, frame)| match draw(frame) {
             Ok(image) => Some(Part::new(name, Gate::default().precision_for(&image, None), image)),
             Err(error) => {

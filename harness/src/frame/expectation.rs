@@ -81,11 +81,11 @@ impl Frame<'_> {
         }
         let (mut paths, mut known) = (Vec::new(), Vec::new());
         let executors = self.executors()?;
-        let drawing = self.scene.drawing()?;
-        read.extend(drawing.read());
         for executor in executors {
             let (adapter, path) = (executor::adapter(executor), executor.path());
+            let drawing = self.drawing_on(executor)?;
             let image = super::drawn(executor, &drawing)?;
+            read.extend(drawing.read());
             let mean = mean(&image, rect);
             let lanes = (0..).zip(mean.iter().zip(expected));
             let measured = lanes.map(|(lane, (m, e))| tolerance.measure_sum(lane, *m, e));

@@ -137,6 +137,10 @@ impl Device {
             // What fixtures may be.
             | wgpu::Features::IMMEDIATES
             | wgpu::Features::TEXTURE_FORMAT_16BIT_NORM
+            // What frames are drawn into.
+            | wgpu::Features::RG11B10UFLOAT_RENDERABLE
+            | wgpu::Features::DEPTH32FLOAT_STENCIL8
+            | wgpu::Features::INDIRECT_FIRST_INSTANCE
             | wgpu::Features::TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES;
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("karat"),

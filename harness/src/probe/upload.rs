@@ -82,6 +82,20 @@ fn buffer(device: &Device, bindings: &[&Binding], bytes: &[u8]) -> Result<Resour
     })?)
 }
 
+/// wgpu's name of a comparison.
+pub(crate) fn compare(compare: Compare) -> wgpu::CompareFunction {
+    match compare {
+        Compare::Never => wgpu::CompareFunction::Never,
+        Compare::Less => wgpu::CompareFunction::Less,
+        Compare::Equal => wgpu::CompareFunction::Equal,
+        Compare::LessEqual => wgpu::CompareFunction::LessEqual,
+        Compare::Greater => wgpu::CompareFunction::Greater,
+        Compare::NotEqual => wgpu::CompareFunction::NotEqual,
+        Compare::GreaterEqual => wgpu::CompareFunction::GreaterEqual,
+        Compare::Always => wgpu::CompareFunction::Always,
+    }
+}
+
 fn sample(device: &Device, sampler: &Sampler) -> Result<Resource, FixtureError> {
     let address = |address| match address {
         Address::Clamp => wgpu::AddressMode::ClampToEdge,
@@ -91,16 +105,6 @@ fn sample(device: &Device, sampler: &Sampler) -> Result<Resource, FixtureError> 
     let filter = |filter| match filter {
         Filter::Nearest => wgpu::FilterMode::Nearest,
         Filter::Linear => wgpu::FilterMode::Linear,
-    };
-    let compare = |compare| match compare {
-        Compare::Never => wgpu::CompareFunction::Never,
-        Compare::Less => wgpu::CompareFunction::Less,
-        Compare::Equal => wgpu::CompareFunction::Equal,
-        Compare::LessEqual => wgpu::CompareFunction::LessEqual,
-        Compare::Greater => wgpu::CompareFunction::Greater,
-        Compare::NotEqual => wgpu::CompareFunction::NotEqual,
-        Compare::GreaterEqual => wgpu::CompareFunction::GreaterEqual,
-        Compare::Always => wgpu::CompareFunction::Always,
     };
     let [u, v, w] = sampler.address.map(address);
     Ok(device.checked(|| {

@@ -1,8 +1,8 @@
 //! The resource variables of functions and entry points.
 
-
 use super::{BindingKind, Program, Stage};
 use crate::diagnostic::Span;
+use crate::value::Shape;
 
 /// A resource variable.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -90,6 +90,43 @@ impl Program {
         inner.size(self.checked.module.to_ctx()) as usize
     }
 
+    /// Where a member of a buffer is (`light.position`), and the bytes of a value there.
+    pub(crate) fn member_bytes(
+        &self,
+        binding: &Binding,
+        member: &str,
+        shape: &Shape,
+        lanes: &[u32],
+    ) -> Result<(usize, Vec<u8>), String> {
+        let module = &self.checked.module;
+        let (mut ty, mut offset) = (binding.ty, 0);
+        for name in member.split('.').filter(|name| !name.is_empty()) {
+            let naga::TypeInner::Struct { members, .. } = &module.types[ty].inner else {
+                return Err(format!("what is in front of `.{name}` has no members"));
+            };
+            let names = || members.iter().filter_map(|member| member.name.as_deref());
+            let known = members.iter().find(|member| member.name.as_deref() == Some(name));
+            let Some(known) = known else {
+                let near = crate::diagnostic::nearest(name, names());
+                let near =
+                    near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
+                return Err(format!("it has no member `{name}`{near}"));
+            };
+            ty = known.ty;
+            offset += known.offset as usize;
+        }
+        let wgsl = self.buffer_shape(ty).filter(|wgsl| shape.stands_for(wgsl, false));
+        if wgsl.is_none() {
+            let wgsl = self.buffer_shape(ty);
+            let wgsl = wgsl.map_or_else(|| "of another type".to_owned(), |wgsl| wgsl.to_string());
+            return Err(format!("`{member}` is {wgsl}, the value is {shape}"));
+        }
+        let bytes = super::bytes_of(module, &self.checked.layouter, ty, lanes)
+            .map_err(|error| error.to_string())?;
+        let size = module.types[ty].inner.size(module.to_ctx()) as usize;
+        Ok((offset, bytes[..size.min(bytes.len())].to_vec()))
+    }
+
     /// The first binding number of group 0 that the program leaves free.
     pub(crate) fn free_binding(&self) -> u32 {
         let used = self.checked.module.global_variables.iter().filter_map(|(_, global)| {
@@ -98,10 +135,7 @@ impl Program {
         used.max().unwrap_or(0)
     }
 
-    pub(super) fn bindings(
-        &self,
-        info: &naga::valid::FunctionInfo,
-    ) -> Vec<Binding> {
+    pub(super) fn bindings(&self, info: &naga::valid::FunctionInfo) -> Vec<Binding> {
         let mut bindings: Vec<Binding> = self
             .checked
             .module

@@ -1,0 +1,83 @@
+//! Formats of what a frame is drawn into.
+
+use crate::path::Device;
+
+/// The format of a colour target. A frame's image has what was kept, as linear floats: of 8 bits in
+/// sRGB's transfer function the values that a shader would read again.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Format {
+    /// The most exact floats that the path draws into: of 32 bits, or of 16 where it has to blend, where
+    /// pixels have several samples, or where it can't do better.
+    #[default]
+    Float,
+    /// One channel of 8 bits from 0 to 1.
+    R8Unorm,
+    /// Two channels of 8 bits from 0 to 1.
+    Rg8Unorm,
+    /// 8 bits a channel, from 0 to 1.
+    Rgba8Unorm,
+    /// 8 bits a channel, in sRGB's transfer function.
+    Rgba8UnormSrgb,
+    /// 8 bits a channel, from 0 to 1, blue first: what surfaces are on many systems.
+    Bgra8Unorm,
+    /// The same in sRGB's transfer function.
+    Bgra8UnormSrgb,
+    /// Three channels of 10 bits and one of 2, from 0 to 1.
+    Rgb10a2Unorm,
+    /// Floats of 11, 11 and 10 bits, without a sign: HDR in 32 bits.
+    Rg11b10Ufloat,
+    /// One 16-bit float.
+    R16Float,
+    /// Two 16-bit floats.
+    Rg16Float,
+    /// Four 16-bit floats.
+    Rgba16Float,
+    /// One 32-bit float.
+    R32Float,
+    /// Two 32-bit floats.
+    Rg32Float,
+    /// Four 32-bit floats.
+    Rgba32Float,
+    /// One `u32`. Images have integers as floats, which are exact up to 2^24.
+    R32Uint,
+    /// One `i32`.
+    R32Sint,
+    /// Four integers from 0 to 255.
+    Rgba8Uint,
+    /// Four integers from 0 to 65535.
+    Rgba16Uint,
+    /// Four `u32`.
+    Rgba32Uint,
+}
+
+impl Format {
+    /// wgpu's format on a device.
+    pub(super) fn on(self, device: &Device, blended: bool, samples: u32) -> wgpu::TextureFormat {
+        use wgpu::TextureFormat as F;
+        let blendable = device.device.features().contains(wgpu::Features::FLOAT32_BLENDABLE);
+        match self {
+            Self::Float if samples > 1 || blended && !blendable => F::Rgba16Float,
+            Self::Float => device.color_format(),
+            Self::R8Unorm => F::R8Unorm,
+            Self::Rg8Unorm => F::Rg8Unorm,
+            Self::Rgba8Unorm => F::Rgba8Unorm,
+            Self::Rgba8UnormSrgb => F::Rgba8UnormSrgb,
+            Self::Bgra8Unorm => F::Bgra8Unorm,
+            Self::Bgra8UnormSrgb => F::Bgra8UnormSrgb,
+            Self::Rgb10a2Unorm => F::Rgb10a2Unorm,
+            Self::Rg11b10Ufloat => F::Rg11b10Ufloat,
+            Self::R16Float => F::R16Float,
+            Self::Rg16Float => F::Rg16Float,
+            Self::Rgba16Float => F::Rgba16Float,
+            Self::R32Float => F::R32Float,
+            Self::Rg32Float => F::Rg32Float,
+            Self::Rgba32Float => F::Rgba32Float,
+            Self::R32Uint => F::R32Uint,
+            Self::R32Sint => F::R32Sint,
+            Self::Rgba8Uint => F::Rgba8Uint,
+            Self::Rgba16Uint => F::Rgba16Uint,
+            Self::Rgba32Uint => F::Rgba32Uint,
+        }
+    }
+}

@@ -1,0 +1,222 @@
+//! A draw as its author says it.
+
+use super::state::State;
+use super::{Blend, Cull, DepthBias, Mesh, Stencil, Winding};
+use crate::fixture::Compare;
+
+/// A draw of a frame: its entry points, what is drawn, and how.
+///
+/// ```
+/// use glam::Vec3;
+/// use karat::draw::{Blend, Cull, Draw, Mesh};
+///
+/// let leaf = Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![0, 1, 2]);
+/// let leaves = Draw::mesh("vertex", "fragment", leaf)
+///     .instances(100)
+///     .cull(Cull::None)
+///     .blend(Blend::Premultiplied)
+///     .depth_write(false);
+/// # let _ = leaves;
+/// ```
+#[derive(Clone, Debug)]
+#[must_use = "a draw draws nothing until it is given to `Frame::draw`"]
+pub struct Draw {
+    /// `None`: Karat's own, which covers the frame.
+    pub(super) vertex: Option<String>,
+    /// `None`: depth alone is drawn.
+    pub(super) fragment: Option<String>,
+    /// What the depth pre-pass runs; `None`: depth comes from the triangles alone.
+    pub(super) depth_fragment: Option<String>,
+    pub(super) geometry: Geometry,
+    pub(super) instances: u32,
+    pub(super) first_instance: u32,
+    pub(super) base_vertex: i32,
+    /// Whether the numbers above come from a buffer.
+    pub(super) indirect: bool,
+    pub(super) short_indices: bool,
+    pub(super) state: State,
+}
+
+/// What is drawn.
+#[derive(Clone, Debug)]
+pub(super) enum Geometry {
+    Mesh(Mesh),
+    /// Vertices without attributes: `@builtin(vertex_index)` makes them.
+    Vertices(u32),
+}
+
+impl Draw {
+    fn new(vertex: Option<&str>, fragment: Option<&str>, geometry: Geometry) -> Self {
+        Self {
+            vertex: vertex.map(str::to_owned),
+            fragment: fragment.map(str::to_owned),
+            depth_fragment: None,
+            geometry,
+            instances: 1,
+            first_instance: 0,
+            base_vertex: 0,
+            indirect: false,
+            short_indices: false,
+            state: State::default(),
+        }
+    }
+
+    /// Draws a mesh. Its back faces are culled unless [`cull`](Self::cull) says otherwise.
+    pub fn mesh(vertex: &str, fragment: &str, mesh: Mesh) -> Self {
+        Self::new(Some(vertex), Some(fragment), Geometry::Mesh(mesh))
+    }
+
+    /// Draws the depth of a mesh alone, as shadow maps do. All draws of its frame do.
+    pub fn depth(vertex: &str, mesh: Mesh) -> Self {
+        Self::new(Some(vertex), None, Geometry::Mesh(mesh))
+    }
+
+    /// Draws triangles of so many vertices, which the vertex function makes from
+    /// `@builtin(vertex_index)`.
+    ///
+    /// # Panics
+    /// If they aren't whole triangles.
+    pub fn vertices(vertex: &str, fragment: &str, count: u32) -> Self {
+        assert!(count > 0 && count.is_multiple_of(3), "{count} vertices aren't whole triangles");
+        Self::new(Some(vertex), Some(fragment), Geometry::Vertices(count))
+    }
+
+    /// Draws one triangle whose three corners the vertex function makes from
+    /// `@builtin(vertex_index)`. At depth 1 it is seen where no mesh is.
+    pub fn fullscreen(vertex: &str, fragment: &str) -> Self {
+        Self::new(Some(vertex), Some(fragment), Geometry::Vertices(3))
+    }
+
+    /// Draws over the whole frame with a fragment function alone. What it takes at a location is a
+    /// `vec2f`: texture coordinates, from (0, 0) at the upper left to (1, 1). Depth isn't looked at.
+    pub fn fragment(fragment: &str) -> Self {
+        let mut draw = Self::new(None, Some(fragment), Geometry::Vertices(3));
+        draw.state.depth_compare = Some(Compare::Always);
+        draw.state.depth_write = Some(false);
+        draw
+    }
+
+    /// Draws so many copies, of `@builtin(instance_index)` from 0.
+    pub fn instances(mut self, instances: u32) -> Self {
+        self.instances = instances;
+        self
+    }
+
+    /// The index of the first copy.
+    pub fn first_instance(mut self, first: u32) -> Self {
+        self.first_instance = first;
+        self
+    }
+
+    /// What is added to each index of a mesh; the first vertex of a draw without one.
+    pub fn base_vertex(mut self, base: i32) -> Self {
+        self.base_vertex = base;
+        self
+    }
+
+    /// Lets the device read the numbers of vertices and copies from a buffer.
+    pub fn indirect(mut self) -> Self {
+        self.indirect = true;
+        self
+    }
+
+    /// Gives indices to the device in 16 bits, not in 32.
+    ///
+    /// # Panics
+    /// If the mesh has more vertices than they reach, or there is no mesh.
+    pub fn short_indices(mut self) -> Self {
+        let Geometry::Mesh(mesh) = &self.geometry else { panic!("there is no mesh with indices") };
+        let most = mesh.indices.iter().max().copied().unwrap_or(0);
+        assert!(most < u32::from(u16::MAX), "index {most} has more than 16 bits");
+        self.short_indices = true;
+        self
+    }
+
+    /// Sets the fragment function that the depth pre-pass runs. It has to discard or write depth as
+    /// the colour's function does, and returns nothing but a depth.
+    pub fn depth_fragment(mut self, fragment: &str) -> Self {
+        self.depth_fragment = Some(fragment.to_owned());
+        self
+    }
+
+    /// Which faces aren't drawn (default: of meshes the back, of others none).
+    pub fn cull(mut self, cull: Cull) -> Self {
+        self.state.cull = Some(cull);
+        self
+    }
+
+    /// In which order a front face's corners are (default: counter-clockwise).
+    pub fn front_face(mut self, winding: Winding) -> Self {
+        self.state.winding = winding;
+        self
+    }
+
+    /// How a pixel's depth compares with what is drawn already: `new <= old` by default.
+    pub fn depth_compare(mut self, compare: Compare) -> Self {
+        self.state.depth_compare = Some(compare);
+        self
+    }
+
+    /// Whether depth is written (default: yes).
+    pub fn depth_write(mut self, write: bool) -> Self {
+        self.state.depth_write = Some(write);
+        self
+    }
+
+    /// What is added to depth.
+    pub fn depth_bias(mut self, bias: DepthBias) -> Self {
+        self.state.bias = bias;
+        self
+    }
+
+    /// What is compared with the stencil, and done to it. A frame's stencil begins with zeros.
+    pub fn stencil(mut self, stencil: Stencil) -> Self {
+        self.state.stencil = Some(stencil);
+        self
+    }
+
+    /// What happens to a pixel that is drawn again, in each target (default: the frame's).
+    pub fn blend(mut self, blend: Blend) -> Self {
+        self.state.blend = Some(blend);
+        self
+    }
+
+    /// The same in one target.
+    pub fn blend_target(mut self, target: usize, blend: Blend) -> Self {
+        self.state.blends.push((target, blend));
+        self
+    }
+
+    /// The constant of [`Factor::Constant`](super::Factor::Constant).
+    pub fn blend_constant(mut self, constant: [f32; 4]) -> Self {
+        self.state.blend_constant = constant;
+        self
+    }
+
+    /// Writes these channels of a target alone: `"rgb"`, `"a"`, `""`.
+    ///
+    /// # Panics
+    /// If there is another letter.
+    pub fn write_mask(mut self, target: usize, channels: &str) -> Self {
+        let other = channels.chars().find(|channel| !"rgba".contains(*channel));
+        assert!(other.is_none(), "`{channels}` isn't made of r, g, b and a");
+        self.state.masks.push((target, channels.to_owned()));
+        self
+    }
+
+    pub(crate) fn is_mesh(&self) -> bool {
+        matches!(self.geometry, Geometry::Mesh(_))
+    }
+
+    /// What happens in a target to a pixel that is drawn again.
+    pub(super) fn blend_of(&self, target: usize, frame: Blend) -> Blend {
+        let own = self.state.blends.iter().rev().find(|(index, _)| *index == target);
+        own.map(|(_, blend)| *blend).or(self.state.blend).unwrap_or(frame)
+    }
+
+    /// The targets that it names.
+    pub(super) fn named_targets(&self) -> impl Iterator<Item = usize> {
+        let masks = self.state.masks.iter().map(|(target, _)| *target);
+        self.state.blends.iter().map(|(target, _)| *target).chain(masks)
+    }
+}
