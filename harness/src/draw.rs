@@ -6,6 +6,7 @@
 //! the depth is equal, so each pixel is shaded once.
 
 mod blend;
+mod depths;
 mod drawing;
 mod format;
 mod mesh;

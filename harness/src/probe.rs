@@ -37,7 +37,6 @@ pub use prepared::{Call, Prepared, Reader, Started};
 #[cfg(feature = "engine")]
 pub(crate) use rounds::VECTOR;
 pub(crate) use runner::{BATCH, Runner};
-#[cfg(feature = "engine")]
 pub(crate) use texels::Codec;
 pub(crate) use upload::{Resource, compare, upload, upload_shared};
 

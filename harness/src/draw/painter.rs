@@ -3,11 +3,11 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use super::DrawError;
 use super::drawing::{Bindings, Scene, Source};
 use super::pipeline::Pass;
 use super::request::{Draw, Geometry};
 use super::row::Row;
+use super::{DrawError, depths};
 use crate::path::Device;
 use crate::probe::Resource;
 use crate::reflect::{Binding, Program};
@@ -225,8 +225,8 @@ impl<'a> Painter<'a> {
         };
         let view =
             |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let copied = |of| match of == result {
-            true => wgpu::TextureUsages::COPY_SRC,
+        let read = |of, usage| match of == result {
+            true => usage,
             false => wgpu::TextureUsages::empty(),
         };
         // What is read back, and what is drawn into where pixels have several samples.
@@ -235,10 +235,12 @@ impl<'a> Painter<'a> {
             .map(|(index, format)| {
                 let several =
                     (samples > 1).then(|| texture(*format, samples, wgpu::TextureUsages::empty()));
-                (texture(*format, 1, copied(Source::Target(index))), several)
+                let usage = read(Source::Target(index), wgpu::TextureUsages::COPY_SRC);
+                (texture(*format, 1, usage), several)
             })
             .collect();
-        let depth = texture(self.depth_format, samples, copied(Source::Depth));
+        let loaded_later = read(Source::Depth, wgpu::TextureUsages::TEXTURE_BINDING);
+        let depth = texture(self.depth_format, samples, loaded_later);
         let views: Vec<_> = colors
             .iter()
             .map(|(plain, several)| (view(plain), several.as_ref().map(&view)))
@@ -305,14 +307,16 @@ impl<'a> Painter<'a> {
             rows_per_image: Some(height),
         };
         let target = wgpu::TexelCopyBufferInfo { buffer: &staging, layout };
-        let source = match result {
-            Source::Target(index) => colors[index].0.as_image_copy(),
-            Source::Depth => wgpu::TexelCopyTextureInfo {
-                aspect: wgpu::TextureAspect::DepthOnly,
-                ..depth.as_image_copy()
-            },
-        };
-        encoder.copy_texture_to_buffer(source, target, size);
+        match result {
+            Source::Target(index) => {
+                encoder.copy_texture_to_buffer(colors[index].0.as_image_copy(), target, size);
+            }
+            Source::Depth => {
+                let bytes = staging.size();
+                let depths = depths::load(self.device, &mut encoder, &depth, bytes);
+                encoder.copy_buffer_to_buffer(&depths, 0, &staging, 0, bytes);
+            }
+        }
         self.device.queue.submit([encoder.finish()]);
         staging
     }

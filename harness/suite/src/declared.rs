@@ -141,8 +141,11 @@ pub(crate) struct Frame {
     pub(crate) name: String,
     /// Filled in from the file's name where it isn't written.
     pub(crate) module: Option<String>,
-    pub(crate) vertex: String,
+    /// None: the fragment function alone covers the frame.
+    pub(crate) vertex: Option<String>,
     pub(crate) fragment: String,
+    /// Samples a pixel.
+    pub(crate) samples: Option<u32>,
     pub(crate) size: [u32; 2],
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Value>,

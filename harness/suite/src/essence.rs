@@ -61,8 +61,37 @@ fn content(file: &Path) -> Option<String> {
     Some(blake3::hash(&bytes).to_hex().to_string())
 }
 
-/// What stands in the images that are bound.
-fn files<'v>(with: impl Iterator<Item = &'v Value>, folder: &Path) -> Option<String> {
-    let names = with.filter_map(Value::as_str).filter(|name| name.contains('.'));
-    names.map(|name| content(&folder.join(name))).collect()
+/// What stands in the images and the files of values that are bound, by themselves or in lists.
+fn files<'v>(mut with: impl Iterator<Item = &'v Value>, folder: &Path) -> Option<String> {
+    with.try_fold(String::new(), |all, value| {
+        Some(match value {
+            Value::String(name) if name.contains('.') => all + &content(&folder.join(name))?,
+            Value::Array(list) => all + &files(list.iter(), folder)?,
+            _ => all,
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_in_lists_are_read() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let with: toml::Table =
+            "layers = [\"a.png\", [1, 0, 0]]\nwhole = \"b.json\"".parse().expect("TOML");
+        let write = |name: &str, text: &str| {
+            std::fs::write(folder.path().join(name), text).expect("written");
+        };
+        let read = || files(with.values(), folder.path());
+        assert_eq!(read(), None, "a file that isn't there");
+        write("a.png", "1");
+        write("b.json", "1");
+        let first = read();
+        write("a.png", "2");
+        let second = read();
+        write("b.json", "2");
+        assert!(first.is_some() && first != second && second != read());
+    }
 }

@@ -443,12 +443,15 @@ fn frame(package: &Package, declared: &Frame) -> Result<(), String> {
     let [width, height] = declared.size;
     let program = Program::of_module(package, module).map_err(|error| error.to_string())?;
     let mut bindings: Vec<Binding> = Vec::new();
-    for (stage, name) in [(Stage::Vertex, &declared.vertex), (Stage::Fragment, &declared.fragment)]
-    {
+    let vertex = declared.vertex.iter().map(|name| (Stage::Vertex, name));
+    for (stage, name) in vertex.chain([(Stage::Fragment, &declared.fragment)]) {
         bindings.extend(program.entry_point_bindings(stage, name).unwrap_or_default());
     }
-    let mut frame =
-        package.frame(module, width, height).fullscreen(&declared.vertex, &declared.fragment);
+    let frame = package.frame(module, width, height).samples(declared.samples.unwrap_or(1));
+    let mut frame = match &declared.vertex {
+        Some(vertex) => frame.fullscreen(vertex, &declared.fragment),
+        None => frame.fragment(&declared.fragment),
+    };
     for (name, fixture) in bound(&program, &bindings, &declared.with, &declared.folder)? {
         frame = frame.with(&name, fixture);
     }

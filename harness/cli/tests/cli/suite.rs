@@ -491,6 +491,13 @@ fn a_declared_frame_is_compared_with_its_golden() {
         let ran = declared(with);
         assert!(ran.code != Some(0) && ran.out.contains(part), "{ran:?}");
     }
+    // Alone, and with the same result.
+    let alone = format!(
+        "[[frame]]\nname = \"gradient\"\nfragment = \"fs\"\nsize = [32, 16]\nsamples = 4\n\
+         with = {{ {tint} }}\n"
+    );
+    write(folder.path(), "grad.test.toml", &alone);
+    karat(folder.path(), &["test", ".", "--paths", "vulkan"]).good();
     let left_out = karat(folder.path(), &["test", ".", "--functions"]);
     assert_ne!(left_out.code, Some(0), "nothing is compared: {left_out:?}");
 }

@@ -1,0 +1,67 @@
+//! Depth as numbers: what drivers copy of depth textures differs, what shaders load doesn't.
+
+use crate::path::Device;
+
+/// Loads each pixel's depth, into rows of a buffer.
+const LOAD: &str = "
+@group(0) @binding(0) var depth: texture_2d<f32>;
+@group(0) @binding(1) var<storage, read_write> depths: array<f32>;
+@compute @workgroup_size(8, 8) fn load(@builtin(global_invocation_id) at: vec3u) {
+    let size = textureDimensions(depth);
+    if all(at.xy < size) {
+        depths[at.y * (arrayLength(&depths) / size.y) + at.x] = textureLoad(depth, at.xy, 0).x;
+    }
+}
+";
+
+/// Invocations along a side of a workgroup.
+const SIDE: u32 = 8;
+
+/// Puts the depth of all pixels into a new buffer of so many bytes, which rows share evenly.
+pub(super) fn load(
+    device: &Device,
+    encoder: &mut wgpu::CommandEncoder,
+    depth: &wgpu::Texture,
+    bytes: u64,
+) -> wgpu::Buffer {
+    let device = &device.device;
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some("depth"),
+        source: wgpu::ShaderSource::Wgsl(LOAD.into()),
+    });
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some("depth"),
+        layout: None,
+        module: &module,
+        entry_point: Some("load"),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    });
+    let depths = device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("depth"),
+        size: bytes,
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
+    });
+    let view = depth.create_view(&wgpu::TextureViewDescriptor {
+        aspect: wgpu::TextureAspect::DepthOnly,
+        ..wgpu::TextureViewDescriptor::default()
+    });
+    let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some("depth"),
+        layout: &pipeline.get_bind_group_layout(0),
+        entries: &[
+            wgpu::BindGroupEntry {
+                binding: 0,
+                resource: wgpu::BindingResource::TextureView(&view),
+            },
+            wgpu::BindGroupEntry { binding: 1, resource: depths.as_entire_binding() },
+        ],
+    });
+    let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+    pass.set_pipeline(&pipeline);
+    pass.set_bind_group(0, &group, &[]);
+    pass.dispatch_workgroups(depth.width().div_ceil(SIDE), depth.height().div_ceil(SIDE), 1);
+    drop(pass);
+    depths
+}

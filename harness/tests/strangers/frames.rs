@@ -1,0 +1,464 @@
+//! Frames as engines draw them: each state with what is seen if it is ignored.
+
+use glam::{Vec2, Vec3, Vec4};
+use karat::draw::{
+    Blend, Component, Cull, DepthBias, Draw, Factor, Format, Mesh, Operation, Stencil,
+    StencilOperation, Winding,
+};
+use karat::fixture::Compare;
+use karat::prelude::*;
+use karat::{Frame, Image};
+
+const SIZE: u32 = 8;
+
+/// Flat colours, at a depth of their own.
+const FLAT: &str = "
+struct Flat { color: vec4f, depth: f32 }
+@group(0) @binding(0) var<uniform> flat: array<Flat, 3>;
+@vertex fn vertex(@location(0) p: vec3f) -> @builtin(position) vec4f { return vec4f(p, 1.0); }
+@fragment fn first() -> @location(0) vec4f { return flat[0].color; }
+@fragment fn second() -> @location(0) vec4f { return flat[1].color; }
+struct Two { @location(0) a: vec4f, @location(1) b: vec4f }
+@fragment fn both() -> Two { return Two(flat[0].color, flat[1].color); }
+";
+
+karat::shareable! { struct Flat mirrors FlatMirror { color: Vec4, depth: f32 } }
+
+fn colors(colors: [Vec4; 2]) -> Uniform {
+    let flat = |color| Flat { color, depth: 0.0 };
+    Uniform::new([flat(colors[0]), flat(colors[1]), flat(Vec4::ZERO)])
+}
+
+/// A rectangle in clip coordinates, counter-clockwise.
+fn rectangle(from: Vec2, to: Vec2, depth: f32) -> Mesh {
+    let corners = [from, Vec2::new(to.x, from.y), to, Vec2::new(from.x, to.y)];
+    Mesh::new(corners.map(|corner| corner.extend(depth)).to_vec(), vec![0, 1, 2, 0, 2, 3])
+}
+
+fn all(depth: f32) -> Mesh {
+    rectangle(Vec2::NEG_ONE, Vec2::ONE, depth)
+}
+
+fn left(depth: f32) -> Mesh {
+    rectangle(Vec2::NEG_ONE, Vec2::new(0.0, 1.0), depth)
+}
+
+/// The frame's image on each driver.
+fn images(frame: &Frame<'_>) -> Vec<(Path, Image)> {
+    let open = Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok());
+    let drawn = |path| (path, frame.render(path).unwrap_or_else(|e| panic!("{path}: {e}")));
+    let images: Vec<_> = open.map(drawn).collect();
+    assert!(!images.is_empty(), "no path opens, so nothing would be checked");
+    images
+}
+
+fn pixel(image: &Image, x: u32, y: u32) -> Vec4 {
+    Vec4::from(image.pixels()[(y * image.width() + x) as usize])
+}
+
+/// What is drawn at the left and at the right, on each driver.
+fn expect(frame: &Frame<'_>, at: [Vec4; 2]) {
+    for (path, image) in images(frame) {
+        let seen = [pixel(&image, 1, 4), pixel(&image, 6, 4)];
+        let near = seen.iter().zip(at).all(|(seen, at)| seen.abs_diff_eq(at, 2e-3));
+        assert!(near, "{path}: {seen:?}, expected {at:?}");
+    }
+}
+
+const RED: Vec4 = Vec4::new(1.0, 0.0, 0.0, 1.0);
+const GREEN: Vec4 = Vec4::new(0.0, 1.0, 0.0, 1.0);
+
+fn flat() -> Package {
+    Package::from_source("flat", FLAT)
+}
+
+fn frame(package: &Package) -> Frame<'_> {
+    package.frame("", SIZE, SIZE).with("flat", colors([RED, GREEN]))
+}
+
+fn red(mesh: Mesh) -> Draw {
+    Draw::mesh("vertex", "first", mesh)
+}
+
+fn green(mesh: Mesh) -> Draw {
+    Draw::mesh("vertex", "second", mesh)
+}
+
+#[test]
+fn targets_have_formats() {
+    let package = flat();
+    let color = Vec4::new(0.2, 0.25, 2.0, 0.4);
+    let of = |format: Format| {
+        package
+            .frame("", SIZE, SIZE)
+            .with("flat", colors([color, GREEN]))
+            .formats([format])
+            .draw(red(all(0.5)))
+    };
+    // 8 bits keep 0.2 and 0.4, and 0.25 as 64 / 255; in sRGB 0.2 is 124 / 255, 0.25 is 137 / 255.
+    let quarter = 64.0 / 255.0;
+    let lacking = [Format::Rgba32Float, Format::R32Float, Format::Rg11b10Ufloat];
+    for (format, kept) in [
+        (Format::Float, color),
+        (Format::Rgba32Float, color),
+        (Format::Rgba16Float, Vec4::new(0.199_95, 0.25, 2.0, 0.399_9)),
+        (Format::Rg16Float, Vec4::new(0.199_95, 0.25, 0.0, 1.0)),
+        (Format::R32Float, Vec4::new(0.2, 0.0, 0.0, 1.0)),
+        (Format::Rgba8Unorm, Vec4::new(0.2, quarter, 1.0, 0.4)),
+        (Format::Bgra8Unorm, Vec4::new(0.2, quarter, 1.0, 0.4)),
+        (Format::Rgba8UnormSrgb, Vec4::new(0.201_56, 0.250_16, 1.0, 0.4)),
+        (Format::R8Unorm, Vec4::new(0.2, 0.0, 0.0, 1.0)),
+        (Format::Rg8Unorm, Vec4::new(0.2, quarter, 0.0, 1.0)),
+        (Format::Rgb10a2Unorm, Vec4::new(205.0 / 1023.0, 256.0 / 1023.0, 1.0, 1.0 / 3.0)),
+        // Six bits of mantissa, and five of blue.
+        (Format::Rg11b10Ufloat, Vec4::new(0.199_22, 0.25, 2.0, 1.0)),
+    ] {
+        for path in Path::ALL.into_iter().filter(|path| karat::path::adapter(*path).is_ok()) {
+            let image = match of(format).render(path) {
+                Ok(image) => image,
+                // wgpu's GL draws into none of these here, and says so.
+                Err(error) if path == Path::GL && lacking.contains(&format) => {
+                    assert!(error.to_string().contains("is not renderable"), "{error}");
+                    continue;
+                }
+                Err(error) => panic!("{format:?} on {path}: {error}"),
+            };
+            let seen = pixel(&image, 3, 3);
+            // llvmpipe rounds 204.6 of 1023 to 204.
+            let within = if format == Format::Rgb10a2Unorm { 1.0 / 1023.0 } else { 2e-4 };
+            assert!(seen.abs_diff_eq(kept, within), "{format:?} on {path}: {seen}, not {kept}");
+        }
+    }
+}
+
+#[test]
+fn integers_are_targets() {
+    let text = "@fragment fn f() -> @location(0) vec4u { return vec4u(7u, 255u, 300u, 2u); }\n\
+                @fragment fn g() -> @location(0) vec4i { return vec4i(-5); }\n";
+    let package = Package::from_source("integers", text);
+    let of = |format, fragment| package.frame("", 2, 2).formats([format]).fragment(fragment);
+    for (path, image) in images(&of(Format::Rgba16Uint, "f")) {
+        assert_eq!(pixel(&image, 0, 0), Vec4::new(7.0, 255.0, 300.0, 2.0), "{path}");
+    }
+    for (path, image) in images(&of(Format::R32Sint, "g")) {
+        assert_eq!(pixel(&image, 0, 0), Vec4::new(-5.0, 0.0, 0.0, 1.0), "{path}");
+    }
+}
+
+#[test]
+fn several_targets_and_depth() {
+    let package = flat();
+    let frame = frame(&package)
+        .formats([Format::Rgba8Unorm, Format::Rgba16Float])
+        .draw(Draw::mesh("vertex", "both", left(0.25)));
+    expect(&frame.clone(), [RED, Vec4::ZERO]);
+    expect(&frame.clone().target(1), [GREEN, Vec4::ZERO]);
+    let near = Vec4::new(0.25, 0.0, 0.0, 1.0);
+    expect(&frame.depth(), [near, RED]);
+    let alone = package.frame("", SIZE, SIZE).depth().draw(Draw::depth("vertex", left(0.25)));
+    expect(&alone, [near, RED]);
+}
+
+/// An edge through pixels covers a share of their samples.
+#[test]
+fn pixels_have_samples() {
+    let package = flat();
+    let third = rectangle(Vec2::NEG_ONE, Vec2::new(0.125, 1.0), 0.5);
+    let frame = frame(&package).draw(red(third));
+    let at_edge = |image: &Image| pixel(image, 4, 4).x;
+    for (path, image) in images(&frame) {
+        assert!([0.0, 1.0].contains(&at_edge(&image)), "{path}");
+    }
+    for (path, image) in images(&frame.samples(4)) {
+        assert!((0.2..=0.8).contains(&at_edge(&image)), "{path}: {}", at_edge(&image));
+    }
+}
+
+#[test]
+fn faces_are_culled_by_their_winding() {
+    let package = flat();
+    for (cull, winding, seen) in [
+        (Cull::None, Winding::CounterClockwise, true),
+        (Cull::Back, Winding::CounterClockwise, true),
+        (Cull::Front, Winding::CounterClockwise, false),
+        (Cull::None, Winding::Clockwise, true),
+        (Cull::Back, Winding::Clockwise, false),
+        (Cull::Front, Winding::Clockwise, true),
+    ] {
+        let draw = red(all(0.5)).cull(cull).front_face(winding);
+        let color = if seen { RED } else { Vec4::ZERO };
+        expect(&frame(&package).draw(draw), [color, color]);
+    }
+    expect(&frame(&package).draw(red(all(0.5)).front_face(Winding::Clockwise)), [Vec4::ZERO; 2]);
+}
+
+#[test]
+fn depth_is_compared_written_and_biased() {
+    let package = flat();
+    let two = |first: Draw, second: Draw| frame(&package).draw(first).draw(second);
+    // The green one is behind the left half of the red one.
+    expect(&two(red(left(0.25)), green(all(0.5))), [RED, GREEN]);
+    let unwritten = red(left(0.25)).depth_write(false);
+    expect(&two(unwritten, green(all(0.5))), [GREEN, GREEN]);
+    let always = green(all(0.5)).depth_compare(Compare::Always);
+    expect(&two(red(left(0.25)), always), [GREEN, GREEN]);
+    // Where nearer is larger.
+    let reversed = |draw: Draw| draw.depth_compare(Compare::GreaterEqual);
+    let both = two(reversed(red(left(0.25))), reversed(green(all(0.5))));
+    expect(&both.clone().clear_depth(0.0), [GREEN, GREEN]);
+    expect(&both, [Vec4::ZERO, Vec4::ZERO]);
+    // Of equal depths the later is seen, but for a bias.
+    expect(&two(red(left(0.5)), green(all(0.5))), [GREEN, GREEN]);
+    let bias = DepthBias { constant: 1000, slope: 0.0, clamp: 0.0 };
+    expect(&two(red(left(0.5)), green(all(0.5)).depth_bias(bias)), [RED, GREEN]);
+}
+
+#[test]
+fn stencils_are_written_and_compared() {
+    let package = flat();
+    let written = Stencil { reference: 5, pass: StencilOperation::Replace, ..Stencil::default() };
+    let equal = |reference| Stencil { compare: Compare::Equal, reference, ..Stencil::default() };
+    let draws = |first: Stencil, second: Stencil| {
+        frame(&package)
+            .draw(red(left(0.5)).stencil(first).write_mask(0, ""))
+            .draw(green(all(0.25)).stencil(second))
+    };
+    expect(&draws(written, equal(5)), [GREEN, Vec4::ZERO]);
+    expect(&draws(written, equal(0)), [Vec4::ZERO, GREEN]);
+    expect(&draws(Stencil::default(), equal(0)), [GREEN, GREEN]);
+    let masked = Stencil { write_mask: 1, ..written };
+    expect(&draws(masked, equal(1)), [GREEN, Vec4::ZERO]);
+    let low_bits = Stencil { read_mask: 1, ..equal(3) };
+    expect(&draws(written, low_bits), [GREEN, Vec4::ZERO]);
+    let more = Stencil { pass: StencilOperation::Increment, ..Stencil::default() };
+    expect(&draws(more, equal(1)), [GREEN, Vec4::ZERO]);
+    let behind = Stencil { depth_fail: StencilOperation::Invert, ..Stencil::default() };
+    let hidden = frame(&package)
+        .draw(red(all(0.1)))
+        .draw(red(left(0.5)).stencil(behind))
+        .draw(green(all(0.05)).stencil(equal(255)));
+    expect(&hidden, [GREEN, RED]);
+}
+
+#[test]
+fn pixels_are_blended() {
+    let package = flat();
+    let (old, new) = (Vec4::new(0.5, 0.25, 1.0, 0.75), Vec4::new(0.25, 0.5, 0.75, 0.5));
+    let frame = |blend: Blend| {
+        package
+            .frame("", SIZE, SIZE)
+            .with("flat", colors([new, old]))
+            .draw(green(all(0.5)))
+            .draw(red(left(0.25)).blend(blend).blend_constant([0.25, 0.5, 1.0, 0.5]))
+    };
+    let both = |source, target, operation| {
+        let component = Component { source, target, operation };
+        Blend::Custom { color: component, alpha: component }
+    };
+    use Factor::{
+        Constant, New, NewAlpha, NewAlphaSaturated, Old, OldAlpha, One, OneMinusConstant,
+        OneMinusNew, OneMinusOld, OneMinusOldAlpha, Zero,
+    };
+    let constant = Vec4::new(0.25, 0.5, 1.0, 0.5);
+    let add = Operation::Add;
+    for (blend, expected) in [
+        (Blend::Replace, new),
+        (Blend::Add, old + new),
+        (Blend::Alpha, (new * 0.5 + old * 0.5).truncate().extend(0.5 + 0.75 * 0.5)),
+        (Blend::Premultiplied, new + old * 0.5),
+        (Blend::Multiply, new * old),
+        (both(Zero, OneMinusNew, add), old * (1.0 - new)),
+        (both(New, Old, add), new * new + old * old),
+        (both(OneMinusOld, Zero, add), new * (1.0 - old)),
+        (both(OldAlpha, OneMinusOldAlpha, add), new * 0.75 + old * 0.25),
+        (both(Constant, OneMinusConstant, add), new * constant + old * (1.0 - constant)),
+        (both(NewAlphaSaturated, One, add), (new * 0.25 + old).truncate().extend(new.w + old.w)),
+        (both(One, One, Operation::Subtract), new - old),
+        (both(One, One, Operation::ReverseSubtract), old - new),
+        (both(One, One, Operation::Min), new.min(old)),
+        (both(One, One, Operation::Max), new.max(old)),
+        (
+            Blend::Custom {
+                color: Component { source: NewAlpha, target: Zero, operation: add },
+                alpha: Component { source: One, target: Zero, operation: add },
+            },
+            (new * 0.5).truncate().extend(0.5),
+        ),
+    ] {
+        for (path, image) in images(&frame(blend)) {
+            let seen = [pixel(&image, 1, 4), pixel(&image, 6, 4)];
+            assert!(
+                seen[0].abs_diff_eq(expected, 2e-3),
+                "{blend:?} on {path}: {seen:?}, not {expected}"
+            );
+            assert!(seen[1].abs_diff_eq(old, 2e-3), "{blend:?} on {path}: {seen:?}");
+        }
+    }
+}
+
+#[test]
+fn targets_are_blended_and_masked_apart() {
+    let package = flat();
+    let draw = |mesh| Draw::mesh("vertex", "both", mesh);
+    let twice = frame(&package)
+        .formats([Format::Rgba16Float; 2])
+        .draw(draw(all(0.5)))
+        .draw(draw(left(0.25)).blend_target(1, Blend::Add).write_mask(0, "rb"));
+    expect(&twice, [RED, RED]);
+    expect(&twice.clone().target(1), [GREEN * 2.0, GREEN]);
+    let masked = frame(&package)
+        .formats([Format::Rgba16Float; 2])
+        .clear([0.5; 4])
+        .draw(draw(left(0.25)).write_mask(0, "gb"));
+    expect(&masked, [Vec4::new(0.5, 0.0, 0.0, 0.5), Vec4::splat(0.5)]);
+}
+
+const INSTANCES: &str = "
+struct Out { @builtin(position) clip: vec4f, @location(0) color: vec4f }
+@vertex fn vertex(
+    @location(0) p: vec3f,
+    @location(1) offset: vec2f,
+    @location(2) id: u32,
+    @builtin(instance_index) instance: u32,
+    @builtin(vertex_index) index: u32,
+) -> Out {
+    return Out(vec4f(p.xy + offset, p.z, 1.0), vec4f(f32(id), f32(instance), f32(index / 4u), 1.0));
+}
+@fragment fn fragment(in: Out) -> @location(0) vec4f { return in.color; }
+@vertex fn plain(@builtin(vertex_index) i: u32, @builtin(instance_index) n: u32) -> Out {
+    let p = vec2f(f32(i % 3u & 1u), f32(i % 3u >> 1u)) * 4.0 - 1.0;
+    return Out(vec4f(p, 0.5, 1.0), vec4f(f32(i / 3u), f32(n), 0.0, 1.0));
+}
+";
+
+#[test]
+fn copies_have_attributes_and_numbers() {
+    let package = Package::from_source("instances", INSTANCES);
+    let mesh = || {
+        left(0.5)
+            .instance_attribute(1, &[Vec2::ZERO, Vec2::X, Vec2::new(1.0, 4.0)])
+            .instance_attribute(2, &[7_u32, 9, 11])
+    };
+    let draw = || Draw::mesh("vertex", "fragment", mesh());
+    let frame = |draw: Draw| package.frame("", SIZE, SIZE).draw(draw);
+    let color = |id: f32, instance: f32, set: f32| Vec4::new(id, instance, set, 1.0);
+    let two = [color(7.0, 0.0, 0.0), color(9.0, 1.0, 0.0)];
+    expect(&frame(draw().instances(2)), two);
+    expect(&frame(draw().instances(2).short_indices()), two);
+    expect(&frame(draw().instances(2).indirect()), two);
+    expect(&frame(draw()), [two[0], Vec4::ZERO]);
+    let vertices = |draw: &str| Draw::vertices(draw, "fragment", 3);
+    expect(&frame(vertices("plain")), [color(0.0, 0.0, 0.0); 2]);
+    let error = frame(draw().instances(4)).render(Path::ALL[0]).expect_err("3 values").to_string();
+    assert!(error.contains("drawn 4 times from copy 0, and an attribute has 3 values"), "{error}");
+}
+
+/// wgpu's GL gives shaders other numbers of copies and vertices where these don't begin at 0.
+#[test]
+fn numbers_begin_where_a_draw_says() {
+    if karat::path::adapter(Path::VULKAN).is_err() {
+        return;
+    }
+    let package = Package::from_source("instances", INSTANCES);
+    let seen = |draw: Draw| {
+        let image = package.frame("", SIZE, SIZE).draw(draw).render(Path::VULKAN);
+        pixel(&image.expect("it is drawn"), 1, 4)
+    };
+    let plain = || Draw::vertices("plain", "fragment", 3);
+    assert_eq!(seen(plain().first_instance(2)), Vec4::new(0.0, 2.0, 0.0, 1.0));
+    assert_eq!(seen(plain().base_vertex(6)), Vec4::new(2.0, 0.0, 0.0, 1.0));
+    assert_eq!(
+        seen(plain().base_vertex(3).first_instance(5).indirect()),
+        Vec4::new(1.0, 5.0, 0.0, 1.0)
+    );
+}
+
+#[test]
+fn frames_read_frames() {
+    let text = "
+@group(0) @binding(0) var before: texture_2d<f32>;
+@group(0) @binding(1) var shadow_map: texture_depth_2d;
+@group(0) @binding(2) var comparing: sampler_comparison;
+@vertex fn vertex(@location(0) p: vec3f) -> @builtin(position) vec4f { return vec4f(p, 1.0); }
+@fragment fn ramp(@location(0) uv: vec2f) -> @location(0) vec4f { return vec4f(uv, 0.0, 1.0); }
+@fragment fn doubled(@builtin(position) p: vec4f) -> @location(0) vec4f {
+    return 2.0 * textureLoad(before, vec2u(p.xy), 0);
+}
+@fragment fn lit(@location(0) uv: vec2f) -> @location(0) vec4f {
+    return vec4f(textureSampleCompare(shadow_map, comparing, uv, 0.5));
+}
+";
+    let package = Package::from_source("passes", text);
+    let ramp = || package.frame("", SIZE, SIZE).fragment("ramp");
+    let (near, far) =
+        (Vec4::new(1.5 / 8.0, 4.5 / 8.0, 0.0, 1.0), Vec4::new(6.5 / 8.0, 4.5 / 8.0, 0.0, 1.0));
+    expect(&ramp(), [near, far]);
+    let twice = package.frame("", SIZE, SIZE).with_frame("before", ramp()).fragment("doubled");
+    expect(&twice, [2.0 * near, 2.0 * far]);
+    let again = package.frame("", SIZE, SIZE).with_frame("before", twice).fragment("doubled");
+    expect(&again, [4.0 * near, 4.0 * far]);
+
+    let shadow = package.frame("", SIZE, SIZE).draw(Draw::depth("vertex", left(0.25))).depth();
+    let lit = package
+        .frame("", SIZE, SIZE)
+        .with_frame("shadow_map", shadow)
+        .with("comparing", Sampler::Nearest.compare(Compare::Less))
+        .fragment("lit");
+    expect(&lit, [Vec4::ZERO, Vec4::ONE]);
+}
+
+#[test]
+fn members_of_buffers_are_inputs() {
+    let text = "struct Light { color: vec3f, power: f32 }\n\
+        struct Globals { time: f32, light: Light, frame_count: u32 }\n\
+        @group(0) @binding(0) var<uniform> globals: Globals;\n\
+        @fragment fn f() -> @location(0) vec4f {\n    \
+        return vec4f(globals.time, globals.light.power, f32(globals.frame_count), globals.light.color.y);\n}\n";
+    let package = Package::from_source("globals", text);
+    let frame = || package.frame("", SIZE, SIZE).fragment("f");
+    let set = frame().set("globals.time", 1.5_f32).set("globals.frame_count", 90_u32);
+    expect(&set, [Vec4::new(1.5, 0.0, 90.0, 0.0); 2]);
+    let light = frame()
+        .set("globals.light.color", Vec3::new(0.0, 0.5, 0.0))
+        .set("globals.light.power", 3.0_f32);
+    expect(&light, [Vec4::new(0.0, 3.0, 0.0, 0.5); 2]);
+    for (frame, part) in [
+        (frame().set("globals.tme", 1.0_f32), "no member `tme`; did you mean `time`?"),
+        (frame().set("global.time", 1.0_f32), "did you mean `globals`?"),
+        (frame().set("globals.time", 1_u32), "`time` is f32, the value is u32"),
+        (frame().set("globals.time.x", 1.0_f32), "has no members"),
+    ] {
+        let error = frame.render(Path::ALL[0]).expect_err(part).to_string();
+        assert!(error.contains(part), "{error}");
+    }
+}
+
+#[test]
+fn what_no_device_draws_is_told() {
+    let package = Package::from_source(
+        "wrong",
+        [
+            FLAT,
+            "@fragment fn colored(@location(1) c: vec3f) -> @location(0) vec4f { return c.xyzz; }",
+        ]
+        .concat(),
+    );
+    let frame = || package.frame("", SIZE, SIZE).with("flat", colors([RED, GREEN]));
+    let depth = || Draw::depth("vertex", all(0.5));
+    for (frame, part) in [
+        (frame(), "draws nothing"),
+        (frame().draw(red(all(0.5))).draw(depth()), "some of its draws draw depth alone"),
+        (frame().draw(depth()), "add `.depth()`"),
+        (frame().draw(red(all(0.5))).target(1), "it has 1 targets, and none is 1"),
+        (frame().draw(red(all(0.5)).write_mask(1, "r")), "names target 1, and the frame has 1"),
+        (frame().draw(red(all(0.5))).depth().samples(4), "several samples"),
+        (package.frame("", 2, 2).fragment("colored"), "at @location(1) that isn't a vec2f"),
+        (
+            frame().with_frame("falt", frame().draw(red(all(0.5)))).draw(red(all(0.5))),
+            "did you mean `flat`?",
+        ),
+    ] {
+        let error = frame.render(Path::ALL[0]).expect_err(part).to_string();
+        assert!(error.contains(part), "{part}: {error}");
+    }
+}
