@@ -1,4 +1,5 @@
-//! `cargo ci corpus`: shaders of published crates, which cargo fetches and doesn't compile.
+//! `cargo ci corpus` and `cargo ci found`: shaders of published crates, which cargo fetches and doesn't
+//! compile.
 
 use std::path::PathBuf;
 use std::process::Stdio;
@@ -57,6 +58,15 @@ pub(crate) fn run_routes(list: Option<PathBuf>, json: Option<PathBuf>) -> Result
         std::fs::write(&file, format!("{ROUTES_HEAD}{table}"))
             .with_context(|| format!("can't write `{}`", file.display()))?;
     }
+    Ok(())
+}
+
+/// Runs the checks that find faults of released shaders, and writes their pages.
+pub(crate) fn run_found() -> Result<()> {
+    let mut found =
+        command::cargo(&["run", "--locked", "--package", "karat", "--example", "found"]);
+    found.arg("--").arg(command::root().join("docs/found"));
+    ensure!(found.status().context("cargo doesn't run")?.success(), "a finding isn't one");
     Ok(())
 }
 

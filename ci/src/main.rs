@@ -65,6 +65,11 @@ enum Task {
     Test,
     /// Formatting, Clippy, documentation and licences: CI without the tests.
     Lint,
+    /// Run the checks that find faults of released shaders
+    ///
+    /// Each has to fail as its crate was released, and to pass with the change that mends it. The pages
+    /// go to docs/found.
+    Found,
     /// Read the shaders of published crates: what opens, links, validates and can be called.
     ///
     /// The crates are fetched by cargo and not compiled. The table goes to docs/corpus.md.
@@ -108,6 +113,7 @@ fn main() -> ExitCode {
         Task::Demo => demo::run(),
         Task::Test => suite::run(),
         Task::Lint => lint::run(),
+        Task::Found => step::verdict(corpus::run_found()),
         Task::Corpus { list, routes: false, json } => step::verdict(corpus::run(list, json)),
         Task::Corpus { list, routes: true, json } => step::verdict(corpus::run_routes(list, json)),
         Task::Matrix => step::verdict(matrix::run()),

@@ -1,0 +1,331 @@
+//! Faults of released shaders that ordinary checks find: each fails as it was released, and passes with one
+//! change.
+//!
+//! `cargo run --example found -- docs/found` runs all of them, over crates that cargo fetches, and writes a page for
+//! each; `cargo ci found` does that. A finding that passes as it is, or fails when it is mended, is an error.
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::process::{Command, ExitCode};
+
+use glam::{DVec2, DVec3, Vec3};
+use karat::check::{Agreement, Failure};
+use karat::domain::UnitRgb;
+use karat::prelude::*;
+
+/// A fault of a crate's shader.
+struct Found {
+    name: &'static str,
+    /// With its version.
+    krate: &'static str,
+    function: &'static str,
+    /// What is wrong, and who meets it.
+    says: &'static str,
+    check: fn(&Package) -> Result<Agreement, Failure>,
+    /// What is replaced in the function's module, and by what.
+    change: [&'static str; 2],
+}
+
+const FOUND: [Found; 6] = [
+    Found {
+        name: "hue-of-grey",
+        krate: "bevy_render@0.20.1",
+        function: "color_operations::rgb_to_hsv",
+        says: "The hue of every grey is NaN: red, green and blue are equal, so their difference is divided by 0. \
+               A line below guards the saturation alone. Bevy's tone mapping turns hues with this function.",
+        check: hue_of_grey,
+        change: [
+            "(swizzle.x - swizzle.y) / c + swizzle.z",
+            "(swizzle.x - swizzle.y) / max(c, 1e-20) + swizzle.z",
+        ],
+    },
+    Found {
+        name: "full-turn-of-hue",
+        krate: "bevy_render@0.20.1",
+        function: "color_operations::hsl_to_linear_rgb",
+        says: "A hue of 1, a whole turn, is the red of 0. No branch takes it, so the most saturated colour of that hue \
+               comes out black. `hsv_to_linear_rgb` does the same.",
+        check: full_turn_of_hue,
+        change: ["let hp = h * 6.0;", "let hp = fract(h) * 6.0;"],
+    },
+    Found {
+        name: "white-and-black",
+        krate: "bevy_render@0.20.1",
+        function: "color_operations::hwb_to_linear_rgb",
+        says: "Where whiteness and blackness are more than 1 together, CSS Color 4 (section 8) scales both, and the \
+               colour is a grey. Here the saturation is negative, and red comes out cyan.",
+        check: white_and_black,
+        change: [
+            "    let whiteness = hwb.y;\n    let blackness = hwb.z;\n",
+            "    let whiteness = hwb.y / max(1.0, hwb.y + hwb.z);\n    \
+             let blackness = hwb.z / max(1.0, hwb.y + hwb.z);\n",
+        ],
+    },
+    Found {
+        name: "angle-of-nothing",
+        krate: "bevy_render@0.20.1",
+        function: "maths::fast_atan2",
+        says: "The angle of (0, 0) is NaN, where atan2 has 0. Bevy's atmosphere asks for the azimuth of each ray \
+               of view with this function, and that of a ray straight up is (0, 0).",
+        check: angle_of_nothing,
+        change: ["var t3 = t1 / t0;", "var t3 = select(0.0, t1 / t0, t0 > 0.0);"],
+    },
+    Found {
+        name: "tone-of-black",
+        krate: "bevy_core_pipeline@0.20.1",
+        function: "tonemapping::tonemapping_reinhard_luminance",
+        says: "A black pixel becomes NaN: its luminance is divided by its luminance. This is the tone mapping of \
+               `Tonemapping::ReinhardLuminance`.",
+        check: tone_of_black,
+        change: [
+            "return c_in * (l_out / l_in);",
+            "return c_in * select(0.0, l_out / l_in, l_in > 0.0);",
+        ],
+    },
+    Found {
+        name: "round-ellipse",
+        krate: "bevy_smud@0.15.0",
+        function: "smud::sd_ellipse",
+        says: "The distance to an ellipse whose axes are equal, a circle, is NaN: the formula divides by the difference \
+               of their squares. The comment above warns of what is close to a circle.",
+        check: round_ellipse,
+        change: [
+            "    let l = ab.y * ab.y - ab.x * ab.x;\n",
+            "    if a == b {\n        return length(p_in) - a;\n    }\n    let l = ab.y * ab.y - ab.x * ab.x;\n",
+        ],
+    },
+];
+
+fn hue_of_grey(package: &Package) -> Result<Agreement, Failure> {
+    // found: hue-of-grey
+    package
+        .function("color_operations::rgb_to_hsv")
+        .over(UnitRgb)
+        .try_satisfies("has a hue from 0 to 2 pi", |_, hsv: Vec3| (0.0..=6.2832).contains(&hsv.x))
+    // end
+}
+
+fn full_turn_of_hue(package: &Package) -> Result<Agreement, Failure> {
+    // found: full-turn-of-hue
+    // CSS Color 4, section 7.1
+    let rgb = |hsl: DVec3| {
+        let channel = |n: f64| {
+            let k = (n + 12.0 * hsl.x) % 12.0;
+            hsl.z - hsl.y * hsl.z.min(1.0 - hsl.z) * (k - 3.0).min(9.0 - k).clamp(-1.0, 1.0)
+        };
+        DVec3::new(channel(0.0), channel(8.0), channel(4.0))
+    };
+    package
+        .function("color_operations::hsl_to_linear_rgb")
+        .over(UnitRgb)
+        .try_agrees_with(|hsl: DVec3| linear(rgb(hsl)), Abs(1e-4))
+    // end
+}
+
+fn white_and_black(package: &Package) -> Result<Agreement, Failure> {
+    // found: white-and-black
+    package.function("color_operations::hwb_to_linear_rgb").over(UnitRgb).try_satisfies(
+        "is grey where white and black fill it",
+        |hwb: Vec3, rgb: Vec3| {
+            hwb.y + hwb.z < 1.0 || (rgb.max_element() - rgb.min_element()) < 1e-3
+        },
+    )
+    // end
+}
+
+fn angle_of_nothing(package: &Package) -> Result<Agreement, Failure> {
+    // found: angle-of-nothing
+    package
+        .function("maths::fast_atan2")
+        .over((-1.0..=1.0_f32, -1.0..=1.0_f32))
+        .try_satisfies("is an angle", |_, angle: f32| angle.abs() <= 3.1416)
+    // end
+}
+
+fn tone_of_black(package: &Package) -> Result<Agreement, Failure> {
+    // found: tone-of-black
+    // Reinhard et al., Photographic Tone Reproduction, equation 3, of luminance
+    let mapped = |c: DVec3| c / (1.0 + c.dot(DVec3::new(0.2126, 0.7152, 0.0722)));
+    package
+        .function("tonemapping::tonemapping_reinhard_luminance")
+        .over(UnitRgb)
+        .try_agrees_with(mapped, Rel(1e-5).or(Abs(1e-6)))
+    // end
+}
+
+fn round_ellipse(package: &Package) -> Result<Agreement, Failure> {
+    // found: round-ellipse
+    let points = (-2.0..=2.0_f32, -2.0..=2.0_f32).map(|(x, y)| glam::Vec2::new(x, y));
+    let circles = (points, 0.25..=1.0_f32).map(|(point, radius)| (point, radius, radius));
+    package
+        .function("smud::sd_ellipse")
+        .over(circles)
+        .try_agrees_with(|p: DVec2, a: f64, _b: f64| p.length() - a, Abs(1e-4))
+    // end
+}
+
+/// sRGB's transfer function, the way back.
+fn linear(rgb: DVec3) -> DVec3 {
+    let channel = |x: f64| if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
+    DVec3::from(rgb.to_array().map(channel))
+}
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let done = match &*arguments {
+        [check, name] if check == "--check" => return checked(name),
+        [folder] => all(Path::new(folder)),
+        _ => Err("name a folder for the pages: `found docs/found`".to_owned()),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn open(found: &Found) -> Result<Package, String> {
+    Package::open_crate(Path::new("."), found.krate, None).map_err(|error| error.to_string())
+}
+
+/// Runs a check in a process of its own, which may have an overlay. Exit code 1: it fails.
+fn checked(name: &str) -> ExitCode {
+    let Some(found) = FOUND.iter().find(|found| found.name == name) else {
+        eprintln!("error: there is no finding `{name}`");
+        return ExitCode::from(2);
+    };
+    let package = match open(found) {
+        Ok(package) => package,
+        Err(error) => {
+            eprintln!("{error}");
+            return ExitCode::from(2);
+        }
+    };
+    match (found.check)(&package) {
+        Ok(agreement) => {
+            println!("{agreement}");
+            ExitCode::SUCCESS
+        }
+        // Only a case that fails is a finding.
+        Err(failure) => {
+            println!("{failure}");
+            match failure {
+                Failure::Disagreement(_) | Failure::Rejection(_) => ExitCode::from(1),
+                _ => ExitCode::from(2),
+            }
+        }
+    }
+}
+
+fn all(folder: &Path) -> Result<(), String> {
+    std::fs::create_dir_all(folder).map_err(|error| format!("`{}`: {error}", folder.display()))?;
+    let mut index = String::from(
+        "# Found\n\nFaults of released shaders that ordinary checks of Karat find: each check fails as the crate was \
+         released, and passes with one change. `cargo ci found` runs them all, over crates that cargo fetches, and \
+         writes these pages; nothing of the crates is kept here but the lines that are quoted.\n\n\
+         | fault | crate | function |\n|---|---|---|\n",
+    );
+    for found in &FOUND {
+        let page = page(found).map_err(|error| format!("{}: {error}", found.name))?;
+        let file = folder.join(format!("{}.md", found.name));
+        std::fs::write(&file, page).map_err(|error| format!("`{}`: {error}", file.display()))?;
+        let Found { name, krate, function, .. } = found;
+        index += &format!("| [{name}]({name}.md) | {krate} | `{function}` |\n");
+        eprintln!("{name}: fails as released, passes when it is mended");
+    }
+    let file = folder.join("README.md");
+    std::fs::write(&file, index).map_err(|error| format!("`{}`: {error}", file.display()))
+}
+
+/// Runs a finding, as it was released and mended, and writes its page.
+fn page(found: &Found) -> Result<String, String> {
+    let package = open(found)?;
+    let items = package.functions().map_err(|error| error.to_string())?;
+    let item = items.into_iter().find(|item| item.name == found.function);
+    let file = item.ok_or("there is no such function")?.span.file;
+    let [from, to] = found.change;
+    let place = match file.text.match_indices(from).collect::<Vec<_>>()[..] {
+        [(place, _)] => place,
+        ref several => return Err(format!("the text is there {} times", several.len())),
+    };
+    let overlay = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let (module, _) = found.function.rsplit_once("::").unwrap_or_default();
+    let extension = Path::new(&file.name).extension().unwrap_or_default();
+    let mended = overlay.path().join(module.replace("::", "/")).with_extension(extension);
+    std::fs::create_dir_all(mended.parent().unwrap_or(overlay.path()))
+        .and_then(|()| std::fs::write(&mended, file.text.replacen(from, to, 1)))
+        .map_err(|error| error.to_string())?;
+    let run = |overlay: Option<&Path>| -> Result<(Option<i32>, String), String> {
+        let mut command = Command::new(std::env::current_exe().map_err(|e| e.to_string())?);
+        command.args(["--check", found.name]).env_remove("KARAT_OVERLAY");
+        command.env("KARAT_PATHS", "vulkan").env_remove("KARAT_REQUIRE");
+        if let Some(overlay) = overlay {
+            command.env("KARAT_OVERLAY", overlay);
+        }
+        let output = command.output().map_err(|error| error.to_string())?;
+        Ok((output.status.code(), String::from_utf8_lossy(&output.stdout).into_owned()))
+    };
+    let (released, message) = run(None)?;
+    if released != Some(1) {
+        return Err(format!("as released it ends with {released:?}:\n{message}"));
+    }
+    let (passes, agreement) = run(Some(overlay.path()))?;
+    if passes != Some(0) {
+        return Err(format!("mended it ends with {passes:?}:\n{agreement}"));
+    }
+    let line = file.text[..place].matches('\n').count() + 1;
+    let (crate_name, version) = found.krate.split_once('@').unwrap_or((found.krate, ""));
+    let marker = format!("// found: {}\n", found.name);
+    let own = include_str!("found.rs");
+    let test = own.split(&marker).nth(1).and_then(|rest| rest.split("    // end").next());
+    let test: String = test
+        .unwrap_or_default()
+        .lines()
+        .map(|line| format!("{}\n", line.strip_prefix("    ").unwrap_or(line)))
+        .collect();
+    // Paths of this machine are nobody's, and neither is how to replay a process of this one.
+    let message = shortened(&message, crate_name, version);
+    let mut page = String::new();
+    let indent = |text: &str| text.len() - text.trim_start().len();
+    let lines = |text: &str, other: &str, sign: char| -> String {
+        let line = |line: &str| {
+            let own = line.get(indent(text)..).unwrap_or(line.trim_start());
+            let kept = other.lines().any(|other| other == line);
+            match (kept, sign) {
+                (true, '-') => String::new(),
+                (true, _) => format!("  {own}\n"),
+                _ => format!("{sign} {own}\n"),
+            }
+        };
+        text.trim_end().lines().map(line).collect()
+    };
+    let _ = write!(
+        page,
+        "# {}\n\n`{}` of {crate_name} {version}, line {line} of its module.\n\n{}\n\nThe test:\n\n```rust\n{}```\n\n\
+         What Karat says:\n\n```text\n{}\n```\n\nMended, it passes:\n\n```diff\n{}{}```\n",
+        found.name.replace('-', " "),
+        found.function,
+        found.says,
+        test,
+        message.trim_end(),
+        lines(from, to, '-'),
+        lines(to, from, '+'),
+    );
+    Ok(page)
+}
+
+/// A message with the crate's files as they are in the crate.
+fn shortened(message: &str, name: &str, version: &str) -> String {
+    let folder = format!("{name}-{version}/");
+    let short = |line: &str| match line.find(&folder) {
+        Some(at) => {
+            let start = line[..at].rfind([' ', '(', '`']).map_or(0, |space| space + 1);
+            format!("{}{}", &line[..start], &line[at..])
+        }
+        None => line.to_owned(),
+    };
+    let lines = message.lines().filter(|line| !line.trim_start().starts_with("replay: "));
+    lines.map(|line| short(line.trim_end()) + "\n").collect()
+}
