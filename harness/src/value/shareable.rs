@@ -239,7 +239,8 @@ arguments! {
 
 /// Declares a structure that crosses the CPU/GPU boundary, with its `f64` mirror.
 ///
-/// Member names and types must be those of the WGSL structure; the type's name may differ.
+/// Member names and types must be those of the WGSL structure; the type's name may differ. Both types are
+/// `Clone`, `Copy`, `Debug`, `PartialEq` and `Default`, which is zeros.
 ///
 /// ```
 /// karat::shareable! {
@@ -251,6 +252,8 @@ arguments! {
 /// }
 /// let reference = |weight: f64| ShadedMirror { weight, color: glam::DVec3::ONE };
 /// assert_eq!(reference(0.5).weight, 0.5);
+/// let shaded = Shaded { weight: 1.0, ..Shaded::default() };
+/// assert_eq!(shaded.color, glam::Vec3::ZERO);
 /// ```
 #[macro_export]
 macro_rules! shareable {
@@ -258,13 +261,13 @@ macro_rules! shareable {
         $($(#[$field_meta:meta])* $field:ident : $type:ty),+ $(,)?
     }) => {
         $(#[$meta])*
-        #[derive(Clone, Debug, PartialEq)]
+        #[derive(Clone, Copy, Debug, PartialEq)]
         $vis struct $name {
             $($(#[$field_meta])* pub $field: $type),+
         }
 
         #[doc = concat!("[`", stringify!($name), "`] in `f64`: what references receive and return.")]
-        #[derive(Clone, Debug, PartialEq)]
+        #[derive(Clone, Copy, Debug, PartialEq)]
         $vis struct $mirror {
             $($(#[$field_meta])* pub $field: <$type as $crate::value::Shareable>::Mirror),+
         }
@@ -291,6 +294,22 @@ macro_rules! shareable {
             #[inline]
             fn widen(&self) -> $mirror {
                 $mirror { $($field: $crate::value::Shareable::widen(&self.$field)),+ }
+            }
+        }
+
+        impl Default for $name {
+            /// Zeros, as memory of a shader begins.
+            fn default() -> Self {
+                let shape = <Self as $crate::value::Shareable>::shape();
+                let zeros = vec![0; shape.lanes().len()];
+                <Self as $crate::value::Shareable>::load(&mut zeros.iter())
+            }
+        }
+
+        impl Default for $mirror {
+            /// Zeros.
+            fn default() -> Self {
+                $crate::value::Shareable::widen(&<$name as Default>::default())
             }
         }
 
