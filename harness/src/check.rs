@@ -18,6 +18,7 @@ mod equivariance;
 mod expects;
 mod explanation;
 mod flush;
+mod golden;
 mod granted;
 mod grants;
 #[cfg(feature = "engine")]

@@ -17,6 +17,7 @@
 //!     .agrees_with(sums, Abs(0.0));
 //! ```
 
+mod golden;
 mod judge;
 
 use std::fmt;
@@ -25,6 +26,7 @@ use std::panic::Location;
 use crate::dispatch::{DispatchError, Passes, Wanted};
 use crate::executor::{self, Executor};
 use crate::fixture::{Fixture, Fixtures};
+use crate::golden::ValuesError;
 use crate::package::Package;
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
 use crate::record::Verdict;
@@ -159,6 +161,20 @@ pub enum ComputeError {
     /// Elements differ.
     #[error("{0}")]
     Differs(Box<Difference>),
+    /// Elements differ from their golden, or there is none that they could be compared with.
+    #[error("{}{source}", difference.as_ref().map_or_else(String::new, ToString::to_string))]
+    Golden {
+        /// Which elements differ.
+        difference: Option<Box<Difference>>,
+        /// What is wrong, and what to do.
+        source: Box<ValuesError>,
+    },
+}
+
+impl From<ValuesError> for ComputeError {
+    fn from(source: ValuesError) -> Self {
+        Self::Golden { difference: None, source: Box::new(source) }
+    }
 }
 
 pub use judge::Difference;
@@ -190,6 +206,7 @@ impl Concluded for Result<ComputeAgreement, ComputeError> {
             Ok(passed) if passed.known_issues.is_empty() => Verdict::Pass,
             Ok(_) => Verdict::KnownIssue,
             Err(ComputeError::Differs(_) | ComputeError::UnexpectedPass { .. }) => Verdict::Fail,
+            Err(ComputeError::Golden { source, .. }) if source.is_failure() => Verdict::Fail,
             Err(_) => Verdict::Error,
         }
     }

@@ -1,11 +1,14 @@
-//! Golden images: what a frame should look like, in HDR.
+//! Goldens: what a frame should look like, in HDR, and which values a function or a buffer should have.
 //!
-//! A golden is two files: `<case>.exr`, and `<case>.toml` with the same facts as text. A frame that
-//! differs or has no golden fails, and leaves `<case>.new.exr` beside the golden (if `CI` is set,
-//! in the folder of build output instead). Only accepting writes a golden.
+//! The golden of a frame is two files: `<case>.exr`, and `<case>.toml` with the same facts as text. That
+//! of values is one, `<case>.csv`, a [`Table`] with its facts as comments. What differs or has no golden
+//! fails, and leaves `<case>.new.exr` or `<case>.new.csv` beside the golden (if `CI` is set, in the folder
+//! of build output instead). Only accepting writes a golden.
 
 mod acceptance;
+mod changes;
 mod compare;
+mod content;
 mod lock;
 mod message;
 mod number;
@@ -15,7 +18,9 @@ mod place;
 mod profile;
 mod provenance;
 mod reference;
+mod table;
 mod tolerance;
+mod values;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -23,6 +28,7 @@ use std::path::{Path, PathBuf};
 use half::f16;
 
 pub use acceptance::{AcceptError, Acceptance, Accepted};
+pub use changes::ChangedRow;
 pub use compare::{Deviation, FrameDifference, FrameMargin};
 pub(crate) use parts::VARIANCE;
 pub use parts::{COLOR, MASK};
@@ -30,7 +36,10 @@ pub use pending::{Pending, PendingFrames, Unusable};
 pub use place::{build_output, in_ci};
 pub use profile::Profile;
 pub use provenance::{FrameFinding, Provenance, ProvenanceError};
+pub use table::{Column, Table, TableError, TableFacts};
 pub use tolerance::{Criterion, CriterionMargin, FrameTolerance};
+pub use values::ValuesError;
+pub(crate) use values::{Made, other_columns};
 
 use self::compare::Terms;
 use self::pending::Against;
@@ -237,6 +246,9 @@ impl Goldens {
     /// The golden that a pending frame was compared with.
     #[must_use]
     pub fn compared(&self, pending: &Pending) -> PathBuf {
+        if pending.is_table() {
+            return self.values(&pending.case);
+        }
         match pending.provenance.compared_profile.as_str() {
             "" => self.golden(&pending.case),
             _ => self.golden_of(&pending.case, &pending.profile()),

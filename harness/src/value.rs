@@ -52,6 +52,27 @@ impl Scalar {
         matches!(self, Self::F32 | Self::F16)
     }
 
+    /// The scalar of this keyword.
+    #[must_use]
+    pub fn named(wgsl: &str) -> Option<Self> {
+        [Self::F32, Self::F16, Self::I32, Self::U32, Self::Bool]
+            .into_iter()
+            .find(|scalar| scalar.wgsl() == wgsl)
+    }
+
+    /// The lane of a decimal, `true` or `false`; `None` if it is no finite value of the type.
+    #[must_use]
+    pub fn parse(self, text: &str) -> Option<u32> {
+        match self {
+            Self::F32 | Self::F16 => {
+                Some(text.parse::<f32>().ok().filter(|value| value.is_finite())?.to_bits())
+            }
+            Self::I32 => text.parse::<i32>().ok().map(i32::cast_unsigned),
+            Self::U32 => text.parse().ok(),
+            Self::Bool => text.parse::<bool>().ok().map(u32::from),
+        }
+    }
+
     /// The value in a lane. Exact for each scalar type.
     #[must_use]
     pub fn decode(self, lane: u32) -> f64 {

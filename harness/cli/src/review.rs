@@ -23,10 +23,12 @@ pub(crate) use facts::Cause;
 pub(crate) use server::Server;
 
 use karat::diagnostic::shown;
-use karat::golden::{AcceptError, CriterionMargin, Pending, PendingFrames, Provenance, Unusable};
+use karat::golden::{
+    AcceptError, ChangedRow, CriterionMargin, Pending, PendingFrames, Provenance, Unusable,
+};
 use karat::{Goldens, Image};
 
-/// What the page shows of one pending frame.
+/// What the page shows of one pending frame or table.
 ///
 /// [`load`](Self::load) fills it in; whoever has another map pushes it.
 #[derive(Clone, Debug)]
@@ -47,6 +49,21 @@ pub(crate) struct Case {
     pub(crate) actual_provenance: Provenance,
     /// What is different, other than pixels.
     pub(crate) cause: Cause,
+    /// The rows that differ, where it is a table of values and no frame.
+    pub(crate) table: Option<Rows>,
+}
+
+/// Rows of a table that aren't its golden's.
+#[derive(Clone, Debug)]
+pub(crate) struct Rows {
+    /// Names of the columns: arguments, then results.
+    pub(crate) columns: Vec<String>,
+    /// How many of them are arguments.
+    pub(crate) arguments: usize,
+    /// The rows that changed most.
+    pub(crate) rows: Vec<ChangedRow>,
+    /// How many changed.
+    pub(crate) changed: usize,
 }
 
 /// An image that a golden and a frame may both have.

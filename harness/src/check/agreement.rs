@@ -7,14 +7,16 @@ use super::demand::Demand;
 use super::flush::allowing_flushes;
 use super::granted::Granted;
 use super::grants::{self, Grants};
+use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
-use super::session::{Asserted, Expect};
+use super::session::{Asserted, Expect, Session};
 use super::tally::{Judge, Judged, compare, is_within};
+use super::tolerances::Tolerances;
 use super::{Agreement, Check, Failure, Reference, Vacuous};
 use crate::domain::{Domain, Stream};
 use crate::record::{self, Grant};
 use crate::run::or_panic;
-use crate::tolerance::{Criterion, Tolerance};
+use crate::tolerance::{Criterion, Granting, Tolerance};
 use crate::value::{Arguments, Scalar, Shape};
 
 /// What a reference says of rows of arguments.
@@ -163,82 +165,95 @@ impl Plan<'_> {
         let tolerances = self.tolerances(general);
         let asserted = Asserted::new("agrees_with", criterion.to_string());
         self.conclude(&asserted, stream, demand, recording, &mut |session| {
-            session.called.expect_result(&expected.shape, "the reference returns")?;
-            tolerances.expect_usable(&session.called)?;
-            if let Some(otherwise) = granting.and_then(|granting| granting.otherwise.as_ref()) {
-                session.called.expect_lanes(otherwise)?;
-            }
-            let witness = granting.map(|_| session.witness()).transpose()?;
-            // A path's own tolerance holds there in place of what WGSL allows.
-            let ready = session.called.ready.iter();
-            let own: Vec<bool> =
-                ready.map(|ready| tolerances.on.on(ready.path, &ready.adapter).is_some()).collect();
-            let measured = match granting.filter(|granting| granting.measured) {
-                Some(_) => session.measured(&own)?,
-                None => Vec::new(),
-            };
-            let judged = AtomicBool::new(false);
-            let (scalars, tolerances) =
-                (session.called.scalars(), tolerances.of_paths(&session.called));
-            let arguments = session.called.argument_scalars();
-            let told_apart = AtomicBool::new(false);
-            // What WGSL grants is for whoever reads the record.
-            let granted = granting.is_none() && recording == Recording::On && record::wanted();
-            let granter = granted.then(|| session.witness().ok()).flatten();
-            let mut granted_by_path: Vec<Option<Grant>> = vec![None; tolerances.len()];
-            let mut left = grants::wanted(&session.called.probed.program);
-            let mut tallies = session.run(&mut |batch, dispatches| {
-                // The device works on the dispatches meanwhile.
-                let lanes = session.expected(batch, batch.rows(), expected.expect)?;
-                if let Some(granter) = granter.as_ref().filter(|_| left > 0)
-                    && let Ok(found) = Grants::of(granter, batch, &mut left)
-                {
-                    for (grant, tolerance) in granted_by_path.iter_mut().zip(&tolerances) {
-                        let more = found.against(&scalars, &lanes, tolerance);
-                        *grant = Some(grant.map_or(more, |grant| grant.merge(more)));
-                    }
-                }
-                // Those of the specification, or of each path.
-                let bounds = match &witness {
-                    None => Vec::new(),
-                    Some(witness) if measured.is_empty() => {
-                        vec![witness.bounds(batch.cases, &batch.lanes())?]
-                    }
-                    Some(witness) => {
-                        let of = |accuracy: &Option<_>| match accuracy {
-                            Some(accuracy) => {
-                                witness.measured_bounds(batch.cases, &batch.lanes(), accuracy)
-                            }
-                            None => Ok(Vec::new()),
-                        };
-                        measured.iter().map(of).collect::<Result<_, _>>()?
-                    }
-                };
-                let granted = |path: usize| {
-                    let granting = granting.filter(|_| !own[path])?;
-                    let bounds = &bounds[if measured.is_empty() { 0 } else { path }];
-                    Some(Granted { granting, bounds, judged: &judged })
-                };
-                let comparison = |path: usize| Comparison {
-                    granted: granted(path),
-                    scalars: &scalars,
-                    expected: &lanes,
-                    batch,
-                    arguments: &arguments,
-                    expect: expected.expect,
-                    tolerance: tolerances[path],
-                    told_apart: &told_apart,
-                };
-                let expect = |case| Some(comparison(0).of(case).to_vec());
-                session.judge(batch, dispatches, expect, comparison)
-            })?;
-            for (tally, granted) in tallies.iter_mut().zip(granted_by_path) {
-                tally.granted = granted;
-            }
-            let tallies =
-                session.expect_tested(told_apart.into_inner(), tallies, Vacuous::Flushed)?;
-            let by_spec = witness.is_some() && own.contains(&false);
-            session.expect_tested(!by_spec || judged.into_inner(), tallies, Vacuous::Ungranted)
+            session.agrees(expected, &tolerances, granting, recording)
         })
+    }
+}
+
+impl Session<'_> {
+    /// Compares each case with a reference.
+    pub(super) fn agrees(
+        &self,
+        expected: &Expected<'_>,
+        tolerances: &Tolerances,
+        granting: Option<&Granting>,
+        recording: Recording,
+    ) -> Result<Vec<PathTally>, Failure> {
+        let session = self;
+        session.called.expect_result(&expected.shape, "the reference returns")?;
+        tolerances.expect_usable(&session.called)?;
+        if let Some(otherwise) = granting.and_then(|granting| granting.otherwise.as_ref()) {
+            session.called.expect_lanes(otherwise)?;
+        }
+        let witness = granting.map(|_| session.witness()).transpose()?;
+        // A path's own tolerance holds there in place of what WGSL allows.
+        let ready = session.called.ready.iter();
+        let own: Vec<bool> =
+            ready.map(|ready| tolerances.on.on(ready.path, &ready.adapter).is_some()).collect();
+        let measured = match granting.filter(|granting| granting.measured) {
+            Some(_) => session.measured(&own)?,
+            None => Vec::new(),
+        };
+        let judged = AtomicBool::new(false);
+        let (scalars, tolerances) =
+            (session.called.scalars(), tolerances.of_paths(&session.called));
+        let arguments = session.called.argument_scalars();
+        let told_apart = AtomicBool::new(false);
+        // What WGSL grants is for whoever reads the record.
+        let granted = granting.is_none() && recording == Recording::On && record::wanted();
+        let granter = granted.then(|| session.witness().ok()).flatten();
+        let mut granted_by_path: Vec<Option<Grant>> = vec![None; tolerances.len()];
+        let mut left = grants::wanted(&session.called.probed.program);
+        let mut tallies = session.run(&mut |batch, dispatches| {
+            // The device works on the dispatches meanwhile.
+            let lanes = session.expected(batch, batch.rows(), expected.expect)?;
+            if let Some(granter) = granter.as_ref().filter(|_| left > 0)
+                && let Ok(found) = Grants::of(granter, batch, &mut left)
+            {
+                for (grant, tolerance) in granted_by_path.iter_mut().zip(&tolerances) {
+                    let more = found.against(&scalars, &lanes, tolerance);
+                    *grant = Some(grant.map_or(more, |grant| grant.merge(more)));
+                }
+            }
+            // Those of the specification, or of each path.
+            let bounds = match &witness {
+                None => Vec::new(),
+                Some(witness) if measured.is_empty() => {
+                    vec![witness.bounds(batch.cases, &batch.lanes())?]
+                }
+                Some(witness) => {
+                    let of = |accuracy: &Option<_>| match accuracy {
+                        Some(accuracy) => {
+                            witness.measured_bounds(batch.cases, &batch.lanes(), accuracy)
+                        }
+                        None => Ok(Vec::new()),
+                    };
+                    measured.iter().map(of).collect::<Result<_, _>>()?
+                }
+            };
+            let granted = |path: usize| {
+                let granting = granting.filter(|_| !own[path])?;
+                let bounds = &bounds[if measured.is_empty() { 0 } else { path }];
+                Some(Granted { granting, bounds, judged: &judged })
+            };
+            let comparison = |path: usize| Comparison {
+                granted: granted(path),
+                scalars: &scalars,
+                expected: &lanes,
+                batch,
+                arguments: &arguments,
+                expect: expected.expect,
+                tolerance: tolerances[path],
+                told_apart: &told_apart,
+            };
+            let expect = |case| Some(comparison(0).of(case).to_vec());
+            session.judge(batch, dispatches, expect, comparison)
+        })?;
+        for (tally, granted) in tallies.iter_mut().zip(granted_by_path) {
+            tally.granted = granted;
+        }
+        let tallies = session.expect_tested(told_apart.into_inner(), tallies, Vacuous::Flushed)?;
+        let by_spec = witness.is_some() && own.contains(&false);
+        session.expect_tested(!by_spec || judged.into_inner(), tallies, Vacuous::Ungranted)
     }
 }

@@ -7,6 +7,7 @@ use super::limit::Limit;
 use super::plan::{Plan, Recording};
 use super::{Agreement, CASES, Directions, ENUMERATED, Failure, Parameter, Probe, Trend};
 use crate::domain::Dynamic;
+use crate::golden::Goldens;
 use crate::interpret::Interpreted;
 use crate::path::Selector;
 use crate::probe::Probed;
@@ -122,6 +123,20 @@ impl DynamicCheck<'_> {
         let expected = Expected { shape: shape.clone(), expect: &expect };
         let demand = self.demand();
         self.plan.agrees(&self.domain, &demand, &expected, &criterion.into(), Recording::On)
+    }
+
+    /// Checks that the function returns what it returned when its golden was accepted.
+    ///
+    /// # Errors
+    /// See [`Check::try_matches`](super::Check::try_matches).
+    pub fn matches(
+        self,
+        goldens: &Goldens,
+        case: &str,
+        tolerance: impl Into<Tolerance>,
+    ) -> Result<Agreement, Failure> {
+        let (demand, golden) = (self.demand(), (goldens, case));
+        self.plan.matches(&self.domain, demand, golden, tolerance.into(), Recording::On)
     }
 
     /// Checks that a statement holds for the words of arguments and result.

@@ -5,8 +5,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::demand::Demand;
 use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
-use super::session::Asserted;
+use super::session::{Asserted, Session};
 use super::tally::{Class, Judge, Judged};
+use super::trial::{Body, Last};
 use super::{Agreement, Failure, Probe, Together, Vacuous};
 use crate::diagnostic::one_line;
 use crate::domain::{Emptiness, Held, Origin, Shrinkable, Stream};
@@ -329,23 +330,25 @@ impl<'a> Plan<'a> {
         // With others, anything but a success is another run's verdict.
         let withheld = AtomicBool::new(self.probe.together.is_some());
         let run = (identity, &withheld);
-        let verdict =
-            self.conclude_unless(run, &asserted, stream, demand, recording, &mut |session| {
-                let tallies = session.run(&mut |batch, dispatches| {
-                    let tallies = session.judge(batch, dispatches, |_| None, |_| Reports)?;
-                    if self.probe.telling.is_some() && tallies.iter().any(PathTally::fails) {
-                        // Nobody sees this one.
-                        suspicious.store(true, Ordering::Relaxed);
-                        withheld.store(true, Ordering::Relaxed);
-                        return session.called.vacuous(Vacuous::NoExpectation);
-                    }
-                    Ok(tallies)
-                })?;
-                let asserted = tallies.iter().all(|path| path.tally.census.judged() > 0);
-                let tallies = session.expect_tested(asserted, tallies, Vacuous::NoExpectation)?;
-                withheld.store(false, Ordering::Relaxed);
+        let mut verb = |session: &Session<'_>| {
+            let tallies = session.run(&mut |batch, dispatches| {
+                let tallies = session.judge(batch, dispatches, |_| None, |_| Reports)?;
+                if self.probe.telling.is_some() && tallies.iter().any(PathTally::fails) {
+                    // Nobody sees this one.
+                    suspicious.store(true, Ordering::Relaxed);
+                    withheld.store(true, Ordering::Relaxed);
+                    return session.called.vacuous(Vacuous::NoExpectation);
+                }
                 Ok(tallies)
-            });
+            })?;
+            let asserted = tallies.iter().all(|path| path.tally.census.judged() > 0);
+            let tallies = session.expect_tested(asserted, tallies, Vacuous::NoExpectation)?;
+            withheld.store(false, Ordering::Relaxed);
+            Ok(tallies)
+        };
+        let last: Last<'_> = &mut |verdict, _| verdict;
+        let verb = (&mut verb as Body<'_>, last);
+        let verdict = self.conclude_unless(run, &asserted, stream, demand, recording, verb);
         match suspicious.into_inner() {
             true => Counted::Suspicious,
             false => Counted::Concluded(verdict),

@@ -32,12 +32,14 @@ pub(super) struct Asserted {
     pub(super) text: String,
     /// What the expected value is to the actual one.
     pub(super) expectation: Expectation,
+    /// Whether arguments on which it fails are tried again in later runs.
+    pub(super) remembers: bool,
 }
 
 impl Asserted {
     /// That the actual value is the expected one.
     pub(super) fn new(check: &'static str, text: String) -> Self {
-        Self { check, text, expectation: Expectation::Equal }
+        Self { check, text, expectation: Expectation::Equal, remembers: true }
     }
 }
 

@@ -8,10 +8,15 @@ use super::path_tally::PathTally;
 use super::plan::{Plan, Recording};
 use super::session::{Asserted, Session};
 use super::{Agreement, Census, Failure, inputs};
+use crate::diagnostic::FileRead;
 use crate::domain::Stream;
 use crate::record::{PathRecord, Subject};
 use crate::run::{Identity, Memory, Reporter, Seen};
 use crate::tolerance::LaneError;
+
+/// What a verb makes of the verdict before it is recorded.
+pub(super) type Last<'l> =
+    &'l mut dyn FnMut(Result<Agreement, Failure>, &mut Vec<FileRead>) -> Result<Agreement, Failure>;
 
 /// What a verb does with a session.
 pub(super) type Body<'b> = &'b mut dyn FnMut(&Session<'_>) -> Result<Vec<PathTally>, Failure>;
@@ -26,9 +31,22 @@ impl Plan<'_> {
         recording: Recording,
         verb: Body<'_>,
     ) -> Result<Agreement, Failure> {
+        self.conclude_as(asserted, stream, demand, recording, verb, &mut |result, _| result)
+    }
+
+    /// The same for a verb that has the last word, and may read more files.
+    pub(super) fn conclude_as(
+        &self,
+        asserted: &Asserted,
+        stream: &dyn Stream,
+        demand: &Demand,
+        recording: Recording,
+        verb: Body<'_>,
+        last: Last<'_>,
+    ) -> Result<Agreement, Failure> {
         let identity = Identity::of(&self.probe.name, asserted.check)?;
         let run = (&identity, &AtomicBool::new(false));
-        self.conclude_unless(run, asserted, stream, demand, recording, verb)
+        self.conclude_unless(run, asserted, stream, demand, recording, (verb, last))
     }
 
     /// The same under an identity that several runs share, and without a record as long as another run
@@ -40,10 +58,10 @@ impl Plan<'_> {
         stream: &dyn Stream,
         demand: &Demand,
         recording: Recording,
-        verb: Body<'_>,
+        (verb, last): (Body<'_>, Last<'_>),
     ) -> Result<Agreement, Failure> {
         let reporter = Reporter::start();
-        let Asserted { check, text, expectation } = asserted;
+        let Asserted { check, text, .. } = asserted;
         let function = self.probe.name.clone();
         let seed = self.seed.unwrap_or_else(|| identity.seed(&function, &identity.check));
         let mut subject = Subject::Function {
@@ -63,11 +81,13 @@ impl Plan<'_> {
                 let own = self.tolerance_on.iter().map(|(on, own)| format!("; on {on} {own}"));
                 let own: String = own.collect();
                 let text_of_paths = format!("{text}{own}");
-                let asserted = Asserted { check, text: text_of_paths, expectation: *expectation };
+                let remembers = asserted.remembers;
+                let asserted = Asserted { text: text_of_paths, ..asserted.clone() };
                 let session =
                     Session::open(self, stream, demand, identity, seed, asserted, inputs)?;
                 // What is declared to fail needn't be remembered.
                 let remembered = recording == Recording::On && self.known_issues.is_empty();
+                let remembered = remembered && remembers;
                 let memory = Memory::open(identity).filter(|_| remembered);
                 let session = session.remembering(memory);
                 if let Subject::Function { location, .. } = &mut subject {
@@ -87,6 +107,7 @@ impl Plan<'_> {
             })
         };
         let result = run();
+        let result = last(result, &mut read);
         if recording == Recording::On && !withheld.load(Ordering::Relaxed) {
             reporter.record(subject, paths, read, &result);
         }
@@ -119,7 +140,7 @@ impl Plan<'_> {
     }
 
     /// Why the path of a tally is to fail.
-    fn known_issue(&self, tally: &PathTally) -> Option<&str> {
+    pub(super) fn known_issue(&self, tally: &PathTally) -> Option<&str> {
         self.known_issues.on(tally.path, &tally.adapter)
     }
 

@@ -4,6 +4,7 @@ use std::fmt;
 
 use super::{Disagreement, Fit, Rejection};
 use super::{Mismatch, Vacuous};
+use crate::golden::ValuesError;
 use crate::path::{Adapter, Path, PathError, Selector};
 use crate::probe::ProbeError;
 use crate::record::Verdict;
@@ -33,6 +34,14 @@ pub enum Failure {
     /// Values differ by more than is allowed.
     #[error("{0}")]
     Disagreement(Box<Disagreement>),
+    /// Values differ from their golden, or there is none that they could be compared with.
+    #[error("{}{source}", disagreement.as_ref().map_or_else(String::new, ToString::to_string))]
+    Golden {
+        /// Which values differ.
+        disagreement: Option<Box<Disagreement>>,
+        /// What is wrong, and what to do.
+        source: Box<ValuesError>,
+    },
     /// A path that is declared to fail agrees.
     #[error(
         "`{function}` passes on {path}, where it is declared to fail: {reason}\n\
@@ -129,6 +138,12 @@ pub enum Failure {
     },
 }
 
+impl Failure {
+    pub(super) fn golden(source: ValuesError) -> Self {
+        Self::Golden { disagreement: None, source: Box::new(source) }
+    }
+}
+
 impl From<PathError> for Failure {
     fn from(error: PathError) -> Self {
         Self::Probe(ProbeError::Path(error))
@@ -164,6 +179,7 @@ impl<T: Passed> Concluded for Result<T, Failure> {
             Err(
                 Failure::Disagreement(_) | Failure::Rejection(_) | Failure::UnexpectedPass { .. },
             ) => Verdict::Fail,
+            Err(Failure::Golden { source, .. }) if source.is_failure() => Verdict::Fail,
             Err(_) => Verdict::Error,
         }
     }

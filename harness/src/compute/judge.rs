@@ -19,6 +19,13 @@ pub(super) enum Assertion<'a> {
     Holds(Statement<'a>),
 }
 
+/// What is recorded of a verdict.
+pub(super) struct Report {
+    subject: Subject,
+    paths: Vec<PathRecord>,
+    pub(super) read: Vec<FileRead>,
+}
+
 /// A reference's elements.
 pub(super) struct Expected {
     pub(super) shape: Shape,
@@ -92,36 +99,53 @@ impl After<'_> {
         place: &'static Location<'static>,
         recorded: bool,
     ) -> Result<ComputeAgreement, ComputeError> {
+        let verb = assertion.verb();
+        self.report((verb, assertion.text()), place, recorded, &mut |report| {
+            self.judged(&assertion, verb, report)
+        })
+    }
+
+    /// Records what a verb finds.
+    pub(super) fn report(
+        &self,
+        (verb, text): (&str, String),
+        place: &'static Location<'static>,
+        recorded: bool,
+        judge: &mut dyn FnMut(&mut Report) -> Result<ComputeAgreement, ComputeError>,
+    ) -> Result<ComputeAgreement, ComputeError> {
         let reporter = Reporter::start();
-        let (mut paths, mut read) = (Vec::new(), Vec::new());
-        let wanted = self.compute.wanted.last();
-        let function = wanted.map(|wanted| wanted.name.clone()).unwrap_or_default();
-        let mut subject = Subject::Function {
+        let subject = Subject::Function {
             package: self.compute.package.root().display().to_string(),
-            function: function.clone(),
-            check: format!("after.{}", assertion.verb()),
-            assertion: assertion.text(),
+            function: self.last_entry_point().to_owned(),
+            check: format!("after.{verb}"),
+            assertion: text,
             location: place.to_string(),
             domain: String::new(),
             seed: 0,
         };
-        let result = self.judged(&assertion, &function, &mut paths, &mut read, &mut subject);
+        let mut report = Report { subject, paths: Vec::new(), read: Vec::new() };
+        let result = judge(&mut report);
         if recorded {
+            let Report { subject, paths, read } = report;
             reporter.record(subject, paths, read, &result);
         }
         result
     }
 
-    fn judged(
+    fn last_entry_point(&self) -> &str {
+        self.compute.wanted.last().map_or("", |wanted| &wanted.name)
+    }
+
+    /// Judges under the name of a verb.
+    pub(super) fn judged(
         &self,
         assertion: &Assertion<'_>,
-        function: &str,
-        records: &mut Vec<PathRecord>,
-        read: &mut Vec<FileRead>,
-        subject: &mut Subject,
+        verb: &str,
+        report: &mut Report,
     ) -> Result<ComputeAgreement, ComputeError> {
+        let function = self.last_entry_point();
         let compute = &self.compute;
-        let verb = format!("after.{}", assertion.verb());
+        let verb = format!("after.{verb}");
         let identity = Identity::of(function, &verb)?;
         if identity.case(function, &identity.check).is_some() {
             replay::done();
@@ -134,10 +158,12 @@ impl After<'_> {
         }
         let executors = self.executors()?;
         let passes = compute.passes()?;
-        read.extend(passes.read());
+        report.read.extend(passes.read());
         let (number, shape) = passes.written(&self.variable)?;
         let element = self.fitting(assertion, &passes, &shape)?;
-        if let (Some(span), Subject::Function { location, .. }) = (passes.span(), subject) {
+        if let (Some(span), Subject::Function { location, .. }) =
+            (passes.span(), &mut report.subject)
+        {
             *location = span.to_string();
         }
         let (mut agreed, mut known) = (Vec::new(), Vec::new());
@@ -166,7 +192,7 @@ impl After<'_> {
                 Some(own) => format!("{}; on {path} {own}", assertion.text()),
                 None => assertion.text(),
             };
-            records.push(PathRecord {
+            report.paths.push(PathRecord {
                 adapter: adapter.clone(),
                 cases: count as u64,
                 failures: sum.failures as u64,

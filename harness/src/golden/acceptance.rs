@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use super::content::{Content, is_table};
 use super::lock::lock;
-use super::{Goldens, Pending, Profile, Provenance, ProvenanceError, parts};
+use super::table::TableError;
+use super::{Goldens, Pending, Profile, Provenance, ProvenanceError};
 use crate::diagnostic::shown;
-use crate::image::{ExrFile, Image, ImageError, Staged};
-use crate::metric::ExposureRange;
+use crate::image::{ImageError, Staged};
 use crate::output::visible;
 
 /// A golden larger than this, in bytes, is accepted with a warning: every clone of the project
@@ -49,7 +50,7 @@ pub struct Accepted {
 #[non_exhaustive]
 pub enum AcceptError {
     /// No such frame is pending.
-    #[error("no frame `{case}` is pending{}",
+    #[error("`{case}` isn't pending{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
     NotPending {
         /// What was asked for.
@@ -163,8 +164,8 @@ pub enum AcceptError {
     },
     /// The file would be too large.
     #[error(
-        "the golden of `{case}` would be {} KiB, and at most {} are accepted: render it smaller, \
-         or less noisy",
+        "the golden of `{case}` would be {} KiB, and at most {} are accepted: keep fewer pixels or \
+         rows, or less noise",
         bytes >> 10,
         TOO_LARGE >> 10
     )]
@@ -174,6 +175,14 @@ pub enum AcceptError {
         /// Size of the file.
         bytes: u64,
     },
+    /// Values have one golden for all profiles.
+    #[error(
+        "the values `{0}` have one golden for all: give a path its own tolerance in the test          (`.tolerance_on(...)`), not a profile"
+    )]
+    OneForAll(String),
+    /// A table can't be read.
+    #[error(transparent)]
+    Table(#[from] TableError),
     /// A file can't be read or written.
     #[error(transparent)]
     Image(#[from] ImageError),
@@ -205,15 +214,14 @@ impl Goldens {
         // Between looking at the golden and replacing it nobody else does so.
         let _lock = lock(&self.folder())?;
         self.tidy();
-        let ExrFile { parts, .. } = match ExrFile::read(&pending.path) {
+        let (content, _) = match Content::read(&pending.path) {
             // Somebody has decided while this waited.
-            Err(ImageError::Missing { .. }) => {
+            Err(AcceptError::Image(ImageError::Missing { .. })) => {
                 return Err(AcceptError::NotPending { case, nearest: None });
             }
             read => read?,
         };
-        let image = &parts[0].image;
-        if image.hash() != pending.provenance.pixels {
+        if content.hash() != pending.provenance.pixels {
             return Err(AcceptError::Altered(case));
         }
         let path = match &acceptance.profile {
@@ -226,11 +234,12 @@ impl Goldens {
                     let adapter = pending.provenance.adapter.to_string();
                     return Err(AcceptError::Adapter { case, adapter });
                 }
-                self.golden(&case)
+                if pending.is_table() { self.values(&case) } else { self.golden(&case) }
             }
+            Some(_) if pending.is_table() => return Err(AcceptError::OneForAll(case)),
             Some(profile) => self.needed(pending, profile)?,
         };
-        if parts::non_finite(&parts) {
+        if content.non_finite() {
             return Err(AcceptError::NonFinite(case));
         }
         let provenance = Provenance {
@@ -238,22 +247,21 @@ impl Goldens {
             compared_with: String::new(),
             compared_profile: String::new(),
             finding: None,
-            exposures: Some(ExposureRange::of(image)),
+            exposures: content.exposures(),
             // Facts with control characters can't be read again.
             accepted_by: visible(&acceptance.by.clone().unwrap_or_else(person)).into_owned(),
             accepted_at: humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
             because: visible(because).into_owned(),
             ..pending.provenance.clone()
         };
-        let golden = ExrFile { metadata: Some(provenance.metadata()), parts };
-        let accepted = if is_there(&path, &path.with_extension("toml"), &golden, &provenance) {
+        let accepted = if is_there(&path, &content, &provenance) {
             // It may have been accepted by somebody who was interrupted before the frame was
             // removed: that the golden isn't what the frame was compared with is no matter then.
             let warnings = vec![format!("`{}` has these pixels and facts already", shown(&path))];
             Accepted { golden: path, written: false, warnings }
         } else {
             self.unchanged(pending, &path)?;
-            write_golden(&path, &golden, &provenance)?
+            write_golden(&path, content, &provenance)?
         };
         self.remove(pending)?;
         Ok(accepted)
@@ -267,13 +275,17 @@ impl Goldens {
         if written == own && known.compared_profile.is_empty() && own.exists() {
             return Err(AcceptError::Stale(pending.case.clone()));
         }
-        let current = match Image::read_exr(&self.compared(pending)) {
+        let current = match Content::read(&self.compared(pending)) {
             Ok((golden, _)) => golden.hash(),
-            Err(ImageError::Missing { .. }) => String::new(),
+            Err(AcceptError::Image(ImageError::Missing { .. })) => String::new(),
             // A golden that is damaged is replaced by accepting; it can't be lost twice. One that
             // Git has not fetched isn't lost.
-            Err(ImageError::Corrupt { .. }) => known.compared_with.clone(),
-            Err(error) => return Err(error.into()),
+            Err(
+                AcceptError::Image(ImageError::Corrupt { .. })
+                | AcceptError::Provenance { .. }
+                | AcceptError::Table(_),
+            ) => known.compared_with.clone(),
+            Err(error) => return Err(error),
         };
         if current == known.compared_with {
             Ok(())
@@ -302,57 +314,55 @@ impl Goldens {
     }
 }
 
-/// Writes a golden and its facts, both or neither.
+/// Writes a golden and its facts, both or neither. A table has its facts within.
 fn write_golden(
     path: &Path,
-    golden: &ExrFile,
+    content: Content,
     provenance: &Provenance,
 ) -> Result<Accepted, AcceptError> {
-    let sidecar = path.with_extension("toml");
-    let image = golden.bytes(path)?;
-    let bytes = image.len() as u64;
-    if bytes > TOO_LARGE {
-        return Err(AcceptError::TooLarge { case: provenance.case.clone(), bytes });
+    let bytes = content.bytes(path, provenance)?;
+    let size = bytes.len() as u64;
+    if size > TOO_LARGE {
+        return Err(AcceptError::TooLarge { case: provenance.case.clone(), bytes: size });
     }
-    let facts = toml::to_string(provenance).expect("provenance is plain data");
     let failed = |path: &Path, source| ImageError::Write { path: shown(path), source };
+    let facts = (!is_table(path))
+        .then(|| toml::to_string(provenance).expect("provenance is plain data").into_bytes());
+    let sidecar = path.with_extension("toml");
     let before = std::fs::read(&sidecar).ok();
     // Both are on the disk before either takes its place.
-    let facts = Staged::new(&sidecar, facts.as_bytes()).map_err(|error| failed(&sidecar, error))?;
-    let image = Staged::new(path, &image).map_err(|error| failed(path, error))?;
-    facts.commit().map_err(|error| failed(&sidecar, error))?;
-    if let Err(error) = image.commit() {
+    let facts = facts.map(|facts| Staged::new(&sidecar, &facts)).transpose();
+    let facts = facts.map_err(|error| failed(&sidecar, error))?;
+    let golden = Staged::new(path, &bytes).map_err(|error| failed(path, error))?;
+    let beside = facts.is_some();
+    facts.map_or(Ok(()), Staged::commit).map_err(|error| failed(&sidecar, error))?;
+    if let Err(error) = golden.commit() {
         // The error that matters is the first one.
         drop(match before {
+            _ if !beside => Ok(()),
             Some(before) => crate::image::write_whole(&sidecar, &before),
             None => std::fs::remove_file(&sidecar),
         });
         return Err(failed(path, error).into());
     }
-    let warnings = warnings(path, bytes, provenance);
+    let warnings = warnings(path, size, provenance);
     Ok(Accepted { golden: path.to_owned(), written: true, warnings })
 }
 
-/// Whether the golden has these parts and facts, in both files.
-fn is_there(path: &Path, sidecar: &Path, golden: &ExrFile, provenance: &Provenance) -> bool {
+/// Whether the golden has this content and these facts, in both files of a frame.
+fn is_there(path: &Path, content: &Content, provenance: &Provenance) -> bool {
     let decision_aside = |known: &Provenance| {
         let (accepted_by, accepted_at, because) = Default::default();
         Provenance { accepted_by, accepted_at, because, ..known.clone() }
     };
-    let Ok(ExrFile { parts, metadata: Some(metadata) }) = ExrFile::read(path) else {
-        return false;
+    let Ok((golden, Some(known))) = Content::read(path) else { return false };
+    let beside = || {
+        let text = std::fs::read_to_string(path.with_extension("toml")).ok()?;
+        toml::from_str::<Provenance>(&text).ok()
     };
-    let same_pixels = |a: &crate::image::Part, b: &crate::image::Part| {
-        // Bit by bit, as NaN under a mask equals nothing.
-        a.name == b.name && a.precision == b.precision && a.image.hash() == b.image.hash()
-    };
-    let beside = std::fs::read_to_string(sidecar).ok();
-    let beside: Option<Provenance> = beside.and_then(|text| toml::from_str(&text).ok());
-    let known = Provenance::parse(&metadata).ok();
-    beside == known
-        && known.is_some_and(|known| decision_aside(&known) == decision_aside(provenance))
-        && parts.len() == golden.parts.len()
-        && parts.iter().zip(&golden.parts).all(|(a, b)| same_pixels(a, b))
+    (is_table(path) || beside().as_ref() == Some(&known))
+        && decision_aside(&known) == decision_aside(provenance)
+        && golden.is(content)
 }
 
 /// What a reviewer should know of the golden that was written.
@@ -366,7 +376,7 @@ fn warnings(path: &Path, bytes: u64, provenance: &Provenance) -> Vec<String> {
         ));
     }
     let Provenance { width, height, .. } = *provenance;
-    if width > WIDE.0 || height > WIDE.1 {
+    if provenance.table.is_none() && (width > WIDE.0 || height > WIDE.1) {
         warnings.push(format!(
             "`{}` is {width} x {height}; {} x {} shows most faults",
             shown(path),

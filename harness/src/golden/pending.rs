@@ -4,10 +4,11 @@ use std::collections::BTreeSet;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+use super::content::{Content, PENDING_FRAME, PENDING_TABLE, is_table};
 use super::place::OVERLAID;
 use super::{AcceptError, FrameFinding, Goldens, Profile, Provenance, Rendered, parts};
 use crate::diagnostic::{nearest, shown};
-use crate::image::{ExrFile, Image, ImageError, Part};
+use crate::image::{ExrFile, ImageError, Part};
 
 /// What a frame was compared with, and what came of it.
 #[derive(Clone, Debug, Default)]
@@ -22,14 +23,14 @@ pub(super) struct Against {
     pub(super) finding: Option<FrameFinding>,
 }
 
-/// A frame that differs from its golden, or has none.
+/// A frame or values that differ from their golden, or have none.
 #[derive(Clone, Debug)]
 pub struct Pending {
     /// Name of the golden.
     pub case: String,
-    /// The frame's file.
+    /// Its file.
     pub path: PathBuf,
-    /// What rendered it, and what comparing it found.
+    /// What made it, and what comparing it found.
     pub provenance: Provenance,
 }
 
@@ -53,16 +54,26 @@ impl Pending {
         self.provenance.compared_with.is_empty()
     }
 
-    /// Whether it was rendered on lavapipe. Goldens for all profiles are made there, because any
-    /// machine can have it.
+    /// Whether it is a table of values and no frame.
+    #[must_use]
+    pub fn is_table(&self) -> bool {
+        is_table(&self.path)
+    }
+
+    /// Whether it was made on lavapipe, or is a table that Karat's engine made. Goldens for all profiles
+    /// are made there, because any machine can have them.
     #[must_use]
     pub fn is_canonical(&self) -> bool {
-        self.provenance.adapter.is_lavapipe()
+        let adapter = &self.provenance.adapter;
+        adapter.is_lavapipe() || (self.is_table() && adapter.path == "cpu")
     }
 
     /// What `karat accept` needs besides name and reason: ` --profile gl-llvmpipe`.
     #[must_use]
     pub fn accept_arguments(&self) -> String {
+        if self.is_table() {
+            return if self.is_canonical() { "" } else { " --any-adapter" }.to_owned();
+        }
         if !self.provenance.compared_profile.is_empty() || !(self.is_canonical() || self.is_new()) {
             format!(" --profile {}", self.profile())
         } else if self.is_canonical() {
@@ -100,8 +111,8 @@ impl PendingFrames {
 
     /// Rejects both of two files in a folder that say they are the same frame of the same goldens.
     fn without_doubles(mut self, folder: &Path) -> Self {
-        fn name(pending: &Pending) -> (&str, &str) {
-            (&pending.case, &pending.provenance.folder)
+        fn name(pending: &Pending) -> (&str, &str, bool) {
+            (&pending.case, &pending.provenance.folder, pending.is_table())
         }
         let below = |path: &Path| shown(path.strip_prefix(folder).unwrap_or(path));
         self.frames.sort_by(|a, b| (name(a), &a.path).cmp(&(name(b), &b.path)));
@@ -139,7 +150,7 @@ impl Goldens {
     }
 
     fn pending_file(&self, case: &str) -> PathBuf {
-        self.pending_folder().join(format!("{case}.new.exr"))
+        self.pending_folder().join(format!("{case}{PENDING_FRAME}"))
     }
 
     /// Removes what waits of a frame that agrees again, if it was rendered on the same profile.
@@ -203,7 +214,7 @@ impl Goldens {
     fn name_of(&self, path: &Path) -> String {
         let path = path.strip_prefix(self.folder()).unwrap_or(path);
         let name = path.to_string_lossy().replace('\\', "/");
-        name.strip_suffix(".new.exr").unwrap_or(&name).to_owned()
+        ending(&name).and_then(|ending| name.strip_suffix(ending)).unwrap_or(&name).to_owned()
     }
 
     /// Deletes a pending frame.
@@ -222,7 +233,12 @@ impl Goldens {
     }
 }
 
-/// Finds `*.new.exr` in a folder and the folders below it, sorted. Each folder is entered once,
+/// How the name of a file ends that waits; `None`: it doesn't.
+fn ending(name: &str) -> Option<&'static str> {
+    [PENDING_FRAME, PENDING_TABLE].into_iter().find(|ending| name.ends_with(ending))
+}
+
+/// Finds `*.new.exr` and `*.new.csv` in a folder and the folders below it, sorted. Each folder is entered once,
 /// however many links lead there. Frames of overlaid shaders are nobody's to accept.
 fn find(
     folder: &Path,
@@ -247,7 +263,7 @@ fn find(
     for entry in entries {
         let path = entry.path();
         // A folder of such a name is in the way, and is told of.
-        if entry.file_name().to_string_lossy().ends_with(".new.exr") {
+        if ending(&entry.file_name().to_string_lossy()).is_some() {
             files.push(path);
         } else if entry.file_name() != OVERLAID && path.is_dir() {
             find(&path, entered, files, unusable);
@@ -258,14 +274,12 @@ fn find(
 /// A pending frame whose name is that of its file: names become the paths of goldens, and a file
 /// may come from somebody else's machine.
 fn named(path: &Path) -> Result<Pending, AcceptError> {
-    parts::check_file(path)?;
-    let (_, metadata) = Image::read_exr(path)?;
-    let metadata = metadata.ok_or_else(|| AcceptError::Foreign(shown(path)))?;
-    let provenance = Provenance::parse(&metadata)
-        .map_err(|source| AcceptError::Provenance { path: shown(path), source })?;
+    let (_, provenance) = Content::read(path)?;
+    let provenance = provenance.ok_or_else(|| AcceptError::Foreign(shown(path)))?;
     let case = provenance.case.clone();
     let own = path.to_string_lossy().replace('\\', "/");
-    if !super::is_name(&case) || !own.ends_with(&format!("/{case}.new.exr")) {
+    let ending = ending(&own).unwrap_or_default();
+    if !super::is_name(&case) || !own.ends_with(&format!("/{case}{ending}")) {
         return Err(AcceptError::Misplaced { path: shown(path), case });
     }
     Ok(Pending { case, path: path.to_owned(), provenance })
@@ -295,6 +309,7 @@ impl Rendered<'_> {
             compared_profile: against.profile.clone(),
             finding: against.finding.clone(),
             exposures: None,
+            table: None,
             accepted_by: String::new(),
             accepted_at: String::new(),
             because: String::new(),
@@ -308,7 +323,7 @@ impl Rendered<'_> {
 }
 
 /// Vendor and model of the processor, where the system tells.
-fn processor() -> String {
+pub(super) fn processor() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let field = |name: &str| {
         let line = info.lines().find(|line| line.starts_with(name))?;

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::compare::FrameDifference;
+use super::table::TableFacts;
 use super::tolerance::{Criterion, CriterionMargin};
 use crate::image::Precision;
 use crate::metric::{ExposureRange, Rect};
@@ -20,13 +21,14 @@ pub struct Provenance {
     pub case: String,
     /// blake3 of the linked WGSL.
     pub shader: String,
-    /// blake3 of size and pixels, as stored.
+    /// blake3 of size and pixels, as stored; of a table, of its columns and cells.
     pub pixels: String,
-    /// Pixels across.
+    /// Pixels across, or columns of a table.
     pub width: u32,
-    /// Pixels down.
+    /// Pixels down, or rows of a table.
     pub height: u32,
-    /// Colour space of the values.
+    /// Colour space of the values; empty for a table.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub color_space: String,
     /// How samples are stored.
     pub precision: Precision,
@@ -56,6 +58,9 @@ pub struct Provenance {
     /// change with the frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposures: Option<ExposureRange>,
+    /// What the columns of a table are; `None` for a frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub table: Option<TableFacts>,
     /// Who accepted it.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub accepted_by: String,
@@ -102,6 +107,14 @@ impl Provenance {
             Version { schema } if schema > Self::SCHEMA => Err(ProvenanceError::Newer(schema)),
             _ => serde_json::from_str(metadata).map_err(damaged),
         }
+    }
+
+    /// Reads the facts of a table.
+    pub(super) fn parse_toml(facts: &str) -> Result<Self, ProvenanceError> {
+        let damaged = |error: &dyn std::fmt::Display| ProvenanceError::Damaged(error.to_string());
+        let all: Value = toml::from_str(facts)
+            .map_err(|error: toml::de::Error| damaged(&error.message().to_owned()))?;
+        Self::parse(&all.to_string())
     }
 
     /// As text for an EXR's attribute.

@@ -28,6 +28,7 @@
 //! |---|---|
 //! | `agrees_with = "f"` | another function, which Karat's engine executes in `f64`, returns the same |
 //! | `table = "file.csv"` | each row's result is what the row says |
+//! | `golden = "name"` | each result is what it was when `golden/name.csv` was accepted |
 //! | `equals = 1.0` | each result is this value |
 //! | `finite = true` | no component is NaN or infinite |
 //! | `in_range = [0, 1]` | each component lies there |
@@ -81,6 +82,7 @@ pub(crate) struct Declared {
     pub(crate) overrides: BTreeMap<String, OverrideValue>,
     agrees_with: Option<String>,
     table: Option<PathBuf>,
+    golden: Option<String>,
     equals: Option<Value>,
     finite: Option<bool>,
     in_range: Option<[f64; 2]>,
@@ -164,6 +166,7 @@ pub(crate) struct Frame {
 pub(crate) enum What {
     AgreesWith(String),
     Table(PathBuf),
+    Golden(String),
     Equals(Value),
     Finite,
     InRange([f64; 2]),
@@ -199,8 +202,8 @@ impl Frame {
     }
 }
 
-/// The folder of goldens beside a file that declares frames.
-const GOLDEN: &str = "golden";
+/// The folder of goldens beside a file that declares tests.
+pub(crate) const GOLDEN: &str = "golden";
 
 impl Assertion {
     /// A function of the tested one's module, or of another one.
@@ -209,6 +212,12 @@ impl Assertion {
             (false, Some((module, _))) => format!("{module}::{name}"),
             _ => name.to_owned(),
         }
+    }
+
+    /// The golden of its values, if it has one.
+    pub(crate) fn golden_file(&self) -> Option<PathBuf> {
+        let What::Golden(name) = &self.what else { return None };
+        Some(self.folder.join(GOLDEN).join(format!("{name}.csv")))
     }
 
     /// The place of what is wrong: of the key that an error begins with, or of what is asserted.
@@ -231,6 +240,7 @@ impl What {
         match self {
             Self::AgreesWith(_) => "agrees_with",
             Self::Table(_) => "table",
+            Self::Golden(_) => "golden",
             Self::Equals(_) => "equals",
             Self::Finite => "finite",
             Self::InRange(_) => "in_range",
@@ -345,6 +355,7 @@ fn whats(test: &Declared) -> Result<Vec<What>, String> {
     let mut all = Vec::new();
     all.extend(test.agrees_with.clone().map(What::AgreesWith));
     all.extend(test.table.clone().map(What::Table));
+    all.extend(test.golden.clone().map(What::Golden));
     all.extend(test.equals.clone().map(What::Equals));
     for (name, wanted) in [("finite", test.finite), ("no_hazards", test.no_hazards)] {
         match wanted {
@@ -366,9 +377,11 @@ fn whats(test: &Declared) -> Result<Vec<What>, String> {
         }
     }
     if all.is_empty() {
-        return Err("this test asserts nothing: agrees_with, table, equals, finite, in_range, \
+        return Err(
+            "this test asserts nothing: agrees_with, table, golden, equals, finite, in_range, \
                     symmetric_in, monotone, limit, integral or no_hazards"
-            .to_owned());
+                .to_owned(),
+        );
     }
     Ok(all)
 }

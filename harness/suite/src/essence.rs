@@ -23,6 +23,7 @@ impl Suite {
                         text += self.fingerprint(&assertion.of_module(reference))?;
                     }
                     What::Table(file) => text += &content(&assertion.folder.join(file))?,
+                    What::Golden(_) => text += &content(&assertion.golden_file()?)?,
                     _ => {}
                 }
                 text += &files(assertion.test.with.values(), &assertion.folder)?;

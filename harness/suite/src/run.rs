@@ -14,7 +14,7 @@ use karat::value::{Scalar, Shape};
 use karat::{Directions, Goldens, Package, Tolerance, Trend};
 use toml::Value;
 
-use crate::declared::{Assertion, Direction, Frame, Integral, Region, What};
+use crate::declared::{Assertion, Direction, Frame, GOLDEN, Integral, Region, What};
 use crate::domains::{lanes, no_such, over, parts};
 use crate::fixtures::fixture;
 use crate::table;
@@ -254,6 +254,11 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
                 None => lanes.extend(vec![f64::NAN; result.lanes().len()]),
             };
             Ok(check.agrees_with(&expect, criterion))
+        }
+        What::Golden(name) => {
+            let tolerance = tolerance(assertion.tolerance()?)?;
+            let goldens = Goldens::open(&folder.join(GOLDEN));
+            Ok(settled(probe.over_dynamic(domain(all)?), test)?.matches(&goldens, name, tolerance))
         }
         What::Equals(value) => {
             let criterion = criterion(assertion.tolerance()?)?;

@@ -28,7 +28,11 @@ pub(crate) fn read(
 ) -> Result<Table, String> {
     let name = file.display();
     let text = std::fs::read(file).map_err(|error| format!("`{name}`: {error}"))?;
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(&*text);
+    let mut reader = csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        // A golden has its facts there.
+        .comment(Some(b'#'))
+        .from_reader(&*text);
     let head = reader.headers().map_err(|error| format!("`{name}`: {error}"))?.clone();
     let argument = |(name, shape): &(String, Shape)| columns(name, shape);
     let arguments: Vec<(String, Scalar)> = parameters.iter().flat_map(argument).collect();
@@ -64,7 +68,7 @@ pub(crate) fn read(
         let mut words = Vec::with_capacity(arguments.len());
         for (column, scalar) in &arguments {
             let cell = record.get(*column).unwrap_or_default();
-            let word = word(*scalar, cell);
+            let word = scalar.parse(cell);
             words.push(word.ok_or_else(|| wrong(*column, &format!("is no {}", shown(*scalar))))?);
         }
         let mut lanes = Vec::with_capacity(results.len());
@@ -108,17 +112,6 @@ fn columns(name: &str, shape: &Shape) -> Vec<(String, Scalar)> {
 
 fn shown(scalar: Scalar) -> String {
     Shape::Scalar(scalar).to_string()
-}
-
-fn word(scalar: Scalar, cell: &str) -> Option<u32> {
-    match scalar {
-        Scalar::F32 | Scalar::F16 => {
-            Some(cell.parse::<f32>().ok().filter(|value| value.is_finite())?.to_bits())
-        }
-        Scalar::I32 => cell.parse::<i32>().ok().map(i32::cast_unsigned),
-        Scalar::U32 => cell.parse().ok(),
-        Scalar::Bool => cell.parse::<bool>().ok().map(u32::from),
-    }
 }
 
 #[cfg(test)]

@@ -4,3 +4,4 @@ mod compute;
 mod frames;
 mod functions;
 mod resources;
+mod values;

@@ -66,8 +66,13 @@ impl Artefact {
     }
 }
 
-/// How frames end that a run leaves.
-const FRAME: &str = ".new.exr";
+/// How frames and values end that a run leaves.
+const WAITING: [&str; 2] = [".new.exr", ".new.csv"];
+
+/// Whether a file may wait to be accepted, by its name.
+fn waits(name: &str) -> bool {
+    WAITING.iter().any(|ending| name.ends_with(ending))
+}
 
 /// What a folder or zip shows of where it comes from.
 #[derive(Debug, Default)]
@@ -88,8 +93,8 @@ impl Contents {
             // A folder that can't be looked into is told by those who look for frames.
             Ok(first.map(|found| found.unwrap_or_else(|error| error.path().to_owned())))
         };
-        let frame = format!("*{FRAME}");
-        for pattern in [&*frame, "record/*.jsonl", "record/run-*/*.jsonl", "run.json"] {
+        let [frame, table] = WAITING.map(|ending| format!("*{ending}"));
+        for pattern in [&*frame, &*table, "record/*.jsonl", "record/run-*/*.jsonl", "run.json"] {
             if below(pattern)?.is_some() {
                 return Ok(Self { of_run: true, zip: None });
             }
@@ -103,9 +108,8 @@ impl Contents {
         let mut above = relative.ancestors().skip(1).take(2);
         let in_record = above.any(|folder| folder.ends_with("record"));
         let ends_in = |end: &str| relative.extension().is_some_and(|extension| extension == end);
-        self.of_run |= name.ends_with(FRAME)
-            || (in_record && ends_in("jsonl"))
-            || relative.ends_with("run.json");
+        self.of_run |=
+            waits(name) || (in_record && ends_in("jsonl")) || relative.ends_with("run.json");
         if self.zip.is_none() && ends_in("zip") {
             self.zip = Some(name.to_owned());
         }
@@ -117,8 +121,8 @@ impl Contents {
         }
         let inner = self.zip.as_ref().map(|zip| format!("; perhaps `{zip}` in it is one"));
         Err(NotThere(format!(
-            "`{}` isn't what a run left: it has no frame (`*{FRAME}`) and no record \
-             (`record/*.jsonl`, `run.json`); name what CI uploaded of `target/karat`, a folder or \
+            "`{}` isn't what a run left: it has no frame (`*.new.exr`), no values (`*.new.csv`) \
+             and no record (`record/*.jsonl`, `run.json`); name what CI uploaded of `target/karat`, a folder or \
              a zip{}",
             path.display(),
             inner.unwrap_or_default()
@@ -145,7 +149,7 @@ fn unpack(path: &Path, folder: &Path) -> anyhow::Result<Contents> {
             continue;
         }
         contents.add(&relative, &name);
-        if !name.ends_with(FRAME) {
+        if !waits(&name) {
             continue;
         }
         frames += 1;

@@ -188,7 +188,7 @@ pub(super) fn pending(args: &PendingArgs, out: &mut dyn Write) -> Outcome {
     } else if !frames.is_empty() {
         write_table(&frames, out)?;
     } else if unusable.is_empty() {
-        writeln!(out, "no frame is pending")?;
+        writeln!(out, "nothing is pending")?;
     }
     report(&unusable)?;
     Ok(if frames.iter().any(|pending| Status::of(pending) == Status::Differs) {
@@ -211,12 +211,15 @@ pub(super) fn report(unusable: &[Unusable]) -> anyhow::Result<()> {
 fn write_table(pending: &[Pending], out: &mut dyn Write) -> std::io::Result<()> {
     let folder = |pending: &Pending| pending.provenance.folder.clone();
     let several = pending.windows(2).any(|pair| folder(&pair[0]) != folder(&pair[1]));
-    let head: &[&str] = &["frame", "golden", "size", "rendered on", "goldens"];
+    let head: &[&str] = &["frame or values", "golden", "size", "made on", "goldens"];
     let mut table = Table::new(&head[..if several { 5 } else { 4 }], &[]);
     for pending in pending {
         let Pending { case, provenance, .. } = pending;
         let golden = if pending.is_new() { "none" } else { "differs" };
-        let size = format!("{} x {}", provenance.width, provenance.height);
+        let size = match pending.is_table() {
+            true => format!("{} rows", provenance.height),
+            false => format!("{} x {}", provenance.width, provenance.height),
+        };
         let mut cells = vec![case.clone(), golden.to_owned(), size, provenance.adapter.to_string()];
         cells.extend(several.then(|| folder(pending)));
         table.row(DIM, cells);

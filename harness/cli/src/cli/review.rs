@@ -43,7 +43,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     let pending = review.pending();
     if pending.is_empty() {
-        writeln!(out, "no frame is pending")?;
+        writeln!(out, "nothing is pending")?;
         return Ok(Ending::Good);
     }
     let server = review.serve(args.port)?;

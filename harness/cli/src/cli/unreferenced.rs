@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 use karat::Image;
-use karat::golden::{Profile, Provenance};
+use karat::golden::{Profile, Provenance, Table};
 use karat::record::{Record, Recorded, Subject};
 use serde::Serialize;
 
@@ -66,6 +66,8 @@ struct Evidence {
     profiles: BTreeSet<String>,
     /// Names and profiles.
     pairs: BTreeSet<(String, String)>,
+    /// Files that were read, of which some may be goldens of values.
+    read: BTreeSet<PathBuf>,
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
@@ -81,7 +83,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         let why = "so there is nothing to judge; name the folder of goldens with --golden DIR";
         return Err(NotThere(format!("there is no golden in `{shown}`, {why}")).into());
     }
-    if evidence.frames.is_empty() && !evidence.elsewhere.is_empty() {
+    let none = evidence.frames.is_empty() && evidence.read.is_empty();
+    if none && !evidence.elsewhere.is_empty() {
         let elsewhere: Vec<&str> = evidence.elsewhere.iter().map(String::as_str).collect();
         return Err(NotThere(format!(
             "the last run compared no frame with a golden of `{shown}`, but with those of `{}`; \
@@ -152,7 +155,10 @@ impl Report {
 /// The files of goldens that nobody compares, and what is left of goldens that are gone. Files that
 /// aren't Karat's are left alone.
 fn deletable(report: &Report) -> Vec<PathBuf> {
-    let of = |golden: &Golden| [golden.file.clone(), golden.file.with_extension("toml")];
+    let of = |golden: &Golden| match golden.is_table() {
+        true => vec![golden.file.clone()],
+        false => vec![golden.file.clone(), golden.file.with_extension("toml")],
+    };
     let strays = report.stray.iter().filter(|stray| stray.is_ours).map(|stray| stray.file.clone());
     let goldens = report.unreferenced.iter().filter(|golden| is_golden(&golden.file));
     let mut all: Vec<PathBuf> = goldens.flat_map(of).chain(strays).collect();
@@ -162,8 +168,11 @@ fn deletable(report: &Report) -> Vec<PathBuf> {
     all
 }
 
-/// Whether an image says that it was accepted: another tool's may lie there for a reason.
+/// Whether a file says that it was accepted: another tool's may lie there for a reason.
 fn is_golden(file: &Path) -> bool {
+    if Table::read(file).is_ok() {
+        return true;
+    }
     let metadata = Image::read_exr(file).ok().and_then(|(_, metadata)| metadata);
     metadata.is_some_and(|text| Provenance::parse(&text).is_ok())
 }
@@ -236,6 +245,7 @@ impl Evidence {
     fn gather(records: &[Record], golden: &Path) -> Self {
         let (mut frames, mut profiles, mut pairs) =
             <(BTreeSet<_>, BTreeSet<_>, BTreeSet<_>)>::default();
+        let mut read = BTreeSet::new();
         let mut elsewhere = BTreeSet::new();
         let same = |folder: &str| match (Path::new(folder).canonicalize(), golden.canonicalize()) {
             (Ok(folder), Ok(golden)) => folder == golden,
@@ -256,12 +266,18 @@ impl Evidence {
                 _ => {}
             }
             profiles.extend(ran);
+            let files = record.read.iter().map(|read| &read.file);
+            let tables = files.filter(|file| file.extension().is_some_and(|end| end == "csv"));
+            read.extend(tables.filter_map(|file| file.canonicalize().ok()));
         }
-        Self { frames, elsewhere, profiles, pairs }
+        Self { frames, elsewhere, profiles, pairs, read }
     }
 
     /// Whether a test compared a golden; `None` if its profile didn't run.
     fn has(&self, golden: &Golden) -> Option<bool> {
+        if golden.is_table() {
+            return Some(golden.file.canonicalize().is_ok_and(|file| self.read.contains(&file)));
+        }
         if !self.frames.contains(&golden.case) {
             return Some(false);
         }

@@ -5,9 +5,9 @@ use base64::engine::general_purpose::STANDARD;
 use half::f16;
 use serde_json::{Value, json};
 
-use super::{Case, Map, Part, facts};
+use super::{Case, Map, Part, Rows, facts};
 use karat::Image;
-use karat::golden::{Criterion, CriterionMargin, Pending};
+use karat::golden::{ChangedRow, Criterion, CriterionMargin, Pending};
 
 /// The whole script. Its text has neither `<` nor line separators, so it could be embedded, too.
 pub(super) fn script(index: usize, pending: &Pending, case: &Case) -> String {
@@ -19,6 +19,7 @@ pub(super) fn script(index: usize, pending: &Pending, case: &Case) -> String {
         "name": case.name,
         "parts": case.parts.iter().map(part).collect::<Vec<_>>(),
         "maps": case.maps.iter().map(map).collect::<Vec<_>>(),
+        "table": case.table.as_ref().map(table),
         "gates": case.margins.iter().map(gate).collect::<Vec<_>>(),
         "verdict": case.verdict,
         "cause": case.cause.to_string(),
@@ -32,6 +33,25 @@ pub(super) fn script(index: usize, pending: &Pending, case: &Case) -> String {
         "facts": facts::table(case.golden_provenance.as_ref(), &case.actual_provenance),
     });
     received(&data)
+}
+
+/// The rows of a table that differ. JSON has no infinity, which is what a row has that is new or gone.
+fn table(rows: &Rows) -> Value {
+    let row = |row: &ChangedRow| {
+        json!({
+            "row": row.row + 1,
+            "arguments": row.arguments,
+            "golden": row.golden,
+            "actual": row.actual,
+            "relative": row.relative.is_finite().then_some(row.relative),
+        })
+    };
+    json!({
+        "columns": rows.columns,
+        "arguments": rows.arguments,
+        "changed": rows.changed,
+        "rows": rows.rows.iter().map(row).collect::<Vec<_>>(),
+    })
 }
 
 /// A script that says why there is no data.

@@ -156,6 +156,7 @@ mod tests {
             compared_profile: String::new(),
             finding: None,
             exposures: None,
+            table: None,
             accepted_by: String::new(),
             accepted_at: String::new(),
             because: String::new(),

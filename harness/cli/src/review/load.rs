@@ -1,8 +1,8 @@
 //! Reads cases from files.
 
 use super::maps::maps;
-use super::{Case, Cause, Part};
-use karat::golden::{AcceptError, COLOR, MASK, Pending, Provenance};
+use super::{Case, Cause, Part, Rows};
+use karat::golden::{AcceptError, COLOR, MASK, Pending, Provenance, Table, TableError};
 use karat::image::{self, ExrFile, ImageError};
 use karat::metric::{Mask, Pair};
 use karat::{Goldens, Image};
@@ -21,6 +21,9 @@ impl Case {
     /// # Errors
     /// If the pending frame can't be read.
     pub(crate) fn load(goldens: &Goldens, pending: &Pending) -> Result<Self, AcceptError> {
+        if pending.is_table() {
+            return Self::load_table(goldens, pending);
+        }
         let actual = ExrFile::read(&pending.path)?;
         let (golden, unreadable) = match ExrFile::read(&goldens.compared(pending)) {
             Ok(golden) => (Some(golden), None),
@@ -69,9 +72,51 @@ impl Case {
             golden_provenance,
             actual_provenance,
             cause,
+            table: None,
+        })
+    }
+
+    /// Reads pending values and their golden.
+    fn load_table(goldens: &Goldens, pending: &Pending) -> Result<Self, AcceptError> {
+        let (actual, actual_provenance) = Table::read(&pending.path)?;
+        let file = goldens.compared(pending);
+        let (golden_provenance, unreadable) = match Table::read(&file) {
+            Ok((_, provenance)) => (Some(provenance), None),
+            Err(TableError::File(ImageError::Missing { .. })) => (None, None),
+            Err(error) => (None, Some(error)),
+        };
+        let there = golden_provenance.is_some() || unreadable.is_some();
+        let cause = Cause::of(there, golden_provenance.as_ref(), &actual_provenance);
+        let known = golden_provenance.as_ref().map_or("", |known| known.pixels.as_str());
+        let verdict = match (&unreadable, &actual_provenance.finding) {
+            (Some(error), _) => format!("the golden can't be used: {error}"),
+            _ if known != actual_provenance.compared_with => {
+                "the golden changed since these values were made: run their test again".to_owned()
+            }
+            (None, Some(finding)) => finding.verdict.clone(),
+            (None, None) => "there is no golden yet".to_owned(),
+        };
+        let rows = if unreadable.is_some() { Vec::new() } else { pending.changed_rows(goldens)? };
+        let changed = rows.len();
+        let columns = actual.columns.iter().map(|column| column.name.clone()).collect();
+        let rows = rows.into_iter().take(MOST_ROWS).collect();
+        let table = Some(Rows { columns, arguments: actual.arguments, rows, changed });
+        Ok(Self {
+            name: pending.case.clone(),
+            parts: Vec::new(),
+            maps: Vec::new(),
+            margins: Vec::new(),
+            verdict,
+            golden_provenance,
+            actual_provenance,
+            cause,
+            table,
         })
     }
 }
+
+/// Rows of a table that the page shows: more aren't read by anybody.
+const MOST_ROWS: usize = 500;
 
 /// The parts of both sides by name, the frame first.
 fn parts(golden: Option<ExrFile>, actual: ExrFile) -> Vec<Part> {

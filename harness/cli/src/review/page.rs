@@ -10,7 +10,7 @@ const HTML: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
 
 /// The scripts, each of which uses only those before it. They become one, in one scope.
-const SCRIPTS: [&str; 13] = [
+const SCRIPTS: [&str; 14] = [
     include_str!("page/numbers.js"),
     include_str!("page/tones.js"),
     include_str!("page/shader.js"),
@@ -19,6 +19,7 @@ const SCRIPTS: [&str; 13] = [
     include_str!("page/overlay.js"),
     include_str!("page/inspector.js"),
     include_str!("page/facts.js"),
+    include_str!("page/table.js"),
     include_str!("page/controls.js"),
     include_str!("page/cases.js"),
     include_str!("page/decide.js"),
@@ -54,6 +55,7 @@ pub(super) fn html(
             "index": number,
             "name": frame.case,
             "new": frame.is_new(),
+            "table": frame.is_table(),
             "size": [frame.provenance.width, frame.provenance.height],
             "accept": format!("{}{arguments}", frame.accept_arguments()),
         })

@@ -45,7 +45,7 @@ fn a_cause_is_told_once() {
     assert!(error.contains("can't write `text.zip/a.png`: "), "{error}");
 }
 
-/// That no frame is pending in the wrong folder says nothing of the run.
+/// That nothing is pending in the wrong folder says nothing of the run.
 #[test]
 fn what_no_run_left_has_no_verdict() {
     let project = project();
@@ -89,7 +89,7 @@ fn what_no_run_left_has_no_verdict() {
     write(folder, "[green]/ci/record/1.jsonl", "");
     for from in ["green.zip", "[green]", "outer/green.zip"] {
         let out = karat(folder, &["pending", "--from", from]).good();
-        assert_eq!(out, "no frame is pending\n", "{from}");
+        assert_eq!(out, "nothing is pending\n", "{from}");
     }
 }
 

@@ -62,6 +62,7 @@ pub(crate) fn provenance(
         compared_profile: String::new(),
         finding: None,
         exposures: None,
+        table: None,
         accepted_by: String::new(),
         accepted_at: String::new(),
         because: String::new(),
@@ -77,7 +78,7 @@ fn pending_frames_are_listed_accepted_and_rejected() {
     assert_eq!(missing.code, Some(2), "{missing:?}");
     assert!(missing.err.contains("name the folder of goldens with --golden DIR"), "{missing:?}");
     std::fs::create_dir_all(golden.join("furnace")).expect("a folder");
-    assert_eq!(karat(folder, &["pending"]).good(), "no frame is pending\n");
+    assert_eq!(karat(folder, &["pending"]).good(), "nothing is pending\n");
     assert_eq!(karat(folder, &["pending", "--json"]).good(), "[]\n");
     pending_frame(&golden, "scene", "llvmpipe (LLVM 15.0.6, 256 bits)");
     pending_frame(&golden, "furnace/rough", "llvmpipe (LLVM 15.0.6, 256 bits)");
@@ -95,7 +96,7 @@ fn pending_frames_are_listed_accepted_and_rejected() {
     let error = karat(folder, &["accept", "scene", "--because", " "]).error();
     assert!(error.contains("accepting `scene` needs a reason"), "{error}");
     let error = karat(folder, &["accept", "scne", "--because", "why"]).failure(3);
-    assert!(error.contains("no frame `scne` is pending; did you mean `scene`?"), "{error}");
+    assert!(error.contains("`scne` isn't pending; did you mean `scene`?"), "{error}");
     let error = karat(folder, &["reject", "scne"]).failure(3);
     assert!(error.contains("did you mean `scene`?"), "{error}");
     assert!(golden.join("scene.new.exr").is_file() && !golden.join("scene.exr").exists());
@@ -110,7 +111,7 @@ fn pending_frames_are_listed_accepted_and_rejected() {
     assert!(error.contains("goldens are made on lavapipe"), "{error}");
     let out = karat(folder, &["reject", "furnace/*", "furnace/rough"]).good();
     assert_eq!(out, "rejected furnace/rough\nrejected furnace/smooth\n");
-    assert_eq!(karat(folder, &["pending"]).good(), "no frame is pending\n");
+    assert_eq!(karat(folder, &["pending"]).good(), "nothing is pending\n");
     let error = karat(folder, &["pending", "--golden", "nowhere"]).error();
     assert!(error.contains("there is no folder `nowhere`"), "{error}");
 }
@@ -241,7 +242,7 @@ fn frames_of_a_ci_run_are_accepted_from_a_folder_or_a_zip() {
     assert_eq!(karat(folder, &accept).good(), "accepted furnace/rough\n");
     assert!(folder.join("golden/furnace/rough.exr").is_file());
     assert_eq!(karat(folder, &["reject", "scene", "--from", "ci"]).good(), "rejected scene\n");
-    assert_eq!(karat(folder, &["pending", "--from", "ci"]).good(), "no frame is pending\n");
+    assert_eq!(karat(folder, &["pending", "--from", "ci"]).good(), "nothing is pending\n");
     let error = karat(folder, &["reject", "scene", "--from", "ci.zip"]).error();
     assert!(error.contains("a frame in a zip can't be rejected"), "{error}");
 }

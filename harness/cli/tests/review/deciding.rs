@@ -138,7 +138,7 @@ fn the_second_of_two_tabs_is_told() {
 
     accept(&mut browser, &second, "another reason");
     let text = problem(&mut browser, &second);
-    assert_eq!(text, "no frame `tiny` is pending");
+    assert_eq!(text, "`tiny` isn't pending");
     assert_eq!(std::fs::read(project.golden("tiny")).expect("a golden"), golden);
     browser.press(&second, "Escape");
     assert_eq!(browser.text(&second, "#cases .gone .status"), "no longer pending");

@@ -4,7 +4,7 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 use karat::Image;
-use karat::golden::Provenance;
+use karat::golden::{Provenance, Table};
 use serde::Serialize;
 
 use super::files::{Golden, is_facts};
@@ -31,6 +31,10 @@ impl Doubt {
 }
 
 fn problem(image: &Path, beside: &Path) -> Option<String> {
+    if image.extension().is_some_and(|ending| ending == "csv") {
+        // Values have their facts within.
+        return Table::read(image).err().map(|error| error.to_string());
+    }
     let metadata = match Image::read_exr(image) {
         Ok((_, metadata)) => metadata,
         Err(error) => return Some(error.to_string()),

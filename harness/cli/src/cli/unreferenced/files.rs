@@ -18,6 +18,13 @@ pub(super) struct Golden {
     pub(super) file: PathBuf,
 }
 
+impl Golden {
+    /// Whether it holds values, with their facts, and no frame.
+    pub(super) fn is_table(&self) -> bool {
+        self.file.extension().is_some_and(|ending| ending == "csv")
+    }
+}
+
 /// `scene`, `scene of profile gl-nvidia`
 impl fmt::Display for Golden {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -43,8 +50,8 @@ pub(super) struct Files {
     pub(super) stray: Vec<Stray>,
 }
 
-/// What may be beside a golden: its facts; a frame that waits; and previews of either.
-const COMPANIONS: [&str; 4] = [".new.exr", ".new.png", ".toml", ".png"];
+/// What may be beside a golden: its facts; what waits; and previews of frames.
+const COMPANIONS: [&str; 5] = [".new.exr", ".new.csv", ".new.png", ".toml", ".png"];
 
 /// What was killed before it renamed a file to its place.
 const LEFTOVER: &str = "left by an interrupted acceptance or test";
@@ -73,9 +80,9 @@ impl Files {
             };
             let golden = file.with_file_name(format!("{stem}.exr"));
             match ending {
-                ".exr" => files.goldens.push(name_of(folder, file, stem)),
-                // A frame may wait without a golden.
-                ".new.exr" => {}
+                ".exr" | ".csv" => files.goldens.push(name_of(folder, file, stem)),
+                // What waits may have no golden.
+                ".new.exr" | ".new.csv" => {}
                 _ if all.contains(&golden) => {}
                 ".new.png" if all.contains(&file.with_file_name(format!("{stem}.new.exr"))) => {}
                 ".toml" => files.push(file, "facts without a golden", is_facts(file)),
@@ -98,7 +105,7 @@ pub(super) fn is_facts(file: &Path) -> bool {
 
 /// A file's name and how it ends, of the endings that are known.
 fn split(name: &str) -> Option<(&str, &'static str)> {
-    let endings = COMPANIONS.into_iter().chain([".exr"]);
+    let endings = COMPANIONS.into_iter().chain([".exr", ".csv"]);
     let mut split = endings.filter_map(|ending| Some((name.strip_suffix(ending)?, ending)));
     split.next().filter(|(stem, _)| !stem.is_empty())
 }

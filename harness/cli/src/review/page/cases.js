@@ -61,7 +61,7 @@ function prepared(image) {
   const UNUSABLE = "can't be used";
   const STATUS = { accepted: "accepted", rejected: "rejected", gone: "no longer pending" };
 
-  const size = (entry) => entry?.size?.join(" × ") ?? "";
+  const size = (entry) => (entry?.table ? `${entry.size[1]} rows` : entry?.size?.join(" × ") ?? "");
   const groupOf = (entry) => (entry.status === "unusable" ? UNUSABLE : folderOf(entry.name));
 
   // A long name is broken after its parts; after hyphens it is anyway.

@@ -1,0 +1,150 @@
+//! What passes leave, compared with a golden: the elements that were accepted.
+
+use std::panic::Location;
+
+use super::judge::{Assertion, Expected};
+use super::{After, ComputeAgreement, ComputeError, words};
+use crate::dispatch::{DispatchError, Passes};
+use crate::executor::{self, Executor};
+use crate::golden::{Column, Goldens, Made, Table, other_columns};
+use crate::run::or_panic;
+use crate::tolerance::Tolerance;
+use crate::value::Shape;
+
+impl After<'_> {
+    /// Checks that the elements are what they were when their golden was accepted, to within a tolerance:
+    /// `golden/<case>.csv`, a row for each element. It is for passes that have no reference.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// static GOLDEN: Goldens = karat::goldens!("golden");
+    ///
+    /// SHADERS
+    ///     .compute()
+    ///     .with("particles", karat::fixture::Buffer::zeros(1024))
+    ///     .dispatch("particles::spawn", [1, 1, 1])
+    ///     .after("particles")
+    ///     .matches(&GOLDEN, "particles/spawned", Rel(1e-5).or(Abs(1e-6)));
+    /// ```
+    ///
+    /// # Panics
+    /// If an element differs, or there is nothing to compare with.
+    #[track_caller]
+    pub fn matches(
+        self,
+        goldens: &Goldens,
+        case: &str,
+        tolerance: impl Into<Tolerance>,
+    ) -> ComputeAgreement {
+        let place = Location::caller();
+        or_panic(self.compare_with((goldens, case), &tolerance.into(), place, true))
+    }
+
+    /// [`matches`](Self::matches), with its failure as a value that isn't recorded.
+    ///
+    /// # Errors
+    /// If an element differs, or there is nothing to compare with.
+    #[track_caller]
+    pub fn try_matches(
+        self,
+        goldens: &Goldens,
+        case: &str,
+        tolerance: impl Into<Tolerance>,
+    ) -> Result<ComputeAgreement, ComputeError> {
+        let place = Location::caller();
+        self.compare_with((goldens, case), &tolerance.into(), place, false)
+    }
+
+    fn compare_with(
+        &self,
+        (goldens, case): (&Goldens, &str),
+        tolerance: &Tolerance,
+        place: &'static Location<'static>,
+        recorded: bool,
+    ) -> Result<ComputeAgreement, ComputeError> {
+        let text = format!("golden `{case}`, {tolerance}");
+        self.report(("matches", text), place, recorded, &mut |report| {
+            report.read.extend(goldens.values_read(case));
+            let golden = goldens.table(case)?;
+            let passes = self.compute.passes()?;
+            report.read.extend(passes.read());
+            let (number, shape) = passes.written(&self.variable)?;
+            let element = match shape {
+                Shape::Array { element, .. } => *element,
+                whole => whole,
+            };
+            let executors = self.executors()?;
+            // What is compared with a golden on one path becomes the next one on that path, too.
+            let made = |executor: &dyn Executor| {
+                let adapter = executor::adapter(executor);
+                let words = words(executor, &passes, number)?;
+                let table = Table { columns: self.columns(&element), arguments: 0, words };
+                Ok::<_, DispatchError>((table, adapter))
+            };
+            let first = || {
+                let canonical = |executor: &&&dyn Executor| {
+                    executor.path() == crate::Path::CPU
+                        || executor::adapter(**executor).is_lavapipe()
+                };
+                let first = executors.iter().find(canonical).or(executors.first());
+                made(*first.expect("some path is selected"))
+            };
+            let left = |(table, adapter), how: Option<(&Table, &str)>| {
+                let tolerance = tolerance.to_string();
+                let made = Made { table, adapter: &adapter, shader: shader(&passes), tolerance };
+                match how {
+                    Some((golden, how)) => goldens.unlike_golden(case, &made, golden, how),
+                    None => goldens.without_golden(case, &made),
+                }
+            };
+            let Some(golden) = golden else { return Err(left(first()?, None).into()) };
+            let (now, adapter) = first()?;
+            let count = (golden.len() != now.len())
+                .then(|| format!("it has {} elements, now there are {}", golden.len(), now.len()));
+            if let Some(how) = other_columns(&golden, &now).or(count) {
+                return Err(left((now, adapter), Some((&golden, &how))).into());
+            }
+            let scalars = golden.columns.iter().map(|column| column.scalar).cycle();
+            let cells = golden.rows().flatten();
+            let lanes = scalars.zip(cells).map(|(scalar, word)| scalar.decode(*word)).collect();
+            let expected = Expected { shape: element.clone(), lanes };
+            match self.judged(&Assertion::Agrees(expected, tolerance.clone()), "matches", report) {
+                Ok(agreement) => {
+                    goldens.values_agree(case);
+                    Ok(agreement)
+                }
+                Err(ComputeError::Differs(difference)) => {
+                    let Some(path) = difference.paths.first() else {
+                        return Err(ComputeError::Differs(difference));
+                    };
+                    let differing =
+                        |executor: &&&dyn Executor| executor::adapter(**executor) == path.adapter;
+                    let now =
+                        executors.iter().find(differing).map_or_else(first, |own| made(*own))?;
+                    let (elements, failures) = (path.elements, path.failures);
+                    let how = format!("{failures} of {elements} elements on {}", path.adapter.path);
+                    let source = Box::new(left(now, Some((&golden, &how))));
+                    Err(ComputeError::Golden { difference: Some(difference), source })
+                }
+                result => result,
+            }
+        })
+    }
+
+    /// The columns of an element's golden.
+    fn columns(&self, element: &Shape) -> Vec<Column> {
+        let lanes = element.lane_names().into_iter().zip(element.lanes());
+        let named = |lane: String| format!("{}{lane}", self.variable);
+        lanes.map(|(lane, scalar)| Column { name: named(lane), scalar }).collect()
+    }
+}
+
+/// blake3 of the linked WGSL of all passes.
+fn shader(passes: &Passes) -> String {
+    let mut hash = blake3::Hasher::new();
+    passes.passes.iter().for_each(|pass| {
+        hash.update(pass.program.text().as_bytes());
+    });
+    hash.finalize().to_hex().to_string()
+}

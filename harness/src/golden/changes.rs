@@ -1,0 +1,85 @@
+//! What changed in values that wait, row by row, for whoever accepts or rejects them.
+
+use super::table::{Table, TableError};
+use super::{AcceptError, Goldens, Pending};
+use crate::image::ImageError;
+use crate::value::format_lane;
+
+/// A row of values that isn't its golden's.
+#[derive(Clone, Debug)]
+pub struct ChangedRow {
+    /// The row, from 0.
+    pub row: usize,
+    /// Its arguments, as text.
+    pub arguments: Vec<String>,
+    /// The golden's values, as text; empty if the golden has no such row.
+    pub golden: Vec<String>,
+    /// The new values, as text; empty if they have no such row.
+    pub actual: Vec<String>,
+    /// The largest difference of a component, relative to the golden's value.
+    pub relative: f64,
+}
+
+impl Pending {
+    /// The rows that differ from the golden's, the largest differences first; all rows if there is no
+    /// golden.
+    ///
+    /// # Errors
+    /// If one of the files can't be read, or holds no table.
+    pub fn changed_rows(&self, goldens: &Goldens) -> Result<Vec<ChangedRow>, AcceptError> {
+        let (actual, _) = Table::read(&self.path)?;
+        let golden = match Table::read(&goldens.values(&self.case)) {
+            Ok((golden, _)) => Some(golden),
+            Err(TableError::File(ImageError::Missing { .. })) => None,
+            Err(error) => return Err(error.into()),
+        };
+        let text = |table: &Table, columns: std::ops::Range<usize>, row: &[u32]| {
+            let cells = table.columns[columns.clone()].iter().zip(&row[columns]);
+            let shown = cells.map(|(column, word)| format_lane(column.scalar, *word));
+            shown.collect::<Vec<String>>()
+        };
+        let results = |table: &Table, row: Option<&[u32]>| {
+            let columns = table.arguments..table.columns.len();
+            row.map_or_else(Vec::new, |row| text(table, columns, row))
+        };
+        let old_rows: Vec<&[u32]> = golden.iter().flat_map(Table::rows).collect();
+        let new_rows: Vec<&[u32]> = actual.rows().collect();
+        let mut changed = Vec::new();
+        for row in 0..old_rows.len().max(new_rows.len()) {
+            let (old, new) = (old_rows.get(row).copied(), new_rows.get(row).copied());
+            let same = golden.as_ref().is_some_and(|golden| golden.columns == actual.columns);
+            if same && old == new {
+                continue;
+            }
+            let relative = match (old, new) {
+                (Some(old), Some(new))
+                    if same && old[..actual.arguments] == new[..actual.arguments] =>
+                {
+                    relative(&actual, old, new)
+                }
+                _ => f64::INFINITY,
+            };
+            let arguments = match (new, old, &golden) {
+                (Some(new), ..) => text(&actual, 0..actual.arguments, new),
+                (None, Some(old), Some(golden)) => text(golden, 0..golden.arguments, old),
+                _ => Vec::new(),
+            };
+            let golden = golden.as_ref().map_or_else(Vec::new, |golden| results(golden, old));
+            let actual = results(&actual, new);
+            changed.push(ChangedRow { row, arguments, golden, actual, relative });
+        }
+        changed.sort_by(|a, b| b.relative.total_cmp(&a.relative));
+        Ok(changed)
+    }
+}
+
+/// The largest difference of a result's component, relative to the golden's.
+fn relative(table: &Table, old: &[u32], new: &[u32]) -> f64 {
+    let cells = table.columns.iter().zip(old.iter().zip(new)).skip(table.arguments);
+    let differences = cells.map(|(column, (old, new))| {
+        let (old, new) = (column.scalar.decode(*old), column.scalar.decode(*new));
+        let difference = (new - old).abs();
+        if difference == 0.0 { 0.0 } else { difference / old.abs() }
+    });
+    differences.fold(0.0, f64::max)
+}

@@ -1,0 +1,205 @@
+//! Tables of values as text: the results of a function beside its arguments, or the elements of a
+//! buffer.
+//!
+//! ```text
+//! # schema = 1
+//! # case = "ggx"
+//! n_dot_h,alpha,result
+//! 0.5,0.25,0.0796
+//! ```
+//!
+//! The comments are the facts, as TOML. The rest is CSV whose cells are numbers, `true` and `false`, so
+//! that neither quotes nor commas are in them.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Provenance, ProvenanceError, parts};
+use crate::diagnostic::shown;
+use crate::image::ImageError;
+use crate::value::{Scalar, format_lane};
+
+/// A column of a [`Table`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Column {
+    /// `n_dot_h`, `result.x`; of a buffer the component, such as `sums.x`.
+    pub name: String,
+    /// What its cells are.
+    pub scalar: Scalar,
+}
+
+/// Rows of numbers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Table {
+    /// The columns: arguments first.
+    pub columns: Vec<Column>,
+    /// How many columns are arguments.
+    pub arguments: usize,
+    /// The lanes of all rows, one row after the other.
+    pub(crate) words: Vec<u32>,
+}
+
+/// What the facts say of a table's columns.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TableFacts {
+    /// How many columns are arguments.
+    pub arguments: usize,
+    /// What each column's cells are: `f32`, `f16`, `i32`, `u32` or `bool`.
+    pub types: Vec<String>,
+}
+
+/// Why a file isn't a table that can be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TableError {
+    /// It can't be read at all.
+    #[error(transparent)]
+    File(#[from] ImageError),
+    /// Its facts can't be used.
+    #[error("`{path}` can't be used: {source}")]
+    Provenance {
+        /// The file.
+        path: String,
+        /// Why.
+        source: ProvenanceError,
+    },
+    /// A line isn't what it should be.
+    #[error("`{path}`:{line} {reason}")]
+    Line {
+        /// The file.
+        path: String,
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong with it.
+        reason: String,
+    },
+}
+
+impl Table {
+    /// The lanes of each row.
+    pub fn rows(&self) -> impl Iterator<Item = &[u32]> {
+        self.words.chunks_exact(self.columns.len().max(1))
+    }
+
+    /// The arguments and the results of each row.
+    pub fn split_rows(&self) -> impl Iterator<Item = (&[u32], &[u32])> {
+        self.rows().map(|row| row.split_at(self.arguments.min(row.len())))
+    }
+
+    /// How many rows there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.words.len() / self.columns.len().max(1)
+    }
+
+    /// Whether there is no row.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The first cell that is no finite number: its row and column.
+    pub(super) fn non_finite(&self) -> Option<(usize, &Column)> {
+        self.rows().enumerate().find_map(|(at, row)| {
+            let mut cells = self.columns.iter().zip(row);
+            let broken = cells.find(|(column, word)| !column.scalar.decode(**word).is_finite());
+            broken.map(|(column, _)| (at, column))
+        })
+    }
+
+    pub(super) fn facts(&self) -> TableFacts {
+        let types = self.columns.iter().map(|column| column.scalar.wgsl().to_owned()).collect();
+        TableFacts { arguments: self.arguments, types }
+    }
+
+    /// blake3 of columns and cells.
+    pub(super) fn hash(&self) -> String {
+        blake3::hash(self.cells().as_bytes()).to_hex().to_string()
+    }
+
+    /// The file of a table, with its facts.
+    pub(super) fn text(&self, provenance: &Provenance) -> String {
+        let facts = toml::to_string(provenance).expect("provenance is plain data");
+        let facts = facts.lines().map(|line| match line {
+            "" => "#\n".to_owned(),
+            line => format!("# {line}\n"),
+        });
+        facts.collect::<String>() + &self.cells()
+    }
+
+    fn cells(&self) -> String {
+        let names = self.columns.iter().map(|column| column.name.clone());
+        let mut text = names.collect::<Vec<_>>().join(",") + "\n";
+        for row in self.rows() {
+            let cells = self.columns.iter().zip(row);
+            let cells = cells.map(|(column, word)| format_lane(column.scalar, *word));
+            text += &cells.collect::<Vec<_>>().join(",");
+            text.push('\n');
+        }
+        text
+    }
+
+    /// Reads a table with its facts.
+    ///
+    /// # Errors
+    /// If there is no such file, or a line of it isn't what it should be.
+    pub fn read(file: &Path) -> Result<(Self, Provenance), TableError> {
+        parts::check_file(file)?;
+        let path = || shown(file);
+        let text = std::fs::read_to_string(file).map_err(|source| match source.kind() {
+            std::io::ErrorKind::NotFound => ImageError::Missing { path: path() },
+            _ => ImageError::Read { path: path(), source },
+        })?;
+        if text.starts_with("version https://git-lfs.github.com/spec/") {
+            return Err(ImageError::LfsPointer { path: path() }.into());
+        }
+        let facts: String = text
+            .lines()
+            .take_while(|line| line.starts_with('#'))
+            .map(|line| line[1..].trim_start().to_owned() + "\n")
+            .collect();
+        let damaged = |source| TableError::Provenance { path: path(), source };
+        let provenance = Provenance::parse_toml(&facts).map_err(damaged)?;
+        let Some(facts) = &provenance.table else {
+            let reason = "its facts are those of no table".to_owned();
+            return Err(damaged(ProvenanceError::Damaged(reason)));
+        };
+        let line_is = |line: usize, reason: String| TableError::Line { path: path(), line, reason };
+        let mut lines = text.lines().enumerate().skip_while(|(_, line)| line.starts_with('#'));
+        let head = lines.next().map(|(at, line)| (at + 1, line));
+        let (at, head) = head.ok_or_else(|| line_is(1, "has no line of columns".to_owned()))?;
+        let names: Vec<&str> = head.split(',').collect();
+        let scalars: Option<Vec<Scalar>> =
+            facts.types.iter().map(|name| Scalar::named(name)).collect();
+        let scalars = scalars
+            .filter(|scalars| scalars.len() == names.len() && facts.arguments < scalars.len());
+        let Some(scalars) = scalars else {
+            let reason = format!("has {} columns, its facts other ones", names.len());
+            return Err(line_is(at, reason));
+        };
+        let columns = names.iter().zip(scalars);
+        let columns: Vec<Column> =
+            columns.map(|(name, scalar)| Column { name: (*name).to_owned(), scalar }).collect();
+        let mut words = Vec::new();
+        for (at, line) in lines {
+            let cells: Vec<&str> = line.split(',').collect();
+            if cells.len() != columns.len() {
+                let reason = format!("has {} cells in {} columns", cells.len(), columns.len());
+                return Err(line_is(at + 1, reason));
+            }
+            for (column, cell) in columns.iter().zip(cells) {
+                words.push(column.scalar.parse(cell).ok_or_else(|| {
+                    let Column { name, scalar } = column;
+                    let what = scalar.wgsl();
+                    line_is(at + 1, format!("column `{name}`: `{cell}` is no finite {what}"))
+                })?);
+            }
+        }
+        if words.is_empty() {
+            return Err(line_is(at, "has no row below it".to_owned()));
+        }
+        let table = Self { columns, arguments: facts.arguments, words };
+        Ok((table, provenance))
+    }
+}

@@ -1,0 +1,251 @@
+//! Goldens of values: what functions returned for fixed arguments, and what passes left in buffers.
+
+use std::fmt::Write;
+
+use super::content::PENDING_TABLE;
+use super::pending::processor;
+use super::table::{Table, TableError};
+use super::{Goldens, Pending, Provenance, is_name};
+use crate::diagnostic::{FileRead, shown};
+use crate::image::{ImageError, Precision, write_whole};
+use crate::path::Adapter;
+
+/// Values that were made, and by what.
+pub(crate) struct Made<'a> {
+    pub(crate) table: Table,
+    pub(crate) adapter: &'a Adapter,
+    /// blake3 of the linked WGSL.
+    pub(crate) shader: String,
+    /// How much the values may differ.
+    pub(crate) tolerance: String,
+}
+
+/// Why values fail, or can't be judged by a golden.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ValuesError {
+    /// A name that isn't one path component or several joined by `/`.
+    #[error("`{0}` can't name a golden: use letters, digits, `-`, `_` and `/`")]
+    Name(String),
+    /// There is no golden yet.
+    #[error(
+        "the values `{case}` have no golden; look at `{pending}` and accept it with \
+         `karat accept {case}{arguments} --because \"...\"`"
+    )]
+    Missing {
+        /// The golden.
+        case: String,
+        /// The values that were made.
+        pending: String,
+        /// What accepting needs besides: `--any-adapter`.
+        arguments: String,
+    },
+    /// The golden can't be used. It isn't overwritten.
+    #[error("the golden of the values `{case}` can't be used: {source}{}",
+        if matches!(source, TableError::File(_)) { "" } else { "; restore it from version control" })]
+    Unreadable {
+        /// The golden.
+        case: String,
+        /// Why.
+        source: TableError,
+    },
+    /// The values differ.
+    #[error("the values `{case}` differ from their golden `{golden}`: {difference}\n  {advice}")]
+    Differs {
+        /// The golden.
+        case: String,
+        /// The golden's file.
+        golden: String,
+        /// How.
+        difference: String,
+        /// What to do.
+        advice: String,
+    },
+    /// The values can't become a golden.
+    #[error(
+        "the values `{case}` can't be compared: {column} is {value} in row {row}, and nothing could \
+         ever agree with it; {advice}"
+    )]
+    NonFinite {
+        /// The golden.
+        case: String,
+        /// The column.
+        column: String,
+        /// What it holds there.
+        value: f64,
+        /// The row, from 1.
+        row: usize,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// The values can't be written.
+    #[error("the values `{case}` fail ({failure}), and can't be left to be looked at: {source}")]
+    Pending {
+        /// The golden.
+        case: String,
+        /// The failure that they would have shown.
+        failure: String,
+        /// Why.
+        source: ImageError,
+    },
+}
+
+impl ValuesError {
+    /// Whether the values are wrong: otherwise nobody can say.
+    pub(crate) fn is_failure(&self) -> bool {
+        matches!(self, Self::Differs { .. } | Self::NonFinite { .. })
+    }
+}
+
+impl Goldens {
+    /// The golden of values. It has no profiles: paths have tolerances of their own.
+    pub(super) fn values(&self, case: &str) -> std::path::PathBuf {
+        self.folder().join(format!("{case}.csv"))
+    }
+
+    /// The file that a comparison depends on.
+    pub(crate) fn values_read(&self, case: &str) -> Option<FileRead> {
+        is_name(case).then(|| FileRead::now(&self.values(case)))
+    }
+
+    /// The golden's values; `None`: there is no golden yet.
+    pub(crate) fn table(&self, case: &str) -> Result<Option<Table>, ValuesError> {
+        if !is_name(case) {
+            return Err(ValuesError::Name(case.to_owned()));
+        }
+        match Table::read(&self.values(case)) {
+            Ok((table, _)) => Ok(Some(table)),
+            Err(TableError::File(ImageError::Missing { .. })) => Ok(None),
+            Err(source) => Err(ValuesError::Unreadable { case: case.to_owned(), source }),
+        }
+    }
+
+    /// Leaves values that have no golden to be looked at.
+    pub(crate) fn without_golden(&self, case: &str, made: &Made<'_>) -> ValuesError {
+        match self.leave(case, made, None) {
+            Ok(pending) => ValuesError::Missing {
+                case: case.to_owned(),
+                pending: shown(&pending.path),
+                arguments: pending.accept_arguments() + &self.arguments(),
+            },
+            Err(error) => error,
+        }
+    }
+
+    /// Leaves values that aren't those of their golden to be looked at. `difference` says how they
+    /// differ.
+    pub(crate) fn unlike_golden(
+        &self,
+        case: &str,
+        made: &Made<'_>,
+        golden: &Table,
+        difference: &str,
+    ) -> ValuesError {
+        match self.leave(case, made, Some((golden, difference))) {
+            Ok(pending) => {
+                let (arguments, place) = (pending.accept_arguments(), self.arguments());
+                ValuesError::Differs {
+                    case: case.to_owned(),
+                    golden: shown(&self.values(case)),
+                    difference: difference.to_owned(),
+                    advice: format!(
+                        "look at `{}`, then `karat accept {case}{arguments}{place} --because \
+                         \"...\"` or `karat reject {case}{place}`",
+                        shown(&pending.path)
+                    ),
+                }
+            }
+            Err(error) => error,
+        }
+    }
+
+    /// Removes what waits of values that agree again. That there was none is no error.
+    pub(crate) fn values_agree(&self, case: &str) {
+        drop(std::fs::remove_file(self.pending_values(case)));
+    }
+
+    fn pending_values(&self, case: &str) -> std::path::PathBuf {
+        self.pending_folder().join(format!("{case}{PENDING_TABLE}"))
+    }
+
+    fn leave(
+        &self,
+        case: &str,
+        made: &Made<'_>,
+        against: Option<(&Table, &str)>,
+    ) -> Result<Pending, ValuesError> {
+        let Made { table, adapter, shader, tolerance } = made;
+        if let Some((row, column)) = table.non_finite() {
+            let at = table.columns.iter().position(|other| other == column).unwrap_or_default();
+            let word = table.rows().nth(row).map_or(0, |row| row[at]);
+            let advice = match at < table.arguments {
+                true => "restrict the domain",
+                false => "mend the shader, or restrict what it is given",
+            };
+            return Err(ValuesError::NonFinite {
+                case: case.to_owned(),
+                column: format!("`{}`", column.name),
+                value: column.scalar.decode(word),
+                row: row + 1,
+                advice,
+            });
+        }
+        let count = |number: usize| u32::try_from(number).unwrap_or(u32::MAX);
+        let provenance = Provenance {
+            schema: Provenance::SCHEMA,
+            case: case.to_owned(),
+            shader: shader.clone(),
+            pixels: table.hash(),
+            width: count(table.columns.len()),
+            height: count(table.len()),
+            color_space: String::new(),
+            precision: Precision::Float,
+            tolerance: tolerance.clone(),
+            adapter: (*adapter).clone(),
+            processor: processor(),
+            facts: std::collections::BTreeMap::new(),
+            folder: self.key(),
+            compared_with: against.map_or_else(String::new, |(golden, _)| golden.hash()),
+            compared_profile: String::new(),
+            finding: against.map(|(_, difference)| super::FrameFinding {
+                verdict: difference.to_owned(),
+                margins: Vec::new(),
+                base_passes: false,
+            }),
+            exposures: None,
+            table: Some(table.facts()),
+            accepted_by: String::new(),
+            accepted_at: String::new(),
+            because: String::new(),
+        };
+        let path = self.pending_values(case);
+        match write_whole(&path, table.text(&provenance).as_bytes()) {
+            Ok(()) => Ok(Pending { case: case.to_owned(), path, provenance }),
+            Err(source) => Err(ValuesError::Pending {
+                case: case.to_owned(),
+                failure: against.map_or("they have no golden", |(_, how)| how).to_owned(),
+                source: ImageError::Write { path: shown(&path), source },
+            }),
+        }
+    }
+}
+
+/// How the columns of values differ from those of their golden; `None`: they don't.
+pub(crate) fn other_columns(golden: &Table, made: &Table) -> Option<String> {
+    if golden.columns == made.columns && golden.arguments == made.arguments {
+        return None;
+    }
+    let shown = |table: &Table| {
+        let mut text = String::new();
+        for (at, column) in table.columns.iter().enumerate() {
+            let between = match at {
+                0 => "",
+                _ if at == table.arguments => " -> ",
+                _ => ", ",
+            };
+            let _ = write!(text, "{between}{}: {}", column.name, column.scalar.wgsl());
+        }
+        text
+    };
+    Some(format!("its columns are {}, now they are {}", shown(golden), shown(made)))
+}
