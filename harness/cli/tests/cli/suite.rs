@@ -501,3 +501,61 @@ fn a_declared_frame_is_compared_with_its_golden() {
     let left_out = karat(folder.path(), &["test", ".", "--functions"]);
     assert_ne!(left_out.code, Some(0), "nothing is compared: {left_out:?}");
 }
+
+/// The same of values, which are one file, and whose facts lie within.
+#[test]
+fn declared_values_are_compared_with_their_golden() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let tone = |gain: &str| {
+        write(folder, "tone.wgsl", &format!("fn tone(x: f32) -> f32 {{ return x * {gain}; }}\n"));
+    };
+    let declare = |more: &str| {
+        let text = format!(
+            "[[test]]\nfunction = \"tone\"\nover = {{ x = \"0..4\" }}\ngolden = \"tone/linear\"\n{more}"
+        );
+        write(folder, "tone.test.toml", &text);
+    };
+    let run = || karat(folder, &["test", ".", "--paths", "cpu"]);
+    tone("0.5");
+    declare("");
+    let ran = run();
+    assert!(ran.code == Some(1) && ran.out.contains("a tolerance is missing"), "{ran:?}");
+    declare("cases = 20\ntolerance = \"exact\"\n");
+    let missing = run();
+    assert_eq!(missing.code, Some(1), "{missing:?}");
+    assert!(missing.out.contains("the values `tone/linear` have no golden"), "{missing:?}");
+    let pending = karat(folder, &["pending"]);
+    assert_eq!(pending.code, Some(3), "{pending:?}");
+    assert!(pending.out.contains("20 rows") && pending.out.contains("cpu: "), "{pending:?}");
+    // What Karat's engine returns is the same on each machine.
+    karat(folder, &["accept", "tone/*", "--because", "it is linear"]).good();
+    assert!(run().good().contains("1 checks, 0 failed"));
+    let golden = folder.join("golden/tone/linear.csv");
+    assert!(golden.is_file() && !golden.with_extension("toml").exists());
+    let unreferenced = |golden: usize, rest: &str| {
+        let ran = karat(folder, &["unreferenced", "--record", ".karat/run/record"]);
+        assert!(ran.out.contains(&format!("{golden} goldens compared, {rest}")), "{ran:?}");
+    };
+    unreferenced(1, "0 unreferenced, 0 stray");
+    // The golden is a table for other commands, too.
+    let call = ["call", "tone", "--cases", "golden/tone/linear.csv", "--tolerance", "exact"];
+    let call = [&call[..], &["--expect", "result", "--package", "tone.wgsl"]].concat();
+    karat(folder, &call).good();
+
+    tone("0.25");
+    let differs = run();
+    assert_eq!(differs.code, Some(1), "{differs:?}");
+    assert!(differs.out.contains("rows on cpu"), "{differs:?}");
+    assert_eq!(karat(folder, &["pending"]).code, Some(1));
+    assert_ne!(karat(folder, &call).code, Some(0), "nor does it agree there");
+    karat(folder, &["reject", "tone/linear"]).good();
+    assert!(karat(folder, &["pending"]).good().contains("nothing is pending"));
+    std::fs::copy(&golden, folder.join("golden/tone/other.csv")).expect("copied");
+    tone("0.5");
+    run().good();
+    unreferenced(1, "1 unreferenced");
+    let delete = ["unreferenced", "--record", ".karat/run/record", "--delete"];
+    karat(folder, &delete).good();
+    assert!(golden.is_file() && !folder.join("golden/tone/other.csv").exists());
+}

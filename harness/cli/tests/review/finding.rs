@@ -112,10 +112,7 @@ fn an_address_without_a_frame_is_told() {
     let project = with(&["a", "b"]);
     let (_server, mut browser, tab) = open(&project, "#rooms/gone%");
     let message = browser.text(&tab, "#message");
-    assert!(
-        message.starts_with("No frame `rooms/gone%` is pending: it has been decided"),
-        "{message}"
-    );
+    assert!(message.starts_with("`rooms/gone%` isn't pending: it has been decided"), "{message}");
     assert_eq!(browser.text(&tab, "#name"), "", "no other takes its place");
     for id in ["accept", "reject"] {
         let disabled = format!("document.getElementById('{id}').disabled");

@@ -464,3 +464,62 @@ fn without_webgl_2_the_page_says_so() {
     let names = browser.text(&tab, "#cases");
     assert!(names.contains("tiny"), "{names}");
 }
+
+/// A golden or pending table of the values of `x * gain`, as its test leaves it.
+fn left_values(project: &Project, case: &str, gain: &str) {
+    let package =
+        karat::Package::from_source("m", &format!("fn f(x: f32) -> f32 {{ return x * {gain}; }}"));
+    let (checked, folder) =
+        (package.function("f").over(1.0..=2.0_f32), project.folder().join("golden"));
+    let goldens = karat::Goldens::open(&folder);
+    checked
+        .cases(24)
+        .try_matches(&goldens, case, karat::Ulp(1.0))
+        .expect_err("nothing to agree with");
+    // In CI it waits elsewhere, together with those of other tests.
+    let elsewhere =
+        karat::golden::build_output().join(format!("karat/pending/golden/{case}.new.csv"));
+    if karat::golden::in_ci() {
+        std::fs::rename(elsewhere, folder.join(format!("{case}.new.csv"))).expect("moved");
+    }
+}
+
+#[test]
+fn values_are_shown_as_rows_and_decided_like_frames() {
+    let project = Project::new();
+    std::fs::write(project.folder().join("Cargo.lock"), "").expect("written");
+    let case = "review_of_values";
+    left_values(&project, case, "0.5");
+    let goldens = karat::Goldens::open(&project.folder().join("golden"));
+    let because = "the first".to_owned();
+    let acceptance = karat::golden::Acceptance { because, any_adapter: true, ..Default::default() };
+    let pending = goldens.select(case).expect("it waits").frames;
+    goldens.accept(&pending[0], &acceptance).expect("accepted");
+    left_values(&project, case, "(0.5 + select(0.0, 0.25, x == 1.0))");
+    project.put_golden("tiny", &tiny());
+    project.put_pending("tiny", &Image::new(4, 4, vec![[1.0; 4]; 16]), |_| ());
+    let (_server, mut browser, tab) = open(&project);
+    let shown = "[document.getElementById('table').hidden, document.getElementById('tools').offsetHeight > 0]";
+    assert_eq!(browser.text(&tab, "#name"), case);
+    assert_eq!(browser.value(&tab, shown), serde_json::json!([false, false]));
+    assert_eq!(browser.text(&tab, "#size"), "24 rows");
+    assert_eq!(browser.text(&tab, "#cause"), "the shader changed");
+    let cells = browser.value(
+        &tab,
+        "[...document.querySelector('#table tbody tr').cells].map(cell => cell.innerText).slice(1)",
+    );
+    assert_eq!(cells, serde_json::json!(["1", "0.5", "0.75", "0.5"]));
+    assert!(browser.text(&tab, "#table-count").ends_with("rows differ"));
+    // A frame has its images back.
+    browser.press(&tab, "j");
+    browser.settle(&tab);
+    assert_eq!(browser.text(&tab, "#name"), "tiny");
+    assert_eq!(browser.value(&tab, shown), serde_json::json!([true, true]));
+    browser.press(&tab, "k");
+    browser.settle(&tab);
+    assert_eq!(browser.value(&tab, shown), serde_json::json!([false, false]));
+    browser.press(&tab, "r");
+    browser.value(&tab, "document.getElementById('reject-form').requestSubmit()");
+    browser.wait(&tab, "document.getElementById('news').innerText.includes('rejected')");
+    assert!(!project.folder().join(format!("golden/{case}.new.csv")).exists());
+}

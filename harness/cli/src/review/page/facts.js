@@ -10,7 +10,7 @@
   const ORDER = ["shader", "adapter.path", "adapter.name", "adapter.driver", "processor", "because",
     "accepted_by", "accepted_at", "tolerance", "precision", "width", "height"];
   // Hashes of pixels are another name for the difference, not a reason of it.
-  const HIDDEN = ["pixels", "schema"];
+  const HIDDEN = ["pixels", "schema", "table.arguments", "table.types"];
   const rank = ({ name, differs }) => (differs ? -100 : 0) + (ORDER.indexOf(name) + 1 || 50);
   // Hashes are recognised by their beginning; the whole is in the title.
   const short = (text) => (/^[0-9a-f]{40,}$/.test(text) ? text.slice(0, 12) : text);
@@ -64,8 +64,9 @@
     byId("verdict").replaceChildren(...whole(data?.verdict ?? ""));
     byId("cause").textContent = data?.cause ?? "";
     byId("gates").replaceChildren(...(data?.gates ?? []).map(gate));
-    byId("no-gates").hidden = !data || data.gates.length > 0;
-    const facts = (data?.facts ?? []).filter(({ name }) => !HIDDEN.includes(name));
+    byId("no-gates").hidden = !data || Boolean(data.table) || data.gates.length > 0;
+    const hidden = data?.table ? [...HIDDEN, "precision", "width", "height"] : HIDDEN;
+    const facts = (data?.facts ?? []).filter(({ name }) => !hidden.includes(name));
     facts.sort((a, b) => rank(a) - rank(b));
     const alone = facts.every(({ golden }) => !golden);
     byId("facts").querySelector("thead").hidden = alone;

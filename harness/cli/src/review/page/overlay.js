@@ -58,6 +58,7 @@
 
   const showLegend = () => {
     legend.hidden = true;
+    if (!part()) return;
     const channel = state.channel ? CHANNELS[state.channel] : "largest channel";
     if (state.view === "difference" && !missingSide("difference")) {
       const range = 2 ** -state.gain / (state.relative ? 1 : 2 ** state.exposure);
@@ -84,10 +85,11 @@
       return "This browser has no WebGL 2, which the page needs to show float images. Turn on hardware acceleration, or open the page in a current Firefox, Chrome, Edge or Safari.";
     }
     if (stage.gl.isContextLost()) return "The browser has taken the graphics memory back. The page goes on when it gives it again; else reload it.";
-    if (!current && state.absent && state.cases.length) return `No frame \`${state.absent}\` is pending: it has been decided, or has another name. Choose one from the list.`;
-    if (!current) return "No frame is pending.";
+    if (!current && state.absent && state.cases.length) return `\`${state.absent}\` isn't pending: it has been decided, or has another name. Choose one from the list.`;
+    if (!current) return "Nothing is pending.";
     if (current.error) return current.error;
     if (!current.data) return "Loading …";
+    if (current.table) return ""; // it lies over the canvas
     const { golden, actual } = part();
     const sizes = golden && actual && (golden.width !== actual.width || golden.height !== actual.height);
     if (state.view === "difference" && !golden) return "There is no golden to differ from.";
@@ -100,13 +102,13 @@
 
   listeners.push(() => {
     stage.draw();
-    const panes = loaded() && stage.gl ? stage.panes() : [];
+    const panes = loaded() && !loaded().table && stage.gl ? stage.panes() : [];
     const marks = panes.flatMap((pane) => {
       const pin = state.pinned ? [framed(pane, [...state.pinned, ...state.pinned], "pin")] : [];
       return [label(pane), ...pin];
     });
     layer.replaceChildren(...marks);
-    handle.hidden = state.view !== "swipe" || !loaded();
+    handle.hidden = state.view !== "swipe" || !part();
     handle.style.left = `${100 * state.swipe}%`;
     handle.setAttribute("aria-valuenow", String(Math.round(100 * state.swipe)));
     showLegend();
