@@ -16,6 +16,7 @@ mod renderer;
 mod request;
 mod row;
 mod state;
+mod targets;
 
 pub use blend::{Blend, Component, Factor, Operation};
 pub use drawing::Drawing;

@@ -226,6 +226,15 @@ impl<'a> Frame<'a> {
         self
     }
 
+    /// Sets an `override` of the shader, by its name or its `@id`. A `bool` is 0 or 1. The value is kept
+    /// with the golden.
+    pub fn override_(mut self, name: &str, value: impl Into<f64>) -> Self {
+        let value = value.into();
+        self.facts.insert(format!("override {name}"), value.to_string());
+        self.scene.overrides.insert(name.to_owned(), value);
+        self
+    }
+
     /// Adds a draw, with its state. They are drawn in this order.
     pub fn draw(mut self, draw: Draw) -> Self {
         self.scene.draws.push(draw);

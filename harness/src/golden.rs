@@ -34,6 +34,7 @@ pub(crate) use parts::VARIANCE;
 pub use parts::{COLOR, MASK};
 pub use pending::{Pending, PendingFrames, Unusable};
 pub use place::{build_output, in_ci};
+pub(crate) use place::{leave_in, output};
 pub use profile::Profile;
 pub use provenance::{FrameFinding, Provenance, ProvenanceError};
 pub use table::{Column, Table, TableError, TableFacts};

@@ -68,8 +68,9 @@ impl Interpreted {
         let Probed { program, function, .. } = probed;
         if function.form.alone {
             let name = &function.name;
-            let message =
-                format!("`{name}` writes what is seen outside of it: it has no such values");
+            let message = format!(
+                "`{name}` writes what is seen outside of it, which Karat's engine doesn't execute"
+            );
             return Err(PathError::Route { path: Path::CPU, message }.into());
         }
         let settings = Settings { quads: function.form.fragment, ..settings.clone() };

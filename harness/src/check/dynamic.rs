@@ -10,7 +10,8 @@ use crate::domain::Dynamic;
 use crate::golden::Goldens;
 use crate::interpret::Interpreted;
 use crate::path::Selector;
-use crate::probe::Probed;
+use crate::probe::{ProbeError, Probed};
+use crate::reflect::Program;
 use crate::tolerance::{Criterion, Tolerance};
 use crate::value::Shape;
 
@@ -278,7 +279,11 @@ impl DynamicCheck<'_> {
     /// takes all of them.
     fn shadow(&self, reference: &str) -> Result<Shadow, Failure> {
         let probe = &self.plan.probe;
-        let probed = Probed::with_overrides(probe.package, reference, &probe.overrides)?;
+        // Overrides that it doesn't use are the tested function's.
+        let program = Program::of_function(probe.package, reference).map_err(ProbeError::from)?;
+        let used = probe.overrides.iter().filter(|(name, _)| program.has_override(name));
+        let overrides = used.map(|(name, value)| (name.clone(), *value)).collect();
+        let probed = Probed::with_overrides(probe.package, reference, &overrides)?;
         let drawn = self.domain.shapes();
         let mut probed = probed.with_quads_of(drawn);
         let taken: Vec<Shape> =

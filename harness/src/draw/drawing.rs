@@ -8,7 +8,7 @@ use super::{Blend, DrawError, Format};
 use crate::diagnostic::FileRead;
 use crate::fixture::{self, FixtureError, Fixtures};
 use crate::package::Package;
-use crate::reflect::{Binding, Program, Stage};
+use crate::reflect::{Binding, Overrides, Program, Stage};
 use crate::value::Shape;
 
 /// What a frame is made of, as its author says it.
@@ -21,6 +21,7 @@ pub(crate) struct Scene<'a> {
     pub(crate) fixtures: Fixtures,
     /// Members of buffers that have values of their own: `globals.time`.
     pub(crate) members: Vec<(String, Shape, Vec<u32>)>,
+    pub(crate) overrides: Overrides,
     pub(crate) draws: Vec<Draw>,
     pub(crate) prepass: bool,
     pub(crate) blend: Blend,
@@ -71,6 +72,7 @@ impl<'a> Scene<'a> {
             height,
             fixtures: Vec::new(),
             members: Vec::new(),
+            overrides: Overrides::new(),
             draws: Vec::new(),
             prepass: false,
             blend: Blend::Replace,
@@ -172,10 +174,12 @@ impl<'s> Drawing<'s> {
         let items: Vec<String> = scene.draws.iter().flat_map(names).collect();
         let items: Vec<&str> = items.iter().map(String::as_str).collect();
         let program = Program::of_items(scene.package, &scene.module, &items)?;
+        let program = program.overridden(&scene.overrides)?;
         // What the draws don't reach must be valid, too, as of functions that are probed.
         if !scene.package.is_crate() {
             crate::reflect::validate(scene.package, &scene.module)?;
         }
+        scene.expect_targets(&program)?;
         let bindings = scene.bindings(&program)?;
         let of = |bindings: &Bindings| [&*bindings.depth, &*bindings.color].concat();
         let all: Vec<Binding> = bindings.iter().flat_map(of).collect();

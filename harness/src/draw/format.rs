@@ -52,13 +52,56 @@ pub enum Format {
 }
 
 impl Format {
+    /// Names in files, which are WebGPU's where it has the format.
+    pub const NAMES: [(&str, Self); 20] = [
+        ("float", Self::Float),
+        ("r8unorm", Self::R8Unorm),
+        ("rg8unorm", Self::Rg8Unorm),
+        ("rgba8unorm", Self::Rgba8Unorm),
+        ("rgba8unorm-srgb", Self::Rgba8UnormSrgb),
+        ("bgra8unorm", Self::Bgra8Unorm),
+        ("bgra8unorm-srgb", Self::Bgra8UnormSrgb),
+        ("rgb10a2unorm", Self::Rgb10a2Unorm),
+        ("rg11b10ufloat", Self::Rg11b10Ufloat),
+        ("r16float", Self::R16Float),
+        ("rg16float", Self::Rg16Float),
+        ("rgba16float", Self::Rgba16Float),
+        ("r32float", Self::R32Float),
+        ("rg32float", Self::Rg32Float),
+        ("rgba32float", Self::Rgba32Float),
+        ("r32uint", Self::R32Uint),
+        ("r32sint", Self::R32Sint),
+        ("rgba8uint", Self::Rgba8Uint),
+        ("rgba16uint", Self::Rgba16Uint),
+        ("rgba32uint", Self::Rgba32Uint),
+    ];
+
+    /// The format of a name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::NAMES.into_iter().find(|(known, _)| *known == name).map(|(_, format)| format)
+    }
+
     /// wgpu's format on a device.
-    pub(super) fn on(self, device: &Device, blended: bool, samples: u32) -> wgpu::TextureFormat {
+    pub(super) fn on(
+        self,
+        device: &Device,
+        blended: bool,
+        (samples, components): (u32, u8),
+    ) -> wgpu::TextureFormat {
         use wgpu::TextureFormat as F;
         let blendable = device.device.features().contains(wgpu::Features::FLOAT32_BLENDABLE);
+        let exact = samples == 1 && (!blended || blendable);
         match self {
-            Self::Float if samples > 1 || blended && !blendable => F::Rgba16Float,
-            Self::Float => device.color_format(),
+            // A target has no more components than are written into it.
+            Self::Float => match (exact && device.color_format() == F::Rgba32Float, components) {
+                (true, 1) => F::R32Float,
+                (true, 2) => F::Rg32Float,
+                (true, _) => F::Rgba32Float,
+                (false, 1) => F::R16Float,
+                (false, 2) => F::Rg16Float,
+                (false, _) => F::Rgba16Float,
+            },
             Self::R8Unorm => F::R8Unorm,
             Self::Rg8Unorm => F::Rg8Unorm,
             Self::Rgba8Unorm => F::Rgba8Unorm,

@@ -53,7 +53,7 @@ impl<'a> Painter<'a> {
         let of = |(index, format): (usize, &super::Format)| {
             let blends = scene.draws.iter().map(|draw| draw.blend_of(index, scene.blend));
             let blended = blends.into_iter().any(|blend| blend != super::Blend::Replace);
-            format.on(device, blended, scene.samples)
+            format.on(device, blended, (scene.samples, scene.components(program, index)))
         };
         let formats = match scene.is_depth_only() {
             true => Vec::new(),

@@ -214,6 +214,12 @@ impl Draw {
         own.map(|(_, blend)| *blend).or(self.state.blend).unwrap_or(frame)
     }
 
+    /// Whether it writes some channel of a target.
+    pub(super) fn writes(&self, target: usize) -> bool {
+        let own = self.state.masks.iter().rev().find(|(index, _)| *index == target);
+        own.is_none_or(|(_, channels)| !channels.is_empty())
+    }
+
     /// The targets that it names.
     pub(super) fn named_targets(&self) -> impl Iterator<Item = usize> {
         let masks = self.state.masks.iter().map(|(target, _)| *target);

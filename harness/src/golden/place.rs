@@ -1,8 +1,10 @@
 //! Where goldens are, and where their frames wait.
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use super::Goldens;
+use crate::diagnostic::shown;
 use crate::image::remove_leftover;
 
 /// The folder of frames that were rendered under an overlay. No golden's name has an `@`.
@@ -17,9 +19,9 @@ impl Goldens {
             self.folder()
         } else if crate::settings::overlay().is_some() {
             // In what a CI run leaves, too, they aren't found among those that may be accepted.
-            build_output().join("karat").join(OVERLAID).join(self.key())
+            output().join(OVERLAID).join(self.key())
         } else if in_ci() {
-            build_output().join("karat/pending").join(self.key())
+            output().join("pending").join(self.key())
         } else {
             self.folder()
         }
@@ -34,6 +36,20 @@ impl Goldens {
         parts.map(|part| part.to_string_lossy()).collect::<Vec<_>>().join("/")
     }
 
+    /// Whether commands find the folder by themselves: `golden` in a package, or where they run.
+    fn is_usual(&self) -> bool {
+        let folder = self.folder();
+        let Ok(folder) = folder.canonicalize().or_else(|_| std::path::absolute(&folder)) else {
+            return false;
+        };
+        let here = std::env::current_dir().ok().and_then(|here| here.canonicalize().ok());
+        let above = folder.parent();
+        folder.ends_with("golden")
+            && above.is_some_and(|above| {
+                above.join("Cargo.toml").is_file() || here.as_deref() == Some(above)
+            })
+    }
+
     /// Removes the temporary files that killed acceptances and tests left in the folder and below
     /// it. Files that a living process is writing stay. A file that can't be removed stays, too,
     /// and is found by whoever looks for stray files.
@@ -41,21 +57,45 @@ impl Goldens {
         tidy(&self.folder());
     }
 
-    /// What commands need to find frames that don't wait beside their goldens.
+    /// What commands need to find frames that don't wait beside their goldens, and goldens that aren't
+    /// where a project has them.
     pub(super) fn arguments(&self) -> String {
-        if self.beside || !in_ci() {
+        if self.beside {
             return String::new();
         }
-        let output = build_output().join("karat");
+        let golden = match self.is_usual() {
+            true => String::new(),
+            false => format!(" --golden {}", shown(&self.folder())),
+        };
+        if !in_ci() {
+            return golden;
+        }
+        let output = output();
+        if HOSTED.get().is_some() {
+            return format!(" --from {}{golden}", shown(&output));
+        }
         let above = self.folder().canonicalize().ok();
         let root = above.as_deref().and_then(root);
         let output = root.and_then(|root| output.strip_prefix(root).ok()).unwrap_or(&output);
         let output = output.display().to_string().replace('\\', "/");
         match self.key() {
-            key if key.is_empty() => format!(" --from {output}"),
+            key if key.is_empty() => format!(" --from {output}{golden}"),
             key => format!(" --from {output} --golden {key}"),
         }
     }
+}
+
+/// Where a program leaves what it makes that Cargo doesn't run.
+static HOSTED: OnceLock<PathBuf> = OnceLock::new();
+
+/// Says where this program leaves what it makes. A second call changes nothing.
+pub(crate) fn leave_in(folder: PathBuf) {
+    drop(HOSTED.set(folder));
+}
+
+/// The folder of what tests leave behind.
+pub(crate) fn output() -> PathBuf {
+    HOSTED.get().cloned().unwrap_or_else(|| build_output().join("karat"))
 }
 
 fn tidy(folder: &Path) {

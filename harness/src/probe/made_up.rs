@@ -133,7 +133,7 @@ pub(crate) fn fixtures(probed: &Probed) -> Result<Fixtures, String> {
 pub(crate) fn data(program: &Program, bindings: &[Binding]) -> Result<Vec<Data>, String> {
     let one = |binding: &Binding| {
         let Binding { group, binding: number, kind, .. } = *binding;
-        let mut source = Source::new(SEED, u64::from(group) << 32 | u64::from(number));
+        let mut source = source_of(binding);
         if !matches!(kind, BindingKind::Uniform | BindingKind::Storage { .. }) {
             return Err(format!(
                 "it uses `{}`, a {kind}, and entry points are run with buffers alone",
@@ -175,8 +175,15 @@ const MOST_BYTES: usize = 1 << 20;
 const SIDE: u32 = 16;
 const ELEMENTS: usize = 64;
 
+/// Numbers for a variable, by its name: where it is bound changes nothing of what it holds.
+fn source_of(binding: &Binding) -> Source {
+    let hash = blake3::hash(binding.path.as_bytes());
+    let stream = hash.as_bytes().iter().take(8).fold(0, |all, byte| all << 8 | u64::from(*byte));
+    Source::new(SEED, stream)
+}
+
 fn fixture(probed: &Probed, binding: &Binding) -> Option<Fixture> {
-    let mut source = Source::new(SEED, u64::from(binding.group) << 32 | u64::from(binding.binding));
+    let mut source = source_of(binding);
     Some(match binding.kind {
         BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate => {
             let Some((shape, unsized_)) = probed.program.buffer_data(binding) else {

@@ -48,6 +48,16 @@ pub(crate) fn upload_shared(
     fixture: &Fixture,
 ) -> Result<Resource, FixtureError> {
     let first = bindings.first().expect("a fixture is some variable's");
+    if device.path().api() == Api::Gl
+        && first.kind == BindingKind::Uniform
+        && program.has_narrow_matrix(first)
+    {
+        // wgpu gives GL the buffer in WGSL's layout, and naga declares the block as std140.
+        let reason = "GLSL spaces the columns of its matrices of two rows otherwise than WGSL, and wgpu \
+                      doesn't mind that; a matrix in storage, or vectors, will do";
+        let (variable, path) = (first.path.clone(), device.path());
+        return Err(FixtureError::Unsupported { variable, reason, path });
+    }
     if let Some(bytes) = fixture.bytes(program, first) {
         let bytes = bytes?;
         return match first.kind {

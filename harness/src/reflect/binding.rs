@@ -59,6 +59,21 @@ impl Program {
         Some((self.bindings(info), size))
     }
 
+    /// Whether a variable's type has a matrix of two rows, whose columns GLSL's std140 spaces wider.
+    pub(crate) fn has_narrow_matrix(&self, binding: &Binding) -> bool {
+        fn has(module: &naga::Module, ty: naga::Handle<naga::Type>) -> bool {
+            match &module.types[ty].inner {
+                naga::TypeInner::Matrix { rows: naga::VectorSize::Bi, .. } => true,
+                naga::TypeInner::Array { base, .. } => has(module, *base),
+                naga::TypeInner::Struct { members, .. } => {
+                    members.iter().any(|member| has(module, member.ty))
+                }
+                _ => false,
+            }
+        }
+        has(&self.checked.module, binding.ty)
+    }
+
     /// The names of the compute entry points, as their author calls them.
     pub(crate) fn compute_entry_points(&self) -> Vec<String> {
         let entries = self.checked.module.entry_points.iter();
@@ -66,6 +81,13 @@ impl Program {
         let path = |text: &str| self.author_path(text).unwrap_or(text).to_owned();
         let names = compute.map(|entry| path(&entry.name));
         names.map(|path| path.rsplit("::").next().unwrap_or_default().to_owned()).collect()
+    }
+
+    /// The stage of an entry point and where it is declared, by its name in the text.
+    pub(crate) fn entry_point_called(&self, name: &str) -> Option<(naga::ShaderStage, Span)> {
+        let mut entries = self.checked.module.entry_points.iter();
+        let entry = entries.find(|entry| entry.name == name)?;
+        Some((entry.stage, self.entry_point_span(name)?))
     }
 
     /// Where an entry point is declared, by its name in the text: its name and what is in front of it.

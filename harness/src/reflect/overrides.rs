@@ -77,7 +77,7 @@ impl Program {
         let known: Vec<String> = overrides().map(|declared| last(&path(declared))).collect();
         let nearest = nearest(name, known.iter().map(String::as_str));
         let nearest = nearest.map_or_else(String::new, |n| format!("; did you mean `{n}`?"));
-        let message = format!("the shader has no override `{name}`{nearest}");
+        let message = format!("what is called uses no override `{name}`{nearest}");
         Err(ReflectError::Unprobeable(Box::new(Diagnostic::new(message))))
     }
 

@@ -129,8 +129,24 @@ impl Program {
             .iter()
             .find(|(_, function)| function.name.as_deref() == Some(name));
         let Some((handle, function)) = found else {
+            if let Some((stage, span)) = self.entry_point_called(name) {
+                let (what, note) = match stage {
+                    naga::ShaderStage::Compute => (
+                        "a compute entry point",
+                        "a test in Rust dispatches it (`Package::compute`); a probe calls plain functions",
+                    ),
+                    _ => (
+                        "an entry point",
+                        "a frame draws it (`Package::frame`, `[[frame]]`); a probe calls plain functions",
+                    ),
+                };
+                let message = format!("`{path}` is {what}");
+                return Err(unprobeable(
+                    Diagnostic::new(message).at(span, "declared here").note(note),
+                ));
+            }
             let span = Span { file: Arc::clone(&self.linked.file), range: 0..0 };
-            let message = format!("`{path}` is an entry point or isn't a function");
+            let message = format!("`{path}` isn't a function");
             return Err(unprobeable(
                 Diagnostic::new(message)
                     .at(span, "in this module")

@@ -15,12 +15,15 @@ pub struct Host {
     pub folder: PathBuf,
     /// The folder in there for these tests.
     pub target: String,
+    /// The folder of what tests leave behind: in CI, what waits to be accepted.
+    pub output: PathBuf,
 }
 
 static HOST: OnceLock<Host> = OnceLock::new();
 
 /// Says who runs the tests of this process. A second call changes nothing.
 pub fn host(host: Host) {
+    crate::golden::leave_in(host.output.clone());
     drop(HOST.set(host));
 }
 
@@ -57,7 +60,12 @@ mod tests {
     #[test]
     fn names_of_tests_are_quoted_where_a_shell_needs_it() {
         let replay = "karat test shaders --exact".to_owned();
-        let host = Host { replay, folder: PathBuf::new(), target: "shaders".to_owned() };
+        let host = Host {
+            replay,
+            folder: PathBuf::new(),
+            target: "shaders".to_owned(),
+            output: PathBuf::new(),
+        };
         assert_eq!(host.command("a::b"), "karat test shaders --exact a::b");
         assert_eq!(host.command("it's 1"), "karat test shaders --exact 'it'\\''s 1'");
     }

@@ -21,6 +21,11 @@
 //! size = [64, 64]                               # compared with golden/gradient.exr
 //! ```
 //!
+//! A frame is drawn by `fragment` alone, or with a `vertex` function that makes a triangle. It may say
+//! `samples`, `formats` (one for each location, such as `"float"` and `"rgba8unorm-srgb"`), which of them is
+//! compared (`target = 1`, or `depth = true`), `tolerance`, `fails_on`, `module`, and in which folder its
+//! `golden` lies.
+//!
 //! A test binds what its function reads by `with = { exposure = 2, albedo = "wood.png" }`, and gives
 //! `override = { GAIN = 2 }`.
 //!
@@ -149,8 +154,18 @@ pub(crate) struct Frame {
     /// Samples a pixel.
     pub(crate) samples: Option<u32>,
     pub(crate) size: [u32; 2],
+    /// Of each location: `rgba8unorm-srgb`; none: one of the most exact floats.
+    #[serde(default)]
+    pub(crate) formats: Vec<String>,
+    /// The location that is compared.
+    pub(crate) target: Option<usize>,
+    /// Whether depth is compared.
+    #[serde(default)]
+    pub(crate) depth: bool,
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Value>,
+    #[serde(default, rename = "override")]
+    pub(crate) overrides: BTreeMap<String, OverrideValue>,
     /// Largest relative difference of a pixel that passes.
     pub(crate) tolerance: Option<f32>,
     #[serde(default)]
@@ -304,11 +319,18 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, String> {
             });
         }
     }
+    let mut goldens: Vec<PathBuf> = Vec::new();
     for frame in parsed.frames {
         let span = at(frame.span());
         let mut frame = frame.into_inner();
         frame.module.get_or_insert_with(|| module.clone());
         frame.folder.clone_from(&folder);
+        if goldens.contains(&frame.golden_file()) {
+            let twice =
+                format!("another frame is called `{}`, and they would share a golden", frame.name);
+            return Err(Diagnostic::new(twice).at(span, "").to_string());
+        }
+        goldens.push(frame.golden_file());
         let name = format!("frame {}", frame.name);
         tests.push(Test { name, span, kind: Kind::Frame(Box::new(frame)) });
     }

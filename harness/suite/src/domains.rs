@@ -179,6 +179,10 @@ fn lane(scalar: Scalar, value: &Value) -> Result<u32, String> {
     }
 }
 
+pub(crate) fn is_number(value: &Value) -> bool {
+    matches!(value, Value::Float(_) | Value::Integer(_) | Value::Boolean(_))
+}
+
 /// The lanes of a whole value. A number stands for each component of a vector.
 pub(crate) fn lanes(shape: &Shape, value: &Value) -> Result<Vec<u32>, String> {
     match (shape, value) {
@@ -195,6 +199,22 @@ pub(crate) fn lanes(shape: &Shape, value: &Value) -> Result<Vec<u32>, String> {
                 all.extend(lanes(shape, value).map_err(|error| format!("`{name}`: {error}"))?);
             }
             Ok(all)
+        }
+        // A number for each component of each element, as of one vector or matrix.
+        (Shape::Array { element, length }, Value::Array(list))
+            if list.iter().all(is_number) && !matches!(**element, Shape::Scalar(_)) =>
+        {
+            let width = element.lanes().len();
+            if list.len() != *length as usize * width {
+                return Err(format!(
+                    "{length} elements of {element} have {} components, the list has {}",
+                    *length as usize * width,
+                    list.len()
+                ));
+            }
+            let all =
+                shape.lanes().into_iter().zip(list).map(|(scalar, value)| lane(scalar, value));
+            all.collect()
         }
         (Shape::Array { element, length }, Value::Array(list))
             if list.len() == *length as usize =>

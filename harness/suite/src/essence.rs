@@ -7,6 +7,7 @@ use karat::reflect::Program;
 use toml::Value;
 
 use crate::declared::What;
+use crate::fixtures::name_and_space;
 use crate::{Kind, Suite, Test};
 
 impl Suite {
@@ -66,7 +67,9 @@ fn content(file: &Path) -> Option<String> {
 fn files<'v>(mut with: impl Iterator<Item = &'v Value>, folder: &Path) -> Option<String> {
     with.try_fold(String::new(), |all, value| {
         Some(match value {
-            Value::String(name) if name.contains('.') => all + &content(&folder.join(name))?,
+            Value::String(name) if name.contains('.') => {
+                all + &content(&folder.join(name_and_space(name).0))?
+            }
             Value::Array(list) => all + &files(list.iter(), folder)?,
             _ => all,
         })

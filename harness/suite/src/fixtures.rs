@@ -8,7 +8,10 @@
 //! | a sampler | `"linear"` or `"nearest"`, then `clamp`, `repeat` or `mirror`; of one that compares `"linear less_equal"` |
 //! | a buffer | its value: numbers, lists, tables of members, of which the last may be a list of any length; or `"values.json"`, `"values.toml"`, `"bytes.bin"` |
 //!
-//! Texels of depth textures are the red channel of an image.
+//! Texels of depth textures are the red channel of an image. PNGs hold colours in sRGB, which become
+//! linear, as textures of an sRGB format do; `"normals.png linear"` takes them as they are stored.
+//! Depths and integers always are. A value for all texels makes a texture of 16 x 16, an image of its own
+//! size: loads outside of it give zeros.
 
 use std::path::Path;
 
@@ -19,10 +22,13 @@ use karat::value::Shape;
 use karat::{CubeMap, Image, Sampler, Texture};
 use toml::Value;
 
-use crate::domains::lanes;
+use crate::domains::{is_number, lanes};
 
 /// Texels along an edge of a face of a cube map that is made of an image.
 const FACE: u32 = 64;
+
+/// Texels along a side of a texture of which all texels are the same.
+const SIDE: u32 = 16;
 
 /// The samples of a texel of a multisampled texture, which are all the same.
 const SAMPLES: u32 = 4;
@@ -112,8 +118,45 @@ fn sampler(value: &Value, comparison: bool) -> Result<Sampler, String> {
     }
 }
 
-fn image(file: &str, folder: &Path) -> Result<Image, String> {
-    Image::read(&folder.join(file)).map_err(|error| error.to_string())
+/// The name of an image's file, and what is said of its colours behind it: `linear` or `srgb`.
+pub(crate) fn name_and_space(file: &str) -> (&str, Option<&str>) {
+    match file.rsplit_once(' ') {
+        Some((name, space @ ("linear" | "srgb"))) => (name.trim(), Some(space)),
+        _ => (file, None),
+    }
+}
+
+/// An image, whose texels are colours unless its name or its texture says that they are data.
+fn image(file: &str, folder: &Path, texels: Texels) -> Result<Image, String> {
+    let (name, space) = name_and_space(file);
+    if name.is_empty() {
+        return Err("it is empty: name an image, or give a value for all texels".to_owned());
+    }
+    let path = folder.join(name);
+    let data = texels != Texels::Float;
+    if data && space == Some("srgb") {
+        return Err("depths and integers aren't colours: leave `srgb` out".to_owned());
+    }
+    let read = if data || space == Some("linear") { Image::read_stored } else { Image::read };
+    let mut image = read(&path).map_err(|error| error.to_string())?;
+    if matches!(texels, Texels::Sint | Texels::Uint) {
+        let most = largest_sample(&path);
+        for value in image.pixels_mut().iter_mut().flatten() {
+            *value = (*value * most).round();
+        }
+    }
+    Ok(image)
+}
+
+/// The largest value that a PNG's samples can have; 1 of other images.
+fn largest_sample(path: &Path) -> f32 {
+    let bytes = std::fs::read(path).unwrap_or_default();
+    match (bytes.starts_with(b"\x89PNG"), bytes.get(24)) {
+        (true, Some(16)) => 65535.0,
+        // Fewer bits are widened when they are read.
+        (true, _) => 255.0,
+        _ => 1.0,
+    }
 }
 
 /// The texel that a value is: a number of all colours, or four of them. `f64` holds all integers of
@@ -143,15 +186,15 @@ struct Layer {
 }
 
 impl Layer {
-    fn read(file: &str, folder: &Path) -> Result<Self, String> {
-        let image = image(file, folder)?;
+    fn read(file: &str, folder: &Path, kind: Texels) -> Result<Self, String> {
+        let image = image(file, folder, kind)?;
         let texels = image.pixels().iter().map(|texel| texel.map(f64::from)).collect();
         Ok(Self { width: image.width(), height: image.height(), texels })
     }
 
-    fn of(value: &Value, folder: &Path) -> Result<Self, String> {
+    fn of(value: &Value, folder: &Path, kind: Texels) -> Result<Self, String> {
         match value {
-            Value::String(file) => Self::read(file, folder),
+            Value::String(file) => Self::read(file, folder, kind),
             other => match texel(other) {
                 Some(texel) => Ok(Self { width: 1, height: 1, texels: vec![texel] }),
                 None => Err(format!("{other} is no image and no colour")),
@@ -162,7 +205,7 @@ impl Layer {
 
 fn texture(kind: TextureKind, value: &Value, folder: &Path) -> Result<Fixture, String> {
     if let (BindingKind::TEXTURE_CUBE, Value::String(file)) = (BindingKind::Texture(kind), value) {
-        let map = CubeMap::from_image(&image(file, folder)?, FACE);
+        let map = CubeMap::from_image(&image(file, folder, kind.texels)?, FACE);
         return map.map(Fixture::from).map_err(|error| error.to_string());
     }
     let several = kind.arrayed || kind.dimension != Dimension::D2;
@@ -170,14 +213,17 @@ fn texture(kind: TextureKind, value: &Value, folder: &Path) -> Result<Fixture, S
         // One value for all texels.
         (Some(texel), _) => {
             let count = if kind.dimension == Dimension::Cube { 6 } else { 1 };
-            let layer = |_| Layer { width: 1, height: 1, texels: vec![texel] };
+            let height = if kind.dimension == Dimension::D1 { 1 } else { SIDE };
+            let texels = vec![texel; (SIDE * height) as usize];
+            let layer = |_| Layer { width: SIDE, height, texels: texels.clone() };
             (0..count).map(layer).collect()
         }
-        (None, Value::Array(list)) if several && !list.is_empty() => {
-            list.iter().map(|value| Layer::of(value, folder)).collect::<Result<Vec<_>, _>>()?
-        }
+        (None, Value::Array(list)) if several && !list.is_empty() => list
+            .iter()
+            .map(|value| Layer::of(value, folder, kind.texels))
+            .collect::<Result<Vec<_>, _>>()?,
         (None, Value::String(file)) if !several || kind.dimension == Dimension::D1 => {
-            vec![Layer::read(file, folder)?]
+            vec![Layer::read(file, folder, kind.texels)?]
         }
         _ => {
             let listed = match kind.dimension {
@@ -304,7 +350,14 @@ fn buffer(
         let inside = |error: &dyn std::fmt::Display| format!("`{}`: {error}", file.display());
         let value = match file.extension().and_then(|extension| extension.to_str()) {
             Some("bin") => {
-                return Ok(Buffer::of_bytes(std::fs::read(&file).map_err(unread)?).into());
+                let bytes = std::fs::read(&file).map_err(unread)?;
+                if !bytes.len().is_multiple_of(4) {
+                    let length = bytes.len();
+                    let reason =
+                        format!("it has {length} bytes, and buffers are made of 4 at a time");
+                    return Err(inside(&reason));
+                }
+                return Ok(Buffer::of_bytes(bytes).into());
             }
             Some("json") => {
                 let value: serde_json::Value =
@@ -329,9 +382,12 @@ fn buffer(
         (Shape::Struct { members, .. }, Value::Table(table)) => {
             let last = members.last().filter(|(_, shape)| is_list(shape));
             let last = last.and_then(|(name, _)| table.get(name));
-            last.and_then(Value::as_array).map_or(0, Vec::len)
+            match (members.last(), last.and_then(Value::as_array)) {
+                (Some((_, Shape::Array { element, .. })), Some(list)) => listed(element, list),
+                _ => 0,
+            }
         }
-        (shape, Value::Array(list)) if is_list(shape) => list.len(),
+        (Shape::Array { element, .. }, Value::Array(list)) => listed(element, list),
         (Shape::Array { length: 0, .. }, _) => {
             return Err("an array without a length is a list".to_owned());
         }
@@ -344,6 +400,14 @@ fn buffer(
     let lanes = lanes(&shape, value)?;
     let bytes = program.bytes(binding, &lanes).map_err(|error| error.to_string())?;
     Ok(Buffer::of_bytes(bytes).into())
+}
+
+/// How many elements a list has, which may have a number for each of their components.
+fn listed(element: &Shape, list: &[Value]) -> usize {
+    match list.iter().all(is_number) {
+        true => list.len().div_ceil(element.lanes().len().max(1)),
+        false => list.len(),
+    }
 }
 
 /// Whether an array without a length, which is the whole or its last member, is left empty.

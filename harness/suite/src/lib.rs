@@ -21,6 +21,7 @@ mod domains;
 mod essence;
 mod find;
 mod fixtures;
+mod numbers;
 mod run;
 mod table;
 mod tolerances;
@@ -35,6 +36,7 @@ use karat::diagnostic::Span;
 
 pub use find::FindError;
 pub use fixtures::fixture;
+pub use numbers::{expected, hexadecimal};
 pub use run::Groups;
 pub use tolerances::tolerance;
 

@@ -7,6 +7,7 @@ use std::path::Path;
 use karat::check::{Agreement, DynamicCheck, Failure, Limit, Probe, TestGroup, WgslTest};
 use karat::diagnostic::Diagnostic;
 use karat::domain::{Dynamic, Part};
+use karat::draw::Format;
 use karat::golden::FrameTolerance;
 use karat::probe::Probed;
 use karat::reflect::{Binding, Program, Stage};
@@ -41,13 +42,7 @@ impl Suite {
     /// # Panics
     /// If no thread can be started.
     pub fn run_with(&self, test: &Test, groups: &Groups) -> Result<(), String> {
-        let run = || {
-            catch_unwind(AssertUnwindSafe(|| self.verdict(test, groups))).unwrap_or_else(|panic| {
-                let text = panic.downcast_ref::<String>().cloned();
-                let text = text.or_else(|| Some((*panic.downcast_ref::<&str>()?).to_owned()));
-                Err(text.unwrap_or_else(|| "it panics".to_owned()))
-            })
-        };
+        let run = || caught(|| self.verdict(test, groups)).and_then(|verdict| verdict);
         std::thread::scope(|scope| {
             let thread = std::thread::Builder::new().name(test.name.clone());
             let thread = thread.spawn_scoped(scope, run).expect("a thread can be started");
@@ -127,9 +122,12 @@ impl Suite {
                 let judged = function(&self.package, assertion).map_err(placed)?;
                 judged.map(drop).map_err(|error| declared_words(&error.to_string()))
             }
-            Kind::Frame(declared) => {
-                frame(&self.package, declared).map_err(|error| placed(declared_words(&error)))
-            }
+            Kind::Frame(declared) => frame(&self.package, declared).map_err(|error| {
+                let words = declared_words(&error);
+                // What is wrong with the shader, or on a path, has its place.
+                let has_place = words.starts_with("error") || words.starts_with("on ");
+                if has_place { words } else { placed(words) }
+            }),
         }
     }
 }
@@ -156,12 +154,34 @@ fn unbound(message: &str) -> Option<String> {
 
 /// A message of a check, which has Rust's words for what its author writes, in those of a file.
 fn declared_words(message: &str) -> String {
-    let message = message.replace("remove `.fails_on(...)`", "remove its `fails_on`");
-    // `.with("name", ...)`
-    let Some((before, rest)) = message.split_once("add `.with(\"") else { return message };
-    let Some((name, after)) = rest.split_once("\", ...)`") else { return message };
-    let name = name.rsplit("::").next().unwrap_or(name);
-    format!("{before}add `with = {{ {name} = ... }}`{after}")
+    let mut message = message.to_owned();
+    for (rust, declared) in [
+        ("`.fails_on(...)`", "its `fails_on`"),
+        ("`.formats([...])`", "`formats = [..]`"),
+        ("`Format::Rgba32Uint`", "`formats = [\"rgba32uint\"]`"),
+        ("`Format::Float`", "`formats = [\"float\"]`"),
+        ("`.depth()`", "`depth = true`"),
+        ("`.fullscreen(\"vertex\", \"fragment\")`", "`vertex = \"..\"`"),
+    ] {
+        message = message.replace(rust, declared);
+    }
+    let last = |path: &str| path.rsplit("::").next().unwrap_or(path).to_owned();
+    let message = reworded(message, "`.target(", ")`", |target| format!("`target = {target}`"));
+    let message = reworded(message, "`.with(\"", "\", ...)`", |name| {
+        format!("`with = {{ {} = ... }}`", last(name))
+    });
+    reworded(message, "`.override_(\"", "\", ...)`", |name| {
+        format!("`override = {{ {name} = ... }}`")
+    })
+}
+
+/// A message with other words for what stands between two marks.
+fn reworded(message: String, first: &str, last: &str, word: impl Fn(&str) -> String) -> String {
+    let found = message.split_once(first).and_then(|(before, rest)| {
+        let (between, after) = rest.split_once(last)?;
+        Some(format!("{before}{}{after}", word(between)))
+    });
+    found.unwrap_or(message)
 }
 
 /// What a check concluded, or why it could not begin.
@@ -434,7 +454,7 @@ fn bound(
     for (name, value) in with {
         let Some(binding) = bindings.iter().find(|binding| binding.name() == name) else {
             return Err(match bindings {
-                [] => format!("with: nothing is bound here, and not `{name}`"),
+                [] => format!("with: it reads no variable, so `{name}` binds nothing"),
                 _ => format!("with: {}", no_such("variable", name, known())),
             });
         };
@@ -452,7 +472,26 @@ fn frame(package: &Package, declared: &Frame) -> Result<(), String> {
     for (stage, name) in vertex.chain([(Stage::Fragment, &declared.fragment)]) {
         bindings.extend(program.entry_point_bindings(stage, name).unwrap_or_default());
     }
-    let frame = package.frame(module, width, height).samples(declared.samples.unwrap_or(1));
+    let mut frame = package.frame(module, width, height).samples(declared.samples.unwrap_or(1));
+    if !declared.formats.is_empty() {
+        let named = |name: &String| {
+            let known = Format::NAMES.iter().map(|(name, _)| *name);
+            Format::named(name)
+                .ok_or_else(|| format!("formats: {}", no_such("format", name, known)))
+        };
+        frame = frame.formats(declared.formats.iter().map(named).collect::<Result<Vec<_>, _>>()?);
+    }
+    match (declared.target, declared.depth) {
+        (Some(_), true) => {
+            return Err("depth: it compares `target` or `depth`, not both".to_owned());
+        }
+        (Some(target), false) => frame = frame.target(target),
+        (None, true) => frame = frame.depth(),
+        (None, false) => {}
+    }
+    for (name, value) in &declared.overrides {
+        frame = frame.override_(name, value.number());
+    }
     let mut frame = match &declared.vertex {
         Some(vertex) => frame.fullscreen(vertex, &declared.fragment),
         None => frame.fragment(&declared.fragment),
@@ -468,6 +507,16 @@ fn frame(package: &Package, declared: &Frame) -> Result<(), String> {
     }
     let goldens = Goldens::open(&declared.golden_folder());
     // It panics with its message.
-    frame.matches(&goldens, &declared.name);
-    Ok(())
+    caught(|| {
+        frame.matches(&goldens, &declared.name);
+    })
+}
+
+/// What a test panics with.
+fn caught<T>(test: impl FnOnce() -> T) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(test)).map_err(|panic| {
+        let text = panic.downcast_ref::<String>().cloned();
+        let text = text.or_else(|| Some((*panic.downcast_ref::<&str>()?).to_owned()));
+        text.unwrap_or_else(|| "it panics".to_owned())
+    })
 }

@@ -7,6 +7,7 @@ use karat::domain::Part;
 use karat::value::{Scalar, Shape};
 
 use crate::domains::no_such;
+use crate::numbers;
 
 /// Arguments with what is expected of them.
 #[derive(Debug)]
@@ -38,9 +39,11 @@ pub(crate) fn read(
     let arguments: Vec<(String, Scalar)> = parameters.iter().flat_map(argument).collect();
     let results = columns(RESULT, result);
     let wanted = || arguments.iter().chain(&results).map(|(name, _)| name.as_str());
-    if let Some(unknown) = head.iter().find(|column| wanted().all(|name| name != *column)) {
-        let error = no_such("column", unknown, wanted().collect::<Vec<_>>());
-        return Err(format!("`{name}`: the function has no such argument or result: {error}"));
+    // Other columns are notes, unless one of these is missing: then one of those may be misspelt.
+    if let Some(missing) = wanted().find(|name| head.iter().all(|column| column != *name)) {
+        let others = head.iter().filter(|column| wanted().all(|name| name != *column));
+        let error = no_such("column", missing, others.collect::<Vec<_>>());
+        return Err(format!("`{name}`: {error}"));
     }
     if let Some((_, twice)) = head
         .iter()
@@ -68,17 +71,13 @@ pub(crate) fn read(
         let mut words = Vec::with_capacity(arguments.len());
         for (column, scalar) in &arguments {
             let cell = record.get(*column).unwrap_or_default();
-            let word = scalar.parse(cell);
+            let word = numbers::argument(*scalar, cell);
             words.push(word.ok_or_else(|| wrong(*column, &format!("is no {}", shown(*scalar))))?);
         }
         let mut lanes = Vec::with_capacity(results.len());
         for (column, scalar) in &results {
             let cell = record.get(*column).unwrap_or_default();
-            let value = match (scalar, cell) {
-                (Scalar::Bool, "true") => Some(1.0),
-                (Scalar::Bool, "false") => Some(0.0),
-                (_, cell) => cell.parse().ok().filter(|value: &f64| value.is_finite()),
-            };
+            let value = numbers::expected(*scalar, cell);
             lanes.push(value.ok_or_else(|| wrong(*column, "is no finite number"))?);
         }
         if let Some(other) = expected.insert(words.clone(), lanes.clone())

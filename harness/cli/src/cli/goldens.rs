@@ -41,6 +41,15 @@ impl FolderArgs {
         Ok(folder)
     }
 
+    /// The folder, which accepting makes if it isn't there: a project has none before its first golden.
+    fn open_or_new(&self, from: Option<&Path>) -> anyhow::Result<Goldens> {
+        match (&self.golden, from) {
+            (Some(folder), _) => Ok(Goldens::open(folder)),
+            (None, Some(_)) => Ok(Goldens::open(&Project::find()?.golden())),
+            (None, None) => self.open(),
+        }
+    }
+
     pub(super) fn open(&self) -> anyhow::Result<Goldens> {
         Ok(Goldens::open(&self.path()?))
     }
@@ -257,7 +266,7 @@ struct AcceptEntry {
 }
 
 pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
-    let goldens = args.folder.open()?;
+    let goldens = args.folder.open_or_new(args.from.named())?;
     let artefact = args.from.open()?;
     let waiting = artefact.as_ref().map_or_else(|| goldens.clone(), Artefact::frames);
     let PendingFrames { frames, unusable } = select(&waiting, &args.frames)?;

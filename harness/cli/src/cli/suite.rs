@@ -46,6 +46,7 @@ pub(super) fn host(suite: &Suite, folder: &std::path::Path) -> Host {
         replay: format!("karat test {} --exact", karat::diagnostic::shown(folder)),
         folder: suite.folder.clone(),
         target: "suite".to_owned(),
+        output: folder.join(".karat").join("run"),
     }
 }
 

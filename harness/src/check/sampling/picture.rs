@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::golden::build_output;
+use crate::golden::output;
 use crate::image::{Image, ImageError, Precision};
 use crate::record;
 use crate::stats::{Cells, Rectangle, Support};
@@ -69,7 +69,7 @@ impl Histogram {
 
     /// Writes the picture as EXR and PNG into the folder of build output.
     pub(super) fn write(&self, name: &str) -> Result<Vec<PathBuf>, ImageError> {
-        let folder = build_output().join("karat").join("samples");
+        let folder = output().join("samples");
         let image = self.image();
         let exr = folder.join(format!("{name}.exr"));
         let png = exr.with_extension("png");

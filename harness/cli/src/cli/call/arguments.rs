@@ -4,6 +4,7 @@ use anyhow::{Context, bail, ensure};
 use karat::diagnostic::nearest;
 use karat::reflect::Function;
 use karat::value::{Scalar, Shape};
+use karat_suite::hexadecimal;
 
 /// Points of a sweep, at most.
 const MOST_POINTS: u32 = 1 << 22;
@@ -118,6 +119,10 @@ fn swept(scalar: Scalar, least: &str, rest: &str) -> anyhow::Result<Vec<u32>> {
     let (most, count) = rest
         .split_once(':')
         .with_context(|| format!("`{least}..{rest}`: a sweep says how many points: `0..1:100`"))?;
+    ensure!(
+        !most.starts_with('.'),
+        "`{least}..{rest}` has a dot too many: `{least}..0{most}:{count}`"
+    );
     let most = most.strip_prefix('=').unwrap_or(most);
     let count: u32 = count.trim().parse().with_context(|| format!("`{count}` is no number"))?;
     ensure!(
@@ -186,28 +191,6 @@ pub(super) fn parse(word: &str, scalar: Scalar) -> anyhow::Result<u32> {
         },
         Scalar::Bool => u32::from(word.parse::<bool>().with_context(bad)?),
     })
-}
-
-/// A hexadecimal float of C99, as WGSL and Karat write it; exact in `f64` with up to 13 digits behind the
-/// point, which are more than an f32 has.
-pub(super) fn hexadecimal(word: &str) -> Option<f64> {
-    let (sign, word) = match word.strip_prefix('-') {
-        Some(rest) => (-1.0, rest),
-        None => (1.0, word),
-    };
-    let rest = word.strip_prefix("0x").or_else(|| word.strip_prefix("0X"))?;
-    let (digits, exponent) = rest.split_once(['p', 'P'])?;
-    let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
-    let all = format!("{whole}{fraction}");
-    if all.is_empty() || all.len() > 13 {
-        return None;
-    }
-    let mantissa = u64::from_str_radix(&all, 16).ok()?;
-    let exponent: i32 = exponent.parse().ok().filter(|e| (-1000..1000).contains(e))?;
-    let shift = exponent - 4 * i32::try_from(fraction.len()).ok()?;
-    #[expect(clippy::cast_precision_loss, reason = "13 digits are 52 bits")]
-    let value = mantissa as f64 * 2.0_f64.powi(shift);
-    Some(sign * value)
 }
 
 #[cfg(test)]

@@ -17,7 +17,10 @@ pub(super) fn overrides(given: &[String]) -> anyhow::Result<BTreeMap<String, f64
         let value = match value {
             "true" => 1.0,
             "false" => 0.0,
-            number => number.parse().with_context(|| format!("--override {text}"))?,
+            number => match karat_suite::hexadecimal(number) {
+                Some(number) => number,
+                None => number.parse().with_context(|| format!("--override {text}"))?,
+            },
         };
         anyhow::Ok((name.to_owned(), value))
     };
@@ -86,7 +89,7 @@ fn parsed(text: &str) -> anyhow::Result<Value> {
     }
     let number = |word: &str| {
         let word = word.trim();
-        let float = || super::arguments::hexadecimal(word).or_else(|| word.parse().ok());
+        let float = || karat_suite::hexadecimal(word).or_else(|| word.parse().ok());
         match word.parse::<i64>() {
             Ok(whole) => Some(Value::Integer(whole)),
             Err(_) => float().map(Value::Float).or_else(|| word.parse().ok().map(Value::Boolean)),

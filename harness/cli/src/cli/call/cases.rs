@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path as FilePath;
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::diagnostic::nearest;
 use karat::fixture::Fixtures;
@@ -14,7 +14,7 @@ use karat::reflect::Function;
 use karat::value::{Scalar, Shape, format_lane, hexfloat};
 use karat::{Path, Tolerance};
 
-use super::arguments::{hexadecimal, parse};
+use super::arguments::parse;
 use super::{BAD, Ending, Outcome};
 
 /// Rows of a table that are evaluated before the progress bar moves.
@@ -341,11 +341,14 @@ fn read(
         });
         table.rows.push(row.collect::<anyhow::Result<_>>()?);
         table.starts.push(start);
-        let wanted = places
-            .expected
-            .iter()
-            .zip(&expected)
-            .map(|(place, name)| number(&record[*place]).with_context(|| at(name)));
+        let scalars = function.result.lanes();
+        let wanted = places.expected.iter().zip(&expected).zip(scalars);
+        let wanted = wanted.map(|((place, name), scalar)| {
+            let word = record[*place].trim();
+            let value = karat_suite::expected(scalar, word);
+            let wrong = || format!("`{word}` is no finite number, so nothing is compared with it");
+            value.with_context(wrong).with_context(|| at(name))
+        });
         table.expected.push(wanted.collect::<anyhow::Result<_>>()?);
         for ((_, place), (_, words)) in places.others.iter().zip(&mut table.others) {
             words.push(record[*place].to_owned());
@@ -354,22 +357,6 @@ fn read(
     drop(reader);
     table.text = text;
     Ok(table)
-}
-
-/// What is expected of a component.
-fn number(word: &str) -> anyhow::Result<f64> {
-    let value = match word.trim() {
-        "true" => 1.0,
-        "false" => 0.0,
-        word => match hexadecimal(word) {
-            Some(value) => value,
-            None => word.parse().with_context(|| format!("`{word}` is no number"))?,
-        },
-    };
-    if !value.is_finite() {
-        bail!("`{word}` isn't finite, so nothing can be compared with it");
-    }
-    Ok(value)
 }
 
 /// A table as text, if it has an end.

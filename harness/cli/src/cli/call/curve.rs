@@ -33,7 +33,19 @@ fn ends(curves: &[Curve]) -> Option<[(f64, f64); 2]> {
         let room = if lo < hi { 0.0 } else { 0.5 * lo.abs().max(1.0) };
         Some((lo - room, hi + room))
     };
-    Some([of(&|point| point.0)?, of(&|point| point.1)?])
+    // The axis is what was swept, whether or not there is a value.
+    let swept = || curves.iter().flat_map(|curve| &curve.points).map(|point| point.0);
+    let swept = (swept().reduce(f64::min)?, swept().reduce(f64::max)?);
+    let across = if swept.0 < swept.1 { swept } else { of(&|point| point.0)? };
+    Some([across, of(&|point| point.1)?])
+}
+
+/// A number at an axis, which is never wide.
+fn tick(value: f64) -> String {
+    match value == 0.0 || (1e-3..1e6).contains(&value.abs()) {
+        true => format!("{value:.4}"),
+        false => format!("{value:.4e}"),
+    }
 }
 
 /// Draws curves with characters.
@@ -62,15 +74,15 @@ pub(super) fn write_text(curves: &[Curve], axis: &str, out: &mut dyn Write) -> a
     }
     for (row, marks) in field.iter().enumerate() {
         let label = match row {
-            0 => format!("{top:.4}"),
-            _ if row == ROWS - 1 => format!("{bottom:.4}"),
+            0 => tick(top),
+            _ if row == ROWS - 1 => tick(bottom),
             _ => String::new(),
         };
         let line: String = marks.iter().collect();
         writeln!(out, "{label:>12} |{}", line.trim_end())?;
     }
     writeln!(out, "{:>12} +{}", "", "-".repeat(COLUMNS))?;
-    let (left, right) = (format!("{axis} = {left:.4}"), format!("{right:.4}"));
+    let (left, right) = (format!("{axis} = {}", tick(left)), tick(right));
     let gap = COLUMNS.saturating_sub(left.len() + right.len());
     writeln!(out, "{:>14}{left}{}{right}", "", " ".repeat(gap))?;
     for (curve, mark) in curves.iter().zip(MARKS.iter().cycle()) {

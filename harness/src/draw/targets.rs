@@ -1,0 +1,80 @@
+//! What draws write into targets: what nobody writes would be whatever the memory held, and what no
+//! target takes would be lost without a word.
+
+use super::drawing::Scene;
+use super::request::Draw;
+use super::{DrawError, Format};
+use crate::reflect::{Output, Program};
+
+impl Scene<'_> {
+    /// Sees that each draw writes each target, and nothing else.
+    pub(super) fn expect_targets(&self, program: &Program) -> Result<(), DrawError> {
+        let unsound = |reason: String| Err(DrawError::Unsound { reason });
+        if !matches!(self.samples, 1 | 2 | 4 | 8 | 16) {
+            return unsound(format!(
+                "it has {} samples a pixel, and every device draws 1 and 4",
+                self.samples
+            ));
+        }
+        for draw in &self.draws {
+            let Some((fragment, outputs)) = outputs(draw, program) else { continue };
+            let at =
+                |target: usize| outputs.iter().find(|output| output.location as usize == target);
+            for (target, format) in self.formats.iter().enumerate() {
+                let Some(output) = at(target) else {
+                    if draw.writes(target) {
+                        return unsound(format!(
+                            "`{fragment}` writes nothing at @location({target}), where the frame has a \
+                             target: nobody can say what it would hold"
+                        ));
+                    }
+                    continue;
+                };
+                if output.integers != format.is_of_integers() {
+                    let (has, wants) = match output.integers {
+                        true => ("integers", "a format of integers, such as `Format::Rgba32Uint`"),
+                        false => ("floats", "a format of floats, such as `Format::Float`"),
+                    };
+                    return unsound(format!(
+                        "`{fragment}` writes {has} at @location({target}): give that target {wants}"
+                    ));
+                }
+            }
+            if let Some(output) = outputs.iter().find(|o| o.location as usize >= self.formats.len())
+            {
+                let (location, targets) = (output.location, self.formats.len());
+                return unsound(format!(
+                    "`{fragment}` writes @location({location}), and the frame has {targets} target{}: \
+                     add `.formats([...])` with a format for each location, and compare that one in a \
+                     frame of its own with `.target({location})`",
+                    if targets == 1 { "" } else { "s" }
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// How many components all draws write into a target, at least.
+    pub(super) fn components(&self, program: &Program, target: usize) -> u8 {
+        let of = |draw: &Draw| {
+            let (_, outputs) = outputs(draw, program)?;
+            let output = outputs.into_iter().find(|output| output.location as usize == target)?;
+            Some(output.components)
+        };
+        self.draws.iter().filter_map(of).min().unwrap_or(4)
+    }
+}
+
+fn outputs<'d>(draw: &'d Draw, program: &Program) -> Option<(&'d str, Vec<Output>)> {
+    let fragment = draw.fragment.as_deref()?;
+    Some((fragment, program.fragment_outputs(fragment)?))
+}
+
+impl Format {
+    fn is_of_integers(self) -> bool {
+        matches!(
+            self,
+            Self::R32Uint | Self::R32Sint | Self::Rgba8Uint | Self::Rgba16Uint | Self::Rgba32Uint
+        )
+    }
+}

@@ -1,0 +1,48 @@
+//! What fragment functions write.
+
+use naga::{Binding, ShaderStage, TypeInner};
+
+use super::Program;
+
+/// What a fragment function writes at a location.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Output {
+    pub(crate) location: u32,
+    /// Whether its components are integers.
+    pub(crate) integers: bool,
+    /// 1 to 4.
+    pub(crate) components: u8,
+}
+
+impl Program {
+    /// What a fragment entry point writes at locations; `None` if there is no such entry point.
+    pub(crate) fn fragment_outputs(&self, fragment: &str) -> Option<Vec<Output>> {
+        let name = self.entry_point_name(fragment);
+        let module = &self.checked.module;
+        let mut entries = module.entry_points.iter();
+        let entry = entries.find(|e| e.name == name && e.stage == ShaderStage::Fragment)?;
+        let Some(result) = &entry.function.result else { return Some(Vec::new()) };
+        let inner = &module.types[result.ty].inner;
+        Some(match (&result.binding, inner) {
+            (Some(binding), _) => output(binding, inner).into_iter().collect(),
+            (None, TypeInner::Struct { members, .. }) => members
+                .iter()
+                .filter_map(|member| {
+                    output(member.binding.as_ref()?, &module.types[member.ty].inner)
+                })
+                .collect(),
+            _ => Vec::new(),
+        })
+    }
+}
+
+fn output(binding: &Binding, inner: &TypeInner) -> Option<Output> {
+    let Binding::Location { location, .. } = binding else { return None };
+    let (scalar, components) = match inner {
+        TypeInner::Scalar(scalar) => (scalar, 1),
+        TypeInner::Vector { size, scalar } => (scalar, *size as u8),
+        _ => return None,
+    };
+    let integers = matches!(scalar.kind, naga::ScalarKind::Sint | naga::ScalarKind::Uint);
+    Some(Output { location: *location, integers, components })
+}
