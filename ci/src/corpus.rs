@@ -67,6 +67,9 @@ pub(crate) fn run_found() -> Result<()> {
         command::cargo(&["run", "--locked", "--package", "karat", "--example", "found"]);
     found.arg("--").arg(command::root().join("docs/found"));
     ensure!(found.status().context("cargo doesn't run")?.success(), "a finding isn't one");
+    let mut passes =
+        command::cargo(&["run", "--locked", "--package", "karat", "--example", "passes"]);
+    ensure!(passes.status().context("cargo doesn't run")?.success(), "a crate's passes fail");
     Ok(())
 }
 

@@ -495,6 +495,14 @@ mod tests {
     }
 
     #[test]
+    fn where_a_variable_is_bound_changes_nothing() {
+        let before = "@group(0) @binding(4) var<storage> d: array<f32>;\n\
+                      fn read(i: u32) -> f32 { return d[i]; }\n";
+        let all = changes(before, &before.replace("binding(4)", "binding(5)"));
+        assert!(matches!(all[0].1, Change::Same { .. }), "{all:?}");
+    }
+
+    #[test]
     fn of_a_whole_buffer_what_changed_is_shown() {
         let before = "@group(0) @binding(0) var<storage, read_write> all: array<u32, 40>;\n\
                       fn put(i: u32) { all[3] = 1u; }\n";

@@ -41,7 +41,7 @@ where
     /// draws others than the golden has, the check fails until the new ones are accepted.
     ///
     /// ```no_run
-    /// # use karat::prelude::*;
+    /// # use karat::{Goldens, prelude::*};
     /// # static SHADERS: Package = karat::package!("shaders");
     /// static GOLDEN: Goldens = karat::goldens!("golden");
     ///

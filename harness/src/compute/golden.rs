@@ -16,7 +16,7 @@ impl After<'_> {
     /// `golden/<case>.csv`, a row for each element. It is for passes that have no reference.
     ///
     /// ```no_run
-    /// # use karat::prelude::*;
+    /// # use karat::{Goldens, prelude::*};
     /// # static SHADERS: Package = karat::package!("shaders");
     /// static GOLDEN: Goldens = karat::goldens!("golden");
     ///

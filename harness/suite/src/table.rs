@@ -3,10 +3,10 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use karat::diagnostic::nearest;
 use karat::domain::Part;
 use karat::value::{Scalar, Shape};
 
-use crate::domains::no_such;
 use crate::numbers;
 
 /// Arguments with what is expected of them.
@@ -42,8 +42,9 @@ pub(crate) fn read(
     // Other columns are notes, unless one of these is missing: then one of those may be misspelt.
     if let Some(missing) = wanted().find(|name| head.iter().all(|column| column != *name)) {
         let others = head.iter().filter(|column| wanted().all(|name| name != *column));
-        let error = no_such("column", missing, others.collect::<Vec<_>>());
-        return Err(format!("`{name}`: {error}"));
+        let near = nearest(missing, others);
+        let near = near.map_or_else(String::new, |n| format!("; is it `{n}`, misspelt?"));
+        return Err(format!("`{name}`: the column `{missing}` is missing{near}"));
     }
     if let Some((_, twice)) = head
         .iter()
@@ -130,15 +131,21 @@ mod tests {
     fn columns_come_in_any_order() {
         let table = of("v.y, result, a, v.x\n2, 0.1, 1, 3\n").expect("it reads");
         let words = [1.0_f32, 3.0, 2.0].map(f32::to_bits).to_vec();
-        assert_eq!((table.rows[0].clone(), table.expected[&words].clone()), (words, vec![0.1]));
+        assert_eq!(
+            (table.rows[0].clone(), table.expected[&words].clone()),
+            (words, vec![f64::from(0.1_f32)])
+        );
     }
 
     #[test]
     fn what_a_table_lacks_is_told() {
         for (text, part) in [
             ("a,v.x,v.y,result\n", "has no row"),
-            ("a,v.x,v.y\n1,2,3\n", "column `result` is missing"),
-            ("a,v.x,v.y,resul\n1,2,3,4\n", "did you mean `result`?"),
+            ("a,v.x,v.y\n1,2,3\n", "the column `result` is missing"),
+            (
+                "a,v.x,v.y,resul\n1,2,3,4\n",
+                "the column `result` is missing; is it `resul`, misspelt?",
+            ),
             ("a,v.x,v.y,result\n1,2,x,4\n", "line 2, column `v.y`: `x` is no f32"),
             ("a,v.x,v.y,result\n1,2,3,nan\n", "no finite number"),
             ("a,v.x,v.y,result\n1,2,3,4\n1,2,3,5\n", "line 3: the same arguments"),

@@ -462,3 +462,58 @@ fn what_no_device_draws_is_told() {
         assert!(error.contains(part), "{part}: {error}");
     }
 }
+
+/// What nobody writes would be whatever the memory held, and what no target takes would be lost.
+#[test]
+fn targets_and_outputs_are_the_same() {
+    let package = Package::from_source(
+        "m",
+        "override GAIN: f32;
+         struct Both { @location(0) a: vec4f, @location(1) b: vec4f }
+         @fragment fn both(@location(0) uv: vec2f) -> Both { return Both(vec4f(uv, 0.0, 1.0), vec4f(0.5)); }
+         @fragment fn second(@location(0) uv: vec2f) -> @location(1) vec4f { return vec4f(uv, 0.0, 1.0); }
+         @fragment fn depth(@location(0) uv: vec2f) -> @builtin(frag_depth) f32 { return uv.x; }
+         @fragment fn one(@location(0) uv: vec2f) -> @location(0) f32 { return 1.0 + uv.x; }
+         @fragment fn two(@location(0) uv: vec2f) -> @location(0) vec2f { return 1.0 + uv; }
+         @fragment fn whole() -> @location(0) vec4u { return vec4u(7u); }
+         @fragment fn gained() -> @location(0) vec4f { return vec4f(GAIN); }",
+    );
+    let frame = |fragment: &str| package.frame("m", 4, 4).fragment(fragment);
+    let two = [Format::Float, Format::Float];
+    for (frame, part) in [
+        (frame("both"), "`both` writes @location(1), and the frame has 1 target: add `.formats"),
+        (frame("second"), "`second` writes nothing at @location(0)"),
+        (frame("second").formats(two), "`second` writes nothing at @location(0)"),
+        (frame("depth"), "`depth` writes nothing at @location(0)"),
+        (frame("whole"), "`whole` writes integers at @location(0)"),
+        (frame("one").formats([Format::Rgba32Uint]), "`one` writes floats at @location(0)"),
+        (frame("gained"), "the override `GAIN` has no value"),
+        (frame("one").override_("GIAN", 2.0), "no override `GIAN`"),
+        (frame("one").samples(3), "it has 3 samples a pixel"),
+    ] {
+        let error = frame.render(Path::VULKAN).expect_err(part).to_string();
+        assert!(error.contains(part), "no `{part}` in:\n{error}");
+    }
+    // Channels that nobody writes hold what they were cleared to.
+    let masked = package.frame("m", 4, 4).formats(two);
+    let masked = masked.draw(Draw::fragment("second").write_mask(0, "")).target(1);
+    for (_, image) in images(&masked) {
+        assert_eq!(pixel(&image, 3, 0).x, 0.875);
+    }
+    for (_, image) in images(&frame("both").formats(two).target(1)) {
+        assert_eq!(pixel(&image, 1, 1), Vec4::splat(0.5));
+    }
+    // A target has as many components as are written.
+    for (_, image) in images(&frame("one")) {
+        assert_eq!(pixel(&image, 3, 0).truncate(), Vec3::new(1.875, 0.0, 0.0));
+    }
+    for (_, image) in images(&frame("two")) {
+        assert_eq!(pixel(&image, 3, 1).truncate(), Vec3::new(1.875, 1.375, 0.0));
+    }
+    for (_, image) in images(&frame("whole").formats([Format::Rgba32Uint])) {
+        assert_eq!(pixel(&image, 0, 0), Vec4::splat(7.0));
+    }
+    for (_, image) in images(&frame("gained").override_("GAIN", 0.25)) {
+        assert_eq!(pixel(&image, 0, 0), Vec4::splat(0.25));
+    }
+}

@@ -475,3 +475,64 @@ fn loaded_texels_have_full_precision() {
         .over(Integers(0..=3_u32))
         .agrees_with(|x: u32| f64::from(texels[x as usize]), Abs(0.0));
 }
+
+/// What another program writes for its uniforms, as it lays them out.
+#[derive(encase::ShaderType)]
+struct Sun {
+    strength: f32,
+    #[shader(size(16))]
+    samples: u32,
+    weights: [Weight; 3],
+}
+
+#[derive(Clone, Copy, encase::ShaderType)]
+struct Weight {
+    #[shader(align(16))]
+    share: f32,
+}
+
+#[test]
+fn buffers_that_encase_writes_are_taken_as_they_are() {
+    let package = Package::from_source(
+        "sun",
+        "struct Weight { @align(16) share: f32 }
+         struct Sun { strength: f32, @size(16) samples: u32, weights: array<Weight, 3> }
+         @group(0) @binding(0) var<uniform> sun: Sun;
+         fn weighted(i: u32) -> f32 { return sun.strength * sun.weights[i].share + f32(sun.samples); }",
+    );
+    let weights = [0.5, 0.25, 0.125];
+    let sun = Sun { strength: 2.0, samples: 3, weights: weights.map(|share| Weight { share }) };
+    let mut bytes = encase::UniformBuffer::new(Vec::new());
+    bytes.write(&sun).expect("it fits in memory");
+    package
+        .function("weighted")
+        .with("sun", Buffer::of_bytes(bytes.into_inner()))
+        .over(Integers(0..=2_u32))
+        .agrees_with(|i: u32| 2.0 * f64::from(weights[i as usize]) + 3.0, Abs(0.0));
+}
+
+/// GLSL spaces their columns otherwise, and nobody would say so.
+#[test]
+fn narrow_matrices_are_right_or_refused() {
+    let package = Package::from_source(
+        "m",
+        "struct G { m: mat2x2f, t: f32 }
+         @group(0) @binding(0) var<uniform> g: G;
+         @group(0) @binding(1) var<storage> s: mat2x2f;
+         fn uniform_() -> f32 { return g.m[1].y * 100.0 + g.t; }
+         fn stored() -> f32 { return s[1].y; }",
+    );
+    let bytes: Vec<f32> = vec![1.0, 2.0, 3.0, 4.0, 7.0, 0.0];
+    let uniform = package.function("uniform_").with("g", Buffer::of_pod(&bytes));
+    let result = uniform.over(()).try_agrees_with(|| 407.0, Abs(0.0));
+    let on_gl = karat::path::selected().expect("paths").contains(&Path::GL);
+    match (result, on_gl) {
+        (Ok(_), false) => {}
+        (Err(error), true) => {
+            assert!(error.to_string().contains("GLSL spaces the columns"), "{error}");
+        }
+        (other, _) => panic!("{other:?}"),
+    }
+    let stored = package.function("stored").with("s", Buffer::of_pod(&bytes[..4]));
+    stored.over(()).agrees_with(|| 4.0, Abs(0.0));
+}

@@ -177,7 +177,7 @@ fn ignore(out: &mut dyn Write) -> anyhow::Result<()> {
         text.push('\n');
     }
     std::fs::write(file, text).context("`.gitignore`")?;
-    writeln!(out, "{GOOD}added{GOOD:#} {} to .gitignore", missing.join(" and "))?;
+    writeln!(out, "{GOOD}added{GOOD:#} {} to .gitignore", missing.join(", "))?;
     Ok(())
 }
 

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use karat::Package;
+use karat::record::{Record, Subject};
 use serde::Deserialize;
 
 use super::PackageArgs;
@@ -123,16 +124,47 @@ impl Project {
         Ok(packages)
     }
 
-    /// [`packages`](Self::packages); none where nothing is declared and there is no `shaders`, as in
-    /// a project whose tests hold their shaders.
+    /// Whether somebody says which the packages are: otherwise they are what a folder is called.
+    pub(super) fn declares(&self, args: &PackageArgs) -> bool {
+        args.package.is_some() || args.krate.is_some() || self.settings.packages.is_some()
+    }
+
+    /// [`packages`](Self::packages). Where nothing is declared a folder `shaders` is one if it can be,
+    /// and there may be none, as in a project whose tests hold their shaders.
     pub(super) fn packages_if_any(&self, args: &PackageArgs) -> anyhow::Result<Vec<Package>> {
-        let declared =
-            args.package.is_some() || args.krate.is_some() || self.settings.packages.is_some();
-        if declared || self.root.join("shaders").exists() {
-            self.packages(args)
-        } else {
-            Ok(Vec::new())
+        if self.declares(args) {
+            return self.packages(args);
         }
+        match self.root.join("shaders").exists() {
+            true => Ok(self.packages(args).unwrap_or_default()),
+            false => Ok(Vec::new()),
+        }
+    }
+
+    /// The packages that were tested: those that are declared, or else those of the project whose
+    /// functions are in the record, and the folder `shaders`.
+    pub(super) fn tested(&self, records: &[Record]) -> anyhow::Result<Vec<Package>> {
+        let args = PackageArgs::default();
+        let mut packages = self.packages_if_any(&args)?;
+        if self.declares(&args) {
+            return Ok(packages);
+        }
+        let place = |folder: &Path| folder.canonicalize().ok();
+        let mut known: Vec<PathBuf> =
+            packages.iter().filter_map(|package| place(&package.root())).collect();
+        let root = place(&self.root);
+        let output = place(&self.output());
+        for record in records {
+            let Subject::Function { package, .. } = &record.subject else { continue };
+            let Some(folder) = place(Path::new(package)) else { continue };
+            let own = root.as_ref().is_some_and(|root| folder.starts_with(root))
+                && output.as_ref().is_none_or(|output| !folder.starts_with(output));
+            if own && !known.contains(&folder) {
+                packages.extend(Package::open(&folder).ok());
+                known.push(folder);
+            }
+        }
+        Ok(packages)
     }
 
     /// The package that holds a function; the first one if none does, for its error message.

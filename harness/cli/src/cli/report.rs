@@ -23,7 +23,7 @@ use karat_suite::{Suite, Test};
 use self::html::Beside;
 use super::list::callable;
 use super::project::Project;
-use super::{Ending, NotThere, Outcome, PackageArgs, spare};
+use super::{Ending, NotThere, Outcome, spare};
 
 /// What is written besides the tables.
 #[derive(clap::Args)]
@@ -112,7 +112,7 @@ pub(super) fn write_page(
     page: &Path,
 ) -> anyhow::Result<()> {
     let records = merge::side_by_side(records);
-    let packages = project.packages_if_any(&PackageArgs::default())?;
+    let packages = project.tested(&records)?;
     let untested = Some(names(untested(&records, &packages)?));
     let passed = !records.iter().any(tables::is_failure);
     let run = Run { schema: SCHEMA, selected: Vec::new(), passed };
@@ -181,7 +181,7 @@ impl OutputArgs {
             write(file, &serde_json::to_string_pretty(&all).context("records are plain data")?)?;
         }
         if let Some(file) = &self.html {
-            let packages = project.packages_if_any(&PackageArgs::default())?;
+            let packages = project.tested(records)?;
             // What was left out on purpose isn't untested.
             let whole = run.is_some_and(|run| run.selected.is_empty());
             let untested = whole.then(|| untested(records, &packages)).transpose()?.map(names);
@@ -213,7 +213,8 @@ pub(super) fn untested(
         .collect();
     let mut all = Vec::new();
     for package in packages {
-        let items = callable(package)?;
+        // Whether it is valid is told by others.
+        let Ok(items) = callable(package) else { continue };
         // A module that can't be read has been told.
         let suite = Suite::of(package.clone()).ok();
         let tests = suite.iter().flat_map(|suite| &suite.tests);

@@ -71,7 +71,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     // Tests call single functions: whatever else their packages hold must be valid, too.
     let packages = asked.packages(&project)?;
     let mut suites_passed = true;
-    for folder in asked.suites(&packages)? {
+    for folder in asked.suites(&project, &packages)? {
         suites_passed &= asked.run_suite(&folder, running.folder(), out)?;
         ran = true;
     }
@@ -89,14 +89,17 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         tables::expect_some(&records, asked.filter)?;
     }
     let mut invalid = Vec::new();
-    let valid = check::validate(&packages, false, &mut invalid)?;
+    // What nobody declares fails no test of its own accord, whatever its folder is called.
+    let declared = asked.declares(&project);
+    let valid = !declared || check::validate(&packages, false, &mut invalid)?;
     let run = Run { schema: record::SCHEMA, selected: asked.selected(), passed: passed && valid };
     run.write(running.folder()).context("can't say how the run was made")?;
     let folder = running.end().context("can't keep the record")?;
     let failed = tables::write(&records, out)?;
     // With a filter most functions aren't tested on purpose.
     if asked.filter.is_none() {
-        write_untested(&records, &packages, out)?;
+        let tested = if declared { packages } else { project.tested(&records)? };
+        write_untested(&records, &tested, out)?;
     }
     out.write_all(&invalid)?;
     tables::write_sum(&records, failed, passed, &folder, out)?;
@@ -153,8 +156,13 @@ impl<'a> Asked<'a> {
         }
     }
 
+    /// Whether somebody says which the packages are.
+    fn declares(&self, project: &Project) -> bool {
+        self.folder.is_some() || !project.is_cargo() || project.declares(&self.args.package)
+    }
+
     /// The folders of packages that have tests of their own.
-    fn suites(&self, packages: &[Package]) -> anyhow::Result<Vec<PathBuf>> {
+    fn suites(&self, project: &Project, packages: &[Package]) -> anyhow::Result<Vec<PathBuf>> {
         // Of Cargo's tests some are named, and these are none of them.
         if !self.args.cargo_packages.is_empty() || !self.args.targets.is_empty() {
             return Ok(Vec::new());
@@ -163,7 +171,8 @@ impl<'a> Asked<'a> {
         for package in packages {
             let suite = Suite::of(package.clone())?;
             let wanted = |name: &str| self.filter.is_none_or(|filter| name.contains(filter));
-            let has = suite.tests.iter().any(|test| wanted(&test.name)) || !suite.broken.is_empty();
+            let broken = self.declares(project) && !suite.broken.is_empty();
+            let has = suite.tests.iter().any(|test| wanted(&test.name)) || broken;
             if has && !package.root().as_os_str().is_empty() {
                 folders.push(package.root());
             }

@@ -227,5 +227,79 @@ fn slips_are_told() {
     let expect = ["--expect", "cube", "--tolerance", "exact"];
     told(&[&["lit::cubic", "--cases", "cases.csv"][..], &expect].concat(), "no column `cube.x`");
     write(folder.path(), "cases.csv", "t,up,cube.x,cube.y\n0.5,true,nan,1\n");
-    told(&[&["lit::cubic", "--cases", "cases.csv"][..], &expect].concat(), "isn't finite");
+    told(&[&["lit::cubic", "--cases", "cases.csv"][..], &expect].concat(), "is no finite number");
+}
+
+#[test]
+fn what_is_asked_for_is_done_or_refused() {
+    let folder = lit();
+    let told = |arguments: &[&str], part: &str| {
+        let error = karat(folder.path(), &[&["call"][..], arguments].concat()).error();
+        assert!(error.contains(part), "{part} in:\n{error}");
+    };
+    let expect = ["--expect", "x", "--tolerance", "exact"];
+    told(&[&["lit::cubic", "1", "true"][..], &expect].concat(), "--expect needs a table");
+    told(&[&["lit::cubic", "0..1:3", "true"][..], &expect].concat(), "--expect needs a table");
+    told(&["lit::cubic", "0...1:3", "true"], "has a dot too many");
+    // What a call returned is what a table expects.
+    let table = called(&folder, &["lit::cubic", "0..1:7", "false"]);
+    write(folder.path(), "returned.csv", &table);
+    let again =
+        ["lit::cubic", "--cases", "returned.csv", "--expect", "cpu", "--tolerance", "exact"];
+    assert_eq!(called(&folder, &again), "cpu: all 7 rows agree (0 ulp)\n");
+}
+
+#[test]
+fn a_path_that_is_required_is_not_left_out() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let lines = "@group(0) @binding(0) var line: texture_1d<f32>;\n\
+                 fn at(x: u32) -> f32 { return textureLoad(line, x, 0).x; }\n";
+    write(folder.path(), "shaders/t.wgsl", lines);
+    let call = ["call", "t::at", "3", "--bind", "line=0.5"];
+    let free = karat(folder.path(), &call);
+    assert!(free.code == Some(0) && free.err.contains("note: path `gl` can't bind"), "{free:?}");
+    let required = output(command(folder.path(), &call).env("KARAT_REQUIRE", "gl"));
+    assert!(
+        required.code == Some(2) && required.err.contains("path `gl` can't bind"),
+        "{required:?}"
+    );
+}
+
+#[test]
+fn texels_are_data_where_they_are_no_colours() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let texels = "@group(0) @binding(0) var color: texture_2d<f32>;\n\
+                  @group(0) @binding(1) var depth: texture_depth_2d;\n\
+                  @group(0) @binding(2) var words: texture_2d<u32>;\n\
+                  @group(0) @binding(3) var<storage> vectors: array<vec3f>;\n\
+                  fn c(p: vec2u) -> f32 { return textureLoad(color, p, 0).x; }\n\
+                  fn d() -> f32 { return textureLoad(depth, vec2u(), 0); }\n\
+                  fn w() -> u32 { return textureLoad(words, vec2u(), 0).x; }\n\
+                  fn v(i: u32) -> vec3f { return vectors[i]; }\n";
+    write(folder.path(), "shaders/t.wgsl", texels);
+    // One texel, which is stored as 188: a linear half.
+    let half = karat::Image::new(1, 1, vec![[0.5, 0.5, 0.5, 1.0]]);
+    half.write_png(&folder.path().join("half.png")).expect("written");
+    let stored = 188.0_f32 / 255.0;
+    let out = |arguments: &[&str], part: &str| {
+        let out = called(&folder, arguments);
+        assert!(out.contains(part), "{arguments:?}: {part} in\n{out}");
+    };
+    out(&["t::c", "0,0", "--bind", "color=half.png"], "cpu      0.5");
+    out(&["t::c", "0,0", "--bind", "color=half.png linear"], &stored.to_string());
+    out(&["t::d", "--bind", "depth=half.png"], &stored.to_string());
+    out(&["t::w", "--bind", "words=half.png"], "cpu      188");
+    // A value for all texels is one for the sixteen of each side.
+    out(&["t::c", "15,15", "--bind", "color=0.25"], "cpu      0.25");
+    out(&["t::v", "1", "--bind", "vectors=[1,2,3,4,5,6]"], "(4, 5, 6)");
+    out(&["t::v", "1", "--bind", "vectors=[[1,2,3],[4,5,6]]"], "(4, 5, 6)");
+    let told = |arguments: &[&str], part: &str| {
+        let error = karat(folder.path(), &[&["call"][..], arguments].concat()).error();
+        assert!(error.contains(part), "{part} in:\n{error}");
+    };
+    told(&["t::v", "1", "--bind", "vectors=[1,2,3,4,5]"], "have 6 components, the list has 5");
+    told(&["t::d", "--bind", "depth=half.png srgb"], "aren't colours");
+    told(&["t::c", "0,0", "--bind", "color="], "it is empty");
+    write(folder.path(), "six.bin", "123456");
+    told(&["t::v", "0", "--bind", "vectors=six.bin"], "it has 6 bytes");
 }

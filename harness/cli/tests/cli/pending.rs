@@ -87,7 +87,7 @@ fn pending_frames_are_listed_accepted_and_rejected() {
     let ran = karat(folder, &["pending"]);
     let out = ran.out;
     assert_eq!(ran.code, Some(3), "new frames, and none that differs");
-    assert!(out.contains("scene           none    2 x 1  vulkan: llvmpipe"), "{out}");
+    assert!(out.contains("scene            none    2 x 1  vulkan: llvmpipe"), "{out}");
     let list = json(&karat(folder, &["pending", "--json"]).out);
     assert_eq!((&list[0]["case"], &list[0]["status"]), (&"furnace/rough".into(), &"new".into()));
     assert_eq!(list[0]["profile"], "vulkan-llvmpipe");

@@ -559,3 +559,78 @@ fn declared_values_are_compared_with_their_golden() {
     karat(folder, &delete).good();
     assert!(golden.is_file() && !folder.join("golden/tone/other.csv").exists());
 }
+
+/// What a frame draws beside what is compared is told, and can be compared.
+#[test]
+fn declared_frames_have_targets_formats_and_overrides() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let shader = "override GAIN: f32;\nstruct Out { @location(0) a: vec4f, @location(1) b: f32, @builtin(frag_depth) d: f32 }\n\
+        @fragment fn fs(@location(0) uv: vec2f) -> Out { return Out(vec4f(uv * GAIN, 0.0, 1.0), uv.y, uv.x); }\n";
+    write(folder, "g.wgsl", shader);
+    let declare = |frames: &[&str]| {
+        let head = "fragment = \"fs\"\nsize = [8, 8]\n";
+        let all: Vec<String> =
+            frames.iter().map(|more| format!("[[frame]]\n{head}{more}\n")).collect();
+        write(folder, "g.test.toml", &all.concat());
+        karat(folder, &["test", ".", "--paths", "vulkan"])
+    };
+    let formats = "formats = [\"float\", \"rgba8unorm-srgb\"]";
+    for (more, part) in [
+        ("override = { GAIN = 2 }", "add `formats = [..]` with a format for each location"),
+        ("override = { GAIN = 2 }", "`target = 1`"),
+        ("", "`override = { GAIN = ... }`"),
+        ("override = { GIAN = 2 }", "no override `GIAN`; did you mean `GAIN`?"),
+        ("formats = [\"float\", \"rgba8\"]", "no format `rgba8`"),
+        ("target = 1\ndepth = true", "it compares `target` or `depth`, not both"),
+    ] {
+        let ran = declare(&[&format!("name = \"a\"\n{more}")]);
+        assert!(ran.code == Some(1) && ran.out.contains(part), "no `{part}` in {ran:?}");
+    }
+    let twice = declare(&["name = \"a\"", "name = \"a\""]);
+    assert!(
+        twice.code == Some(1) && twice.out.contains("another frame is called `a`"),
+        "{twice:?}"
+    );
+    let all = |gain: u32| {
+        let own = format!(
+            "override = {{ GAIN = {gain} }}\n{}",
+            formats.replace("rgba8unorm-srgb", "r8unorm")
+        );
+        let named = |name: &str, more: &str| format!("name = \"{name}\"\n{more}\n{own}");
+        let [a, b, d] = [named("a", ""), named("b", "target = 1"), named("d", "depth = true")];
+        declare(&[&a, &b, &d])
+    };
+    assert_eq!(all(2).code, Some(1), "no golden");
+    karat(folder, &["accept", "*", "--because", "the first"]).good();
+    assert!(all(2).good().contains("3 checks, 0 failed"));
+    let changed = all(3);
+    assert!(changed.out.contains("3 checks, 1 failed"), "{changed:?}");
+    for (from, to) in [("uv.y, uv.x", "uv.x, uv.x"), ("uv.y, uv.x", "uv.y, uv.y")] {
+        write(folder, "g.wgsl", &shader.replace(from, to));
+        let ran = all(2);
+        assert!(ran.out.contains("3 checks, 1 failed"), "{to}: {ran:?}");
+    }
+}
+
+/// An override is set for the tested function; a reference that has none is compared all the same.
+#[test]
+fn a_reference_needs_none_of_the_overrides() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let shader = "override GAIN: f32 = 1.0;\nfn gain(x: f32) -> f32 { return x * GAIN; }\n\
+                  fn twice(x: f32) -> f32 { return 2.0 * x; }\n";
+    write(folder, "m.wgsl", shader);
+    let run = |name: &str, value: &str| {
+        let text = format!(
+            "[[test]]\nfunction = \"gain\"\nover = {{ x = \"0..1\" }}\nagrees_with = \"twice\"\n\
+             tolerance = \"exact\"\noverride = {{ {name} = {value} }}\n"
+        );
+        write(folder, "m.test.toml", &text);
+        cpu(folder, &[])
+    };
+    run("GAIN", "2").good();
+    assert_eq!(run("GAIN", "3").code, Some(1), "it isn't ignored");
+    let unknown = run("GIAN", "2");
+    assert!(unknown.out.contains("did you mean `GAIN`?"), "{unknown:?}");
+}

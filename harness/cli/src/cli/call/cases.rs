@@ -11,7 +11,7 @@ use karat::fixture::Fixtures;
 use karat::image::write_whole;
 use karat::probe::Probed;
 use karat::reflect::Function;
-use karat::value::{Scalar, Shape, format_lane, hexfloat};
+use karat::value::{Scalar, Shape, format_f32, format_lane, hexfloat};
 use karat::{Path, Tolerance};
 
 use super::arguments::parse;
@@ -109,6 +109,16 @@ fn shown(scalar: Scalar, lane: u32, exact: bool) -> String {
     }
 }
 
+/// What was expected, in the digits of an `f32` if it is one.
+fn wanted(scalar: Scalar, value: f64) -> String {
+    #[expect(clippy::cast_possible_truncation, reason = "it is compared")]
+    let single = value as f32;
+    match scalar.is_float() && f64::from(single).to_bits() == value.to_bits() {
+        true => format_f32(single),
+        false => value.to_string(),
+    }
+}
+
 /// Writes arguments and results as a table.
 pub(super) fn write_table(
     request: &Request<'_>,
@@ -196,7 +206,7 @@ fn compare(
                 arguments.collect::<Vec<_>>().join(", "),
                 names[lane],
                 shown(scalars[lane], actual[lane], request.exact),
-                expected[lane],
+                wanted(scalars[lane], expected[lane]),
             )?;
         }
         let count = table.rows.len();
