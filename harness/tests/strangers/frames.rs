@@ -478,7 +478,7 @@ fn targets_and_outputs_are_the_same() {
          @fragment fn whole() -> @location(0) vec4u { return vec4u(7u); }
          @fragment fn gained() -> @location(0) vec4f { return vec4f(GAIN); }",
     );
-    let frame = |fragment: &str| package.frame("m", 4, 4).fragment(fragment);
+    let frame = |fragment: &str| package.frame("", 4, 4).fragment(fragment);
     let two = [Format::Float, Format::Float];
     for (frame, part) in [
         (frame("both"), "`both` writes @location(1), and the frame has 1 target: add `.formats"),
@@ -495,7 +495,7 @@ fn targets_and_outputs_are_the_same() {
         assert!(error.contains(part), "no `{part}` in:\n{error}");
     }
     // Channels that nobody writes hold what they were cleared to.
-    let masked = package.frame("m", 4, 4).formats(two);
+    let masked = package.frame("", 4, 4).formats(two);
     let masked = masked.draw(Draw::fragment("second").write_mask(0, "")).target(1);
     for (_, image) in images(&masked) {
         assert_eq!(pixel(&image, 3, 0).x, 0.875);

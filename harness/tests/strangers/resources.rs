@@ -480,14 +480,14 @@ fn loaded_texels_have_full_precision() {
 #[derive(encase::ShaderType)]
 struct Sun {
     strength: f32,
-    #[shader(size(16))]
+    #[shader(size(12))]
     samples: u32,
     weights: [Weight; 3],
 }
 
 #[derive(Clone, Copy, encase::ShaderType)]
 struct Weight {
-    #[shader(align(16))]
+    #[shader(size(16))]
     share: f32,
 }
 
@@ -495,8 +495,8 @@ struct Weight {
 fn buffers_that_encase_writes_are_taken_as_they_are() {
     let package = Package::from_source(
         "sun",
-        "struct Weight { @align(16) share: f32 }
-         struct Sun { strength: f32, @size(16) samples: u32, weights: array<Weight, 3> }
+        "struct Weight { @size(16) share: f32 }
+         struct Sun { strength: f32, @size(12) samples: u32, weights: array<Weight, 3> }
          @group(0) @binding(0) var<uniform> sun: Sun;
          fn weighted(i: u32) -> f32 { return sun.strength * sun.weights[i].share + f32(sun.samples); }",
     );
