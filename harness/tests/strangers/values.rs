@@ -50,7 +50,7 @@ impl Project {
 fn curve(factor: &str) -> Package {
     Package::from_source(
         "tone",
-        &format!(
+        format!(
             "fn curve(x: f32, n: u32) -> vec2f {{ return vec2f(x * {factor} + f32(n), sin(x)); }}"
         ),
     )
@@ -221,7 +221,7 @@ fn elements_that_passes_leave_are_kept_and_compared() {
     let source = |factor: &str| {
         Package::from_source(
             "m",
-            &format!(
+            format!(
                 "struct Particle {{ place: vec2f, id: u32 }}
                  @group(0) @binding(0) var<storage, read_write> particles: array<Particle>;
                  @compute @workgroup_size(8) fn spawn(@builtin(global_invocation_id) id: vec3u) {{

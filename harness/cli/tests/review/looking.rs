@@ -468,7 +468,7 @@ fn without_webgl_2_the_page_says_so() {
 /// A golden or pending table of the values of `x * gain`, as its test leaves it.
 fn left_values(project: &Project, case: &str, gain: &str) {
     let package =
-        karat::Package::from_source("m", &format!("fn f(x: f32) -> f32 {{ return x * {gain}; }}"));
+        karat::Package::from_source("m", format!("fn f(x: f32) -> f32 {{ return x * {gain}; }}"));
     let (checked, folder) =
         (package.function("f").over(1.0..=2.0_f32), project.folder().join("golden"));
     let goldens = karat::Goldens::open(&folder);
