@@ -70,7 +70,8 @@ fn values_of_a_function_are_kept_and_compared() {
     let error = error.to_string();
     assert!(error.contains("the values `values/curve` have no golden; look at `"), "{error}");
     assert!(error.contains("values/curve.new.csv` and accept it with `karat accept"), "{error}");
-    assert!(!project.folder.path().join("values").exists(), "only accepting writes a golden");
+    let accepted = project.folder.path().join("values/curve.csv");
+    assert!(!accepted.exists(), "only accepting writes a golden");
     project.accept(case);
     let text = project.text(case);
     assert!(text.starts_with("# schema = 1\n# case = \"values/curve\"\n"), "{text}");
