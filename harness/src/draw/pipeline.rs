@@ -3,6 +3,7 @@
 use super::painter::Painter;
 use super::request::{Draw, Geometry};
 use super::state::{Cull, Winding};
+use super::targets::writes_depth;
 use crate::probe::compare;
 
 /// Which passes of a frame a pipeline is for.
@@ -48,14 +49,11 @@ impl Painter<'_> {
             .collect();
         let state = &draw.state;
         let own = state.depth_compare.map(compare);
+        let writes = writes_depth(draw, self.program);
         let (depth_compare, write) = match (pass, self.scene.prepass && draw.is_mesh()) {
             (Pass::Color, true) => (wgpu::CompareFunction::Equal, false),
-            (Pass::Color, false) => {
-                (own.unwrap_or(wgpu::CompareFunction::LessEqual), state.depth_write.unwrap_or(true))
-            }
-            (Pass::Depth, _) => {
-                (own.unwrap_or(wgpu::CompareFunction::Less), state.depth_write.unwrap_or(true))
-            }
+            (Pass::Color, false) => (own.unwrap_or(wgpu::CompareFunction::LessEqual), writes),
+            (Pass::Depth, _) => (own.unwrap_or(wgpu::CompareFunction::Less), writes),
         };
         let targets: Vec<Option<wgpu::ColorTargetState>> = (0..)
             .zip(&self.formats)

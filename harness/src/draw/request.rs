@@ -88,11 +88,11 @@ impl Draw {
     }
 
     /// Draws over the whole frame with a fragment function alone. What it takes at a location is a
-    /// `vec2f`: texture coordinates, from (0, 0) at the upper left to (1, 1). Depth isn't looked at.
+    /// `vec2f`: texture coordinates, from (0, 0) at the upper left to (1, 1). Depth isn't looked at, and
+    /// is written if the function returns it (`@builtin(frag_depth)`).
     pub fn fragment(fragment: &str) -> Self {
         let mut draw = Self::new(None, Some(fragment), Geometry::Vertices(3));
         draw.state.depth_compare = Some(Compare::Always);
-        draw.state.depth_write = Some(false);
         draw
     }
 
@@ -157,7 +157,7 @@ impl Draw {
         self
     }
 
-    /// Whether depth is written (default: yes).
+    /// Whether depth is written. Default: yes; by a fragment function alone only if it returns depth.
     pub fn depth_write(mut self, write: bool) -> Self {
         self.state.depth_write = Some(write);
         self

@@ -1,7 +1,7 @@
 //! What draws write into targets: what nobody writes would be whatever the memory held, and what no
 //! target takes would be lost without a word.
 
-use super::drawing::Scene;
+use super::drawing::{Scene, Source};
 use super::request::Draw;
 use super::{DrawError, Format};
 use crate::reflect::{Output, Program};
@@ -15,6 +15,13 @@ impl Scene<'_> {
                 "it has {} samples a pixel, and every device draws 1 and 4",
                 self.samples
             ));
+        }
+        if self.result == Source::Depth && !self.draws.iter().any(|d| writes_depth(d, program)) {
+            return unsound(
+                "its image is depth, which none of its draws writes: a fragment function alone writes \
+                 what it returns as `@builtin(frag_depth)`"
+                    .to_owned(),
+            );
         }
         for draw in &self.draws {
             let Some((fragment, outputs)) = outputs(draw, program) else { continue };
@@ -63,6 +70,13 @@ impl Scene<'_> {
         };
         self.draws.iter().filter_map(of).min().unwrap_or(4)
     }
+}
+
+/// Whether a draw writes depth. A fragment function alone, which covers the whole frame, writes what it
+/// says itself.
+pub(super) fn writes_depth(draw: &Draw, program: &Program) -> bool {
+    let says = || draw.fragment.as_deref().is_some_and(|fragment| program.writes_depth(fragment));
+    draw.state.depth_write.unwrap_or_else(|| draw.vertex.is_some() || says())
 }
 
 fn outputs<'d>(draw: &'d Draw, program: &Program) -> Option<(&'d str, Vec<Output>)> {

@@ -65,6 +65,13 @@ impl Dependence {
         Ok(all)
     }
 
+    /// The package as the test uses it, with its features and dependencies; `None` if only the test's
+    /// own process can open it.
+    #[must_use]
+    pub fn package(&self) -> Option<Package> {
+        self.package.as_ref().map(Portable::package)
+    }
+
     /// Whether the program is still the same, but for comments and blanks. It is linked again if a file
     /// has changed.
     #[must_use]

@@ -17,6 +17,20 @@ pub(crate) struct Output {
 impl Program {
     /// What a fragment entry point writes at locations; `None` if there is no such entry point.
     pub(crate) fn fragment_outputs(&self, fragment: &str) -> Option<Vec<Output>> {
+        let written = self.written_by(fragment)?;
+        Some(written.into_iter().filter_map(|(binding, inner)| output(binding, inner)).collect())
+    }
+
+    /// Whether a fragment entry point writes depth itself.
+    pub(crate) fn writes_depth(&self, fragment: &str) -> bool {
+        let written = self.written_by(fragment).unwrap_or_default();
+        let is_depth =
+            |binding: &Binding| matches!(binding, Binding::BuiltIn(naga::BuiltIn::FragDepth));
+        written.into_iter().any(|(binding, _)| is_depth(binding))
+    }
+
+    /// All that a fragment entry point writes.
+    fn written_by(&self, fragment: &str) -> Option<Vec<(&Binding, &TypeInner)>> {
         let name = self.entry_point_name(fragment);
         let module = &self.checked.module;
         let mut entries = module.entry_points.iter();
@@ -24,11 +38,11 @@ impl Program {
         let Some(result) = &entry.function.result else { return Some(Vec::new()) };
         let inner = &module.types[result.ty].inner;
         Some(match (&result.binding, inner) {
-            (Some(binding), _) => output(binding, inner).into_iter().collect(),
+            (Some(binding), _) => vec![(binding, inner)],
             (None, TypeInner::Struct { members, .. }) => members
                 .iter()
                 .filter_map(|member| {
-                    output(member.binding.as_ref()?, &module.types[member.ty].inner)
+                    Some((member.binding.as_ref()?, &module.types[member.ty].inner))
                 })
                 .collect(),
             _ => Vec::new(),

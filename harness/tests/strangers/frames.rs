@@ -490,6 +490,7 @@ fn targets_and_outputs_are_the_same() {
         (frame("gained"), "the override `GAIN` has no value"),
         (frame("one").override_("GIAN", 2.0), "no override `GIAN`"),
         (frame("one").samples(3), "it has 3 samples a pixel"),
+        (frame("one").depth(), "its image is depth, which none of its draws writes"),
     ] {
         let error = frame.render(Path::VULKAN).expect_err(part).to_string();
         assert!(error.contains(part), "no `{part}` in:\n{error}");
@@ -502,6 +503,11 @@ fn targets_and_outputs_are_the_same() {
     }
     for (_, image) in images(&frame("both").formats(two).target(1)) {
         assert_eq!(pixel(&image, 1, 1), Vec4::splat(0.5));
+    }
+    // A fragment function alone writes the depth that it returns.
+    let depth = package.frame("", 4, 4).draw(Draw::fragment("depth").write_mask(0, "")).depth();
+    for (_, image) in images(&depth) {
+        assert_eq!(pixel(&image, 3, 0).x, 0.875);
     }
     // A target has as many components as are written.
     for (_, image) in images(&frame("one")) {

@@ -110,7 +110,11 @@ impl Project {
             Package::open(folder).context("name the shader folder with --package DIR")
         };
         let packages: Vec<Package> = folders.iter().map(open).collect::<Result<_, _>>()?;
-        let mut packages = packages;
+        Ok(self.with_features(packages))
+    }
+
+    /// The packages, whose modules are validated with the features that the project sets for them.
+    fn with_features(&self, mut packages: Vec<Package>) -> Vec<Package> {
         for (module, features) in &self.settings.features {
             let features: Vec<&str> = features.iter().map(String::as_str).collect();
             let has =
@@ -121,7 +125,7 @@ impl Project {
                 *package = package.clone().validated_with(module, &features);
             }
         }
-        Ok(packages)
+        packages
     }
 
     /// Whether somebody says which the packages are: otherwise they are what a folder is called.
@@ -141,30 +145,37 @@ impl Project {
         }
     }
 
-    /// The packages that were tested: those that are declared, or else those of the project whose
-    /// functions are in the record, and the folder `shaders`.
+    /// The packages that were tested: those that are declared, or else those that tests used and the
+    /// folder `shaders`.
     pub(super) fn tested(&self, records: &[Record]) -> anyhow::Result<Vec<Package>> {
         let args = PackageArgs::default();
         let mut packages = self.packages_if_any(&args)?;
         if self.declares(&args) {
             return Ok(packages);
         }
+        let place = |package: &Package| package.root().canonicalize().ok();
+        let known: Vec<_> = packages.iter().map(place).collect();
+        packages.extend(self.used(records)?.into_iter().filter(|new| !known.contains(&place(new))));
+        Ok(packages)
+    }
+
+    /// The packages of the project whose functions tests called, as their folders are opened.
+    pub(super) fn used(&self, records: &[Record]) -> anyhow::Result<Vec<Package>> {
         let place = |folder: &Path| folder.canonicalize().ok();
-        let mut known: Vec<PathBuf> =
-            packages.iter().filter_map(|package| place(&package.root())).collect();
-        let root = place(&self.root);
-        let output = place(&self.output());
+        let (root, output) = (place(&self.root), place(&self.output()));
+        let mut folders = Vec::new();
         for record in records {
             let Subject::Function { package, .. } = &record.subject else { continue };
-            let Some(folder) = place(Path::new(package)) else { continue };
+            let Some(folder) = place(&self.root.join(package)) else { continue };
             let own = root.as_ref().is_some_and(|root| folder.starts_with(root))
                 && output.as_ref().is_none_or(|output| !folder.starts_with(output));
-            if own && !known.contains(&folder) {
-                packages.extend(Package::open(&folder).ok());
-                known.push(folder);
+            if own && !folders.contains(&folder) {
+                folders.push(folder);
             }
         }
-        Ok(packages)
+        let packages: Vec<_> =
+            folders.iter().filter_map(|folder| Package::open(folder).ok()).collect();
+        Ok(self.with_features(packages))
     }
 
     /// The package that holds a function; the first one if none does, for its error message.

@@ -47,6 +47,27 @@ fn a_broken_entry_point_fails_check_list_and_test() {
     }
 }
 
+/// Tests know their packages: one that they use is validated whatever its folder is called, and a folder
+/// that none of them uses fails none.
+#[test]
+fn the_packages_that_tests_use_are_validated() {
+    let project = tested();
+    let used = |package: &str| {
+        let verdict = function("calc::double", "gl", "pass", None);
+        let own = format!("\"package\":\"{package}\"");
+        write(project.path(), "verdict", &verdict.replace("\"package\":\"shaders\"", &own));
+    };
+    write(project.path(), "wgsl/calc.wgsl", "fn double(x: f32) -> f32 { return 2.0 * x; }");
+    write(project.path(), "shaders/debug.wgsl", "fn f() -> f32 {");
+    used("wgsl");
+    assert_eq!(run_tests(&project).code, Some(0), "no test uses `shaders`");
+    write(project.path(), "wgsl/debug.wgsl", "fn f() -> f32 { return colr; }");
+    let ran = run_tests(&project);
+    assert!(ran.code == Some(1) && ran.out.contains("wgsl/debug.wgsl:1:24"), "{ran:?}");
+    used("shaders");
+    assert_eq!(run_tests(&project).code, Some(1), "`shaders` isn't valid either");
+}
+
 #[test]
 fn modules_that_need_features_say_so() {
     let project = tested();

@@ -32,7 +32,7 @@ fn images() -> TempDir {
 }
 
 /// A grey PNG of one byte a pixel.
-fn png(folder: &TempDir, name: &str, width: u32, bytes: &[u8]) {
+pub(crate) fn png(folder: &TempDir, name: &str, width: u32, bytes: &[u8]) {
     let file = std::fs::File::create(folder.path().join(name)).expect("created");
     let mut encoder = png::Encoder::new(file, width, bytes.len() as u32 / width);
     encoder.set_color(png::ColorType::Grayscale);
