@@ -77,8 +77,8 @@ impl Interpreted {
         let lowered = match program.adapted(function)? {
             Some((module, info)) => Lowered::function(&module, &info, ADAPTER, &settings),
             None => {
-                let name = program.name_of(&function.name);
-                Lowered::function(program.module(), program.info(), name, &settings)
+                let (module, info) = (program.module(), program.info());
+                Lowered::function(module, info, &function.linked, &settings)
             }
         };
         let lowered = lowered.map_err(|refusal| refused(program, &refusal))?;

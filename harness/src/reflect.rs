@@ -9,6 +9,7 @@ mod binding;
 mod covering;
 mod dependence;
 mod essence;
+mod handles;
 mod kept;
 mod layout;
 mod locals;

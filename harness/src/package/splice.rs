@@ -73,6 +73,11 @@ impl Spliced {
         self.pieces.push(piece);
     }
 
+    /// Appends text of Karat's own, behind all that [`check`](Self::check) looks at.
+    pub(crate) fn append(&mut self, text: &str) {
+        self.text.push_str(text);
+    }
+
     /// The author's span for a range of the text; `None` outside of all that was copied.
     pub(crate) fn resolve(&self, range: Range<usize>) -> Option<Span> {
         let index = self.pieces.partition_point(|piece| piece.at.end <= range.start);

@@ -173,7 +173,9 @@ impl Program {
                 let name = global.name.clone().unwrap_or_default();
                 let path = self.linked.names.get(&name).cloned().unwrap_or(name);
                 let range = self.checked.module.global_variables.get_span(handle).to_range();
-                let span = range.and_then(|range| self.resolve(range));
+                let declared = range.and_then(|range| self.resolve(range));
+                let taken_by = || self.taken_by(global.name.as_deref()?);
+                let span = declared.or_else(|| taken_by().map(|taker| self.function_span(taker)));
                 let sampled = info.sampling_set.iter().any(|key| key.image == handle);
                 Some(Binding { path, group, binding, kind, span, sampled, ty: global.ty })
             })

@@ -63,7 +63,13 @@ pub(super) fn again(package: &Package, wanted: &Wanted) -> Result<Arc<Program>, 
             package.link_items(module, &items)?
         }
     };
-    let program = Arc::new(Program::from_linked(linked)?);
+    let mut program = Program::from_linked(linked)?;
+    if let Wanted::Function(path) = wanted
+        && let Some(linked) = program.with_variables(path)
+    {
+        program = Program::from_linked(linked)?;
+    }
+    let program = Arc::new(program);
     let mut kept = lock();
     if kept.len() >= MOST_KEPT {
         kept.clear();

@@ -122,13 +122,7 @@ impl Program {
     /// operations that only a fragment shader has.
     pub fn function(&self, path: &str) -> Result<Function, ReflectError> {
         let name = self.linked.name_of(path).unwrap_or(path);
-        let found = self
-            .checked
-            .module
-            .functions
-            .iter()
-            .find(|(_, function)| function.name.as_deref() == Some(name));
-        let Some((handle, function)) = found else {
+        let Some((handle, function)) = self.declared(name) else {
             if let Some((stage, span)) = self.entry_point_called(name) {
                 let (what, note) = match stage {
                     naga::ShaderStage::Compute => (
@@ -158,6 +152,12 @@ impl Program {
             let message = format!("`{path}` can't be probed: {what}");
             unprobeable(Diagnostic::new(message).at(span.clone(), "declared here").note(note))
         };
+        // Textures and samplers are variables of the function that is called.
+        let instead = self.called_for(function);
+        let own =
+            function.arguments.iter().filter(|own| instead.is_none() || !self.is_handle(own.ty));
+        let (handle, called) = instead.unwrap_or((handle, function));
+        let linked = called.name.clone().unwrap_or_default();
         let info = &self.checked.info[handle];
         let fragment = !info.available_stages.contains(ShaderStages::COMPUTE);
         if fragment && self.discards(handle) {
@@ -176,8 +176,8 @@ impl Program {
             ));
         }
         let mut parameters = Vec::new();
-        for argument in &function.arguments {
-            let name = argument.name.clone().unwrap_or_default();
+        for (argument, own) in called.arguments.iter().zip(own) {
+            let name = own.name.clone().unwrap_or_default();
             let (ty, passed) = self.passed(argument.ty);
             let shape = self.shape(ty).map_err(|reason| {
                 refuse(format!("its parameter `{name}` is {reason}"), "pass values, return values")
@@ -185,7 +185,7 @@ impl Program {
             parameters.push((name, shape));
             form.passed.push(passed);
         }
-        form.returns = match &function.result {
+        form.returns = match &called.result {
             None => None,
             Some(result) => Some(self.shape(result.ty).map_err(|reason| {
                 refuse(format!("its result is {reason}"), "pass values, return values")
@@ -194,7 +194,7 @@ impl Program {
         let bindings = self.bindings(info);
         let mut function = Function {
             name: path.to_owned(),
-            linked: name.to_owned(),
+            linked,
             doc: doc_above(&span),
             parameters,
             result: Shape::Scalar(Scalar::Bool),
@@ -221,7 +221,10 @@ impl Program {
     }
 
     /// The type of a parameter's value, and how it is passed.
-    fn passed(&self, ty: naga::Handle<naga::Type>) -> (naga::Handle<naga::Type>, Passed) {
+    pub(super) fn passed(
+        &self,
+        ty: naga::Handle<naga::Type>,
+    ) -> (naga::Handle<naga::Type>, Passed) {
         use naga::AddressSpace;
         match self.checked.module.types[ty].inner {
             naga::TypeInner::Pointer { base, space: AddressSpace::Function } => {
@@ -471,13 +474,13 @@ impl Program {
         Some((self.buffer_shape(binding.ty)?, endless))
     }
 
-    fn function_span(&self, handle: naga::Handle<naga::Function>) -> Span {
+    pub(super) fn function_span(&self, handle: naga::Handle<naga::Function>) -> Span {
         let range = self.checked.module.functions.get_span(handle).to_range().unwrap_or(0..0);
         self.resolve(range).unwrap_or(Span { file: Arc::clone(&self.linked.file), range: 0..0 })
     }
 
     /// The shape of a naga type, or what it is that a probe can't pass.
-    fn shape(&self, ty: naga::Handle<naga::Type>) -> Result<Shape, String> {
+    pub(super) fn shape(&self, ty: naga::Handle<naga::Type>) -> Result<Shape, String> {
         use naga::{ArraySize, TypeInner};
         let ty = &self.checked.module.types[ty];
         Ok(match &ty.inner {

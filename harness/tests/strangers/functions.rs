@@ -1,6 +1,7 @@
 //! Functions with pointers, without a result, that write, and that only fragment shaders may call.
 
 use glam::{DVec2, DVec3, DVec4, UVec2, Vec2, Vec4};
+use karat::fixture::Compare;
 use karat::prelude::*;
 use karat::value::Quad;
 
@@ -419,4 +420,63 @@ fn what_has_no_value_is_refused() {
          fn f(x: f32) -> f32 { s = dpdx(x); return x; }",
         "writes what other pixels see",
     );
+}
+
+/// Textures and samplers are fixtures by the names of the parameters that take them.
+#[test]
+fn textures_are_parameters() {
+    let package = check(
+        "@group(0) @binding(3) var<uniform> gain: f32;\n\
+         struct Tap { uv: vec2f, lod: f32 }\n\
+         fn tap(t: texture_2d<f32>, at: Tap, s: sampler) -> vec4f {\n    \
+         return gain * textureSampleLevel(t, s, at.uv, at.lod);\n}\n\
+         fn twice(first: texture_2d<f32>, second: texture_2d<f32>, s: sampler, u: f32) -> f32 {\n    \
+         let at = Tap(vec2f(u, 0.5), 0.0);\n    \
+         return tap(first, at, s).x - tap(second, at, s).x;\n}\n\
+         fn index(t: texture_2d<u32>, p: vec2u, found: ptr<function, u32>) {\n    \
+         *found += textureLoad(t, p, 0).y;\n}\n\
+         fn lit(shadows: texture_depth_2d, s: sampler_comparison, depth: f32) -> f32 {\n    \
+         return textureSampleCompareLevel(shadows, s, vec2f(0.5), depth);\n}\n\
+         fn mip(t: texture_2d<f32>, s: sampler, uv: vec2f) -> f32 { return textureSample(t, s, uv).x; }",
+    );
+    let ramp =
+        |scale: f32| Texture::from_fn(4, 1, move |x, _| Vec4::new(scale * x as f32, 0.0, 0.0, 1.0));
+    let of = |name| package.function(name).with("s", Sampler::Nearest);
+    let texel = |u: f64| (4.0 * u).floor().clamp(0.0, 3.0);
+    let difference = || {
+        let twice = of("twice").with("gain", Uniform::new(2.0_f32));
+        twice.with("first", ramp(3.0)).over(Grid::linear(0.0625..=0.9375, 8))
+    };
+    let two = || package.function("twice").with("s", Sampler::Nearest);
+    let right = two().with("gain", Uniform::new(2.0_f32));
+    right
+        .with("first", ramp(3.0))
+        .with("second", ramp(1.0))
+        .over(Grid::linear(0.0625..=0.9375, 8))
+        .agrees_with(|u: f64| 4.0 * texel(u), Abs(1e-5));
+    // The one isn't taken for the other.
+    let swapped = two().with("gain", Uniform::new(2.0_f32));
+    let swapped = swapped.with("first", ramp(1.0)).with("second", ramp(3.0));
+    let swapped = swapped.over(Grid::linear(0.0625..=0.9375, 8));
+    swapped.try_agrees_with(|u: f64| 4.0 * texel(u), Abs(1e-5)).expect_err("swapped");
+    let error =
+        difference().try_agrees_with(|u: f64| u, Abs(1.0)).expect_err("unbound").to_string();
+    assert!(error.contains("`second` (texture_2d<f32>) has no fixture"), "{error}");
+    assert!(error.contains("<f>:6:1"), "{error}");
+    let numbers = Texture::from_fn(2, 2, |x, y| glam::UVec4::new(0, 10 * y + x, 0, 0));
+    package
+        .function("index")
+        .with("t", numbers)
+        .over((Just(UVec2::new(1, 1)), Integers(0..=3_u32)))
+        .agrees_with(|_: UVec2, found: u32| found + 11, Abs(0.0));
+    let depth = Texture::from_fn(1, 1, |_, _| 0.5_f32);
+    package
+        .function("lit")
+        .with("shadows", depth)
+        .with("s", Sampler::Nearest.compare(Compare::LessEqual))
+        .over(OneOf(vec![0.25_f32, 0.75]))
+        .agrees_with(|depth: f64| if depth < 0.5 { 1.0 } else { 0.0 }, Abs(0.0));
+    let levels = Texture::from_fn(4, 4, |_, _| Vec4::ONE);
+    let quad = Quad { value: Vec2::splat(0.5), dx: Vec2::new(0.25, 0.0), dy: Vec2::new(0.0, 0.25) };
+    of("mip").with("t", levels).over(Just(quad)).agrees_with(|_: Quad<DVec2>| 1.0, Abs(1e-6));
 }

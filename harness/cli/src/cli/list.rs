@@ -104,7 +104,9 @@ fn entry(
     item: FunctionItem,
     tested: &BTreeSet<String>,
 ) -> Entry {
-    let function = program.function(&item.name);
+    // One that takes textures has variables of its own in their place.
+    let alone = || Program::of_function(package, &item.name)?.function(&item.name);
+    let function = program.function(&item.name).or_else(|_| alone());
     of_function(package, item, function, tested)
 }
 

@@ -1,0 +1,90 @@
+//! Functions that take textures and samplers: nobody can pass those, so each becomes a variable, which a
+//! fixture supplies by the parameter's name.
+//!
+//! Behind the linked text stand the variables and a function that takes the other arguments alone and
+//! passes the variables on. That function is called in place of the author's.
+
+use std::fmt::Write;
+
+use naga::common::wgsl::TypeContext as _;
+use naga::{Function, Handle, Statement, Type, TypeInner};
+
+use super::Program;
+use crate::package::Linked;
+
+/// The function that is called in place of one that takes textures or samplers.
+const CALLED: &str = "karat_bound";
+
+/// How the names of the variables begin, which take the place of parameters.
+const VARIABLE: &str = "karat_t";
+
+impl Program {
+    /// The linked text with variables in place of a function's textures and samplers; `None` if it takes
+    /// none, or something else that can't be passed.
+    pub(super) fn with_variables(&self, path: &str) -> Option<Linked> {
+        let name = self.name_of(path);
+        let (_, function) = self.declared(name)?;
+        function.arguments.iter().find(|argument| self.is_handle(argument.ty))?;
+        let module = &self.checked.module;
+        let (mut variables, mut parameters, mut passed) = (String::new(), Vec::new(), Vec::new());
+        let mut linked = self.linked.clone();
+        let mut binding = self.free_binding();
+        for (index, argument) in function.arguments.iter().enumerate() {
+            let own = argument.name.as_deref().unwrap_or_default();
+            if self.is_handle(argument.ty) {
+                let variable = format!("{VARIABLE}{index}");
+                write!(variables, "@group(0) @binding({binding}) var {variable}: ").ok()?;
+                module.to_ctx().write_type(argument.ty, &mut variables).ok()?;
+                variables.push_str(";\n");
+                binding += 1;
+                linked.names.insert(variable.clone(), own.to_owned());
+                passed.push(variable);
+            } else {
+                let (ty, how) = self.passed(argument.ty);
+                let shape = self.shape(ty).ok()?;
+                let ty = match how.space() {
+                    None => shape.to_string(),
+                    Some(space) => format!("ptr<{space}, {shape}>"),
+                };
+                parameters.push(format!("karat_a{index}: {ty}"));
+                passed.push(format!("karat_a{index}"));
+            }
+        }
+        let (parameters, passed) = (parameters.join(", "), passed.join(", "));
+        let body = match &function.result {
+            None => format!("fn {CALLED}({parameters}) {{ {name}({passed}); }}\n"),
+            Some(result) => {
+                let result = self.shape(result.ty).ok()?;
+                format!("fn {CALLED}({parameters}) -> {result} {{ return {name}({passed}); }}\n")
+            }
+        };
+        linked.spliced.append(&format!("\n{variables}{body}"));
+        Some(linked)
+    }
+
+    /// The function that is called in place of `function`, if one is.
+    pub(super) fn called_for(&self, function: &Function) -> Option<(Handle<Function>, &Function)> {
+        function.arguments.iter().find(|argument| self.is_handle(argument.ty))?;
+        self.declared(CALLED)
+    }
+
+    /// The author's function whose parameter a variable stands for.
+    pub(super) fn taken_by(&self, variable: &str) -> Option<Handle<Function>> {
+        let (_, called) = self.declared(CALLED).filter(|_| variable.starts_with(VARIABLE))?;
+        called.body.iter().find_map(|statement| match statement {
+            Statement::Call { function, .. } => Some(*function),
+            _ => None,
+        })
+    }
+
+    /// A function by its name in the text.
+    pub(super) fn declared(&self, name: &str) -> Option<(Handle<Function>, &Function)> {
+        let mut functions = self.checked.module.functions.iter();
+        functions.find(|(_, function)| function.name.as_deref() == Some(name))
+    }
+
+    pub(super) fn is_handle(&self, ty: Handle<Type>) -> bool {
+        let inner = &self.checked.module.types[ty].inner;
+        matches!(inner, TypeInner::Image { .. } | TypeInner::Sampler { .. })
+    }
+}
