@@ -85,9 +85,13 @@ const SHARED: &str = "\
     indexmap = \"2\"\n\
     libc = { version = \"0.2\", features = [\"extra_traits\"] }\n\
     naga = { version = \"30\", features = [\"msl-out\", \"spv-in\", \"wgsl-out\"] }\n\
-    rustix = { version = \"1\", features = [\"event\", \"fs\", \"process\", \"termios\"] }\n\
+    num-traits = \"0.2\"\n\
+    rustix = { version = \"1\", features = [\"event\", \"fs\", \"process\", \"stdio\", \"termios\"] }\n\
     serde_core = \"1\"\n\
-    serde_json = { version = \"1\", features = [\"unbounded_depth\"] }\n";
+    serde_json = { version = \"1\", features = [\"unbounded_depth\"] }\n\n\
+    [build-dependencies]\n\
+    syn = { version = \"2\", features = [\"extra-traits\"] }\n\
+    syn-3 = { package = \"syn\", version = \"3\", features = [\"extra-traits\"] }\n";
 
 fn repository() -> &'static FilePath {
     FilePath::new(env!("CARGO_MANIFEST_DIR")).parent().expect("this package is in the workspace")

@@ -19,7 +19,7 @@ modules of Bevy's aren't valid, since they need values that the engine sets. A f
 call it.
 
 Why functions are refused: because a call gives nothing to compare (`no result`, `discards`) or can't be
-made yet (`texture as argument`, a `pointer` into a buffer, a `fragment that writes`); because the
+made yet (a `pointer` into a buffer, a `fragment that writes`); because the
 crate puts its text together in Rust (`template`, `unknown preprocessor`, `asset path`, `names of
 another file`, `included by others`); because another feature is needed (`under a condition`, `value of
 a feature`); because it isn't WGSL any more, or naga lacks something (`invalid for naga`, `syntax`).

@@ -29,6 +29,7 @@ mod invariance;
 mod limit;
 mod mismatch;
 mod monotone;
+mod ordinary;
 mod parallel;
 mod parameter;
 mod path_tally;

@@ -27,7 +27,7 @@ mod ties;
 use std::any::Any;
 use std::fmt::Debug;
 
-pub use direction::{Hemisphere, UnitRgb, UnitVector};
+pub use direction::{Above, Hemisphere, UnitRgb, UnitVector};
 pub use dynamic::{Dynamic, Part};
 pub use edges::{AnyF32, Edges};
 pub use emptiness::Emptiness;

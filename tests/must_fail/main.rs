@@ -6,6 +6,7 @@ mod goldens;
 mod integrals;
 mod known_issues;
 mod messages;
+mod ordinary;
 mod processes;
 mod properties;
 

@@ -8,7 +8,7 @@ use crate::path::Adapter;
 use crate::probe::Inputs;
 use crate::reflect::Function;
 use crate::run::Descent;
-use crate::tolerance::Unit;
+use crate::tolerance::{Abs, Rel, Tolerance, Ulp, Unit};
 use crate::value::{Scalar, Shape, format_f32, hexfloat};
 
 /// A function disagrees with what was asserted of it, on at least one path.
@@ -192,7 +192,12 @@ impl CaseFailure {
                      ({bound} is needed)"
                 ),
                 Unit::Unbounded => "unbounded here: any result is allowed".to_owned(),
-                _ => format!("{measure} ({bound} allowed)"),
+                unit => {
+                    let actual = actual.get(lane).map(|word| scalar.decode(*word));
+                    let expected = expected.and_then(|expected| expected.get(lane));
+                    let others = actual.zip(expected).map(|(a, e)| others(unit, a, *e));
+                    format!("{measure} ({bound} allowed){}", others.unwrap_or_default())
+                }
             }
         };
         Self {
@@ -332,6 +337,19 @@ impl CaseFailure {
         }
         writeln!(f, "    {:>width$} = {}", "error", self.error)
     }
+}
+
+/// An error in the units that aren't the tolerance's: `, rel 2.4e-7, abs 1e-8`.
+fn others(unit: Unit, actual: f64, expected: f64) -> String {
+    if !matches!(unit, Unit::Ulp | Unit::Rel | Unit::Abs) {
+        return String::new();
+    }
+    // What they bound doesn't matter here.
+    let tolerances: [(Unit, Tolerance); 3] =
+        [(Unit::Ulp, Ulp(1.0).into()), (Unit::Rel, Rel(1.0).into()), (Unit::Abs, Abs(1.0).into())];
+    let wanted = tolerances.iter().filter(|(other, _)| *other != unit);
+    let measured = wanted.map(|(_, tolerance)| tolerance.measure_sum(0, actual, expected));
+    measured.filter(|other| other.error.is_finite()).map(|other| format!(", {other}")).collect()
 }
 
 /// An `f64` in decimal, with an exponent where plain digits would be long.

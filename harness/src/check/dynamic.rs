@@ -8,10 +8,7 @@ use super::plan::{Plan, Recording};
 use super::{Agreement, CASES, Directions, ENUMERATED, Failure, Parameter, Probe, Trend};
 use crate::domain::Dynamic;
 use crate::golden::Goldens;
-use crate::interpret::Interpreted;
 use crate::path::Selector;
-use crate::probe::{ProbeError, Probed};
-use crate::reflect::Program;
 use crate::tolerance::{Criterion, Tolerance};
 use crate::value::Shape;
 
@@ -102,28 +99,14 @@ impl DynamicCheck<'_> {
         reference: &str,
         criterion: impl Into<Criterion>,
     ) -> Result<Agreement, Failure> {
-        let (shape, shadow, plain) = self.shadow(reference)?;
-        let expect = |rows: super::batch::Rows<'_>, lanes: &mut Vec<f64>| {
-            // What isn't finite is told as an error of the reference.
-            let none = || vec![f64::NAN; rows.len() * shape.lanes().len()];
-            let taken: Vec<u32>;
-            let words = match &plain {
-                Some(kept) => {
-                    let kept = |row| {
-                        kept.iter().map(move |lane: &usize| -> u32 {
-                            <[u32]>::get(row, *lane).copied().unwrap_or_default()
-                        })
-                    };
-                    taken = rows.iter().flat_map(kept).collect();
-                    &*taken
-                }
-                None => rows.words(),
-            };
-            lanes.extend(shadow.shadow(rows.len(), words).unwrap_or_else(|_| none()));
-        };
-        let expected = Expected { shape: shape.clone(), expect: &expect };
         let demand = self.demand();
-        self.plan.agrees(&self.domain, &demand, &expected, &criterion.into(), Recording::On)
+        self.plan.agrees_with_function(
+            &self.domain,
+            &demand,
+            reference,
+            &criterion.into(),
+            Recording::On,
+        )
     }
 
     /// Checks that the function returns what it returned when its golden was accepted.
@@ -138,6 +121,33 @@ impl DynamicCheck<'_> {
     ) -> Result<Agreement, Failure> {
         let (demand, golden) = (self.demand(), (goldens, case));
         self.plan.matches(&self.domain, demand, golden, tolerance.into(), Recording::On)
+    }
+
+    /// See [`Check::is_finite`](super::Check::is_finite).
+    ///
+    /// # Errors
+    /// See [`Check::try_is_finite`](super::Check::try_is_finite).
+    pub fn is_finite(self) -> Result<Agreement, Failure> {
+        let demand = self.demand();
+        self.plan.is_finite(&self.domain, &demand, Recording::On)
+    }
+
+    /// See [`Check::stays_within`](super::Check::stays_within).
+    ///
+    /// # Errors
+    /// See [`Check::try_stays_within`](super::Check::try_stays_within).
+    pub fn stays_within(self, least: f64, most: f64) -> Result<Agreement, Failure> {
+        let demand = self.demand();
+        self.plan.stays_within(&self.domain, &demand, [least, most], Recording::On)
+    }
+
+    /// See [`Check::is_unit`](super::Check::is_unit).
+    ///
+    /// # Errors
+    /// See [`Check::try_is_unit`](super::Check::try_is_unit).
+    pub fn is_unit(self) -> Result<Agreement, Failure> {
+        let demand = self.demand();
+        self.plan.is_unit(&self.domain, &demand, Recording::On)
     }
 
     /// Checks that a statement holds for the words of arguments and result.
@@ -269,53 +279,6 @@ impl DynamicCheck<'_> {
     }
 
     fn result(&self) -> Result<Shape, Failure> {
-        let probe = &self.plan.probe;
-        let mut probed = Probed::with_overrides(probe.package, &probe.name, &probe.overrides)?;
-        probed.fit(&probe.fixtures)?;
-        Ok(probed.function.result)
-    }
-
-    /// Another function in `f64`, its result's type, and which of the drawn lanes it takes, unless it
-    /// takes all of them.
-    fn shadow(&self, reference: &str) -> Result<Shadow, Failure> {
-        let probe = &self.plan.probe;
-        // Overrides that it doesn't use are the tested function's.
-        let program = Program::of_function(probe.package, reference).map_err(ProbeError::from)?;
-        let used = probe.overrides.iter().filter(|(name, _)| program.has_override(name));
-        let overrides = used.map(|(name, value)| (name.clone(), *value)).collect();
-        let probed = Probed::with_overrides(probe.package, reference, &overrides)?;
-        let drawn = self.domain.shapes();
-        let mut probed = probed.with_quads_of(drawn);
-        let taken: Vec<Shape> =
-            probed.function.parameters.iter().map(|(_, shape)| shape.clone()).collect();
-        // A reference without derivatives takes what is at the pixel.
-        let fits = |(own, drawn): (&Shape, &Shape)| {
-            own == drawn || drawn.quad().is_some_and(|value| value == own)
-        };
-        if taken.len() != drawn.len() || !taken.iter().zip(drawn).all(fits) {
-            let (supplied, who) = (self.domain.shapes().to_vec(), "the test draws");
-            let mismatch = super::Mismatch::Arguments { declared: taken, supplied, who };
-            return Err(mismatch.of(&probed.function));
-        }
-        // Fixtures that it doesn't read are none of its own.
-        let bindings = &probed.function.bindings;
-        let read = |(name, _): &&(String, _)| bindings.iter().any(|b| b.name() == name);
-        let fixtures = probe.fixtures.iter().filter(read).cloned().collect();
-        probed.fit(&fixtures)?;
-        let shape = probed.function.result.clone();
-        let shadow = Interpreted::new(&probed, &fixtures).map_err(Failure::from)?;
-        let mut first = 0;
-        let kept: Vec<usize> = taken
-            .iter()
-            .zip(drawn)
-            .flat_map(|(own, drawn)| {
-                let from = first;
-                first += drawn.lanes().len();
-                from..from + own.lanes().len()
-            })
-            .collect();
-        Ok((shape, shadow, (kept.len() < first).then_some(kept)))
+        Ok(self.plan.function()?.result)
     }
 }
-
-type Shadow = (Shape, Interpreted, Option<Vec<usize>>);

@@ -39,6 +39,14 @@ pub enum Mismatch {
         /// What the verb wants: `not up to three floats`.
         wanted: &'static str,
     },
+    /// A range that holds no number, or every one.
+    #[error("is to stay within {least} to {most}: no result, or every one, would")]
+    Range {
+        /// The lower bound.
+        least: f64,
+        /// The upper bound.
+        most: f64,
+    },
     /// A tolerance bounds nothing.
     #[error(
         "has the tolerance {tolerance}, but {bound} isn't a bound: use a finite number of at least 0"

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use glam::{DVec3, Vec3};
 
-use super::{Domain, Source, shrink};
+use super::{Domain, Emptiness, Source, shrink};
 
 /// Unit vectors over the whole sphere: uniform, with axes, poles and their close neighbours
 /// over-represented. Components are rounded to `f32`, so lengths differ from 1 by up to 1e-7, as
@@ -95,6 +95,76 @@ impl Domain for Hemisphere {
     }
 }
 
+impl Hemisphere {
+    /// Only directions with `z` of at least `least`, a cosine from 0 to 1: what grazes the horizon is
+    /// left out. Those at the rim and their close neighbours are over-represented, as is the pole.
+    ///
+    /// ```
+    /// use karat::{Domain, Hemisphere};
+    ///
+    /// assert_eq!(Hemisphere.above(0.01).admits(&glam::Vec3::X), Some(false));
+    /// ```
+    pub fn above(self, least: f32) -> Above {
+        Above { least }
+    }
+}
+
+/// Unit vectors with `z` of at least a cosine: see [`Hemisphere::above`].
+#[derive(Clone, Copy, Debug)]
+pub struct Above {
+    least: f32,
+}
+
+impl Above {
+    /// The direction of this cosine and turn, which rounding takes to the rim at most.
+    fn direction(self, cosine: f64, turn: f64) -> Vec3 {
+        let rounded = direction(cosine, turn).as_vec3();
+        rounded.with_z(rounded.z.max(self.least))
+    }
+}
+
+impl Domain for Above {
+    type Value = Vec3;
+
+    fn draw(&self, source: &mut Source) -> Option<Vec3> {
+        if Domain::emptiness(self).is_some() {
+            return None;
+        }
+        let choice = source.bits();
+        let least = f64::from(self.least);
+        let height = match choice & 15 {
+            0 if choice & 16 == 0 => return Some(Vec3::Z),
+            0 => 0.0,
+            1 | 2 => source.log_distance(),
+            3 | 4 => 1.0 - source.log_distance(),
+            _ => source.unit(),
+        };
+        Some(self.direction(least + (1.0 - least) * height, source.unit()))
+    }
+
+    fn emptiness(&self) -> Option<Emptiness> {
+        let fault = format!("has cosines of at least {}, which isn't in 0..=1", self.least);
+        (!(0.0..=1.0).contains(&self.least)).then(|| Emptiness::of("hemisphere", &fault))
+    }
+
+    fn edges(&self) -> Vec<Vec3> {
+        let rim = |turn| self.direction(f64::from(self.least), turn);
+        let mut edges = vec![Vec3::Z];
+        if self.least < 1.0 {
+            edges.extend([0.0, 0.25, 0.5, 0.75].map(rim));
+        }
+        edges
+    }
+
+    fn admits(&self, value: &Vec3) -> Option<bool> {
+        UnitVector.admits(value).map(|unit| unit && value.z >= self.least)
+    }
+
+    fn shrink(&self, value: &Vec3) -> Vec<Vec3> {
+        shrink::directions(*value, |value| self.admits(&value) == Some(true))
+    }
+}
+
 impl Domain for UnitRgb {
     type Value = Vec3;
 
@@ -132,6 +202,24 @@ mod tests {
             assert!((v.as_dvec3().length() - 1.0).abs() < LENGTH, "{v}");
             let h = Hemisphere.draw(&mut Source::new(2, index)).expect("never rejects");
             assert!((h.as_dvec3().length() - 1.0).abs() < LENGTH && h.z >= 0.0, "{h}");
+        }
+    }
+
+    #[test]
+    fn what_grazes_can_be_left_out() {
+        for least in [0.0, 0.01, 0.5, 1.0_f32] {
+            let domain = Hemisphere.above(least);
+            let draws = (0..5_000).filter_map(|index| domain.draw(&mut Source::new(6, index)));
+            let all: Vec<_> = draws.chain(domain.edges()).collect();
+            assert!(all.len() > 5_000);
+            for v in &all {
+                assert_eq!(domain.admits(v), Some(true), "{v} above {least}");
+            }
+            assert!(all.iter().filter(|v| v.z < least + 1e-3).count() > 200, "{least}");
+        }
+        for nonsense in [-0.1, 1.1, f32::NAN] {
+            let domain = Hemisphere.above(nonsense);
+            assert!(domain.emptiness().is_some() && domain.draw(&mut Source::new(7, 0)).is_none());
         }
     }
 

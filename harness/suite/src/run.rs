@@ -290,23 +290,16 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
             if !result.lanes().iter().any(|lane| lane.is_float()) {
                 return Err(format!("`finite` holds for every {result}, so it can't fail"));
             }
-            Ok(settled(probe.over_dynamic(domain(all)?), test)?
-                .satisfies("is finite", &|_, _| true))
+            Ok(settled(probe.over_dynamic(domain(all)?), test)?.is_finite())
         }
         What::InRange([least, most]) => {
             if !(least <= most) {
                 return Err(format!("in_range = [{least}, {most}] has no value"));
             }
-            let scalars = result.lanes();
-            if scalars.iter().all(|lane| *lane == Scalar::Bool) {
+            if result.lanes().iter().all(|lane| *lane == Scalar::Bool) {
                 return Err(format!("`in_range` is for numbers, and the result is a {result}"));
             }
-            let statement = format!("lies in {least}..={most}");
-            let holds = |_: &[u32], words: &[u32]| {
-                let mut lanes = scalars.iter().zip(words);
-                lanes.all(|(scalar, word)| (*least..=*most).contains(&scalar.decode(*word)))
-            };
-            Ok(settled(probe.over_dynamic(domain(all)?), test)?.satisfies(&statement, &holds))
+            Ok(settled(probe.over_dynamic(domain(all)?), test)?.stays_within(*least, *most))
         }
         What::SymmetricIn([first, second]) => {
             let [first, second] = [first, second].map(|name| place(&parameters, name));

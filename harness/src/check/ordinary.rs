@@ -1,0 +1,305 @@
+//! What is asked of many functions: results that are finite, in a range, of length 1, or those of another
+//! function.
+
+use super::agreement::Expected;
+use super::batch::Rows;
+use super::demand::Demand;
+use super::plan::{Plan, Recording};
+use super::{Agreement, Check, Failure, Mismatch};
+use crate::domain::{Domain, Stream};
+use crate::interpret::Interpreted;
+use crate::probe::{ProbeError, Probed};
+use crate::reflect::{Function, Program};
+use crate::run::or_panic;
+use crate::tolerance::Criterion;
+use crate::value::{Arguments, Scalar, Shape};
+
+/// How far a length may be from 1. `normalize` alone may be off by 1e-6 in WGSL, a vector that is made of
+/// a cosine by `sqrt(1 - c * c)` by several times that; whoever forgets to normalise is off by more.
+const LENGTH: f64 = 1e-5;
+
+impl<D: Domain> Check<'_, D>
+where
+    D::Value: Arguments,
+{
+    /// Checks that no component of a result is NaN or infinite.
+    ///
+    /// It can't see a wrong number. [`has_no_hazards`](Self::has_no_hazards) sees what is not finite on
+    /// the way and is hidden by a `max`.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// SHADERS.function("geometry::basis").over(UnitVector).is_finite();
+    /// ```
+    ///
+    /// # Panics
+    /// With the [`Failure`], if a result isn't finite, if the function returns no float, or if nothing
+    /// could be checked.
+    #[track_caller]
+    pub fn is_finite(self) -> Agreement {
+        or_panic(self.plan.is_finite(&self.stream(), &Self::demand(), Recording::On))
+    }
+
+    /// [`is_finite`](Self::is_finite) without the panic.
+    ///
+    /// # Errors
+    /// If a result isn't finite, if the function returns no float, or if nothing could be checked.
+    pub fn try_is_finite(self) -> Result<Agreement, Failure> {
+        self.plan.is_finite(&self.stream(), &Self::demand(), Recording::Off)
+    }
+
+    /// Checks that each number in a result is at least `least` and at most `most`.
+    ///
+    /// An infinite bound leaves that side open. NaN and infinite results fail.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// SHADERS.function("fresnel::schlick").over((UnitRgb, 0.0..=1.0)).stays_within(0.0, 1.0);
+    /// ```
+    ///
+    /// # Panics
+    /// With the [`Failure`], if a number lies outside, if no number lies between the bounds, or if nothing
+    /// could be checked.
+    #[track_caller]
+    pub fn stays_within(self, least: f64, most: f64) -> Agreement {
+        let bounds = [least, most];
+        or_panic(self.plan.stays_within(&self.stream(), &Self::demand(), bounds, Recording::On))
+    }
+
+    /// [`stays_within`](Self::stays_within) without the panic.
+    ///
+    /// # Errors
+    /// If a number lies outside, if no number lies between the bounds, or if nothing could be checked.
+    pub fn try_stays_within(self, least: f64, most: f64) -> Result<Agreement, Failure> {
+        self.plan.stays_within(&self.stream(), &Self::demand(), [least, most], Recording::Off)
+    }
+
+    /// Checks that results are vectors of length 1, to within 1e-5.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// SHADERS.function("sampling::cosine_hemisphere").over((0.0..=1.0, 0.0..=1.0)).is_unit();
+    /// ```
+    ///
+    /// # Panics
+    /// With the [`Failure`], if a length isn't 1, if the function doesn't return a vector of floats, or if
+    /// nothing could be checked.
+    #[track_caller]
+    pub fn is_unit(self) -> Agreement {
+        or_panic(self.plan.is_unit(&self.stream(), &Self::demand(), Recording::On))
+    }
+
+    /// [`is_unit`](Self::is_unit) without the panic.
+    ///
+    /// # Errors
+    /// If a length isn't 1, if the function doesn't return a vector of floats, or if nothing could be
+    /// checked.
+    pub fn try_is_unit(self) -> Result<Agreement, Failure> {
+        self.plan.is_unit(&self.stream(), &Self::demand(), Recording::Off)
+    }
+
+    /// Checks that the function agrees with another one of its package, which takes the same arguments:
+    /// a slow or an older form of it. Karat's engine executes that one in `f64`, with the fixtures of the
+    /// first.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// SHADERS.function("tone::fast").over(0.0..=16.0).agrees_with_function("tone::exact", Rel(1e-3));
+    /// ```
+    ///
+    /// A mistake that both functions share isn't seen.
+    ///
+    /// # Panics
+    /// With the [`Failure`], if a case disagrees, if the engine can't execute the other function, or if
+    /// nothing could be compared.
+    #[track_caller]
+    pub fn agrees_with_function(
+        self,
+        reference: &str,
+        tolerance: impl Into<Criterion>,
+    ) -> Agreement {
+        or_panic(self.with_function(reference, &tolerance.into(), Recording::On))
+    }
+
+    /// [`agrees_with_function`](Self::agrees_with_function) without the panic.
+    ///
+    /// # Errors
+    /// If a case disagrees, if the engine can't execute the other function, or if nothing could be
+    /// compared.
+    pub fn try_agrees_with_function(
+        self,
+        reference: &str,
+        tolerance: impl Into<Criterion>,
+    ) -> Result<Agreement, Failure> {
+        self.with_function(reference, &tolerance.into(), Recording::Off)
+    }
+
+    fn with_function(
+        self,
+        reference: &str,
+        criterion: &Criterion,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let (stream, demand) = (&self.stream(), &Self::demand());
+        self.plan.agrees_with_function(stream, demand, reference, criterion, recording)
+    }
+}
+
+impl Plan<'_> {
+    /// The function, with what it writes in its result.
+    pub(super) fn function(&self) -> Result<Function, Failure> {
+        let probe = &self.probe;
+        let mut probed = Probed::with_overrides(probe.package, &probe.name, &probe.overrides)?;
+        probed.fit(&probe.fixtures)?;
+        Ok(probed.function)
+    }
+
+    pub(super) fn is_finite(
+        &self,
+        stream: &dyn Stream,
+        demand: &Demand,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let function = self.function()?;
+        if !function.result.lanes().iter().any(|lane| lane.is_float()) {
+            return Err(unsuited(&function, "which is always finite: this check couldn't fail"));
+        }
+        // A result that isn't finite fails each statement.
+        let holds = |_: &[u32], _: &[u32]| true;
+        self.satisfies(stream, demand, "is finite", (&function.result, &holds), recording)
+    }
+
+    pub(super) fn stays_within(
+        &self,
+        stream: &dyn Stream,
+        demand: &Demand,
+        [least, most]: [f64; 2],
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let function = self.function()?;
+        let lanes = function.result.lanes();
+        if !(least <= most) {
+            return Err(Mismatch::Range { least, most }.of(&function));
+        }
+        if [least, most] == [f64::NEG_INFINITY, f64::INFINITY] {
+            return Err(Mismatch::Range { least, most }.of(&function));
+        }
+        if lanes.iter().all(|lane| *lane == Scalar::Bool) {
+            return Err(unsuited(&function, "which is no number"));
+        }
+        let holds = |_: &[u32], words: &[u32]| {
+            let mut numbers = lanes.iter().zip(words).filter(|(lane, _)| **lane != Scalar::Bool);
+            numbers.all(|(lane, word)| (least..=most).contains(&lane.decode(*word)))
+        };
+        let statement = format!("lies in {least}..={most}");
+        self.satisfies(stream, demand, &statement, (&function.result, &holds), recording)
+    }
+
+    pub(super) fn is_unit(
+        &self,
+        stream: &dyn Stream,
+        demand: &Demand,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let function = self.function()?;
+        let Shape::Vector { scalar: scalar @ (Scalar::F32 | Scalar::F16), .. } = function.result
+        else {
+            return Err(unsuited(&function, "which isn't a vector of floats"));
+        };
+        let holds = |_: &[u32], words: &[u32]| {
+            let square = |word: &u32| scalar.decode(*word).powi(2);
+            (words.iter().map(square).sum::<f64>().sqrt() - 1.0).abs() <= LENGTH
+        };
+        let statement = format!("has length 1 to within {LENGTH:e}");
+        self.satisfies(stream, demand, &statement, (&function.result, &holds), recording)
+    }
+
+    pub(super) fn agrees_with_function(
+        &self,
+        stream: &dyn Stream,
+        demand: &Demand,
+        reference: &str,
+        criterion: &Criterion,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let Shadow { shape, interpreted, kept } = self.shadow(demand, reference)?;
+        let expect = |rows: Rows<'_>, lanes: &mut Vec<f64>| {
+            // What isn't finite is told as an error of the reference.
+            let none = || vec![f64::NAN; rows.len() * shape.lanes().len()];
+            let taken: Vec<u32>;
+            let words = match &kept {
+                Some(kept) => {
+                    let kept = |row| {
+                        kept.iter().map(move |lane: &usize| -> u32 {
+                            <[u32]>::get(row, *lane).copied().unwrap_or_default()
+                        })
+                    };
+                    taken = rows.iter().flat_map(kept).collect();
+                    &*taken
+                }
+                None => rows.words(),
+            };
+            lanes.extend(interpreted.shadow(rows.len(), words).unwrap_or_else(|_| none()));
+        };
+        let expected = Expected { shape: shape.clone(), expect: &expect };
+        self.agrees(stream, demand, &expected, criterion, recording)
+    }
+
+    fn shadow(&self, demand: &Demand, reference: &str) -> Result<Shadow, Failure> {
+        let probe = &self.probe;
+        // Overrides that it doesn't use are the tested function's.
+        let program = Program::of_function(probe.package, reference).map_err(ProbeError::from)?;
+        let used = probe.overrides.iter().filter(|(name, _)| program.has_override(name));
+        let overrides = used.map(|(name, value)| (name.clone(), *value)).collect();
+        let probed = Probed::with_overrides(probe.package, reference, &overrides)?;
+        let drawn = &*demand.arguments;
+        let mut probed = probed.with_quads_of(drawn);
+        let taken: Vec<Shape> =
+            probed.function.parameters.iter().map(|(_, shape)| shape.clone()).collect();
+        // A reference without derivatives takes what is at the pixel.
+        let fits = |(own, drawn): (&Shape, &Shape)| {
+            drawn.stands_for(own, false)
+                || drawn.quad().is_some_and(|value| value.stands_for(own, false))
+        };
+        if taken.len() != drawn.len() || !taken.iter().zip(drawn).all(fits) {
+            let (supplied, who) = (drawn.to_vec(), demand.who);
+            let mismatch = Mismatch::Arguments { declared: taken, supplied, who };
+            return Err(mismatch.of(&probed.function));
+        }
+        // Fixtures that it doesn't read are none of its own.
+        let bindings = &probed.function.bindings;
+        let read = |(name, _): &&(String, _)| bindings.iter().any(|b| b.name() == name);
+        let fixtures = probe.fixtures.iter().filter(read).cloned().collect();
+        probed.fit(&fixtures)?;
+        let shape = probed.function.result.clone();
+        let interpreted = Interpreted::new(&probed, &fixtures).map_err(Failure::from)?;
+        let mut first = 0;
+        let kept: Vec<usize> = taken
+            .iter()
+            .zip(drawn)
+            .flat_map(|(own, drawn)| {
+                let from = first;
+                first += drawn.lanes().len();
+                from..from + own.lanes().len()
+            })
+            .collect();
+        Ok(Shadow { shape, interpreted, kept: (kept.len() < first).then_some(kept) })
+    }
+}
+
+/// Another function in `f64`.
+struct Shadow {
+    /// Its result's type.
+    shape: Shape,
+    interpreted: Interpreted,
+    /// Which of the drawn lanes it takes, unless it takes all of them.
+    kept: Option<Vec<usize>>,
+}
+
+fn unsuited(function: &Function, wanted: &'static str) -> Failure {
+    Mismatch::Unsuited { result: function.result.clone(), wanted }.of(function)
+}

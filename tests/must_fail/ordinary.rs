@@ -1,0 +1,122 @@
+//! What is asked of many functions: a fault that each verb is for is seen, and so is what it can't judge.
+
+use glam::{Vec2, Vec3};
+use karat::check::Failure;
+use karat::prelude::*;
+
+use crate::disagreement;
+
+fn package(function: &str) -> Package {
+    Package::from_source("o", function.to_owned())
+}
+
+/// Why a check has no verdict.
+#[track_caller]
+fn unsuited<T>(result: Result<T, Failure>) -> String {
+    match result {
+        Err(error @ Failure::Signature { .. }) => error.to_string(),
+        Err(other) => panic!("it has no verdict for another reason: {other}"),
+        Ok(_) => panic!("it has a verdict"),
+    }
+}
+
+#[test]
+fn results_that_are_not_finite() {
+    let inverse = package("fn f(x: f32) -> vec2f { return vec2f(1.0, 1.0 / x); }");
+    let over = |domain| inverse.function("f").over(domain);
+    assert_eq!(over(0.5..=1.0).try_is_finite().expect("no pole is there").cases, 65_536);
+    let found = disagreement(over(0.0..=1.0).try_is_finite());
+    assert_eq!(found.assertion, "is finite");
+    let root = package("fn f(x: f32) -> f32 { return sqrt(x); }");
+    disagreement(root.function("f").over(-1.0..=1.0).try_is_finite());
+    let whole = package("fn f(x: u32) -> u32 { return x + 1u; }");
+    let reason = unsuited(whole.function("f").over(Integers(0..=9_u32)).try_is_finite());
+    assert!(reason.contains("u32, which is always finite"), "{reason}");
+}
+
+#[test]
+fn results_outside_of_their_range() {
+    let cosine = package("fn f(x: f32) -> vec2f { return vec2f(0.5, x * x); }");
+    let over = || cosine.function("f").over(-1.0..=1.0);
+    over().stays_within(0.0, 1.0);
+    over().stays_within(0.0, f64::INFINITY);
+    // One component, by one value of many.
+    let found = disagreement(over().try_stays_within(0.0, 0.999_999));
+    assert_eq!(found.assertion, "lies in 0..=0.999999");
+    disagreement(over().try_stays_within(1e-6, 1.0));
+    let infinite = package("fn f(x: f32) -> f32 { return 1.0 / x; }");
+    let open = infinite.function("f").over(0.0..=1.0);
+    disagreement(open.try_stays_within(0.0, f64::INFINITY));
+    for (least, most) in
+        [(1.0, 0.0), (f64::NAN, 1.0), (0.0, f64::NAN), (f64::NEG_INFINITY, f64::INFINITY)]
+    {
+        let reason = unsuited(over().try_stays_within(least, most));
+        assert!(reason.contains("no result, or every one, would"), "{reason}");
+    }
+    let truth = package("fn f(x: f32) -> bool { return x > 0.0; }");
+    unsuited(truth.function("f").over(-1.0..=1.0).try_stays_within(0.0, 1.0));
+}
+
+#[test]
+fn vectors_of_another_length() {
+    let half = package("fn f(a: vec3f, b: vec3f) -> vec3f { return normalize(a + b); }");
+    let above = || half.function("f").over((Hemisphere.above(0.1), Hemisphere.above(0.1)));
+    above().is_unit();
+    let found = disagreement(half.function("f").over((UnitVector, UnitVector)).try_is_unit());
+    assert!(found.paths[0].census.failures > 0, "opposite ones have no half");
+    let mean = package("fn f(a: vec3f, b: vec3f) -> vec3f { return 0.5 * (a + b); }");
+    let found = disagreement(
+        mean.function("f").over((Hemisphere.above(0.1), Hemisphere.above(0.1))).try_is_unit(),
+    );
+    assert_eq!(found.assertion, "has length 1 to within 1e-5");
+    let slightly = package("fn f(v: vec3f) -> vec3f { return 1.00002 * v; }");
+    disagreement(slightly.function("f").over(UnitVector).try_is_unit());
+    let scalar = package("fn f(x: f32) -> f32 { return 1.0; }");
+    let reason = unsuited(scalar.function("f").over(0.0..=1.0).try_is_unit());
+    assert!(reason.contains("f32, which isn't a vector of floats"), "{reason}");
+}
+
+#[test]
+fn functions_that_are_not_their_other_form() {
+    let text = |factor: &str| {
+        package(&format!(
+            "fn exact(c: f32, f0: vec3f) -> vec3f {{ return f0 + (1.0 - f0) * pow(1.0 - c, 5.0); }}
+             fn fast(c: f32, f0: vec3f) -> vec3f {{
+                 let x = 1.0 - c;
+                 return f0 + ({factor} - f0) * (x * x * x * x * x);
+             }}
+             fn turned(f0: vec3f, c: f32) -> vec3f {{ return exact(c, f0); }}"
+        ))
+    };
+    let compared = |package: &Package, reference: &str| {
+        let check = package.function("fast").over((0.0..=1.0, UnitRgb));
+        check.try_agrees_with_function(reference, Rel(1e-5))
+    };
+    assert_eq!(compared(&text("1.0"), "exact").expect("the same").cases, 65_536);
+    disagreement(compared(&text("1.001"), "exact"));
+    let reason = unsuited(compared(&text("1.0"), "turned"));
+    assert!(
+        reason.contains("takes (vec3<f32>, f32), the domain draws (f32, vec3<f32>)"),
+        "{reason}"
+    );
+    let error = compared(&text("1.0"), "exakt").expect_err("there is none").to_string();
+    assert!(error.contains("did you mean `exact`?"), "{error}");
+    // The reference is evaluated in f64, and so it isn't what the driver makes of the same text.
+    let same = package("fn f(x: vec2f) -> f32 { return x.x * x.x - x.y * x.y; }");
+    let same =
+        same.function("f").over(((1.0..=2.0_f32), (1.0..=2.0_f32)).map(|(x, y)| Vec2::new(x, y)));
+    disagreement(same.try_agrees_with_function("f", Rel(1e-7)));
+}
+
+#[test]
+fn what_grazes_is_left_out() {
+    let grazing = package("fn f(v: vec3f) -> f32 { return select(1.0, 2.0, v.z < 0.01); }");
+    let over = |domain: &dyn Fn() -> karat::domain::Above| {
+        grazing.function("f").over(domain()).try_stays_within(1.0, 1.5)
+    };
+    over(&|| Hemisphere.above(0.01)).expect("nothing is below");
+    disagreement(over(&|| Hemisphere.above(0.009)));
+    let error = over(&|| Hemisphere.above(1.5)).expect_err("no cosine is so large").to_string();
+    assert!(error.contains("cosines of at least 1.5, which isn't in 0..=1"), "{error}");
+    assert_eq!(Hemisphere.above(1.0).edges(), [Vec3::Z]);
+}
