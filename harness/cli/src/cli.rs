@@ -23,6 +23,7 @@ mod patience;
 mod preview;
 mod project;
 mod render;
+mod replay;
 mod report;
 mod review;
 mod show;
@@ -117,6 +118,13 @@ enum Command {
     /// Run the tests of a folder of shaders as `karat test` does, and print lines
     #[command(hide = true)]
     Suite(suite::Args),
+    /// Run the case again that a check of the last run failed on
+    #[command(after_help = "Examples:\n  karat replay          the only failure\n  \
+                            karat replay 3f2a     as `karat test` names it\n  \
+                            karat replay 3f2a --print    the whole command, for a debugger or CI\n\
+                            It is the simplest case that was found, on the first path that fails.\n\
+                            Exit codes: 0 it passes now; 1 it fails; 2 it can't be run; 3 there is no such failure.")]
+    Replay(replay::Args),
     /// Print what the last run recorded, and write it for CI
     #[command(after_help = "Examples:\n  karat report\n  karat report --github\n  \
                             karat report --junit target/karat/junit.xml\n  \
@@ -342,6 +350,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
         Command::Test(args) => test::run(&args, out),
         Command::Watch(args) => watch::run(&args, out),
         Command::Suite(args) => suite::run(&args, out),
+        Command::Replay(args) => replay::run(&args, out),
         Command::Report(args) => report::run(&args, out),
         Command::Check(args) => check::run(&args, out),
         Command::Init(args) => init::run(&args, out),

@@ -26,6 +26,8 @@ mod outputs;
 mod pending;
 #[path = "cli/pipes.rs"]
 mod pipes;
+#[path = "cli/replay.rs"]
+mod replay;
 #[path = "cli/report.rs"]
 mod report;
 #[path = "cli/report_page.rs"]

@@ -21,6 +21,7 @@ use karat::record::{PathRecord, Record, Recorded, Run, SCHEMA, Subject};
 use karat_suite::{Suite, Test};
 
 use self::html::Beside;
+pub(super) use self::tables::is_failure;
 use super::list::callable;
 use super::project::Project;
 use super::{Ending, NotThere, Outcome, spare};
@@ -46,6 +47,9 @@ pub(super) struct OutputArgs {
     /// Look for hazards, too, and show them on the page
     #[arg(long, requires = "html")]
     hazards: bool,
+    /// Print each check that passes, where otherwise those of a module are one line
+    #[arg(long)]
+    pub(super) all: bool,
     /// Print GitHub's annotations of failures and append to the job's summary [default: where
     /// GITHUB_ACTIONS is `true`]
     #[arg(long)]
@@ -94,7 +98,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     };
     args.output.spare(&folder)?;
     tables::expect_some(&records, None)?;
-    let failed = tables::write(&records, out)?;
+    let failed = tables::write(&records, args.output.all, out)?;
     // Of a run that didn't end nobody knows.
     let passed = run.as_ref().is_some_and(|run| run.passed);
     tables::write_sum(&records, failed, passed || run.is_none(), &folder, out)?;
@@ -114,7 +118,7 @@ pub(super) fn write_page(
     let records = merge::side_by_side(records);
     let packages = project.tested(&records)?;
     let untested = Some(names(untested(&records, &packages)?));
-    let passed = !records.iter().any(tables::is_failure);
+    let passed = !records.iter().any(is_failure);
     let run = Run { schema: SCHEMA, selected: Vec::new(), passed };
     let text = html::page(&records, Some(&run), &Beside { untested, ..Beside::default() });
     let folder = page.parent().unwrap_or(page);
@@ -231,7 +235,7 @@ fn names(items: Vec<FunctionItem>) -> Vec<String> {
 }
 
 /// What a record is about, in words: `fresnel::schlick agrees_with`, `frame scene`.
-fn subject(record: &Record) -> String {
+pub(super) fn subject(record: &Record) -> String {
     match &record.subject {
         Subject::Function { function, check, .. } => format!("{function} {check}"),
         Subject::Frame { golden, .. } => format!("frame {golden}"),

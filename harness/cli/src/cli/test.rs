@@ -100,7 +100,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let run = Run { schema: record::SCHEMA, selected: asked.selected(), passed: passed && valid };
     run.write(running.folder()).context("can't say how the run was made")?;
     let folder = running.end().context("can't keep the record")?;
-    let failed = tables::write(&records, out)?;
+    let failed = tables::write(&records, args.output.all, out)?;
     // With a filter most functions aren't tested on purpose.
     if asked.filter.is_none() {
         let tested = if declared { packages } else { project.tested(&records)? };
@@ -273,6 +273,10 @@ impl<'a> Asked<'a> {
     ) -> anyhow::Result<bool> {
         let args = self.args;
         command.env("KARAT_RECORD", record);
+        // Mesa's device-select layer complains where there is no window system.
+        command.envs(
+            std::env::var_os("NODEVICE_SELECT").is_none().then_some(("NODEVICE_SELECT", "1")),
+        );
         command.envs(args.functions.then_some(("KARAT_FRAMES", "off")));
         command.envs(args.paths.as_ref().map(|paths| ("KARAT_PATHS", paths)));
         command.envs(args.require.as_ref().map(|paths| ("KARAT_REQUIRE", paths)));

@@ -1,17 +1,90 @@
 //! What records hold, as tables.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::path::Path;
 
 use anyhow::bail;
 use karat::record::{Grant, PathRecord, Record, Subject, Verdict};
 
+use crate::cli::replay;
 use crate::cli::table::{BAD, DIM, GOOD, KNOWN, Table};
 
-/// Functions, then frames; the number of checks that failed.
-pub(in crate::cli) fn write(records: &[Record], out: &mut dyn Write) -> anyhow::Result<usize> {
-    Ok(write_functions(records, out)? + write_frames(records, out)?)
+/// Rows of a table that fit a screen together with what stands below it.
+const SCREEN: usize = 24;
+
+/// Functions, then frames; the number of checks that failed. Where those that pass don't fit a screen,
+/// those of a module are one line, and failures are told again in full behind all tables, unless `all`
+/// is set.
+pub(in crate::cli) fn write(
+    records: &[Record],
+    all: bool,
+    out: &mut dyn Write,
+) -> anyhow::Result<usize> {
+    let (passed, others): (Vec<_>, Vec<_>) =
+        records.iter().partition(|record| record.verdict == Verdict::Pass);
+    let rows: usize = passed.iter().map(|record| record.paths.len()).sum();
+    if all || rows <= SCREEN {
+        let records: Vec<&Record> = records.iter().collect();
+        let functions = write_functions(&records, out)?;
+        write_grants(&records, out)?;
+        return Ok(functions + write_frames(&records, out)?);
+    }
+    write_folded(&passed, out)?;
+    write_grants(&records.iter().collect::<Vec<_>>(), out)?;
+    if !others.is_empty() {
+        writeln!(out)?;
+    }
+    let failed = write_functions(&others, out)? + write_frames(&others, out)?;
+    for record in others.iter().filter(|record| is_failure(record)).take(IN_FULL) {
+        if let Some(message) = super::message(record) {
+            writeln!(out, "\n{}", message.trim_end())?;
+        }
+    }
+    Ok(failed)
+}
+
+/// Failures that are told in full: what a person reads before mending something.
+const IN_FULL: usize = 3;
+
+/// Checks that pass, a line for each module and one for the frames.
+fn write_folded(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> {
+    #[derive(Default)]
+    struct Folded<'r> {
+        checks: usize,
+        paths: BTreeSet<&'r str>,
+        cases: u64,
+        closest: Option<(f64, &'r PathRecord)>,
+    }
+    let mut modules: BTreeMap<(bool, &str), Folded<'_>> = BTreeMap::new();
+    for record in records {
+        let of = match &record.subject {
+            Subject::Function { function, .. } => {
+                (false, function.rsplit_once("::").map_or(&**function, |(module, _)| module))
+            }
+            Subject::Frame { .. } => (true, "frames"),
+        };
+        let folded = modules.entry(of).or_default();
+        folded.checks += 1;
+        for path in &record.paths {
+            folded.paths.insert(&path.adapter.path);
+            folded.cases += path.cases;
+            let ratio = path.ratio.unwrap_or_default();
+            if folded.closest.is_none_or(|(closest, _)| ratio > closest) {
+                folded.closest = Some((ratio, path));
+            }
+        }
+    }
+    let mut table = Table::new(&["passed", "checks", "cases", "of bound", "paths"], &[1, 2, 3]);
+    for ((_, module), folded) in modules {
+        let closest = folded.closest.map_or_else(String::new, |(_, path)| share(path));
+        let paths = folded.paths.into_iter().collect::<Vec<_>>().join(", ");
+        let (checks, cases) = (folded.checks.to_string(), folded.cases.to_string());
+        table.row(GOOD, vec![module.to_owned(), checks, cases, closest, paths]);
+    }
+    table.write(out)?;
+    writeln!(out, "{DIM}--all shows each check{DIM:#}")?;
+    Ok(())
 }
 
 /// The closing lines.
@@ -30,6 +103,9 @@ pub(in crate::cli) fn write_sum(
         out,
         "\n{style}{count} checks, {failed} failed{known}{style:#}, {cases} cases compared"
     )?;
+    for (name, record) in replay::names(records).into_iter().take(NAMED) {
+        writeln!(out, "{BAD}karat replay {name}{BAD:#}  {}", super::subject(record))?;
+    }
     if let Some(slowest) = slowest(records) {
         writeln!(out, "{DIM}slowest: {slowest}{DIM:#}")?;
     }
@@ -43,6 +119,9 @@ pub(in crate::cli) fn write_sum(
     }
     Ok(())
 }
+
+/// Failures whose replay is named.
+const NAMED: usize = 8;
 
 /// Seconds below which no check is worth a word.
 const SLOW: f64 = 1.0;
@@ -83,7 +162,7 @@ fn known_issues(records: &[Record]) -> String {
 }
 
 /// One row for each check and path; the number of checks that failed.
-fn write_functions(records: &[Record], out: &mut dyn Write) -> anyhow::Result<usize> {
+fn write_functions(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<usize> {
     let head =
         ["function", "check", "path", "cases", "worst", "of bound", "WGSL allows", "asserted"];
     let mut table = Table::new(&head, &[3, 5, 6]);
@@ -98,11 +177,10 @@ fn write_functions(records: &[Record], out: &mut dyn Write) -> anyhow::Result<us
     if !table.is_empty() {
         table.write(out)?;
     }
-    write_grants(records, out)?;
     Ok(failed)
 }
 
-fn write_frames(records: &[Record], out: &mut dyn Write) -> anyhow::Result<usize> {
+fn write_frames(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<usize> {
     let head = ["frame", "path", "pixels", "worst", "of bound", "asserted"];
     let mut table = Table::new(&head, &[2, 4]);
     let mut failed = 0;
@@ -118,7 +196,7 @@ fn write_frames(records: &[Record], out: &mut dyn Write) -> anyhow::Result<usize
     Ok(failed)
 }
 
-pub(super) fn is_failure(record: &Record) -> bool {
+pub(in crate::cli) fn is_failure(record: &Record) -> bool {
     !matches!(record.verdict, Verdict::Pass | Verdict::KnownIssue)
 }
 
@@ -173,9 +251,9 @@ fn grant(grant: &Grant) -> String {
 }
 
 /// Says how many tolerances another driver may leave.
-fn write_grants(records: &[Record], out: &mut dyn Write) -> anyhow::Result<()> {
-    let grants = |record: &&Record| record.paths.iter().any(|path| path.granted.is_some());
-    let is_wider = |record: &&Record| {
+fn write_grants(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> {
+    let grants = |record: &&&Record| record.paths.iter().any(|path| path.granted.is_some());
+    let is_wider = |record: &&&Record| {
         record.paths.iter().any(|path| path.granted.is_some_and(|grant| grant.wider > 0))
     };
     let declared = records.iter().filter(grants).count();

@@ -1,0 +1,104 @@
+//! `karat replay`, and the summary that names what it replays.
+
+use super::report::function;
+use super::*;
+
+/// A failing check whose message has two cases on one path, and one on another.
+fn failing(name: &str) -> String {
+    let message = format!(
+        "error: `{name}` fails\n\non vulkan: x\n  worst\n  replay: KARAT_CASE={name}/agrees_with/3 cargo test a\n  \
+         simplest\n  replay: KARAT_PATHS=vulkan KARAT_CASE={name}/agrees_with/3.1 cargo test 'a b'\n\n\
+         on gl: x\n  worst\n  replay: KARAT_PATHS=gl cargo test c"
+    );
+    function(name, "gl", "fail", Some(&message))
+}
+
+fn recorded(lines: &[String]) -> TempDir {
+    let project = project();
+    let folder = project.path().join("target/karat/record");
+    write(&folder, "1.jsonl", &lines.concat());
+    write(&folder, "run.json", r#"{"schema":2,"selected":[],"passed":false}"#);
+    project
+}
+
+/// The names in a report, each with what it replays.
+fn names(out: &str) -> Vec<(String, String)> {
+    let lines = out.lines().filter_map(|line| line.strip_prefix("karat replay "));
+    let pair = |line: &str| {
+        let (name, what) = line.split_once("  ").expect("a name, and what it is of");
+        (name.to_owned(), what.to_owned())
+    };
+    lines.map(pair).collect()
+}
+
+#[test]
+fn a_failure_is_replayed_by_its_name() {
+    let project = recorded(&[failing("calc::double"), failing("calc::same")]);
+    let report = karat(project.path(), &["report"]);
+    assert_eq!(report.code, Some(1));
+    let found = names(&report.out);
+    assert_eq!(found.len(), 2, "{report:?}");
+    assert_eq!(found[0].1, "calc::double agrees_with");
+    let name = &*found[0].0;
+    assert!(name.len() == 4 && name.chars().all(|c| c.is_ascii_hexdigit()), "{name}");
+    let line = "KARAT_PATHS=vulkan KARAT_CASE=calc::double/agrees_with/3.1 cargo test 'a b'\n";
+    assert_eq!(karat(project.path(), &["replay", name, "--print"]).good(), line);
+    // The failure keeps its name in another run.
+    let again = recorded(&[failing("calc::double")]);
+    assert_eq!(names(&karat(again.path(), &["report"]).out), [found[0].clone()]);
+    assert_eq!(karat(again.path(), &["replay", "--print"]).good(), line);
+
+    // In place of cargo, a shell runs the file that is called as its first argument.
+    let script = "echo \"$KARAT_CASE on $KARAT_PATHS: $*\"\nexit $(cat code)\n";
+    write(project.path(), "test", script);
+    for (code, expected) in [("0", 0), ("101", 1)] {
+        write(project.path(), "code", code);
+        let mut replay = command(project.path(), &["replay", name]);
+        let ran = output(replay.env("CARGO", "/bin/sh"));
+        assert_eq!(ran.code, Some(expected), "{ran:?}");
+        assert_eq!(ran.out, "calc::double/agrees_with/3.1 on vulkan: a b\n");
+    }
+}
+
+#[test]
+fn what_cannot_be_replayed_is_told() {
+    let project = recorded(&[failing("calc::double"), failing("calc::same")]);
+    let told = |project: &TempDir, arguments: &[&str], part: &str| {
+        let ran = karat(project.path(), &[&["replay"], arguments].concat());
+        assert!(ran.code == Some(3) && ran.err.contains(part), "no `{part}` in {ran:?}");
+    };
+    told(&project, &[], "which one? ");
+    told(&project, &["wxyz"], "no failure of the last run is called `wxyz`; there is ");
+    told(&project, &[""], "several failures begin with ``");
+    let passed = recorded(&[function("calc::double", "gl", "pass", None)]);
+    told(&passed, &[], "no failure of the last run can be replayed");
+    told(&super::project(), &[], "run `karat test` first");
+    let hostile = function("calc::double", "gl", "fail", Some("on gl: x\n  replay: sh test"));
+    let ran = karat(recorded(&[hostile]).path(), &["replay"]);
+    assert!(ran.code == Some(2) && ran.err.contains("is another program"), "{ran:?}");
+}
+
+/// What passes is a line a module where it doesn't fit a screen; what fails is told last, in full.
+#[test]
+fn a_long_report_is_folded_by_module() {
+    let passing = (0..30).map(|i| function(&format!("m{}::f{i}", i % 2), "gl", "pass", None));
+    let lines: Vec<String> = passing.chain([failing("calc::double")]).collect();
+    let project = recorded(&lines);
+    let folded = karat(project.path(), &["report"]).out;
+    let row = |name: &str| folded.lines().find(|line| line.starts_with(name)).unwrap_or_default();
+    assert_eq!(
+        row("m0 ").split_whitespace().collect::<Vec<_>>(),
+        ["m0", "15", "1500", "700%", "gl"]
+    );
+    assert!(!folded.contains("m0::f0"), "{folded}");
+    assert!(["passed", "m0 ", "m1 "].iter().all(|name| row(name).chars().count() <= 80));
+    let table = folded.find("calc::double  agrees_with").expect("what fails has its row");
+    let message = folded.find("error: `calc::double` fails").expect("and its message");
+    let sum = folded.find("31 checks, 1 failed").expect("and the sum");
+    assert!(row("m1 ").contains("15") && table < message && message < sum, "{folded}");
+    let all = karat(project.path(), &["report", "--all"]).out;
+    assert!(all.contains("m0::f0") && !all.contains("--all shows"), "{all}");
+    // A few fit.
+    let few = karat(recorded(&lines[20..]).path(), &["report"]).out;
+    assert!(few.contains("m0::f20") && !few.contains("--all shows"), "{few}");
+}
