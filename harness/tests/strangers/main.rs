@@ -3,5 +3,6 @@
 mod compute;
 mod frames;
 mod functions;
+mod guide;
 mod resources;
 mod values;

@@ -12,13 +12,13 @@ use tempfile::TempDir;
 
 /// A folder of goldens, and where what waits for them lies. Names of goldens are each test's own: in CI
 /// all wait in one folder.
-struct Project {
+pub(crate) struct Project {
     folder: TempDir,
-    goldens: Goldens,
+    pub(crate) goldens: Goldens,
 }
 
 impl Project {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         Self { goldens: Goldens::open(folder.path()), folder }
     }
@@ -34,7 +34,7 @@ impl Project {
         found.pop()
     }
 
-    fn accept(&self, case: &str) {
+    pub(crate) fn accept(&self, case: &str) {
         let pending = self.pending(case).expect("it waits");
         let because = "as it should be".to_owned();
         let acceptance = Acceptance { because, any_adapter: true, ..Acceptance::default() };

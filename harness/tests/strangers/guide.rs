@@ -1,0 +1,200 @@
+//! The samples of docs/guide.md, compiled and run. Their text there is the text here.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::LazyLock;
+
+use glam::{Vec2, Vec3};
+use karat::draw::{Blend, Cull, Draw, Format, Mesh};
+use karat::fixture::Compare;
+use karat::golden::Goldens;
+use karat::prelude::*;
+
+use super::values::Project;
+
+static PROJECT: LazyLock<Project> = LazyLock::new(Project::new);
+static GOLDENS: LazyLock<Goldens> = LazyLock::new(|| PROJECT.goldens.clone());
+
+static SHADERS: LazyLock<Package> = LazyLock::new(|| {
+    Package::from_modules(
+        "guide",
+        [
+            (
+                "sky",
+                "struct Globals { size: vec2f, time: f32 }
+                 @group(0) @binding(0) var<uniform> globals: Globals;
+                 @fragment fn fragment(@location(0) uv: vec2f) -> @location(0) vec4f {
+                     return vec4f(uv, globals.time, 1.0);
+                 }",
+            ),
+            (
+                "shadow",
+                "@vertex fn vertex(@location(0) place: vec3f) -> @builtin(position) vec4f {
+                     return vec4f(place, 1.0);
+                 }",
+            ),
+            (
+                "forest",
+                "@group(0) @binding(0) var shadow_map: texture_depth_2d;
+                 @group(0) @binding(1) var comparing: sampler_comparison;
+                 struct Leaf { @builtin(position) at: vec4f, @location(0) uv: vec2f }
+                 struct Seen { @location(0) color: vec4f, @location(1) uv: vec2f }
+                 @vertex fn vertex(@location(0) place: vec3f, @builtin(instance_index) copy: u32) -> Leaf {
+                     let shift = vec2f(f32(copy % 10u), f32(copy / 10u)) * 0.2 - 0.9;
+                     return Leaf(vec4f(place.xy * 0.08 + shift, 0.5, 1.0), place.xy * 0.5 + 0.5);
+                 }
+                 @fragment fn fragment(leaf: Leaf) -> Seen {
+                     let lit = textureSampleCompareLevel(shadow_map, comparing, leaf.at.xy / 256.0, 0.5);
+                     return Seen(vec4f(0.1, 0.2 + 0.6 * lit, 0.1, 1.0), leaf.uv);
+                 }",
+            ),
+            (
+                "scan",
+                "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+                 @group(0) @binding(1) var<storage, read_write> sums: array<u32>;
+                 var<workgroup> kept: array<u32, 64>;
+                 @compute @workgroup_size(64)
+                 fn blocks(@builtin(local_invocation_index) i: u32, @builtin(workgroup_id) block: vec3u) {
+                     kept[i] = data[block.x * 64u + i];
+                     workgroupBarrier();
+                     var sum = 0u;
+                     for (var k = 0u; k <= i; k++) { sum += kept[k]; }
+                     data[block.x * 64u + i] = sum;
+                     if i == 63u { sums[block.x] = sum; }
+                 }
+                 @compute @workgroup_size(64)
+                 fn add(@builtin(local_invocation_index) i: u32, @builtin(workgroup_id) block: vec3u) {
+                     var before = 0u;
+                     for (var k = 0u; k < block.x; k++) { before += sums[k]; }
+                     data[block.x * 64u + i] += before;
+                 }",
+            ),
+        ]
+        .map(|(name, text)| (name, text.to_owned())),
+    )
+});
+
+fn square(half: f32, depth: f32) -> Mesh {
+    let corners = [Vec2::NEG_ONE, Vec2::new(1.0, -1.0), Vec2::ONE, Vec2::new(-1.0, 1.0)];
+    let places = corners.map(|corner| (half * corner).extend(depth));
+    Mesh::new(places.to_vec(), vec![0, 1, 2, 0, 2, 3])
+}
+
+fn scene() -> Mesh {
+    square(0.5, 0.25)
+}
+
+fn leaves() -> Mesh {
+    square(1.0, 0.0)
+}
+
+mod shaded {
+    karat::shareable! {
+        // fn shade(n: vec3f) -> Shaded, with struct Shaded { weight: f32, color: vec3f }
+        pub struct Shaded mirrors ShadedMirror { weight: f32, color: glam::Vec3 }
+    }
+}
+
+#[test]
+fn structures() {
+    let package = Package::from_source(
+        "m",
+        "struct Shaded { weight: f32, color: vec3f }
+         fn shade(n: vec3f) -> Shaded { return Shaded(n.z, 2.0 * n); }",
+    );
+    let mirror = |n: glam::DVec3| shaded::ShadedMirror { weight: n.z, color: 2.0 * n };
+    package.function("shade").over(UnitVector).agrees_with(mirror, Abs(0.0));
+    let host = shaded::Shaded { weight: 1.0, color: Vec3::X };
+    package
+        .function("shade")
+        .over(Just(Vec3::Z))
+        .satisfies("isn't x", move |_, seen: shaded::Shaded| seen.color != host.color);
+}
+
+/// Fetches a crate, so it is compiled only; `cargo ci found` tests that crate's functions.
+#[expect(dead_code, reason = "it would fetch a crate")]
+mod bevy {
+    use karat::prelude::*;
+
+    static BEVY: Package = karat::package!(crate = "bevy_render@0.20.1");
+
+    fn srgb_is_decoded() {
+        let srgb = |x: f64| if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
+        BEVY.function("color_operations::gamma").over(0.0..=1.0).agrees_with(srgb, Rel(1e-5));
+    }
+}
+
+#[test]
+fn passes() {
+    let values: Vec<u32> = (0..256).map(|i| i * 7 % 13).collect();
+    let sum = |sum: &mut u32, value: &u32| {
+        *sum += value;
+        Some(*sum)
+    };
+    let expected: Vec<u32> = values.iter().scan(0, sum).collect();
+    SHADERS
+        .compute()
+        .with("data", Storage::new(values))
+        .with("sums", karat::fixture::Buffer::zeros(16))
+        .dispatch("scan::blocks", [4, 1, 1]) // workgroups
+        .dispatch("scan::add", [4, 1, 1]) // the same buffers
+        .after("data") // what a pass writes: a buffer or a storage texture
+        .agrees_with(expected, Abs(0.0)); // an element each; or `.satisfies("is in order", |data: &[u32]| ..)`
+}
+
+fn frames() {
+    // A fragment function alone covers the frame. At its locations are texture coordinates.
+    SHADERS
+        .frame("sky", 256, 128)
+        .set("globals.time", 1.5_f32)
+        .fragment("fragment")
+        .matches(&GOLDENS, "sky");
+
+    let shadow = SHADERS.frame("shadow", 512, 512).draw(Draw::depth("vertex", scene())).depth();
+    SHADERS
+        .frame("forest", 256, 256)
+        .formats([Format::Rgba8UnormSrgb, Format::Rg16Float]) // the targets; `.target(1)` is judged
+        .samples(4)
+        .with_frame("shadow_map", shadow) // another frame is drawn first, and read
+        .with("comparing", Sampler::Linear.compare(Compare::LessEqual))
+        .draw(
+            Draw::mesh("vertex", "fragment", leaves())
+                .instances(100)
+                .cull(Cull::None)
+                .blend(Blend::Premultiplied),
+        )
+        .matches(&GOLDENS, "forest");
+}
+
+/// A golden is missing, is accepted, and then agrees; one after the other.
+#[test]
+fn frames_have_goldens() {
+    for case in ["sky", "forest"] {
+        let message = catch_unwind(AssertUnwindSafe(frames)).expect_err("no golden yet");
+        let text = message.downcast_ref::<String>().expect("a message");
+        assert!(text.contains(&format!("`{case}`")), "{text}");
+        PROJECT.accept(case);
+    }
+    frames();
+}
+
+/// Each sample of the guide stands here, but for blanks, closing commas and the attribute of tests.
+#[test]
+fn the_guide_has_these_samples() {
+    let plain = |text: &str| -> String {
+        let text = text.replace("#[test]", "");
+        let dense: String = text.chars().filter(|c| !c.is_whitespace()).collect();
+        dense.replace(",)", ")").replace(",]", "]").replace(",}", "}")
+    };
+    let own = plain(include_str!("guide.rs"));
+    let guide = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/guide.md");
+    let guide = std::fs::read_to_string(guide).expect("the guide");
+    let samples: Vec<&str> = guide
+        .split("```rust\n")
+        .skip(1)
+        .map(|rest| rest.split("```").next().unwrap_or_default())
+        .collect();
+    assert_eq!(samples.len(), 4);
+    for sample in samples {
+        assert!(own.contains(&plain(sample)), "not compiled here:\n{sample}");
+    }
+}
