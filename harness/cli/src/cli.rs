@@ -101,6 +101,7 @@ struct Cli {
 enum Command {
     /// Run the tests and print function x path with cases and worst error
     #[command(after_help = "Examples:\n  karat test\n  karat test schlick --paths all\n  \
+                            karat test --failed                what failed in the last run\n  \
                             karat test shaders                 tests without Rust: @test, *.test.toml\n  \
                             karat test -p tests --require vulkan,gl\n  \
                             karat test --junit target/karat/junit.xml\n\

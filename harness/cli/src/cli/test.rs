@@ -8,11 +8,11 @@ use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::Package;
 use karat::diagnostic::nearest;
-use karat::record::{self, Record, Run, Running};
+use karat::record::{self, Record, Recorded, Run, Running};
 use karat_suite::Suite;
 
 use super::project::Project;
-use super::report::{OutputArgs, tables, untested};
+use super::report::{OutputArgs, is_failure, tables, untested};
 use super::table::{DIM, HEAD, KNOWN};
 use super::{Ending, NotThere, Outcome, PackageArgs, check, child};
 
@@ -27,6 +27,9 @@ pub(super) struct Args {
     /// Only the test of exactly this name
     #[arg(long)]
     exact: bool,
+    /// Only the tests that failed in the last run
+    #[arg(long, conflicts_with_all = ["exact", "filter"])]
+    failed: bool,
     /// Only tests of this Cargo package; may be repeated [default: the whole workspace]
     #[arg(short = 'p', long = "cargo-package", value_name = "NAME")]
     cargo_packages: Vec<String>,
@@ -54,11 +57,14 @@ struct Asked<'a> {
     /// The folder or file whose own tests alone are run.
     folder: Option<PathBuf>,
     filter: Option<&'a str>,
+    /// The tests that alone are run, by their names: those that failed.
+    names: Option<Vec<String>>,
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let asked = Asked::of(args)?;
     let project = asked.project()?;
+    let asked = asked.with_failed(&project)?;
     args.output.spare(&project.record())?;
     args.output.clear()?;
     // The record of the last run stays until there is another one.
@@ -102,7 +108,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let folder = running.end().context("can't keep the record")?;
     let failed = tables::write(&records, args.output.all, out)?;
     // With a filter most functions aren't tested on purpose.
-    if asked.filter.is_none() {
+    if asked.filter.is_none() && asked.names.is_none() {
         let tested = if declared { packages } else { project.tested(&records)? };
         write_untested(&records, &tested, out)?;
     }
@@ -135,8 +141,46 @@ impl<'a> Asked<'a> {
             (Some(what), None) if filter.is_some() || is_path(what) => {
                 anyhow::bail!("there is no folder or file `{what}`")
             }
-            (_, Some(folder)) => Ok(Self { args, folder: Some(folder.to_owned()), filter }),
-            (what, None) => Ok(Self { args, folder: None, filter: what }),
+            (_, Some(folder)) => {
+                Ok(Self { args, folder: Some(folder.to_owned()), filter, names: None })
+            }
+            (Some(what), None) if args.failed => {
+                anyhow::bail!("`--failed` chooses the tests, and `{what}` is no folder")
+            }
+            (what, None) => Ok(Self { args, folder: None, filter: what, names: None }),
+        }
+    }
+
+    /// With the names of the tests that failed in the last run, if those alone are asked for.
+    fn with_failed(self, project: &Project) -> anyhow::Result<Self> {
+        if !self.args.failed {
+            return Ok(self);
+        }
+        let none = || NotThere("there is no record of a run: run `karat test` first".to_owned());
+        let last = Recorded::read(&project.record())?.ok_or_else(none)?;
+        let failed = last.records.iter().filter(|record| is_failure(record));
+        let mut names: Vec<String> = failed.map(|record| record.test.clone()).collect();
+        names.sort();
+        names.dedup();
+        if names.is_empty() {
+            let passed = last.run.as_ref().is_some_and(|run| run.passed);
+            let why = match passed {
+                true => "no test failed in the last run",
+                false => {
+                    "no check failed in the last run, though a test did, which isn't recorded: run \
+                     `karat test` without `--failed`"
+                }
+            };
+            return Err(NotThere(why.to_owned()).into());
+        }
+        Ok(Self { names: Some(names), ..self })
+    }
+
+    /// Whether a test is among those that are asked for.
+    fn wants(&self, name: &str) -> bool {
+        match &self.names {
+            Some(names) => names.iter().any(|known| known == name),
+            None => self.filter.is_none_or(|filter| name.contains(filter)),
         }
     }
 
@@ -175,9 +219,8 @@ impl<'a> Asked<'a> {
         let mut folders = Vec::new();
         for package in packages {
             let suite = Suite::of(package.clone())?;
-            let wanted = |name: &str| self.filter.is_none_or(|filter| name.contains(filter));
             let broken = self.declares(project) && !suite.broken.is_empty();
-            let has = suite.tests.iter().any(|test| wanted(&test.name)) || broken;
+            let has = suite.tests.iter().any(|test| self.wants(&test.name)) || broken;
             if has && !package.root().as_os_str().is_empty() {
                 folders.push(package.root());
             }
@@ -213,17 +256,28 @@ impl<'a> Asked<'a> {
         let targets = args.targets.iter().map(|name| format!("--test {name}"));
         let functions = args.functions.then(|| "--functions".to_owned());
         let filter = self.filter.iter().map(ToString::to_string);
+        let failed = self.args.failed.then(|| "--failed".to_owned());
+        let filter = filter.chain(failed);
         filter.chain(packages).chain(targets).chain(functions).collect()
     }
 
     /// Runs the tests of a package that are in the package. Whether all passed.
     fn run_suite(&self, folder: &Path, record: &Path, out: &mut dyn Write) -> anyhow::Result<bool> {
         let program = std::env::current_exe().context("this program isn't where it was")?;
-        let mut command = Command::new(program);
-        command.arg("suite").arg(folder).args(self.filter);
-        command.args(self.args.exact.then_some("--exact"));
-        command.args(self.args.leaves_frames_out().then_some("--functions"));
-        self.run_tests(command, record, out)
+        let mut run = |filter: Option<&str>, exact: bool| {
+            let mut command = Command::new(&program);
+            command.arg("suite").arg(folder).args(filter).args(exact.then_some("--exact"));
+            command.args(self.args.leaves_frames_out().then_some("--functions"));
+            self.run_tests(command, record, out)
+        };
+        let Some(names) = &self.names else { return run(self.filter, self.args.exact) };
+        let suite = Suite::of(Package::open(folder)?)?;
+        let has = |name: &&String| suite.tests.iter().any(|test| test.name == **name);
+        let mut passed = true;
+        for name in names.iter().filter(has) {
+            passed &= run(Some(name), true)?;
+        }
+        Ok(passed)
     }
 
     /// Runs `cargo test`. Whether all passed.
@@ -258,8 +312,14 @@ impl<'a> Asked<'a> {
             }
         }
         command.args(self.filter);
-        if self.args.exact {
-            command.args(["--", "--exact"]);
+        match &self.names {
+            Some(names) => {
+                command.args(["--", "--exact"]).args(names);
+            }
+            None if self.args.exact => {
+                command.args(["--", "--exact"]);
+            }
+            None => {}
         }
         self.run_tests(command, record, out)
     }

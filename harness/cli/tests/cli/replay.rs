@@ -102,3 +102,38 @@ fn a_long_report_is_folded_by_module() {
     let few = karat(recorded(&lines[20..]).path(), &["report"]).out;
     assert!(few.contains("m0::f20") && !few.contains("--all shows"), "{few}");
 }
+
+/// `--failed` runs what failed, and nothing else.
+#[test]
+fn what_failed_is_run_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let shader = |bound: &str| {
+        format!(
+            "import karat::expect_near;\nfn f(x: f32) -> f32 {{ return x; }}\n\
+             @test fn good() {{ expect_near(f(1.0), 1.0, 0.0); }}\n\
+             @test fn bad() {{ expect_near(f(1.0), {bound}, 0.0); }}\n\
+             @test fn bad_as_well() {{ expect_near(f(2.0), 2.0, 0.0); }}\n"
+        )
+    };
+    let run = |arguments: &[&str]| {
+        karat(folder.path(), &[&["test", ".", "--paths", "cpu"], arguments].concat())
+    };
+    write(folder.path(), "m.wgsl", &shader("2.0"));
+    let none = run(&["--failed"]);
+    assert!(none.code == Some(3) && none.err.contains("run `karat test` first"), "{none:?}");
+    let all = run(&[]);
+    assert!(all.code == Some(1) && all.out.contains("3 checks, 1 failed"), "{all:?}");
+    let failed = run(&["--failed"]);
+    assert!(failed.code == Some(1) && failed.out.contains("1 checks, 1 failed"), "{failed:?}");
+    write(folder.path(), "m.wgsl", &shader("1.0"));
+    assert!(run(&["--failed"]).good().contains("1 checks, 0 failed"));
+    let none = run(&["--failed"]);
+    assert!(none.code == Some(3) && none.err.contains("no test failed"), "{none:?}");
+
+    // Of Cargo's tests their names are given to cargo, which a shell stands for.
+    let project = recorded(&[failing("calc::double")]);
+    write(project.path(), "test", "echo \"cargo $*\"\nexit 1\n");
+    let ran = output(command(project.path(), &["test", "--failed"]).env("CARGO", "/bin/sh"));
+    assert!(ran.out.contains("--workspace --tests -- --exact tests::calc\n"), "{ran:?}");
+    assert_eq!(ran.code, Some(2), "it compared nothing: {ran:?}");
+}
