@@ -303,10 +303,10 @@ mod tests {
         assert_eq!(grant(1, None), "anything in <1%");
         let mut records = [record(Verdict::Pass, 0, None)];
         let mut text = Vec::new();
-        write_grants(&records, &mut text).expect("memory");
+        write_grants(&records.iter().collect::<Vec<_>>(), &mut text).expect("memory");
         assert!(text.is_empty(), "nothing is known");
         records[0].paths[0].granted = Some(Grant { cases: 200, wider: 1, worst: None });
-        write_grants(&records, &mut text).expect("memory");
+        write_grants(&records.iter().collect::<Vec<_>>(), &mut text).expect("memory");
         let text = String::from_utf8(text).expect("UTF-8");
         assert!(text.contains("1 of 1 checks have a tolerance below what WGSL allows"), "{text}");
     }
@@ -357,7 +357,7 @@ mod tests {
 
     fn table(record: Record) -> (usize, String) {
         let mut out = Vec::new();
-        let failed = write_functions(&[record], &mut out).expect("written");
+        let failed = write_functions(&[&record], &mut out).expect("written");
         (failed, String::from_utf8(out).expect("UTF-8"))
     }
 
@@ -391,7 +391,7 @@ mod tests {
             frame.paths[0] =
                 PathRecord { ratio, worst: "rel 0.5".to_owned(), ..frame.paths[0].clone() };
             let mut out = Vec::new();
-            assert_eq!(write_frames(&[frame], &mut out).expect("written"), 1);
+            assert_eq!(write_frames(&[&frame], &mut out).expect("written"), 1);
             String::from_utf8(out).expect("UTF-8")
         };
         for (ratio, told) in [
