@@ -37,7 +37,12 @@ impl Program {
                 module.to_ctx().write_type(argument.ty, &mut variables).ok()?;
                 variables.push_str(";\n");
                 binding += 1;
-                linked.names.insert(variable.clone(), own.to_owned());
+                // A variable of the same name is told apart by the path of either.
+                let own = match self.has_variable(own) {
+                    true => format!("{path}::{own}"),
+                    false => own.to_owned(),
+                };
+                linked.names.insert(variable.clone(), own);
                 passed.push(variable);
             } else {
                 let (ty, how) = self.passed(argument.ty);
@@ -75,6 +80,12 @@ impl Program {
             Statement::Call { function, .. } => Some(*function),
             _ => None,
         })
+    }
+
+    fn has_variable(&self, own: &str) -> bool {
+        let variables = self.checked.module.global_variables.iter();
+        let mut names = variables.filter_map(|(_, variable)| variable.name.as_deref());
+        names.any(|name| self.author_path(name).unwrap_or(name).rsplit("::").next() == Some(own))
     }
 
     /// A function by its name in the text.

@@ -463,6 +463,15 @@ fn textures_are_parameters() {
         difference().try_agrees_with(|u: f64| u, Abs(1.0)).expect_err("unbound").to_string();
     assert!(error.contains("`second` (texture_2d<f32>) has no fixture"), "{error}");
     assert!(error.contains("<f>:6:1"), "{error}");
+    // A variable of the same name is another one.
+    let both = check(
+        "@group(0) @binding(0) var t: texture_2d<f32>;\n\
+         fn outer() -> f32 { return 10.0 * textureLoad(t, vec2u(), 0).x; }\n\
+         fn both(t: texture_2d<f32>) -> f32 { return outer() + textureLoad(t, vec2u(), 0).x; }",
+    );
+    let grey = |x: f32| Texture::from_fn(1, 1, move |_, _| Vec4::splat(x));
+    let probe = both.function("both").with("t", grey(0.25)).with("both::t", grey(0.5));
+    probe.over(()).agrees_with(|| 3.0, Abs(0.0));
     let numbers = Texture::from_fn(2, 2, |x, y| glam::UVec4::new(0, 10 * y + x, 0, 0));
     package
         .function("index")
