@@ -196,7 +196,7 @@ impl Request {
         let location = after.function.span.to_string();
         let shapes = |function: &Function| {
             let parameters = function.parameters.iter().map(|(_, shape)| shape.clone());
-            (parameters.collect::<Vec<_>>(), function.result.clone())
+            (parameters.collect::<Vec<_>>(), function.result.clone(), function.form.taken.clone())
         };
         if shapes(&before.function) != shapes(&after.function) {
             let (before, after) = (before.function.to_string(), after.function.to_string());
@@ -221,7 +221,7 @@ impl Request {
             return Err("no arguments can be made up for it".to_owned());
         }
         // What one of them reads and the other doesn't is made up for whoever reads it.
-        let fixtures = (made_up::fixtures(before)?, made_up::fixtures(after)?);
+        let fixtures = (made_up::own_fixtures(before)?, made_up::own_fixtures(after)?);
         let mut paths = Vec::new();
         for path in &self.paths {
             let ready = |probed, fixtures| Ready::new(probed, fixtures, *path, count);

@@ -101,6 +101,24 @@ fn functions_that_are_not_their_other_form() {
     );
     let error = compared(&text("1.0"), "exakt").expect_err("there is none").to_string();
     assert!(error.contains("did you mean `exact`?"), "{error}");
+    // Textures that are parameters are the same by their order.
+    let image = |factor: &str| {
+        package(&format!(
+            "fn f(a: texture_2d<f32>, b: texture_2d<f32>, x: f32) -> f32 {{
+                 return x * (textureLoad(a, vec2u(), 0).x - {factor} * textureLoad(b, vec2u(), 0).x);
+             }}
+             fn slow(c: texture_2d<f32>, d: texture_2d<f32>, x: f32) -> f32 {{
+                 return x * textureLoad(c, vec2u(), 0).x - x * textureLoad(d, vec2u(), 0).x;
+             }}"
+        ))
+    };
+    let textures = |package: &Package| {
+        let grey = |x: f32| Texture::from_fn(1, 1, move |_, _| glam::Vec4::splat(x));
+        let probe = package.function("f").with("a", grey(0.75)).with("b", grey(0.25));
+        probe.over(0.0..=1.0_f32).try_agrees_with_function("slow", Rel(1e-5))
+    };
+    textures(&image("1.0")).expect("the same");
+    disagreement(textures(&image("1.01")));
     // The reference is evaluated in f64, and so it isn't what the driver makes of the same text.
     let same = package("fn f(x: vec2f) -> f32 { return x.x * x.x - x.y * x.y; }");
     let same =

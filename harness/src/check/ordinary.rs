@@ -7,6 +7,7 @@ use super::demand::Demand;
 use super::plan::{Plan, Recording};
 use super::{Agreement, Check, Failure, Mismatch};
 use crate::domain::{Domain, Stream};
+use crate::fixture::Fixtures;
 use crate::interpret::Interpreted;
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::{Function, Program};
@@ -273,7 +274,15 @@ impl Plan<'_> {
         // Fixtures that it doesn't read are none of its own.
         let bindings = &probed.function.bindings;
         let read = |(name, _): &&(String, _)| bindings.iter().any(|b| b.name() == name);
-        let fixtures = probe.fixtures.iter().filter(read).cloned().collect();
+        let mut fixtures: Fixtures = probe.fixtures.iter().filter(read).cloned().collect();
+        // Textures that are parameters are the same by their order, whatever each function calls them.
+        let own = self.function()?.form.taken;
+        for ((_, theirs, _), (_, ours, _)) in probed.function.form.taken.iter().zip(&own) {
+            let given = |name: &str| probe.fixtures.iter().rev().find(|(known, _)| known == name);
+            if let (None, Some((_, fixture))) = (given(theirs), given(ours)) {
+                fixtures.push((theirs.clone(), fixture.clone()));
+            }
+        }
         probed.fit(&fixtures)?;
         let shape = probed.function.result.clone();
         let interpreted = Interpreted::new(&probed, &fixtures).map_err(Failure::from)?;

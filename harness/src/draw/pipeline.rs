@@ -3,7 +3,7 @@
 use super::painter::Painter;
 use super::request::{Draw, Geometry};
 use super::state::{Cull, Winding};
-use super::targets::writes_depth;
+use super::targets::{writes_depth, writes_target};
 use crate::probe::compare;
 
 /// Which passes of a frame a pipeline is for.
@@ -58,7 +58,10 @@ impl Painter<'_> {
         let targets: Vec<Option<wgpu::ColorTargetState>> = (0..)
             .zip(&self.formats)
             .map(|(index, format)| {
-                let mut write_mask = wgpu::ColorWrites::ALL;
+                let mut write_mask = match writes_target(draw, self.program, index) {
+                    true => wgpu::ColorWrites::ALL,
+                    false => wgpu::ColorWrites::empty(),
+                };
                 if let Some((_, own)) = state.masks.iter().rev().find(|(of, _)| *of == index) {
                     let channels = own.chars().map(|channel| match channel {
                         'r' => wgpu::ColorWrites::RED,

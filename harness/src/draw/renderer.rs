@@ -44,10 +44,19 @@ impl Device {
         let painter = Painter::new(self, scene, program, &resources);
         let image = painter.draw(bindings)?;
         let row = Row::new(painter.result_format(), width);
+        let mut inexact = None;
         let pixels = self.read_back(&image, row.stride * u64::from(height), |bytes| {
-            let rows = bytes.chunks_exact(row.stride as usize);
-            rows.flat_map(|bytes| row.pixels(bytes)).collect()
+            let rows = || bytes.chunks_exact(row.stride as usize);
+            inexact = rows().find_map(|bytes| row.inexact(bytes));
+            rows().flat_map(|bytes| row.pixels(bytes)).collect()
         })?;
+        if let Some(value) = inexact {
+            let reason = format!(
+                "its target holds {value}, and an image of floats holds each integer up to 16777216 \
+                 only: return smaller ones, or two halves of it"
+            );
+            return Err(DrawError::Unsound { reason });
+        }
         Ok(Image::new(width, height, pixels))
     }
 }

@@ -23,7 +23,21 @@ impl Row {
         Self { width: width as usize, codec, stride }
     }
 
-    /// The pixels as floats; integers are exact up to 2^24.
+    /// An integer of a row that no float is, if there is one: beyond 2^24 not every one is.
+    pub(super) fn inexact(&self, bytes: &[u8]) -> Option<i64> {
+        if !self.codec.is_integer() {
+            return None;
+        }
+        let signed = self.codec.format == wgpu::TextureFormat::R32Sint;
+        let size = self.codec.size();
+        let words = bytes[..self.width * size].chunks_exact(size);
+        let whole = |word: u32| if signed { word.cast_signed().into() } else { i64::from(word) };
+        let mut all = words.flat_map(|texel| self.codec.decode(texel)).map(whole);
+        #[expect(clippy::cast_precision_loss, reason = "whether it is lossless is the question")]
+        all.find(|value| f64::from(*value as f32) != *value as f64)
+    }
+
+    /// The pixels as floats.
     pub(super) fn pixels(&self, bytes: &[u8]) -> Vec<[f32; 4]> {
         let size = self.codec.size();
         let pixels = &bytes[..self.width * size];

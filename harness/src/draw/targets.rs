@@ -4,7 +4,7 @@
 use super::drawing::{Scene, Source};
 use super::request::Draw;
 use super::{DrawError, Format};
-use crate::reflect::{Output, Program};
+use crate::reflect::{Output, Program, Texels};
 
 impl Scene<'_> {
     /// Sees that each draw writes each target, and nothing else.
@@ -29,7 +29,8 @@ impl Scene<'_> {
                 |target: usize| outputs.iter().find(|output| output.location as usize == target);
             for (target, format) in self.formats.iter().enumerate() {
                 let Some(output) = at(target) else {
-                    if draw.writes(target) {
+                    // Of a frame whose image is depth nobody looks at targets.
+                    if draw.writes(target) && self.result != Source::Depth {
                         return unsound(format!(
                             "`{fragment}` writes nothing at @location({target}), where the frame has a \
                              target: nobody can say what it would hold"
@@ -37,13 +38,18 @@ impl Scene<'_> {
                     }
                     continue;
                 };
-                if output.integers != format.is_of_integers() {
-                    let (has, wants) = match output.integers {
-                        true => ("integers", "a format of integers, such as `Format::Rgba32Uint`"),
-                        false => ("floats", "a format of floats, such as `Format::Float`"),
+                if output.kind != format.kind() {
+                    let (has, wants) = match output.kind {
+                        Texels::Uint => {
+                            ("unsigned integers", "one of these, such as `Format::Rgba32Uint`")
+                        }
+                        Texels::Sint => ("signed integers", "one of these: `Format::R32Sint`"),
+                        Texels::Float | Texels::Depth => {
+                            ("floats", "one of floats, such as `Format::Float`")
+                        }
                     };
                     return unsound(format!(
-                        "`{fragment}` writes {has} at @location({target}): give that target {wants}"
+                        "`{fragment}` writes {has} at @location({target}): the target's format has to be {wants}"
                     ));
                 }
             }
@@ -79,13 +85,28 @@ pub(super) fn writes_depth(draw: &Draw, program: &Program) -> bool {
     draw.state.depth_write.unwrap_or_else(|| draw.vertex.is_some() || says())
 }
 
+/// Whether a draw's fragment function writes a target.
+pub(super) fn writes_target(draw: &Draw, program: &Program, target: usize) -> bool {
+    let outputs = outputs(draw, program);
+    outputs.is_none_or(|(_, outputs)| outputs.iter().any(|o| o.location as usize == target))
+}
+
 fn outputs<'d>(draw: &'d Draw, program: &Program) -> Option<(&'d str, Vec<Output>)> {
     let fragment = draw.fragment.as_deref()?;
     Some((fragment, program.fragment_outputs(fragment)?))
 }
 
 impl Format {
-    fn is_of_integers(self) -> bool {
+    /// What a shader writes into it.
+    fn kind(self) -> Texels {
+        match self {
+            Self::R32Sint => Texels::Sint,
+            integers if integers.is_of_integers() => Texels::Uint,
+            _ => Texels::Float,
+        }
+    }
+
+    pub(crate) fn is_of_integers(self) -> bool {
         matches!(
             self,
             Self::R32Uint | Self::R32Sint | Self::Rgba8Uint | Self::Rgba16Uint | Self::Rgba32Uint

@@ -1,7 +1,10 @@
 //! Compares a frame with its golden on each path, by what the frame declares, and records it.
 
+use std::sync::LazyLock;
+
 use super::{Frame, FrameAgreement, FrameError};
 use crate::diagnostic::FileRead;
+use crate::draw::Source;
 use crate::executor::{self, Executor};
 use crate::golden::{
     COLOR, FrameDifference, FrameTolerance, GoldenError, Goldens, MASK, Rendered, VARIANCE,
@@ -165,9 +168,21 @@ impl Frame<'_> {
         all.find_map(FrameTolerance::unusable).map_or(Ok(()), |why| Err(FrameError::Tolerance(why)))
     }
 
-    /// The most particular: of the path, or else of the frame.
+    /// The most particular: of the path, or else of the frame, or else of what its image holds if that
+    /// isn't a colour, which HDR-FLIP judges as an eye would. Integers are equal or not. Depths differ by
+    /// rounding: what is far has depths close to 1, where 1e-3 would be a multiple of the distance.
     fn tolerance_of(&self, path: Path, adapter: &Adapter) -> Option<&FrameTolerance> {
-        self.tolerance_on.on(path, adapter).or(self.tolerance.as_ref())
+        // Images hold integers up to 2^24, of which two differ by 6e-8 at least.
+        static EXACT: LazyLock<FrameTolerance> = LazyLock::new(|| FrameTolerance::from(1e-8));
+        static DEPTH: LazyLock<FrameTolerance> = LazyLock::new(|| FrameTolerance::from(1e-5));
+        let of_content = || match self.scene.result {
+            Source::Depth => Some(&*DEPTH),
+            Source::Target(target) => {
+                let format = self.scene.formats.get(target);
+                format.filter(|format| format.is_of_integers()).map(|_| &*EXACT)
+            }
+        };
+        self.tolerance_on.on(path, adapter).or(self.tolerance.as_ref()).or_else(of_content)
     }
 
     /// The first name of an AOV that its file can't have, and why.

@@ -116,10 +116,28 @@ pub(crate) fn fitted(probed: Probed) -> Result<Probed, super::ProbeError> {
     Ok(probed)
 }
 
+/// What textures and samplers are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Content {
+    /// Equal ones, on which drivers agree.
+    Plain,
+    /// Those of each variable are its own, so that one that is taken for another is seen.
+    Own,
+}
+
 /// Something for each resource that the function reads; or the one that there is nothing for.
 pub(crate) fn fixtures(probed: &Probed) -> Result<Fixtures, String> {
+    made_of(probed, Content::Plain)
+}
+
+/// [`fixtures`], where no texture is like another, and no sampler: for results of one driver.
+pub(crate) fn own_fixtures(probed: &Probed) -> Result<Fixtures, String> {
+    made_of(probed, Content::Own)
+}
+
+fn made_of(probed: &Probed, content: Content) -> Result<Fixtures, String> {
     let one = |binding: &Binding| {
-        let fixture = fixture(probed, binding).ok_or_else(|| {
+        let fixture = fixture(probed, binding, content).ok_or_else(|| {
             format!("it reads `{}`, a {}, for which no data is made up", binding.path, binding.kind)
         })?;
         Ok((binding.path.clone(), fixture))
@@ -182,8 +200,9 @@ fn source_of(binding: &Binding) -> Source {
     Source::new(SEED, stream)
 }
 
-fn fixture(probed: &Probed, binding: &Binding) -> Option<Fixture> {
+fn fixture(probed: &Probed, binding: &Binding, content: Content) -> Option<Fixture> {
     let mut source = source_of(binding);
+    let is_own = content == Content::Own;
     Some(match binding.kind {
         BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate => {
             let Some((shape, unsized_)) = probed.program.buffer_data(binding) else {
@@ -196,28 +215,54 @@ fn fixture(probed: &Probed, binding: &Binding) -> Option<Fixture> {
             Fixture::of_lanes(shape, lanes, unsized_)
         }
         BindingKind::TEXTURE_CUBE => {
-            CubeMap::from_fn(SIDE, |d| d * 0.5 + glam::Vec3::ONE).with_mips().into()
+            // A power of two of its own: it is told from another one, and loses no digit by it.
+            let own = if is_own { (source.below(9) as f32 - 4.0).exp2() } else { 1.0 };
+            CubeMap::from_fn(SIDE, |d| own * (d * 0.5 + glam::Vec3::ONE)).with_mips().into()
         }
         BindingKind::Texture(kind) => {
             let samples = if kind.multisampled { 4 } else { 1 };
-            texture(kind.dimension, kind.arrayed, kind.texels, samples).into()
+            let own = is_own.then_some(&mut source);
+            texture((kind.dimension, kind.arrayed), kind.texels, samples, own).into()
         }
         BindingKind::StorageTexture { dimension, arrayed, format, .. } => {
-            texture(dimension, arrayed, format.texels(), 1).without_mips().into()
+            let texels = format.texels();
+            let own = is_own.then_some(&mut source);
+            texture((dimension, arrayed), texels, 1, own).without_mips().into()
         }
-        BindingKind::Sampler { comparison: false } => Sampler::Linear.into(),
-        BindingKind::Sampler { comparison: true } => {
+        BindingKind::Sampler { comparison: false } if !is_own => Sampler::Linear.into(),
+        BindingKind::Sampler { comparison: true } if !is_own => {
             Sampler::Linear.compare(Compare::LessEqual).into()
+        }
+        BindingKind::Sampler { comparison: false } => {
+            // Textures are smooth: another least level is seen in the last bits, and is no jump.
+            let least = source.unit() as f32;
+            let sampler = Sampler::Linear.lod(least, 32.0);
+            if source.below(2) == 0 { sampler.into() } else { sampler.mirror().into() }
+        }
+        BindingKind::Sampler { comparison: true } => {
+            let ways = [Compare::LessEqual, Compare::Less, Compare::GreaterEqual, Compare::Greater];
+            Sampler::Linear.compare(ways[source.below(4) as usize]).into()
         }
         BindingKind::Other => return None,
     })
 }
 
-/// Smooth texels, so that a filter's few bits of weight don't matter much.
-fn texture(dimension: Dimension, arrayed: bool, texels: Texels, samples: u32) -> Texture {
+/// Smooth texels, so that a filter's few bits of weight don't matter much. A variable's `own` ones are
+/// curved, too, so that levels differ.
+fn texture(
+    (dimension, arrayed): (Dimension, bool),
+    texels: Texels,
+    samples: u32,
+    own: Option<&mut Source>,
+) -> Texture {
+    let (own, whole) = own.map_or((0.0, 0), |source| {
+        let whole = u32::try_from(source.below(MOST)).unwrap_or_default();
+        (source.unit() as f32, whole)
+    });
     let wave = |x: u32, y: u32, z: u32| {
         let [x, y, z] = [x, y, z].map(|n| n as f32 / SIDE as f32);
-        glam::Vec4::new(x, y, 0.5 * (x + y) + 0.25 * z, 1.0)
+        let (x, y) = (x + 0.25 * own * x * x, y - 0.25 * own * y * y);
+        glam::Vec4::new(x + own, y, 0.5 * (x + y) + 0.25 * z, 1.0)
     };
     match texels {
         Texels::Float => {
@@ -225,10 +270,12 @@ fn texture(dimension: Dimension, arrayed: bool, texels: Texels, samples: u32) ->
             if samples > 1 { texture } else { texture.with_mips() }
         }
         Texels::Depth => made(dimension, arrayed, samples, |x, y, z| {
-            0.5 * (x + y + z) as f32 / (3 * SIDE) as f32
+            0.5 * own + 0.5 * (x + y + z) as f32 / (3 * SIDE) as f32
         }),
-        Texels::Sint => made(dimension, arrayed, samples, |x, y, z| (x + y + z).cast_signed() - 4),
-        Texels::Uint => made(dimension, arrayed, samples, |x, y, z| x + y + z),
+        Texels::Sint => {
+            made(dimension, arrayed, samples, |x, y, z| (x + y + z + whole).cast_signed() - 4)
+        }
+        Texels::Uint => made(dimension, arrayed, samples, |x, y, z| x + y + z + whole),
     }
 }
 

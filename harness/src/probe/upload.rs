@@ -260,6 +260,8 @@ fn unsupported(device: &Device, binding: &Binding, given: &Given<'_>) -> Option<
         Some("wgpu's GL has no multisampled textures that a shader reads")
     } else if given.dimension == Dimension::D1 {
         Some("wgpu's GL makes 2D textures of 1D ones")
+    } else if plain_array && given.layers == 1 {
+        Some("wgpu's GL makes a plain texture of an array of one layer")
     } else if plain_array && square && given.layers.is_multiple_of(6) {
         Some("wgpu's GL makes cubes of arrays whose layers are square and a multiple of six")
     } else if given.dimension == Dimension::Cube && given.arrayed && given.layers == 6 {

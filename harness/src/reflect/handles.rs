@@ -73,6 +73,17 @@ impl Program {
         self.declared(CALLED)
     }
 
+    /// The textures and samplers among a function's parameters: place, name and type.
+    pub(super) fn taken(&self, function: &Function) -> Vec<(usize, String, String)> {
+        let types = self.checked.module.to_ctx();
+        let arguments = function.arguments.iter().enumerate();
+        let handles = arguments.filter(|(_, argument)| self.is_handle(argument.ty));
+        let one = |(place, argument): (usize, &naga::FunctionArgument)| {
+            (place, argument.name.clone().unwrap_or_default(), types.type_to_string(argument.ty))
+        };
+        handles.map(one).collect()
+    }
+
     /// The author's function whose parameter a variable stands for.
     pub(super) fn taken_by(&self, variable: &str) -> Option<Handle<Function>> {
         let (_, called) = self.declared(CALLED).filter(|_| variable.starts_with(VARIABLE))?;

@@ -2,14 +2,14 @@
 
 use naga::{Binding, ShaderStage, TypeInner};
 
-use super::Program;
+use super::{Program, Texels};
 
 /// What a fragment function writes at a location.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Output {
     pub(crate) location: u32,
-    /// Whether its components are integers.
-    pub(crate) integers: bool,
+    /// What its components are.
+    pub(crate) kind: Texels,
     /// 1 to 4.
     pub(crate) components: u8,
 }
@@ -57,6 +57,10 @@ fn output(binding: &Binding, inner: &TypeInner) -> Option<Output> {
         TypeInner::Vector { size, scalar } => (scalar, *size as u8),
         _ => return None,
     };
-    let integers = matches!(scalar.kind, naga::ScalarKind::Sint | naga::ScalarKind::Uint);
-    Some(Output { location: *location, integers, components })
+    let kind = match scalar.kind {
+        naga::ScalarKind::Sint => Texels::Sint,
+        naga::ScalarKind::Uint => Texels::Uint,
+        _ => Texels::Float,
+    };
+    Some(Output { location: *location, kind, components })
 }

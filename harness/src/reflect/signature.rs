@@ -40,6 +40,9 @@ pub(crate) struct Form {
     pub(crate) returns: Option<Shape>,
     /// How each parameter is passed.
     pub(crate) passed: Vec<Passed>,
+    /// The textures and samplers that it takes, which are variables of whoever calls it: the place of each
+    /// among all parameters, its name and its type.
+    pub(crate) taken: Vec<(usize, String, String)>,
     /// Whether each case runs by itself, as what it writes would be seen by others.
     pub(crate) alone: bool,
     /// Whether only fragment shaders may call it: each case is a quad of pixels.
@@ -100,13 +103,15 @@ impl fmt::Display for Function {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}(", self.name)?;
         let spaces = self.form.passed.iter().map(|passed| passed.space());
-        for (index, ((name, shape), space)) in self.parameters.iter().zip(spaces).enumerate() {
-            let separator = if index > 0 { ", " } else { "" };
-            match space {
-                None => write!(f, "{separator}{name}: {shape}")?,
-                Some(space) => write!(f, "{separator}{name}: ptr<{space}, {shape}>")?,
-            }
+        let passed = self.parameters.iter().zip(spaces).map(|((name, shape), space)| match space {
+            None => format!("{name}: {shape}"),
+            Some(space) => format!("{name}: ptr<{space}, {shape}>"),
+        });
+        let mut all: Vec<String> = passed.collect();
+        for (place, name, ty) in &self.form.taken {
+            all.insert((*place).min(all.len()), format!("{name}: {ty}"));
         }
+        write!(f, "{}", all.join(", "))?;
         match &self.form.returns {
             Some(shape) => write!(f, ") -> {shape}"),
             None => write!(f, ")"),
@@ -154,6 +159,7 @@ impl Program {
         };
         // Textures and samplers are variables of the function that is called.
         let instead = self.called_for(function);
+        let taken = if instead.is_some() { self.taken(function) } else { Vec::new() };
         let own =
             function.arguments.iter().filter(|own| instead.is_none() || !self.is_handle(own.ty));
         let (handle, called) = instead.unwrap_or((handle, function));
@@ -167,7 +173,7 @@ impl Program {
             ));
         }
         let mut form =
-            Form { fragment, alone: self.shared_state(info).is_some(), ..Form::default() };
+            Form { fragment, alone: self.shared_state(info).is_some(), taken, ..Form::default() };
         if fragment && form.alone {
             return Err(refuse(
                 "it uses operations of fragment shaders, and writes what other pixels see"

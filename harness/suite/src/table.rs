@@ -53,6 +53,18 @@ pub(crate) fn read(
     {
         return Err(format!("`{name}` has two columns `{twice}`: one of them would be ignored"));
     }
+    // What looks like a part of a value, and is none of its parts, isn't a note: the type has changed.
+    let stems = || parameters.iter().map(|(name, _)| name.as_str()).chain([RESULT]);
+    let is_part = |column: &&str| {
+        let stem = column.split(['.', '[']).next().unwrap_or_default();
+        stems().any(|known| known == stem) && wanted().all(|name| name != *column)
+    };
+    if let Some(foreign) = head.iter().find(is_part) {
+        let columns = wanted().collect::<Vec<_>>().join(", ");
+        return Err(format!(
+            "`{name}`: the column `{foreign}` is no part of what the function takes and returns: {columns}"
+        ));
+    }
     let place = |(column, scalar): &(String, Scalar)| {
         let place = head.iter().position(|known| known == column);
         let missing = || format!("`{name}`: the column `{column}` is missing");
@@ -125,6 +137,19 @@ mod tests {
         let float = Shape::Scalar(Scalar::F32);
         let vector = Shape::Vector { size: 2, scalar: Scalar::F32 };
         read(&file, &[("a".to_owned(), float.clone()), ("v".to_owned(), vector)], &float)
+    }
+
+    #[test]
+    fn parts_that_are_no_parts_are_told() {
+        for (head, column) in [
+            ("a,v.x,v.y,v.z,result", "v.z"),
+            ("a,v.x,v.y,v,result", "v"),
+            ("a,v.x,v.y,result,result.x", "result.x"),
+        ] {
+            let error = of(&format!("{head}\n1,2,3,4,5\n")).expect_err("another type");
+            assert!(error.contains(&format!("the column `{column}` is no part of")), "{error}");
+        }
+        of("a,v.x,v.y,result,note,vx\n1,2,3,4,5,6\n").expect("others are notes");
     }
 
     #[test]

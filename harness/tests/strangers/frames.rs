@@ -485,7 +485,7 @@ fn targets_and_outputs_are_the_same() {
         (frame("second"), "`second` writes nothing at @location(0)"),
         (frame("second").formats(two), "`second` writes nothing at @location(0)"),
         (frame("depth"), "`depth` writes nothing at @location(0)"),
-        (frame("whole"), "`whole` writes integers at @location(0)"),
+        (frame("whole"), "`whole` writes unsigned integers at @location(0)"),
         (frame("one").formats([Format::Rgba32Uint]), "`one` writes floats at @location(0)"),
         (frame("gained"), "the override `GAIN` has no value"),
         (frame("one").override_("GIAN", 2.0), "no override `GIAN`"),
@@ -522,4 +522,45 @@ fn targets_and_outputs_are_the_same() {
     for (_, image) in images(&frame("gained").override_("GAIN", 0.25)) {
         assert_eq!(pixel(&image, 0, 0), Vec4::splat(0.25));
     }
+}
+
+/// What isn't a colour isn't judged as one: integers are equal or not, and depths are within rounding.
+#[test]
+fn integers_and_depths_are_no_colours() {
+    let project = super::values::Project::new();
+    let package = |id: &str, depth: &str| {
+        let text = format!(
+            "@fragment fn ids(@builtin(position) p: vec4f) -> @location(0) u32 {{
+                 return select(150u, {id}, p.x < 3.0 && p.y < 3.0);
+             }}
+             @fragment fn depth() -> @builtin(frag_depth) f32 {{ return {depth}; }}"
+        );
+        Package::from_source("m", text)
+    };
+    let drawn = |package: &Package, case: &str| match case {
+        "ids" => {
+            let frame = package.frame("", 64, 64).formats([Format::R32Uint]).fragment("ids");
+            frame.try_matches(&project.goldens, case).map(|_| ())
+        }
+        _ => {
+            let frame = package.frame("", 64, 64).fragment("depth").depth();
+            frame.try_matches(&project.goldens, case).map(|_| ())
+        }
+    };
+    let first = package("5000u", "0.9990");
+    for case in ["ids", "depths"] {
+        drawn(&first, case).expect_err("no golden");
+        project.accept(case);
+        drawn(&first, case).expect("the same");
+    }
+    // One more in a few pixels, which no eye sees; and a surface that is a tenth farther away.
+    drawn(&package("5001u", "0.9990"), "ids").expect_err("another integer");
+    drawn(&package("5000u", "0.9991"), "depths").expect_err("another depth");
+    let large = drawn(&package("16777217u", "0.9990"), "ids").expect_err("no float is it");
+    assert!(large.to_string().contains("its target holds 16777217"), "{large}");
+    let signed =
+        Package::from_source("m", "@fragment fn f() -> @location(0) vec4i { return vec4i(1); }");
+    let frame = signed.frame("", 4, 4).formats([Format::R32Uint]).fragment("f");
+    let error = frame.render(Path::ALL[0]).expect_err("another type").to_string();
+    assert!(error.contains("`f` writes signed integers at @location(0)"), "{error}");
 }

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path as FilePath;
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::diagnostic::nearest;
 use karat::fixture::Fixtures;
@@ -264,6 +264,20 @@ impl Places {
         };
         let arguments =
             columns.iter().map(|(name, _)| find(name)).collect::<Result<Vec<_>, _>>()?;
+        if let Some(argument) = expected.iter().find(|name| columns.iter().any(|(c, _)| c == *name))
+        {
+            bail!("`{argument}` is an argument, and no result is expected to be one");
+        }
+        // What looks like a part of a value, and is none of its parts, isn't a note: the type has changed.
+        let wanted = || columns.iter().map(|(name, _)| name).chain(expected);
+        let stem = |name: &str| name.split(['.', '[']).next().unwrap_or_default().to_owned();
+        let is_part = |word: &&str| {
+            wanted().all(|name| name != word) && wanted().any(|name| stem(name) == stem(word))
+        };
+        if let Some(foreign) = record.iter().find(is_part) {
+            let wanted = wanted().map(String::as_str).collect::<Vec<_>>().join(",");
+            bail!("the column `{foreign}` of `{shown}` is no part of its value: they are {wanted}");
+        }
         let expected = expected.iter().map(|name| find(name)).collect::<Result<Vec<_>, _>>()?;
         let used = |place: &usize| arguments.contains(place) || expected.contains(place);
         let others = record.iter().enumerate().filter(|(place, _)| !used(place));
