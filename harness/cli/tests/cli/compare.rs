@@ -84,3 +84,36 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
         assert!(error.contains(part), "{error}");
     }
 }
+
+/// The wrong one of two textures or samplers is seen, and so is another order of them.
+#[test]
+fn textures_and_samplers_are_told_apart() {
+    let old = "@group(0) @binding(0) var ga: texture_2d<f32>;\n\
+               @group(0) @binding(1) var gb: texture_2d<f32>;\n\
+               fn two(a: texture_2d<f32>, b: texture_2d<f32>, s: sampler, t: sampler, uv: vec2f) -> f32 {\n    \
+               return textureSampleLevel(a, s, uv, 0.0).x;\n}\n\
+               fn loaded(p: vec2u) -> f32 { return textureLoad(ga, p % 16u, 0).x; }\n";
+    let (before, after) =
+        (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("one"));
+    write(before.path(), "m.wgsl", old);
+    let revision = before.path().display().to_string();
+    let compared = |from: &str, to: &str| {
+        assert!(old.contains(from));
+        write(after.path(), "m.wgsl", &old.replace(from, to));
+        karat(after.path(), &["compare", &revision, "--paths", "cpu"])
+    };
+    for (from, to, change) in [
+        ("(a, s, uv", "(b, s, uv", "changed    m::two"),
+        ("(a, s, uv", "(a, t, uv", "changed    m::two"),
+        ("Load(ga", "Load(gb", "changed    m::loaded"),
+        (
+            "(a: texture_2d<f32>, b: texture_2d<f32>",
+            "(b: texture_2d<f32>, a: texture_2d<f32>",
+            "signature  m::two",
+        ),
+    ] {
+        let ran = compared(from, to);
+        assert!(ran.code == Some(1) && ran.out.contains(change), "{to}: {ran:?}");
+    }
+    assert!(compared("return", "return ").good().contains("0 changed"), "a blank is no edit");
+}
