@@ -330,7 +330,8 @@ impl<'a> Frame<'a> {
     /// the largest relative difference of each channel, without outliers.
     ///
     /// The default is [`FrameTolerance::standard`], where a frame that fails the gate of 1e-3 still
-    /// passes if HDR-FLIP sees almost no difference.
+    /// passes if HDR-FLIP sees almost no difference. Integers have to be equal and depths within 1e-5,
+    /// neither by HDR-FLIP.
     pub fn tolerance(mut self, tolerance: impl Into<FrameTolerance>) -> Self {
         self.tolerance = Some(tolerance.into());
         self

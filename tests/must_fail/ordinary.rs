@@ -107,8 +107,8 @@ fn functions_that_are_not_their_other_form() {
             "fn f(a: texture_2d<f32>, b: texture_2d<f32>, x: f32) -> f32 {{
                  return x * (textureLoad(a, vec2u(), 0).x - {factor} * textureLoad(b, vec2u(), 0).x);
              }}
-             fn slow(c: texture_2d<f32>, d: texture_2d<f32>, x: f32) -> f32 {{
-                 return x * textureLoad(c, vec2u(), 0).x - x * textureLoad(d, vec2u(), 0).x;
+             fn slow(b: texture_2d<f32>, d: texture_2d<f32>, x: f32) -> f32 {{
+                 return x * textureLoad(b, vec2u(), 0).x - x * textureLoad(d, vec2u(), 0).x;
              }}"
         ))
     };

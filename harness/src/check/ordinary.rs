@@ -275,12 +275,15 @@ impl Plan<'_> {
         let bindings = &probed.function.bindings;
         let read = |(name, _): &&(String, _)| bindings.iter().any(|b| b.name() == name);
         let mut fixtures: Fixtures = probe.fixtures.iter().filter(read).cloned().collect();
-        // Textures that are parameters are the same by their order, whatever each function calls them.
+        // Textures that are parameters are given by the reference's names for them, or else by their order.
         let own = self.function()?.form.taken;
-        for ((_, theirs, _), (_, ours, _)) in probed.function.form.taken.iter().zip(&own) {
-            let given = |name: &str| probe.fixtures.iter().rev().find(|(known, _)| known == name);
-            if let (None, Some((_, fixture))) = (given(theirs), given(ours)) {
-                fixtures.push((theirs.clone(), fixture.clone()));
+        let theirs = &probed.function.form.taken;
+        let given = |name: &str| probe.fixtures.iter().rev().find(|(known, _)| known == name);
+        if theirs.iter().any(|(_, name, _)| given(name).is_none()) {
+            for ((_, theirs, _), (_, ours, _)) in theirs.iter().zip(&own) {
+                if let Some((_, fixture)) = given(ours) {
+                    fixtures.push((theirs.clone(), fixture.clone()));
+                }
             }
         }
         probed.fit(&fixtures)?;
