@@ -8,6 +8,7 @@
 mod agreement;
 mod batch;
 mod called;
+mod cause;
 mod companion;
 mod conclusion;
 mod demand;

@@ -10,6 +10,7 @@
 //!
 //! A case that fails is simplified within its domain: see [`Domain::shrink`].
 
+mod composed;
 mod direction;
 mod dynamic;
 mod edges;
@@ -27,6 +28,7 @@ mod ties;
 use std::any::Any;
 use std::fmt::Debug;
 
+pub use composed::Composed;
 pub use direction::{Above, Hemisphere, UnitRgb, UnitVector};
 pub use dynamic::{Dynamic, Part};
 pub use edges::{AnyF32, Edges};
@@ -39,6 +41,8 @@ pub use range::Integers;
 pub use shrink::{Origin, Shrinkable};
 pub use source::Source;
 pub(crate) use stream::{Held, Numbering, Stream, Typed};
+
+use crate::value::{Arguments, Shareable};
 
 /// Draws in a row that a [`filter`](Domain::filter) may reject before the check gives up. A filter
 /// that keeps 1 % is stopped by chance once in 5e8 cases.
@@ -123,6 +127,36 @@ pub trait Domain: Send + Sync {
         F: Fn(Self::Value) -> T + Send + Sync,
     {
         Map { domain: self, map }
+    }
+
+    /// Values of a structure or a vector, made of its members' domains in their order. Unlike
+    /// [`map`](Domain::map), it knows which values it has, so that they are simplified and tied like others.
+    ///
+    /// ```
+    /// use glam::{Vec2, Vec3};
+    /// use karat::prelude::*;
+    ///
+    /// karat::shareable! {
+    ///     struct Material mirrors MaterialMirror { albedo: Vec3, roughness: f32 }
+    /// }
+    /// let materials = (UnitRgb, 0.1..=1.0).composed::<Material>();
+    /// let u = (0.0..=1.0, 0.0..=1.0).composed::<Vec2>();
+    /// let package = Package::from_source(
+    ///     "s",
+    ///     "struct Material { albedo: vec3f, roughness: f32 }
+    ///      fn pick(m: Material, u: vec2f) -> f32 { return m.roughness * u.x; }",
+    /// );
+    /// package.function("pick").over((materials, u)).stays_within(0.0, 1.0);
+    /// ```
+    ///
+    /// Members of other types, or in another order, are an error of the check.
+    fn composed<T>(self) -> Composed<Self, T>
+    where
+        Self: Sized,
+        Self::Value: Arguments,
+        T: Shareable,
+    {
+        Composed::new(self)
     }
 
     /// Keeps the values for which `keep` holds. A filter that rejects nearly everything is an

@@ -54,7 +54,7 @@ impl Session<'_> {
 
     /// The failures of one path with the commands that replay them.
     fn path_disagreement(&self, tally: PathTally) -> Option<PathDisagreement> {
-        let PathTally { adapter, path, tally, worst, first, simplest, .. } = tally;
+        let PathTally { adapter, path, tally, worst, first, simplest, cause, .. } = tally;
         let worst = worst?;
         let replay = |seed: u64, replayed: Replayed<'_>| {
             let (function, check) = (&self.called.function().name, &self.name());
@@ -95,6 +95,7 @@ impl Session<'_> {
             adapter,
             inputs: self.inputs,
             census: tally.census,
+            cause,
             first: first.filter(|first| first.case != worst.case),
             replay: replay_worst,
             simplest,

@@ -64,6 +64,9 @@ pub struct PathDisagreement {
     pub inputs: Inputs,
     /// How many failed, and how.
     pub census: Census,
+    /// What tells the arguments of failing cases from the others, if one property does:
+    /// `where x is at least 0.2 (all that fails, 0.4 % of what passes)`.
+    pub cause: Option<String>,
     /// The case with the largest error.
     pub worst: CaseFailure,
     /// The failing case of the lowest index, if it is another one.
@@ -101,7 +104,7 @@ pub struct CaseFailure {
     /// Whether it is an input on which the check failed before, not a case of this run's domain.
     pub remembered: bool,
     /// Each argument: its name, and its value as WGSL would write it. For an
-    /// integral: `case`, and its value as `Debug` shows it.
+    /// integral: `case`, its value as `Debug` shows it, and the arguments that all nodes share.
     pub arguments: Vec<(String, String)>,
     /// Index of the worst component.
     pub(crate) lane: usize,
@@ -314,7 +317,8 @@ impl CaseFailure {
         integral: &IntegralFailure,
         expectation: &str,
     ) -> fmt::Result {
-        let width = 8;
+        let names = self.arguments.iter().map(|(name, _)| name.len());
+        let width = names.chain([8]).max().unwrap_or(8);
         for (name, value) in &self.arguments {
             writeln!(f, "    {name:>width$} = {value}")?;
         }
@@ -413,6 +417,9 @@ impl fmt::Display for Disagreement {
                 }
             }
             writeln!(f)?;
+            if let Some(cause) = &path.cause {
+                writeln!(f, "  it fails {cause}")?;
+            }
             path.worst.write(f, "worst (", expectation)?;
             if let Some(first) = &path.first {
                 first.write(f, "first (", expectation)?;

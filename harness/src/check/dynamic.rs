@@ -3,6 +3,7 @@
 use super::agreement::Expected;
 use super::demand::Demand;
 use super::integral::Assertion;
+use super::invariance::Scaling;
 use super::limit::Limit;
 use super::plan::{Plan, Recording};
 use super::{Agreement, CASES, Directions, ENUMERATED, Failure, Parameter, Probe, Trend};
@@ -173,7 +174,8 @@ impl DynamicCheck<'_> {
         tolerance: impl Into<Tolerance>,
     ) -> Result<Agreement, Failure> {
         let demand = self.demand();
-        self.plan.is_invariant(&self.domain, &demand, transform, tolerance.into(), Recording::On)
+        let (plan, scaling, tolerance) = (&self.plan, Scaling::NONE, tolerance.into());
+        plan.is_invariant(&self.domain, &demand, transform, scaling, tolerance, Recording::On)
     }
 
     /// Checks that the result only rises, or only falls, with one argument.

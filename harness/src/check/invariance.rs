@@ -1,4 +1,4 @@
-//! Results that stay the same when the arguments are transformed.
+//! Results that stay the same when the arguments are transformed, or change by a known factor.
 
 use super::called::Running;
 use super::demand::Demand;
@@ -15,6 +15,25 @@ use crate::value::Arguments;
 
 /// Appends the words of transformed arguments.
 type Transform<'t> = &'t (dyn Fn(&[u32], &mut Vec<u32>) + Sync);
+
+/// What the plain result is multiplied by, from the words of the plain arguments.
+type Factor<'t> = &'t (dyn Fn(&[u32]) -> f64 + Sync);
+
+/// A verb with its factor.
+#[derive(Clone, Copy)]
+pub(super) struct Scaling<'t> {
+    check: &'static str,
+    factor: Option<Factor<'t>>,
+}
+
+impl Scaling<'_> {
+    /// The result stays as it is.
+    pub(super) const NONE: Self = Self { check: "invariant_under", factor: None };
+
+    fn of(&self, row: &[u32]) -> f64 {
+        self.factor.map_or(1.0, |factor| factor(row))
+    }
+}
 
 impl<D: Domain> Check<'_, D>
 where
@@ -46,18 +65,88 @@ where
         self.transform(transform, tolerance.into(), Recording::Off)
     }
 
+    /// Checks that the result is multiplied by a factor, to within a tolerance, when the arguments are
+    /// transformed.
+    ///
+    /// `factor` is that of the plain arguments: the transformed ones give `factor` times what the plain ones
+    /// do. A BRDF that has its cosine in it, as most of them have, isn't reciprocal; it scales by the quotient
+    /// of the cosines (Helmholtz; pbrt, 4.3.1). A factor that isn't finite is an error.
+    ///
+    /// ```
+    /// use karat::prelude::*;
+    ///
+    /// // Lambert's BRDF times the cosine of the light.
+    /// let brdf = Package::from_source(
+    ///     "brdf",
+    ///     "fn eval(albedo: f32, v: vec3f, l: vec3f) -> f32 { return albedo / 3.14159265 * l.z; }",
+    /// );
+    /// let above = Hemisphere.above(0.01);
+    /// brdf.function("eval").over((0.0..=1.0, above, above)).scales_under(
+    ///     |(albedo, v, l)| (albedo, l, v),
+    ///     |(_, v, l)| f64::from(v.z) / f64::from(l.z),
+    ///     Rel(1e-5),
+    /// );
+    /// ```
+    ///
+    /// # Panics
+    /// With the [`Failure`], if a case differs or nothing could be compared.
+    #[track_caller]
+    pub fn scales_under(
+        self,
+        transform: impl Fn(D::Value) -> D::Value + Sync,
+        factor: impl Fn(D::Value) -> f64 + Sync,
+        tolerance: impl Into<Tolerance>,
+    ) -> Agreement {
+        or_panic(self.scale(transform, factor, tolerance.into(), Recording::On))
+    }
+
+    /// [`scales_under`](Self::scales_under) without the panic.
+    ///
+    /// # Errors
+    /// If a case differs or nothing could be compared.
+    pub fn try_scales_under(
+        self,
+        transform: impl Fn(D::Value) -> D::Value + Sync,
+        factor: impl Fn(D::Value) -> f64 + Sync,
+        tolerance: impl Into<Tolerance>,
+    ) -> Result<Agreement, Failure> {
+        self.scale(transform, factor, tolerance.into(), Recording::Off)
+    }
+
+    fn scale(
+        self,
+        transform: impl Fn(D::Value) -> D::Value + Sync,
+        factor: impl Fn(D::Value) -> f64 + Sync,
+        tolerance: Tolerance,
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        let factor = |row: &[u32]| factor(D::Value::load_all(&mut row.iter()));
+        let scaling = Scaling { check: "scales_under", factor: Some(&factor) };
+        let transform = words(transform);
+        let (stream, demand) = (&self.stream(), &Self::demand());
+        self.plan.is_invariant(stream, demand, &transform, scaling, tolerance, recording)
+    }
+
     fn transform(
         self,
         transform: impl Fn(D::Value) -> D::Value + Sync,
         tolerance: Tolerance,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
-        let transform = |row: &[u32], lanes: &mut Vec<u32>| {
-            transform(D::Value::load_all(&mut row.iter())).store_all(lanes);
-        };
-        self.plan.is_invariant(&self.stream(), &Self::demand(), &transform, tolerance, recording)
+        let transform = words(transform);
+        let (stream, demand) = (&self.stream(), &Self::demand());
+        self.plan.is_invariant(stream, demand, &transform, Scaling::NONE, tolerance, recording)
     }
 }
+
+/// A transformation of values as one of words.
+fn words<V: Arguments>(transform: impl Fn(V) -> V + Sync) -> impl Fn(&[u32], &mut Vec<u32>) + Sync {
+    move |row, lanes| transform(V::load_all(&mut row.iter())).store_all(lanes)
+}
+
+/// What `returned` is of where the plain result has a factor.
+const SCALED: &str =
+    "returned for the arguments with a prime; expected is that for those without, times the factor";
 
 impl Plan<'_> {
     pub(super) fn is_invariant(
@@ -65,11 +154,12 @@ impl Plan<'_> {
         stream: &dyn Stream,
         demand: &Demand,
         transform: Transform<'_>,
+        scaling: Scaling<'_>,
         tolerance: Tolerance,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
         let tolerances = self.tolerances(tolerance);
-        let asserted = Asserted::new("invariant_under", tolerances.general.to_string());
+        let asserted = Asserted::new(scaling.check, tolerances.general.to_string());
         self.conclude(&asserted, stream, demand, recording, &mut |session| {
             tolerances.expect_usable(&session.called)?;
             let called = &session.called;
@@ -81,10 +171,18 @@ impl Plan<'_> {
                 batch.rows().iter().for_each(|row| transform(row, &mut lanes));
                 changed |= *lanes != *batch.lanes();
                 let after = session.results(batch, &lanes)?;
-                // What the plain arguments gave is what the transformed ones should.
+                let factors: Vec<f64> =
+                    (0..batch.cases).map(|case| scaling.of(batch.arguments(case))).collect();
+                let by_lane: Vec<f64> =
+                    factors.iter().flat_map(|f| std::iter::repeat_n(*f, scalars.len())).collect();
+                called.expect_finite(&by_lane, "factor", |case| {
+                    (batch.first + case as u64, session.stream.show(batch.rows().of(case)))
+                })?;
+                // What the plain arguments gave is what the transformed ones should, but for the factor.
                 let expected = |path: usize, case: usize| -> Vec<f64> {
                     let before = before[path].of(case);
-                    scalars.iter().zip(before).map(|(s, word)| s.decode(*word)).collect()
+                    let decoded = scalars.iter().zip(before).map(|(s, word)| s.decode(*word));
+                    decoded.map(|lane| lane * factors[case]).collect()
                 };
                 let judge = |path: usize, case: usize| {
                     let actual = after[path].of(case);
@@ -99,7 +197,7 @@ impl Plan<'_> {
                     Exhibit {
                         varied: changed.map(|((name, v), _)| (format!("{name}'"), v)).collect(),
                         lanes: plain,
-                        compared: PRIMED,
+                        compared: if scaling.factor.is_some() { SCALED } else { PRIMED },
                         actual: after[path].of(case).to_vec(),
                         expected: expected(path, case),
                         judged: judge(path, case),

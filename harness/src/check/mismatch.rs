@@ -12,7 +12,7 @@ use crate::value::Shape;
 #[non_exhaustive]
 pub enum Mismatch {
     /// The function takes other arguments than it is given.
-    #[error("takes {}, {who} {}", list(declared), list(supplied))]
+    #[error("takes {}, {who} {}{}", list(declared), list(supplied), mixed_up(declared, supplied))]
     Arguments {
         /// Types of its parameters.
         declared: Vec<Shape>,
@@ -130,6 +130,17 @@ pub enum Mismatch {
         /// The type of its points.
         point: Shape,
     },
+}
+
+/// What is meant where a tuple stands for one vector or structure, or the other way round.
+fn mixed_up(declared: &[Shape], supplied: &[Shape]) -> &'static str {
+    let lanes = |shapes: &[Shape]| shapes.iter().flat_map(Shape::lanes).collect::<Vec<_>>();
+    let apart = declared.len() != supplied.len() && lanes(declared) == lanes(supplied);
+    match (apart, declared.len() < supplied.len()) {
+        (false, _) => "",
+        (true, true) => ": `(..).composed::<Vec2>()` makes one value of a tuple's",
+        (true, false) => ": give each parameter a domain of its own, in a tuple",
+    }
 }
 
 fn list(shapes: &[Shape]) -> String {

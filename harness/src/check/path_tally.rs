@@ -15,6 +15,8 @@ pub(super) struct PathTally {
     pub(super) worst: Option<CaseFailure>,
     pub(super) first: Option<CaseFailure>,
     pub(super) simplest: Option<Simplest>,
+    /// Where it fails, in a line.
+    pub(super) cause: Option<String>,
     /// What WGSL allows in place of the tolerance.
     pub(super) granted: Option<Grant>,
     /// Cases for reports.
@@ -37,6 +39,7 @@ impl PathTally {
             worst: tally.worst.filter(|_| failing).map(&show),
             first: tally.first.map(&show),
             simplest: None,
+            cause: None,
             tally,
             granted: None,
             sample: None,
@@ -50,6 +53,10 @@ impl PathTally {
 
     pub(super) fn with_sample(self, sample: Option<Sample>) -> Self {
         Self { sample, ..self }
+    }
+
+    pub(super) fn with_cause(self, cause: Option<String>) -> Self {
+        Self { cause, ..self }
     }
 
     pub(super) fn fails(&self) -> bool {

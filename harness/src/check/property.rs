@@ -2,6 +2,7 @@
 
 use super::batch::Batch;
 use super::called::Results;
+use super::cause::cause;
 use super::disagreement::{CaseFailure, arguments};
 use super::path_tally::PathTally;
 use super::session::Session;
@@ -41,6 +42,7 @@ impl Session<'_> {
             let judge = |case: usize, _: &[u32]| judge(path, case);
             let mut picked = Self::picked(batch);
             let sum = tally(batch.first, view, &judge, &mut picked);
+            let cause = cause(function, batch, &picked.failing, &sum);
             let sample = self.sample(batch, &sum, picked);
             let tally = PathTally::new(ready, sum, |shown: Shown| {
                 let case = usize::try_from(shown.case - batch.first).expect("in this batch");
@@ -57,7 +59,7 @@ impl Session<'_> {
                     ..CaseFailure::new(function, case, arguments, &actual, expected, &judged)
                 }
             });
-            tally.with_sample(sample)
+            tally.with_sample(sample).with_cause(cause)
         });
         tally.collect()
     }

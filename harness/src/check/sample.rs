@@ -21,13 +21,15 @@ pub(super) struct Sample {
 }
 
 impl Session<'_> {
-    /// Which cases of a batch are to be kept: of the first one that was drawn, where a record is kept.
+    /// Which cases of a batch are to be kept: of the first one that was drawn, those that fail, and some for
+    /// the record where one is kept.
     pub(super) fn picked(batch: &Batch) -> Picked {
-        if batch.is_drawn && batch.first == 0 && record::wanted() {
-            Picked::some(CASES, batch.cases)
-        } else {
-            Picked::default()
+        if !batch.is_drawn || batch.first != 0 {
+            return Picked::default();
         }
+        let some =
+            if record::wanted() { Picked::some(CASES, batch.cases) } else { Picked::default() };
+        some.and_failing()
     }
 
     /// The cases of a batch that were picked.

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::batch::{Batch, Rows};
 use super::called::{Called, Fitting, Ready, Results, Running};
+use super::cause::cause;
 use super::demand::{Demand, number};
 use super::disagreement::{Expectation, arguments};
 use super::effort::Effort;
@@ -360,6 +361,7 @@ impl<'a> Session<'a> {
             let tally = running.view(|results| {
                 let mut picked = Self::picked(batch);
                 let sum = tally(batch.first, results, &judge, &mut picked);
+                let cause = cause(self.called.function(), batch, &picked.failing, &sum);
                 let sample = self.sample(batch, &sum, picked);
                 let tally = PathTally::new(ready, sum, |shown: Shown| {
                     let case = usize::try_from(shown.case - batch.first).expect("in this batch");
@@ -382,7 +384,7 @@ impl<'a> Session<'a> {
                         None => CaseFailure { remembered, ..failure },
                     }
                 });
-                tally.with_sample(sample)
+                tally.with_sample(sample).with_cause(cause)
             })?;
             tallies.push(tally);
         }

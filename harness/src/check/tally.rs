@@ -194,6 +194,7 @@ pub(super) trait Judge: Sync {
             if picked.wants(case) {
                 let judged = self.judge(case, actual);
                 picked.ratios.push((case, judged.measure.ratio));
+                picked.add_failing(case, judged);
                 tally.add(first_case + case as u64, judged);
                 continue;
             }
@@ -202,7 +203,9 @@ pub(super) trait Judge: Sync {
             if self.is_within(case, actual, worst.min(1.0)) {
                 tally.census.cases += 1;
             } else {
-                tally.add(first_case + case as u64, self.judge(case, actual));
+                let judged = self.judge(case, actual);
+                picked.add_failing(case, judged);
+                tally.add(first_case + case as u64, judged);
             }
         }
     }
@@ -214,9 +217,13 @@ impl<F: Fn(usize, &[u32]) -> Judged + Sync> Judge for F {
     }
 }
 
-/// Cases of a batch whose errors are kept, evenly spaced.
+/// Cases of a batch whose errors are kept, evenly spaced, and those that fail.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Picked {
+    /// Whether failing cases are wanted.
+    wants_failing: bool,
+    /// Their indices in the batch.
+    pub(super) failing: Vec<usize>,
     /// Each so many; 0: none.
     every: usize,
     /// The cases' indices in the batch, and their errors divided by their bounds.
@@ -226,7 +233,23 @@ pub(super) struct Picked {
 impl Picked {
     /// About `count` of so many cases.
     pub(super) fn some(count: usize, of: usize) -> Self {
-        Self { every: of.div_ceil(count).max(1), ratios: Vec::new() }
+        Self { every: of.div_ceil(count).max(1), ..Self::default() }
+    }
+
+    /// With the cases that fail.
+    pub(super) fn and_failing(self) -> Self {
+        Self { wants_failing: true, ..self }
+    }
+
+    /// The same, with nothing in it.
+    fn empty(&self) -> Self {
+        Self { every: self.every, wants_failing: self.wants_failing, ..Self::default() }
+    }
+
+    fn add_failing(&mut self, case: usize, judged: Judged) {
+        if self.wants_failing && !judged.measure.passes() {
+            self.failing.push(case);
+        }
     }
 
     fn wants(&self, case: usize) -> bool {
@@ -241,16 +264,17 @@ pub(super) fn tally(
     judge: &dyn Judge,
     picked: &mut Picked,
 ) -> Tally {
-    let every = picked.every;
+    let empty = picked.empty();
     let tallies = parallel::map(results.len().div_ceil(TASK), |task| {
-        let (mut tally, mut picked) = (Tally::default(), Picked { every, ratios: Vec::new() });
+        let (mut tally, mut picked) = (Tally::default(), empty.clone());
         let first = task * TASK;
         let cases = first..results.len().min(first + TASK);
         judge.add((&mut tally, &mut picked), first_case, cases, results);
-        (tally, picked.ratios)
+        (tally, picked)
     });
-    tallies.into_iter().fold(Tally::default(), |sum, (tally, ratios)| {
-        picked.ratios.extend(ratios);
+    tallies.into_iter().fold(Tally::default(), |sum, (tally, part)| {
+        picked.ratios.extend(part.ratios);
+        picked.failing.extend(part.failing);
         sum.merge(tally)
     })
 }

@@ -82,6 +82,18 @@ impl Test {
         test.into_iter().flat_map(|test| test.calls())
     }
 
+    /// Whether its name has this in it, or that of a function that it calls, or of its golden.
+    #[must_use]
+    pub fn is_about(&self, words: &str) -> bool {
+        let has = |name: &str| name.contains(words);
+        has(&self.name)
+            || match &self.kind {
+                Kind::Wgsl(test) => test.calls().any(has),
+                Kind::Function(assertion) => has(&assertion.function),
+                Kind::Frame(_) => false, // its golden's name is its own
+            }
+    }
+
     /// Whether it draws a frame, which needs a driver.
     #[must_use]
     pub fn is_frame(&self) -> bool {

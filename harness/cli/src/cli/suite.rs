@@ -21,7 +21,7 @@ mod serve;
 pub(super) struct Args {
     /// Folder of shaders, or one file
     folder: PathBuf,
-    /// Only tests whose names contain this
+    /// Only tests whose names contain this, or call a function whose name does
     filter: Option<String>,
     /// Only the test of exactly this name
     #[arg(long)]
@@ -60,17 +60,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     // What a test panics with is its message, which is printed with its name.
     std::panic::set_hook(Box::new(|_| {}));
     let suite = Suite::open(&args.folder)?;
-    let wanted = |name: &str| match &args.filter {
-        Some(filter) if args.exact => name == filter,
-        Some(filter) => name.contains(&**filter),
+    let wanted = |test: &Test| match &args.filter {
+        Some(filter) if args.exact => test.name == *filter,
+        Some(filter) => test.is_about(filter),
         None => true,
     };
     let frames = !args.functions;
-    let tests: Vec<&Test> = suite
-        .tests
-        .iter()
-        .filter(|test| wanted(&test.name) && (frames || !test.is_frame()))
-        .collect();
+    let tests: Vec<&Test> =
+        suite.tests.iter().filter(|test| wanted(test) && (frames || !test.is_frame())).collect();
     if args.list {
         for test in &tests {
             writeln!(out, "{}: test", test.name)?;

@@ -1,5 +1,7 @@
 //! `karat test`: runs the tests and prints what their records hold.
 
+mod subjects;
+
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -9,8 +11,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 use karat::Package;
 use karat::diagnostic::nearest;
 use karat::record::{self, Record, Recorded, Run, Running};
-use karat_suite::Suite;
+use karat_suite::{Suite, Test};
 
+use self::subjects::Subjects;
 use super::project::Project;
 use super::report::{OutputArgs, is_failure, tables, untested};
 use super::table::{DIM, HEAD, KNOWN};
@@ -18,11 +21,11 @@ use super::{Ending, NotThere, Outcome, PackageArgs, check, child};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Only tests whose names contain this; or a folder or file of shaders, whose own tests are run:
-    /// functions with `@test`, and `*.test.toml`
+    /// Only tests whose names contain this, or that check a function or a golden whose name does; or a
+    /// folder or file of shaders, whose own tests are run: functions with `@test`, and `*.test.toml`
     #[arg(value_name = "FILTER|FOLDER")]
     what: Option<String>,
-    /// With a folder: only tests whose names contain this
+    /// With a folder: only tests whose names contain this, or that of a function that they call
     filter: Option<String>,
     /// Only the test of exactly this name
     #[arg(long)]
@@ -57,6 +60,8 @@ struct Asked<'a> {
     /// The folder or file whose own tests alone are run.
     folder: Option<PathBuf>,
     filter: Option<&'a str>,
+    /// Rust tests that checked a function or a golden whose name has the filter in it, when they last ran.
+    about: Vec<String>,
     /// The tests that alone are run, by their names: those that failed.
     names: Option<Vec<String>>,
 }
@@ -64,7 +69,7 @@ struct Asked<'a> {
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let asked = Asked::of(args)?;
     let project = asked.project()?;
-    let asked = asked.with_failed(&project)?;
+    let asked = asked.with_failed(&project)?.with_tests_of_functions(&project);
     args.output.spare(&project.record())?;
     args.output.clear()?;
     // The record of the last run stays until there is another one.
@@ -106,6 +111,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let run = Run { schema: record::SCHEMA, selected: asked.selected(), passed: passed && valid };
     run.write(running.folder()).context("can't say how the run was made")?;
     let folder = running.end().context("can't keep the record")?;
+    let mut subjects = Subjects::read(&project.record());
+    subjects.add(&records, asked.is_whole());
+    subjects.write(&project.record()).context("can't keep which tests check which functions")?;
     let failed = tables::write(&records, args.output.all, out)?;
     // With a filter most functions aren't tested on purpose.
     if asked.filter.is_none() && asked.names.is_none() {
@@ -141,13 +149,19 @@ impl<'a> Asked<'a> {
             (Some(what), None) if filter.is_some() || is_path(what) => {
                 anyhow::bail!("there is no folder or file `{what}`")
             }
-            (_, Some(folder)) => {
-                Ok(Self { args, folder: Some(folder.to_owned()), filter, names: None })
-            }
+            (_, Some(folder)) => Ok(Self {
+                args,
+                folder: Some(folder.to_owned()),
+                filter,
+                about: Vec::new(),
+                names: None,
+            }),
             (Some(what), None) if args.failed => {
                 anyhow::bail!("`--failed` chooses the tests, and `{what}` is no folder")
             }
-            (what, None) => Ok(Self { args, folder: None, filter: what, names: None }),
+            (what, None) => {
+                Ok(Self { args, folder: None, filter: what, about: Vec::new(), names: None })
+            }
         }
     }
 
@@ -176,11 +190,22 @@ impl<'a> Asked<'a> {
         Ok(Self { names: Some(names), ..self })
     }
 
+    /// With the tests that checked what the filter names when they last ran.
+    fn with_tests_of_functions(self, project: &Project) -> Self {
+        let Some(filter) = self.filter.filter(|_| !self.args.exact) else { return self };
+        Self { about: Subjects::read(&project.record()).about(filter), ..self }
+    }
+
+    /// Whether the run leaves no test out.
+    fn is_whole(&self) -> bool {
+        self.selected().is_empty() && !self.args.exact && self.folder.is_none()
+    }
+
     /// Whether a test is among those that are asked for.
-    fn wants(&self, name: &str) -> bool {
+    fn wants(&self, test: &Test) -> bool {
         match &self.names {
-            Some(names) => names.iter().any(|known| known == name),
-            None => self.filter.is_none_or(|filter| name.contains(filter)),
+            Some(names) => names.contains(&test.name),
+            None => self.filter.is_none_or(|filter| test.is_about(filter)),
         }
     }
 
@@ -220,7 +245,7 @@ impl<'a> Asked<'a> {
         for package in packages {
             let suite = Suite::of(package.clone())?;
             let broken = self.declares(project) && !suite.broken.is_empty();
-            let has = suite.tests.iter().any(|test| self.wants(&test.name)) || broken;
+            let has = suite.tests.iter().any(|test| self.wants(test)) || broken;
             if has && !package.root().as_os_str().is_empty() {
                 folders.push(package.root());
             }
@@ -318,6 +343,10 @@ impl<'a> Asked<'a> {
             }
             None if self.args.exact => {
                 command.args(["--", "--exact"]);
+            }
+            // A test that has one of several names in its own runs.
+            None if !self.about.is_empty() => {
+                command.arg("--").args(&self.about);
             }
             None => {}
         }

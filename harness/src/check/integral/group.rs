@@ -11,6 +11,7 @@ use crate::check::path_tally::PathTally;
 use crate::check::session::Session;
 use crate::check::tally::{Class, Judged, Shown, Tally};
 use crate::domain::Held;
+use crate::reflect::Function;
 use crate::tolerance::LaneError;
 
 /// Cases whose nodes are in memory together.
@@ -197,12 +198,31 @@ impl Group {
         let integral = (&*sum.totals(), case.own, node);
         let (value, expected) = (case.value.shown(), &case.expected);
         let (index, judged) = (shown.case, &shown.judged);
-        let failure = CaseFailure::of_integral(function, index, value, integral, expected, judged);
+        let mut failure =
+            CaseFailure::of_integral(function, index, value, integral, expected, judged);
+        failure.arguments.extend(case.shared(function, session.called.words));
         CaseFailure { remembered: index >= session.count(), ..failure }
     }
 }
 
 impl Case {
+    /// The arguments that are the same at each node, by their names: those that the integral is of.
+    fn shared(&self, function: &Function, words: usize) -> Vec<(String, String)> {
+        let all = |node: usize| arguments(function, self.nodes.row(node, words));
+        let mut shared = all(0);
+        let mut at = 0;
+        for (index, (_, shape)) in function.parameters.iter().enumerate().rev() {
+            let end = words - at;
+            at += shape.lanes().len();
+            let lanes = words - at..end;
+            let first = &self.nodes.row(0, words)[lanes.clone()];
+            if !(1..self.own).all(|node| self.nodes.row(node, words)[lanes.clone()] == *first) {
+                shared.remove(index);
+            }
+        }
+        shared
+    }
+
     /// Why the rule can't be summed.
     fn unusable(&self) -> Option<String> {
         if self.own == 0 {

@@ -145,8 +145,8 @@ pub(in crate::cli) fn expect_some(records: &[Record], filter: Option<&str>) -> a
     }
     match filter {
         Some(filter) => bail!(
-            "no check ran in a test whose name contains `{filter}`; a run that compared nothing is \
-             no success"
+            "no check ran in a test whose name contains `{filter}`, or that checked such a function when \
+             it last ran; a run that compared nothing is no success"
         ),
         None => bail!("no test ran a check; a run that compared nothing is no success"),
     }

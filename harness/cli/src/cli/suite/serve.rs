@@ -65,7 +65,7 @@ fn answer(
 ) -> anyhow::Result<Said> {
     karat::run::host(host(suite, folder));
     let mut tests: Vec<&Test> =
-        suite.tests.iter().filter(|test| test.name.contains(&*request.filter)).collect();
+        suite.tests.iter().filter(|test| test.is_about(&request.filter)).collect();
     // What failed is of interest before all else.
     tests.sort_by_key(|test| !request.first.contains(&test.name));
     let all: BTreeSet<String> = tests.iter().map(|test| test.name.clone()).collect();

@@ -1,0 +1,292 @@
+//! Where a function fails, in a line: a property of the arguments that tells failing cases from the others.
+//!
+//! Each component of the arguments is tried, and what is made of two: quotients, products and differences of
+//! numbers, angles and distances of vectors. For each of them the interval is found that has the most of the
+//! failing cases and the fewest of the others.
+
+use super::batch::Batch;
+use super::tally::Tally;
+use crate::reflect::Function;
+use crate::tolerance::significant;
+use crate::value::{Scalar, Shape};
+
+/// Cases of either kind that are looked at: a share of them is known to within 1 %.
+const CASES: usize = 2048;
+
+/// Fewer cases of a kind say nothing: some interval of some property has them by chance.
+const FEWEST: usize = 8;
+
+/// The share of failing cases in an interval, less that of the others, from which on it is worth a line.
+const TELLING: f64 = 0.95;
+
+/// By how much a property of two arguments has to tell more than one of a single argument.
+const SIMPLER: f64 = 0.02;
+
+/// Cases of a batch that failed, and the others.
+struct Cases<'b> {
+    batch: &'b Batch,
+    failing: Vec<usize>,
+    passing: Vec<usize>,
+}
+
+/// A number that each case has.
+struct Property {
+    name: String,
+    of: Box<dyn Fn(&[f64]) -> f64>,
+    /// Whether it is made of two arguments.
+    mixed: bool,
+}
+
+/// The interval of a property that has most of what fails.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Interval {
+    /// `None`: from the least value that occurs on.
+    least: Option<f64>,
+    /// `None`: up to the greatest.
+    most: Option<f64>,
+    failing: f64,
+    passing: f64,
+}
+
+impl Interval {
+    fn gain(&self) -> f64 {
+        self.failing - self.passing
+    }
+}
+
+/// `where x is at least 0.2 (all that fails, 0.4 % of what passes)`; `None` where nothing is that simple.
+pub(super) fn cause(
+    function: &Function,
+    batch: &Batch,
+    failing: &[usize],
+    tally: &Tally,
+) -> Option<String> {
+    let count = usize::try_from(tally.census.failures).ok()?;
+    if failing.len() != count || count < FEWEST || batch.cases - count < FEWEST {
+        return None;
+    }
+    let mut failed = vec![false; batch.cases];
+    failing.iter().for_each(|case| failed[*case] = true);
+    let passing: Vec<usize> = (0..batch.cases).filter(|case| !failed[*case]).collect();
+    let cases = Cases { batch, failing: thinned(failing), passing: thinned(&passing) };
+    let mut best: Option<(Property, Interval)> = None;
+    for property in properties(&function.parameters) {
+        let Some(interval) = cases.split(&function.parameters, &property) else { continue };
+        let more = if property.mixed { SIMPLER } else { 0.0 };
+        let is_best = best.as_ref().is_none_or(|(_, best)| interval.gain() > best.gain() + more);
+        if interval.gain() >= TELLING && is_best {
+            best = Some((property, interval));
+        }
+    }
+    best.map(|(property, interval)| said(&property.name, &interval))
+}
+
+fn thinned(cases: &[usize]) -> Vec<usize> {
+    cases.iter().copied().step_by(cases.len().div_ceil(CASES).max(1)).collect()
+}
+
+fn said(name: &str, interval: &Interval) -> String {
+    let Interval { least, most, failing, passing } = interval;
+    let place = match (least, most) {
+        (Some(least), Some(most)) if least == most => format!("is {}", significant(*least)),
+        (Some(least), Some(most)) => {
+            format!("is from {} to {}", significant(*least), significant(*most))
+        }
+        (Some(least), None) => format!("is at least {}", significant(*least)),
+        (None, Some(most)) => format!("is at most {}", significant(*most)),
+        (None, None) => "is a number".to_owned(),
+    };
+    let share = |share: f64| format!("{:.3}", 100.0 * share);
+    let share = |part: f64| share(part).trim_end_matches('0').trim_end_matches('.').to_owned();
+    let fails = match failing {
+        1.0 => "all that fails".to_owned(),
+        part => format!("{} % of what fails", share(*part)),
+    };
+    let passes = match passing {
+        0.0 => "nothing that passes".to_owned(),
+        part => format!("{} % of what passes", share(*part)),
+    };
+    format!("where {name} {place} ({fails}, {passes})")
+}
+
+impl Cases<'_> {
+    /// The interval of a property whose share of failing cases exceeds that of the others most.
+    fn split(&self, parameters: &[(String, Shape)], property: &Property) -> Option<Interval> {
+        let scalars: Vec<Scalar> = parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
+        let mut values = Vec::with_capacity(self.failing.len() + self.passing.len());
+        for (cases, weight) in [
+            (&self.failing, 1.0 / self.failing.len() as f64),
+            (&self.passing, -1.0 / self.passing.len() as f64),
+        ] {
+            for case in cases {
+                let row = self.batch.arguments(*case);
+                let lanes: Vec<f64> =
+                    scalars.iter().zip(row).map(|(scalar, word)| scalar.decode(*word)).collect();
+                let value = (property.of)(&lanes);
+                // A quotient of zeros lies nowhere.
+                if value.is_finite() {
+                    values.push((value, weight));
+                }
+            }
+        }
+        largest_sum(&mut values)
+    }
+}
+
+/// The interval whose weights have the largest sum: failing cases weigh above 0, the others below.
+/// Kadane's algorithm, over values that differ.
+fn largest_sum(values: &mut [(f64, f64)]) -> Option<Interval> {
+    values.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (first, last) = (values.first()?.0, values.last()?.0);
+    let (mut best, mut at) = (None::<Interval>, None::<Interval>);
+    for equal in values.chunk_by(|a, b| a.0 == b.0) {
+        let value = equal[0].0;
+        let part = |sign: f64| -> f64 {
+            equal.iter().map(|(_, weight)| weight * sign).filter(|weight| *weight > 0.0).sum()
+        };
+        let (failing, passing) = (part(1.0), part(-1.0));
+        let before = at.filter(|at| at.gain() > 0.0);
+        let from = before.unwrap_or(Interval {
+            least: Some(value),
+            most: None,
+            failing: 0.0,
+            passing: 0.0,
+        });
+        let here = Interval {
+            most: Some(value),
+            failing: from.failing + failing,
+            passing: from.passing + passing,
+            ..from
+        };
+        at = Some(here);
+        if best.is_none_or(|best| here.gain() > best.gain() + 1e-9) {
+            best = Some(here);
+        }
+    }
+    let rounded = |share: f64| if (share - 1.0).abs() < 1e-9 { 1.0 } else { share };
+    let best = best?;
+    let inner = best.least != best.most;
+    Some(Interval {
+        least: best.least.filter(|least| *least != first || !inner),
+        most: best.most.filter(|most| *most != last || !inner),
+        failing: rounded(best.failing),
+        passing: best.passing,
+    })
+}
+
+/// What may tell cases apart: properties of single arguments first.
+fn properties(parameters: &[(String, Shape)]) -> Vec<Property> {
+    let (mut single, mut mixed) = (Vec::new(), Vec::new());
+    let (mut numbers, mut vectors) = (Vec::new(), Vec::new());
+    let mut lane = 0;
+    for (name, shape) in parameters {
+        let lanes = shape.lanes();
+        let is_float = lanes.iter().all(|scalar| scalar.is_float());
+        for (index, part) in shape.lane_names().into_iter().enumerate() {
+            let at = lane + index;
+            let of = Box::new(move |lanes: &[f64]| lanes[at]);
+            single.push(Property { name: format!("{name}{part}"), of, mixed: false });
+        }
+        match shape {
+            Shape::Vector { .. } if is_float => {
+                let (first, size) = (lane, lanes.len());
+                let of = Box::new(move |lanes: &[f64]| length(&lanes[first..first + size]));
+                single.push(Property { name: format!("length({name})"), of, mixed: false });
+                vectors.push((name, first, size));
+            }
+            _ if lanes.len() == 1 && is_float => numbers.push((name, lane)),
+            _ => {}
+        }
+        lane += lanes.len();
+    }
+    let mut add = |name: String, of: Box<dyn Fn(&[f64]) -> f64>| {
+        mixed.push(Property { name, of, mixed: true });
+    };
+    for (index, (a, i)) in numbers.iter().copied().enumerate() {
+        for (b, j) in numbers[index + 1..].iter().copied() {
+            add(format!("{a} / {b}"), Box::new(move |lanes| lanes[i] / lanes[j]));
+            add(format!("{b} / {a}"), Box::new(move |lanes| lanes[j] / lanes[i]));
+            add(format!("{a} * {b}"), Box::new(move |lanes| lanes[i] * lanes[j]));
+            add(format!("{a} - {b}"), Box::new(move |lanes| lanes[i] - lanes[j]));
+        }
+    }
+    for (index, (a, i, size)) in vectors.iter().copied().enumerate() {
+        for (b, j, _) in vectors[index + 1..].iter().copied().filter(|other| other.2 == size) {
+            let pairs = move |lanes: &[f64]| -> Vec<(f64, f64)> {
+                lanes[i..i + size].iter().copied().zip(lanes[j..j + size].iter().copied()).collect()
+            };
+            let dot = move |lanes: &[f64]| pairs(lanes).iter().map(|(a, b)| a * b).sum();
+            let apart = move |lanes: &[f64]| {
+                length(&pairs(lanes).iter().map(|(a, b)| a - b).collect::<Vec<_>>())
+            };
+            add(format!("dot({a}, {b})"), Box::new(dot));
+            add(format!("distance({a}, {b})"), Box::new(apart));
+        }
+    }
+    single.extend(mixed);
+    single
+}
+
+fn length(lanes: &[f64]) -> f64 {
+    lanes.iter().map(|lane| lane * lane).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::{Domain, Integers, UnitVector};
+    use crate::package::Package;
+    use crate::value::Arguments;
+
+    /// What is said where a function returns something else than 0.
+    fn told<D: Domain>(parameters: &str, fails: &str, domain: D) -> Option<String>
+    where
+        D::Value: Arguments,
+    {
+        let text = format!("fn f({parameters}) -> f32 {{ return select(0.0, 1.0, {fails}); }}");
+        let package = Package::from_source("s", &text);
+        let check = package.function("f").over(domain);
+        let error = check.try_stays_within(0.0, 0.5).expect_err("some cases fail").to_string();
+        let line = error.lines().find_map(|line| line.trim().strip_prefix("it fails "))?;
+        Some(line.to_owned())
+    }
+
+    #[test]
+    fn the_simplest_property_that_tells_is_named() {
+        let unit = || 0.0..=1.0_f32;
+        for (parameters, fails, said) in [
+            ("x: f32, y: f32", "x > 0.25", "where x is at least 0.25"),
+            ("x: f32, y: f32", "x <= 0.25", "where x is at most 0.2"),
+            ("x: f32, y: f32", "y > 0.25 && y < 0.5", "where y is from 0.25"),
+            ("x: f32, y: f32", "x == 0.0", "where x is 0 (all that fails, nothing that passes)"),
+            (
+                "x: f32, y: f32",
+                "x / max(y, 1e-9) > 0.2 && x / max(y, 1e-9) < 1.0",
+                "where x / y is from 0.2",
+            ),
+            ("x: f32, y: f32", "x > y", "where y / x is at most 1"),
+        ] {
+            let told = told(parameters, fails, (unit(), unit()));
+            assert!(told.as_ref().is_some_and(|told| told.starts_with(said)), "{fails}: {told:?}");
+        }
+        let told_of = told("n: vec3f, l: vec3f", "dot(n, l) < -0.5", (UnitVector, UnitVector));
+        assert!(told_of.is_some_and(|told| told.starts_with("where dot(n, l) is at most -0.5")));
+        let told_of = told("x: f32, i: u32", "i == 3u", (unit(), Integers(0..=7_u32)));
+        assert_eq!(told_of.as_deref(), Some("where i is 3 (all that fails, nothing that passes)"));
+    }
+
+    #[test]
+    fn what_fails_here_and_there_has_no_cause() {
+        let unit = || 0.0..=1.0_f32;
+        assert_eq!(told("x: f32", "fract(x * 7919.0) > 0.5", unit()), None);
+        assert_eq!(told("x: f32", "true", unit()), None, "all of them");
+    }
+
+    #[test]
+    fn the_largest_sum_is_that_of_an_interval() {
+        let mut values = [(3.0, 0.5), (1.0, -0.5), (2.0, 0.5), (4.0, -0.5), (2.0, 0.0)];
+        let found = largest_sum(&mut values).expect("there are values");
+        assert_eq!((found.least, found.most, found.gain()), (Some(2.0), Some(3.0), 1.0));
+        assert_eq!(largest_sum(&mut []), None);
+    }
+}
