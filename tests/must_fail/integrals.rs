@@ -75,7 +75,7 @@ fn a_wrong_constant_in_an_integral() {
     for part in [
         "error: `brdf::eval` fails integral.agrees_with: rel 1.2e-7",
         "  1 of 1 cases fail (100.000%), 1 too high\n  worst (case 0)\n        \
-         case = Vec3(0.0, 0.0, 0.75)\n    integral = (0, 0, 0.785398",
+         case = Vec3(0.0, 0.0, 0.75)\n      albedo = (0, 0, 0.75)\n    integral = (0, 0, 0.785398",
         ")  over 256 nodes\n      actual = 0.785398",
         "  at .z\n    expected = 0.75\n       error = rel 0.0472 (1.20e-7 allowed), 593883 ulp, abs 0.0354\n  replay: KARAT",
     ] {
@@ -138,7 +138,7 @@ fn one_bad_node_of_an_integral() {
         let text = disagreement(one.try_is_at_most(|_| 1e300, 0.0)).to_string();
         let value = if nan > 0 { "NaN" } else { "-inf" };
         let part = format!(
-            "        case = 70000\n    integral = {value}  over 100000 nodes\n        node = 70000: \
+            "        case = 70000\n         bad = 70000\n    integral = {value}  over 100000 nodes\n        node = 70000: \
              i = 70000, bad = 70000 (weight 0.25)\n    returned = {value}\n     at most = 1e300\n"
         );
         assert!(text.contains(&part), "`{part}` is missing in:\n{text}");

@@ -26,6 +26,45 @@ fn a_function_that_is_not_symmetric() {
     assert_eq!(disagreement(found).check, "invariant_under");
 }
 
+/// A BRDF with its cosine scales by the quotient of the cosines when the directions are swapped; one that isn't
+/// reciprocal doesn't, and a factor that isn't finite is an error, not a verdict.
+#[test]
+fn a_function_that_does_not_scale() {
+    let eval = |body: &str| {
+        let wgsl = format!("fn eval(v: vec3f, l: vec3f) -> f32 {{ return {body}; }}");
+        let package = Package::from_source("planted", &wgsl);
+        let above = Hemisphere.above(0.01);
+        let quotient = |(v, l): (Vec3, Vec3)| f64::from(v.z) / f64::from(l.z);
+        let check = package.function("eval").over((above, above));
+        check.try_scales_under(|(v, l)| (l, v), quotient, Rel(1e-5))
+    };
+    assert!(eval("l.z / (v.z + l.z)").is_ok());
+    let found = disagreement(eval("l.z / (v.z + 1.01 * l.z)"));
+    assert_eq!(found.check, "scales_under");
+    assert!(found.to_string().contains("expected is that for those without, times the factor"));
+    let package = Package::from_source("planted", "fn f(x: f32, y: f32) -> f32 { return x; }");
+    let over = package.function("f").over((0.0..=1.0, 0.0..=1.0));
+    let error = over.try_scales_under(|(x, y)| (y, x), |(x, y)| f64::from(y / x), Rel(1e-5));
+    let error = error.expect_err("0 is divided by").to_string();
+    assert!(error.contains("at factor for case"), "{error}");
+}
+
+/// The message names what failing cases have in common, if anything tells them from the others.
+#[test]
+fn the_cause_is_named() {
+    let package = Package::from_source(
+        "planted",
+        "fn window(distance: f32, radius: f32) -> f32 {\n\
+         let q = distance / radius;\n\
+         return select(q, 1.01 * q, q > 0.2 && q < 1.0);\n}",
+    );
+    let window = package.function("window").over((0.01..=10.0, 0.1..=10.0));
+    let found = disagreement(window.try_agrees_with(|d: f64, r: f64| d / r, Ulp(4.0))).to_string();
+    let cause =
+        "it fails where distance / radius is from 0.2 to 1 (all that fails, nothing that passes)";
+    assert!(found.contains(cause), "{found}");
+}
+
 /// Verbs that call the function twice show both calls, and say which is which.
 #[test]
 fn messages_of_properties_show_both_calls() {

@@ -1,18 +1,19 @@
 //! `karat test`: runs the tests and prints what their records hold.
 
+mod progress;
 mod subjects;
 
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::Context;
-use indicatif::{ProgressBar, ProgressStyle};
 use karat::Package;
 use karat::diagnostic::nearest;
 use karat::record::{self, Record, Recorded, Run, Running};
 use karat_suite::{Suite, Test};
 
+use self::progress::Progress;
 use self::subjects::Subjects;
 use super::project::Project;
 use super::report::{OutputArgs, is_failure, tables, untested};
@@ -75,15 +76,17 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     // The record of the last run stays until there is another one.
     let running = Running::begin(&project.record()).context("can't keep a record")?;
     let (mut passed, mut ran) = (true, false);
+    let mut subjects = Subjects::read(&project.record());
+    let mut progress = Progress::of(subjects.count().filter(|_| asked.is_whole()));
     if asked.folder.is_none() && project.is_cargo() {
-        passed = asked.run_cargo(&project, running.folder(), out)?;
+        passed = asked.run_cargo(&project, running.folder(), &mut progress, out)?;
         ran = true;
     }
     // Tests call single functions: whatever else their packages hold must be valid, too.
     let packages = asked.packages(&project)?;
     let mut suites_passed = true;
     for folder in asked.suites(&project, &packages)? {
-        suites_passed &= asked.run_suite(&folder, running.folder(), out)?;
+        suites_passed &= asked.run_suite(&folder, running.folder(), &mut progress, out)?;
         ran = true;
     }
     passed &= suites_passed;
@@ -111,8 +114,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let run = Run { schema: record::SCHEMA, selected: asked.selected(), passed: passed && valid };
     run.write(running.folder()).context("can't say how the run was made")?;
     let folder = running.end().context("can't keep the record")?;
-    let mut subjects = Subjects::read(&project.record());
-    subjects.add(&records, asked.is_whole());
+    subjects.add(&records, asked.is_whole().then(|| progress.done()));
     subjects.write(&project.record()).context("can't keep which tests check which functions")?;
     let failed = tables::write(&records, args.output.all, out)?;
     // With a filter most functions aren't tested on purpose.
@@ -287,13 +289,19 @@ impl<'a> Asked<'a> {
     }
 
     /// Runs the tests of a package that are in the package. Whether all passed.
-    fn run_suite(&self, folder: &Path, record: &Path, out: &mut dyn Write) -> anyhow::Result<bool> {
+    fn run_suite(
+        &self,
+        folder: &Path,
+        record: &Path,
+        progress: &mut Progress,
+        out: &mut dyn Write,
+    ) -> anyhow::Result<bool> {
         let program = std::env::current_exe().context("this program isn't where it was")?;
         let mut run = |filter: Option<&str>, exact: bool| {
             let mut command = Command::new(&program);
             command.arg("suite").arg(folder).args(filter).args(exact.then_some("--exact"));
             command.args(self.args.leaves_frames_out().then_some("--functions"));
-            self.run_tests(command, record, out)
+            self.run_tests(command, record, progress, out)
         };
         let Some(names) = &self.names else { return run(self.filter, self.args.exact) };
         let suite = Suite::of(Package::open(folder)?)?;
@@ -310,6 +318,7 @@ impl<'a> Asked<'a> {
         &self,
         project: &Project,
         record: &Path,
+        progress: &mut Progress,
         out: &mut dyn Write,
     ) -> anyhow::Result<bool> {
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
@@ -350,7 +359,7 @@ impl<'a> Asked<'a> {
             }
             None => {}
         }
-        self.run_tests(command, record, out)
+        self.run_tests(command, record, progress, out)
     }
 
     /// Runs a program of tests; whether it succeeded. On a terminal a bar stands for tests that pass.
@@ -358,6 +367,7 @@ impl<'a> Asked<'a> {
         &self,
         mut command: Command,
         record: &Path,
+        progress: &mut Progress,
         out: &mut dyn Write,
     ) -> anyhow::Result<bool> {
         let args = self.args;
@@ -369,36 +379,35 @@ impl<'a> Asked<'a> {
         command.envs(args.functions.then_some(("KARAT_FRAMES", "off")));
         command.envs(args.paths.as_ref().map(|paths| ("KARAT_PATHS", paths)));
         command.envs(args.require.as_ref().map(|paths| ("KARAT_REQUIRE", paths)));
-        let bar = if std::io::stderr().is_terminal() {
-            ProgressBar::new(0).with_style(
-                ProgressStyle::with_template("{bar:40} {pos} of {len} tests  {wide_msg}")
-                    .expect("the template is valid"),
-            )
-        } else {
-            ProgressBar::hidden()
-        };
         let status = child::run(&mut command, |line| {
-            let running = line.strip_prefix("running ").and_then(|rest| rest.split(' ').next());
-            if let Some(count) = running.and_then(|count| count.parse::<u64>().ok()) {
-                bar.inc_length(count);
-            } else if let Some(name) =
-                line.strip_prefix("test ").and_then(|l| l.strip_suffix(" ... ok"))
-            {
-                bar.inc(1);
-                bar.set_message(name.to_owned());
-            } else if !is_noise(line) {
-                bar.suspend(|| writeln!(out, "{line}"))?;
+            let verdict = line.strip_prefix("test ").and_then(|line| line.rsplit_once(" ... "));
+            if let Some((name, word)) = verdict {
+                progress.step(name);
+                if word == "ok" {
+                    return Ok(());
+                }
+            }
+            if !is_noise(line) {
+                progress.above(|| writeln!(out, "{line}"))?;
             }
             Ok(())
         })?;
-        bar.finish_and_clear();
+        progress.pause();
         Ok(status.success())
     }
 }
 
 /// Lines that say nothing beyond the table.
 fn is_noise(line: &str) -> bool {
-    line.is_empty() || line.starts_with("test result: ok")
+    line.is_empty() || line.starts_with("test result: ok") || is_count(line)
+}
+
+/// How many tests a program has: `running 12 tests`.
+fn is_count(line: &str) -> bool {
+    let rest = line
+        .strip_prefix("running ")
+        .and_then(|rest| rest.strip_suffix(" tests").or(rest.strip_suffix(" test")));
+    rest.is_some_and(|count| count.parse::<u64>().is_ok())
 }
 
 fn write_untested(

@@ -5,10 +5,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use karat::record::{Record, Subject};
+use serde::{Deserialize, Serialize};
 
 /// Of each test what it checked when it last ran. A file that is missing or can't be read knows nothing.
-#[derive(Debug, Default)]
-pub(super) struct Subjects(BTreeMap<String, BTreeSet<String>>);
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(super) struct Subjects {
+    tests: BTreeMap<String, BTreeSet<String>>,
+    /// How many tests the last run had that left none out.
+    count: Option<u64>,
+}
 
 /// The file beside the record of the last run.
 const FILE: &str = "subjects.json";
@@ -17,31 +22,37 @@ impl Subjects {
     /// What earlier runs have told, whose last record is in this folder.
     pub(super) fn read(record: &Path) -> Self {
         let text = std::fs::read_to_string(record.with_file_name(FILE)).unwrap_or_default();
-        Self(serde_json::from_str(&text).unwrap_or_default())
+        serde_json::from_str(&text).unwrap_or_default()
     }
 
-    /// Adds what a run has told. After one that left nothing out, the others are gone.
-    pub(super) fn add(&mut self, records: &[Record], whole: bool) {
+    /// How many tests there are, as far as is known.
+    pub(super) fn count(&self) -> Option<u64> {
+        self.count
+    }
+
+    /// Adds what a run has told. After one that left nothing out, which had `whole` tests, the others are gone.
+    pub(super) fn add(&mut self, records: &[Record], whole: Option<u64>) {
+        self.count = whole.or(self.count);
         let ran: BTreeSet<&String> = records.iter().map(|record| &record.test).collect();
-        self.0.retain(|test, _| !whole && !ran.contains(test));
+        self.tests.retain(|test, _| whole.is_none() && !ran.contains(test));
         for record in records {
             let name = match &record.subject {
                 Subject::Function { function, .. } => function,
                 Subject::Frame { golden, .. } => golden,
             };
-            self.0.entry(record.test.clone()).or_default().insert(name.clone());
+            self.tests.entry(record.test.clone()).or_default().insert(name.clone());
         }
     }
 
     /// Keeps it for the next run.
     pub(super) fn write(&self, record: &Path) -> std::io::Result<()> {
-        let text = serde_json::to_string(&self.0).expect("it is plain data");
+        let text = serde_json::to_string(self).expect("it is plain data");
         std::fs::write(record.with_file_name(FILE), text)
     }
 
     /// Tests that checked something whose name has this in it, while their own names haven't.
     pub(super) fn about(&self, words: &str) -> Vec<String> {
-        let tests = self.0.iter().filter(|(test, names)| {
+        let tests = self.tests.iter().filter(|(test, names)| {
             !test.contains(words) && names.iter().any(|name| name.contains(words))
         });
         tests.map(|(test, _)| test.clone()).collect()
@@ -65,15 +76,15 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let last = folder.path().join("run");
         let mut all = Subjects::read(&last);
-        all.add(&[record("grazing", "fresnel::schlick"), record("lobe", "ggx::d")], true);
+        all.add(&[record("grazing", "fresnel::schlick"), record("lobe", "ggx::d")], Some(2));
         all.write(&last).expect("written");
         let mut again = Subjects::read(&last);
-        again.add(&[record("grazing", "fresnel::conductor")], false);
+        again.add(&[record("grazing", "fresnel::conductor")], None);
         assert_eq!(again.about("schlick"), Vec::<String>::new(), "it checks another one now");
         assert_eq!(again.about("fresnel"), ["grazing"]);
-        assert_eq!(again.about("ggx"), ["lobe"]);
+        assert_eq!((again.about("ggx"), again.count()), (vec!["lobe".to_owned()], Some(2)));
         assert_eq!(again.about("lobe"), Vec::<String>::new(), "cargo finds it by its name");
-        again.add(&[record("other", "a::b")], true);
+        again.add(&[record("other", "a::b")], Some(1));
         assert_eq!(again.about("ggx"), Vec::<String>::new(), "a whole run has no such test");
         std::fs::write(last.with_file_name(FILE), "{").expect("written");
         assert_eq!(Subjects::read(&last).about("ggx"), Vec::<String>::new());
