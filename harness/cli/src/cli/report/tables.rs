@@ -38,7 +38,7 @@ pub(in crate::cli) fn write(
     let failed = write_functions(&others, out)? + write_frames(&others, out)?;
     for record in others.iter().filter(|record| is_failure(record)).take(IN_FULL) {
         if let Some(message) = super::message(record) {
-            writeln!(out, "\n{}", message.trim_end())?;
+            writeln!(out, "\n{}", super::colour::painted(message.trim_end()))?;
         }
     }
     Ok(failed)
