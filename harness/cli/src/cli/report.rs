@@ -1,7 +1,7 @@
 //! `karat report`, and what others read of a run: a page, JSON, JUnit XML, GitHub's annotations and
 //! summary.
 
-mod colour;
+pub(super) mod colour;
 mod github;
 mod html;
 mod junit;

@@ -16,7 +16,7 @@ use karat_suite::{Suite, Test};
 use self::progress::Progress;
 use self::subjects::Subjects;
 use super::project::Project;
-use super::report::{OutputArgs, is_failure, tables, untested};
+use super::report::{OutputArgs, colour, is_failure, tables, untested};
 use super::table::{DIM, HEAD, KNOWN};
 use super::{Ending, NotThere, Outcome, PackageArgs, check, child};
 
@@ -379,6 +379,7 @@ impl<'a> Asked<'a> {
         command.envs(args.functions.then_some(("KARAT_FRAMES", "off")));
         command.envs(args.paths.as_ref().map(|paths| ("KARAT_PATHS", paths)));
         command.envs(args.require.as_ref().map(|paths| ("KARAT_REQUIRE", paths)));
+        let mut told = false;
         let status = child::run(&mut command, |line| {
             let verdict = line.strip_prefix("test ").and_then(|line| line.rsplit_once(" ... "));
             if let Some((name, word)) = verdict {
@@ -387,8 +388,11 @@ impl<'a> Asked<'a> {
                     return Ok(());
                 }
             }
-            if !is_noise(line) {
-                progress.above(|| writeln!(out, "{line}"))?;
+            // One blank line at most, between lines that say something.
+            let blank = line.is_empty() && told;
+            if blank || !is_noise(line) {
+                progress.above(|| writeln!(out, "{}", colour::line(line)))?;
+                told = !blank;
             }
             Ok(())
         })?;

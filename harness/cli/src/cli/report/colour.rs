@@ -3,11 +3,12 @@
 use super::super::table::{BAD, DIM, HEAD, KNOWN};
 
 /// The message with its colours. Where they aren't wanted, whoever writes it leaves them out.
-pub(super) fn painted(message: &str) -> String {
+pub(in crate::cli) fn painted(message: &str) -> String {
     message.lines().map(line).collect::<Vec<_>>().join("\n")
 }
 
-fn line(line: &str) -> String {
+/// One line of a message.
+pub(in crate::cli) fn line(line: &str) -> String {
     let trimmed = line.trim_start();
     let indent = &line[..line.len() - trimmed.len()];
     for (word, style) in [("error", BAD), ("warning", KNOWN)] {
