@@ -40,6 +40,22 @@ use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Mirror, Shape, Shareable};
 
 /// Compute passes over resources that they share.
+///
+/// ```
+/// use karat::prelude::*;
+///
+/// let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+///             @compute @workgroup_size(4) fn double(@builtin(global_invocation_id) id: vec3u) {
+///                 data[id.x] *= 2u;
+///             }";
+/// let package = Package::from_source("m", text);
+/// let doubled = || {
+///     let data = Storage::new([1_u32, 2, 3, 4]);
+///     package.compute().with("data", data).dispatch("double", [1, 1, 1]).after("data")
+/// };
+/// doubled().agrees_with([2_u32, 4, 6, 8], Abs(0.0));
+/// doubled().satisfies("is even", |data: &[u32]| data.iter().all(|x| x % 2 == 0));
+/// ```
 #[derive(Clone, Debug)]
 #[must_use = "nothing is dispatched until `.after(...)` and a verb such as `.agrees_with(...)`"]
 pub struct Compute<'a> {

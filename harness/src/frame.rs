@@ -26,6 +26,16 @@ use crate::tolerance::LaneError;
 use crate::value::Shareable;
 
 /// A frame to be drawn.
+///
+/// ```no_run
+/// use karat::prelude::*;
+///
+/// static SHADERS: Package = karat::package!("shaders");
+/// static GOLDENS: karat::Goldens = karat::goldens!("golden");
+///
+/// // @fragment fn fragment(@location(0) uv: vec2f) -> @location(0) vec4f, in sky.wgsl
+/// SHADERS.frame("sky", 256, 128).fragment("fragment").matches(&GOLDENS, "sky");
+/// ```
 #[derive(Clone, Debug)]
 #[must_use = "a frame draws nothing until `.render(...)` or `.matches(...)`"]
 pub struct Frame<'a> {
@@ -395,6 +405,16 @@ impl<'a> Frame<'a> {
     }
 
     /// Draws the frame on one path.
+    ///
+    /// ```no_run
+    /// use karat::prelude::*;
+    ///
+    /// let text = "@fragment fn fragment() -> @location(0) vec4f { return vec4f(0.5, 0.0, 0.0, 1.0); }";
+    /// let package = Package::from_source("m", text);
+    /// let image = package.frame("", 4, 4).fragment("fragment").render(Path::VULKAN)?;
+    /// assert_eq!(image.pixels()[0][0], 0.5);
+    /// # Ok::<(), karat::frame::FrameError>(())
+    /// ```
     ///
     /// # Errors
     /// If the shader isn't valid, a fixture is missing, or the path doesn't open.

@@ -1,6 +1,8 @@
 //! Karat tests WGSL shaders from Rust: functions against references, frames against goldens.
 //!
 //! ```no_run
+//! use std::f64::consts::PI;
+//!
 //! use karat::prelude::*;
 //!
 //! static SHADERS: Package = karat::package!("shaders"); // a folder beside Cargo.toml
@@ -10,8 +12,8 @@
 //!     SHADERS
 //!         .function("brdf::lambert")
 //!         .over((0.0..=1.0, 0.0..=1.0)) // albedo, n_dot_l: seeded, edge-biased, one dispatch
-//!         .agrees_with(|albedo: f64, n_dot_l: f64| albedo / std::f64::consts::PI * n_dot_l,
-//! Ulp(4.0)); }
+//!         .agrees_with(|albedo: f64, n_dot_l: f64| albedo / PI * n_dot_l, Ulp(4.0));
+//! }
 //! ```
 //!
 //! A check is a plain `#[test]`. It links the function and all that it uses from the shader folder,
