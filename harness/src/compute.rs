@@ -269,6 +269,26 @@ impl<'a> Compute<'a> {
     /// Gives the variable `name` the same resource as the variable `other`, whose fixture was added
     /// before: what one pass writes as `target` another reads as `source`.
     ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let text = "@group(0) @binding(0) var<storage, read_write> made: array<u32>;
+    ///             @group(0) @binding(1) var<storage> source: array<u32>;
+    ///             @group(0) @binding(2) var<storage, read_write> target_: array<u32>;
+    ///             @compute @workgroup_size(2) fn make(@builtin(local_invocation_index) i: u32) { made[i] = i; }
+    ///             @compute @workgroup_size(2) fn double(@builtin(local_invocation_index) i: u32) {
+    ///                 target_[i] = 2u * source[i];
+    ///             }";
+    /// Package::from_source("m", text)
+    ///     .compute()
+    ///     .with("made", Storage::new([0_u32, 0]))
+    ///     .with("target_", Storage::new([0_u32, 0]))
+    ///     .same("source", "made")
+    ///     .dispatch("make", [1, 1, 1])
+    ///     .dispatch("double", [1, 1, 1])
+    ///     .after("target_")
+    ///     .agrees_with([0_u32, 2], Abs(0.0));
+    /// ```
+    ///
     /// # Panics
     /// If `other` has no fixture.
     pub fn same(mut self, name: &str, other: &str) -> Self {
@@ -385,6 +405,15 @@ impl After<'_> {
     }
 
     /// The elements on one path.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+    ///             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
+    /// let package = Package::from_source("m", text);
+    /// let passes = package.compute().with("data", Storage::new([0_u32])).dispatch("count", [1, 1, 1]);
+    /// assert_eq!(passes.after("data").read::<u32>(Path::CPU).unwrap(), [7]);
+    /// ```
     ///
     /// # Errors
     /// If the passes can't be dispatched there, or the elements are of another type.

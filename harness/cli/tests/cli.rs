@@ -44,6 +44,7 @@ mod unreferenced;
 mod watch;
 #[path = "cli/watch_screen.rs"]
 mod watch_screen;
+#[cfg(unix)]
 #[path = "cli/workflows.rs"]
 mod workflows;
 

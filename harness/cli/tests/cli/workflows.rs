@@ -1,5 +1,6 @@
 //! What CI systems are given: workflows, an action for GitHub and a template for GitLab. No runner is here,
-//! so their steps are read, their shell is parsed, and those that need no network are run.
+//! so their steps are read, their shell is parsed, and those that need no network are run. On Windows another
+//! `bash` may come first.
 
 use yaml_rust2::{Yaml, YamlLoader};
 
