@@ -112,6 +112,33 @@ fn the_action_uses_each_of_its_inputs() {
     }
 }
 
+/// What the guide shows can be copied: it is YAML, and names inputs and a job that are there.
+#[test]
+fn samples_of_the_guide_use_what_is_there() {
+    let guide = std::fs::read_to_string(FilePath::new(ROOT).join("docs/guide/ci.md"));
+    let guide = guide.expect("the chapter");
+    let samples: Vec<Yaml> = guide
+        .split("```yaml\n")
+        .skip(1)
+        .filter_map(|rest| rest.split("```").next())
+        .map(|text| YamlLoader::load_from_str(text).expect("YAML").remove(0))
+        .collect();
+    assert_eq!(samples.len(), 2);
+    let step = &samples[0]["jobs"]["karat"]["steps"][1];
+    assert!(step["uses"].as_str().is_some_and(|uses| uses.contains("/ci/action@")));
+    for (input, _) in step["with"].as_hash().expect("inputs") {
+        let input = input.as_str().expect("a name");
+        assert!(!read(ACTION)["inputs"][input].is_badvalue(), "{input}");
+    }
+    assert_eq!(samples[1]["include"][0]["file"].as_str(), Some(TEMPLATE));
+    let template = read(TEMPLATE);
+    let job = &template[samples[1]["shaders"]["extends"].as_str().expect("a job")];
+    for (variable, _) in samples[1]["shaders"]["variables"].as_hash().expect("variables") {
+        let variable = variable.as_str().expect("a name");
+        assert!(!job["variables"][variable].is_badvalue(), "{variable}");
+    }
+}
+
 /// A folder of shaders with one test, in a repository's subfolder.
 fn folder() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
