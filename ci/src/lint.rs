@@ -1,11 +1,11 @@
-//! `cargo ci lint`: formatting, Clippy, documentation and licences.
+//! `cargo ci lint`: formatting, Clippy, documentation, licences and what packages hold.
 
 use std::process::{Command, ExitCode};
 
 use anyhow::{Context, Result};
 
 use crate::step::Steps;
-use crate::{command, licence};
+use crate::{command, licence, packages};
 
 /// The lint steps alone.
 pub(crate) fn run() -> ExitCode {
@@ -18,6 +18,7 @@ pub(crate) fn run() -> ExitCode {
 pub(crate) fn steps(steps: &mut Steps) {
     steps.run("format", format);
     steps.run("licences", licence::check);
+    steps.run("packages", packages::check);
     steps.run("clippy", clippy);
     steps.run("documentation", documentation);
 }

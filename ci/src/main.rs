@@ -17,9 +17,11 @@ mod licence;
 mod lint;
 mod matrix;
 mod mutants;
+mod packages;
 #[path = "../../harness/src/record/folder.rs"]
 #[expect(unreachable_pub, reason = "it is public in the harness, which is compiled later")]
 mod record;
+mod semver;
 mod setup;
 mod step;
 mod suite;
@@ -96,6 +98,15 @@ enum Task {
     /// Translate, validate, run and compare the shader library on every route, and write
     /// `docs/translations.md`.
     Matrix,
+    /// Build and test the crates as they would be published: packed, unpacked, away from the repository.
+    ///
+    /// Cargo takes each from the unpacked folders in place of the registry. This takes minutes.
+    Package,
+    /// Compare the libraries' public interfaces with those of a revision, by cargo-semver-checks.
+    Semver {
+        /// The revision [default: the one in ci/baseline.txt]
+        revision: Option<String>,
+    },
     /// Make every mutant of the shader library, and see whether its tests kill it; this takes hours.
     ///
     /// The tests try a few of them in each run. What became of which is written to
@@ -118,6 +129,8 @@ fn main() -> ExitCode {
         Task::Corpus { list, routes: true, json } => step::verdict(corpus::run_routes(list, json)),
         Task::Matrix => step::verdict(matrix::run()),
         Task::Bench { page, arguments } => step::verdict(bench::run(&arguments, page)),
+        Task::Package => packages::run(),
+        Task::Semver { revision } => step::verdict(semver::run(revision)),
         Task::Mutants { names } => step::verdict(mutants::run(&names)),
     }
 }

@@ -158,6 +158,16 @@ impl<'a> Probe<'a> {
     /// Sets an `override` of the shader, by its name or its `@id`. A `bool` is 0 or 1.
     ///
     /// One without an initialiser needs a value.
+    ///
+    /// ```
+    /// use karat::prelude::*;
+    ///
+    /// let text = "override GAIN: f32;
+    ///             fn f(x: f32) -> f32 { return GAIN * x; }";
+    /// let package = Package::from_source("m", text);
+    /// let check = package.function("f").override_("GAIN", 2.0).over(0.0..=1.0);
+    /// check.agrees_with(|x: f64| 2.0 * x, Ulp(0.0));
+    /// ```
     pub fn override_(mut self, name: &str, value: impl Into<f64>) -> Self {
         self.overrides.insert(name.to_owned(), value.into());
         self
@@ -223,6 +233,14 @@ where
     /// Sets the number of cases. A finite domain of at most that many values is enumerated instead.
     /// Without this, a finite domain of up to 2^20 values is enumerated; any other domain draws
     /// 65,536 cases.
+    ///
+    /// ```
+    /// use karat::prelude::*;
+    ///
+    /// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return 0.5 * x; }");
+    /// let check = package.function("f").over(0.0..=1.0).cases(1000);
+    /// assert_eq!(check.agrees_with(|x: f64| 0.5 * x, Ulp(1.0)).cases, 1000);
+    /// ```
     pub fn cases(mut self, cases: u64) -> Self {
         self.plan.cases = Some(cases);
         self

@@ -40,6 +40,22 @@ use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Mirror, Shape, Shareable};
 
 /// Compute passes over resources that they share.
+///
+/// ```
+/// use karat::prelude::*;
+///
+/// let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+///             @compute @workgroup_size(4) fn double(@builtin(global_invocation_id) id: vec3u) {
+///                 data[id.x] *= 2u;
+///             }";
+/// let package = Package::from_source("m", text);
+/// let doubled = || {
+///     let data = Storage::new([1_u32, 2, 3, 4]);
+///     package.compute().with("data", data).dispatch("double", [1, 1, 1]).after("data")
+/// };
+/// doubled().agrees_with([2_u32, 4, 6, 8], Abs(0.0));
+/// doubled().satisfies("is even", |data: &[u32]| data.iter().all(|x| x % 2 == 0));
+/// ```
 #[derive(Clone, Debug)]
 #[must_use = "nothing is dispatched until `.after(...)` and a verb such as `.agrees_with(...)`"]
 pub struct Compute<'a> {
@@ -253,6 +269,26 @@ impl<'a> Compute<'a> {
     /// Gives the variable `name` the same resource as the variable `other`, whose fixture was added
     /// before: what one pass writes as `target` another reads as `source`.
     ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let text = "@group(0) @binding(0) var<storage, read_write> made: array<u32>;
+    ///             @group(0) @binding(1) var<storage> source: array<u32>;
+    ///             @group(0) @binding(2) var<storage, read_write> target_: array<u32>;
+    ///             @compute @workgroup_size(2) fn make(@builtin(local_invocation_index) i: u32) { made[i] = i; }
+    ///             @compute @workgroup_size(2) fn double(@builtin(local_invocation_index) i: u32) {
+    ///                 target_[i] = 2u * source[i];
+    ///             }";
+    /// Package::from_source("m", text)
+    ///     .compute()
+    ///     .with("made", Storage::new([0_u32, 0]))
+    ///     .with("target_", Storage::new([0_u32, 0]))
+    ///     .same("source", "made")
+    ///     .dispatch("make", [1, 1, 1])
+    ///     .dispatch("double", [1, 1, 1])
+    ///     .after("target_")
+    ///     .agrees_with([0_u32, 2], Abs(0.0));
+    /// ```
+    ///
     /// # Panics
     /// If `other` has no fixture.
     pub fn same(mut self, name: &str, other: &str) -> Self {
@@ -369,6 +405,15 @@ impl After<'_> {
     }
 
     /// The elements on one path.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+    ///             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
+    /// let package = Package::from_source("m", text);
+    /// let passes = package.compute().with("data", Storage::new([0_u32])).dispatch("count", [1, 1, 1]);
+    /// assert_eq!(passes.after("data").read::<u32>(Path::CPU).unwrap(), [7]);
+    /// ```
     ///
     /// # Errors
     /// If the passes can't be dispatched there, or the elements are of another type.

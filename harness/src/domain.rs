@@ -52,6 +52,16 @@ const REJECTIONS: u32 = 2000;
 const SIMPLER: usize = 256;
 
 /// A set of values to draw from.
+///
+/// ```
+/// use karat::{Domain, Integers};
+///
+/// // A tuple is a domain of tuples; `map` and `filter` make other domains.
+/// let odd = (0.0..=1.0_f32, Integers(0..=9_u32)).filter(|&(_, n)| n % 2 == 1);
+/// let power = odd.map(|(x, n)| x.powi(n as i32));
+/// let drawn = power.draw(&mut karat::domain::Source::new(1, 0)).unwrap();
+/// assert!((0.0..=1.0).contains(&drawn));
+/// ```
 #[diagnostic::on_unimplemented(
     message = "`{Self}` is not a domain",
     label = "expected a domain of WGSL values",
@@ -199,6 +209,12 @@ impl<D: Domain + ?Sized> Domain for &D {
 }
 
 /// One value.
+///
+/// ```
+/// use karat::{Domain, Just};
+///
+/// assert_eq!((Just(2.0_f32).size(), Just(2.0_f32).nth(0)), (Some(1), Some(2.0)));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Just<T>(pub T);
 
@@ -219,6 +235,13 @@ impl<T: Clone + Debug + Send + Sync + 'static> Domain for Just<T> {
 }
 
 /// The listed values, each of them.
+///
+/// ```
+/// use karat::{Domain, OneOf};
+///
+/// let widths = OneOf(vec![0.01_f32, 0.5, 1.0]);
+/// assert_eq!((widths.size(), widths.nth(1)), (Some(3), Some(0.5)));
+/// ```
 #[derive(Clone, Debug)]
 pub struct OneOf<T>(pub Vec<T>);
 

@@ -30,6 +30,15 @@ use crate::reflect::{Binding, BindingKind, Dimension, Program, Texels, TextureKi
 use crate::value::Shape;
 
 /// What a test binds to a resource variable.
+///
+/// ```
+/// use karat::fixture::Fixture;
+/// use karat::prelude::*;
+///
+/// // `.with("name", ...)` takes each kind as it is.
+/// let fixtures: [Fixture; 2] = [Sampler::Linear.into(), Uniform::new(1.0_f32).into()];
+/// assert!(matches!(fixtures[0], Fixture::Sampler(_)));
+/// ```
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Fixture {

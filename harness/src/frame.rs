@@ -26,6 +26,16 @@ use crate::tolerance::LaneError;
 use crate::value::Shareable;
 
 /// A frame to be drawn.
+///
+/// ```no_run
+/// use karat::prelude::*;
+///
+/// static SHADERS: Package = karat::package!("shaders");
+/// static GOLDENS: karat::Goldens = karat::goldens!("golden");
+///
+/// // @fragment fn fragment(@location(0) uv: vec2f) -> @location(0) vec4f, in sky.wgsl
+/// SHADERS.frame("sky", 256, 128).fragment("fragment").matches(&GOLDENS, "sky");
+/// ```
 #[derive(Clone, Debug)]
 #[must_use = "a frame draws nothing until `.render(...)` or `.matches(...)`"]
 pub struct Frame<'a> {
@@ -205,6 +215,19 @@ impl<'a> Frame<'a> {
     /// Supplies what another frame draws for the texture variable `name`: a pass that this one reads.
     /// The other is drawn first, on the same path. Its image is a 2D texture of floats, or of depths if
     /// it is [`depth`](Self::depth).
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// let sharp = SHADERS.frame("sky", 64, 64).fragment("fragment");
+    /// SHADERS
+    ///     .frame("blur", 64, 64)
+    ///     .with_frame("source", sharp)
+    ///     .with("filtering", Sampler::Linear)
+    ///     .fragment("fragment")
+    ///     .matches(&GOLDENS, "blurred");
+    /// ```
     pub fn with_frame(mut self, name: &str, frame: Self) -> Self {
         self.inputs.push((name.to_owned(), frame));
         self
@@ -236,6 +259,20 @@ impl<'a> Frame<'a> {
     }
 
     /// Adds a draw, with its state. They are drawn in this order.
+    ///
+    /// ```no_run
+    /// use glam::Vec3;
+    /// use karat::draw::{Cull, Draw, Mesh};
+    /// use karat::prelude::*;
+    ///
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// let triangle = Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![0, 1, 2]);
+    /// SHADERS
+    ///     .frame("leaf", 64, 64)
+    ///     .draw(Draw::mesh("vertex", "fragment", triangle).instances(100).cull(Cull::None))
+    ///     .matches(&GOLDENS, "leaf");
+    /// ```
     pub fn draw(mut self, draw: Draw) -> Self {
         self.scene.draws.push(draw);
         self
@@ -265,6 +302,19 @@ impl<'a> Frame<'a> {
 
     /// Draws into targets of these formats, the first at `@location(0)` (default: one of
     /// [`Format::Float`]). The frame's image is the first, or what [`target`](Self::target) says.
+    ///
+    /// ```no_run
+    /// use karat::draw::Format;
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// SHADERS
+    ///     .frame("surface", 64, 64)
+    ///     .formats([Format::Rgba8UnormSrgb, Format::Rg16Float])
+    ///     .target(1) // the second is compared
+    ///     .fragment("fragment")
+    ///     .matches(&GOLDENS, "normals");
+    /// ```
     pub fn formats(mut self, formats: impl IntoIterator<Item = Format>) -> Self {
         self.scene.formats = formats.into_iter().collect();
         self
@@ -332,6 +382,13 @@ impl<'a> Frame<'a> {
     /// The default is [`FrameTolerance::standard`], where a frame that fails the gate of 1e-3 still
     /// passes if HDR-FLIP sees almost no difference. Integers have to be equal and depths within 1e-5,
     /// neither by HDR-FLIP.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// SHADERS.frame("sky", 64, 64).fragment("fragment").tolerance(1e-3).matches(&GOLDENS, "sky");
+    /// ```
     pub fn tolerance(mut self, tolerance: impl Into<FrameTolerance>) -> Self {
         self.tolerance = Some(tolerance.into());
         self
@@ -395,6 +452,16 @@ impl<'a> Frame<'a> {
     }
 
     /// Draws the frame on one path.
+    ///
+    /// ```no_run
+    /// use karat::prelude::*;
+    ///
+    /// let text = "@fragment fn fragment() -> @location(0) vec4f { return vec4f(0.5, 0.0, 0.0, 1.0); }";
+    /// let package = Package::from_source("m", text);
+    /// let image = package.frame("", 4, 4).fragment("fragment").render(Path::VULKAN)?;
+    /// assert_eq!(image.pixels()[0][0], 0.5);
+    /// # Ok::<(), karat::frame::FrameError>(())
+    /// ```
     ///
     /// # Errors
     /// If the shader isn't valid, a fixture is missing, or the path doesn't open.

@@ -204,6 +204,13 @@ impl Goldens {
     }
 
     /// A folder.
+    ///
+    /// ```
+    /// use karat::Goldens;
+    ///
+    /// let goldens = Goldens::open("golden".as_ref());
+    /// assert!(goldens.folder().ends_with("golden"));
+    /// ```
     #[must_use]
     pub fn open(folder: &Path) -> Self {
         let folder = folder.to_string_lossy().into_owned().into();

@@ -1,6 +1,8 @@
 //! Karat tests WGSL shaders from Rust: functions against references, frames against goldens.
 //!
 //! ```no_run
+//! use std::f64::consts::PI;
+//!
 //! use karat::prelude::*;
 //!
 //! static SHADERS: Package = karat::package!("shaders"); // a folder beside Cargo.toml
@@ -10,8 +12,8 @@
 //!     SHADERS
 //!         .function("brdf::lambert")
 //!         .over((0.0..=1.0, 0.0..=1.0)) // albedo, n_dot_l: seeded, edge-biased, one dispatch
-//!         .agrees_with(|albedo: f64, n_dot_l: f64| albedo / std::f64::consts::PI * n_dot_l,
-//! Ulp(4.0)); }
+//!         .agrees_with(|albedo: f64, n_dot_l: f64| albedo / PI * n_dot_l, Ulp(4.0));
+//! }
 //! ```
 //!
 //! A check is a plain `#[test]`. It links the function and all that it uses from the shader folder,
@@ -19,9 +21,30 @@
 //! kernel, runs it on each selected execution path ([`Path`]) and compares the results with the
 //! reference, which computes in `f64` from the same `f32` arguments.
 //!
-//! Where to read on: [`Check`] and [`Integral`] say what can be asserted, [`Domain`] where
-//! arguments come from, [`Tolerance`] how far results may differ, and [`Fixture`](fixture::Fixture)
-//! what else a function may read. Use `karat review` to look at frames that differ.
+//! # What do I have, and what do I use?
+//!
+//! | I have | I use |
+//! |---|---|
+//! | a folder of WGSL | [`package!`]`("shaders")` |
+//! | WGSL as text, or a few lines around a function | [`Package::from_source`], [`Package::depends_on`] |
+//! | the shaders of a crate, such as Bevy's | [`package!`]`(crate = "bevy_pbr@0.20.1")` |
+//! | a function, and the formula in Rust | [`Check::agrees_with`] |
+//! | a function, and a plainer one in WGSL | [`Check::agrees_with_function`] |
+//! | a function, and what must hold of it | [`Check::satisfies`], [`Check::stays_within`], [`Check::is_monotone_in`], [`Check::invariant_under`] |
+//! | a function without a formula: noise, a fit | [`Check::matches`] with [`Goldens`] |
+//! | a BRDF or a density to be integrated | [`Check::integrates_to`] over [`Directions`], or an [`Integral`] with a rule of my own |
+//! | a sampler and its density | [`Probe::sampled_over`](check::Probe::sampled_over), [`SamplingCheck`] |
+//! | numbers as arguments | ranges such as `0.0..=1.0`, [`Integers`], [`Grid`], [`AnyF32`] |
+//! | directions and colours as arguments | [`UnitVector`], [`Hemisphere`], [`UnitRgb`] |
+//! | a structure of WGSL | [`shareable!`] |
+//! | a tolerance | [`Ulp`], [`Rel`], [`Abs`]; [`Spec`] where I don't know one |
+//! | a texture, a sampler, a buffer that the function reads | [`Texture`], [`CubeMap`], [`Sampler`], [`Uniform`], [`Storage`], [`Buffer`](fixture::Buffer) |
+//! | entry points that draw | [`Package::frame`], [`Frame`], [`Goldens`] |
+//! | compute passes | [`Package::compute`], [`Compute`](compute::Compute) |
+//! | a driver that is wrong | [`Check::tolerance_on`], [`Check::fails_on`], [`Path`] |
+//! | no tests at all, and doubts | [`Package::hazards`], [`Package::is_valid`] |
+//!
+//! Every verb has a `try_` form that returns the [`Failure`](check::Failure) in place of a panic.
 //!
 //! Names that tests need are at the root and in [`prelude`]. Names that other programs need, such
 //! as verdicts, records and images, are in the modules.

@@ -184,11 +184,25 @@ impl Package {
     }
 
     /// One module in memory. Its functions are named without a module.
+    ///
+    /// ```
+    /// use karat::prelude::*;
+    ///
+    /// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return 0.5 * x; }");
+    /// package.function("f").over(0.0..=1.0).agrees_with(|x: f64| 0.5 * x, Ulp(0.0));
+    /// ```
     pub fn from_source(name: &str, text: impl Into<String>) -> Self {
         Self::from_modules(name, [(String::new(), text.into())])
     }
 
     /// Modules in memory, each with its path (`math`, `noise::value`) and its text.
+    ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// let package = Package::from_modules("m", [("math", "fn f() {}"), ("noise::value", "fn g() {}")]);
+    /// assert_eq!(package.modules().unwrap(), ["math", "noise::value"]);
+    /// ```
     pub fn from_modules<N: Into<String>, T: Into<String>>(
         name: &str,
         modules: impl IntoIterator<Item = (N, T)>,
@@ -198,6 +212,17 @@ impl Package {
     }
 
     /// Lets modules import from `package` under `name`: `import noise::value::perlin;`.
+    ///
+    /// ```
+    /// use karat::prelude::*;
+    ///
+    /// let tested = Package::from_modules("m", [("hash", "fn mix(x: u32) -> u32 { return x ^ (x >> 7u); }")]);
+    /// let glue = "import tested::hash::mix;
+    ///             fn twice(x: u32) -> u32 { return mix(mix(x)); }";
+    /// let glue = Package::from_source("glue", glue).depends_on("tested", &tested);
+    /// let mix = |x: u32| x ^ (x >> 7);
+    /// glue.function("twice").over(Integers(0..=u32::MAX)).agrees_with(move |x: u32| mix(mix(x)), Abs(0.0));
+    /// ```
     #[must_use]
     pub fn depends_on(&self, name: &str, package: &Self) -> Self {
         let mut own = self.clone();
@@ -208,6 +233,15 @@ impl Package {
     /// Sets what conditions ask about, `@if(name)` or `#ifdef name`: on, off, or a number, which is on
     /// and has a value. Features that aren't set are off. They hold in the packages that this one
     /// imports from, too. A name that nothing in them asks about is an error of the check.
+    ///
+    /// ```
+    /// use karat::prelude::*;
+    ///
+    /// let text = "@if(half) fn f(x: f32) -> f32 { return 0.5 * x; }
+    ///             @else fn f(x: f32) -> f32 { return x; }";
+    /// let package = Package::from_source("m", text).feature("half", true);
+    /// package.function("f").over(0.0..=1.0).agrees_with(|x: f64| 0.5 * x, Ulp(0.0));
+    /// ```
     #[must_use]
     pub fn feature(&self, name: &str, value: impl Into<Feature>) -> Self {
         let mut own = self.clone();

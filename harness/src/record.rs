@@ -46,6 +46,9 @@ pub struct Record {
     pub schema: u32,
     /// Name of the test that made it.
     pub test: String,
+    /// The Cargo package that has the test. Empty if it isn't Cargo's, or if an older Karat wrote the record.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub cargo_package: String,
     /// What was checked.
     pub subject: Subject,
     /// The verdict.

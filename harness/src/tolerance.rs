@@ -23,14 +23,36 @@ const ROUNDING: f64 = 1.0 + 1e-12;
 /// steps and a binade's end is no jump. Below `f32::MIN_POSITIVE` WGSL allows results to be
 /// flushed to zero, so two values closer than that count as equal. If a function subtracts nearly
 /// equal values, [`near_zero`](Tolerance::near_zero) widens that band.
+///
+/// ```
+/// use karat::{Tolerance, Ulp};
+///
+/// let tolerance = Tolerance::from(Ulp(1.0));
+/// assert!(tolerance.measure(0, 1.0_f32.next_up(), 1.0).passes());
+/// assert!(!tolerance.measure(0, 1.000001, 1.0).passes());
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ulp(pub f64);
 
 /// Relative error: `|result - reference| <= bound * |reference|`.
+///
+/// ```
+/// use karat::{Rel, Tolerance};
+///
+/// let tolerance = Tolerance::from(Rel(0.01));
+/// assert!(tolerance.measure(0, 1000.0, 1005.0).passes());
+/// assert!(!tolerance.measure(0, 1e-9, 0.0).passes()); // nothing is near 0 but 0
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rel(pub f64);
 
 /// Absolute error, in the unit of the value.
+///
+/// ```
+/// use karat::{Abs, Tolerance};
+///
+/// assert!(Tolerance::from(Abs(1e-6)).measure(0, 5e-7, 0.0).passes());
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Abs(pub f64);
 

@@ -118,10 +118,16 @@ fn what_is_no_wgsl_is_refused() {
     }
 }
 
+/// Whether this is a published package, which has no library beside it, and fewer shaders of its own.
+fn is_published() -> bool {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(".cargo_vcs_info.json").exists()
+}
+
 /// The shaders of this repository: the library's and the examples'.
 fn own_shaders() -> Vec<Package> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let folders = [root.join("../shaders"), root.join("examples/shaders")];
+    let many = if is_published() { "tests/strangers/shaders" } else { "../shaders" };
+    let folders = [root.join(many), root.join("examples/shaders")];
     folders.iter().map(|folder| Package::open(folder).expect("a folder")).collect()
 }
 
@@ -185,7 +191,7 @@ fn linked_functions_are_the_authors_bytes_but_for_names() {
             }
         }
     }
-    assert!(functions > 500, "{functions}");
+    assert!(functions > if is_published() { 10 } else { 500 }, "{functions}");
 }
 
 /// A stream of numbers for damages: SplitMix64 (Steele et al. 2014).
@@ -271,7 +277,7 @@ fn damaged_files_have_nagas_verdict() {
     texts.sort_by_key(String::len);
     let texts: Vec<Vec<String>> =
         texts.iter().filter(|text| text.len() < 9_000).map(|text| pieces(text)).collect();
-    assert!(texts.len() >= 8, "{}", texts.len());
+    assert!(texts.len() >= if is_published() { 5 } else { 8 }, "{}", texts.len());
     let threads = std::thread::available_parallelism().map_or(2, usize::from);
     let valid: usize = std::thread::scope(|scope| {
         let texts = &texts;

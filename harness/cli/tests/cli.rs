@@ -44,6 +44,9 @@ mod unreferenced;
 mod watch;
 #[path = "cli/watch_screen.rs"]
 mod watch_screen;
+#[cfg(unix)]
+#[path = "cli/workflows.rs"]
+mod workflows;
 
 use std::io::Read;
 use std::path::Path as FilePath;
@@ -132,6 +135,9 @@ fn command(folder: &FilePath, arguments: &[&str]) -> Command {
         "CI",
         "GITHUB_ACTIONS",
         "GITHUB_STEP_SUMMARY",
+        "GITHUB_WORKSPACE",
+        "CI_PROJECT_DIR",
+        "WORKSPACE",
         "CARGO",
         "NO_COLOR",
         "CLICOLOR",

@@ -19,6 +19,13 @@ use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Arguments, Scalar, format_lane};
 
 /// Which way results go as an argument grows. Equal results satisfy both trends.
+///
+/// ```
+/// use karat::prelude::*;
+///
+/// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return 1.0 - x; }");
+/// package.function("f").over(0.0..=1.0).is_monotone_in("x", Trend::Decreasing, Ulp(0.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trend {
     /// They never fall.

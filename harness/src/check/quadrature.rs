@@ -24,6 +24,15 @@ use crate::value::{Arguments, Mirror, Shape, Shareable};
 const RINGS: u16 = 64;
 
 /// The directions of an integral, about +Z, with their measure.
+///
+/// ```
+/// use std::f64::consts::TAU;
+///
+/// use karat::prelude::*;
+///
+/// let package = Package::from_source("m", "fn f(l: vec3f) -> f32 { return 1.0; }");
+/// package.function("f").over(()).integrates_to(Directions::hemisphere(), |()| TAU, Rel(1e-6));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use]
 pub struct Directions {

@@ -13,6 +13,14 @@ use crate::settings::SettingsError;
 use crate::tolerance::LaneError;
 
 /// What a check compared, and how close it came.
+///
+/// ```
+/// use karat::prelude::*;
+///
+/// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return 0.5 * x; }");
+/// let agreement = package.function("f").over(0.0..=1.0).agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
+/// assert_eq!(agreement.cases, 65_536);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Agreement {
     /// The function.
@@ -28,6 +36,15 @@ pub struct Agreement {
 }
 
 /// Why a check didn't agree.
+///
+/// ```
+/// use karat::check::Failure;
+/// use karat::prelude::*;
+///
+/// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return 0.6 * x; }");
+/// let wrong = package.function("f").over(0.0..=1.0).try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
+/// let Err(Failure::Disagreement(_)) = wrong else { panic!("it is 0.6") };
+/// ```
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Failure {

@@ -9,16 +9,36 @@ use super::{Domain, Emptiness, Source, shrink};
 /// Unit vectors over the whole sphere: uniform, with axes, poles and their close neighbours
 /// over-represented. Components are rounded to `f32`, so lengths differ from 1 by up to 1e-7, as
 /// in a shader.
+///
+/// ```
+/// use karat::{Domain, UnitVector};
+///
+/// let n = UnitVector.draw(&mut karat::domain::Source::new(1, 0)).unwrap();
+/// assert!(n.is_normalized());
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct UnitVector;
 
 /// Unit vectors with `z >= 0`: uniform, with the pole, the horizon and their close neighbours
 /// over-represented.
+///
+/// ```
+/// use karat::{Domain, Hemisphere};
+///
+/// assert!(Hemisphere.edges().contains(&glam::Vec3::Z));
+/// assert!(Hemisphere.edges().iter().all(|v| v.z >= 0.0));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Hemisphere;
 
 /// Colours with each channel in `[0, 1]`: greys, single channels, black and white
 /// over-represented.
+///
+/// ```
+/// use karat::{Domain, UnitRgb};
+///
+/// assert!(UnitRgb.edges().contains(&glam::Vec3::ONE));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct UnitRgb;
 

@@ -5,6 +5,13 @@ use super::{Domain, Origin, Shrinkable, Source, shrink};
 /// All named edge cases of a type: zeros of both signs, ones, denormals, powers of two and their
 /// neighbours, the largest. The domain is finite. In a tuple with infinite domains, each edge is a
 /// case at least once, and the first edges are combined with those of the other domains.
+///
+/// ```
+/// use karat::{Domain, Edges};
+///
+/// assert!(Edges::u32().edges().contains(&u32::MAX));
+/// assert!(Edges::f32().without_denormals().edges().iter().all(|x| !x.is_subnormal()));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Edges<T>(Vec<T>);
 
@@ -128,6 +135,13 @@ edges! {
 
 /// All finite `f32`: one draw in four is a named edge case ([`Edges::f32`]), the others are uniform
 /// over bit patterns, so that every binade is as likely as every other.
+///
+/// ```
+/// use karat::{AnyF32, Domain};
+///
+/// let x = AnyF32::finite().draw(&mut karat::domain::Source::new(1, 0)).unwrap();
+/// assert!(x.is_finite());
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnyF32 {
     edges: Edges<f32>,

@@ -4,6 +4,13 @@ use super::emptiness::{Emptiness, infinite};
 use super::{Domain, SIMPLER, Source, shrink};
 
 /// Values at equal distances, or at equal ratios, from one end to the other, both included.
+///
+/// ```
+/// use karat::{Domain, Grid};
+///
+/// assert_eq!(Grid::linear(0.0..=1.0, 5).nth(1), Some(0.25));
+/// assert_eq!(Grid::logarithmic(1.0..=100.0, 3).nth(1), Some(10.0));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Grid {
     first: f32,

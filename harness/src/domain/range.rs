@@ -66,6 +66,12 @@ impl Domain for RangeInclusive<f32> {
 ///
 /// Ranges of integers are iterators already, and would have two methods `map` and two `filter`
 /// if they were domains themselves.
+///
+/// ```
+/// use karat::{Domain, Integers};
+///
+/// assert_eq!(Integers(-1..=1).size(), Some(3)); // each of them is tried
+/// ```
 #[derive(Clone, Debug)]
 pub struct Integers<T>(pub RangeInclusive<T>);
 

@@ -7,6 +7,18 @@ use std::fmt;
 /// WGSL itself doesn't evaluate an author's functions at compile time. But if the arguments are
 /// constants, a driver may inline the function and compute it at compile time, with different
 /// arithmetic.
+///
+/// ```
+/// use karat::prelude::*;
+///
+/// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return 2.0 * x; }");
+/// let agreement = package
+///     .function("f")
+///     .over(0.0..=1.0)
+///     .from_all_sources()
+///     .agrees_with(|x: f64| 2.0 * x, Ulp(0.0));
+/// assert!(agreement.cases > 0);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Inputs {
     /// A storage buffer, which holds the arguments of a whole batch.

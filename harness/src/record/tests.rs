@@ -6,6 +6,7 @@ fn record(time: Option<Time>) -> Record {
     Record {
         schema: SCHEMA,
         test: "t".to_owned(),
+        cargo_package: String::new(),
         subject,
         verdict: Verdict::Pass,
         paths: Vec::new(),

@@ -165,6 +165,14 @@ pub(super) fn write_steps(steps: &[usize]) -> String {
     steps.join(".")
 }
 
+/// The Cargo package of the running test; empty if another program runs it.
+pub(crate) fn cargo_package() -> String {
+    match host::current() {
+        None => std::env::var("CARGO_PKG_NAME").unwrap_or_default(),
+        Some(_) => String::new(),
+    }
+}
+
 /// The running test. The test runner names each test's thread; a program that isn't a test runs on
 /// `main`.
 pub(crate) fn test() -> String {

@@ -44,6 +44,7 @@ impl Reporter {
         record::write(&Record {
             schema: record::SCHEMA,
             test: identity::test(),
+            cargo_package: identity::cargo_package(),
             subject,
             verdict: concluded.verdict(),
             paths,

@@ -8,6 +8,13 @@ use std::fmt;
 const LENGTH: f64 = 1e-3;
 
 /// The set that a density is defined on, with the measure that it is a density of.
+///
+/// ```
+/// use karat::Support;
+///
+/// assert_eq!(Support::Hemisphere.components(), 3); // a sample is a vec3f
+/// assert_eq!(Support::Interval(0.0, 1.0).components(), 1);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Support {
     /// Directions, by solid angle.

@@ -7,6 +7,15 @@ use super::{Mirror, Shape, Shareable};
 /// or sample with implicit level of detail, whose result at the upper left pixel is judged.
 ///
 /// `T` is `f32`, a vector or a matrix of it; the reference gets a `Quad` of its mirror.
+///
+/// ```
+/// use karat::prelude::*;
+/// use karat::value::Quad;
+///
+/// let package = Package::from_source("m", "fn slope(x: f32) -> f32 { return dpdx(2.0 * x); }");
+/// let x = (0.0..=1.0_f32, 0.0..=0.5_f32).map(|(value, dx)| Quad { value, dx, dy: 0.0 });
+/// package.function("slope").over(x).agrees_with(|x: Quad<f64>| 2.0 * x.dx, Abs(1e-6));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quad<T> {
     /// At the upper left pixel.

@@ -1,6 +1,9 @@
-//! The samples of docs/guide.md, compiled and run. Their text there is the text here.
+//! The samples of docs/guide, compiled and run. Their text there is the text here.
+
+mod functions;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path as FilePath;
 use std::sync::LazyLock;
 
 use glam::{Vec2, Vec3};
@@ -121,6 +124,12 @@ mod bevy {
         let srgb = |x: f64| if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
         BEVY.function("color_operations::gamma").over(0.0..=1.0).agrees_with(srgb, Rel(1e-5));
     }
+
+    static OURS: Package = karat::package!("assets/shaders");
+
+    fn ours() -> Package {
+        OURS.depends_on("bevy_render", &BEVY)
+    }
 }
 
 #[test]
@@ -165,36 +174,140 @@ fn frames() {
         .matches(&GOLDENS, "forest");
 }
 
+/// The chapter on frames, in its own words.
+mod first_frame {
+    use super::GOLDENS;
+    use super::functions::SHADERS;
+
+    pub(super) fn dusk() {
+        SHADERS.frame("dusk", 128, 64).fragment("fragment").matches(&GOLDENS, "dusk");
+    }
+}
+
 /// A golden is missing, is accepted, and then agrees; one after the other.
 #[test]
 fn frames_have_goldens() {
-    for case in ["sky", "forest"] {
-        let message = catch_unwind(AssertUnwindSafe(frames)).expect_err("no golden yet");
+    let shown: [(&str, fn()); 3] =
+        [("sky", frames), ("forest", frames), ("dusk", first_frame::dusk)];
+    for (case, frame) in shown {
+        let message = catch_unwind(AssertUnwindSafe(frame)).expect_err("no golden yet");
         let text = message.downcast_ref::<String>().expect("a message");
-        assert!(text.contains(&format!("`{case}`")), "{text}");
+        assert!(text.contains(&format!("`{case}` has no golden; look at `")), "{text}");
         PROJECT.accept(case);
     }
     frames();
+    first_frame::dusk();
 }
 
-/// Each sample of the guide stands here, but for blanks, closing commas and the attribute of tests.
+/// The chapters, by their names. `None` in a published package, which has no guide beside it.
+fn chapters() -> Option<Vec<(String, String)>> {
+    let package = FilePath::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = package.join("../docs/guide");
+    if package.join(".cargo_vcs_info.json").exists() {
+        return None;
+    }
+    let entries = std::fs::read_dir(&folder).expect("the guide").flatten();
+    let files = entries.filter(|entry| entry.path().extension().is_some_and(|end| end == "md"));
+    let read = |entry: std::fs::DirEntry| {
+        let text = std::fs::read_to_string(entry.path()).expect("a chapter");
+        (entry.file_name().to_string_lossy().into_owned(), text)
+    };
+    let mut chapters: Vec<_> = files.map(read).collect();
+    chapters.sort();
+    Some(chapters)
+}
+
+/// The blocks of a language in a chapter.
+fn blocks<'a>(text: &'a str, language: &str) -> Vec<&'a str> {
+    let opening = format!("```{language}\n");
+    let parts: Vec<&str> = text.split(opening.as_str()).skip(1).collect();
+    parts.into_iter().map(|rest| rest.split("```").next().unwrap_or_default()).collect()
+}
+
+/// What is compared of a sample: all but blanks, closing commas, and what stands around a test in its file.
+fn plain(text: &str) -> String {
+    let around = ["use ", "// tests/", "// shaders/", "#[test]", "static "];
+    let kept =
+        text.lines().filter(|line| !around.iter().any(|start| line.trim().starts_with(start)));
+    let dense: String = kept.flat_map(|line| line.chars()).filter(|c| !c.is_whitespace()).collect();
+    let dense = dense.replace("pub(super)", "");
+    dense.replace(",)", ")").replace(",]", "]").replace(",}", "}")
+}
+
+/// Each sample of the guide stands in this file or in that of functions.
 #[test]
 fn the_guide_has_these_samples() {
-    let plain = |text: &str| -> String {
-        let text = text.replace("#[test]", "");
-        let dense: String = text.chars().filter(|c| !c.is_whitespace()).collect();
-        dense.replace(",)", ")").replace(",]", "]").replace(",}", "}")
-    };
-    let own = plain(include_str!("guide.rs"));
-    let guide = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/guide.md");
-    let guide = std::fs::read_to_string(guide).expect("the guide");
-    let samples: Vec<&str> = guide
-        .split("```rust\n")
-        .skip(1)
-        .map(|rest| rest.split("```").next().unwrap_or_default())
-        .collect();
-    assert_eq!(samples.len(), 4);
-    for sample in samples {
-        assert!(own.contains(&plain(sample)), "not compiled here:\n{sample}");
+    let Some(chapters) = chapters() else { return };
+    let own = plain(include_str!("guide.rs")) + &plain(include_str!("guide/functions.rs"));
+    let mut count = 0;
+    for (chapter, text) in chapters {
+        for sample in blocks(&text, "rust") {
+            count += 1;
+            assert!(own.contains(&plain(sample)), "{chapter}: not compiled here:\n{sample}");
+        }
+    }
+    assert_eq!(count, 18);
+}
+
+/// Each shader is one that the samples test, but for two: WESL's conditions, which
+/// `harness/tests/package.rs` tests, and an import of Bevy's, which would fetch a crate; tests in WGSL
+/// are run by karat-suite.
+#[test]
+fn the_guide_has_these_shaders() {
+    let Some(chapters) = chapters() else { return };
+    let folder = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("tests/strangers/shaders");
+    let files = std::fs::read_dir(folder).expect("the shaders").flatten();
+    let own: String = files
+        .map(|file| plain(&std::fs::read_to_string(file.path()).expect("a shader")))
+        .collect::<Vec<_>>()
+        .join("\n");
+    let elsewhere = ["@if(fast)", "import bevy_render::", "@test fn"];
+    let mut count = 0;
+    for (chapter, text) in chapters {
+        for sample in blocks(&text, "wgsl") {
+            if elsewhere.iter().any(|part| sample.contains(part)) {
+                continue;
+            }
+            count += 1;
+            // A chapter may leave out the functions below those that it shows.
+            assert!(own.contains(&plain(sample)), "{chapter}: not tested here:\n{sample}");
+        }
+    }
+    assert_eq!(count, 3);
+}
+
+/// Chapters, and files that they link to, are there; the index and mdBook's summary name each chapter.
+#[test]
+fn links_of_the_guide_lead_somewhere() {
+    let folder = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("../docs/guide");
+    let Some(chapters) = chapters() else { return };
+    for (chapter, text) in &chapters {
+        for rest in text.split("](").skip(1) {
+            let link = rest.split(')').next().unwrap_or_default();
+            let (file, section) = link.split_once('#').unwrap_or((link, ""));
+            let file = if file.is_empty() { chapter } else { file };
+            assert!(folder.join(file).exists(), "{chapter}: there is no `{link}`");
+            if section.is_empty() {
+                continue;
+            }
+            let linked = std::fs::read_to_string(folder.join(file)).expect("a chapter");
+            let anchor = |head: &str| {
+                head.trim_start_matches('#')
+                    .trim()
+                    .to_lowercase()
+                    .replace(' ', "-")
+                    .replace('`', "")
+            };
+            let mut heads = linked.lines().filter(|line| line.starts_with('#'));
+            assert!(heads.any(|head| anchor(head) == section), "{chapter}: no section `{link}`");
+        }
+    }
+    for index in ["README.md", "SUMMARY.md"] {
+        let text = &chapters.iter().find(|(name, _)| name == index).expect("an index").1;
+        for (chapter, _) in
+            chapters.iter().filter(|(name, _)| !name.ends_with("Y.md") && *name != "README.md")
+        {
+            assert!(text.contains(&format!("({chapter})")), "{index} doesn't name {chapter}");
+        }
     }
 }

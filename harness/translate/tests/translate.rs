@@ -241,7 +241,10 @@ fn overrides_have_their_values() {
 
 #[test]
 fn the_version_told_is_that_of_the_lock_file() {
-    let lock = include_str!("../../../Cargo.lock");
+    // That of the repository, or the copy that a published package has.
+    let package = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let read = |folder: &str| std::fs::read_to_string(package.join(folder).join("Cargo.lock")).ok();
+    let lock = read("../..").or_else(|| read("")).expect("it is there");
     assert!(lock.contains(&format!("name = \"naga\"\nversion = \"{NAGA_VERSION}\"\n")));
 }
 

@@ -150,6 +150,9 @@ impl Args {
 
 /// The paths that are named; else every driver that opens, and the engine.
 fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Result<Vec<Path>> {
+    // A variable that is set to nothing counts as not set.
+    let names: Vec<&str> =
+        names.iter().map(|name| name.trim()).filter(|name| !name.is_empty()).collect();
     let named = if names.is_empty() { "all".to_owned() } else { names.join(",") };
     let mut paths = karat::path::named("--path", &named)?;
     let required = match std::env::var("KARAT_REQUIRE") {

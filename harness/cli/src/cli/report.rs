@@ -178,9 +178,6 @@ impl OutputArgs {
             write_whole(file, visible(text).as_bytes())
                 .with_context(|| format!("can't write `{}`", file.display()))
         };
-        if let Some(file) = &self.junit {
-            write(file, &junit::text(records, passed)?)?;
-        }
         if let Some(file) = &self.json {
             let all = serde_json::json!({ "schema": SCHEMA, "run": run, "records": records });
             write(file, &serde_json::to_string_pretty(&all).context("records are plain data")?)?;
@@ -199,6 +196,10 @@ impl OutputArgs {
         let on_github = std::env::var_os("GITHUB_ACTIONS").is_some_and(|value| value == "true");
         if self.github || on_github {
             github::write(records, passed, project, out)?;
+        }
+        // Behind GitHub's, which clears pictures that this one names.
+        if let Some(file) = &self.junit {
+            write(file, &junit::text(records, passed, project)?)?;
         }
         Ok(())
     }
@@ -274,28 +275,44 @@ struct Place {
     column: u32,
 }
 
-/// The function in WGSL, or the golden's facts, or the test that has none.
-fn place(record: &Record, root: &Path) -> Option<Place> {
+/// The function in WGSL, or the golden's facts, or the test that has none. Files are relative to
+/// the workspace.
+fn place(record: &Record, root: &Path, workspace: &Path) -> Option<Place> {
+    let located = |location, package| located(location, package, workspace);
     match &record.subject {
-        Subject::Function { location, package, .. } => located(location, Path::new(package), root),
+        Subject::Function { location, package, .. } => located(location, Path::new(package)),
         Subject::Frame { golden, folder, location } => {
             let facts = Path::new(folder).join(format!("{golden}.toml"));
             if !folder.is_empty() && facts.is_file() {
-                return Some(Place { file: relative(&facts, root), line: 1, column: 1 });
+                return Some(Place { file: relative(&facts, workspace), line: 1, column: 1 });
             }
-            located(location, root, root)
+            located(location, root)
         }
     }
 }
 
+/// Variables in which GitHub, GitLab and Jenkins say where the repository is checked out.
+const WORKSPACES: [&str; 3] = ["GITHUB_WORKSPACE", "CI_PROJECT_DIR", "WORKSPACE"];
+
+/// The folder that files are relative to in what CI reads: the repository's, where CI says which it is and
+/// the project is in it; otherwise the project's.
+fn workspace(root: &Path) -> PathBuf {
+    let whole = |folder: &Path| folder.canonicalize().ok();
+    let named = WORKSPACES.iter().filter_map(std::env::var_os).filter(|folder| !folder.is_empty());
+    let holds = |folder: &PathBuf| {
+        whole(root).zip(whole(folder)).is_some_and(|(root, folder)| root.starts_with(folder))
+    };
+    named.map(PathBuf::from).find(holds).unwrap_or_else(|| root.to_owned())
+}
+
 /// `file:line:column`, whose file may be relative to any folder above the package: tests run in
 /// theirs, and the compiler in the workspace.
-fn located(location: &str, package: &Path, root: &Path) -> Option<Place> {
+fn located(location: &str, package: &Path, workspace: &Path) -> Option<Place> {
     let mut parts = location.rsplitn(3, ':');
     let (column, line, file) = (parts.next()?, parts.next()?, parts.next()?);
     let (line, column) = (line.parse().ok()?, column.parse().ok()?);
     let file = package.ancestors().map(|folder| folder.join(file)).find(|path| path.is_file())?;
-    Some(Place { file: relative(&file, root), line, column })
+    Some(Place { file: relative(&file, workspace), line, column })
 }
 
 /// With `/`, as GitHub has it.

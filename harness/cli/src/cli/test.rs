@@ -142,7 +142,9 @@ impl<'a> Asked<'a> {
     fn of(args: &'a Args) -> anyhow::Result<Self> {
         // A slip is told before minutes go into building.
         for (option, names) in [("--paths", &args.paths), ("--require", &args.require)] {
-            names.as_deref().map_or(Ok(Vec::new()), |names| karat::path::named(option, names))?;
+            // A variable that is set to nothing counts as not set.
+            let names = names.as_deref().filter(|names| !names.trim().is_empty());
+            names.map_or(Ok(Vec::new()), |names| karat::path::named(option, names))?;
         }
         let (what, filter) = (args.what.as_deref(), args.filter.as_deref());
         let named = what.map(Path::new).filter(|path| path.exists());

@@ -29,6 +29,8 @@ pub(super) use worker::{Request, Said};
 
 /// How long a shader may take here, unless KARAT_DEADLINE says: who waits has an editor open.
 const DEADLINE: &str = "10";
+/// Paths, unless KARAT_PATHS says.
+const PATHS: &str = "cpu,vulkan";
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -37,7 +39,7 @@ pub(super) struct Args {
     /// Only tests whose names contain this
     filter: Option<String>,
     /// Execution paths, each in a process of its own; the first has its verdict first
-    #[arg(long, value_name = "PATHS", default_value = "cpu,vulkan", env = "KARAT_PATHS")]
+    #[arg(long, value_name = "PATHS", default_value = PATHS, env = "KARAT_PATHS")]
     paths: String,
     /// Print lines, as where there is no terminal
     #[arg(long)]
@@ -165,7 +167,9 @@ impl Asked {
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let folder = args.folder.clone().unwrap_or_else(|| PathBuf::from("."));
     anyhow::ensure!(folder.exists(), "there is no folder or file `{}`", folder.display());
-    let names = karat::path::named("--paths", &args.paths)?;
+    // A variable that is set to nothing counts as not set.
+    let names = if args.paths.trim().is_empty() { PATHS } else { &args.paths };
+    let names = karat::path::named("--paths", names)?;
     // Where it is now: the working directory may be moved, and another folder take its place.
     let whole = folder.canonicalize()?;
     let sources = Source::all(&whole)?;

@@ -117,7 +117,7 @@ fn junit_has_a_case_for_each_check_and_frame() {
             .find(|case| attribute(**case, "name") == name)
             .unwrap_or_else(|| panic!("{text}"))
     };
-    let double = find("calc::double agrees_with");
+    let double = find("calc::double agrees_with on gl");
     assert_eq!(attribute(double, "classname"), "tests::calc");
     let child = |case: roxmltree::Node<'_, '_>, name: &str| {
         let child = case.children().find(|node| node.has_tag_name(name));
@@ -132,9 +132,123 @@ fn junit_has_a_case_for_each_check_and_frame() {
         out.ends_with("replay: KARAT_CASE=calc::double/agrees_with/3 cargo test calc"),
         "{out}"
     );
-    child(find("frame furnace/scene"), "failure");
+    child(find("frame furnace/scene on vulkan"), "failure");
     child(find("frame new"), "error");
-    assert!(!find("calc::same agrees_with").children().any(|node| node.has_tag_name("failure")));
+    assert!(
+        !find("calc::same agrees_with on gl").children().any(|node| node.has_tag_name("failure"))
+    );
+}
+
+/// A record of two paths, of which gl fails; `more` is written into it.
+fn on_two_paths(package: &FilePath, more: &str) -> String {
+    let subject = serde_json::json!({
+        "kind": "function", "package": package, "function": "calc::double", "check": "agrees_with",
+        "assertion": "1 ulp", "location": "shaders/calc.wgsl:4:1", "seed": 1
+    });
+    let message = "error: `calc::double` fails\n  replay: KARAT_PATHS=vulkan cargo test\n  \
+                   replay: KARAT_PATHS=gl cargo test";
+    let line = line("tests::calc", subject, &["vulkan", "gl"], "fail", Some(message));
+    // Vulkan, which comes first, agrees.
+    let line = line.replacen("\"failures\":1", "\"failures\":0", 1);
+    line.replace("\"schema\":2", &format!("\"schema\":2,{more}"))
+}
+
+fn junit(project: &TempDir, folder: &FilePath, environment: &[(&str, &FilePath)]) -> String {
+    let file = project.path().join("junit.xml");
+    let mut command = command(folder, &["report", "--junit"]);
+    output(command.arg(&file).envs(environment.iter().copied()));
+    std::fs::read_to_string(file).expect("written")
+}
+
+/// Each path has a case, and only the one that fails has the failure, with its own replay.
+#[test]
+fn junit_has_a_case_for_each_path() {
+    let project = project();
+    let package = project.path().join("shaders");
+    let of = r#""cargo_package":"pbr","seconds":3.0,"started":"2026-01-31T12:00:00.000Z""#;
+    record(&project, &on_two_paths(&package, of), false);
+    let text = junit(&project, project.path(), &[]);
+    let xml = roxmltree::Document::parse(&text).expect("well-formed");
+    let counts = ["tests", "failures"].map(|name| attribute(xml.root_element(), name));
+    assert_eq!(counts, ["2", "1"], "{text}");
+    let cases: Vec<_> = xml.descendants().filter(|node| node.has_tag_name("testcase")).collect();
+    let seen = cases.iter().map(|case| {
+        let failed = case.children().any(|node| node.has_tag_name("failure"));
+        (attribute(*case, "name"), attribute(*case, "time"), failed)
+    });
+    let expected = [
+        ("calc::double agrees_with on vulkan", "1.500", false),
+        ("calc::double agrees_with on gl", "1.500", true),
+    ];
+    assert_eq!(seen.collect::<Vec<_>>(), expected);
+    for case in &cases {
+        let of = ["classname", "file", "line"].map(|name| attribute(*case, name));
+        assert_eq!(of, ["pbr::tests::calc", "shaders/calc.wgsl", "4"], "{text}");
+    }
+    let out = cases[1].children().find(|node| node.has_tag_name("system-out"));
+    let out = out.and_then(|node| node.text()).expect("what it printed");
+    assert!(out.ends_with("replay: KARAT_PATHS=gl cargo test"), "{out}");
+    // A known issue that is gone fails, too; the other path doesn't.
+    let gone = on_two_paths(&package, of).replace("\"failures\":1", "\"failures\":0");
+    let at = gone.rfind("\"known_issue\":null").expect("that of gl");
+    let gone = format!("{}\"known_issue\":\"mesa#1\"{}", &gone[..at], &gone[at + 18..]);
+    record(&project, &gone, false);
+    let text = junit(&project, project.path(), &[]);
+    assert_eq!(text.matches("<failure").count(), 1, "{text}");
+    assert!(text.find("on gl").expect("gl") < text.find("<failure").expect("one"), "{text}");
+}
+
+/// CI reads files from the repository's root, of which a project may be a subfolder.
+#[test]
+fn places_are_relative_to_what_ci_checked_out() {
+    let repository = tempfile::tempdir().expect("a temporary folder");
+    let folder = repository.path().join("engine");
+    write(&folder, "Cargo.toml", "[workspace]\n");
+    write(&folder, "shaders/calc.wgsl", "\n\n\nfn double(x: f32) -> f32 { return x; }\n");
+    let records = folder.join("target/karat/record");
+    write(&records, "1.jsonl", &on_two_paths(&folder.join("shaders"), "\"overlay\":null"));
+    let run = Run { schema: karat::record::SCHEMA, selected: Vec::new(), passed: false };
+    run.write(&records).expect("written");
+    for (variable, value, file) in [
+        ("GITHUB_WORKSPACE", repository.path(), "engine/shaders/calc.wgsl"),
+        ("GITHUB_WORKSPACE", folder.as_path(), "shaders/calc.wgsl"),
+        // A folder that hasn't the project says nothing.
+        ("GITHUB_WORKSPACE", FilePath::new("/nowhere"), "shaders/calc.wgsl"),
+        ("CI_PROJECT_DIR", repository.path(), "engine/shaders/calc.wgsl"),
+        ("WORKSPACE", repository.path(), "engine/shaders/calc.wgsl"),
+    ] {
+        // From a subfolder of the project, too.
+        for here in [&folder, &folder.join("shaders")] {
+            let mut command = command(here, &["report", "--github"]);
+            let ran = output(command.env(variable, value));
+            let start = format!("::error file={file},line=4,col=1,");
+            assert!(annotations(&ran)[0].starts_with(&start), "{variable}={value:?}: {ran:?}");
+            let text = junit(&repository, here, &[(variable, value)]);
+            assert!(text.contains(&format!("file=\"{file}\" line=\"4\"")), "{text}");
+        }
+    }
+}
+
+/// GitLab and Jenkins show files that a case names, each on a line of its own.
+#[test]
+fn junit_names_the_pictures_of_a_frame_that_fails() {
+    let (project, lines) = run();
+    record(&project, &lines, false);
+    let text = junit(&project, project.path(), &[("CI_PROJECT_DIR", project.path())]);
+    let attached: Vec<&str> = text
+        .lines()
+        .filter_map(|line| {
+            line.trim().strip_prefix("<system-out>").unwrap_or(line).strip_prefix("[[ATTACHMENT|")
+        })
+        .filter_map(|line| line.split("]]").next())
+        .collect();
+    let expected = ["actual", "golden", "flip"]
+        .map(|name| format!("target/karat/report/furnace/scene.{name}.png"));
+    assert_eq!(attached, expected, "{text}");
+    for file in attached {
+        Image::read(&project.path().join(file)).expect("a picture");
+    }
+    assert_eq!(text.matches("ATTACHMENT").count(), 3, "only of the frame that fails: {text}");
 }
 
 /// Failures of one adapter are told apart by the line that readers show.
@@ -156,7 +270,9 @@ fn the_first_line_says_what_is_wrong_and_not_where() {
     let xml = roxmltree::Document::parse(&text).expect("well-formed");
     let failures: Vec<_> = xml.descendants().filter(|node| node.has_tag_name("failure")).collect();
     let messages: Vec<_> = failures.iter().map(|node| attribute(*node, "message")).collect();
-    assert_eq!(messages, ["frame `one` differs, 5%", "frame `two` differs, 5%"]);
+    // Of each frame one case a path.
+    let [one, two] = ["frame `one` differs, 5%", "frame `two` differs, 5%"];
+    assert_eq!(messages, [one, one, two, two]);
     let whole = "frame `one` differs, 5%\non vulkan: llvmpipe (LLVM 15.0.6, 256 bits)\n  \
                  worst: pixel (2, 1)";
     assert_eq!(failures[0].text(), Some(whole));

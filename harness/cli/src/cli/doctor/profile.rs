@@ -71,7 +71,7 @@ mod tests {
     /// What README recommends is enough.
     #[test]
     fn the_profile_of_readme_is_enough() {
-        let readme = include_str!("../../../../../README.md");
+        let readme = crate::cli::doctor::beside("README.md");
         let profile = readme.split("[profile.dev.package]").nth(1).expect("it has one");
         let profile = profile.split("```").next().unwrap_or_default();
         let profile = profile.lines().skip(1).collect::<Vec<_>>().join("\n");

@@ -9,7 +9,7 @@ use karat::output::visible;
 use karat::record::{Record, Subject, Verdict};
 
 use super::tables::{is_failure, share};
-use super::{Place, pictures, place, replays, subject};
+use super::{Place, pictures, place, replays, subject, workspace};
 use crate::cli::project::Project;
 
 /// GitHub takes a MiB of summary for each step, and drops more.
@@ -54,8 +54,9 @@ fn annotations(failures: &[&Record], passed: bool, project: &Project) -> Vec<Str
     let shown =
         if failures.len() > MOST_ANNOTATIONS { MOST_ANNOTATIONS - 1 } else { failures.len() };
     let (shown, rest) = failures.split_at(shown);
+    let workspace = workspace(project.root());
     let of = |record: &&Record| {
-        let place = place(record, project.root());
+        let place = place(record, project.root(), &workspace);
         annotation(place.as_ref(), &subject(record), &message(record))
     };
     let mut lines: Vec<String> = shown.iter().map(of).collect();

@@ -1,23 +1,30 @@
-//! JUnit XML: one suite of functions and one of frames, with a case for each check.
+//! JUnit XML: one suite of functions and one of frames, with a case for each check on each path.
 
+use std::path::Path;
 use std::time::Duration;
 
 use anyhow::Context;
-use karat::record::{Record, Subject, Verdict};
-use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
+use karat::record::{PathRecord, Record, Subject, Verdict};
+use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite, XmlString};
+
+use super::{pictures, place, relative, workspace};
+use crate::cli::project::Project;
 
 /// The file. Times are of each check, and their sums: checks run beside each other, so a run takes
 /// less. A test that failed outside of Karat's checks is a case of its own, so that no reader
 /// takes the run for a success.
-pub(super) fn text(records: &[Record], passed: bool) -> anyhow::Result<String> {
+pub(super) fn text(records: &[Record], passed: bool, project: &Project) -> anyhow::Result<String> {
     let mut report = Report::new("karat");
     let mut functions = TestSuite::new("functions");
     let mut frames = TestSuite::new("frames");
     for record in records {
-        match record.subject {
-            Subject::Function { .. } => functions.add_test_case(case(record)),
-            Subject::Frame { .. } => frames.add_test_case(case(record)),
+        let suite = match record.subject {
+            Subject::Function { .. } => &mut functions,
+            Subject::Frame { .. } => &mut frames,
         };
+        for case in cases(record, project)? {
+            suite.add_test_case(case);
+        }
     }
     for mut suite in [functions, frames].into_iter().filter(|suite| !suite.test_cases.is_empty()) {
         suite.timestamp = suite.test_cases.iter().filter_map(|case| case.timestamp).min();
@@ -39,39 +46,101 @@ pub(super) fn text(records: &[Record], passed: bool) -> anyhow::Result<String> {
     report.to_string().context("the report isn't XML")
 }
 
-fn case(record: &Record) -> TestCase {
-    let mut status = match record.verdict {
-        Verdict::Pass | Verdict::KnownIssue => TestCaseStatus::success(),
-        Verdict::Fail => TestCaseStatus::non_success(NonSuccessKind::Failure),
-        Verdict::Error => TestCaseStatus::non_success(NonSuccessKind::Error),
+/// A case for each path. What ran on none is one case.
+fn cases(record: &Record, project: &Project) -> anyhow::Result<Vec<TestCase>> {
+    let workspace = workspace(project.root());
+    let attached = attached(record, project, &workspace)?;
+    let paths: Vec<Option<&PathRecord>> = match record.paths.as_slice() {
+        [] => vec![None],
+        paths => paths.iter().map(Some).collect(),
     };
-    if let Some(message) = super::message(record) {
-        status.set_message(message.lines().next().unwrap_or_default());
-        status.set_description(message);
+    let shares = u32::try_from(paths.len()).unwrap_or(u32::MAX);
+    let place = place(record, project.root(), &workspace);
+    let of = |path: Option<&PathRecord>| {
+        let kind = match record.verdict {
+            Verdict::Pass | Verdict::KnownIssue => None,
+            Verdict::Fail => {
+                path.is_none_or(|path| is_guilty(path, record)).then_some(NonSuccessKind::Failure)
+            }
+            Verdict::Error => Some(NonSuccessKind::Error),
+        };
+        let mut lines: Vec<String> = path.map(line).into_iter().collect();
+        let mut status = kind.map_or_else(TestCaseStatus::success, TestCaseStatus::non_success);
+        if kind.is_some()
+            && let Some(message) = super::message(record)
+        {
+            status.set_message(message.lines().next().unwrap_or_default());
+            status.set_description(message);
+            let replay = path.and_then(|path| replay_on(record, path));
+            let replay = replay.or_else(|| super::replays(record).first().copied());
+            lines.extend(replay.map(|command| format!("replay: {command}")));
+            // Readers find each on a line of its own.
+            lines.extend(attached.iter().map(|file| format!("[[ATTACHMENT|{file}]]")));
+        }
+        // Where two cases have the same name, GitLab shows the first alone.
+        let on = path.map(|path| format!(" on {}", path.adapter.path)).unwrap_or_default();
+        let mut case = TestCase::new(format!("{}{on}", super::subject(record)), status);
+        case.set_classname(classname(record));
+        if let Some(place) = &place {
+            case.extra.insert(XmlString::new("file"), XmlString::new(place.file.as_str()));
+            case.extra.insert(XmlString::new("line"), XmlString::new(place.line.to_string()));
+        }
+        if let Some(time) = &record.time {
+            // Whatever can't be read is no reason to lose a verdict. Nobody knows how long each path
+            // took, so each has the same share.
+            case.timestamp = time.started.parse().ok();
+            case.time =
+                Duration::try_from_secs_f64(time.seconds).ok().map(|time| time / shares.max(1));
+        }
+        if !lines.is_empty() {
+            case.set_system_out(lines.join("\n"));
+        }
+        case
+    };
+    Ok(paths.into_iter().map(of).collect())
+}
+
+/// The test with its Cargo package before it, if it has one.
+fn classname(record: &Record) -> String {
+    match record.cargo_package.as_str() {
+        "" => record.test.clone(),
+        package => format!("{package}::{}", record.test),
     }
-    let mut case = TestCase::new(super::subject(record), status);
-    case.set_classname(record.test.as_str());
-    if let Some(time) = &record.time {
-        // Whatever can't be read is no reason to lose a verdict.
-        case.timestamp = time.started.parse().ok();
-        case.time = Duration::try_from_secs_f64(time.seconds).ok();
+}
+
+/// Whether a check that fails does so because of this path: cases fail, or a known issue is gone.
+fn is_guilty(path: &PathRecord, record: &Record) -> bool {
+    let guilty = |path: &PathRecord| (path.failures > 0) != path.known_issue.is_some();
+    guilty(path) || !record.paths.iter().any(guilty)
+}
+
+/// The command that replays a failure on this path, if the message has one.
+fn replay_on<'a>(record: &'a Record, path: &PathRecord) -> Option<&'a str> {
+    let selects = format!("KARAT_PATHS={} ", path.adapter.path);
+    super::replays(record).into_iter().find(|command| command.contains(&selects))
+}
+
+fn line(path: &PathRecord) -> String {
+    let known = path.known_issue.as_ref().map(|why| format!("; known issue: {why}"));
+    format!(
+        "{}: {} cases, {} failed, {} ({}){}",
+        path.adapter.path,
+        path.cases,
+        path.failures,
+        path.worst,
+        path.asserted,
+        known.unwrap_or_default()
+    )
+}
+
+/// The pictures of a frame that fails. The frame itself is first, because GitLab shows one.
+fn attached(record: &Record, project: &Project, workspace: &Path) -> anyhow::Result<Vec<String>> {
+    let folder = project.output().join("report");
+    pictures::clear(record, &folder)?;
+    if !super::is_failure(record) {
+        return Ok(Vec::new());
     }
-    let mut lines: Vec<String> = Vec::new();
-    for path in &record.paths {
-        let known = path.known_issue.as_ref().map(|why| format!("; known issue: {why}"));
-        lines.push(format!(
-            "{}: {} cases, {} failed, {} ({}){}",
-            path.adapter.path,
-            path.cases,
-            path.failures,
-            path.worst,
-            path.asserted,
-            known.unwrap_or_default()
-        ));
-    }
-    lines.extend(super::replays(record).first().map(|command| format!("replay: {command}")));
-    if !lines.is_empty() {
-        case.set_system_out(lines.join("\n"));
-    }
-    case
+    let mut pictures = pictures::write(record, project, &folder)?;
+    pictures.sort_by_key(|(what, _)| *what != "actual");
+    Ok(pictures.iter().map(|(_, file)| relative(file, workspace)).collect())
 }

@@ -345,6 +345,7 @@ mod tests {
         Record {
             schema,
             test,
+            cargo_package: String::new(),
             subject,
             verdict,
             paths,

@@ -1,0 +1,241 @@
+//! What is published: that each package says what a registry wants to know and holds what belongs in it,
+//! and `cargo ci package`, which builds and tests the packages away from the repository.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+
+use anyhow::{Context, Result, bail, ensure};
+use cargo_metadata::{Metadata, MetadataCommand, Package};
+
+use crate::command;
+use crate::step::Steps;
+
+/// Each package has a copy, since a registry shows nothing else. A link would be a text file on Windows.
+const LICENCES: [&str; 2] = ["LICENSE-APACHE", "LICENSE-MIT"];
+
+/// crates.io takes no more.
+const MOST_KEYWORDS: usize = 5;
+
+/// Members that stay here, each for its reason.
+const PRIVATE: [&str; 3] = ["ci", "shaders", "tests"];
+
+/// Files that a run leaves behind, by parts of their names.
+const STRAY: [&str; 8] = [
+    ".new.exr",
+    ".new.csv",
+    ".karat/",
+    ".snap.new",
+    ".pending-snap",
+    "target/",
+    ".orig.rs",
+    ".DS_Store",
+];
+
+/// The workspace without its dependencies.
+fn workspace() -> Result<Metadata> {
+    let mut command = MetadataCommand::new();
+    command.current_dir(command::root()).no_deps();
+    command.exec().context("could not read the workspace")
+}
+
+/// Packages that may be published.
+fn published(metadata: &Metadata) -> Vec<&Package> {
+    let may = |package: &&&Package| package.publish.as_ref().is_none_or(|to| !to.is_empty());
+    metadata.workspace_packages().iter().filter(may).copied().collect()
+}
+
+/// Checks the packages as they would be published, and says how many.
+pub(crate) fn check() -> Result<()> {
+    let metadata = workspace()?;
+    let packages = published(&metadata);
+    ensure!(!packages.is_empty(), "no package is published, so nothing was checked");
+    let mut problems = Vec::new();
+    for name in PRIVATE {
+        if packages.iter().any(|package| package.name.as_str() == name) {
+            problems.push(format!("`{name}` is of this repository alone; write `publish = false`"));
+        }
+    }
+    for package in &packages {
+        let name = &package.name;
+        let mut missing = untold(package);
+        missing.extend(unlike_ours(package)?);
+        missing.extend(misplaced(&listed(name)?));
+        problems.extend(missing.into_iter().map(|problem| format!("{name}: {problem}")));
+    }
+    if !problems.is_empty() {
+        bail!("{}", problems.join("\n   "));
+    }
+    eprintln!("{} packages", packages.len());
+    Ok(())
+}
+
+/// What the manifest doesn't say.
+fn untold(package: &Package) -> Vec<String> {
+    let is_library = package.targets.iter().any(|target| target.is_lib());
+    let said = [
+        ("description", package.description.is_some()),
+        ("license", package.license.is_some()),
+        ("repository", package.repository.is_some()),
+        ("readme", package.readme.is_some()),
+        ("rust-version", package.rust_version.is_some()),
+        ("keywords", (1..=MOST_KEYWORDS).contains(&package.keywords.len())),
+        ("categories", (1..=MOST_KEYWORDS).contains(&package.categories.len())),
+        ("documentation", !is_library || package.documentation.is_some()),
+        ("[package.metadata.docs.rs]", !is_library || package.metadata["docs"]["rs"].is_object()),
+    ];
+    let missing = said.into_iter().filter(|(_, said)| !said);
+    missing.map(|(what, _)| format!("its manifest has no `{what}`, or too many")).collect()
+}
+
+/// Copies of licences that aren't those of the repository.
+fn unlike_ours(package: &Package) -> Result<Vec<String>> {
+    let folder = package.manifest_path.parent().context("a manifest has a folder")?;
+    let mut problems = Vec::new();
+    for name in LICENCES {
+        let ours = fs::read(command::root().join(name)).with_context(|| format!("no {name}"))?;
+        if fs::read(folder.join(name)).ok() != Some(ours) {
+            problems.push(format!("copy {name} from the repository's root to `{folder}`"));
+        }
+    }
+    Ok(problems)
+}
+
+/// The files of a package, as Cargo would pack them.
+fn listed(name: &str) -> Result<Vec<String>> {
+    let mut list = command::cargo(&["package", "--list", "--allow-dirty", "--package", name]);
+    let output = list.output().context("`cargo package` doesn't start")?;
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    ensure!(output.status.success(), "`cargo package --list` fails: {told}");
+    Ok(String::from_utf8_lossy(&output.stdout)
+        .lines()
+        .map(|line| line.replace('\\', "/"))
+        .collect())
+}
+
+/// What the files of a package lack, and what doesn't belong there.
+fn misplaced(files: &[String]) -> Vec<String> {
+    let wanted = LICENCES.iter().chain(&["README.md", "Cargo.toml"]);
+    let lacks = wanted.filter(|name| !files.iter().any(|file| file == *name));
+    let lacks = lacks.map(|name| format!("the package lacks {name}"));
+    let is_stray = |file: &&String| STRAY.iter().any(|part| file.contains(part));
+    let stray = files.iter().filter(is_stray);
+    lacks.chain(stray.map(|file| format!("`{file}` doesn't belong into the package"))).collect()
+}
+
+/// Packs, unpacks, builds and tests.
+pub(crate) fn run() -> ExitCode {
+    let mut steps = Steps::new("cargo ci package");
+    let _ = steps.run("packages", check)
+        && steps.run("pack", pack)
+        && steps.run("unpack", unpack)
+        && steps.run("tests", test);
+    steps.finish()
+}
+
+fn names() -> Result<Vec<(String, String)>> {
+    let metadata = workspace()?;
+    let of = |package: &&Package| (package.name.to_string(), package.version.to_string());
+    Ok(published(&metadata).iter().map(of).collect())
+}
+
+fn pack() -> Result<()> {
+    let mut package = command::cargo(&["package", "--no-verify", "--allow-dirty"]);
+    for (name, _) in names()? {
+        package.args(["--package", &name]);
+    }
+    command::run(&mut package)
+}
+
+fn target() -> PathBuf {
+    let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
+    command::root().join(target)
+}
+
+/// Outside of the repository's folders a package can't read what it doesn't have.
+fn unpacked() -> PathBuf {
+    target().join("package").join("unpacked")
+}
+
+/// A workspace of the packages, each of which stands for the one in the registry.
+fn unpack() -> Result<()> {
+    let folder = unpacked();
+    if folder.exists() {
+        fs::remove_dir_all(&folder).context("the folder of the last run is in the way")?;
+    }
+    fs::create_dir_all(&folder)?;
+    let mut members = Vec::new();
+    let mut patches = String::new();
+    for (name, version) in names()? {
+        let member = format!("{name}-{version}");
+        let file = target().join("package").join(format!("{member}.crate"));
+        command::run(Command::new("tar").arg("-xzf").arg(&file).arg("-C").arg(&folder))?;
+        patches.push_str(&format!("{name} = {{ path = \"{member}\" }}\n"));
+        members.push(member);
+    }
+    let manifest = fs::read_to_string(command::root().join("Cargo.toml"))?;
+    let text = format!(
+        "[workspace]\nresolver = \"3\"\nmembers = {members:?}\n\n[patch.crates-io]\n{patches}\n{}",
+        profiles(&manifest)
+    );
+    fs::write(folder.join("Cargo.toml"), text)?;
+    let lock = Path::new("Cargo.lock");
+    fs::copy(command::root().join(lock), folder.join(lock)).context("the lock file")?;
+    Ok(())
+}
+
+/// The profiles of a manifest, so that what both builds share is compiled once.
+fn profiles(manifest: &str) -> String {
+    let mut found = String::new();
+    let mut within = false;
+    for line in manifest.lines() {
+        if line.starts_with('[') {
+            within = line.starts_with("[profile.");
+        }
+        if within {
+            found.push_str(line);
+            found.push('\n');
+        }
+    }
+    found
+}
+
+fn test() -> Result<()> {
+    let mut test = command::cargo(&["test", "--workspace", "--no-fail-fast"]);
+    test.current_dir(unpacked()).env("CARGO_TARGET_DIR", target());
+    command::run(&mut test)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn our_own_packages_are_whole() {
+        check().expect("each is");
+    }
+
+    #[test]
+    fn what_is_missing_and_what_does_not_belong_is_named() {
+        let files =
+            |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
+        let whole =
+            files(&["Cargo.toml", "LICENSE-APACHE", "LICENSE-MIT", "README.md", "src/lib.rs"]);
+        assert!(misplaced(&whole).is_empty());
+        assert_eq!(
+            misplaced(&whole[..2]),
+            ["the package lacks LICENSE-MIT", "the package lacks README.md"]
+        );
+        let with = |stray: &str| misplaced(&[&*whole, &files(&[stray])].concat());
+        for stray in ["golden/a.new.exr", ".karat/failures/a.txt", "tests/a.snap.new", "target/x"] {
+            assert_eq!(with(stray), [format!("`{stray}` doesn't belong into the package")]);
+        }
+    }
+
+    #[test]
+    fn profiles_alone_are_taken_over() {
+        let text = "[a]\nx = 1\n[profile.dev]\nopt-level = 1\n# why\n[b]\ny = 2\n[profile.dev.package.c]\nz = 3\n";
+        let expected = "[profile.dev]\nopt-level = 1\n# why\n[profile.dev.package.c]\nz = 3\n";
+        assert_eq!(profiles(text), expected);
+    }
+}

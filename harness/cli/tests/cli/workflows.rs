@@ -1,0 +1,262 @@
+//! What CI systems are given: workflows, an action for GitHub and a template for GitLab. No runner is here,
+//! so their steps are read, their shell is parsed, and those that need no network are run. On Windows another
+//! `bash` may come first.
+
+use yaml_rust2::{Yaml, YamlLoader};
+
+use super::*;
+
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+const ACTION: &str = "ci/action/action.yml";
+const TEMPLATE: &str = "ci/gitlab/karat.yml";
+const FILES: [&str; 5] = [
+    ACTION,
+    TEMPLATE,
+    ".github/workflows/ci.yml",
+    "harness/cli/src/cli/init/github.yml",
+    "harness/cli/src/cli/init/gitlab.yml",
+];
+
+fn read(file: &str) -> Yaml {
+    let text = std::fs::read_to_string(FilePath::new(ROOT).join(file)).expect(file);
+    let mut documents = YamlLoader::load_from_str(&text).unwrap_or_else(|e| panic!("{file}: {e}"));
+    assert_eq!(documents.len(), 1, "{file}");
+    documents.remove(0)
+}
+
+/// Each step's shell, wherever it stands.
+fn scripts(yaml: &Yaml, found: &mut Vec<String>) {
+    match yaml {
+        Yaml::Hash(members) => {
+            for (name, value) in members {
+                match (name.as_str(), value) {
+                    (Some("run"), Yaml::String(script)) => found.push(script.clone()),
+                    (Some("script" | "before_script"), Yaml::Array(lines)) => {
+                        found.extend(lines.iter().filter_map(Yaml::as_str).map(str::to_owned));
+                    }
+                    _ => scripts(value, found),
+                }
+            }
+        }
+        Yaml::Array(items) => items.iter().for_each(|item| scripts(item, found)),
+        _ => {}
+    }
+}
+
+fn scripts_of(file: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    scripts(&read(file), &mut found);
+    found
+}
+
+fn steps() -> Vec<Yaml> {
+    read(ACTION)["runs"]["steps"].as_vec().expect("steps").clone()
+}
+
+fn step(name: &str) -> Yaml {
+    let found = steps().into_iter().find(|step| step["name"].as_str() == Some(name));
+    found.unwrap_or_else(|| panic!("no step `{name}`"))
+}
+
+#[test]
+fn all_shell_is_shell() {
+    for file in FILES {
+        let scripts = scripts_of(file);
+        assert!(!scripts.is_empty(), "{file}");
+        for script in scripts {
+            // GitHub would put text of others into the shell; steps get it by variables.
+            assert!(!script.contains("${{"), "{file}: {script}");
+            let ran = output(Command::new("bash").args(["-n", "-c", &script]));
+            assert_eq!(ran.code, Some(0), "{file}: {script}\n{ran:?}");
+        }
+    }
+}
+
+/// What an expression names is there.
+#[test]
+fn the_action_uses_each_of_its_inputs() {
+    let action = read(ACTION);
+    assert_eq!(action["runs"]["using"].as_str(), Some("composite"));
+    let inputs: Vec<&str> =
+        action["inputs"].as_hash().expect("inputs").keys().filter_map(Yaml::as_str).collect();
+    let text = std::fs::read_to_string(FilePath::new(ROOT).join(ACTION)).expect(ACTION);
+    for input in &inputs {
+        let input = &action["inputs"][*input];
+        assert!(input["description"].as_str().is_some() && input["default"].as_str().is_some());
+    }
+    let mut used: Vec<&str> =
+        text.split("inputs.").skip(1).filter_map(|rest| rest.split_whitespace().next()).collect();
+    used.sort_unstable();
+    used.dedup();
+    let used: Vec<&str> =
+        used.into_iter().map(|name| name.split('/').next().unwrap_or(name)).collect();
+    let mut sorted = inputs.clone();
+    sorted.sort_unstable();
+    assert_eq!(used, sorted);
+    for step in steps() {
+        // A composite action has no default shell.
+        assert!(step["run"].is_badvalue() || step["shell"].as_str() == Some("bash"), "{step:?}");
+        // What isn't a setting of Karat's would be refused by it.
+        for (name, _) in step["env"].as_hash().into_iter().flatten() {
+            let name = name.as_str().expect("a name");
+            assert!(
+                !name.starts_with("KARAT_") || ["KARAT_PATHS", "KARAT_REQUIRE"].contains(&name)
+            );
+        }
+    }
+    // The guide has a row for each.
+    let guide = std::fs::read_to_string(FilePath::new(ROOT).join("docs/guide/ci.md"));
+    let guide = guide.expect("the chapter");
+    for input in inputs {
+        assert!(guide.contains(&format!("`{input}`")), "{input}");
+    }
+}
+
+/// What the guide shows can be copied: it is YAML, and names inputs and a job that are there.
+#[test]
+fn samples_of_the_guide_use_what_is_there() {
+    let guide = std::fs::read_to_string(FilePath::new(ROOT).join("docs/guide/ci.md"));
+    let guide = guide.expect("the chapter");
+    let samples: Vec<Yaml> = guide
+        .split("```yaml\n")
+        .skip(1)
+        .filter_map(|rest| rest.split("```").next())
+        .map(|text| YamlLoader::load_from_str(text).expect("YAML").remove(0))
+        .collect();
+    assert_eq!(samples.len(), 2);
+    let step = &samples[0]["jobs"]["karat"]["steps"][1];
+    assert!(step["uses"].as_str().is_some_and(|uses| uses.contains("/ci/action@")));
+    for (input, _) in step["with"].as_hash().expect("inputs") {
+        let input = input.as_str().expect("a name");
+        assert!(!read(ACTION)["inputs"][input].is_badvalue(), "{input}");
+    }
+    assert_eq!(samples[1]["include"][0]["file"].as_str(), Some(TEMPLATE));
+    let template = read(TEMPLATE);
+    let job = &template[samples[1]["shaders"]["extends"].as_str().expect("a job")];
+    for (variable, _) in samples[1]["shaders"]["variables"].as_hash().expect("variables") {
+        let variable = variable.as_str().expect("a name");
+        assert!(!job["variables"][variable].is_badvalue(), "{variable}");
+    }
+}
+
+/// A folder of shaders with one test, in a repository's subfolder.
+fn folder() -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "engine/my_shaders/a.wgsl", GOOD);
+    folder
+}
+
+const GOOD: &str = "import karat::expect_near;\n\
+    fn half(x: f32) -> f32 { return 0.5 * x; }\n\
+    @test fn half_of_two() { expect_near(half(2.0), 1.0, 1e-6); }\n";
+
+/// A script as a runner starts it, with `karat` where the step before has put it.
+fn runner(script: &str, folder: &FilePath) -> Command {
+    let mut command = command(folder, &[]);
+    let karat = FilePath::new(env!("CARGO_BIN_EXE_karat")).parent().expect("a folder").to_owned();
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let path = std::env::join_paths([karat].into_iter().chain(std::env::split_paths(&path)));
+    let mut shell = Command::new("bash");
+    shell.args(["--noprofile", "--norc", "-eo", "pipefail", "-c", script]);
+    shell.current_dir(folder).env("PATH", path.expect("a path"));
+    for (name, value) in command.stdin(Stdio::null()).get_envs() {
+        match value {
+            Some(value) => shell.env(name, value),
+            None => shell.env_remove(name),
+        };
+    }
+    shell
+}
+
+/// The action's step on a folder of tests: green, and red with an annotation at the repository's file.
+#[test]
+fn the_step_of_the_action_runs_tests() {
+    let repository = folder();
+    let here = repository.path().join("engine");
+    let test = step("Test");
+    let script = test["run"].as_str().expect("a script");
+    let run = |arguments: &str| {
+        let mut command = runner(script, &here);
+        command.env("ARGUMENTS", arguments).env("KARAT_PATHS", "cpu").env("KARAT_REQUIRE", "");
+        command.env("GITHUB_ACTIONS", "true").env("GITHUB_WORKSPACE", repository.path());
+        output(command.env("HOME", repository.path()))
+    };
+    let ran = run("my_shaders --all").good();
+    assert!(ran.contains("a::half_of_two") && ran.contains("1 checks, 0 failed"), "{ran}");
+    // Nothing at all is the project itself.
+    assert!(run("").good().contains("1 checks, 0 failed"));
+    write(&here, "my_shaders/a.wgsl", &GOOD.replace("0.5", "0.4"));
+    let ran = run("my_shaders");
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    let annotation = "::error file=engine/my_shaders/a.wgsl,line=3,";
+    assert!(ran.out.contains(annotation), "{ran:?}");
+    // A path that isn't there is no success.
+    let mut command = runner(script, &here);
+    command.env("ARGUMENTS", "my_shaders").env("KARAT_PATHS", "cpu").env("KARAT_REQUIRE", "dx12");
+    assert_eq!(output(command.env("HOME", repository.path())).code, Some(1));
+}
+
+/// The name of the build depends on the sources, and on nothing else.
+#[test]
+fn the_build_of_the_action_is_named_by_its_sources() {
+    let script = step("Sources");
+    let script = script["run"].as_str().expect("a script");
+    let action = tempfile::tempdir().expect("a temporary folder");
+    for file in ["Cargo.toml", "Cargo.lock", "harness/a.rs", "harness/b c.rs", "ci/action/x"] {
+        write(action.path(), file, file);
+    }
+    let hash = || {
+        let out = action.path().join("output");
+        let _ = std::fs::remove_file(&out);
+        let mut command = runner(script, action.path());
+        command.env("ACTION", action.path().join("ci/action")).env("GITHUB_OUTPUT", &out);
+        assert_eq!(output(&mut command).code, Some(0));
+        let text = std::fs::read_to_string(out).expect("written");
+        let hash = text.trim().strip_prefix("hash=").expect("an output").to_owned();
+        assert_eq!(hash.len(), 40, "{hash}");
+        hash
+    };
+    let first = hash();
+    write(action.path(), "ci/action/x", "other");
+    assert_eq!(hash(), first);
+    write(action.path(), "harness/b c.rs", "other");
+    assert_ne!(hash(), first);
+}
+
+/// The line of the template that tests, on a folder of tests, with its report.
+#[test]
+fn the_line_of_the_template_runs_tests() {
+    let repository = folder();
+    let here = repository.path().join("engine");
+    let template = read(TEMPLATE);
+    let job = &template[".karat"];
+    let line = job["script"][0].as_str().expect("a line");
+    let report = job["artifacts"]["reports"]["junit"].as_str().expect("a file");
+    for (name, _) in job["variables"].as_hash().expect("variables") {
+        let name = name.as_str().expect("a name");
+        assert!(!name.starts_with("KARAT_") || ["KARAT_PATHS", "KARAT_REQUIRE"].contains(&name));
+    }
+    let mut command = runner(line, &here);
+    command.env("ARGUMENTS", "my_shaders").env("KARAT_PATHS", "cpu").env("KARAT_REQUIRE", "");
+    output(command.env("CI_PROJECT_DIR", repository.path())).good();
+    let text = std::fs::read_to_string(here.join(report)).expect("the report");
+    assert!(text.contains("file=\"engine/my_shaders/a.wgsl\" line=\"3\""), "{text}");
+}
+
+/// What isn't verified says so, and what is fails the run.
+#[test]
+fn jobs_that_have_not_run_fail_nothing() {
+    let workflow = read(".github/workflows/ci.yml");
+    let jobs = workflow["jobs"].as_hash().expect("jobs");
+    let lenient = |job: &Yaml| job["continue-on-error"].as_bool() == Some(true);
+    let names: Vec<_> =
+        jobs.iter().filter(|(_, job)| lenient(job)).filter_map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["elsewhere"]);
+    for (name, job) in jobs {
+        let runs =
+            job["steps"].as_vec().expect("steps").iter().any(|step| {
+                step["run"].as_str().is_some_and(|run| run.starts_with("cargo ci test"))
+            });
+        assert!(runs, "{name:?}");
+    }
+}

@@ -1,0 +1,3 @@
+fn reinhard(x: f32) -> f32 {
+    return x / (1.0 + x);
+}
