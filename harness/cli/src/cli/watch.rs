@@ -5,7 +5,7 @@
 //! process that hangs or crashes is told, and the next edit starts another one. In a Cargo project there are as
 //! many again for its Rust tests.
 
-mod files;
+pub(super) mod files;
 mod keys;
 mod screen;
 mod worker;
@@ -24,8 +24,7 @@ use karat_suite::Suite;
 use super::project::Project;
 use super::{Ending, Outcome, PackageArgs};
 use screen::Screen;
-use worker::Worker;
-pub(super) use worker::{Request, Said};
+pub(super) use worker::{Request, Said, Worker};
 
 /// How long a shader may take here, unless KARAT_DEADLINE says: who waits has an editor open.
 const DEADLINE: &str = "10";
@@ -170,7 +169,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let whole = folder.canonicalize()?;
     let sources = Source::all(&whole)?;
     let (sender, events) = channel();
-    let watching = files::watch(&whole, sender.clone())?;
+    let told = sender.clone();
+    let watching = files::watch(&whole, move |files| told.send(Event::Files(files)).is_ok())?;
     let records = tempfile::tempdir().context("records can't be kept")?;
     let mut lanes = Vec::new();
     for path in &names {
@@ -449,7 +449,9 @@ impl Lane {
     }
 
     fn start(&self, index: usize, sender: &Sender<Event>) -> anyhow::Result<Worker> {
-        Worker::start(index, &self.path, &self.source, &self.records, sender)
+        let sender = sender.clone();
+        let tell = move |said| sender.send(Event::Worker(index, said)).is_ok();
+        Worker::start(&self.path, &self.source, &self.records, tell)
     }
 
     /// The file that its process writes records into.
