@@ -51,6 +51,8 @@ pub(super) struct Args {
 pub(super) enum Source {
     /// In shaders.
     Shaders(PathBuf),
+    /// In shaders, without frames, which need a driver.
+    Functions(PathBuf),
     /// In Rust, of a Cargo project.
     Cargo(PathBuf),
 }
@@ -58,7 +60,7 @@ pub(super) enum Source {
 impl Source {
     pub(super) fn folder(&self) -> &Path {
         match self {
-            Self::Shaders(folder) | Self::Cargo(folder) => folder,
+            Self::Shaders(folder) | Self::Functions(folder) | Self::Cargo(folder) => folder,
         }
     }
 
@@ -178,7 +180,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             let of = match source {
                 _ if sources.len() == 1 => String::new(),
                 Source::Cargo(_) => " (Rust)".to_owned(),
-                Source::Shaders(shaders) => format!(" ({})", shown(shaders, &whole)),
+                Source::Shaders(shaders) | Source::Functions(shaders) => {
+                    format!(" ({})", shown(shaders, &whole))
+                }
             };
             let lane = Lane::new(lanes.len(), &of, &path.to_string(), source, records.path());
             lanes.push(lane);

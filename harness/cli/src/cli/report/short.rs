@@ -77,7 +77,12 @@ pub(in crate::cli) fn of(record: &Record, root: &Path) -> Vec<Finding> {
     if !expectations.is_empty() {
         return expectations;
     }
-    vec![Finding { place: place(record, root), message: headline(record) }]
+    // A frame that couldn't be drawn has the place of its test in its message.
+    let told = || {
+        let mut lines = record.message.as_deref().unwrap_or_default().lines();
+        located(lines.find_map(|line| line.trim().strip_prefix("--> "))?, root, root)
+    };
+    vec![Finding { place: place(record, root).or_else(told), message: headline(record) }]
 }
 
 /// The expectations that fail, as the message has them: `failed = tests.wgsl:4:5: what was seen`.

@@ -69,11 +69,14 @@ impl Worker {
         command.env("KARAT_RECORD", records);
         // Each process has one path: one that is required would run in all of them.
         command.env_remove("KARAT_REQUIRE");
-        if let Source::Cargo(_) = source {
-            command.arg("--cargo");
-            // Frames need a driver.
-            command.envs((path == "cpu").then_some(("KARAT_FRAMES", "off")));
-        }
+        // Frames need a driver.
+        let functions = match source {
+            Source::Cargo(_) => path == "cpu",
+            Source::Functions(_) => true,
+            Source::Shaders(_) => false,
+        };
+        command.envs(functions.then_some(("KARAT_FRAMES", "off")));
+        command.args(matches!(source, Source::Cargo(_)).then_some("--cargo"));
         if std::env::var_os("KARAT_DEADLINE").is_none() {
             command.env("KARAT_DEADLINE", DEADLINE);
         }
