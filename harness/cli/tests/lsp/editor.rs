@@ -24,7 +24,7 @@ pub(crate) struct Editor {
     /// What was said to the user.
     pub(crate) said: Vec<String>,
     /// Methods of what else came.
-    pub(crate) heard: Vec<String>,
+    heard: Vec<String>,
     requests: u64,
     version: u64,
 }
@@ -153,6 +153,14 @@ impl Editor {
             self.until(&format!("`{part}`"), |editor, _| has(editor));
         }
         self.said.iter().find(|said| said.contains(part)).cloned().unwrap_or_default()
+    }
+
+    /// Waits until a method was called that changes nothing that is shown.
+    pub(crate) fn wait_heard(&mut self, method: &str) {
+        let has = |editor: &Self| editor.heard.iter().any(|heard| heard == method);
+        if !has(self) {
+            self.until(method, |editor, _| has(editor));
+        }
     }
 
     pub(crate) fn open_file(&mut self, file: &str, text: &str) {

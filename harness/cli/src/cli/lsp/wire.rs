@@ -77,8 +77,9 @@ fn parsed(body: &[u8]) -> Heard {
         Ok(message) => message,
         Err(error) => return Heard::Garbage(Refusal::Unparsed, format!("not JSON: {error}")),
     };
-    let (id, parameters) = (message["id"].take(), message["params"].take());
-    let method = message["method"].as_str().map(str::to_owned);
+    let mut field = |name| message.get_mut(name).map(Value::take).unwrap_or_default();
+    let (id, method, parameters) = (field("id"), field("method"), field("params"));
+    let method = method.as_str().map(str::to_owned);
     match (method, id) {
         (Some(method), Value::Null) => Heard::Notification { method, parameters },
         (Some(method), id @ (Value::String(_) | Value::Number(_))) => {
