@@ -125,6 +125,13 @@ fn failures_of_the_last_run_are_shown_while_they_are_true() {
     editor.wait_lens(FILE, 3, "karat: changed since it was tested");
     editor.edit(FILE, CALC);
     editor.wait(FILE, |all| all.len() == 1);
+    // A file that no editor has open is changed by another program.
+    let document = json!({ "uri": editor.uri(FILE) });
+    editor.notify("textDocument/didClose", json!({ "textDocument": document }));
+    write(folder.path(), FILE, &CALC.replace("return x", "return 1.0 * x"));
+    editor.wait(FILE, <[_]>::is_empty);
+    write(folder.path(), FILE, CALC);
+    editor.wait(FILE, |all| all.len() == 1);
 }
 
 #[test]

@@ -7,7 +7,6 @@ use std::sync::mpsc::Sender;
 use karat::record::Record;
 use karat_suite::Suite;
 
-use super::super::watch::files::{Watching, watch};
 use super::super::watch::{Request, Said, Source, Worker};
 use super::Event;
 use super::place::resolved;
@@ -29,8 +28,6 @@ pub(super) struct Lane {
     /// What couldn't be read as a test.
     pub(super) broken: Option<String>,
     pub(super) verdicts: Vec<Record>,
-    /// Tells of files that are changed without the editor.
-    _watching: Option<Watching>,
 }
 
 /// What a process said that concerns others.
@@ -69,10 +66,6 @@ impl Live {
             if !has {
                 return Ok(());
             }
-            let sender = self.sender.clone();
-            // Where the system can't, saves in the editor are what there is to know.
-            let told = move |files| sender.send(Event::Files(files)).is_ok();
-            let mut watching = watch(&folder, told).ok();
             for path in self.paths.clone() {
                 let records = self.records.path().join(self.lanes.len().to_string());
                 self.lanes.push(Lane {
@@ -87,7 +80,6 @@ impl Live {
                     failing: BTreeMap::new(),
                     broken: None,
                     verdicts: Vec::new(),
-                    _watching: watching.take(),
                 });
             }
         }

@@ -21,6 +21,7 @@ use karat::record::{Record, Verdict};
 
 use super::super::report::merge::side_by_side;
 use super::super::report::short::Finding;
+use super::super::watch::files::{Watching, watch};
 use super::documents::{Document, Documents, Now};
 use super::findings::{self, Findings};
 use super::lenses::{Known, RUN, Subjects};
@@ -47,6 +48,9 @@ pub(super) struct Server {
     live: Live,
     runs: Runs,
     sender: Sender<Event>,
+    /// Packages whose files are followed, whoever changes them. Where the system can't, saves in the
+    /// editor are what there is to know.
+    watched: BTreeMap<PathBuf, Option<Watching>>,
     /// What isn't valid, as of the last edit.
     invalid: Findings,
     /// What the editor shows.
@@ -73,6 +77,7 @@ impl Server {
             live: Live::new(paths, sender.clone())?,
             runs: Runs::default(),
             sender,
+            watched: BTreeMap::new(),
             invalid: Findings::new(),
             published: Findings::new(),
             edited: false,
@@ -270,6 +275,15 @@ impl Server {
                 self.client.tell_once(&format!("{error:#}"));
             }
         }
+        for package in self.roots.iter().flat_map(|root| &root.packages) {
+            let folder = resolved(&package.root());
+            if !self.watched.contains_key(&folder) {
+                let sender = self.sender.clone();
+                let told = move |files| sender.send(Event::Files(files)).is_ok();
+                let watching = watch(&folder, told).ok();
+                self.watched.insert(folder, watching);
+            }
+        }
     }
 
     /// Files of some packages changed: the tests that it concerns run.
@@ -316,11 +330,12 @@ impl Server {
     /// Shows what is wrong now.
     pub(super) fn settle(&mut self) {
         if std::mem::take(&mut self.edited) {
-            // A compiler that panics over half a program leaves what was there before.
-            match catch_unwind(AssertUnwindSafe(|| self.find_invalid())) {
-                Ok(invalid) => self.invalid = invalid,
-                Err(_) => self.client.tell_once("a module couldn't be looked at"),
-            }
+            // A compiler that panics over half a program has no verdict.
+            let found = catch_unwind(AssertUnwindSafe(|| self.find_invalid()));
+            self.invalid = found.unwrap_or_else(|_| {
+                self.client.tell_once("a module couldn't be looked at");
+                Findings::new()
+            });
         } else if !self.judged {
             return;
         }
