@@ -13,6 +13,7 @@ mod place;
 mod root;
 mod run;
 mod server;
+mod shown;
 mod wire;
 
 use std::io::Write;
