@@ -48,7 +48,7 @@ fn a_save_while_tests_run_is_judged_after_them() {
     let folder = folder();
     let slow = "import package::calc::half;\nimport karat::expect_near;\n\
                 @test @cases(4096) fn slow(@over(0, 1) x: f32) {\n    var y = 0.0;\n    \
-                for (var i = 0; i < 20000; i++) { y = half(x); }\n    expect_near(y, 0.5 * x, 0.0);\n}\n";
+                for (var i = 0; i < 100000; i++) { y = half(x); }\n    expect_near(y, 0.5 * x, 0.0);\n}\n";
     write(folder.path(), "shaders/slow_test.wgsl", slow);
     let mut editor = Editor::open(folder.path());
     editor.open_file(FILE, CALC);
