@@ -52,6 +52,7 @@ fn a_save_while_tests_run_is_judged_after_them() {
     write(folder.path(), "shaders/slow_test.wgsl", slow);
     let mut editor = Editor::open(folder.path());
     editor.open_file(FILE, CALC);
+    editor.wait_lens(FILE, 1, "karat: 2 checks pass");
     for factor in ["0.125", "0.25"] {
         editor.save(FILE, &CALC.replace("0.5 * x", &format!("{factor} * x")));
         // Far less than the slow test takes, so that it runs now.
