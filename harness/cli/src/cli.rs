@@ -120,14 +120,11 @@ enum Command {
     Watch(watch::Args),
     /// Serve an editor: what isn't valid and what fails as you type and save, and lenses beside functions
     #[command(
-        after_help = "An editor starts it and speaks the Language Server Protocol with it over standard input and \
-                            output.\ndocs/editors.md has the lines for VS Code, Helix, Zed and Neovim.\n\
-                            It shows modules that aren't valid, from the text that isn't saved yet; failures of the \
-                            last `karat test`;\nand those of tests without Rust, which run again after each save. \
-                            Verdicts of files that changed since aren't shown.\n\
-                            A lens beside each function has its worst error and runs its tests.\n\
-                            Without a language server: `karat test --short` prints a line for each failure, for a \
-                            problem matcher or\nquickfix.\n\
+        after_help = "An editor starts it: docs/editors.md has the lines for VS Code, Helix, Zed and Neovim.\n\
+                            It shows modules that aren't valid, as you type; failures of the last `karat test`;\n\
+                            and those of tests without Rust, which run after each save. Verdicts of files that\n\
+                            changed since aren't shown. A lens beside each function has its worst error, and\n\
+                            runs its tests. Without a server, `karat test --short` has a line for each failure.\n\
                             Exit codes: 0 the editor asked it to shut down; 1 it didn't."
     )]
     Lsp(lsp::Args),
