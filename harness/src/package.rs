@@ -33,6 +33,7 @@ mod syntax;
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 pub use error::PackageError;
 pub use feature::Feature;
@@ -71,6 +72,8 @@ pub struct Package {
     features: Vec<(String, Feature)>,
     /// Features of modules that are validated with them.
     validated_with: Vec<(String, Vec<String>)>,
+    /// Texts that stand in for files.
+    unsaved: Vec<(PathBuf, Arc<str>)>,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -154,7 +157,13 @@ impl Package {
     }
 
     const fn of_origin(origin: Origin) -> Self {
-        Self { origin, dependencies: Vec::new(), features: Vec::new(), validated_with: Vec::new() }
+        Self {
+            origin,
+            dependencies: Vec::new(),
+            features: Vec::new(),
+            validated_with: Vec::new(),
+            unsaved: Vec::new(),
+        }
     }
 
     /// [`of_crate`](Self::of_crate), looked for at once.

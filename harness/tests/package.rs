@@ -276,3 +276,34 @@ fn errors_carry_their_place_as_data() {
     };
     assert_eq!(diagnostic.location().map(ToString::to_string).as_deref(), Some("<s>:2:10"));
 }
+
+/// A text that isn't saved is read in place of its file, and in packages that depend on it; the file and
+/// the package are as they were.
+#[test]
+fn texts_that_are_not_saved_stand_in_for_their_files() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "a/user.wgsl", "import b::math::f;\nfn g() -> f32 { return f(); }\n");
+    write(folder.path(), "b/math.wgsl", "fn f() -> f32 { return 1.0; }\n");
+    let file = folder.path().join("b/math.wgsl");
+    let math = Package::open(folder.path().join("b")).expect("a package");
+    let saved = Package::open(folder.path().join("a")).expect("a package").depends_on("b", &math);
+    // Through `.`, as another program may call it.
+    let edited =
+        saved.unsaved(&folder.path().join("b/./math.wgsl"), "\nfn f() -> f32 { return y; }\n");
+    let invalid = edited.try_is_valid().expect_err("there is no y").to_string();
+    assert!(invalid.contains("math.wgsl:2:24"), "{invalid}");
+    assert!(saved.try_is_valid().is_ok());
+    let again = edited.unsaved(&file, "fn h() {}\n\nfn f() -> f32 { return 2.0; }\n");
+    assert!(again.try_is_valid().is_ok());
+    let line = |package: &Package| {
+        let functions = package.functions_in("math").expect("it can be read");
+        functions.last().expect("a function").span.to_string().rsplit(':').nth(1).map(str::to_owned)
+    };
+    assert_eq!(line(&math).as_deref(), Some("1"));
+    assert_eq!(
+        line(&math.unsaved(&file, "\n\nfn f() -> f32 { return 2.0; }\n")).as_deref(),
+        Some("3")
+    );
+    // What is no file of the package changes nothing.
+    assert!(saved.unsaved(Path::new("nowhere.wgsl"), "no WGSL").try_is_valid().is_ok());
+}

@@ -18,6 +18,7 @@ mod heatmap;
 mod init;
 mod list;
 mod loader;
+mod lsp;
 mod matrix;
 mod patience;
 mod preview;
@@ -104,7 +105,8 @@ enum Command {
                             karat test --failed                what failed in the last run\n  \
                             karat test shaders                 tests without Rust: @test, *.test.toml\n  \
                             karat test -p tests --require vulkan,gl\n  \
-                            karat test --junit target/karat/junit.xml\n\
+                            karat test --junit target/karat/junit.xml\n  \
+                            karat test --short                 file:line:column: error: message, for editors\n\
                             Fails if a test fails, or if no check ran at all. On GitHub (or with \
                             --github) failures are annotated\nand summarised.")]
     Test(test::Args),
@@ -116,6 +118,16 @@ enum Command {
                             only an edit of Rust builds.\nWithout a terminal it prints lines.\n\
                             Keys: r runs all, f filters by name, a accepts frames, o opens the report, q quits.")]
     Watch(watch::Args),
+    /// Serve an editor: what isn't valid and what fails as you type and save, and lenses beside functions
+    #[command(
+        after_help = "An editor starts it: docs/editors.md has the lines for VS Code, Helix, Zed and Neovim.\n\
+                            It shows modules that aren't valid, as you type; failures of the last `karat test`;\n\
+                            and those of tests without Rust, which run after each save. Verdicts of files that\n\
+                            changed since aren't shown. A lens beside each function has its worst error, and\n\
+                            runs its tests. Without a server, `karat test --short` has a line for each failure.\n\
+                            Exit codes: 0 the editor asked it to shut down; 1 it didn't."
+    )]
+    Lsp(lsp::Args),
     /// Run the tests of a folder of shaders as `karat test` does, and print lines
     #[command(hide = true)]
     Suite(suite::Args),
@@ -350,6 +362,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
     match command {
         Command::Test(args) => test::run(&args, out),
         Command::Watch(args) => watch::run(&args, out),
+        Command::Lsp(args) => lsp::run(&args, out),
         Command::Suite(args) => suite::run(&args, out),
         Command::Replay(args) => replay::run(&args, out),
         Command::Report(args) => report::run(&args, out),

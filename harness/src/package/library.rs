@@ -342,7 +342,7 @@ impl Package {
             }
             Some(Place::File(path)) => {
                 let path = overlay.file(path);
-                Manifest::of(self)?.expanded(&self.root(), &path, read_utf8(&path)?)
+                Manifest::of(self)?.expanded(&self.root(), &path, overlay.read(&path)?)
             }
             None => {
                 self.check_exists()?;
@@ -358,7 +358,7 @@ impl Package {
     }
 }
 
-fn read_utf8(path: &Path) -> Result<SourceFile, PackageError> {
+pub(super) fn read_utf8(path: &Path) -> Result<SourceFile, PackageError> {
     let file = shown(path);
     let bytes = std::fs::read(path)
         .map_err(|source| PackageError::Unreadable { file: file.clone(), source })?;

@@ -4,14 +4,16 @@
 //! `KARAT_OVERLAY` names a folder. Each of its files is read in place of the module at the same
 //! place in a package; where several packages have one, the first part of the path names the
 //! package (`shaders/math.wgsl`). Modules in memory are never replaced.
+//!
+//! An editor has texts that aren't saved yet: [`Package::unsaved`] reads them in place of their files.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::{Origin, Package, PackageError, library};
-use crate::diagnostic::{nearest, shown};
+use crate::diagnostic::{SourceFile, nearest, shown};
 use crate::output::visible;
 use crate::settings;
 
@@ -19,6 +21,8 @@ use crate::settings;
 #[derive(Debug, Default)]
 pub(super) struct Overlay {
     replaced: BTreeMap<PathBuf, PathBuf>,
+    /// Texts that are read in place of files, whose links are resolved.
+    unsaved: BTreeMap<PathBuf, Arc<str>>,
 }
 
 impl Overlay {
@@ -26,13 +30,16 @@ impl Overlay {
     /// its files must replace a module: a name with a slip would otherwise pass for a run of
     /// the change. Nothing, if no module is in a file.
     pub(super) fn of(package: &Package) -> Result<Self, PackageError> {
-        let Some(folder) = settings::overlay() else { return Ok(Self::default()) };
-        let overlay = Self::read(package, &folder)?;
+        let unsaved = package.unsaved.iter().cloned().collect();
+        let Some(folder) = settings::overlay() else {
+            return Ok(Self { unsaved, ..Self::default() });
+        };
+        let overlay = Self::of_folder(package, &folder)?;
         overlay.note(&folder);
-        Ok(overlay)
+        Ok(Self { unsaved, ..overlay })
     }
 
-    fn read(package: &Package, folder: &Path) -> Result<Self, PackageError> {
+    fn of_folder(package: &Package, folder: &Path) -> Result<Self, PackageError> {
         let error = |reason: String| PackageError::Overlay { folder: shown(folder), reason };
         let mut packages = BTreeMap::new();
         on_disk(package, &mut packages);
@@ -66,12 +73,22 @@ impl Overlay {
                 }
             }
         }
-        Ok(Self { replaced })
+        Ok(Self { replaced, ..Self::default() })
     }
 
     /// The file to read in place of `module`.
     pub(super) fn file(&self, module: PathBuf) -> PathBuf {
         self.replaced.get(&module).cloned().unwrap_or(module)
+    }
+
+    /// Reads a file, or the text that stands in for it.
+    pub(super) fn read(&self, file: &Path) -> Result<SourceFile, PackageError> {
+        // Most packages have no such text, and then no link is followed.
+        let place = (!self.unsaved.is_empty()).then(|| file.canonicalize().ok()).flatten();
+        match place.and_then(|place| self.unsaved.get(&place)) {
+            Some(text) => Ok(SourceFile { name: shown(file), text: text.to_string() }),
+            None => library::read_utf8(file),
+        }
     }
 
     /// Says once in a process what isn't as in the tree; also where the output of tests that pass
@@ -136,6 +153,18 @@ fn list(folder: &Path, below: &Path, found: &mut Vec<PathBuf>) -> Result<(), Pac
 }
 
 impl Package {
+    /// The package with the text of a file that isn't saved yet, as an editor has it. It is read in
+    /// place of the file, here and in packages that this one depends on. A file that is in none of
+    /// them changes nothing.
+    #[must_use]
+    pub fn unsaved(&self, file: &Path, text: &str) -> Self {
+        let mut own = self.clone();
+        let place = file.canonicalize().unwrap_or_else(|_| file.to_owned());
+        own.unsaved.retain(|(known, _)| *known != place);
+        own.unsaved.push((place, Arc::from(text)));
+        own
+    }
+
     /// The file of this package that stands where `file` does in an overlay.
     fn holds(&self, file: &Path) -> Option<PathBuf> {
         let within = [Some(file), file.strip_prefix(self.name()).ok()];

@@ -40,48 +40,70 @@ pub(super) fn validate(
             Err(Invalid::Package(error)) => return Err(error.into()),
             Err(invalid) => {
                 valid = false;
-                writeln!(out, "\n{HEAD}{}{HEAD:#}: {invalid}", package.name())?;
+                write(&[(package.name(), invalid)], out)?;
             }
         }
     }
     Ok(valid)
 }
 
-/// Validates packages that nobody declares and that tests used, as [`validate`]. A module is valid if it
-/// is as its folder says, or as a test that ran uses the package, with features and dependencies.
-pub(super) fn validate_used(
-    packages: &[Package],
-    run: &Path,
-    out: &mut dyn Write,
-) -> anyhow::Result<bool> {
-    let uses: Vec<Package> = Dependence::all(run)
-        .with_context(|| format!("can't read what tests used in `{}`", run.display()))?
-        .iter()
-        .filter_map(Dependence::package)
-        .collect();
-    let place = |package: &Package| package.root().canonicalize().ok();
-    let mut valid = true;
+/// Packages that aren't valid, by their names, as people read it.
+pub(super) fn write(invalid: &[(String, Invalid)], out: &mut dyn Write) -> std::io::Result<()> {
+    let mut each = invalid.iter();
+    each.try_for_each(|(name, invalid)| writeln!(out, "\n{HEAD}{name}{HEAD:#}: {invalid}"))
+}
+
+/// The packages that aren't valid.
+pub(super) fn invalid(packages: &[Package]) -> anyhow::Result<Vec<(String, Invalid)>> {
+    let mut all = Vec::new();
     for package in packages {
-        let Err(mut invalid) = package.try_is_valid() else { continue };
-        let mut tried: Vec<&Package> = vec![package];
-        for used in uses.iter().filter(|used| place(used) == place(package)) {
-            if tried.contains(&used) {
-                continue;
-            }
-            tried.push(used);
-            let Invalid::Modules { errors, .. } = &mut invalid else { break };
-            match used.try_is_valid() {
-                Ok(_) => errors.clear(),
-                Err(Invalid::Modules { errors: others, .. }) => {
-                    errors.retain(|(module, _)| others.iter().any(|(other, _)| other == module));
-                }
-                Err(_) => {}
-            }
-        }
-        if !matches!(&invalid, Invalid::Modules { errors, .. } if errors.is_empty()) {
-            valid = false;
-            writeln!(out, "\n{HEAD}{}{HEAD:#}: {invalid}", package.name())?;
+        match package.try_is_valid() {
+            Ok(_) => {}
+            Err(Invalid::Package(error)) => return Err(error.into()),
+            Err(invalid) => all.push((package.name(), invalid)),
         }
     }
-    Ok(valid)
+    Ok(all)
+}
+
+/// Those that aren't valid of packages that nobody declares and that tests used.
+pub(super) fn invalid_as_used(
+    packages: &[Package],
+    run: &Path,
+) -> anyhow::Result<Vec<(String, Invalid)>> {
+    let uses = uses(run)?;
+    let found =
+        packages.iter().filter_map(|package| Some((package.name(), as_used(package, &uses)?)));
+    Ok(found.collect())
+}
+
+/// The packages as the tests of a run used them.
+pub(super) fn uses(run: &Path) -> anyhow::Result<Vec<Package>> {
+    let all = Dependence::all(run)
+        .with_context(|| format!("can't read what tests used in `{}`", run.display()))?;
+    Ok(all.iter().filter_map(Dependence::package).collect())
+}
+
+/// What isn't valid of a package. A module is valid if it is as its folder says, or as a test uses the
+/// package, with features and dependencies.
+pub(super) fn as_used(package: &Package, uses: &[Package]) -> Option<Invalid> {
+    let place = |package: &Package| package.root().canonicalize().ok();
+    let mut invalid = package.try_is_valid().err()?;
+    let mut tried: Vec<&Package> = vec![package];
+    for used in uses.iter().filter(|used| place(used) == place(package)) {
+        if tried.contains(&used) {
+            continue;
+        }
+        tried.push(used);
+        let Invalid::Modules { errors, .. } = &mut invalid else { break };
+        match used.try_is_valid() {
+            Ok(_) => errors.clear(),
+            Err(Invalid::Modules { errors: others, .. }) => {
+                errors.retain(|(module, _)| others.iter().any(|(other, _)| other == module));
+            }
+            Err(_) => {}
+        }
+    }
+    let none = matches!(&invalid, Invalid::Modules { errors, .. } if errors.is_empty());
+    (!none).then_some(invalid)
 }

@@ -5,8 +5,9 @@ pub(super) mod colour;
 mod github;
 mod html;
 mod junit;
-mod merge;
+pub(super) mod merge;
 mod pictures;
+pub(super) mod short;
 pub(super) mod tables;
 
 use std::collections::BTreeSet;
@@ -51,6 +52,10 @@ pub(super) struct OutputArgs {
     /// Print each check that passes, where otherwise those of a module are one line
     #[arg(long)]
     pub(super) all: bool,
+    /// Print a line for each failure, `file:line:column: error: message`, and how many there are, and
+    /// nothing else: for editors
+    #[arg(long, conflicts_with_all = ["all", "github"])]
+    pub(super) short: bool,
     /// Print GitHub's annotations of failures and append to the job's summary [default: where
     /// GITHUB_ACTIONS is `true`]
     #[arg(long)]
@@ -99,10 +104,15 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     };
     args.output.spare(&folder)?;
     tables::expect_some(&records, None)?;
-    let failed = tables::write(&records, args.output.all, out)?;
+    let mut unread = std::io::sink();
+    let told: &mut dyn Write = if args.output.short { &mut unread } else { &mut *out };
+    let failed = tables::write(&records, args.output.all, told)?;
     // Of a run that didn't end nobody knows.
     let passed = run.as_ref().is_some_and(|run| run.passed);
-    tables::write_sum(&records, failed, passed || run.is_none(), &folder, out)?;
+    tables::write_sum(&records, failed, passed || run.is_none(), &folder, told)?;
+    if args.output.short {
+        short::write(&records, &[], passed || run.is_none(), project.root(), out)?;
+    }
     if run.is_none() {
         writeln!(out, "the record doesn't say that its run ended")?;
     }
@@ -194,7 +204,7 @@ impl OutputArgs {
             write(file, &html::page(records, run, &beside))?;
         }
         let on_github = std::env::var_os("GITHUB_ACTIONS").is_some_and(|value| value == "true");
-        if self.github || on_github {
+        if self.github || (on_github && !self.short) {
             github::write(records, passed, project, out)?;
         }
         // Behind GitHub's, which clears pictures that this one names.
@@ -268,11 +278,12 @@ fn replays(record: &Record) -> Vec<&str> {
 }
 
 /// Where the failure belongs, relative to the project.
-#[derive(Debug, PartialEq, Eq)]
-struct Place {
-    file: String,
-    line: u32,
-    column: u32,
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Place {
+    pub(super) file: String,
+    pub(super) line: u32,
+    /// In characters, from 1.
+    pub(super) column: u32,
 }
 
 /// The function in WGSL, or the golden's facts, or the test that has none. Files are relative to
@@ -307,7 +318,7 @@ fn workspace(root: &Path) -> PathBuf {
 
 /// `file:line:column`, whose file may be relative to any folder above the package: tests run in
 /// theirs, and the compiler in the workspace.
-fn located(location: &str, package: &Path, workspace: &Path) -> Option<Place> {
+pub(super) fn located(location: &str, package: &Path, workspace: &Path) -> Option<Place> {
     let mut parts = location.rsplitn(3, ':');
     let (column, line, file) = (parts.next()?, parts.next()?, parts.next()?);
     let (line, column) = (line.parse().ok()?, column.parse().ok()?);

@@ -16,7 +16,7 @@ use karat_suite::{Suite, Test};
 use self::progress::Progress;
 use self::subjects::Subjects;
 use super::project::Project;
-use super::report::{OutputArgs, colour, is_failure, tables, untested};
+use super::report::{OutputArgs, colour, is_failure, short, tables, untested};
 use super::table::{DIM, HEAD, KNOWN};
 use super::{Ending, NotThere, Outcome, PackageArgs, check, child};
 
@@ -31,6 +31,9 @@ pub(super) struct Args {
     /// Only the test of exactly this name
     #[arg(long)]
     exact: bool,
+    /// Only the test of exactly this name; may be repeated. Lenses of an editor have several
+    #[arg(long, value_name = "NAME", hide = true, conflicts_with_all = ["exact", "failed", "filter"])]
+    named: Vec<String>,
     /// Only the tests that failed in the last run
     #[arg(long, conflicts_with_all = ["exact", "filter"])]
     failed: bool,
@@ -68,6 +71,9 @@ struct Asked<'a> {
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    // What isn't a failure's line has no reader then.
+    let mut unread = std::io::sink();
+    let told: &mut dyn Write = if args.output.short { &mut unread } else { &mut *out };
     let asked = Asked::of(args)?;
     let project = asked.project()?;
     let asked = asked.with_failed(&project)?.with_tests_of_functions(&project);
@@ -79,14 +85,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut subjects = Subjects::read(&project.record());
     let mut progress = Progress::of(subjects.count().filter(|_| asked.is_whole()));
     if asked.folder.is_none() && project.is_cargo() {
-        passed = asked.run_cargo(&project, running.folder(), &mut progress, out)?;
+        passed = asked.run_cargo(&project, running.folder(), &mut progress, told)?;
         ran = true;
     }
     // Tests call single functions: whatever else their packages hold must be valid, too.
     let packages = asked.packages(&project)?;
     let mut suites_passed = true;
     for folder in asked.suites(&project, &packages)? {
-        suites_passed &= asked.run_suite(&folder, running.folder(), &mut progress, out)?;
+        suites_passed &= asked.run_suite(&folder, running.folder(), &mut progress, told)?;
         ran = true;
     }
     passed &= suites_passed;
@@ -94,7 +100,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         // What looked like a test may be no valid WGSL: `@tset`.
         let mut invalid = Vec::new();
         check::validate(&packages, false, &mut invalid)?;
-        out.write_all(&invalid)?;
+        told.write_all(&invalid)?;
         return Err(asked.nothing(&packages).into());
     }
     let records = record::read(running.folder())?;
@@ -102,33 +108,36 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if suites_passed || !records.is_empty() {
         tables::expect_some(&records, asked.filter)?;
     }
-    let mut invalid = Vec::new();
     // Where nobody declares packages, tests know theirs: a folder that none of them uses fails none,
     // whatever it is called.
     let declared = asked.declares(&project);
-    let valid = if declared {
-        check::validate(&packages, false, &mut invalid)?
+    let invalid = if declared {
+        check::invalid(&packages)?
     } else {
-        check::validate_used(&project.used(&records)?, running.folder(), &mut invalid)?
+        check::invalid_as_used(&project.used(&records)?, running.folder())?
     };
-    let run = Run { schema: record::SCHEMA, selected: asked.selected(), passed: passed && valid };
+    let good = passed && invalid.is_empty();
+    let run = Run { schema: record::SCHEMA, selected: asked.selected(), passed: good };
     run.write(running.folder()).context("can't say how the run was made")?;
     let folder = running.end().context("can't keep the record")?;
     subjects.add(&records, asked.is_whole().then(|| progress.done()));
     subjects.write(&project.record()).context("can't keep which tests check which functions")?;
-    let failed = tables::write(&records, args.output.all, out)?;
+    let failed = tables::write(&records, args.output.all, told)?;
     // With a filter most functions aren't tested on purpose.
     if asked.filter.is_none() && asked.names.is_none() {
         let tested = if declared { packages } else { project.tested(&records)? };
-        write_untested(&records, &tested, out)?;
+        write_untested(&records, &tested, told)?;
     }
-    out.write_all(&invalid)?;
-    tables::write_sum(&records, failed, passed, &folder, out)?;
+    check::write(&invalid, told)?;
+    tables::write_sum(&records, failed, passed, &folder, told)?;
     if args.leaves_frames_out() {
-        writeln!(out, "{KNOWN}frames were left out{KNOWN:#}")?;
+        writeln!(told, "{KNOWN}frames were left out{KNOWN:#}")?;
+    }
+    if args.output.short {
+        short::write(&records, &invalid, passed, project.root(), out)?;
     }
     args.output.write(&records, Some(&run), &project, out)?;
-    Ok(if passed && valid && failed == 0 { Ending::Good } else { Ending::Bad })
+    Ok(if good && failed == 0 { Ending::Good } else { Ending::Bad })
 }
 
 impl Args {
@@ -172,7 +181,8 @@ impl<'a> Asked<'a> {
     /// With the names of the tests that failed in the last run, if those alone are asked for.
     fn with_failed(self, project: &Project) -> anyhow::Result<Self> {
         if !self.args.failed {
-            return Ok(self);
+            let names = (!self.args.named.is_empty()).then(|| self.args.named.clone());
+            return Ok(Self { names, ..self });
         }
         let none = || NotThere("there is no record of a run: run `karat test` first".to_owned());
         let last = Recorded::read(&project.record())?.ok_or_else(none)?;
@@ -202,7 +212,10 @@ impl<'a> Asked<'a> {
 
     /// Whether the run leaves no test out.
     fn is_whole(&self) -> bool {
-        self.selected().is_empty() && !self.args.exact && self.folder.is_none()
+        self.selected().is_empty()
+            && self.names.is_none()
+            && !self.args.exact
+            && self.folder.is_none()
     }
 
     /// Whether a test is among those that are asked for.
@@ -287,7 +300,8 @@ impl<'a> Asked<'a> {
         let filter = self.filter.iter().map(ToString::to_string);
         let failed = self.args.failed.then(|| "--failed".to_owned());
         let filter = filter.chain(failed);
-        filter.chain(packages).chain(targets).chain(functions).collect()
+        let named = args.named.iter().map(|name| format!("--named {name}"));
+        filter.chain(named).chain(packages).chain(targets).chain(functions).collect()
     }
 
     /// Runs the tests of a package that are in the package. Whether all passed.

@@ -5,7 +5,7 @@
 //! process that hangs or crashes is told, and the next edit starts another one. In a Cargo project there are as
 //! many again for its Rust tests.
 
-mod files;
+pub(super) mod files;
 mod keys;
 mod screen;
 mod worker;
@@ -24,8 +24,7 @@ use karat_suite::Suite;
 use super::project::Project;
 use super::{Ending, Outcome, PackageArgs};
 use screen::Screen;
-use worker::Worker;
-pub(super) use worker::{Request, Said};
+pub(super) use worker::{Request, Said, Worker};
 
 /// How long a shader may take here, unless KARAT_DEADLINE says: who waits has an editor open.
 const DEADLINE: &str = "10";
@@ -54,6 +53,8 @@ pub(super) struct Args {
 pub(super) enum Source {
     /// In shaders.
     Shaders(PathBuf),
+    /// In shaders, without frames, which need a driver.
+    Functions(PathBuf),
     /// In Rust, of a Cargo project.
     Cargo(PathBuf),
 }
@@ -61,7 +62,7 @@ pub(super) enum Source {
 impl Source {
     pub(super) fn folder(&self) -> &Path {
         match self {
-            Self::Shaders(folder) | Self::Cargo(folder) => folder,
+            Self::Shaders(folder) | Self::Functions(folder) | Self::Cargo(folder) => folder,
         }
     }
 
@@ -174,7 +175,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let whole = folder.canonicalize()?;
     let sources = Source::all(&whole)?;
     let (sender, events) = channel();
-    let watching = files::watch(&whole, sender.clone())?;
+    let told = sender.clone();
+    let watching = files::watch(&whole, move |files| told.send(Event::Files(files)).is_ok())?;
     let records = tempfile::tempdir().context("records can't be kept")?;
     let mut lanes = Vec::new();
     for path in &names {
@@ -182,7 +184,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             let of = match source {
                 _ if sources.len() == 1 => String::new(),
                 Source::Cargo(_) => " (Rust)".to_owned(),
-                Source::Shaders(shaders) => format!(" ({})", shown(shaders, &whole)),
+                Source::Shaders(shaders) | Source::Functions(shaders) => {
+                    format!(" ({})", shown(shaders, &whole))
+                }
             };
             let lane = Lane::new(lanes.len(), &of, &path.to_string(), source, records.path());
             lanes.push(lane);
@@ -453,7 +457,9 @@ impl Lane {
     }
 
     fn start(&self, index: usize, sender: &Sender<Event>) -> anyhow::Result<Worker> {
-        Worker::start(index, &self.path, &self.source, &self.records, sender)
+        let sender = sender.clone();
+        let tell = move |said| sender.send(Event::Worker(index, said)).is_ok();
+        Worker::start(&self.path, &self.source, &self.records, tell)
     }
 
     /// The file that its process writes records into.

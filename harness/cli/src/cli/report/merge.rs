@@ -30,7 +30,7 @@ pub(super) fn merged(parts: Vec<Recorded>) -> Recorded {
 }
 
 /// Records of one check on several paths as one record.
-pub(super) fn side_by_side(records: Vec<Record>) -> Vec<Record> {
+pub(in crate::cli) fn side_by_side(records: Vec<Record>) -> Vec<Record> {
     let mut checks: BTreeMap<String, Record> = BTreeMap::new();
     // Several checks of a test may be about the same; on each path they come in the same order.
     let mut seen: BTreeMap<(String, String), u32> = BTreeMap::new();

@@ -64,8 +64,9 @@ fn answer(
     out: &mut dyn Write,
 ) -> anyhow::Result<Said> {
     karat::run::host(host(suite, folder));
-    let mut tests: Vec<&Test> =
-        suite.tests.iter().filter(|test| test.is_about(&request.filter)).collect();
+    let no_frames = std::env::var("KARAT_FRAMES").is_ok_and(|frames| frames == "off");
+    let wanted = |test: &&Test| test.is_about(&request.filter) && !(no_frames && test.is_frame());
+    let mut tests: Vec<&Test> = suite.tests.iter().filter(wanted).collect();
     // What failed is of interest before all else.
     tests.sort_by_key(|test| !request.first.contains(&test.name));
     let all: BTreeSet<String> = tests.iter().map(|test| test.name.clone()).collect();

@@ -11,8 +11,6 @@ use notify::event::ModifyKind;
 use notify::{Event as Changed, EventKind, RecommendedWatcher, RecursiveMode, Watcher};
 use same_file::Handle;
 
-use super::Event;
-
 /// A burst is over when nothing comes for this long. One that goes on later runs the tests once more.
 const QUIET: Duration = Duration::from_millis(1);
 
@@ -29,13 +27,16 @@ const ENDINGS: [&str; 24] = [
 ];
 
 /// Watches while it lives.
-pub(super) struct Watching {
+pub(in crate::cli) struct Watching {
     _ends: Sender<()>,
 }
 
-/// Tells of each burst of changes below a folder, or of a file. If the folder goes, or another one takes its
+/// Tells of each burst of changes below a folder, or of a file, as long as that returns `true`. If the folder goes, or another one takes its
 /// place, that is told, and what is there is watched.
-pub(super) fn watch(folder: &Path, sender: Sender<Event>) -> anyhow::Result<Watching> {
+pub(in crate::cli) fn watch(
+    folder: &Path,
+    tell: impl Fn(Vec<PathBuf>) -> bool + Send + 'static,
+) -> anyhow::Result<Watching> {
     let root = folder.canonicalize().with_context(|| format!("`{}`", folder.display()))?;
     // Editors replace files: a file is watched by its folder.
     let above =
@@ -43,7 +44,7 @@ pub(super) fn watch(folder: &Path, sender: Sender<Event>) -> anyhow::Result<Watc
     let (raw, changes) = channel();
     let watcher = started(&above, &raw)?;
     let (ends, ended) = channel::<()>();
-    std::thread::spawn(move || follow(watcher, &above, &raw, &changes, &ended, &sender));
+    std::thread::spawn(move || follow(watcher, &above, &raw, &changes, &ended, &tell));
     Ok(Watching { _ends: ends })
 }
 
@@ -62,7 +63,7 @@ fn follow(
     raw: &Raw,
     changes: &Receiver<notify::Result<Changed>>,
     ended: &Receiver<()>,
-    sender: &Sender<Event>,
+    tell: &dyn Fn(Vec<PathBuf>) -> bool,
 ) {
     let mut watcher = Some(watcher);
     let mut look_again: Option<(Instant, BTreeSet<PathBuf>)> = None;
@@ -96,7 +97,7 @@ fn follow(
             watcher = now.as_ref().and_then(|_| started(folder, raw).ok());
             there = now.filter(|_| watcher.is_some());
         }
-        if !files.is_empty() && sender.send(Event::Files(files.into_iter().collect())).is_err() {
+        if !files.is_empty() && !tell(files.into_iter().collect()) {
             return;
         }
     }

@@ -4,14 +4,13 @@ use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
-use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
 
 use super::super::child::LastWords;
-use super::{DEADLINE, Event, Source};
+use super::{DEADLINE, Source};
 
 /// A worker that is no longer needed ends by itself within this time.
 const FAREWELL: Duration = Duration::from_millis(300);
@@ -47,19 +46,18 @@ pub(in crate::cli) enum Said {
     Ended { why: String },
 }
 
-pub(super) struct Worker {
+pub(in crate::cli) struct Worker {
     child: Child,
     stdin: Option<ChildStdin>,
 }
 
 impl Worker {
-    /// Starts a process for a path. What it says comes as events.
-    pub(super) fn start(
-        index: usize,
+    /// Starts a process for a path. What it says is told, as long as that returns `true`.
+    pub(in crate::cli) fn start(
         path: &str,
         source: &Source,
         records: &Path,
-        sender: &Sender<Event>,
+        tell: impl Fn(Said) -> bool + Send + 'static,
     ) -> anyhow::Result<Self> {
         let program = std::env::current_exe().context("this program isn't where it was")?;
         let mut command = Command::new(program);
@@ -71,11 +69,14 @@ impl Worker {
         command.env("KARAT_RECORD", records);
         // Each process has one path: one that is required would run in all of them.
         command.env_remove("KARAT_REQUIRE");
-        if let Source::Cargo(_) = source {
-            command.arg("--cargo");
-            // Frames need a driver.
-            command.envs((path == "cpu").then_some(("KARAT_FRAMES", "off")));
-        }
+        // Frames need a driver.
+        let functions = match source {
+            Source::Cargo(_) => path == "cpu",
+            Source::Functions(_) => true,
+            Source::Shaders(_) => false,
+        };
+        command.envs(functions.then_some(("KARAT_FRAMES", "off")));
+        command.args(matches!(source, Source::Cargo(_)).then_some("--cargo"));
         if std::env::var_os("KARAT_DEADLINE").is_none() {
             command.env("KARAT_DEADLINE", DEADLINE);
         }
@@ -84,13 +85,12 @@ impl Worker {
         let stdin = child.stdin.take().context("it is piped")?;
         let stdout = child.stdout.take().context("it is piped")?;
         let last_words = LastWords::of(child.stderr.take().context("it is piped")?);
-        let sender = sender.clone();
         std::thread::spawn(move || {
             for line in BufReader::new(stdout).lines() {
                 let Ok(line) = line else { break };
                 // Anything else is a driver's chatter.
                 if let Ok(said) = serde_json::from_str(&line)
-                    && sender.send(Event::Worker(index, said)).is_err()
+                    && !tell(said)
                 {
                     return;
                 }
@@ -99,12 +99,12 @@ impl Worker {
                 words if words.is_empty() => "the process of the tests ended".to_owned(),
                 words => words,
             };
-            drop(sender.send(Event::Worker(index, Said::Ended { why })));
+            tell(Said::Ended { why });
         });
         Ok(Self { child, stdin: Some(stdin) })
     }
 
-    pub(super) fn ask(&mut self, request: &Request) -> std::io::Result<()> {
+    pub(in crate::cli) fn ask(&mut self, request: &Request) -> std::io::Result<()> {
         let Some(stdin) = &mut self.stdin else { return Ok(()) };
         let request = serde_json::to_string(request).expect("a request is plain data");
         writeln!(stdin, "{request}")?;

@@ -1,0 +1,101 @@
+//! `karat lsp`: a language server. It tells an editor what isn't valid, what fails, and what is known of
+//! each function.
+//!
+//! Nothing is shown that isn't known of the text that the author sees: verdicts are about the files that
+//! they read, and when one of them has changed they are shown no more. Standard output is the protocol's.
+//! What an editor says wrongly is refused, and the session goes on.
+
+mod documents;
+mod findings;
+mod lenses;
+mod live;
+mod place;
+mod root;
+mod run;
+mod server;
+mod shown;
+mod wire;
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::{Duration, Instant};
+
+use self::server::Server;
+use self::wire::{Client, Heard, hear};
+use super::watch::Said;
+use super::{Ending, Outcome};
+
+/// Whoever types pauses for this long before modules are validated.
+const PAUSE: Duration = Duration::from_millis(60);
+
+/// Whoever types without a pause sees what is wrong all the same.
+const LONGEST: Duration = Duration::from_millis(400);
+
+/// How often it is looked whether a run has ended.
+const LOOK: Duration = Duration::from_millis(500);
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// Execution paths on which tests without Rust run after each save, each in a process of its own
+    #[arg(long, value_name = "PATHS", default_value = "cpu", env = "KARAT_PATHS")]
+    paths: String,
+    /// What editors pass for the only way that there is
+    #[arg(long, hide = true)]
+    stdio: bool,
+}
+
+/// What happens.
+enum Event {
+    /// The editor said something.
+    Heard(Heard),
+    /// Files changed, or are gone.
+    Files(Vec<PathBuf>),
+    /// A process that runs tests said a line, or ended.
+    Worker(usize, Said),
+    /// Tests that a lens started have run.
+    Ran(run::Ended),
+}
+
+pub(super) fn run(args: &Args, _: &mut dyn Write) -> Outcome {
+    let paths = karat::path::named("--paths", &args.paths)?;
+    let paths = paths.iter().map(ToString::to_string).collect();
+    let (sender, events) = channel();
+    let heard = sender.clone();
+    std::thread::spawn(move || {
+        let mut from = std::io::stdin().lock();
+        loop {
+            let message = hear(&mut from);
+            let is_last = message == Heard::End;
+            if heard.send(Event::Heard(message)).is_err() || is_last {
+                return;
+            }
+        }
+    });
+    // Not the output of other commands, which shows control characters: a length is counted in bytes.
+    let client = Client::new(Box::new(std::io::stdout()));
+    let mut server = Server::new(client, paths, sender)?;
+    let mut waits_since: Option<Instant> = None;
+    loop {
+        let patience =
+            waits_since.map_or(LOOK, |since| PAUSE.min(LONGEST.saturating_sub(since.elapsed())));
+        match events.recv_timeout(patience) {
+            Ok(event) => {
+                if let Some(ended_well) = server.take(event) {
+                    return Ok(if ended_well { Ending::Good } else { Ending::Bad });
+                }
+            }
+            Err(RecvTimeoutError::Timeout) => {
+                if waits_since.is_none() {
+                    server.look();
+                }
+                server.settle();
+            }
+            Err(RecvTimeoutError::Disconnected) => return Ok(Ending::Bad),
+        }
+        if server.is_gone() {
+            return Ok(Ending::Bad);
+        }
+        waits_since = server.is_unsettled().then(|| waits_since.unwrap_or_else(Instant::now));
+    }
+}

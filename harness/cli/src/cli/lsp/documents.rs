@@ -1,0 +1,112 @@
+//! The files that are open in the editor, whose text may not be saved yet.
+
+use std::cell::RefCell;
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Path, PathBuf};
+
+use karat::Package;
+use karat::record::{FileRead, Record};
+use lsp_types::Uri;
+
+use super::place;
+
+/// A file that is open.
+pub(super) struct Document {
+    /// As the editor writes it.
+    pub(super) uri: Uri,
+    pub(super) version: i32,
+    pub(super) text: String,
+}
+
+/// By their files.
+#[derive(Default)]
+pub(super) struct Documents(BTreeMap<PathBuf, Document>);
+
+impl Documents {
+    pub(super) fn open(&mut self, file: PathBuf, document: Document) {
+        self.0.insert(file, document);
+    }
+
+    pub(super) fn change(&mut self, file: &Path, version: i32, text: String) {
+        if let Some(document) = self.0.get_mut(file) {
+            (document.version, document.text) = (version, text);
+        }
+    }
+
+    pub(super) fn close(&mut self, file: &Path) {
+        self.0.remove(file);
+    }
+
+    pub(super) fn get(&self, file: &Path) -> Option<&Document> {
+        self.0.get(file)
+    }
+
+    /// The text that the author sees; empty if there is none.
+    pub(super) fn text(&self, file: &Path) -> String {
+        match self.0.get(file) {
+            Some(document) => document.text.clone(),
+            None => std::fs::read(file)
+                .map(|bytes| String::from_utf8_lossy(&bytes).into_owned())
+                .unwrap_or_default(),
+        }
+    }
+
+    /// A package with what isn't saved. Its programs stay as they are if there is nothing.
+    pub(super) fn applied(&self, package: &Package) -> Package {
+        let mut package = package.clone();
+        for (file, document) in self.unsaved() {
+            package = package.unsaved(file, &document.text);
+        }
+        package
+    }
+
+    /// Whether a file below a folder isn't saved.
+    pub(super) fn is_unsaved_below(&self, folder: &Path) -> bool {
+        self.unsaved().any(|(file, _)| file.starts_with(folder))
+    }
+
+    fn unsaved(&self) -> impl Iterator<Item = (&PathBuf, &Document)> {
+        let differs = |(file, document): &(&PathBuf, &Document)| {
+            std::fs::read(file).is_ok_and(|bytes| bytes != document.text.as_bytes())
+        };
+        self.0.iter().filter(differs)
+    }
+}
+
+/// Files as they are now, each read once.
+pub(super) struct Now<'d> {
+    documents: &'d Documents,
+    known: RefCell<HashMap<PathBuf, FileRead>>,
+}
+
+impl<'d> Now<'d> {
+    pub(super) fn of(documents: &'d Documents) -> Self {
+        Self { documents, known: RefCell::default() }
+    }
+
+    /// Whether a verdict is about what the author sees: each file that it depends on is as it was. What
+    /// a reference in Rust says isn't known before it is built.
+    pub(super) fn is_current(&self, record: &Record, declared: Option<&Path>) -> bool {
+        if record.overlay.is_some() || record.read.is_empty() {
+            return false;
+        }
+        // What a test declares isn't among the files that it read.
+        let started = record.time.as_ref().map(|time| humantime::parse_rfc3339(&time.started));
+        let saved = declared.and_then(|file| file.metadata().ok()?.modified().ok());
+        let redeclared = match (started, saved) {
+            (_, None) => false,
+            (Some(Ok(started)), Some(saved)) => saved > started,
+            _ => true,
+        };
+        !redeclared && record.read.iter().all(|read| self.hash(&read.file) == read.hash)
+    }
+
+    fn hash(&self, file: &Path) -> String {
+        let read = || match self.documents.get(&place::resolved(file)) {
+            Some(document) => FileRead::of(file, document.text.as_bytes()),
+            None => FileRead::now(file),
+        };
+        let mut known = self.known.borrow_mut();
+        known.entry(file.to_owned()).or_insert_with(read).hash.clone()
+    }
+}

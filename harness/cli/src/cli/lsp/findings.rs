@@ -1,0 +1,138 @@
+//! What is wrong, as diagnostics of files.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use karat::diagnostic as karats;
+use karat::record::Record;
+use karat::reflect::Invalid;
+use lsp_types::{
+    Diagnostic, DiagnosticRelatedInformation, DiagnosticSeverity, Location, NumberOrString, Range,
+};
+
+use super::super::replay;
+use super::super::report::short::{self, Finding};
+use super::super::report::{Place, is_failure, subject};
+use super::documents::Documents;
+use super::place;
+
+/// Diagnostics by their files.
+pub(super) type Findings = BTreeMap<PathBuf, Vec<Diagnostic>>;
+
+fn error(range: Range, message: String) -> Diagnostic {
+    Diagnostic {
+        range,
+        severity: Some(DiagnosticSeverity::ERROR),
+        source: Some("karat".to_owned()),
+        message,
+        ..Diagnostic::default()
+    }
+}
+
+/// What isn't valid. What has no place in a file is returned, to be told otherwise.
+pub(super) fn of_invalid(invalid: &Invalid, findings: &mut Findings) -> Vec<String> {
+    let Invalid::Modules { errors, .. } = invalid else { return vec![invalid.to_string()] };
+    let mut placeless = Vec::new();
+    for (_, error) in errors {
+        let found = short::diagnostic(error);
+        let placed = found.and_then(|found| Some((found, placed(found)?)));
+        match placed {
+            // A module that others import is at fault in each of them.
+            Some((_, (file, diagnostic))) => {
+                let own = findings.entry(file).or_default();
+                if !own.contains(&diagnostic) {
+                    own.push(diagnostic);
+                }
+            }
+            None => placeless.push(error.to_string()),
+        }
+    }
+    placeless
+}
+
+fn placed(found: &karats::Diagnostic) -> Option<(PathBuf, Diagnostic)> {
+    let (span, remark) = found.labels.first()?;
+    let file = file_of(span)?;
+    let mut message = found.message.clone();
+    for more in [remark].into_iter().chain(&found.notes) {
+        if !message.contains(&**more) {
+            message = format!("{message}\n{more}");
+        }
+    }
+    let related = found.labels[1..].iter().filter_map(|(span, remark)| {
+        let range = place::range(&span.file.text, &span.range);
+        let location = Location { uri: place::uri(&file_of(span)?)?, range };
+        Some(DiagnosticRelatedInformation { location, message: remark.clone() })
+    });
+    let related: Vec<_> = related.collect();
+    let mut diagnostic = error(place::range(&span.file.text, &span.range), message);
+    diagnostic.related_information = (!related.is_empty()).then_some(related);
+    Some((file, diagnostic))
+}
+
+/// The file of a span; `None` if its text is in memory.
+pub(super) fn file_of(span: &karats::Span) -> Option<PathBuf> {
+    let name = &span.file.name;
+    (!name.starts_with('<')).then(|| place::resolved(Path::new(name)))
+}
+
+/// What fails of some records, which are about the files as they are. `last` are those of the last run,
+/// whose failures have names.
+pub(super) fn of_records(
+    records: &[Record],
+    last: &[Record],
+    root: &Path,
+    documents: &Documents,
+    findings: &mut Findings,
+) {
+    let names = replay::names(last);
+    for record in records.iter().filter(|record| is_failure(record)) {
+        let same = |known: &Record| known.test == record.test && subject(known) == subject(record);
+        let name = names.iter().find(|(_, known)| same(known)).map(|(name, _)| name.clone());
+        for finding in short::of(record, root) {
+            add(finding, name.clone(), root, documents, findings);
+        }
+    }
+}
+
+/// Adds a finding, unless it has no place: then a lens or the log says it.
+pub(super) fn add(
+    finding: Finding,
+    name: Option<String>,
+    root: &Path,
+    documents: &Documents,
+    findings: &mut Findings,
+) {
+    let Finding { place: Some(Place { file, line, column }), message } = finding else { return };
+    let file = place::resolved(&root.join(file));
+    let range = place::rest_of_line(&documents.text(&file), line, column);
+    let mut diagnostic = error(range, message);
+    diagnostic.code = name.map(NumberOrString::String);
+    let own = findings.entry(file).or_default();
+    if !own.contains(&diagnostic) {
+        own.push(diagnostic);
+    }
+}
+
+/// What a message says at its places: `error: ...`, then ` --> file:line:column`.
+pub(super) fn in_message(message: &str) -> Vec<Finding> {
+    let mut all = Vec::new();
+    let mut head = "";
+    for line in message.lines() {
+        let line = line.trim();
+        if let Some(text) = line.strip_prefix("error: ") {
+            head = text;
+        }
+        let Some(at) = line.strip_prefix("--> ").filter(|_| !head.is_empty()) else { continue };
+        let mut parts = at.rsplitn(3, ':');
+        let (column, line, file) = (parts.next(), parts.next(), parts.next());
+        let number = |text: Option<&str>| text.and_then(|text| text.parse().ok());
+        if let (Some(column), Some(line), Some(file)) = (number(column), number(line), file) {
+            let file = place::resolved(Path::new(file)).display().to_string();
+            let place = Some(Place { file, line, column });
+            all.push(Finding { place, message: head.to_owned() });
+            head = "";
+        }
+    }
+    all
+}

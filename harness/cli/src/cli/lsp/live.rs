@@ -1,0 +1,176 @@
+//! Tests without Rust that run after each save, in processes that stay, as under `karat watch`.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::Sender;
+
+use karat::record::Record;
+use karat_suite::Suite;
+
+use super::super::watch::{Request, Said, Source, Worker};
+use super::Event;
+use super::place::resolved;
+
+/// The tests of one package on one path.
+pub(super) struct Lane {
+    pub(super) package: PathBuf,
+    pub(super) path: String,
+    worker: Option<Worker>,
+    /// Where its process keeps records.
+    records: PathBuf,
+    pub(super) busy: bool,
+    again: bool,
+    /// Whether all tests have had a verdict.
+    pub(super) done: bool,
+    tests: BTreeSet<String>,
+    /// Messages of tests that fail.
+    pub(super) failing: BTreeMap<String, String>,
+    /// What couldn't be read as a test.
+    pub(super) broken: Option<String>,
+    pub(super) verdicts: Vec<Record>,
+}
+
+/// What a process said that concerns others.
+pub(super) enum Told {
+    Nothing,
+    /// Verdicts are new.
+    Verdicts,
+    /// It ended, with its last words.
+    Ended(String),
+}
+
+/// All lanes.
+pub(super) struct Live {
+    paths: Vec<String>,
+    lanes: Vec<Lane>,
+    records: tempfile::TempDir,
+    sender: Sender<Event>,
+}
+
+impl Live {
+    pub(super) fn new(paths: Vec<String>, sender: Sender<Event>) -> std::io::Result<Self> {
+        Ok(Self { paths, lanes: Vec::new(), records: tempfile::tempdir()?, sender })
+    }
+
+    pub(super) fn lanes(&self) -> impl Iterator<Item = &Lane> {
+        self.lanes.iter()
+    }
+
+    /// Runs what an edit in a package concerns. A package whose first test was written has processes
+    /// from now on.
+    pub(super) fn ask(&mut self, package: &karat::Package) -> anyhow::Result<()> {
+        let folder = resolved(&package.root());
+        if !self.lanes.iter().any(|lane| lane.package == folder) {
+            let has = Suite::of(package.clone())
+                .is_ok_and(|suite| !suite.tests.is_empty() || !suite.broken.is_empty());
+            if !has {
+                return Ok(());
+            }
+            for path in self.paths.clone() {
+                let records = self.records.path().join(self.lanes.len().to_string());
+                self.lanes.push(Lane {
+                    package: folder.clone(),
+                    path,
+                    worker: None,
+                    records,
+                    busy: false,
+                    again: false,
+                    done: false,
+                    tests: BTreeSet::new(),
+                    failing: BTreeMap::new(),
+                    broken: None,
+                    verdicts: Vec::new(),
+                });
+            }
+        }
+        for index in 0..self.lanes.len() {
+            if self.lanes[index].package == folder {
+                self.lanes[index].ask(index, &self.sender)?;
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn hear(&mut self, index: usize, said: Said) -> anyhow::Result<Told> {
+        let Some(lane) = self.lanes.get_mut(index) else { return Ok(Told::Nothing) };
+        let told = lane.hear(said);
+        if lane.again && !lane.busy {
+            lane.again = false;
+            lane.ask(index, &self.sender)?;
+        }
+        Ok(told)
+    }
+}
+
+impl Lane {
+    fn ask(&mut self, index: usize, sender: &Sender<Event>) -> anyhow::Result<()> {
+        if self.busy {
+            self.again = true;
+            return Ok(());
+        }
+        let worker = match &mut self.worker {
+            Some(worker) => worker,
+            none => {
+                let sender = sender.clone();
+                let tell = move |said| sender.send(Event::Worker(index, said)).is_ok();
+                let source = match &*self.path {
+                    "cpu" => Source::Functions(self.package.clone()),
+                    _ => Source::Shaders(self.package.clone()),
+                };
+                none.insert(Worker::start(&self.path, &source, &self.records, tell)?)
+            }
+        };
+        let first = self.failing.keys().cloned().collect();
+        self.busy = true;
+        // If it has ended, its last words come.
+        drop(worker.ask(&Request { first, ..Request::default() }));
+        Ok(())
+    }
+
+    fn hear(&mut self, said: Said) -> Told {
+        match said {
+            Said::Test { name, message } => {
+                match message {
+                    Some(message) => drop(self.failing.insert(name, message)),
+                    None => drop(self.failing.remove(&name)),
+                }
+                Told::Nothing
+            }
+            Said::Done { tests, error } => {
+                self.failing.retain(|name, _| tests.contains(name));
+                self.verdicts.retain(|record| tests.contains(&record.test));
+                (self.tests, self.broken, self.done) = (tests, error, true);
+                let request = Request { report: Some(self.report()), ..Request::default() };
+                let asked = self.worker.as_mut().map(|worker| worker.ask(&request));
+                // It stays busy until its records are there.
+                self.busy = matches!(asked, Some(Ok(())));
+                Told::Verdicts
+            }
+            Said::Reported { .. } => {
+                self.busy = false;
+                self.verdicts = read(&self.report());
+                Told::Verdicts
+            }
+            Said::Ended { why } => {
+                (self.worker, self.busy, self.done) = (None, false, false);
+                // What it knew is still true of the files that it saw.
+                Told::Ended(why)
+            }
+        }
+    }
+
+    fn report(&self) -> PathBuf {
+        self.records.with_extension("jsonl")
+    }
+
+    /// Whether a test is one of these.
+    pub(super) fn has(&self, test: &str) -> bool {
+        self.tests.contains(test)
+    }
+}
+
+/// The records of a file. A line that is none was written by a process that was ended.
+fn read(file: &Path) -> Vec<Record> {
+    let text = std::fs::read_to_string(file).unwrap_or_default();
+    text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
+}

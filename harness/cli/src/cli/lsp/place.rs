@@ -1,0 +1,129 @@
+//! Places as the protocol has them: URIs, and columns that count units of UTF-16.
+
+use std::ops::Range as Bytes;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use lsp_types::{Position, Range, Uri};
+
+/// The file of a URI, if it is one, with its links resolved where it is there.
+pub(super) fn file(uri: &str) -> Option<PathBuf> {
+    let rest = uri.strip_prefix("file://")?;
+    // A host stands before the path; only this machine's files can be read.
+    let path = rest.strip_prefix("localhost").unwrap_or(rest);
+    let path = decoded(path.split(['?', '#']).next()?)?;
+    let path = match path.as_bytes() {
+        // `/C:/folder`
+        [b'/', drive, b':', ..] if cfg!(windows) && drive.is_ascii_alphabetic() => &path[1..],
+        [b'/', ..] => &path,
+        _ => return None,
+    };
+    Some(resolved(Path::new(path)))
+}
+
+/// A file as everything here knows it. One that isn't there has no links.
+pub(super) fn resolved(path: &Path) -> PathBuf {
+    let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    whole.canonicalize().unwrap_or(whole)
+}
+
+fn decoded(text: &str) -> Option<String> {
+    let mut bytes = Vec::new();
+    let mut rest = text.as_bytes();
+    while let Some((first, after)) = rest.split_first() {
+        rest = after;
+        if *first != b'%' {
+            bytes.push(*first);
+            continue;
+        }
+        let digits = std::str::from_utf8(after.get(..2)?).ok()?;
+        bytes.push(u8::from_str_radix(digits, 16).ok()?);
+        rest = &after[2..];
+    }
+    // A null ends names in systems' calls.
+    String::from_utf8(bytes).ok().filter(|text| !text.contains('\0'))
+}
+
+/// The URI of a file. `None` if its name isn't text.
+pub(super) fn uri(file: &Path) -> Option<Uri> {
+    let path = file.to_str()?.replace('\\', if cfg!(windows) { "/" } else { "\\" });
+    let mut text = "file://".to_owned();
+    if !path.starts_with('/') {
+        text.push('/');
+    }
+    for byte in path.bytes() {
+        match byte {
+            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'/' | b'-' | b'.' | b'_' | b'~' => {
+                text.push(char::from(byte));
+            }
+            _ => text += &format!("%{byte:02X}"),
+        }
+    }
+    Uri::from_str(&text).ok()
+}
+
+/// The place of bytes in a text.
+pub(super) fn range(text: &str, bytes: &Bytes<usize>) -> Range {
+    let position = |offset: usize| {
+        let before = &text[..text.floor_char_boundary(offset)];
+        let line = before.bytes().filter(|byte| *byte == b'\n').count();
+        let start = before.rfind('\n').map_or(0, |newline| newline + 1);
+        let column = before[start..].encode_utf16().count();
+        Position { line: number(line), character: number(column) }
+    };
+    Range { start: position(bytes.start), end: position(bytes.end.max(bytes.start)) }
+}
+
+/// The rest of a line, from a column that counts characters; both count from 1. A line that the text
+/// doesn't have is its own, empty.
+pub(super) fn rest_of_line(text: &str, line: u32, column: u32) -> Range {
+    let index = line.saturating_sub(1);
+    let whole = text.lines().nth(index as usize).unwrap_or_default().trim_end();
+    let before = whole.chars().take(column.saturating_sub(1) as usize);
+    let start = before.map(char::len_utf16).sum::<usize>();
+    let end = whole.encode_utf16().count().max(start);
+    let at = |column| Position { line: index, character: number(column) };
+    Range { start: at(start), end: at(end) }
+}
+
+fn number(count: usize) -> u32 {
+    u32::try_from(count).unwrap_or(u32::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_have_uris_and_others_none() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let folder = folder.path().canonicalize().expect("it is there");
+        for name in ["plain.wgsl", "two words.wgsl", "100%25 \u{e9} #?.wgsl"] {
+            let path = folder.join(name);
+            let known = uri(&path).expect("a URI");
+            assert_eq!(file(known.as_str()), Some(path), "{}", known.as_str());
+        }
+        for other in [
+            "untitled:Untitled-1",
+            "file://",
+            "file:a",
+            "",
+            "file:///%",
+            "file:///%zz",
+            "file:///%00",
+        ] {
+            assert_eq!(file(other), None, "{other}");
+        }
+    }
+
+    #[test]
+    fn columns_count_units_of_utf16() {
+        let text = "a\n\u{1f980}b c\n";
+        let found = range(text, &(6..7));
+        assert_eq!((found.start.line, found.start.character, found.end.character), (1, 2, 3));
+        let rest = rest_of_line(text, 2, 2);
+        assert_eq!((rest.start.line, rest.start.character, rest.end.character), (1, 2, 5));
+        let none = rest_of_line(text, 9, 9);
+        assert_eq!((none.start.line, none.start.character, none.end.character), (8, 0, 0));
+    }
+}

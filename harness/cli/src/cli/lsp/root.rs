@@ -1,0 +1,165 @@
+//! A project that the editor has opened: its packages, and what its last runs found.
+
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use karat::Package;
+use karat::record::{Record, Recorded, Subject};
+use karat::reflect::Invalid;
+
+use super::super::PackageArgs;
+use super::super::check;
+use super::super::project::Project;
+use super::super::report::located;
+use super::documents::{Documents, Now};
+use super::place::resolved;
+
+pub(super) struct Root {
+    pub(super) project: Project,
+    pub(super) packages: Vec<Package>,
+    /// The packages as tests used them: with features and dependencies that no folder says.
+    uses: Vec<Package>,
+    /// What runs found, of each test the latest.
+    records: Vec<Record>,
+    /// Those of the last run, whose failures `karat replay` knows.
+    pub(super) last: Vec<Record>,
+    /// Whether one of the runs had all tests, so that what isn't recorded isn't tested.
+    pub(super) whole: bool,
+    stamp: Option<Stamp>,
+}
+
+/// Which run ended last, and when.
+type Stamp = (String, Option<SystemTime>);
+
+/// What the records say of the files as they are.
+#[derive(Default)]
+pub(super) struct Verdicts {
+    pub(super) current: Vec<Record>,
+    /// Of files that changed since: nobody knows.
+    pub(super) stale: Vec<Record>,
+}
+
+impl Root {
+    pub(super) fn open(folder: &Path) -> anyhow::Result<Self> {
+        let project = Project::around(folder)?;
+        let (packages, uses, records, last) = Default::default();
+        let mut root = Self { project, packages, uses, records, last, whole: false, stamp: None };
+        root.find_packages()?;
+        Ok(root)
+    }
+
+    /// Finds the packages again: those that are declared, the folder `shaders`, those that tests used,
+    /// and where there is no Cargo project, the folder itself.
+    pub(super) fn find_packages(&mut self) -> anyhow::Result<()> {
+        let found = match self.project.is_cargo() {
+            true => self.project.tested(&self.records)?,
+            false => match self.project.packages_if_any(&PackageArgs::default())? {
+                none if none.is_empty() => Package::open(self.project.root()).into_iter().collect(),
+                some => some,
+            },
+        };
+        // One without a module is none, and what else is wrong with it is told when it is validated.
+        self.packages = found.into_iter().filter(|package| package.modules().is_ok()).collect();
+        Ok(())
+    }
+
+    /// The package that has a file, with the module's name in it.
+    pub(super) fn module_of(&self, file: &Path) -> Option<(&Package, String)> {
+        self.packages.iter().find_map(|package| Some((package, module_in(package, file)?)))
+    }
+
+    /// Reads the record if another run has ended. Whether there is anything new.
+    pub(super) fn read_record(&mut self) -> anyhow::Result<bool> {
+        let folder = self.project.record();
+        let name = std::fs::read_to_string(folder.join("last")).unwrap_or_default();
+        let changed = folder.join("last").metadata().and_then(|facts| facts.modified()).ok();
+        let stamp = Some((name, changed));
+        if self.stamp == stamp {
+            return Ok(false);
+        }
+        self.stamp = stamp;
+        let recorded = match Recorded::read(&folder) {
+            Ok(found) => found,
+            Err(error) => {
+                (self.records, self.last, self.whole) = Default::default();
+                return Err(error.into());
+            }
+        };
+        let Some(Recorded { folder, records, run }) = recorded else {
+            (self.records, self.last, self.whole) = Default::default();
+            return Ok(true);
+        };
+        match run.is_some_and(|run| run.selected.is_empty()) {
+            true => (self.records, self.whole) = (records.clone(), true),
+            // Some tests ran, and of the others the runs before it tell.
+            false => {
+                let has = |test: &str| records.iter().any(|record| record.test == test);
+                self.records.retain(|record| !has(&record.test));
+                self.records.extend(records.iter().cloned());
+            }
+        }
+        self.last = records;
+        self.uses = check::uses(&folder).unwrap_or_default();
+        self.find_packages()?;
+        Ok(true)
+    }
+
+    /// What is wrong with the modules, as they are in the editor.
+    pub(super) fn invalid(&self, documents: &Documents) -> Vec<Invalid> {
+        let declared = !self.project.is_cargo() || self.project.declares(&PackageArgs::default());
+        let uses: Vec<Package> = match declared {
+            true => Vec::new(),
+            false => self.uses.iter().map(|used| documents.applied(used)).collect(),
+        };
+        let packages = self.packages.iter().map(|package| documents.applied(package));
+        packages.filter_map(|package| check::as_used(&package, &uses)).collect()
+    }
+
+    /// What the runs say of the files as they are.
+    pub(super) fn verdicts(&self, now: &Now<'_>) -> Verdicts {
+        self.sorted(self.records.iter().cloned(), now)
+    }
+
+    /// Tells records of files as they are from others.
+    pub(super) fn sorted(&self, records: impl Iterator<Item = Record>, now: &Now<'_>) -> Verdicts {
+        // Tests write places as they see them from their folders.
+        let records = records.map(|mut record| {
+            if let Subject::Function { location, package, .. } = &mut record.subject {
+                let root = self.project.root();
+                if let Some(at) = located(location, Path::new(package), root) {
+                    let file = resolved(&root.join(at.file));
+                    *location = format!("{}:{}:{}", file.display(), at.line, at.column);
+                }
+                *package = resolved(&root.join(&*package)).display().to_string();
+            }
+            record
+        });
+        let (current, stale) =
+            records.partition(|record| now.is_current(record, self.declared(record).as_deref()));
+        Verdicts { current, stale }
+    }
+
+    /// The file that declares tests of a record's function.
+    fn declared(&self, record: &Record) -> Option<PathBuf> {
+        let Subject::Function { location, package, .. } = &record.subject else { return None };
+        let root = self.project.root();
+        let place = located(location, Path::new(package), root)?;
+        Some(root.join(place.file).with_extension("test.toml"))
+    }
+}
+
+/// The name of the module that a file of a package is.
+pub(super) fn module_in(package: &Package, file: &Path) -> Option<String> {
+    let root = resolved(&package.root());
+    if root.is_file() {
+        return (root == file).then(String::new);
+    }
+    let below = file.strip_prefix(&root).ok()?;
+    if !below.extension().is_some_and(|ending| ending == "wgsl" || ending == "wesl") {
+        return None;
+    }
+    let stem = below.with_extension("");
+    let parts: Vec<_> = stem.components().map(|part| part.as_os_str().to_string_lossy()).collect();
+    let module = parts.join("::");
+    package.modules().ok()?.contains(&module).then_some(module)
+}

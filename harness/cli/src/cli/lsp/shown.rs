@@ -1,0 +1,126 @@
+//! What is shown: what isn't valid, and what fails of the text that the author sees.
+
+use std::collections::BTreeSet;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+
+use karat::record::{Record, Verdict};
+use lsp_types::notification::PublishDiagnostics;
+use lsp_types::{Diagnostic, PublishDiagnosticsParams};
+use serde_json::Value;
+
+use super::super::report::merge::side_by_side;
+use super::super::report::short::Finding;
+use super::documents::Now;
+use super::findings::{self, Findings};
+use super::place::{self, resolved};
+use super::root::{Root, Verdicts};
+use super::server::Server;
+
+impl Server {
+    /// Shows what is wrong now.
+    pub(super) fn settle(&mut self) {
+        if std::mem::take(&mut self.edited) {
+            // A compiler that panics over half a program has no verdict.
+            let found = catch_unwind(AssertUnwindSafe(|| self.find_invalid()));
+            self.invalid = found.unwrap_or_else(|_| {
+                self.client.tell_once("a module couldn't be looked at");
+                Findings::new()
+            });
+        } else if !self.judged {
+            return;
+        }
+        self.judged = false;
+        let mut findings = self.invalid.clone();
+        for root in &self.roots {
+            self.find_failures(root, &mut findings);
+        }
+        self.publish(findings);
+        if self.client.can_refresh_lenses {
+            self.client.ask("workspace/codeLens/refresh", &Value::Null);
+        }
+    }
+
+    fn find_invalid(&mut self) -> Findings {
+        let mut found = Findings::new();
+        for root in &self.roots {
+            for invalid in root.invalid(&self.documents) {
+                for placeless in findings::of_invalid(&invalid, &mut found) {
+                    self.client.tell_once(&placeless);
+                }
+            }
+        }
+        found
+    }
+
+    fn find_failures(&self, root: &Root, found: &mut Findings) {
+        let now = Now::of(&self.documents);
+        let (folder, last) = (root.project.root(), &root.last);
+        let Verdicts { current, .. } = self.verdicts(root, &now);
+        findings::of_records(&current, last, folder, &self.documents, found);
+        for lane in self.live.lanes().filter(|lane| self.is_of(root, &lane.package)) {
+            // What has no record has no list of files: it is about what is saved.
+            if self.documents.is_unsaved_below(&lane.package) || lane.busy {
+                continue;
+            }
+            let recorded = |test: &str| lane.verdicts.iter().any(|record| record.test == test);
+            let failing = lane.failing.iter().filter(|(test, _)| !recorded(test));
+            let messages = failing.map(|(_, message)| message).chain(&lane.broken);
+            for Finding { place, message } in messages.flat_map(|text| findings::in_message(text)) {
+                let file = place.as_ref().map(|place| resolved(Path::new(&place.file)));
+                // A module that isn't valid has been told, as it is in the editor.
+                if file.is_some_and(|file| !self.invalid.contains_key(&file)) {
+                    let finding = Finding { place, message };
+                    findings::add(finding, None, folder, &self.documents, found);
+                }
+            }
+        }
+    }
+
+    fn is_of(&self, root: &Root, package: &Path) -> bool {
+        root.packages.iter().any(|known| resolved(&known.root()) == package)
+    }
+
+    /// What the last runs and the processes that stay know, as one.
+    pub(super) fn verdicts(&self, root: &Root, now: &Now<'_>) -> Verdicts {
+        let lanes: Vec<_> = self.live.lanes().filter(|l| self.is_of(root, &l.package)).collect();
+        let live = root.sorted(lanes.iter().flat_map(|lane| lane.verdicts.iter().cloned()), now);
+        let mut all = root.verdicts(now);
+        // A path of a test that stays has its verdict there.
+        for lane in lanes.iter().filter(|lane| lane.done) {
+            all.current.retain_mut(|record| !lane.has(&record.test) || leave(record, &lane.path));
+        }
+        let current = live.current.into_iter().chain(all.current).collect();
+        let stale = live.stale.into_iter().chain(all.stale).collect();
+        Verdicts { current: side_by_side(current), stale }
+    }
+
+    fn publish(&mut self, findings: Findings) {
+        let empty: Vec<Diagnostic> = Vec::new();
+        let files: BTreeSet<&PathBuf> = self.published.keys().chain(findings.keys()).collect();
+        for file in files {
+            let diagnostics = findings.get(file).unwrap_or(&empty);
+            if self.published.get(file).unwrap_or(&empty) == diagnostics {
+                continue;
+            }
+            let document = self.documents.get(file);
+            let uri = document.map(|document| document.uri.clone()).or_else(|| place::uri(file));
+            let Some(uri) = uri else { continue };
+            let version = document.map(|document| document.version);
+            let diagnostics = diagnostics.clone();
+            let parameters = PublishDiagnosticsParams { uri, diagnostics, version };
+            self.client.notify::<PublishDiagnostics>(&parameters);
+        }
+        self.published = findings;
+    }
+}
+
+/// Takes a path out of a record. Whether there is another one.
+fn leave(record: &mut Record, path: &str) -> bool {
+    record.paths.retain(|own| own.adapter.path != path);
+    let fails = record.paths.iter().any(|own| own.failures > 0 && own.known_issue.is_none());
+    if !fails && record.verdict == Verdict::Fail {
+        (record.verdict, record.message) = (Verdict::Pass, None);
+    }
+    !record.paths.is_empty()
+}

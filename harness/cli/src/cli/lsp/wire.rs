@@ -1,0 +1,212 @@
+//! Messages of JSON-RPC over pipes. What isn't one is told, and the next one is read all the same: an
+//! editor's fault ends no session.
+
+use std::collections::BTreeSet;
+use std::io::{BufRead, Read, Write};
+
+use lsp_types::notification::{LogMessage, Notification, ShowMessage};
+use lsp_types::{LogMessageParams, MessageType, ShowMessageParams};
+use serde::Serialize;
+use serde_json::{Value, json};
+
+/// Far more than an editor sends: a file that is opened comes whole.
+const LONGEST: u64 = 64 << 20;
+
+/// Why a request has no result, as the protocol numbers it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Refusal {
+    Unparsed = -32700,
+    Invalid = -32600,
+    UnknownMethod = -32601,
+    Parameters = -32602,
+    Internal = -32603,
+    NotInitialized = -32002,
+}
+
+/// What is heard of the editor.
+#[derive(Debug, PartialEq)]
+pub(super) enum Heard {
+    Request {
+        id: Value,
+        method: String,
+        parameters: Value,
+    },
+    Notification {
+        method: String,
+        parameters: Value,
+    },
+    /// An answer to a request of ours. None of them changes anything.
+    Answer,
+    /// What is no message, and why.
+    Garbage(Refusal, String),
+    /// Nobody speaks any more.
+    End,
+}
+
+/// Reads the next message, whatever stands before it.
+pub(super) fn hear(from: &mut dyn BufRead) -> Heard {
+    let mut length = None;
+    loop {
+        let mut line = Vec::new();
+        // A line that doesn't end is no head.
+        match from.take(1 << 20).read_until(b'\n', &mut line) {
+            Ok(0) | Err(_) => return Heard::End,
+            Ok(_) => {}
+        }
+        let line = String::from_utf8_lossy(&line).to_ascii_lowercase();
+        // Behind a body that was shorter than its length a head stands in the middle of a line.
+        if let Some((_, value)) = line.rsplit_once("content-length:") {
+            length = value.trim().parse::<u64>().ok().filter(|length| *length <= LONGEST);
+            if length.is_none() {
+                return Heard::Garbage(Refusal::Unparsed, format!("no length: {}", value.trim()));
+            }
+        } else if line.trim().is_empty()
+            && let Some(length) = length
+        {
+            let mut body = Vec::new();
+            return match from.take(length).read_to_end(&mut body) {
+                Ok(read) if read as u64 == length => parsed(&body),
+                _ => Heard::End,
+            };
+        }
+    }
+}
+
+fn parsed(body: &[u8]) -> Heard {
+    let mut message: Value = match serde_json::from_slice(body) {
+        Ok(message) => message,
+        Err(error) => return Heard::Garbage(Refusal::Unparsed, format!("not JSON: {error}")),
+    };
+    let mut field = |name| message.get_mut(name).map(Value::take).unwrap_or_default();
+    let (id, method, parameters) = (field("id"), field("method"), field("params"));
+    let method = method.as_str().map(str::to_owned);
+    match (method, id) {
+        (Some(method), Value::Null) => Heard::Notification { method, parameters },
+        (Some(method), id @ (Value::String(_) | Value::Number(_))) => {
+            Heard::Request { id, method, parameters }
+        }
+        (None, Value::String(_) | Value::Number(_)) => Heard::Answer,
+        _ => Heard::Garbage(Refusal::Invalid, "neither a request nor a notification".to_owned()),
+    }
+}
+
+/// The editor, as somebody to speak to.
+pub(super) struct Client {
+    out: Box<dyn Write + Send>,
+    /// Whether nobody reads any more.
+    pub(super) gone: bool,
+    /// What it was told that it needs to hear once.
+    said: BTreeSet<String>,
+    requests: u64,
+    /// What it says that it can do.
+    pub(super) can_show_progress: bool,
+    pub(super) can_refresh_lenses: bool,
+}
+
+impl Client {
+    pub(super) fn new(out: Box<dyn Write + Send>) -> Self {
+        let (said, requests) = (BTreeSet::new(), 0);
+        let (can_show_progress, can_refresh_lenses) = (false, false);
+        Self { out, gone: false, said, requests, can_show_progress, can_refresh_lenses }
+    }
+
+    fn write(&mut self, message: &Value) {
+        let body = message.to_string();
+        let head = format!("Content-Length: {}\r\n\r\n", body.len());
+        let written = self.out.write_all((head + &body).as_bytes());
+        self.gone |= written.and_then(|()| self.out.flush()).is_err();
+    }
+
+    pub(super) fn answer(&mut self, id: &Value, result: impl Serialize) {
+        match serde_json::to_value(result) {
+            Ok(result) => self.write(&json!({ "jsonrpc": "2.0", "id": id, "result": result })),
+            Err(error) => self.refuse(id, Refusal::Internal, &error.to_string()),
+        }
+    }
+
+    pub(super) fn refuse(&mut self, id: &Value, why: Refusal, message: &str) {
+        let error = json!({ "code": why as i32, "message": message });
+        self.write(&json!({ "jsonrpc": "2.0", "id": id, "error": error }));
+    }
+
+    pub(super) fn notify<N: Notification>(&mut self, parameters: &N::Params) {
+        self.write(&json!({ "jsonrpc": "2.0", "method": N::METHOD, "params": parameters }));
+    }
+
+    /// [`notify`](Self::notify) with parameters of no type: progress may have any token.
+    pub(super) fn notify_value(&mut self, method: &str, parameters: &Value) {
+        self.write(&json!({ "jsonrpc": "2.0", "method": method, "params": parameters }));
+    }
+
+    /// Asks for something, whatever the answer.
+    pub(super) fn ask(&mut self, method: &str, parameters: &Value) {
+        self.requests += 1;
+        let id = format!("karat/{}", self.requests);
+        let message = json!({ "jsonrpc": "2.0", "id": id, "method": method, "params": parameters });
+        self.write(&message);
+    }
+
+    pub(super) fn tell(&mut self, typ: MessageType, message: impl Into<String>) {
+        self.notify::<ShowMessage>(&ShowMessageParams { typ, message: message.into() });
+    }
+
+    /// What is the matter with a project, the first time that it is.
+    pub(super) fn tell_once(&mut self, message: &str) {
+        if self.said.insert(message.to_owned()) {
+            self.tell(MessageType::WARNING, format!("karat: {message}"));
+        }
+    }
+
+    pub(super) fn log(&mut self, message: impl Into<String>) {
+        let (typ, message) = (MessageType::LOG, message.into());
+        self.notify::<LogMessage>(&LogMessageParams { typ, message });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all(text: &str) -> Vec<Heard> {
+        let mut from = text.as_bytes();
+        let mut heard = Vec::new();
+        loop {
+            match hear(&mut from) {
+                Heard::End => return heard,
+                other => heard.push(other),
+            }
+        }
+    }
+
+    fn framed(body: &str) -> String {
+        format!("Content-Length: {}\r\n\r\n{body}", body.len())
+    }
+
+    #[test]
+    fn what_follows_garbage_is_heard() {
+        let good = framed(r#"{"jsonrpc":"2.0","method":"initialized","params":{}}"#);
+        let heard = |text: &str| {
+            let found = all(text);
+            let is_good = |heard: &&Heard| matches!(heard, Heard::Notification { method, .. } if method == "initialized");
+            (found.iter().filter(is_good).count(), found.len())
+        };
+        assert_eq!(heard(&good), (1, 1));
+        for (before, garbage) in [
+            ("no head at all\r\n\r\n", 0),
+            ("half a line, then ", 0),
+            ("Content-Length: five\r\n\r\n", 1),
+            ("Content-Length: 99999999999999999999\r\n\r\n{}", 1),
+            ("Content-Length: 999999999999\r\n\r\n{}", 1),
+            (&framed("{"), 1),
+            (&framed("[]"), 1),
+            (&framed(r#"{"jsonrpc":"2.0"}"#), 1),
+            (&framed(r#"{"id":{},"method":"a"}"#), 1),
+            (&framed("\u{0}\u{1f980}"), 1),
+            // Shorter than its body is.
+            ("Content-Length: 2\r\n\r\n{} and more", 1),
+        ] {
+            assert_eq!(heard(&format!("{before}{good}{good}")), (2, 2 + garbage), "{before:?}");
+        }
+        assert_eq!(all("Content-Length: 50\r\n\r\n{"), []);
+    }
+}

@@ -1,0 +1,139 @@
+//! A line for each failure, as editors read it: `file:line:column: error: message`.
+
+use std::io::Write;
+use std::path::Path;
+
+use karat::diagnostic::{Diagnostic, shown};
+use karat::package::PackageError;
+use karat::record::{PathRecord, Record, Subject};
+use karat::reflect::{Invalid, ReflectError};
+
+use super::{Place, is_failure, located, place};
+
+/// Something that is wrong, in one line, and where.
+#[derive(Debug, PartialEq, Eq)]
+pub(in crate::cli) struct Finding {
+    pub(in crate::cli) place: Option<Place>,
+    pub(in crate::cli) message: String,
+}
+
+/// Writes what fails of a run and what isn't valid, and how much that is.
+pub(in crate::cli) fn write(
+    records: &[Record],
+    invalid: &[(String, Invalid)],
+    passed: bool,
+    root: &Path,
+    out: &mut dyn Write,
+) -> std::io::Result<()> {
+    let mut lines: Vec<String> = Vec::new();
+    let failed: Vec<&Record> = records.iter().filter(|record| is_failure(record)).collect();
+    for Finding { place, message } in failed.iter().flat_map(|record| of(record, root)) {
+        let place = place.map(|Place { file, line, column }| {
+            format!("{}:{line}:{column}: ", shown(&root.join(file)))
+        });
+        lines.push(format!("{}error: {message}", place.unwrap_or_default()));
+    }
+    for (package, invalid) in invalid {
+        let Invalid::Modules { errors, .. } = invalid else {
+            lines.push(format!("error: {package}: {}", first_line(&invalid.to_string())));
+            continue;
+        };
+        for (_, error) in errors {
+            let diagnostic = diagnostic(error);
+            let place =
+                diagnostic.and_then(|found| found.location()).map(|span| format!("{span}: "));
+            let message =
+                diagnostic.map_or_else(|| error.to_string(), |found| found.message.clone());
+            lines.push(format!("{}error: {}", place.unwrap_or_default(), first_line(&message)));
+        }
+    }
+    lines.iter().try_for_each(|line| writeln!(out, "{line}"))?;
+    let (checks, failed) = (records.len(), failed.len());
+    let invalid = match invalid.len() {
+        0 => "",
+        _ => "; modules aren't valid",
+    };
+    let outside = match failed == 0 && !passed {
+        true => "; a test failed outside of Karat's checks: leave --short out to see it",
+        false => "",
+    };
+    writeln!(out, "{checks} checks, {failed} failed{invalid}{outside}")
+}
+
+/// What is wrong with a module, with its place.
+pub(in crate::cli) fn diagnostic(error: &ReflectError) -> Option<&Diagnostic> {
+    match error {
+        ReflectError::Package(PackageError::Shader(found))
+        | ReflectError::Invalid(found)
+        | ReflectError::Unprobeable(found) => Some(found),
+        _ => None,
+    }
+}
+
+/// What a failure says in a line: of a function in WGSL that has expectations, each that fails, where it
+/// stands.
+pub(in crate::cli) fn of(record: &Record, root: &Path) -> Vec<Finding> {
+    let expectations = expectations(record, root);
+    if !expectations.is_empty() {
+        return expectations;
+    }
+    // A frame that couldn't be drawn has the place of its test in its message.
+    let told = || {
+        let mut lines = record.message.as_deref().unwrap_or_default().lines();
+        located(lines.find_map(|line| line.trim().strip_prefix("--> "))?, root, root)
+    };
+    vec![Finding { place: place(record, root, root).or_else(told), message: headline(record) }]
+}
+
+/// The expectations that fail, as the message has them: `failed = tests.wgsl:4:5: what was seen`.
+fn expectations(record: &Record, root: &Path) -> Vec<Finding> {
+    let Subject::Function { package, function, .. } = &record.subject else { return Vec::new() };
+    let mut all: Vec<Finding> = Vec::new();
+    let mut path = "";
+    for line in record.message.as_deref().unwrap_or_default().lines() {
+        if let Some(adapter) = line.strip_prefix("on ") {
+            path = adapter.split_once(':').map_or(adapter, |(path, _)| path);
+        }
+        let Some(failed) = line.trim_start().strip_prefix("failed = ") else { continue };
+        // What was seen may have colons, a place has no blank behind one.
+        let Some((at, seen)) = failed.split_once(": ") else { continue };
+        let Some(place) = located(at, Path::new(package), root) else { continue };
+        let message = format!("{seen}, in `{function}` on {path}");
+        let finding = Finding { place: Some(place), message };
+        if !all.contains(&finding) {
+            all.push(finding);
+        }
+    }
+    all
+}
+
+/// The headline of a failure, with the worst error and its path.
+fn headline(record: &Record) -> String {
+    let message = record.message.as_deref().unwrap_or("it fails, and says nothing");
+    let (Subject::Function { function, check, .. }, Some(worst)) = (&record.subject, worst(record))
+    else {
+        let whole = super::message(record).unwrap_or_else(|| message.to_owned());
+        return first_line(&whole);
+    };
+    let PathRecord { adapter, cases, failures, .. } = worst;
+    let seen = match worst.asserted.is_empty() {
+        true => worst.worst.clone(),
+        false => format!("{} ({})", worst.worst, worst.asserted),
+    };
+    let path = &adapter.path;
+    format!("`{function}` fails {check}: {seen} on {path}, {failures} of {cases} cases")
+}
+
+/// The path that fails worst.
+fn worst(record: &Record) -> Option<&PathRecord> {
+    let failing =
+        record.paths.iter().filter(|path| path.failures > 0 && path.known_issue.is_none());
+    let ratio = |path: &PathRecord| path.ratio.unwrap_or(f64::INFINITY);
+    failing.max_by(|a, b| ratio(a).total_cmp(&ratio(b)))
+}
+
+/// The first line that says something, without the word that all begin with.
+fn first_line(message: &str) -> String {
+    let line = message.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
+    line.trim().trim_start_matches("error: ").to_owned()
+}

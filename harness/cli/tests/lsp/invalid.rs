@@ -1,0 +1,80 @@
+//! Modules that aren't valid, from the text that the author sees.
+
+use super::editor::Editor;
+use super::{CALC, folder, told, write};
+
+const FILE: &str = "shaders/calc.wgsl";
+
+#[test]
+fn a_fault_is_shown_at_its_place_and_goes_when_it_is_mended() {
+    let folder = folder();
+    let mut editor = Editor::open(folder.path());
+    editor.open_file(FILE, CALC);
+    // Nothing is saved: the file on disk stays valid.
+    let fault = CALC.replace("return x;", "/* \u{1f980} */ return y;");
+    editor.edit(FILE, &fault);
+    let shown = editor.wait(FILE, |all| all.len() == 1);
+    let (line, column, message) = told(&shown[0]);
+    assert_eq!((line, column), (3, 44), "{message}");
+    assert!(message.contains("no definition in scope for identifier: `y`"), "{message}");
+    assert_eq!((&shown[0]["source"], &shown[0]["severity"]), (&"karat".into(), &1.into()));
+    editor.edit(FILE, CALC);
+    editor.wait(FILE, <[_]>::is_empty);
+    // What the parser of modules rejects, too.
+    editor.edit(FILE, &CALC.replace("fn lonely(", "fn lonely(("));
+    let shown = editor.wait(FILE, |all| !all.is_empty());
+    assert_eq!(told(&shown[0]).0, 3, "{shown:?}");
+    editor.edit(FILE, CALC);
+    editor.wait(FILE, <[_]>::is_empty);
+}
+
+/// An edit of one module is at fault in another one.
+#[test]
+fn a_fault_is_shown_in_the_module_that_imports() {
+    let folder = folder();
+    write(
+        folder.path(),
+        "shaders/user.wgsl",
+        "import package::calc::lonely;\nfn user() -> f32 { return lonely(1.0); }\n",
+    );
+    let mut editor = Editor::open(folder.path());
+    editor.open_file(FILE, CALC);
+    editor.edit(FILE, &CALC.replace("lonely", "alone"));
+    let shown = editor.wait("shaders/user.wgsl", |all| !all.is_empty());
+    let (line, _, message) = told(&shown[0]);
+    assert_eq!(line, 1, "{message}");
+    assert!(message.contains("lonely"), "{message}");
+    editor.edit(FILE, CALC);
+    editor.wait("shaders/user.wgsl", <[_]>::is_empty);
+    // A file that is closed is as it is on disk.
+    editor.edit(FILE, &CALC.replace("lonely", "alone"));
+    editor.wait("shaders/user.wgsl", |all| !all.is_empty());
+    let document = serde_json::json!({ "uri": editor.uri(FILE) });
+    editor.notify("textDocument/didClose", serde_json::json!({ "textDocument": document }));
+    editor.wait("shaders/user.wgsl", <[_]>::is_empty);
+}
+
+/// A file that was deleted, one that is in no package, and what is no file say nothing and end nothing.
+#[test]
+fn other_files_have_no_diagnostics() {
+    let folder = folder();
+    write(folder.path(), "other.wgsl", "fn broken(\n");
+    let mut editor = Editor::open(folder.path());
+    editor.open_file("other.wgsl", "fn broken(\n");
+    editor.open_file("shaders/gone.wgsl", "fn broken(\n");
+    let document = serde_json::json!({
+        "uri": "untitled:Untitled-1", "languageId": "wgsl", "version": 1, "text": "fn broken(",
+    });
+    editor.notify("textDocument/didOpen", serde_json::json!({ "textDocument": document }));
+    editor.open_file(FILE, CALC);
+    editor.edit(FILE, "fn broken(\n");
+    editor.wait(FILE, |all| !all.is_empty());
+    assert!(editor.shown("other.wgsl").is_empty() && editor.shown("shaders/gone.wgsl").is_empty());
+    assert_eq!(editor.lenses("other.wgsl"), []);
+    // The module goes, and with it what was wrong.
+    std::fs::remove_file(folder.path().join(FILE)).expect("removed");
+    let document = serde_json::json!({ "uri": editor.uri(FILE) });
+    editor.notify("textDocument/didClose", serde_json::json!({ "textDocument": document }));
+    editor.wait(FILE, <[_]>::is_empty);
+    assert_eq!(editor.lenses(FILE), []);
+}
