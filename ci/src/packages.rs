@@ -169,7 +169,9 @@ fn unpack() -> Result<()> {
     for (name, version) in names()? {
         let member = format!("{name}-{version}");
         let file = target().join("package").join(format!("{member}.crate"));
-        command::run(Command::new("tar").arg("-xzf").arg(&file).arg("-C").arg(&folder))?;
+        // As files of now: those in the archive have one date for ever, by which Cargo would take a package
+        // for the one of the last run.
+        command::run(Command::new("tar").arg("-xzmf").arg(&file).arg("-C").arg(&folder))?;
         patches.push_str(&format!("{name} = {{ path = \"{member}\" }}\n"));
         members.push(member);
     }
