@@ -14,6 +14,7 @@ mod facts;
 mod http;
 mod load;
 mod maps;
+mod packed;
 mod page;
 mod server;
 
@@ -178,7 +179,7 @@ impl Review {
     /// What the page loads of a frame.
     fn script(&self, index: usize, frame: &Pending) -> String {
         match Case::load(&self.goldens, frame) {
-            Ok(case) => data::script(index, frame, &case),
+            Ok(case) => data::script(index, &case),
             Err(error) => data::failure(index, &error.to_string()),
         }
     }

@@ -1,27 +1,35 @@
 //! The page itself: one HTML file with its style, scripts and list of cases.
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::data::embedded;
 use karat::diagnostic::shown;
-use karat::golden::PendingFrames;
+use karat::golden::{Criterion, CriterionMargin, Pending, PendingFrames};
 
 const HTML: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
 
 /// The scripts, each of which uses only those before it. They become one, in one scope.
-const SCRIPTS: [&str; 14] = [
+const SCRIPTS: [&str; 22] = [
     include_str!("page/numbers.js"),
     include_str!("page/tones.js"),
     include_str!("page/shader.js"),
     include_str!("page/state.js"),
+    include_str!("page/gain.js"),
+    include_str!("page/failing.js"),
     include_str!("page/stage.js"),
     include_str!("page/overlay.js"),
+    include_str!("page/pointer.js"),
+    include_str!("page/values.js"),
+    include_str!("page/histogram.js"),
     include_str!("page/inspector.js"),
     include_str!("page/facts.js"),
     include_str!("page/table.js"),
     include_str!("page/controls.js"),
+    include_str!("page/choose.js"),
+    include_str!("page/thumbs.js"),
     include_str!("page/cases.js"),
+    include_str!("page/sheet.js"),
     include_str!("page/decide.js"),
     include_str!("page/address.js"),
     include_str!("page/main.js"),
@@ -57,6 +65,10 @@ pub(super) fn html(
             "new": frame.is_new(),
             "table": frame.is_table(),
             "size": [frame.provenance.width, frame.provenance.height],
+            "pixels": frame.provenance.pixels,
+            "severity": severity(frame),
+            "finite": is_finite(frame),
+            "accepting": accepting(frame),
             "accept": format!("{}{arguments}", frame.accept_arguments()),
         })
     });
@@ -96,6 +108,32 @@ pub(super) fn html(
         page.push_str(rest);
     }
     page
+}
+
+/// How far over its tolerance a frame is, by the largest ratio to a bound; `inf` where nothing could be
+/// measured, as of another size. `None`: there is nothing to differ from.
+fn severity(frame: &Pending) -> Option<Value> {
+    let finding = frame.provenance.finding.as_ref()?;
+    let failing = finding.margins.iter().filter(|margin| !margin.passes());
+    let most = failing.map(CriterionMargin::ratio).fold(0.0, f64::max);
+    let measured = most > 0.0 && most.is_finite();
+    Some(if measured { json!(most) } else { json!("inf") })
+}
+
+/// Whether the test found numbers only.
+fn is_finite(frame: &Pending) -> bool {
+    let margins = frame.provenance.finding.iter().flat_map(|finding| &finding.margins);
+    !margins.into_iter().any(|margin| margin.criterion == Criterion::Finite && !margin.passes())
+}
+
+/// What a frame may become the golden of.
+fn accepting(frame: &Pending) -> Value {
+    json!({
+        "canonical": frame.is_canonical(),
+        "new": frame.is_new(),
+        "own": !frame.provenance.compared_profile.is_empty(),
+        "profile": frame.profile().to_string(),
+    })
 }
 
 /// What the page may load and run: itself and its data files. Only from files is `file:` a source,

@@ -38,6 +38,8 @@ fn open(project: &Project) -> (crate::project::Server, Browser, Tab) {
     let server = project.serve();
     let mut browser = Browser::start();
     let tab = browser.open(&server.url);
+    // Colours are read in the middle of texels, where their values would be written.
+    browser.value(&tab, "karat.change({ values: false, outlines: false })");
     browser.settle(&tab);
     (server, browser, tab)
 }
