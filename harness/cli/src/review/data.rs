@@ -2,12 +2,13 @@
 
 use serde_json::{Value, json};
 
-use super::{Case, Map, Part, Rows, facts, packed};
-use karat::golden::{ChangedRow, Criterion, CriterionMargin};
+use super::{Case, Failure, Map, Part, Rows, facts, packed};
+use karat::golden::{ChangedRow, Criterion, CriterionMargin, Provenance};
+use karat::image::ExrFile;
 use karat::metric::DEFAULT_RELATIVE;
 
 /// The whole script. Its text has neither `<` nor line separators, so it could be embedded, too.
-pub(super) fn script(index: usize, case: &Case) -> String {
+pub(super) fn script(index: usize, case: &Case, history: &Value) -> String {
     let part = |Part { name, golden, actual }: &Part| {
         let golden = golden.as_ref();
         json!({
@@ -28,8 +29,42 @@ pub(super) fn script(index: usize, case: &Case) -> String {
         "verdict": case.verdict,
         "cause": case.cause.to_string(),
         "pixels": case.actual_provenance.pixels,
+        "declared": facts::declared(case.golden_provenance.as_ref(), &case.actual_provenance),
+        "versions": history["versions"],
+        "modules": history["modules"],
         "facts": facts::table(case.golden_provenance.as_ref(), &case.actual_provenance),
     });
+    received(&data)
+}
+
+/// A golden that nothing is pending for: its parts on one side, and its versions.
+pub(super) fn golden(index: usize, name: &str, golden: &ExrFile, versions: &[Value]) -> String {
+    let provenance = golden.metadata.as_deref().map(Provenance::parse);
+    let (facts, verdict) = match &provenance {
+        Some(Ok(known)) => (facts::table(None, known), format!("accepted: {}", known.because)),
+        Some(Err(error)) => (Vec::new(), error.to_string()),
+        None => (Vec::new(), "the golden doesn't say what made it".to_owned()),
+    };
+    let part = |part: &karat::image::Part| json!({ "name": part.name, "golden": packed::image(&part.image, None), "actual": null });
+    received(&json!({
+        "index": index,
+        "name": name,
+        "parts": golden.parts.iter().map(part).collect::<Vec<_>>(),
+        "maps": [],
+        "gates": [],
+        "verdict": verdict,
+        "cause": "accepted golden",
+        "pixels": "",
+        "versions": versions,
+        "facts": facts,
+    }))
+}
+
+/// A function that fails.
+pub(super) fn function(index: usize, failure: &Failure) -> String {
+    let mut data = failure.value();
+    data["index"] = index.into();
+    data["function"] = true.into();
     received(&data)
 }
 

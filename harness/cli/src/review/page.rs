@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 
 use super::data::embedded;
+use super::{Entry, FrameRun, Review};
 use karat::diagnostic::shown;
 use karat::golden::{Criterion, CriterionMargin, Pending, PendingFrames};
 
@@ -10,7 +11,7 @@ const HTML: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
 
 /// The scripts, each of which uses only those before it. They become one, in one scope.
-const SCRIPTS: [&str; 22] = [
+const SCRIPTS: [&str; 24] = [
     include_str!("page/numbers.js"),
     include_str!("page/tones.js"),
     include_str!("page/shader.js"),
@@ -25,6 +26,8 @@ const SCRIPTS: [&str; 22] = [
     include_str!("page/inspector.js"),
     include_str!("page/facts.js"),
     include_str!("page/table.js"),
+    include_str!("page/origin.js"),
+    include_str!("page/function.js"),
     include_str!("page/controls.js"),
     include_str!("page/choose.js"),
     include_str!("page/thumbs.js"),
@@ -46,32 +49,47 @@ pub(super) enum Mode {
     },
 }
 
-/// The page for what is pending, each frame with the number of its data file.
+/// The page for what is pending and what else there is, each with the number of its data file.
 pub(super) fn html(
+    review: &Review,
     pending: &PendingFrames,
-    numbers: &[usize],
-    arguments: &str,
+    numbered: &[(usize, Entry)],
     mode: &Mode,
 ) -> String {
+    let arguments = review.arguments.as_str();
     let token = match mode {
         Mode::Files => "",
         Mode::Served { token } => token,
     };
     let arguments = if arguments.is_empty() { String::new() } else { format!(" {arguments}") };
-    let frames = pending.frames.iter().zip(numbers).map(|(frame, number)| {
-        json!({
-            "index": number,
-            "name": frame.case,
-            "new": frame.is_new(),
-            "table": frame.is_table(),
-            "size": [frame.provenance.width, frame.provenance.height],
-            "pixels": frame.provenance.pixels,
-            "severity": severity(frame),
-            "finite": is_finite(frame),
-            "accepting": accepting(frame),
-            "accept": format!("{}{arguments}", frame.accept_arguments()),
-        })
-    });
+    let entry = |(number, entry): &(usize, Entry)| match entry {
+        Entry::Pending(name) => {
+            let frame = pending.frames.iter().find(|frame| frame.case == *name)?;
+            Some(json!({
+                "index": number,
+                "name": frame.case,
+                "status": "pending",
+                "new": frame.is_new(),
+                "table": frame.is_table(),
+                "size": [frame.provenance.width, frame.provenance.height],
+                "pixels": frame.provenance.pixels,
+                "severity": severity(frame),
+                "finite": is_finite(frame),
+                "accepting": accepting(frame),
+                "test": review.run.frames.get(name).map(FrameRun::value),
+                "accept": format!("{}{arguments}", frame.accept_arguments()),
+            }))
+        }
+        Entry::Golden(name) => Some(json!({ "index": number, "name": name, "status": "golden" })),
+        Entry::Failure(at) => {
+            let failure = review.run.failures.get(*at)?;
+            let severity = failure.ratio.map_or(json!("inf"), |ratio| json!(ratio));
+            Some(json!({
+                "index": number, "name": failure.name, "status": "function", "severity": severity,
+            }))
+        }
+    };
+    let frames = numbered.iter().filter_map(entry);
     let unusable = pending.unusable.iter().map(
         |unusable| json!({ "name": shown(&unusable.path), "error": unusable.reason.to_string() }),
     );

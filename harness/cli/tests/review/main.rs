@@ -10,5 +10,6 @@ mod project;
 mod refusing;
 mod reporting;
 mod shots;
+mod sourcing;
 mod touching;
 mod waiting;

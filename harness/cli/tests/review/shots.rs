@@ -155,3 +155,37 @@ fn every_width_is_drawn() {
     browser.touch(&tab, 390, 844);
     shoot(&mut browser, &tab, "edition-touch-390");
 }
+
+/// Where cases come from: a repository with a record, goldens and functions that fail.
+#[test]
+fn origins_are_drawn() {
+    let project = Project::with_frames();
+    crate::sourcing::with_origins(&project);
+    let server = project.serve_with(&["--goldens"]);
+    let mut browser = Browser::start();
+    let tab = browser.open(&server.url);
+    browser.prefer_dark(&tab, true);
+    for (width, height) in [(1400, 900), (700, 900)] {
+        browser.resize(&tab, width, height, 1.0);
+        for name in ["scene", "lobe::ggx%20agrees_with", "environment"] {
+            browser.value(&tab, &format!("location.hash = '#{name}'"));
+            browser.wait(
+                &tab,
+                &format!(
+                    "document.getElementById('name').innerText === decodeURIComponent('{name}')"
+                ),
+            );
+            browser.settle(&tab);
+            browser.value(
+                &tab,
+                "document.querySelectorAll('#modules details').forEach(d => { d.open = true; })",
+            );
+            let file = name.split([':', '%']).next().expect("a name");
+            shoot(&mut browser, &tab, &format!("origin-{file}-{width}"));
+            let aside = "document.querySelector('#versions:not([hidden]), #test').scrollIntoView()";
+            browser.value(&tab, aside);
+            shoot(&mut browser, &tab, &format!("origin-{file}-below-{width}"));
+            browser.value(&tab, "document.querySelector('header').scrollIntoView()");
+        }
+    }
+}

@@ -31,6 +31,7 @@ async function receive(data) {
 }
 
 async function images(data) {
+  if (data.function) return { parts: [], maps: [], gates: [], facts: [] };
   const made = async (stored, golden) => stored && prepared(await numbers.image(stored, golden));
   const parts = await Promise.all(data.parts.map(async ({ name, golden: stored, actual }) => {
     const golden = await made(stored);
@@ -79,30 +80,31 @@ function prepared(image) {
   const STATUS = { accepted: "accepted", rejected: "rejected", gone: "no longer pending" };
 
   // How far over its tolerance; of a new frame, or one that is decided, nothing.
-  const severity = ({ severity: times, status }) => (times == null || status !== "pending" ? ""
+  const severity = ({ severity: times, status }) => (times == null || !["pending", "function"].includes(status) ? ""
     : times === Infinity ? "∞" : `${numbers.rounded(times)} ×`);
   const badges = ({ odd, finite, status }) => (status !== "pending" ? []
     : [...(finite === false || odd?.nan ? ["NaN"] : []), ...(odd?.size ? ["size"] : [])]);
 
   const size = (entry) => (entry?.table ? `${entry.size[1]} rows` : entry?.size?.join(" × ") ?? "");
-  const groupOf = (entry) => (entry.status === "unusable" ? UNUSABLE : folderOf(entry.name));
+  const GROUPS = { unusable: UNUSABLE, golden: "accepted goldens", function: "functions that fail" };
+  const groupOf = (entry) => GROUPS[entry.status] ?? folderOf(entry.name);
 
   // A long name is broken after its parts; after hyphens it is anyway.
   const breakable = (name) => name.match(/[^/_.]+[/_.]*|[/_.]+/g).flatMap((piece) => [piece, element("wbr")]);
 
   const row = (position) => {
     const entry = state.cases[position];
-    const unusable = entry.status === "unusable";
+    const unusable = entry.status in GROUPS; // they stand together, with their whole names
     const status = STATUS[entry.status] ?? (entry.new ? "new" : "");
     const name = unusable || state.sort === "error" ? entry.name : entry.name.slice(groupOf(entry).length);
     const button = element("button", { type: "button", className: entry.status },
-      ...(entry.thumb ? [thumbs.copy(entry.thumb.actual, "thumb")] : entry.index === null || entry.table ? [] : [element("span", { className: "thumb" })]),
+      ...(entry.thumb ? [thumbs.copy(entry.thumb.actual ?? entry.thumb.golden, "thumb")] : entry.index === null || entry.table || entry.status === "function" ? [] : [element("span", { className: "thumb" })]),
       element("span", { className: "name" }, ...breakable(name)),
       element("span", { className: "marks" },
         ...badges(entry).map((text) => element("span", { className: "badge" }, text)),
         element("span", { className: "severity" }, severity(entry)),
         element("span", { className: "status" }, status)));
-    button.title = [entry.name, size(entry), unusable ? UNUSABLE : status, ...badges(entry),
+    button.title = [entry.name, size(entry), unusable ? GROUPS[entry.status] : status, ...badges(entry),
       severity(entry) && `${severity(entry)} its tolerance`].filter(Boolean).join(", ");
     button.setAttribute("aria-current", String(position === state.selected));
     button.addEventListener("click", (event) => {

@@ -16,7 +16,7 @@ const decide = (() => {
   const open = (kind) => {
     const entries = choose.entries();
     const [entry] = entries;
-    if (!entry || entry.status === "unusable") return;
+    if (!entry || ["unusable", "golden", "function"].includes(entry.status)) return;
     if (!index.served) {
       const line = byId(`${kind}-command`);
       line.focus();
@@ -189,7 +189,7 @@ const decide = (() => {
   listeners.push(() => {
     const entry = selectedCase();
     byId("served").hidden = !index.served;
-    byId("typed").hidden = index.served || !entry || entry.status === "unusable";
+    byId("typed").hidden = index.served || !entry || ["unusable", "golden", "function"].includes(entry.status);
     for (const kind of ["accept", "reject"]) {
       const one = !entry || !known(entry) || entry.status !== "pending";
       byId(kind).disabled = one && !state.chosen.size;

@@ -119,9 +119,10 @@
     if (!current) return "Nothing is pending.";
     if (current.error) return current.error;
     if (!current.data) return "Loading …";
-    if (current.table) return ""; // it lies over the canvas
+    if (current.table || current.status === "function") return ""; // it lies over the canvas
     const { golden, actual } = part();
     const sizes = golden && actual && (golden.width !== actual.width || golden.height !== actual.height);
+    if (current.status === "golden") return ["golden", "side"].includes(state.view) ? "" : "Nothing is pending for this golden.";
     if (state.view === "difference" && !golden) return "There is no golden to differ from.";
     if (state.view === "difference" && sizes) {
       return `The sizes differ: golden ${golden.width} × ${golden.height}, actual ${actual.width} × ${actual.height}. What both have is shown from the top left corner.`;
@@ -132,7 +133,7 @@
 
   listeners.push(() => {
     stage.draw();
-    const panes = loaded() && !loaded().table && stage.gl ? stage.panes() : [];
+    const panes = part() && !loaded().table && stage.gl ? stage.panes() : [];
     const marks = panes.flatMap((pane) => {
       const pin = state.pinned ? [framed(pane, [...state.pinned, ...state.pinned], "pin")] : [];
       return [...outlined(pane), label(pane), ...pin];

@@ -7,7 +7,7 @@
     const entry = state.cases[position];
     const { thumb } = entry;
     const times = entry.severity;
-    const verdict = entry.status !== "pending" ? entry.status : entry.new ? "new"
+    const verdict = entry.status === "golden" ? "accepted golden" : entry.status !== "pending" ? entry.status : entry.new ? "new"
       : times === Infinity ? "can't be compared" : times ? `${numbers.rounded(times)} × its tolerance` : "";
     const odd = [entry.odd?.nan && "NaN", entry.odd?.size && "another size"].filter(Boolean);
     const button = element("button", { type: "button", className: "card" },
@@ -28,7 +28,7 @@
     pane.hidden = !state.sheet;
     byId("sheet-open").setAttribute("aria-pressed", String(state.sheet));
     if (!state.sheet) { shown = ""; return; }
-    const positions = listed();
+    const positions = listed().filter((position) => state.cases[position].status !== "function");
     const now = JSON.stringify([positions, state.selected, state.cases.map(({ status, thumb }) => [status, Boolean(thumb)])]);
     if (now === shown) return;
     shown = now;

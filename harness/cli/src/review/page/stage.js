@@ -87,6 +87,7 @@ const stage = (() => {
     const whole = { x: 0, y: 0, w, h };
     const one = (layer) => [{ layer, ...whole, clip: whole }];
     if (state.view === "side" && !part()?.golden) return one("actual");
+    if (state.view === "side" && !part()?.actual) return one("golden");
     if (state.view === "side") {
       const [width, height] = extent();
       const half = { w: Math.floor((w - GAP) / 2), h: Math.floor((h - GAP) / 2) };
@@ -200,7 +201,7 @@ function zoom(factor, at = null) {
 // Brings a rectangle of texels to the middle of each pane, with some of what is around it.
 function lookAt([left, top, right, bottom], pinned = [left, top]) {
   const [pane] = stage.panes();
-  const around = Math.max(right - left + 1, bottom - top + 1, 8) * 5;
+  const around = Math.max(right - left + 1, bottom - top + 1, 2) * 5; // single pixels are large enough for their values
   const scale = Math.max(1, Math.floor(Math.min(pane.w, pane.h) / around));
   const center = [(left + right + 1) / 2, (top + bottom + 1) / 2];
   change({ scale, center, fit: false, pinned });

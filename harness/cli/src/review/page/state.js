@@ -11,12 +11,15 @@ const compare = (a, b) => collator.compare(a, b) || Number(a > b) - Number(a < b
 const folderOf = (name) => name.slice(0, name.lastIndexOf("/") + 1);
 const inOrder = ({ name: a }, { name: b }) => compare(folderOf(a), folderOf(b)) || compare(a, b);
 
+const KINDS = ["pending", "function", "golden"]; // in the order of the list
+
 const VIEWS = ["side", "golden", "actual", "swipe", "flip", "difference", "map"];
 
 const state = {
   // Files that can't be used have nothing to load, and say why.
   cases: [
-    ...index.cases.map((entry) => ({ ...entry, severity: entry.severity === "inf" ? Infinity : entry.severity, status: "pending", data: null })).sort(inOrder),
+    ...index.cases.map((entry) => ({ ...entry, severity: entry.severity === "inf" ? Infinity : entry.severity, data: null }))
+      .sort((a, b) => KINDS.indexOf(a.status) - KINDS.indexOf(b.status) || inOrder(a, b)),
     ...index.unusable.map((entry) => ({ ...entry, index: null, status: "unusable", data: null })).sort(inOrder),
   ],
   selected: 0, // position; -1: none
@@ -72,12 +75,12 @@ function listed() {
   const positions = [...state.cases.keys()].filter((position) => has(state.cases[position]));
   if (state.sort === "name") return positions;
   // Files that can't be used are none of the frames, so they come last; a sort keeps equals in order.
-  const rank = ({ status, severity }) => (status === "unusable" ? -1 : severity ?? 0);
+  const rank = ({ status, severity }) => ({ unusable: -1, golden: -2 })[status] ?? severity ?? 0;
   return positions.sort((a, b) => rank(state.cases[b]) - rank(state.cases[a]));
 }
 
 const loaded = () => selectedCase()?.data ?? null;
-const part = () => loaded()?.parts[state.part] ?? null;
+const part = () => loaded()?.parts?.[state.part] ?? null;
 const inspected = () => state.pinned ?? state.hover;
 
 // Size of what is looked at: the larger of both sides.

@@ -72,10 +72,20 @@ const thumbs = (() => {
       nan: sides.some(({ values }) => !values.every(Number.isFinite)),
       size: sides.length === 2 && (golden.width !== actual.width || golden.height !== actual.height),
     };
+    const marked = golden && actual && difference(judged);
+    // Single pixels that fail are enlarged, as on the stage.
+    const boxes = (marked && failing.of(entry.data)?.boxes) || [];
+    for (const { left, top, right, bottom, at: [x, y] } of boxes) {
+      const scale = marked.width / golden.width;
+      if ((Math.max(right - left, bottom - top) + 1) * scale >= 4) continue;
+      const context = marked.getContext("2d");
+      context.fillStyle = actual.values[4 * (y * golden.width + x)] >= 0 ? "#ff8f7a" : "#f0f";
+      context.fillRect(left * scale - 2, top * scale - 2, 5, 5);
+    }
     entry.thumb = {
       golden: golden && light(golden),
       actual: actual && light(actual),
-      difference: golden && actual && difference(judged),
+      difference: marked,
     };
   };
 
@@ -94,7 +104,7 @@ const thumbs = (() => {
     if (waiting || (current && current.index !== null && !current.data && !current.error)) return;
     if (state.cases.some(({ background }) => background)) return;
     const next = listed().map((position) => state.cases[position])
-      .find((entry) => entry.index !== null && !entry.table && !entry.thumb && !entry.error && entry.status === "pending");
+      .find((entry) => entry.index !== null && !entry.table && !entry.thumb && !entry.error && ["pending", "golden"].includes(entry.status));
     if (!next) return;
     waiting = setTimeout(() => {
       waiting = null;
