@@ -50,71 +50,87 @@ pub(super) fn versions(golden: &Path) -> Vec<Value> {
 /// The modules that differ from what they were when the golden was committed. `modules`: those that the
 /// frame depends on, as its last run recorded them; without them, each module of the repository.
 pub(super) fn modules(golden: &Path, modules: Option<&[PathBuf]>) -> Value {
-    match changed(golden, modules) {
-        Ok((commit, diffs)) => json!({
-            "since": commit,
-            "all": modules.is_none(),
-            "changed": diffs.iter().map(|(name, diff)| json!({ "name": name, "diff": diff })).collect::<Vec<_>>(),
-        }),
-        Err(why) => json!({ "unknown": why }),
+    match Since::find(golden).and_then(|since| since.changed(modules)) {
+        Ok(known) => known,
+        Err(why) => json!({ "unknown": why.to_string() }),
     }
 }
 
-fn changed(
-    golden: &Path,
-    modules: Option<&[PathBuf]>,
-) -> Result<(String, Vec<(String, String)>), &'static str> {
-    let folder = golden.parent().ok_or("the golden has no folder")?;
-    let name = golden.file_name().unwrap_or_default().to_string_lossy();
-    let none =
-        "the golden is in no git repository, which would have the modules that it was made with";
-    let root = git(folder, &["rev-parse", "--show-toplevel"]).ok_or(none)?;
-    let root = Path::new(root.trim_end());
-    let commit =
-        git(folder, &["log", "-n", "1", "--format=%h", "--", &literal(&name)]).ok_or(none)?;
-    let commit = commit.trim();
-    let dirty = git(folder, &["status", "--porcelain", "--", &literal(&name)]).ok_or(none)?;
-    if commit.is_empty() || !dirty.is_empty() {
-        return Err(
-            "the golden isn't committed, so git doesn't know which modules it was made with",
-        );
-    }
-    let paths: Vec<String> = match modules {
-        // A link to the repository would make its files others' than git's.
-        Some(modules) => {
-            let real = |file: &PathBuf| file.canonicalize().unwrap_or_else(|_| file.clone());
-            let root = root.canonicalize().unwrap_or_else(|_| root.to_owned());
-            let inside =
-                |file: PathBuf| Some(literal(&file.strip_prefix(&root).ok()?.to_string_lossy()));
-            modules.iter().map(real).filter_map(inside).collect()
+/// Why it can't be told which modules changed.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+enum Untold {
+    #[error(
+        "the golden is in no git repository, which would have the modules that it was made with"
+    )]
+    NoGit,
+    #[error("the golden isn't committed, so git doesn't know which modules it was made with")]
+    Uncommitted,
+    #[error("git fails to compare them")]
+    Failed,
+}
+
+/// The commit that has the golden as it is now.
+struct Since {
+    root: PathBuf,
+    commit: String,
+}
+
+impl Since {
+    fn find(golden: &Path) -> Result<Self, Untold> {
+        const NO_GIT: &str = "the golden is in no git repository, which would have the modules that it was made with";
+        let folder = golden.parent().ok_or(Untold::NoGit)?;
+        let name = literal(&golden.file_name().unwrap_or_default().to_string_lossy());
+        let root = git(folder, &["rev-parse", "--show-toplevel"]).ok_or(Untold::NoGit)?;
+        let commit =
+            git(folder, &["log", "-n", "1", "--format=%h", "--", &name]).ok_or(Untold::NoGit)?;
+        let dirty = git(folder, &["status", "--porcelain", "--", &name]).ok_or(Untold::NoGit)?;
+        if commit.is_empty() || !dirty.is_empty() {
+            return Err(Untold::Uncommitted);
         }
-        None => ["*.wgsl", "*.wesl"].map(str::to_owned).into(),
-    };
-    if paths.is_empty() {
-        return Ok((commit.to_owned(), Vec::new()));
+        Ok(Self { root: root.trim_end().into(), commit: commit.trim().to_owned() })
     }
-    let with_paths = |arguments: &[&str]| {
-        let paths = paths.iter().map(String::as_str);
-        git(root, &arguments.iter().copied().chain(["--"]).chain(paths).collect::<Vec<_>>())
-    };
-    let failed = "git can't tell how the modules changed";
-    let arguments =
-        ["diff", "--no-ext-diff", "--no-textconv", "--no-color", "--no-renames", commit];
-    let mut text = with_paths(&arguments).ok_or(failed)?;
-    if text.len() > LONGEST {
-        text.truncate(text.floor_char_boundary(LONGEST));
-        text.push_str("\n…");
+
+    /// Modules of a record as paths for git. Those of another machine, or of crates from elsewhere, are
+    /// none of this repository's.
+    fn inside(&self, modules: &[PathBuf]) -> Vec<String> {
+        // What is reached by a link is named by its own place, as git names it.
+        let real = |file: &PathBuf| file.canonicalize().unwrap_or_else(|_| file.clone());
+        let root = real(&self.root);
+        let inside =
+            |file: PathBuf| Some(literal(&file.strip_prefix(&root).ok()?.to_string_lossy()));
+        modules.iter().map(real).filter_map(inside).collect()
     }
-    let file = |part: &str| {
-        let name = part.lines().next()?.rsplit_once(" b/")?.1.to_owned();
-        // From the first change on: what is above names the file again.
-        let from = part.find("\n@@")? + 1;
-        Some((name, part[from..].trim_end().to_owned()))
-    };
-    let mut diffs: Vec<_> = format!("\n{text}").split("\ndiff --git ").filter_map(file).collect();
-    let new = with_paths(&["ls-files", "--others", "--exclude-standard"]).ok_or(failed)?;
-    diffs.extend(new.lines().map(|name| (name.to_owned(), "new, and not in git yet".to_owned())));
-    Ok((commit.to_owned(), diffs))
+
+    fn changed(&self, modules: Option<&[PathBuf]>) -> Result<Value, Untold> {
+        let own = modules.map(|modules| self.inside(modules)).filter(|paths| !paths.is_empty());
+        let all = own.is_none();
+        let paths = own.unwrap_or_else(|| ["*.wgsl", "*.wesl"].map(str::to_owned).into());
+        let with_paths = |arguments: &[&str]| {
+            let paths = paths.iter().map(String::as_str);
+            let all: Vec<&str> = arguments.iter().copied().chain(["--"]).chain(paths).collect();
+            git(&self.root, &all).ok_or(Untold::Failed)
+        };
+        let mut diff = vec!["diff", "--no-ext-diff", "--no-textconv", "--no-color", "--no-renames"];
+        diff.extend(["--src-prefix=a/", "--dst-prefix=b/", &self.commit]);
+        let mut text = with_paths(&diff)?;
+        if text.len() > LONGEST {
+            text.truncate(text.floor_char_boundary(LONGEST));
+            text.push_str("\n…");
+        }
+        let file = |part: &str| {
+            let name = part.lines().next()?.rsplit_once(" b/")?.1.to_owned();
+            // From the first change on: what is above names the file again.
+            let from = part.find("\n@@")? + 1;
+            Some(json!({ "name": name, "diff": part[from..].trim_end() }))
+        };
+        let mut changed: Vec<Value> =
+            format!("\n{text}").split("\ndiff --git ").filter_map(file).collect();
+        let new = with_paths(&["ls-files", "--others", "--exclude-standard"])?;
+        let new =
+            new.lines().map(|name| json!({ "name": name, "diff": "new, and not in git yet" }));
+        changed.extend(new);
+        Ok(json!({ "since": self.commit, "all": all, "changed": changed }))
+    }
 }
 
 /// A path that is no pattern, whatever its characters.
@@ -128,6 +144,10 @@ fn git(folder: &Path, arguments: &[&str]) -> Option<String> {
     let mut command = Command::new("git");
     command.args(["-c", "core.quotepath=off"]).args(arguments).current_dir(folder);
     command.env("GIT_OPTIONAL_LOCKS", "0").env("LC_ALL", "C");
+    // Whoever runs this in a hook of git's has another repository in mind.
+    for name in ["GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE"] {
+        command.env_remove(name);
+    }
     let ran = command.stdin(Stdio::null()).stderr(Stdio::null()).output().ok()?;
     ran.status.success().then(|| String::from_utf8_lossy(&ran.stdout).into_owned())
 }

@@ -19,15 +19,16 @@ const choose = (() => {
 
   // The box in the list.
   const box = (position) => {
-    if (!index.served || state.cases.length < 2) return [];
-    const input = element("input", { type: "checkbox", className: "choose", checked: state.chosen.has(position), disabled: !canBe(position) });
+    const several = state.cases.filter(({ index: number }) => number !== null).length > 1;
+    if (!index.served || !several || !("accepting" in state.cases[position])) return [];
+    const input = element("input", { type: "checkbox", checked: state.chosen.has(position), disabled: !canBe(position) });
     input.setAttribute("aria-label", `Choose ${state.cases[position].name}`);
     input.title = "Decide several together (y)";
     input.addEventListener("click", () => {
       toggle(position);
       input.blur();
     });
-    return [input];
+    return [element("label", { className: "choose" }, input)];
   };
 
   // What is decided: what is chosen and still pending, or else what is looked at.

@@ -59,7 +59,7 @@ const actions = (() => {
   return { stops, reset, pixels, autoExposure, select, step, worst, show };
 })();
 
-(() => {
+const keys = (() => {
   const button = (id, act) => byId(id).addEventListener("click", (event) => {
     act();
     // A click leaves no focus behind, so that the space bar flips; the keyboard's focus stays.
@@ -193,6 +193,7 @@ const actions = (() => {
     o: () => change({ outlines: !state.outlines }),
     v: () => change({ values: !state.values }),
     s: () => change({ sheet: !state.sheet }),
+    Enter: () => { if (state.sheet) change({ sheet: false }); },
     l: () => change({ sort: state.sort === "name" ? "error" : "name" }),
     y: () => choose.toggle(state.selected),
     Y: () => choose.all(),
@@ -222,4 +223,6 @@ const actions = (() => {
     event.preventDefault();
     act();
   });
+
+  return Object.keys(KEYS);
 })();
