@@ -1,12 +1,13 @@
 //! `karat review`
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::review::{LastRun, Review};
 use anyhow::Context;
+use karat::Goldens;
 use karat::golden::PendingFrames;
-use karat::record::Recorded;
+use karat::record::{Recorded, Subject};
 
 use super::artefact::Artefact;
 use super::goldens::{FolderArgs, FromArgs, report};
@@ -44,7 +45,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if args.goldens {
         review = review.with_goldens();
     }
-    if let Some(run) = last_run(artefact.as_ref()) {
+    if let Some(run) = last_run(artefact.as_ref(), &args.folder.open()?) {
         review = review.with_run(run);
     }
     if let Some(folder) = &args.files {
@@ -87,13 +88,22 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 
 /// What the last run of the project said, or the run that left an artefact. Without it the page has its
 /// images all the same, so a record that can't be read is none.
-fn last_run(artefact: Option<&Artefact>) -> Option<LastRun> {
+fn last_run(artefact: Option<&Artefact>, goldens: &Goldens) -> Option<LastRun> {
     let folder = match artefact {
         Some(artefact) => artefact.folder().to_owned(),
         None => Project::find().ok()?.record(),
     };
-    let recorded = Recorded::read(&folder).ok().flatten()?;
-    Some(review_of(&recorded.records))
+    let mut records = Recorded::read(&folder).ok().flatten()?.records;
+    // Crates of a workspace may have frames of one name. Folders of another machine can't be told apart.
+    let own = goldens.folder().canonicalize().ok();
+    records.retain(|record| match &record.subject {
+        Subject::Frame { folder, .. } => {
+            let other = Path::new(folder).canonicalize().ok();
+            own.is_none() || other.is_none() || own == other
+        }
+        Subject::Function { .. } => true,
+    });
+    Some(review_of(&records))
 }
 
 /// What the commands on the page need to find the same folders.

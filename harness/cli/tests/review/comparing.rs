@@ -176,7 +176,36 @@ fn noise_has_few_outlines() {
     assert_eq!(found, json!([242, 1, 242]), "each is in one");
 }
 
-/// What is masked isn't judged, so it doesn't fail.
+/// What is masked isn't judged, and the gate is the one of the margins: neither is outlined.
+#[test]
+fn what_is_not_judged_does_not_fail() {
+    let project = Project::new();
+    grey(&project, "masked", |x, y, pixel| {
+        if (x, y) == (5, 5) || (x, y) == (40, 20) {
+            pixel[1] *= 1.5;
+        }
+        if (x, y) == (30, 3) {
+            pixel[3] = 0.9995; // of alpha a thousandth is allowed
+        }
+    });
+    let (_server, mut browser, tab) = open(&project);
+    let count = |browser: &mut Browser, data: &str| {
+        let found = format!(
+            "(({{ count, boxes }}) => [count, ...boxes.map(box => box.at)])(karat.failing.of({{ ...karat.loaded(), refused: undefined, {data} }}))"
+        );
+        browser.value(&tab, &found)
+    };
+    let both = json!([2, [5, 5], [40, 20]]);
+    assert_eq!(count(&mut browser, ""), both);
+    let mask = "parts: [...karat.loaded().parts, { name: 'mask', actual: { values: new Float32Array(64 * 32 * 4).map((_, i) => Math.floor(i / 4) % 64 < 20 ? 0 : 1) } }]";
+    assert_eq!(count(&mut browser, mask), json!([1, [40, 20]]));
+    assert_eq!(count(&mut browser, "gate: { relative: 0.6, absolute: null }"), json!([0]));
+    assert_eq!(count(&mut browser, "gate: { relative: 1e-4, absolute: null }")[0], 3);
+    assert_eq!(count(&mut browser, "gate: { relative: 1e-4, absolute: 1 }"), json!([0]));
+    let gate = browser.value(&tab, "karat.loaded().gate");
+    assert!((gate["relative"].as_f64().expect("a number") - 1e-3).abs() < 1e-9, "{gate}");
+}
+
 #[test]
 fn values_are_written_on_large_pixels() {
     let project = Project::with_tiny();
