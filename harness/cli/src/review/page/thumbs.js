@@ -103,7 +103,11 @@ const thumbs = (() => {
     const current = selectedCase();
     if (waiting || (current && current.index !== null && !current.data && !current.error)) return;
     if (state.cases.some(({ background }) => background)) return;
-    const next = listed().map((position) => state.cases[position])
+    // Those beside what is looked at come first: they are seen.
+    const order = listed();
+    const middle = Math.max(0, order.indexOf(state.selected));
+    const near = [...order.keys()].sort((a, b) => Math.abs(a - middle) - Math.abs(b - middle));
+    const next = near.map((at) => state.cases[order[at]])
       .find((entry) => entry.index !== null && !entry.table && !entry.thumb && !entry.error && ["pending", "golden"].includes(entry.status));
     if (!next) return;
     waiting = setTimeout(() => {
