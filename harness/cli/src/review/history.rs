@@ -77,7 +77,6 @@ struct Since {
 
 impl Since {
     fn find(golden: &Path) -> Result<Self, Untold> {
-        const NO_GIT: &str = "the golden is in no git repository, which would have the modules that it was made with";
         let folder = golden.parent().ok_or(Untold::NoGit)?;
         let name = literal(&golden.file_name().unwrap_or_default().to_string_lossy());
         let root = git(folder, &["rev-parse", "--show-toplevel"]).ok_or(Untold::NoGit)?;
