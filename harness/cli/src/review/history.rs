@@ -80,8 +80,9 @@ impl Since {
         let folder = golden.parent().ok_or(Untold::NoGit)?;
         let name = literal(&golden.file_name().unwrap_or_default().to_string_lossy());
         let root = git(folder, &["rev-parse", "--show-toplevel"]).ok_or(Untold::NoGit)?;
+        // A repository without commits has none of it.
         let commit =
-            git(folder, &["log", "-n", "1", "--format=%h", "--", &name]).ok_or(Untold::NoGit)?;
+            git(folder, &["log", "-n", "1", "--format=%h", "--", &name]).unwrap_or_default();
         let dirty = git(folder, &["status", "--porcelain", "--", &name]).ok_or(Untold::NoGit)?;
         if commit.is_empty() || !dirty.is_empty() {
             return Err(Untold::Uncommitted);
