@@ -138,7 +138,11 @@ mod tests {
 
     #[test]
     fn a_frame_that_is_nearly_its_golden_takes_little() {
-        let noise = |index: usize| (index * 7919 % 1009) as f32 / 1024.0;
+        // Squares, so that neighbours aren't at the same distance everywhere.
+        let noise = |index: usize| {
+            let square = (index * index) as u32;
+            f32::from((square.wrapping_mul(2_654_435_761) >> 20) as u16) / 4096.0
+        };
         let golden = Image::new(
             64,
             64,
@@ -149,7 +153,7 @@ mod tests {
         let length = |value: &Value| value["data"].as_str().expect("text").len();
         let (whole, nearly) = (image(&golden, None), image(&actual, Some(&golden)));
         assert!(
-            length(&whole) > 10_000 && length(&nearly) < 200,
+            length(&whole) > 5000 && length(&nearly) < 200,
             "{} {}",
             length(&whole),
             length(&nearly)
