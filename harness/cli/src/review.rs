@@ -11,15 +11,19 @@
 
 mod data;
 mod facts;
+mod history;
 mod http;
+mod last_run;
 mod load;
 mod maps;
+mod packed;
 mod page;
 mod server;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 pub(crate) use facts::Cause;
+pub(crate) use last_run::{Failure, FrameRun, LastRun};
 pub(crate) use server::Server;
 
 use karat::diagnostic::shown;
@@ -27,6 +31,7 @@ use karat::golden::{
     AcceptError, ChangedRow, CriterionMargin, Pending, PendingFrames, Provenance, Unusable,
 };
 use karat::{Goldens, Image};
+use serde_json::json;
 
 /// What the page shows of one pending frame or table.
 ///
@@ -130,13 +135,33 @@ pub(crate) struct Review {
     /// Where the frames wait, which needn't be beside their goldens.
     waiting: Goldens,
     arguments: String,
+    run: LastRun,
+    /// Whether goldens are shown that nothing is pending for.
+    accepted: bool,
+}
+
+/// An entry of the page, by the number of its data file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Entry {
+    /// A frame that is pending, by its name.
+    Pending(String),
+    /// A golden, by its name, which may begin with its profile: `@gl-llvmpipe/scene`.
+    Golden(String),
+    /// A function that fails, by its place in the last run.
+    Failure(usize),
 }
 
 impl Review {
     /// A review of all that is pending in a folder of goldens.
     #[must_use]
     pub(crate) fn new(goldens: Goldens) -> Self {
-        Self { waiting: goldens.clone(), goldens, arguments: String::new() }
+        Self {
+            waiting: goldens.clone(),
+            goldens,
+            arguments: String::new(),
+            run: LastRun::default(),
+            accepted: false,
+        }
     }
 
     /// Takes the pending frames from another folder, such as what a CI run left.
@@ -153,6 +178,45 @@ impl Review {
         self
     }
 
+    /// Adds what the last run said.
+    #[must_use]
+    pub(crate) fn with_run(mut self, run: LastRun) -> Self {
+        self.run = run;
+        self
+    }
+
+    /// Shows all goldens, too.
+    #[must_use]
+    pub(crate) fn with_goldens(mut self) -> Self {
+        self.accepted = true;
+        self
+    }
+
+    /// Whether there is anything to look at but what is pending.
+    #[must_use]
+    pub(crate) fn has_more(&self) -> bool {
+        !self.run.failures.is_empty() || !self.others(&PendingFrames::default()).is_empty()
+    }
+
+    /// What stands on the page besides what is pending.
+    fn others(&self, pending: &PendingFrames) -> Vec<Entry> {
+        let mut entries = Vec::new();
+        if self.accepted {
+            let is_pending = |name: &String| pending.frames.iter().any(|frame| frame.case == *name);
+            let mut names = Vec::new();
+            goldens_below(&self.goldens.folder(), "", &mut names);
+            names.sort();
+            entries.extend(names.into_iter().filter(|name| !is_pending(name)).map(Entry::Golden));
+        }
+        entries.extend((0..self.run.failures.len()).map(Entry::Failure));
+        entries
+    }
+
+    /// The file of a golden that [`others`](Self::others) has listed.
+    fn golden(&self, name: &str) -> PathBuf {
+        self.goldens.folder().join(format!("{name}.exr"))
+    }
+
     /// Writes the page into a folder: `index.html` and `data/<n>.js`. A link to
     /// `index.html#rooms/dark` leads to that frame. Frames that can't be read are
     /// on the page, too, and say why. What an older page has left in `data` is removed.
@@ -166,20 +230,52 @@ impl Review {
                 .map_err(|source| ReviewError::Write { path: shown(&path), source })
         };
         let pending = self.pending();
-        for (index, frame) in pending.frames.iter().enumerate() {
-            put(&format!("data/{index}.js"), &self.script(index, frame))?;
+        let frames = pending.frames.iter().map(|frame| Entry::Pending(frame.case.clone()));
+        let entries: Vec<Entry> = frames.chain(self.others(&pending)).collect();
+        for (index, entry) in entries.iter().enumerate() {
+            let script = match pending.frames.get(index) {
+                Some(frame) => self.script(index, frame),
+                None => self.other_script(index, entry),
+            };
+            put(&format!("data/{index}.js"), &script)?;
         }
-        remove_data(&folder.join("data"), pending.frames.len())?;
-        let numbers: Vec<_> = (0..pending.frames.len()).collect();
-        put("index.html", &page::html(&pending, &numbers, &self.arguments, &page::Mode::Files))?;
+        remove_data(&folder.join("data"), entries.len())?;
+        let numbered: Vec<_> = entries.into_iter().enumerate().collect();
+        put("index.html", &page::html(self, &pending, &numbered, &page::Mode::Files))?;
         Ok(pending)
     }
 
     /// What the page loads of a frame.
     fn script(&self, index: usize, frame: &Pending) -> String {
         match Case::load(&self.goldens, frame) {
-            Ok(case) => data::script(index, frame, &case),
+            Ok(case) => {
+                let golden = self.goldens.compared(frame);
+                let run = self.run.frames.get(&frame.case);
+                let modules = run.map(|run| run.modules.as_slice());
+                let versions = history::versions(&golden);
+                // What is new has no modules of before.
+                let modules = (!frame.is_new()).then(|| history::modules(&golden, modules));
+                data::script(index, &case, &json!({ "versions": versions, "modules": modules }))
+            }
             Err(error) => data::failure(index, &error.to_string()),
+        }
+    }
+
+    /// What the page loads of an entry that isn't pending.
+    fn other_script(&self, index: usize, entry: &Entry) -> String {
+        match entry {
+            Entry::Golden(name) => {
+                let file = self.golden(name);
+                match karat::image::ExrFile::read(&file) {
+                    Ok(golden) => data::golden(index, name, &golden, &history::versions(&file)),
+                    Err(error) => data::failure(index, &error.to_string()),
+                }
+            }
+            Entry::Failure(at) => match self.run.failures.get(*at) {
+                Some(failure) => data::function(index, failure),
+                None => data::failure(index, "the last run has no such failure"),
+            },
+            Entry::Pending(name) => data::failure(index, &format!("`{name}` isn't pending")),
         }
     }
 
@@ -202,6 +298,22 @@ impl Review {
             Unusable { path, reason }
         }));
         PendingFrames { frames, unusable }
+    }
+}
+
+/// Names of all goldens in a folder and those below it, without their ending.
+fn goldens_below(folder: &Path, prefix: &str, names: &mut Vec<String>) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        // Links aren't followed: they may lead in a circle.
+        let Ok(kind) = entry.file_type() else { continue };
+        if kind.is_dir() {
+            goldens_below(&entry.path(), &format!("{prefix}{name}/"), names);
+        } else if let Some(stem) = name.strip_suffix(".exr")
+            && !stem.ends_with(".new")
+        {
+            names.push(format!("{prefix}{stem}"));
+        }
     }
 }
 

@@ -22,6 +22,8 @@ use karat::package::FunctionItem;
 use karat::record::{PathRecord, Record, Recorded, Run, SCHEMA, Subject};
 use karat_suite::{Suite, Test};
 
+use crate::review::{Failure, FrameRun, LastRun};
+
 use self::html::Beside;
 pub(super) use self::tables::is_failure;
 use super::list::callable;
@@ -269,6 +271,42 @@ fn message(record: &Record) -> Option<String> {
         Some(lines.join("\n"))
     };
     Some(reordered().unwrap_or_else(|| message.to_owned()))
+}
+
+/// What the review shows of a run: where its frames come from, and the functions that fail.
+pub(super) fn review_of(records: &[Record]) -> LastRun {
+    let mut run = LastRun::default();
+    for record in records {
+        let replays = replays(record).into_iter().map(str::to_owned).collect();
+        let test = record.test.clone();
+        match &record.subject {
+            Subject::Frame { golden, location, .. } => {
+                let module = |file: &&PathBuf| {
+                    file.extension().is_some_and(|kind| kind == "wgsl" || kind == "wesl")
+                };
+                let modules =
+                    record.read.iter().map(|read| &read.file).filter(module).cloned().collect();
+                let frame = FrameRun { test, place: location.clone(), replays, modules };
+                // Several tests may compare one golden: what fails is what waits.
+                if is_failure(record) || !run.frames.contains_key(golden) {
+                    run.frames.insert(golden.clone(), frame);
+                }
+            }
+            Subject::Function { location, .. } if is_failure(record) => {
+                run.failures.push(Failure {
+                    name: subject(record),
+                    test,
+                    place: location.clone(),
+                    message: message(record).unwrap_or_default(),
+                    replays,
+                    ratio: record.paths.iter().filter_map(|path| path.ratio).reduce(f64::max),
+                    figures: html::figures(record).into_string(),
+                })
+            }
+            Subject::Function { .. } => {}
+        }
+    }
+    run
 }
 
 /// The commands that replay a failure, as the message has them: of the worst case first.

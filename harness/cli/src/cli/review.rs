@@ -1,13 +1,18 @@
 //! `karat review`
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use crate::review::Review;
+use crate::review::{LastRun, Review};
 use anyhow::Context;
+use karat::Goldens;
 use karat::golden::PendingFrames;
+use karat::record::{Recorded, Subject};
 
+use super::artefact::Artefact;
 use super::goldens::{FolderArgs, FromArgs, report};
+use super::project::Project;
+use super::report::review_of;
 use super::{Ending, Outcome};
 
 #[derive(clap::Args)]
@@ -22,6 +27,9 @@ pub(super) struct Args {
     /// Open the page in a browser
     #[arg(long)]
     open: bool,
+    /// Show all goldens, too, with their history
+    #[arg(long)]
+    goldens: bool,
     #[command(flatten)]
     from: FromArgs,
     #[command(flatten)]
@@ -34,6 +42,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if let Some(artefact) = &artefact {
         review = review.pending_in(artefact.folder());
     }
+    if args.goldens {
+        review = review.with_goldens();
+    }
+    if let Some(run) = last_run(artefact.as_ref(), &args.folder.open()?) {
+        review = review.with_run(run);
+    }
     if let Some(folder) = &args.files {
         let PendingFrames { frames, unusable } = review.write(folder)?;
         let page = folder.join("index.html");
@@ -42,7 +56,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         return Ok(Ending::Good);
     }
     let pending = review.pending();
-    if pending.is_empty() {
+    if pending.is_empty() && !review.has_more() {
         writeln!(out, "nothing is pending")?;
         return Ok(Ending::Good);
     }
@@ -70,6 +84,26 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         told?;
     }
     Ok(if frames.is_empty() { Ending::Good } else { Ending::Bad })
+}
+
+/// What the last run of the project said, or the run that left an artefact. Without it the page has its
+/// images all the same, so a record that can't be read is none.
+fn last_run(artefact: Option<&Artefact>, goldens: &Goldens) -> Option<LastRun> {
+    let folder = match artefact {
+        Some(artefact) => artefact.folder().to_owned(),
+        None => Project::find().ok()?.record(),
+    };
+    let mut records = Recorded::read(&folder).ok().flatten()?.records;
+    // Crates of a workspace may have frames of one name. Folders of another machine can't be told apart.
+    let own = goldens.folder().canonicalize().ok();
+    records.retain(|record| match &record.subject {
+        Subject::Frame { folder, .. } => {
+            let other = Path::new(folder).canonicalize().ok();
+            own.is_none() || other.is_none() || own == other
+        }
+        Subject::Function { .. } => true,
+    });
+    Some(review_of(&records))
 }
 
 /// What the commands on the page need to find the same folders.

@@ -1,19 +1,23 @@
 //! A case as a script that hands itself to the page: `karat.receive({...})`.
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
-use half::f16;
 use serde_json::{Value, json};
 
-use super::{Case, Map, Part, Rows, facts};
-use karat::Image;
-use karat::golden::{ChangedRow, Criterion, CriterionMargin, Pending};
+use super::{Case, Failure, Map, Part, Rows, facts, packed};
+use karat::golden::{ChangedRow, Criterion, CriterionMargin, Provenance};
+use karat::image::ExrFile;
+use karat::metric::DEFAULT_RELATIVE;
 
 /// The whole script. Its text has neither `<` nor line separators, so it could be embedded, too.
-pub(super) fn script(index: usize, pending: &Pending, case: &Case) -> String {
-    let side = |image: &Option<Image>| image.as_ref().map_or(Value::Null, pixels);
-    let part = |Part { name, golden, actual }: &Part| json!({ "name": name, "golden": side(golden), "actual": side(actual) });
-    let map = |Map { name, about, image, range }: &Map| json!({ "name": name, "about": about, "range": range, "image": pixels(image) });
+pub(super) fn script(index: usize, case: &Case, history: &Value) -> String {
+    let part = |Part { name, golden, actual }: &Part| {
+        let golden = golden.as_ref();
+        json!({
+            "name": name,
+            "golden": golden.map(|golden| packed::image(golden, None)),
+            "actual": actual.as_ref().map(|actual| packed::image(actual, golden)),
+        })
+    };
+    let map = |Map { name, about, image, range }: &Map| json!({ "name": name, "about": about, "range": range, "image": packed::map(image) });
     let data = json!({
         "index": index,
         "name": case.name,
@@ -21,17 +25,46 @@ pub(super) fn script(index: usize, pending: &Pending, case: &Case) -> String {
         "maps": case.maps.iter().map(map).collect::<Vec<_>>(),
         "table": case.table.as_ref().map(table),
         "gates": case.margins.iter().map(gate).collect::<Vec<_>>(),
+        "gate": bounds(&case.margins),
         "verdict": case.verdict,
         "cause": case.cause.to_string(),
         "pixels": case.actual_provenance.pixels,
-        "accepting": {
-            "canonical": pending.is_canonical(),
-            "new": pending.is_new(),
-            "own": !pending.provenance.compared_profile.is_empty(),
-            "profile": pending.profile().to_string(),
-        },
+        "declared": facts::declared(case.golden_provenance.as_ref(), &case.actual_provenance),
+        "versions": history["versions"],
+        "modules": history["modules"],
         "facts": facts::table(case.golden_provenance.as_ref(), &case.actual_provenance),
     });
+    received(&data)
+}
+
+/// A golden that nothing is pending for: its parts on one side, and its versions.
+pub(super) fn golden(index: usize, name: &str, golden: &ExrFile, versions: &[Value]) -> String {
+    let provenance = golden.metadata.as_deref().map(Provenance::parse);
+    let (facts, verdict) = match &provenance {
+        Some(Ok(known)) => (facts::table(None, known), format!("accepted: {}", known.because)),
+        Some(Err(error)) => (Vec::new(), error.to_string()),
+        None => (Vec::new(), "the golden doesn't say what made it".to_owned()),
+    };
+    let part = |part: &karat::image::Part| json!({ "name": part.name, "golden": packed::image(&part.image, None), "actual": null });
+    received(&json!({
+        "index": index,
+        "name": name,
+        "parts": golden.parts.iter().map(part).collect::<Vec<_>>(),
+        "maps": [],
+        "gates": [],
+        "verdict": verdict,
+        "cause": "accepted golden",
+        "pixels": "",
+        "versions": versions,
+        "facts": facts,
+    }))
+}
+
+/// A function that fails.
+pub(super) fn function(index: usize, failure: &Failure) -> String {
+    let mut data = failure.value();
+    data["index"] = index.into();
+    data["function"] = true.into();
     received(&data)
 }
 
@@ -85,44 +118,27 @@ fn gate(margin: &CriterionMargin) -> Value {
     })
 }
 
+/// What the gate allows, to find again which pixels it refuses: the one of the test, else the default.
+/// A margin has its bounds in its name alone: `gate rel 1e-3 or abs 1e-5`.
+fn bounds(margins: &[CriterionMargin]) -> Value {
+    let gate = margins.iter().find(|margin| margin.criterion == Criterion::Gate);
+    let bound = |word: &str| {
+        let mut words = gate?.name.split(' ');
+        words.find(|other| *other == word)?;
+        words.next()?.parse::<f32>().ok().filter(|bound| bound.is_finite())
+    };
+    json!({ "relative": bound("rel").unwrap_or(DEFAULT_RELATIVE), "absolute": bound("abs") })
+}
+
 /// JSON that can stand in a script or in HTML.
 pub(super) fn embedded(value: &Value) -> String {
     let text = value.to_string();
     text.replace('<', "\\u003c").replace('\u{2028}', "\\u2028").replace('\u{2029}', "\\u2029")
 }
 
-/// Size and values, rows from the top, little-endian: 16-bit floats where they hold every value.
-fn pixels(image: &Image) -> Value {
-    let values = image.pixels().iter().flatten();
-    let fits = |value: &f32| f16::from_f32(*value).to_f32().to_bits() == value.to_bits();
-    let (format, bytes): (_, Vec<u8>) = if values.clone().all(fits) {
-        ("f16", values.flat_map(|value| f16::from_f32(*value).to_le_bytes()).collect())
-    } else {
-        ("f32", values.flat_map(|value| value.to_le_bytes()).collect())
-    };
-    json!({
-        "width": image.width(),
-        "height": image.height(),
-        "format": format,
-        "data": STANDARD.encode(bytes),
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_smallest_format_that_holds_every_value_is_taken() {
-        let format =
-            |value| pixels(&Image::new(1, 1, vec![[value, 0.0, -0.0, 1.0]]))["format"].clone();
-        assert_eq!(format(0.5), "f16");
-        assert_eq!(format(f32::INFINITY), "f16");
-        assert_eq!(format(0.1), "f32");
-        assert_eq!(format(1e6), "f32");
-        let one = pixels(&Image::new(1, 1, vec![[1.0, 2.0, 0.0, 1.0]]));
-        assert_eq!(one["data"], "ADwAQAAAADw=");
-    }
 
     #[test]
     fn what_is_embedded_ends_no_script() {

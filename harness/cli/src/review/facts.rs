@@ -24,6 +24,8 @@ pub(crate) enum Cause {
     Driver,
     /// The processor of a software rasteriser.
     Processor,
+    /// What the test declares of the frame, such as its seed.
+    Declared,
     /// Nothing that is recorded.
     Nothing,
 }
@@ -39,6 +41,7 @@ impl Cause {
             (true, _, _) => Self::ShaderAndDriver,
             (false, true, _) => Self::Driver,
             (false, false, true) => Self::Processor,
+            (false, false, false) if golden.facts != actual.facts => Self::Declared,
             (false, false, false) => Self::Nothing,
         }
     }
@@ -53,6 +56,7 @@ impl fmt::Display for Cause {
             Self::ShaderAndDriver => "the shader changed, and so did the driver",
             Self::Driver => "only the driver changed",
             Self::Processor => "only the processor changed",
+            Self::Declared => "only declared facts changed",
             Self::Nothing => {
                 "same shader, same driver: the frame isn't deterministic or its inputs changed"
             }
@@ -71,6 +75,19 @@ pub(crate) struct Fact {
     pub(crate) actual: String,
     /// Whether both sides have it and differ.
     pub(crate) differs: bool,
+}
+
+/// What the test declares of the frame and the golden has otherwise, or not at all.
+pub(super) fn declared(golden: Option<&Provenance>, actual: &Provenance) -> Vec<Fact> {
+    let Some(golden) = golden else { return Vec::new() };
+    let names: std::collections::BTreeSet<_> =
+        golden.facts.keys().chain(actual.facts.keys()).collect();
+    let fact = |name: &String| {
+        let value = |side: &Provenance| side.facts.get(name).cloned().unwrap_or_default();
+        let differs = golden.facts.get(name) != actual.facts.get(name);
+        Fact { name: name.clone(), golden: value(golden), actual: value(actual), differs }
+    };
+    names.into_iter().map(fact).filter(|fact| fact.differs).collect()
 }
 
 /// Each fact of either side, in the order of the metadata.
@@ -181,6 +198,8 @@ mod tests {
             }),
             "the shader changed, and so did the driver"
         );
+        let seeded = |p: &mut Provenance| drop(p.facts.insert("seed".to_owned(), "8".to_owned()));
+        assert_eq!(said(seeded), "only declared facts changed");
         assert_eq!(
             said(|_| {}),
             "same shader, same driver: the frame isn't deterministic or its inputs changed"

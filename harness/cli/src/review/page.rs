@@ -1,27 +1,38 @@
 //! The page itself: one HTML file with its style, scripts and list of cases.
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::data::embedded;
+use super::{Entry, FrameRun, Review};
 use karat::diagnostic::shown;
-use karat::golden::PendingFrames;
+use karat::golden::{Criterion, CriterionMargin, Pending, PendingFrames};
 
 const HTML: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
 
 /// The scripts, each of which uses only those before it. They become one, in one scope.
-const SCRIPTS: [&str; 14] = [
+const SCRIPTS: [&str; 24] = [
     include_str!("page/numbers.js"),
     include_str!("page/tones.js"),
     include_str!("page/shader.js"),
     include_str!("page/state.js"),
+    include_str!("page/gain.js"),
+    include_str!("page/failing.js"),
     include_str!("page/stage.js"),
     include_str!("page/overlay.js"),
+    include_str!("page/pointer.js"),
+    include_str!("page/values.js"),
+    include_str!("page/histogram.js"),
     include_str!("page/inspector.js"),
     include_str!("page/facts.js"),
     include_str!("page/table.js"),
+    include_str!("page/origin.js"),
+    include_str!("page/function.js"),
     include_str!("page/controls.js"),
+    include_str!("page/choose.js"),
+    include_str!("page/thumbs.js"),
     include_str!("page/cases.js"),
+    include_str!("page/sheet.js"),
     include_str!("page/decide.js"),
     include_str!("page/address.js"),
     include_str!("page/main.js"),
@@ -38,28 +49,47 @@ pub(super) enum Mode {
     },
 }
 
-/// The page for what is pending, each frame with the number of its data file.
+/// The page for what is pending and what else there is, each with the number of its data file.
 pub(super) fn html(
+    review: &Review,
     pending: &PendingFrames,
-    numbers: &[usize],
-    arguments: &str,
+    numbered: &[(usize, Entry)],
     mode: &Mode,
 ) -> String {
+    let arguments = review.arguments.as_str();
     let token = match mode {
         Mode::Files => "",
         Mode::Served { token } => token,
     };
     let arguments = if arguments.is_empty() { String::new() } else { format!(" {arguments}") };
-    let frames = pending.frames.iter().zip(numbers).map(|(frame, number)| {
-        json!({
-            "index": number,
-            "name": frame.case,
-            "new": frame.is_new(),
-            "table": frame.is_table(),
-            "size": [frame.provenance.width, frame.provenance.height],
-            "accept": format!("{}{arguments}", frame.accept_arguments()),
-        })
-    });
+    let entry = |(number, entry): &(usize, Entry)| match entry {
+        Entry::Pending(name) => {
+            let frame = pending.frames.iter().find(|frame| frame.case == *name)?;
+            Some(json!({
+                "index": number,
+                "name": frame.case,
+                "status": "pending",
+                "new": frame.is_new(),
+                "table": frame.is_table(),
+                "size": [frame.provenance.width, frame.provenance.height],
+                "pixels": frame.provenance.pixels,
+                "severity": severity(frame),
+                "finite": is_finite(frame),
+                "accepting": accepting(frame),
+                "test": review.run.frames.get(name).map(FrameRun::value),
+                "accept": format!("{}{arguments}", frame.accept_arguments()),
+            }))
+        }
+        Entry::Golden(name) => Some(json!({ "index": number, "name": name, "status": "golden" })),
+        Entry::Failure(at) => {
+            let failure = review.run.failures.get(*at)?;
+            let severity = failure.ratio.map_or(json!("inf"), |ratio| json!(ratio));
+            Some(json!({
+                "index": number, "name": failure.name, "status": "function", "severity": severity,
+            }))
+        }
+    };
+    let frames = numbered.iter().filter_map(entry);
     let unusable = pending.unusable.iter().map(
         |unusable| json!({ "name": shown(&unusable.path), "error": unusable.reason.to_string() }),
     );
@@ -96,6 +126,32 @@ pub(super) fn html(
         page.push_str(rest);
     }
     page
+}
+
+/// How far over its tolerance a frame is, by the largest ratio to a bound; `inf` where nothing could be
+/// measured, as of another size. `None`: there is nothing to differ from.
+fn severity(frame: &Pending) -> Option<Value> {
+    let finding = frame.provenance.finding.as_ref()?;
+    let failing = finding.margins.iter().filter(|margin| !margin.passes());
+    let most = failing.map(CriterionMargin::ratio).fold(0.0, f64::max);
+    let measured = most > 0.0 && most.is_finite();
+    Some(if measured { json!(most) } else { json!("inf") })
+}
+
+/// Whether the test found numbers only.
+fn is_finite(frame: &Pending) -> bool {
+    let margins = frame.provenance.finding.iter().flat_map(|finding| &finding.margins);
+    !margins.into_iter().any(|margin| margin.criterion == Criterion::Finite && !margin.passes())
+}
+
+/// What a frame may become the golden of.
+fn accepting(frame: &Pending) -> Value {
+    json!({
+        "canonical": frame.is_canonical(),
+        "new": frame.is_new(),
+        "own": !frame.provenance.compared_profile.is_empty(),
+        "profile": frame.profile().to_string(),
+    })
 }
 
 /// What the page may load and run: itself and its data files. Only from files is `file:` a source,

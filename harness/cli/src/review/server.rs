@@ -11,7 +11,7 @@ use serde::Deserialize;
 use serde_json::json;
 
 use super::http::{Answer, Http, Request, Stopper};
-use super::{Review, ReviewError, data, page};
+use super::{Entry, Review, ReviewError, data, page};
 use karat::golden::{AcceptError, Acceptance, Pending, PendingFrames};
 
 /// Longest decision that is read; a reason is a sentence.
@@ -39,8 +39,8 @@ struct Desk {
     review: Review,
     port: u16,
     token: String,
-    /// Names by the number of their data file, which stays what it is while the server runs.
-    numbered: Mutex<Vec<String>>,
+    /// Entries by the number of their data file, which stays what it is while the server runs.
+    numbered: Mutex<Vec<Entry>>,
     /// Held while a decision is carried out; whether the review has ended, and there are no more.
     ended: Mutex<bool>,
 }
@@ -166,29 +166,33 @@ impl Desk {
     fn page(&self) -> Answer {
         let pending = self.review.pending();
         let mut numbered = locked(&self.numbered);
-        let mut numbers = Vec::new();
-        for frame in &pending.frames {
-            let known = numbered.iter().position(|name| *name == frame.case);
-            numbers.push(known.unwrap_or(numbered.len()));
+        let frames = pending.frames.iter().map(|frame| Entry::Pending(frame.case.clone()));
+        let mut entries = Vec::new();
+        for entry in frames.chain(self.review.others(&pending)) {
+            let known = numbered.iter().position(|other| *other == entry);
+            entries.push((known.unwrap_or(numbered.len()), entry.clone()));
             if known.is_none() {
-                numbered.push(frame.case.clone());
+                numbered.push(entry);
             }
         }
         let mode = page::Mode::Served { token: self.token.clone() };
-        let html = page::html(&pending, &numbers, &self.review.arguments, &mode);
+        let html = page::html(&self.review, &pending, &entries, &mode);
         Answer(200, "text/html; charset=utf-8", html)
     }
 
     fn data(&self, number: usize) -> Answer {
-        let name = {
+        let entry = {
             let numbered = locked(&self.numbered);
             numbered.get(number).cloned()
         };
-        let Some(name) = name else { return Answer::text(404, "there is no such case") };
+        let Some(entry) = entry else { return Answer::text(404, "there is no such case") };
         // The page can't read the status of a script, so what is wrong is told by one.
-        let script = match self.find(&name) {
-            Ok(pending) => self.review.script(number, &pending),
-            Err(error) => data::failure(number, &error.to_string()),
+        let script = match &entry {
+            Entry::Pending(name) => match self.find(name) {
+                Ok(pending) => self.review.script(number, &pending),
+                Err(error) => data::failure(number, &error.to_string()),
+            },
+            other => self.review.other_script(number, other),
         };
         Answer(200, "text/javascript; charset=utf-8", script)
     }

@@ -156,6 +156,26 @@ impl Browser {
         self.on(tab, "Emulation.setDeviceMetricsOverride", size);
     }
 
+    /// A telephone or tablet, whose pointer is a finger.
+    pub(crate) fn touch(&mut self, tab: &Tab, width: u32, height: u32) {
+        let size =
+            json!({ "width": width, "height": height, "deviceScaleFactor": 1.0, "mobile": true });
+        self.on(tab, "Emulation.setDeviceMetricsOverride", size);
+        let touch = json!({ "enabled": true, "maxTouchPoints": 2 });
+        self.on(tab, "Emulation.setTouchEmulationEnabled", touch);
+    }
+
+    /// Fingers that go down, move or come up together.
+    pub(crate) fn fingers(&mut self, tab: &Tab, kind: &str, places: &[(f64, f64)]) {
+        let points: Vec<_> = places
+            .iter()
+            .enumerate()
+            .map(|(id, (x, y))| json!({ "x": x, "y": y, "id": id }))
+            .collect();
+        let event = json!({ "type": kind, "touchPoints": points });
+        self.on(tab, "Input.dispatchTouchEvent", event);
+    }
+
     /// Whether the person wants dark pages.
     pub(crate) fn prefer_dark(&mut self, tab: &Tab, dark: bool) {
         let value = if dark { "dark" } else { "light" };
@@ -219,6 +239,7 @@ impl Browser {
             "Escape" => (27, ""),
             "Tab" => (9, ""),
             "ArrowLeft" => (37, ""),
+            "ArrowUp" => (38, ""),
             _ => (0, key),
         };
         let shift = if key.len() == 1 && key.to_lowercase() != key { 8 } else { 0 };

@@ -68,6 +68,7 @@ fn a_frame_is_looked_at_and_accepted() {
     assert!(sidecar.expect("written").contains("twice as bright"));
 
     browser.press(&tab, "r");
+    browser.press(&tab, "Tab");
     browser.press(&tab, "Enter");
     browser
         .wait(&tab, "document.getElementById('count').textContent === 'nothing is left to review'");

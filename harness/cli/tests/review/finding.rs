@@ -85,6 +85,7 @@ fn the_filter_leaves_what_has_each_of_its_words() {
         assert_eq!(browser.text(&tab, "#name"), name);
     }
     browser.press(&tab, "r");
+    browser.press(&tab, "Tab");
     browser.press(&tab, "Enter");
     browser.wait(&tab, "document.getElementById('name').textContent === 'room/f10'");
     assert!(!project.pending("room/f1").exists() && project.pending("room/f2").is_file());

@@ -38,6 +38,8 @@ fn open(project: &Project) -> (crate::project::Server, Browser, Tab) {
     let server = project.serve();
     let mut browser = Browser::start();
     let tab = browser.open(&server.url);
+    // Colours are read in the middle of texels, where their values would be written.
+    browser.value(&tab, "karat.change({ values: false, outlines: false })");
     browser.settle(&tab);
     (server, browser, tab)
 }
@@ -85,6 +87,11 @@ fn all_cases_are_listed_and_keys_move_between_them() {
     assert_eq!(now, serde_json::json!([true, true, 1]));
     browser.press(&tab, "?");
     assert_eq!(browser.value(&tab, "document.getElementById('help').open"), true);
+    // All keys are there.
+    let missing = browser.value(&tab, "(() => { const names = { Escape: 'Esc', ' ': 'space', '-': '−', '=': '+', ArrowLeft: '←', ArrowRight: '→', ArrowUp: '↑', ArrowDown: '↓' };
+        const told = [...document.querySelectorAll('#help kbd')].map(key => key.innerText);
+        return karat.keys.filter(key => !told.includes(names[key] ?? key)); })()");
+    assert_eq!(missing, serde_json::json!(["?"]), "but the one that shows them");
     let keys = browser.text(&tab, "#help");
     assert!(keys.contains("filter the list") && keys.contains("next, previous frame"), "{keys}");
     browser.press(&tab, "j");

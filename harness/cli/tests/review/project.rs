@@ -179,7 +179,11 @@ impl Project {
                 command.env_remove(name);
             }
         }
-        command.env_remove("CI").current_dir(self.folder()).args(arguments);
+        command
+            .env_remove("CI")
+            .env_remove("CARGO_TARGET_DIR")
+            .current_dir(self.folder())
+            .args(arguments);
         command
     }
 

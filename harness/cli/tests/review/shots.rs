@@ -105,3 +105,87 @@ fn choices_faults_and_many_frames_are_drawn() {
     browser.wait(&tab, "karat.state.selected < 0");
     shoot(&mut browser, &tab, "absent-1280");
 }
+
+/// What the second edition has, at the widths that people have, dark and light, and by touch.
+#[test]
+fn every_width_is_drawn() {
+    let project = Project::with_frames();
+    let mut scene = karat::Image::read_exr(&project.golden("scene")).expect("a golden").0;
+    let width = scene.width() as usize;
+    for (x, y) in [(40, 300), (41, 300), (500, 40), (320, 200)] {
+        scene.pixels_mut()[y * width + x][1] += 4.0;
+    }
+    project.put_golden(
+        "corners/few",
+        &karat::Image::read_exr(&project.golden("scene")).expect("a golden").0,
+    );
+    project.put_pending("corners/few", &scene, |_| {});
+    let server = project.serve();
+    let mut browser = Browser::start();
+    let tab = browser.open(&server.url);
+    browser.wait(&tab, "karat.state.cases.every(({ thumb }) => thumb)");
+    for (width, height) in [(1400, 900), (1000, 700), (700, 900)] {
+        browser.resize(&tab, width, height, 1.0);
+        for (name, keys) in [
+            ("side", &["4"][..]),
+            ("few", &["j", "j", "j", "2"]),
+            ("few-values", &["w"]),
+            ("noise-difference", &["k", "k", "k", "3"]),
+            ("nan-difference", &["j"]),
+            ("scene-by-channel", &["j", "d", "o"]),
+            ("scene-absolute", &["d"]),
+            ("sheet", &["d", "o", "s"]),
+            ("accept-several", &["s", "y", "k", "y", "a"]),
+        ] {
+            for key in keys {
+                browser.press(&tab, key);
+            }
+            shoot(&mut browser, &tab, &format!("edition-{name}-{width}"));
+        }
+        for key in ["Escape", "Escape", "Escape", "k", "k", "k"] {
+            browser.press(&tab, key);
+        }
+        browser.prefer_dark(&tab, false);
+        shoot(&mut browser, &tab, &format!("edition-light-{width}"));
+        browser.prefer_dark(&tab, true);
+    }
+    browser.touch(&tab, 700, 900);
+    browser.press(&tab, "4");
+    shoot(&mut browser, &tab, "edition-touch-700");
+    browser.touch(&tab, 390, 844);
+    shoot(&mut browser, &tab, "edition-touch-390");
+}
+
+/// Where cases come from: a repository with a record, goldens and functions that fail.
+#[test]
+fn origins_are_drawn() {
+    let project = Project::with_frames();
+    crate::sourcing::with_origins(&project);
+    let server = project.serve_with(&["--goldens"]);
+    let mut browser = Browser::start();
+    let tab = browser.open(&server.url);
+    browser.prefer_dark(&tab, true);
+    for (width, height) in [(1400, 900), (700, 900)] {
+        browser.resize(&tab, width, height, 1.0);
+        for name in ["scene", "lobe::ggx%20agrees_with", "environment"] {
+            browser.value(&tab, &format!("location.hash = '#{name}'"));
+            browser.wait(
+                &tab,
+                &format!(
+                    "document.getElementById('name').innerText === decodeURIComponent('{name}')"
+                ),
+            );
+            browser.settle(&tab);
+            browser.value(
+                &tab,
+                "document.querySelectorAll('#modules details').forEach(d => { d.open = true; })",
+            );
+            let file = name.split([':', '%']).next().expect("a name");
+            shoot(&mut browser, &tab, &format!("origin-{file}-{width}"));
+            let aside = "document.querySelector('#versions:not([hidden]), #test').scrollIntoView()";
+            browser.value(&tab, aside);
+            shoot(&mut browser, &tab, &format!("origin-{file}-below-{width}"));
+            browser.value(&tab, "document.querySelector('header').scrollIntoView()");
+        }
+    }
+}

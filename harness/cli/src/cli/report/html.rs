@@ -157,16 +157,23 @@ fn failures(rows: &[Row<'_>]) -> Markup {
                         h3 { a href={ "#" (row.anchor) } { (subject(row.record)) } " " small { (row.record.test) } }
                         @if let Some(message) = message(row.record) { pre { (message) } }
                         (copied(&replays(row.record)))
-                        @for path in &row.record.paths {
-                            @if let Some(plot) = &path.plot {
-                                (plot::figures(plot, &path.adapter.path, &path.asserted))
-                            }
-                            @if let Some(histogram) = &path.histogram {
-                                (cells::map(histogram, &path.adapter.path))
-                            }
-                        }
+                        (figures(row.record))
                     }
                 }
+            }
+        }
+    }
+}
+
+/// Plots of each path of a failure.
+pub(super) fn figures(record: &Record) -> Markup {
+    html! {
+        @for path in &record.paths {
+            @if let Some(plot) = &path.plot {
+                (plot::figures(plot, &path.adapter.path, &path.asserted))
+            }
+            @if let Some(histogram) = &path.histogram {
+                (cells::map(histogram, &path.adapter.path))
             }
         }
     }

@@ -17,25 +17,43 @@ function load(entry) {
 }
 
 // What a data file calls.
-function receive(data) {
+async function receive(data) {
   const entry = state.cases.find(({ index: number }) => number === data.index);
   if (!entry) return;
-  entry.loading = false;
-  if (data.error) {
-    entry.error = data.error;
-    change();
-    return;
+  try {
+    if (data.error) throw new Error(data.error);
+    received(entry, { ...data, ...await images(data) });
+  } catch (error) {
+    Object.assign(entry, { error: error.message, background: false });
   }
-  const image = (stored) => stored && prepared({ width: stored.width, height: stored.height, values: numbers.decode(stored) });
-  const parts = data.parts.map(({ name, golden, actual }) => ({ name, golden: image(golden), actual: image(actual) }));
-  const grey = ({ values }) => values.every((value, i) => i % 4 === 0 || i % 4 === 3 || value === values[i - (i % 4)]);
-  const maps = data.maps.map((map) => {
-    const made = image(map.image);
-    return { ...map, image: made, scalar: grey(made) };
-  });
-  entry.data = { ...data, parts, maps };
-  entry.error = null;
+  entry.loading = false;
   change();
+}
+
+async function images(data) {
+  if (data.function) return { parts: [], maps: [], gates: [], facts: [] };
+  const made = async (stored, golden) => stored && prepared(await numbers.image(stored, golden));
+  const parts = await Promise.all(data.parts.map(async ({ name, golden: stored, actual }) => {
+    const golden = await made(stored);
+    return { name, golden, actual: await made(actual, golden) };
+  }));
+  const grey = ({ values }) => values.every((value, i) => i % 4 === 0 || i % 4 === 3 || value === values[i - (i % 4)]);
+  const maps = await Promise.all(data.maps.map(async (map) => {
+    const image = await made(map.image);
+    return { ...map, image, scalar: grey(image) };
+  }));
+  for (const image of [...parts.flatMap(({ golden, actual }) => [golden, actual]), ...maps.map(({ image }) => image)]) {
+    if (image) delete image.words;
+  }
+  return { parts, maps };
+}
+
+function received(entry, data) {
+  Object.assign(entry, { data: { ...data, refused: undefined }, pixels: data.pixels, error: null });
+  thumbs.make(entry);
+  // What was loaded for its thumbnail alone isn't kept.
+  if (entry.background && entry !== selectedCase()) entry.data = null;
+  entry.background = false;
 }
 
 // Adds the key, the logarithmic mean of luminance, and what counts as dark: the same share of the
@@ -61,31 +79,44 @@ function prepared(image) {
   const UNUSABLE = "can't be used";
   const STATUS = { accepted: "accepted", rejected: "rejected", gone: "no longer pending" };
 
+  // How far over its tolerance; of a new frame, or one that is decided, nothing.
+  const severity = ({ severity: times, status }) => (times == null || !["pending", "function"].includes(status) ? ""
+    : times === Infinity ? "∞" : `${numbers.rounded(times)} ×`);
+  const badges = ({ odd, finite, status }) => (status !== "pending" ? []
+    : [...(finite === false || odd?.nan ? ["NaN"] : []), ...(odd?.size ? ["size"] : [])]);
+
   const size = (entry) => (entry?.table ? `${entry.size[1]} rows` : entry?.size?.join(" × ") ?? "");
-  const groupOf = (entry) => (entry.status === "unusable" ? UNUSABLE : folderOf(entry.name));
+  const GROUPS = { unusable: UNUSABLE, golden: "accepted goldens", function: "functions that fail" };
+  const groupOf = (entry) => GROUPS[entry.status] ?? folderOf(entry.name);
 
   // A long name is broken after its parts; after hyphens it is anyway.
   const breakable = (name) => name.match(/[^/_.]+[/_.]*|[/_.]+/g).flatMap((piece) => [piece, element("wbr")]);
 
   const row = (position) => {
     const entry = state.cases[position];
-    const unusable = entry.status === "unusable";
+    const unusable = entry.status in GROUPS; // they stand together, with their whole names
     const status = STATUS[entry.status] ?? (entry.new ? "new" : "");
-    const name = unusable ? entry.name : entry.name.slice(groupOf(entry).length);
+    const name = unusable || state.sort === "error" ? entry.name : entry.name.slice(groupOf(entry).length);
     const button = element("button", { type: "button", className: entry.status },
+      ...(entry.thumb ? [thumbs.copy(entry.thumb.actual ?? entry.thumb.golden, "thumb")] : entry.index === null || entry.table || entry.status === "function" ? [] : [element("span", { className: "thumb" })]),
       element("span", { className: "name" }, ...breakable(name)),
-      element("span", { className: "status" }, status));
-    button.title = [entry.name, size(entry), unusable ? UNUSABLE : status].filter(Boolean).join(", ");
+      element("span", { className: "marks" },
+        ...badges(entry).map((text) => element("span", { className: "badge" }, text)),
+        element("span", { className: "severity" }, severity(entry)),
+        element("span", { className: "status" }, status)));
+    button.title = [entry.name, size(entry), unusable ? GROUPS[entry.status] : status, ...badges(entry),
+      severity(entry) && `${severity(entry)} its tolerance`].filter(Boolean).join(", ");
     button.setAttribute("aria-current", String(position === state.selected));
     button.addEventListener("click", (event) => {
       actions.select(position);
       if (event.detail) document.activeElement?.blur();
     });
-    return element("li", {}, button);
+    return element("li", {}, ...choose.box(position), button);
   };
 
-  // Each folder is named once, above its frames.
+  // Each folder is named once, above its frames; ordered by errors there are none.
   const folders = (positions) => {
+    if (state.sort === "error") return [element("li", {}, element("ol", {}, ...positions.map(row)))];
     const members = new Map();
     for (const position of positions) {
       const name = groupOf(state.cases[position]);
@@ -99,7 +130,8 @@ function prepared(image) {
 
   let shown = "";
   listeners.push(() => {
-    const now = JSON.stringify([state.selected, state.filter, state.cases.map(({ status }) => status)]);
+    const now = JSON.stringify([state.selected, state.filter, state.sort, [...state.chosen],
+      state.cases.map(({ status, thumb, odd }) => [status, Boolean(thumb), odd])]);
     if (now === shown) return;
     shown = now;
     const focused = list.contains(document.activeElement);
@@ -111,6 +143,9 @@ function prepared(image) {
     byId("find").hidden = state.cases.length <= MANY;
     if (filter.value !== state.filter) filter.value = state.filter;
     byId("found").textContent = state.filter ? `${positions.length} of ${state.cases.length}` : "";
+    const place = positions.indexOf(state.selected);
+    byId("position").textContent = place < 0 ? "" : `${place + 1} of ${positions.length}`;
+    byId("sort").textContent = `By ${state.sort}`;
     byId("none-found").hidden = positions.length > 0 || !state.cases.length;
     const left = state.cases.filter(({ status }) => status === "pending").length;
     byId("count").textContent = left ? `${left} pending` : "nothing is left to review";

@@ -16,37 +16,21 @@ const actions = (() => {
     if (image) change({ exposure: Math.round(Math.log2(0.18 / image.key)) });
   };
 
-  // The scale ends above 99 % of the differences, at a power of two: a few highlights would darken
-  // all others. What is beyond the scale is pale.
-  const autoGain = () => {
-    const { golden, actual } = part() ?? {};
-    if (!golden || !actual) return;
-    const light = state.relative ? 1 : 2 ** state.exposure;
-    const sizes = [];
-    const [width, height] = [Math.min(golden.width, actual.width), Math.min(golden.height, actual.height)];
-    for (let y = 0; y < height; y += 1) {
-      for (let x = 0; x < width; x += 1) {
-        const [g, a] = [texel(golden, [x, y]), texel(actual, [x, y])];
-        for (let c = 0; c < 3; c += 1) {
-          const by = state.relative ? Math.max(Math.abs(g[c]), golden.dark) : 1;
-          const size = Math.abs(a[c] - g[c]) * light / by;
-          if (size > 0 && size < Infinity) sizes.push(size);
-        }
-      }
-    }
-    const most = Float64Array.from(sizes).sort()[Math.floor(0.99 * sizes.length)];
-    change({ gain: most ? Math.floor(-Math.log2(most)) : 0 });
-  };
-
   const select = (selected) => {
     if (selected !== state.selected) stage.forget?.(imagesOf(selectedCase()));
-    change({ selected, absent: null, part: 0, map: 0, fit: true, pinned: null, hover: null });
+    change({ selected, absent: null, part: 0, map: 0, fit: true, pinned: null, hover: null, gainAuto: true });
     if (selectedCase()) load(selectedCase());
   };
 
-  // The next case that is listed, forward or back from a position; at the end it stays.
+  // The next case that is listed, forward or back from a position; at the end it stays. From one that
+  // isn't listed it is the first or the last.
   const step = (by, from = state.selected) => {
     const positions = listed();
+    const at = positions.indexOf(from);
+    if (at >= 0) {
+      if (positions[at + by] !== undefined) select(positions[at + by]);
+      return;
+    }
     const following = by > 0
       ? positions.find((position) => position > from)
       : positions.findLast((position) => position < from);
@@ -58,43 +42,47 @@ const actions = (() => {
     ...(entry?.data?.maps ?? []).map(({ image }) => image),
   ];
 
-  const worst = () => {
+  // The worst place, as the test found it; from there on, the next area that fails.
+  const worst = (by = 0) => {
+    const boxes = failing.of(loaded())?.boxes ?? [];
     const place = loaded()?.gates.find((gate) => gate.place)?.place;
-    if (place) lookAt(place);
+    if (!by && place) return lookAt(place);
+    if (!boxes.length) return undefined;
+    const inside = ({ left, top, right, bottom }, [x, y]) => x >= left && x <= right && y >= top && y <= bottom;
+    const now = state.pinned ? boxes.findIndex((box) => inside(box, state.pinned)) : -1;
+    const box = boxes[by ? (now + by + boxes.length) % boxes.length : 0];
+    return lookAt([box.left, box.top, box.right, box.bottom], box.at);
   };
 
-  const show = (view) => {
-    change({ view, flipping: view === "flip" });
-    if (view === "difference" && !selectedCase()?.gained) {
-      if (selectedCase()) selectedCase().gained = true;
-      autoGain();
-    }
-  };
+  const show = (view) => change({ view, flipping: view === "flip", sheet: false });
 
-  return { stops, reset, pixels, autoExposure, autoGain, select, step, worst, show };
+  return { stops, reset, pixels, autoExposure, select, step, worst, show };
 })();
 
-(() => {
+const keys = (() => {
   const button = (id, act) => byId(id).addEventListener("click", (event) => {
     act();
     // A click leaves no focus behind, so that the space bar flips; the keyboard's focus stays.
     if (event.detail) event.currentTarget.blur();
   });
-  const toggles = { "false-color": "falseColor", marks: "marks", grid: "grid", relative: "relative" };
+  const toggles = { "false-color": "falseColor", marks: "marks", grid: "grid", relative: "relative",
+    outlines: "outlines", "show-values": "values" };
   for (const [id, name] of Object.entries(toggles)) {
     button(id, () => {
       change({ [name]: !state[name] });
-      if (name === "relative") actions.autoGain();
+      if (name === "relative") change({ gainAuto: true }); // another unit
     });
   }
   for (const view of VIEWS) button(`view-${view}`, () => actions.show(view));
   button("exposure-auto", actions.autoExposure);
   button("exposure-zero", () => change({ exposure: 0 }));
-  button("gain-auto", actions.autoGain);
-  button("gain-less", () => change({ gain: state.gain - 1 }));
-  button("gain-more", () => change({ gain: state.gain + 1 }));
+  button("gain-auto", () => change({ gainAuto: true }));
+  button("gain-less", () => gain.by(-1));
+  button("gain-more", () => gain.by(1));
   button("fit", actions.reset);
   button("one-to-one", actions.pixels);
+  button("sort", () => change({ sort: state.sort === "name" ? "error" : "name" }));
+  button("sheet-open", () => change({ sheet: !state.sheet }));
   button("help-open", () => byId("help").showModal());
 
   const exposures = [byId("exposure"), byId("exposure-value")];
@@ -108,6 +96,7 @@ const actions = (() => {
     list.addEventListener("change", () => change({ [name]: Number(list.value) }));
   };
   menu("tone", "tone", tones.all.map(({ name }) => name));
+  menu("how", "how", tones.differences);
   menu("channel", "channel", CHANNELS);
   menu("part", "part", []);
   menu("map", "map", []);
@@ -126,7 +115,9 @@ const actions = (() => {
     for (const input of exposures) if (input !== document.activeElement || input.valueAsNumber !== state.exposure) input.value = state.exposure;
     byId("tone").value = String(state.tone);
     byId("channel").value = String(state.channel);
-    byId("gain-value").textContent = state.gain < 0 ? `1/${2 ** -state.gain}` : `× ${2 ** state.gain}`;
+    byId("how").value = String(state.how);
+    byId("gain-value").textContent = gain.text();
+    byId("gain-auto").setAttribute("aria-pressed", String(state.gainAuto));
     byId("hz-value").textContent = `${state.hz} a second`;
     byId("zoom").textContent = loaded() ? `${numbers.rounded(100 * state.scale)} %` : "";
     byId("for-difference").hidden = state.view !== "difference";
@@ -193,13 +184,29 @@ const actions = (() => {
     "+": () => zoom(2),
     "=": () => zoom(2),
     "-": () => zoom(0.5),
-    w: actions.worst,
-    "[": () => change({ gain: state.gain - 1 }),
-    "]": () => change({ gain: state.gain + 1 }),
+    w: () => actions.worst(),
+    W: () => actions.worst(1),
+    "[": () => gain.by(-1),
+    "]": () => gain.by(1),
+    g: () => change({ gainAuto: true }),
+    d: () => (state.view === "difference" ? cycle("how", tones.differences.length) : actions.show("difference")),
+    o: () => change({ outlines: !state.outlines }),
+    v: () => change({ values: !state.values }),
+    s: () => change({ sheet: !state.sheet }),
+    Enter: () => { if (state.sheet) change({ sheet: false }); },
+    l: () => change({ sort: state.sort === "name" ? "error" : "name" }),
+    y: () => choose.toggle(state.selected),
+    Y: () => choose.all(),
+    h: histogram.toggle,
     a: () => decide.open("accept"),
     r: () => decide.open("reject"),
     "?": () => byId("help").showModal(),
-    Escape: () => change(state.pinned ? { pinned: null } : { filter: "" }),
+    Escape: () => {
+      if (state.sheet) change({ sheet: false });
+      else if (state.pinned) change({ pinned: null });
+      else if (state.filter) change({ filter: "" });
+      else choose.none();
+    },
     ArrowLeft: () => move(-1, 0),
     ArrowRight: () => move(1, 0),
     ArrowUp: () => move(0, -1),
@@ -212,8 +219,10 @@ const actions = (() => {
     if (target.matches("button, [type=range]") && [" ", "Enter"].includes(event.key)) return;
     if (target.matches("[type=range]") && event.key.startsWith("Arrow")) return;
     const act = KEYS[event.key];
-    if (!act || (!stage.gl && !["j", "k", "/", "?", "Escape"].includes(event.key))) return;
+    if (!act || (!stage.gl && !["j", "k", "l", "s", "y", "Y", "a", "r", "/", "?", "Escape"].includes(event.key))) return;
     event.preventDefault();
     act();
   });
+
+  return Object.keys(KEYS);
 })();

@@ -4,49 +4,92 @@ const decide = (() => {
   const accepting = byId("accept-dialog");
   const rejecting = byId("reject-dialog");
   const because = byId("because");
+  let deciding = []; // the entries that the open dialog is about
 
   const command = (kind, entry) => (kind === "accept"
     ? `karat accept ${entry.name}${entry.accept} --because "…"`
     : `karat reject ${entry.name}${index.arguments}`);
 
+  // Whether a case has been looked at here, or at least its thumbnail: its pixels are known.
+  const known = (entry) => entry.data ?? entry.thumb;
+
   const open = (kind) => {
-    const entry = selectedCase();
-    if (!entry || entry.status === "unusable") return;
+    const entries = choose.entries();
+    const [entry] = entries;
+    if (!entry || ["unusable", "golden", "function"].includes(entry.status)) return;
     if (!index.served) {
       const line = byId(`${kind}-command`);
       line.focus();
       getSelection().selectAllChildren(line);
       return;
     }
-    if (!entry.data) return;
+    if (entries.length === 1 && !known(entry)) return;
     if (entry.status !== "pending") {
       announce(`${entry.name} is ${entry.status === "gone" ? "no longer pending" : entry.status} already`);
       return;
     }
+    deciding = entries;
     const dialog = kind === "accept" ? accepting : rejecting;
-    dialog.querySelector(".subject").textContent = entry.name;
+    const several = entries.length > 1;
+    dialog.querySelector(".subject").textContent = several ? `${entries.length} frames` : entry.name;
+    dialog.querySelector(".subjects").replaceChildren(...(several ? entries.map(({ name }) => element("li", {}, name)) : []));
     dialog.querySelector(".problem").textContent = "";
     because.value = "";
-    if (kind === "accept") offer(entry.data.accepting);
+    if (kind === "accept") offer(entries);
+    reasons.offer();
     dialog.showModal();
   };
 
-  // What the frame may become the golden of. One from lavapipe is everybody's, and one that was
+  // The reason of the acceptance before, which several frames often share. It is offered, not put in:
+  // who presses Enter at once accepts nothing.
+  const reasons = (() => {
+    const KEY = "karat.because";
+    const button = byId("last-reason");
+    let last = "";
+    try {
+      last = sessionStorage.getItem(KEY) ?? "";
+    } catch {
+      // Some viewers have no storage; then it is known until the page is closed.
+    }
+    button.addEventListener("click", () => {
+      because.value = last;
+      because.focus();
+    });
+    return {
+      offer: () => {
+        button.hidden = !last;
+        button.querySelector("q").textContent = last;
+      },
+      take: () => { if (last) because.value = last; },
+      keep: (text) => {
+        last = text;
+        try {
+          sessionStorage.setItem(KEY, text);
+        } catch {
+          // As above.
+        }
+      },
+    };
+  })();
+
+  // What a frame may become the golden of. One from lavapipe is everybody's, and one that was
   // compared with its profile's golden replaces that.
-  const offer = ({ canonical, own, profile, new: first }) => {
-    byId("of-own").hidden = !own;
-    byId("any-adapter-line").hidden = canonical || own || !first;
-    byId("of-which").hidden = canonical || own || first;
+  const foreign = ({ accepting: { canonical, own } }) => !canonical && !own;
+  const replaces = (entry) => foreign(entry) && !entry.accepting.new;
+  const offer = (entries) => {
+    byId("of-own").hidden = !entries.some(({ accepting: { own } }) => own);
+    byId("any-adapter-line").hidden = !entries.some((entry) => foreign(entry) && entry.accepting.new);
+    byId("of-which").hidden = !entries.some(replaces);
     byId("any-adapter").checked = false;
     byId("of-profile").checked = true;
-    document.querySelectorAll("#accept-form .profile").forEach((name) => { name.textContent = profile; });
+    const profiles = [...new Set(entries.map(({ accepting: { profile } }) => profile))].join(", ");
+    document.querySelectorAll("#accept-form .profile").forEach((name) => { name.textContent = profiles; });
   };
 
   // The same, as it is sent.
-  const chosen = () => {
-    const which = !byId("of-which").hidden;
-    const all = which && byId("of-all").checked;
-    return { profile: which && !all, any_adapter: all || byId("any-adapter").checked };
+  const chosen = (entry) => {
+    const all = replaces(entry) && byId("of-all").checked;
+    return { profile: replaces(entry) && !all, any_adapter: all || byId("any-adapter").checked };
   };
 
   const announce = (text) => {
@@ -64,34 +107,49 @@ const decide = (() => {
 
   const next = () => {
     const left = listed().filter((position) => state.cases[position].status === "pending");
-    const following = left.find((position) => position > state.selected) ?? left[0];
-    if (following === undefined) change();
+    const order = listed();
+    const now = order.indexOf(state.selected);
+    const following = left.find((position) => order.indexOf(position) > now) ?? left[0];
+    if (following === undefined || selectedCase()?.status === "pending") change();
     else actions.select(following);
   };
 
+  // One decision. What is wrong with it, if anything.
+  const sendOne = async (kind, entry, details) => {
+    const response = await fetch(kind, {
+      method: "POST",
+      headers: { "Content-Type": "application/json" },
+      body: JSON.stringify({ case: entry.name, pixels: entry.pixels, ...details }),
+    });
+    if (response.status !== 200 && response.status !== 409) throw new Error(await response.text());
+    const answer = await response.json();
+    if (!answer.error) entry.status = `${kind}ed`;
+    refresh(answer.pending);
+    return answer.error;
+  };
+
+  // All of them, each for itself: what is refused stays, and the others are done.
   const send = async (kind, dialog, details) => {
-    const entry = selectedCase();
     const problem = dialog.querySelector(".problem");
     const buttons = dialog.querySelectorAll("button");
+    const entries = deciding.filter(({ status }) => status === "pending" || deciding.length === 1);
+    const several = entries.length > 1;
     problem.textContent = "";
     buttons.forEach((button) => { button.disabled = true; });
+    const refused = [];
+    let done = 0;
     try {
-      const response = await fetch(kind, {
-        method: "POST",
-        headers: { "Content-Type": "application/json" },
-        body: JSON.stringify({ case: entry.name, pixels: entry.data.pixels, ...details }),
-      });
-      if (response.status !== 200 && response.status !== 409) throw new Error(await response.text());
-      const answer = await response.json();
-      if (!answer.error) entry.status = `${kind}ed`;
-      refresh(answer.pending);
-      if (answer.error) {
-        problem.textContent = answer.error;
-        change();
+      for (const entry of entries) {
+        const error = await sendOne(kind, entry, details(entry));
+        if (error) refused.push(several && !error.includes(`\`${entry.name}\``) ? `${entry.name}: ${error}` : error);
+        else done += 1;
+      }
+      if (done && kind === "accept") reasons.keep(because.value);
+      if (refused.length) {
+        problem.textContent = refused.join("\n");
       } else {
         dialog.close();
-        announce(`${entry.status} ${entry.name}`);
-        next();
+        announce(several ? `${kind}ed ${done} frames` : `${entries[0].status} ${entries[0].name}`);
       }
     } catch (error) {
       problem.textContent = error instanceof TypeError
@@ -99,18 +157,25 @@ const decide = (() => {
         : String(error.message);
     } finally {
       buttons.forEach((button) => { button.disabled = false; });
+      const left = [...state.chosen].filter((position) => state.cases[position].status === "pending");
+      change({ chosen: new Set(left) });
+      if (!dialog.open) next();
     }
   };
 
   byId("accept-form").addEventListener("submit", (event) => {
     event.preventDefault();
-    send("accept", accepting, { because: because.value, ...chosen() });
+    send("accept", accepting, (entry) => ({ because: because.value, ...chosen(entry) }));
   });
   byId("reject-form").addEventListener("submit", (event) => {
     event.preventDefault();
-    send("reject", rejecting, {});
+    send("reject", rejecting, () => ({}));
   });
   because.addEventListener("keydown", (event) => {
+    if (event.key === "ArrowUp" && !because.value) {
+      event.preventDefault();
+      reasons.take();
+    }
     if (event.key === "Enter" && !event.shiftKey && !event.isComposing) {
       event.preventDefault();
       byId("accept-form").requestSubmit();
@@ -124,9 +189,10 @@ const decide = (() => {
   listeners.push(() => {
     const entry = selectedCase();
     byId("served").hidden = !index.served;
-    byId("typed").hidden = index.served || !entry || entry.status === "unusable";
+    byId("typed").hidden = index.served || !entry || ["unusable", "golden", "function"].includes(entry.status);
     for (const kind of ["accept", "reject"]) {
-      byId(kind).disabled = !entry?.data || entry.status !== "pending";
+      const one = !entry || !known(entry) || entry.status !== "pending";
+      byId(kind).disabled = one && !state.chosen.size;
       if (entry && byId(`${kind}-command`).textContent !== command(kind, entry)) {
         byId(`${kind}-command`).textContent = command(kind, entry);
       }

@@ -57,14 +57,14 @@
   listeners.push(() => {
     const data = loaded();
     // While a case is loaded its place is kept.
-    const none = !selectedCase() || Boolean(selectedCase().error);
+    const none = !selectedCase() || Boolean(selectedCase().error) || selectedCase().status === "function";
     for (const id of ["judged", "facts"]) byId(id).hidden = none;
     if (data === shown) return;
     shown = data;
     byId("verdict").replaceChildren(...whole(data?.verdict ?? ""));
     byId("cause").textContent = data?.cause ?? "";
     byId("gates").replaceChildren(...(data?.gates ?? []).map(gate));
-    byId("no-gates").hidden = !data || Boolean(data.table) || data.gates.length > 0;
+    byId("no-gates").hidden = !data || Boolean(data.table) || selectedCase().status !== "pending" || data.gates.length > 0;
     const hidden = data?.table ? [...HIDDEN, "precision", "width", "height"] : HIDDEN;
     const facts = (data?.facts ?? []).filter(({ name }) => !hidden.includes(name));
     facts.sort((a, b) => rank(a) - rank(b));

@@ -31,6 +31,52 @@ const numbers = (() => {
     return values;
   };
 
+  // An image as `packed.rs` has stored it: four floats a pixel, and its words, a plane a channel, from
+  // which a frame was stored as the distance. `golden` are those words.
+  const unpacked = ({ width, height, format, packed: { channels, of_golden: ofGolden } }, stored, golden) => {
+    const count = width * height;
+    const size = format === "f16" ? 2 : 4;
+    const values = new Float32Array(4 * count);
+    const floats = new Uint32Array(values.buffer);
+    const words = size === 2 ? new Uint16Array(channels * count) : new Uint32Array(channels * count);
+    for (let c = 0; c < channels; c += 1) {
+      const start = c * size * count;
+      let before = 0;
+      for (let i = 0; i < count; i += 1) {
+        let word = 0;
+        for (let byte = 0; byte < size; byte += 1) word = (word << 8) | stored[start + byte * count + i];
+        const distance = (word >>> 1) ^ -(word & 1);
+        words[c * count + i] = (ofGolden ? golden[c * count + i] : before) + distance; // wraps
+        before = words[c * count + i];
+        if (size === 2) values[4 * i + c] = halves[before];
+        else floats[4 * i + c] = before;
+      }
+    }
+    if (channels === 1) { // a map; a hole is no number
+      for (let i = 0; i < values.length; i += 4) {
+        const hole = Number.isNaN(values[i]);
+        values.fill(hole ? 0 : values[i], i, i + 3);
+        values[i + 3] = hole ? 0 : 1;
+      }
+    }
+    return { values, words };
+  };
+
+  const inflated = async (text) => {
+    if (typeof DecompressionStream === "undefined") {
+      throw new Error("This browser can't inflate the frame: take a current Firefox, Chrome, Edge or Safari.");
+    }
+    const stream = new Blob([bytes(text)]).stream().pipeThrough(new DecompressionStream("deflate"));
+    return new Uint8Array(await new Response(stream).arrayBuffer());
+  };
+
+  // A part's sides, or a map. Those of another page than ours come as they are.
+  const image = async (stored, golden = null) => {
+    const { width, height } = stored;
+    if (!stored.packed) return { width, height, values: decode(stored) };
+    return { width, height, ...unpacked(stored, await inflated(stored.data), golden?.words) };
+  };
+
   // Place on the ordered line of f32, where both zeros are 0.
   const ordinal = (value) => {
     float[0] = value;
@@ -86,5 +132,5 @@ const numbers = (() => {
     return sign + Number(size.toPrecision(3)).toExponential().replace("e+", "e").replace("e-", "e−");
   };
 
-  return { half, decode, ulps, shortest, rounded };
+  return { half, decode, image, ulps, shortest, rounded };
 })();

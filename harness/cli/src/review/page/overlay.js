@@ -1,5 +1,5 @@
 // What lies over the canvas: names of panes, the swipe's handle, the frame around the inspected
-// texel, legends; and the pointer, which pans, zooms and inspects.
+// texel, areas that fail, legends.
 
 (() => {
   const canvas = stage.canvas;
@@ -27,14 +27,18 @@
   };
 
   // A frame around texels, in each pane.
-  const framed = (pane, [left, top, right, bottom], className) => {
+  // One that would be smaller than `least` points is enlarged around its middle.
+  const framed = (pane, [left, top, right, bottom], className, least = 3) => {
     const [x, y] = stage.origin(pane);
     const box = element("span", { className });
-    const size = (texels) => css(Math.max(texels * state.scale, 3));
-    Object.assign(box.style, {
-      left: css(x + left * state.scale - pane.clip.x), top: css(y + top * state.scale - pane.clip.y),
-      width: size(right - left + 1), height: size(bottom - top + 1),
-    });
+    const side = (from, to, offset) => {
+      const size = Math.max((to - from + 1) * state.scale, least * ratio());
+      const middle = offset + ((from + to + 1) / 2) * state.scale;
+      return [css(middle - size / 2), css(size)];
+    };
+    const [start, width] = side(left, right, x - pane.clip.x);
+    const [above, height] = side(top, bottom, y - pane.clip.y);
+    Object.assign(box.style, { left: start, top: above, width, height });
     const window_ = element("span", { className: "clip" }, box);
     Object.assign(window_.style, {
       left: css(pane.clip.x), top: css(pane.clip.y), width: css(pane.clip.w), height: css(pane.clip.h),
@@ -42,15 +46,29 @@
     return window_;
   };
 
-  // A strip of colours with its values.
-  const strip = (color, ticks, title) => {
+  // Around each area that fails: thin around large ones, and a ring where it would be overlooked.
+  const RING = 13; // points
+  const outlined = (pane) => {
+    if (!state.outlines || state.part || pane.layer === "golden") return [];
+    const boxes = failing.of(loaded())?.boxes ?? [];
+    return boxes.map(({ left, top, right, bottom }) => {
+      const size = (Math.max(right - left, bottom - top) + 1) * state.scale;
+      const small = size < RING * ratio();
+      return framed(pane, [left, top, right, bottom], small ? "area small" : "area", small ? RING : 3);
+    });
+  };
+
+  // Strips of colours with their values.
+  const strip = (colors, ticks, title) => {
     const context = legend.querySelector("canvas").getContext("2d");
-    const { width, height } = context.canvas;
-    for (let x = 0; x < width; x += 1) {
-      const rgb = color(x / (width - 1)).map((value) => Math.round(255 * value));
-      context.fillStyle = `rgb(${rgb.join(" ")})`;
-      context.fillRect(x, 0, 1, height);
-    }
+    const { width, height } = Object.assign(context.canvas, { height: 10 * colors.length });
+    colors.forEach((color, row) => {
+      for (let x = 0; x < width; x += 1) {
+        const rgb = color(x / (width - 1)).map((value) => Math.round(255 * value));
+        context.fillStyle = `rgb(${rgb.join(" ")})`;
+        context.fillRect(x, 10 * row, 1, height);
+      }
+    });
     legend.querySelector(".title").textContent = title;
     legend.querySelector(".ticks").replaceChildren(...ticks.map((tick) => element("span", {}, tick)));
     legend.hidden = false;
@@ -62,20 +80,32 @@
     const channel = state.channel ? CHANNELS[state.channel] : "largest channel";
     if (state.view === "difference" && !missingSide("difference")) {
       const range = 2 ** -state.gain / (state.relative ? 1 : 2 ** state.exposure);
-      const ends = numbers.rounded(range);
-      const title = state.relative ? `relative to golden, ${channel}` : `actual − golden, ${channel}`;
-      strip((t) => tones.signed(2.02 * t - 1.01), [`−${ends}`, "equal", `+${ends}`], title);
+      const [ends, middle] = [range, range / 2].map((value) => numbers.rounded(value));
+      const of = state.how && !state.channel ? "R, G and B" : channel;
+      const what = state.how === 2 ? "size of " : "";
+      const title = `${what}${state.relative ? "difference relative to golden" : "actual − golden"}, ${of}`;
+      const rows = state.channel ? [[1, 1, 1]] : [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+      if (state.how === 2) {
+        const colors = rows.map((row) => (t) => tones.absolute(row.map((x) => x * t), state.channel));
+        strip(colors, ["equal", middle, ends], title);
+      } else {
+        const ticks = [`−${ends}`, `−${middle}`, "equal", `+${middle}`, `+${ends}`];
+        const colors = state.how
+          ? rows.map((row) => (t) => tones.byChannel(row.map((x) => x * (2 * t - 1)), state.channel))
+          : [(t) => tones.signed(2.02 * t - 1.01)];
+        strip(colors, ticks, title);
+      }
     } else if (state.view === "map") {
       const map = loaded()?.maps[state.map];
       if (map?.scalar) {
         const [low, high] = map.range;
-        strip(tones.turbo, [low, (low + high) / 2, high].map((tick) => numbers.rounded(tick)), map.name);
+        strip([tones.turbo], [low, (low + high) / 2, high].map((tick) => numbers.rounded(tick)), map.name);
       }
     } else if (state.falseColor) {
       const { STOPS } = tones;
       const light = (t) => tones.falseColor(0.18 * 2 ** ((2 * t - 1) * STOPS));
       const ticks = [`−${STOPS}`, `−${STOPS / 2}`, "0.18", `+${STOPS / 2}`, `+${STOPS}`];
-      strip(light, ticks, "stops from middle grey, as exposed");
+      strip([light], ticks, "stops from middle grey, as exposed");
     }
   };
 
@@ -89,9 +119,10 @@
     if (!current) return "Nothing is pending.";
     if (current.error) return current.error;
     if (!current.data) return "Loading …";
-    if (current.table) return ""; // it lies over the canvas
+    if (current.table || current.status === "function") return ""; // it lies over the canvas
     const { golden, actual } = part();
     const sizes = golden && actual && (golden.width !== actual.width || golden.height !== actual.height);
+    if (current.status === "golden") return ["golden", "side"].includes(state.view) ? "" : "Nothing is pending for this golden.";
     if (state.view === "difference" && !golden) return "There is no golden to differ from.";
     if (state.view === "difference" && sizes) {
       return `The sizes differ: golden ${golden.width} × ${golden.height}, actual ${actual.width} × ${actual.height}. What both have is shown from the top left corner.`;
@@ -102,10 +133,10 @@
 
   listeners.push(() => {
     stage.draw();
-    const panes = loaded() && !loaded().table && stage.gl ? stage.panes() : [];
+    const panes = part() && !loaded().table && stage.gl ? stage.panes() : [];
     const marks = panes.flatMap((pane) => {
       const pin = state.pinned ? [framed(pane, [...state.pinned, ...state.pinned], "pin")] : [];
-      return [label(pane), ...pin];
+      return [...outlined(pane), label(pane), ...pin];
     });
     layer.replaceChildren(...marks);
     handle.hidden = state.view !== "swipe" || !part();
@@ -118,64 +149,6 @@
     canvas.dataset.ready = String(Boolean(loaded() || !selectedCase() || selectedCase().error));
   });
 
-  const position = (event) => {
-    const box = canvas.getBoundingClientRect();
-    return [(event.clientX - box.left) * ratio(), (event.clientY - box.top) * ratio()];
-  };
-
-  let dragged = null;
-  canvas.addEventListener("pointerdown", (event) => {
-    if (!stage.gl || event.button > 1) return;
-    canvas.setPointerCapture(event.pointerId);
-    dragged = { from: position(event), center: state.center, moved: false };
-  });
-  canvas.addEventListener("pointermove", (event) => {
-    if (!stage.gl) return;
-    const [x, y] = position(event);
-    if (dragged) {
-      const [dx, dy] = [x - dragged.from[0], y - dragged.from[1]];
-      dragged.moved ||= Math.hypot(dx, dy) > 3 * ratio(); // a hand is not that steady
-      if (dragged.moved) {
-        const center = [dragged.center[0] - dx / state.scale, dragged.center[1] - dy / state.scale];
-        change({ center, fit: false });
-      }
-    }
-    change({ hover: stage.texelAt(paneAt(x, y), x, y) });
-  });
-  canvas.addEventListener("pointerup", (event) => {
-    if (dragged && !dragged.moved) {
-      const at = stage.texelAt(paneAt(...position(event)), ...position(event));
-      const same = state.pinned && state.pinned.join() === at.join();
-      const [width, height] = extent();
-      const inside = at[0] >= 0 && at[1] >= 0 && at[0] < width && at[1] < height;
-      change({ pinned: same || !inside ? null : at });
-    }
-    dragged = null;
-  });
-  canvas.addEventListener("pointercancel", () => { dragged = null; });
-  canvas.addEventListener("pointerleave", () => change({ hover: null }));
-  canvas.addEventListener("wheel", (event) => {
-    if (!stage.gl) return;
-    event.preventDefault();
-    const lines = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 40 : 1;
-    zoom(2 ** (-event.deltaY * lines / 400), position(event));
-  }, { passive: false });
-
-  const slide = (event) => {
-    const box = canvas.getBoundingClientRect();
-    change({ swipe: Math.min(1, Math.max(0, (event.clientX - box.left) / box.width)) });
-  };
-  handle.addEventListener("pointerdown", (event) => handle.setPointerCapture(event.pointerId));
-  handle.addEventListener("pointermove", (event) => {
-    if (handle.hasPointerCapture(event.pointerId)) slide(event);
-  });
-  handle.addEventListener("keydown", (event) => {
-    const step = { ArrowLeft: -0.01, ArrowRight: 0.01 }[event.key];
-    if (!step) return;
-    event.preventDefault();
-    event.stopPropagation();
-    change({ swipe: Math.min(1, Math.max(0, state.swipe + step)) });
-  });
   const resized = new ResizeObserver(() => change());
   try {
     resized.observe(canvas, { box: "device-pixel-content-box" });

@@ -9,7 +9,7 @@ void main() { // one triangle over the whole viewport
   gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
 }`;
 
-const fragment = ({ layer, tone, channel, falseColor, relative, scalarMap, samples }) => `#version 300 es
+const fragment = ({ layer, tone, channel, falseColor, relative, how, scalarMap, samples }) => `#version 300 es
 precision highp float;
 precision highp int;
 precision highp sampler2D;
@@ -32,6 +32,7 @@ const int tone = ${tone};           // as in tones.all
 const int channel = ${channel};     // 0 rgb, 1 r, 2 g, 3 b, 4 a, 5 luminance
 const bool falseColor = ${falseColor};
 const bool relative = ${relative};  // differences as shares of the golden
+const int how = ${how};             // 0 signed, largest; 1 signed by channel; 2 absolute by channel
 const bool scalarMap = ${scalarMap};
 const int n = ${samples};           // on each axis of a pixel
 
@@ -116,13 +117,22 @@ vec3 seen(vec4 c) {
   return channel == 4 ? encode(clamp(picked(c), 0.0, 1.0)) : toned(light); // alpha isn't exposed
 }
 
-// The difference that is shown: of the channel, or of the one that differs most.
-float difference(vec4 g, vec4 a) {
+// The difference of each colour, or of the channel in all three.
+vec3 difference(vec4 g, vec4 a) {
   vec3 d = picked(a) - picked(g);
-  vec3 by = relative ? max(abs(picked(g)), dark) : vec3(1.0 / (channel == 4 ? 1.0 : exposure));
-  vec3 x = d / by;
-  float most = abs(x.y) > abs(x.x) ? x.y : x.x;
-  return gain * (abs(x.z) > abs(most) ? x.z : most);
+  // Alpha isn't light: it is neither exposed nor dark.
+  vec3 by = relative ? max(abs(picked(g)), channel == 4 ? 0.01 : dark) : vec3(1.0 / (channel == 4 ? 1.0 : exposure));
+  return gain * d / by;
+}
+
+vec3 coloured(vec3 d) { // see tones.js
+  vec3 root = sqrt(min(abs(d), 1.0));
+  vec3 hue = channel == 1 ? vec3(1.0, 0.15, 0.15) : channel == 2 ? vec3(0.15, 1.0, 0.15)
+    : channel == 3 ? vec3(0.25, 0.35, 1.0) : vec3(1.0);
+  if (how == 2) return root * hue;
+  if (how == 1) return 0.5 + 0.5 * sign(d) * root * (2.0 * hue - 1.0);
+  float most = abs(d.y) > abs(d.x) ? d.y : d.x;
+  return diverging(abs(d.z) > abs(most) ? d.z : most);
 }
 
 void main() {
@@ -135,7 +145,7 @@ void main() {
   }
   vec3 sum = vec3(0.0);
   vec4 marked = vec4(0.0);
-  float most = 0.0;
+  vec3 most = vec3(0.0);
   for (int j = 0; j < n; j++) {
     for (int i = 0; i < n; i++) {
       vec2 within = (vec2(i, j) + 0.5) / float(n) - 0.5;
@@ -152,14 +162,14 @@ void main() {
       }
       if (layer == 3 && scalarMap && m.w < 2.0) m = vec4(0.0); // nor is a negative scalar light
       if (m.w > marked.w) marked = m;
-      float d = layer == 2 ? difference(g, a) : 0.0;
-      if (abs(d) > abs(most)) most = d;
+      vec3 d = layer == 2 ? difference(g, a) : vec3(0.0);
+      most = mix(most, d, greaterThan(abs(d), abs(most)));
       // Black is no value, as it is no difference.
       vec3 level = c.a == 0.0 ? vec3(0.0) : turbo((c.r - range.x) / (range.y - range.x));
       sum += layer == 3 && scalarMap ? level : seen(c);
     }
   }
-  vec3 color = layer == 2 ? diverging(most) : sum / float(n * n);
+  vec3 color = layer == 2 ? coloured(most) : sum / float(n * n);
   bool mandatory = marked.w >= 2.0; // what is no number has no colour of its own
   if (marked.w > 0.0 && (marks || mandatory)) color = marked.rgb;
   if (grid) {

@@ -87,6 +87,7 @@ const stage = (() => {
     const whole = { x: 0, y: 0, w, h };
     const one = (layer) => [{ layer, ...whole, clip: whole }];
     if (state.view === "side" && !part()?.golden) return one("actual");
+    if (state.view === "side" && !part()?.actual) return one("golden");
     if (state.view === "side") {
       const [width, height] = extent();
       const half = { w: Math.floor((w - GAP) / 2), h: Math.floor((h - GAP) / 2) };
@@ -157,11 +158,11 @@ const stage = (() => {
   const drawPane = (pane) => {
     const { golden, actual } = part() ?? {};
     const map = loaded()?.maps[state.map];
-    const { tone, channel, falseColor, relative, scale } = state;
+    const { tone, channel, falseColor, relative, how, scale } = state;
     const samples = Math.min(8, Math.ceil(1 / scale));
     const scalarMap = map?.scalar ?? false;
     const layer = LAYERS[pane.layer];
-    const choices = { layer, tone, channel, falseColor, relative, scalarMap, samples };
+    const choices = { layer, tone, channel, falseColor, relative, how, scalarMap, samples };
     const { program, uniforms } = programOf(choices);
     gl.useProgram(program);
     bind(uniforms, 0, "golden", golden ?? nothing);
@@ -198,12 +199,12 @@ function zoom(factor, at = null) {
 }
 
 // Brings a rectangle of texels to the middle of each pane, with some of what is around it.
-function lookAt([left, top, right, bottom]) {
+function lookAt([left, top, right, bottom], pinned = [left, top]) {
   const [pane] = stage.panes();
-  const around = Math.max(right - left + 1, bottom - top + 1, 8) * 5;
+  const around = Math.max(right - left + 1, bottom - top + 1, 2) * 5; // single pixels are large enough for their values
   const scale = Math.max(1, Math.floor(Math.min(pane.w, pane.h) / around));
   const center = [(left + right + 1) / 2, (top + bottom + 1) / 2];
-  change({ scale, center, fit: false, pinned: [left, top] });
+  change({ scale, center, fit: false, pinned });
 }
 
 function paneAt(x, y) {

@@ -11,17 +11,23 @@ const compare = (a, b) => collator.compare(a, b) || Number(a > b) - Number(a < b
 const folderOf = (name) => name.slice(0, name.lastIndexOf("/") + 1);
 const inOrder = ({ name: a }, { name: b }) => compare(folderOf(a), folderOf(b)) || compare(a, b);
 
+const KINDS = ["pending", "function", "golden"]; // in the order of the list
+
 const VIEWS = ["side", "golden", "actual", "swipe", "flip", "difference", "map"];
 
 const state = {
   // Files that can't be used have nothing to load, and say why.
   cases: [
-    ...index.cases.map((entry) => ({ ...entry, status: "pending", data: null })).sort(inOrder),
+    ...index.cases.map((entry) => ({ ...entry, severity: entry.severity === "inf" ? Infinity : entry.severity, data: null }))
+      .sort((a, b) => KINDS.indexOf(a.status) - KINDS.indexOf(b.status) || inOrder(a, b)),
     ...index.unusable.map((entry) => ({ ...entry, index: null, status: "unusable", data: null })).sort(inOrder),
   ],
   selected: 0, // position; -1: none
   absent: null, // the name that the address has, where no case has it
   filter: "",
+  sort: "name", // or "error": what is furthest over its tolerance first
+  sheet: false, // all frames as thumbnails, in place of one
+  chosen: new Set(), // entries that are decided together
   view: "side",
   part: 0,
   map: 0,
@@ -33,6 +39,10 @@ const state = {
   grid: false,
   relative: true, // differences as shares of the golden, as they are judged
   gain: 0, // stops
+  gainAuto: true, // until somebody chooses one
+  how: 0, // how a difference is coloured: as in tones.differences
+  outlines: true, // around what fails
+  values: true, // on pixels that are large enough
   hz: 3, // changes a second
   flipping: false,
   phase: 0, // of flip: 0 golden, 1 frame
@@ -62,11 +72,15 @@ const selectedCase = () => state.cases[state.selected];
 function listed() {
   const words = state.filter.toLowerCase().split(/\s+/);
   const has = ({ name }) => words.every((word) => name.toLowerCase().includes(word));
-  return [...state.cases.keys()].filter((position) => has(state.cases[position]));
+  const positions = [...state.cases.keys()].filter((position) => has(state.cases[position]));
+  if (state.sort === "name") return positions;
+  // Files that can't be used are none of the frames, so they come last; a sort keeps equals in order.
+  const rank = ({ status, severity }) => ({ unusable: -1, golden: -2 })[status] ?? severity ?? 0;
+  return positions.sort((a, b) => rank(state.cases[b]) - rank(state.cases[a]));
 }
 
 const loaded = () => selectedCase()?.data ?? null;
-const part = () => loaded()?.parts[state.part] ?? null;
+const part = () => loaded()?.parts?.[state.part] ?? null;
 const inspected = () => state.pinned ?? state.hover;
 
 // Size of what is looked at: the larger of both sides.

@@ -69,5 +69,26 @@ const tones = (() => {
     return hue.map((x) => x * t * (1 - over) + over);
   };
 
-  return { all, encode, luminance, turbo, falseColor, signed, STOPS };
+  // A difference of channels, each in -1..=1 and beyond, is shown in one of three ways. The root
+  // lifts small values in all of them.
+  const root = (value) => Math.sqrt(clamp(Math.abs(value)));
+  const differences = [
+    "signed, largest", // orange is more, blue is less
+    "signed by channel", // grey is equal; a channel that is more adds its hue, one that is less takes it away
+    "absolute by channel", // black is equal; each channel in its hue
+  ];
+  // What a single channel looks like: R, G and B have their hue, others are white.
+  const HUES = { 1: [1, 0.15, 0.15], 2: [0.15, 1, 0.15], 3: [0.25, 0.35, 1] };
+  const byChannel = (rgb, channel) => {
+    if (channel === 0) return rgb.map((value) => 0.5 + 0.5 * Math.sign(value) * root(value));
+    const hue = HUES[channel] ?? [1, 1, 1];
+    const t = 0.5 + 0.5 * Math.sign(rgb[0]) * root(rgb[0]);
+    return hue.map((x) => 0.5 + (t - 0.5) * (2 * x - 1)); // its hue or the opposite one
+  };
+  const absolute = (rgb, channel) => {
+    if (channel === 0) return rgb.map(root);
+    return (HUES[channel] ?? [1, 1, 1]).map((x) => x * root(rgb[0]));
+  };
+
+  return { all, encode, luminance, turbo, falseColor, signed, differences, byChannel, absolute, STOPS };
 })();

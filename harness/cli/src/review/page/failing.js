@@ -1,0 +1,92 @@
+// Which pixels the test's gate refuses, and the areas that they make: rectangles of neighbours. The
+// test has judged already; this finds again what it refused, by the same bounds.
+
+const failing = (() => {
+  const CLEAR = 0.01; // alpha below this is compared as if it were this, as the gate does
+  const MOST = 48; // more rectangles hide what they show: then near ones become one
+
+  // What differs from the golden by more than is allowed, 1 a pixel; and the ratio of the worst.
+  const refused = ({ golden, actual }, { relative, absolute }, mask) => {
+    const { width, height } = golden;
+    const floor = absolute ?? relative * golden.dark;
+    const clear = absolute ?? relative * CLEAR;
+    const out = new Float32Array(width * height);
+    for (let i = 0; i < out.length; i += 1) {
+      if (mask && !(mask.values[4 * i] > 0.5)) continue;
+      let most = 0;
+      for (let c = 0; c < 4; c += 1) {
+        const [g, a] = [golden.values[4 * i + c], actual.values[4 * i + c]];
+        const allowed = Math.max(relative * Math.abs(g), c === 3 ? clear : floor);
+        const ratio = g === a ? 0 : Math.abs(a - g) / allowed;
+        if (!(ratio <= most)) most = ratio >= 0 ? ratio : Infinity;
+        if (!Number.isFinite(a) || !Number.isFinite(g)) most = Infinity;
+      }
+      if (most > 1) out[i] = most;
+    }
+    return out;
+  };
+
+  // Rectangles around refused pixels whose cells of some size touch, also at corners.
+  const areas = (ratios, width, height, cell) => {
+    const [across, down] = [Math.ceil(width / cell), Math.ceil(height / cell)];
+    const cells = new Map(); // of the ones with refused pixels: their rectangle
+    ratios.forEach((ratio, i) => {
+      if (!ratio) return;
+      const [x, y] = [i % width, Math.floor(i / width)];
+      const key = Math.floor(y / cell) * across + Math.floor(x / cell);
+      join(cells, key, { left: x, top: y, right: x, bottom: y, count: 1, ratio, at: [x, y] });
+    });
+    const found = [];
+    for (const start of [...cells.keys()]) {
+      if (!cells.has(start)) continue;
+      const area = new Map();
+      const open = [start];
+      while (open.length) {
+        const key = open.pop();
+        const box = cells.get(key);
+        if (!box) continue;
+        cells.delete(key);
+        join(area, 0, box);
+        const [x, y] = [key % across, Math.floor(key / across)];
+        for (let j = Math.max(0, y - 1); j <= Math.min(down - 1, y + 1); j += 1) {
+          for (let i = Math.max(0, x - 1); i <= Math.min(across - 1, x + 1); i += 1) open.push(j * across + i);
+        }
+      }
+      found.push(area.get(0));
+    }
+    return found;
+  };
+
+  const join = (boxes, key, box) => {
+    const known = boxes.get(key);
+    if (!known) { boxes.set(key, { ...box }); return; }
+    known.left = Math.min(known.left, box.left);
+    known.top = Math.min(known.top, box.top);
+    known.right = Math.max(known.right, box.right);
+    known.bottom = Math.max(known.bottom, box.bottom);
+    known.count += box.count;
+    if (box.ratio > known.ratio) Object.assign(known, { ratio: box.ratio, at: box.at });
+  };
+
+  // Of the part that is judged, the first: the number of refused pixels, and their areas, worst first.
+  const of = (data) => {
+    const [judged, ...others] = data?.parts ?? [];
+    const { golden, actual } = judged ?? {};
+    if (!golden || !actual || !data.gate || golden.width !== actual.width || golden.height !== actual.height) return null;
+    if (data.refused !== undefined) return data.refused;
+    const mask = others.find(({ name }) => name === "mask")?.actual ?? null;
+    const ratios = refused(judged, data.gate, mask);
+    const count = ratios.reduce((sum, ratio) => sum + (ratio > 0), 0);
+    let boxes = [];
+    // Of very many the smallest cells make too many areas anyway, and take long.
+    for (let cell = count > 10000 ? 4 : 1; count && cell <= 256; cell *= 2) {
+      boxes = areas(ratios, golden.width, golden.height, cell);
+      if (boxes.length <= MOST) break;
+    }
+    boxes.sort((a, b) => b.ratio - a.ratio || b.count - a.count);
+    data.refused = { count, boxes };
+    return data.refused;
+  };
+
+  return { of };
+})();

@@ -1,0 +1,20 @@
+// A function that fails, in place of images: its message and its plots, as the report has them.
+
+(() => {
+  const pane = byId("function");
+
+  // The server made the markup and has escaped what isn't its own; parsed this way no script of it runs.
+  const figures = (markup) => [...new DOMParser().parseFromString(markup, "text/html").querySelectorAll("figure")]
+    .map((figure) => document.importNode(figure, true));
+
+  let shown = null;
+  listeners.push(() => {
+    const failure = selectedCase()?.status === "function" ? loaded() : null;
+    pane.hidden = !failure || state.sheet;
+    document.body.classList.toggle("no-images", selectedCase()?.status === "function");
+    if (failure === shown || !failure) return;
+    shown = failure;
+    pane.replaceChildren(element("pre", {}, failure.message), ...figures(failure.figures));
+    pane.scrollTop = 0;
+  });
+})();

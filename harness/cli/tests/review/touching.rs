@@ -1,0 +1,78 @@
+//! Narrow windows and fingers.
+
+use serde_json::json;
+
+use crate::browser::Browser;
+use crate::project::Project;
+
+/// What is shown, fits, and is large enough for a finger.
+#[test]
+fn a_narrow_touch_screen_has_all_of_it() {
+    let project = Project::with_frames();
+    let server = project.serve();
+    let mut browser = Browser::start();
+    let tab = browser.open(&server.url);
+    browser.settle(&tab);
+    for (width, touch) in [(1000, false), (700, false), (700, true), (390, true)] {
+        if touch {
+            browser.touch(&tab, width, 900);
+        } else {
+            browser.resize(&tab, width, 900, 1.0);
+        }
+        for key in ["4", "3", "6", "s", "s"] {
+            browser.press(&tab, key);
+            let wide = browser.value(&tab, "[document.documentElement.scrollWidth, innerWidth]");
+            assert_eq!(wide[0], wide[1], "{width} {key}: nothing is to its right");
+        }
+        let stage = browser.value(&tab, "[stage => stage.width, stage => stage.height].map(side => side(document.getElementById('canvas').getBoundingClientRect()))");
+        let least = if width > 800 { 400 } else { width - 2 };
+        assert!(stage[0].as_f64().expect("a width") >= f64::from(least), "{stage}");
+        assert!(stage[1].as_f64().expect("a height") >= 300.0, "{stage}");
+        if touch {
+            let small = browser.value(&tab, "[...document.querySelectorAll('button, select, summary, input')].filter(e => e.checkVisibility())
+                .map(e => [e.id || e.className, (e.closest('.choose') ?? e).getBoundingClientRect()]).filter(([, { width, height }]) => width < 40 || height < 40)
+                .map(([name, { width, height }]) => `${name} ${width} x ${height}`)");
+            assert_eq!(small, json!([]));
+        }
+    }
+}
+
+#[test]
+fn fingers_drag_and_pinch() {
+    let project = Project::with_tiny();
+    let server = project.serve();
+    let mut browser = Browser::start();
+    let tab = browser.open(&server.url);
+    browser.touch(&tab, 700, 900);
+    browser.press(&tab, "1");
+    browser.value(&tab, "karat.change({ scale: 60, fit: false })");
+    let look = "(() => { const b = karat.stage.canvas.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2, karat.state.scale, ...karat.state.center]; })()";
+    let read = |browser: &mut Browser| -> Vec<f64> {
+        browser.settle(&tab);
+        serde_json::from_value(browser.value(&tab, look)).expect("numbers")
+    };
+    let [x, y, scale, ..] = read(&mut browser)[..] else { panic!("five numbers") };
+    // Apart by twice as much: twice as large, and what is between the fingers stays.
+    browser.fingers(&tab, "touchStart", &[(x - 40.0, y)]);
+    browser.fingers(&tab, "touchStart", &[(x - 40.0, y), (x + 40.0, y)]);
+    browser.fingers(&tab, "touchMove", &[(x - 60.0, y), (x + 60.0, y)]);
+    browser.fingers(&tab, "touchMove", &[(x - 80.0, y), (x + 80.0, y)]);
+    browser.fingers(&tab, "touchEnd", &[]);
+    let [_, _, larger, across, down] = read(&mut browser)[..] else { panic!("five numbers") };
+    assert!((larger / scale - 2.0).abs() < 0.01, "{scale} {larger}");
+    assert!((across - 2.0).abs() < 0.05 && (down - 2.0).abs() < 0.05, "{across} {down}");
+    assert!(browser.value(&tab, "karat.state.pinned").is_null(), "a pinch is no tap");
+    // One finger drags, and a tap pins.
+    browser.fingers(&tab, "touchStart", &[(x, y)]);
+    browser.fingers(&tab, "touchMove", &[(x + 50.0, y + 20.0)]);
+    browser.fingers(&tab, "touchMove", &[(x + 100.0, y + 40.0)]);
+    browser.fingers(&tab, "touchEnd", &[]);
+    let [_, _, same, left, up] = read(&mut browser)[..] else { panic!("five numbers") };
+    assert!((same - larger).abs() < 1e-6);
+    assert!((across - left - 100.0 / larger).abs() < 0.02, "{across} {left}");
+    assert!((down - up - 40.0 / larger).abs() < 0.02, "{down} {up}");
+    browser.fingers(&tab, "touchStart", &[(x, y)]);
+    browser.fingers(&tab, "touchEnd", &[]);
+    browser.settle(&tab);
+    assert!(!browser.value(&tab, "karat.state.pinned").is_null());
+}
