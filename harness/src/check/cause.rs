@@ -29,10 +29,13 @@ struct Cases<'b> {
     passing: Vec<usize>,
 }
 
+/// A number that is made of a case's lanes.
+type Measured = Box<dyn Fn(&[f64]) -> f64>;
+
 /// A number that each case has.
 struct Property {
     name: String,
-    of: Box<dyn Fn(&[f64]) -> f64>,
+    of: Measured,
     /// Whether it is made of two arguments.
     mixed: bool,
 }
@@ -199,7 +202,7 @@ fn properties(parameters: &[(String, Shape)]) -> Vec<Property> {
         }
         lane += lanes.len();
     }
-    let mut add = |name: String, of: Box<dyn Fn(&[f64]) -> f64>| {
+    let mut add = |name: String, of: Measured| {
         mixed.push(Property { name, of, mixed: true });
     };
     for (index, (a, i)) in numbers.iter().copied().enumerate() {
