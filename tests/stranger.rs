@@ -116,12 +116,15 @@ impl Project {
         let engine = "[profile.dev.package.karat-engine]\nopt-level = 3\ncodegen-units = 1\n";
         assert!(profiles.contains(engine), "the profile of the engine has changed");
         let quick = "[profile.dev.package.karat-engine]\nopt-level = 1\n";
-        let profiles = profiles.replace(engine, quick);
+        let library = "[profile.dev.package.karat]\nopt-level = 2\n";
+        assert!(profiles.contains(library), "the profile of the library has changed");
+        let unoptimised = "[profile.dev.package.karat]\nopt-level = 0\n";
+        let profiles = profiles.replace(engine, quick).replace(library, unoptimised);
         let karat = repository().join("harness");
         let manifest = format!(
             "[package]\nname = \"{name}\"\nedition = \"2024\"\n\n[workspace]\n\n\
              [dev-dependencies]\nkarat = {{ path = {karat:?} }}\nglam = \"0.34\"\n{SHARED}\n\
-             {profiles}\n[profile.dev.package.karat]\nopt-level = 0\n"
+             {profiles}\n"
         );
         let project = Self { folder: tempfile::tempdir().expect("a temporary folder") };
         project.write("Cargo.toml", &manifest);

@@ -77,13 +77,17 @@ impl Project {
         let engine = "[profile.dev.package.karat-engine]\nopt-level = 3\ncodegen-units = 1\n";
         assert!(profiles.contains(engine), "the profile of the engine has changed");
         let quick = "[profile.dev.package.karat-engine]\nopt-level = 1\n";
-        let profiles = profiles.replace(engine, quick);
+        let library = "[profile.dev.package.karat]\nopt-level = 2\n";
+        assert!(profiles.contains(library), "the profile of the library has changed");
+        let profiles = profiles
+            .replace(engine, quick)
+            .replace(library, "[profile.dev.package.karat]\nopt-level = 0\n");
         let manifest = format!(
             "[package]\nname = \"pictures\"\nedition = \"2024\"\n\n[workspace]\n\n\
              [dependencies]\nkarat = {{ path = {karat:?} }}\n\
              karat-gallery = {{ path = {gallery:?} }}\n{SHARED}\n\
              [[bin]]\nname = \"gallery\"\npath = \"frames/main.rs\"\n\n\
-             {profiles}\n[profile.dev.package.karat]\nopt-level = 0\n\n"
+             {profiles}\n\n"
         );
         let folder = tempfile::tempdir().expect("a temporary folder");
         let project = Self { folder, manifest };

@@ -27,6 +27,8 @@ struct Cases<'b> {
     batch: &'b Batch,
     failing: Vec<usize>,
     passing: Vec<usize>,
+    /// How many there are of each before they were thinned.
+    all: (usize, usize),
 }
 
 /// A number that is made of a case's lanes.
@@ -57,7 +59,7 @@ impl Interval {
     }
 }
 
-/// `where x is at least 0.2 (all that fails, 0.4 % of what passes)`; `None` where nothing is that simple.
+/// `where x is at least 0.2 (all that fails, 0.4 % of what passes)`, or `everywhere but ..`; `None` where nothing is that simple.
 pub(super) fn cause(
     function: &Function,
     batch: &Batch,
@@ -71,7 +73,11 @@ pub(super) fn cause(
     let mut failed = vec![false; batch.cases];
     failing.iter().for_each(|case| failed[*case] = true);
     let passing: Vec<usize> = (0..batch.cases).filter(|case| !failed[*case]).collect();
-    let cases = Cases { batch, failing: thinned(failing), passing: thinned(&passing) };
+    let all = (count, passing.len());
+    let cases = Cases { batch, failing: thinned(failing), passing: thinned(&passing), all };
+    if cases.passes_at_zeros_alone(&function.parameters) {
+        return Some("everywhere but where a number among the arguments is 0".to_owned());
+    }
     let mut best: Option<(Property, Interval)> = None;
     for property in properties(&function.parameters) {
         let Some(interval) = cases.split(&function.parameters, &property) else { continue };
@@ -113,6 +119,20 @@ fn said(name: &str, interval: &Interval) -> String {
 }
 
 impl Cases<'_> {
+    /// Whether most cases fail, and those that pass have a 0 in them, of which most functions make the right
+    /// 0: a wrong factor, of which a product or a quotient would tell how small 0 is.
+    fn passes_at_zeros_alone(&self, parameters: &[(String, Shape)]) -> bool {
+        let scalars: Vec<Scalar> = parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
+        // Drivers may take what is subnormal for 0, and so may a product of the least normal number.
+        let zero = f64::from(f32::MIN_POSITIVE);
+        let has_zero = |case: &&usize| {
+            let mut lanes = scalars.iter().zip(self.batch.arguments(**case));
+            lanes.any(|(scalar, word)| scalar.is_float() && scalar.decode(*word).abs() <= zero)
+        };
+        let zeros = self.passing.iter().filter(has_zero).count();
+        self.all.0 > 2 * self.all.1 && zeros as f64 >= TELLING * self.passing.len() as f64
+    }
+
     /// The interval of a property whose share of failing cases exceeds that of the others most.
     fn split(&self, parameters: &[(String, Shape)], property: &Property) -> Option<Interval> {
         let scalars: Vec<Scalar> = parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
@@ -283,6 +303,9 @@ mod tests {
         let unit = || 0.0..=1.0_f32;
         assert_eq!(told("x: f32", "fract(x * 7919.0) > 0.5", unit()), None);
         assert_eq!(told("x: f32", "true", unit()), None, "all of them");
+        let zero = Some("everywhere but where a number among the arguments is 0".to_owned());
+        assert_eq!(told("x: f32, y: f32", "x * y != 0.0", (unit(), unit())), zero);
+        assert_eq!(told("x: f32", "x != 0.0", unit()), zero);
     }
 
     #[test]

@@ -5,6 +5,7 @@ use super::agreement::Expected;
 use super::batch::Rows;
 use super::demand::Demand;
 use super::plan::{Plan, Recording};
+use super::session::Asserted;
 use super::{Agreement, Check, Failure, Mismatch};
 use crate::domain::{Domain, Stream};
 use crate::fixture::Fixtures;
@@ -159,19 +160,43 @@ impl Plan<'_> {
         Ok(probed.function)
     }
 
+    /// What stops a check before its first case, as the verdict of that check: it is recorded as others are.
+    fn refused(
+        &self,
+        (check, text): (&'static str, &str),
+        (stream, demand): (&dyn Stream, &Demand),
+        recording: Recording,
+        error: Failure,
+    ) -> Result<Agreement, Failure> {
+        let asserted = Asserted::new(check, text.to_owned());
+        let mut error = Some(error);
+        self.conclude(&asserted, stream, demand, recording, &mut |_| {
+            Err(error.take().expect("a check ends at its first error"))
+        })
+    }
+
     pub(super) fn is_finite(
         &self,
         stream: &dyn Stream,
         demand: &Demand,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
-        let function = self.function()?;
-        if !function.result.lanes().iter().any(|lane| lane.is_float()) {
-            return Err(unsuited(&function, "which is always finite: this check couldn't fail"));
-        }
+        let statement = "is finite";
+        let suited = |function: &Function| {
+            let has_floats = function.result.lanes().iter().any(|lane| lane.is_float());
+            has_floats.then_some(()).ok_or_else(|| {
+                unsuited(function, "which is always finite: this check couldn't fail")
+            })
+        };
+        let function = match self.function().and_then(|f| suited(&f).map(|()| f)) {
+            Ok(function) => function,
+            Err(error) => {
+                return self.refused(("satisfies", statement), (stream, demand), recording, error);
+            }
+        };
         // A result that isn't finite fails each statement.
         let holds = |_: &[u32], _: &[u32]| true;
-        self.satisfies(stream, demand, "is finite", (&function.result, &holds), recording)
+        self.satisfies(stream, demand, statement, (&function.result, &holds), recording)
     }
 
     pub(super) fn stays_within(
@@ -181,22 +206,27 @@ impl Plan<'_> {
         [least, most]: [f64; 2],
         recording: Recording,
     ) -> Result<Agreement, Failure> {
-        let function = self.function()?;
+        let statement = format!("lies in {least}..={most}");
+        let suited = |function: Function| {
+            if !(least <= most) || [least, most] == [f64::NEG_INFINITY, f64::INFINITY] {
+                return Err(Mismatch::Range { least, most }.of(&function));
+            }
+            if function.result.lanes().iter().all(|lane| *lane == Scalar::Bool) {
+                return Err(unsuited(&function, "which is no number"));
+            }
+            Ok(function)
+        };
+        let function = match self.function().and_then(suited) {
+            Ok(function) => function,
+            Err(error) => {
+                return self.refused(("satisfies", &statement), (stream, demand), recording, error);
+            }
+        };
         let lanes = function.result.lanes();
-        if !(least <= most) {
-            return Err(Mismatch::Range { least, most }.of(&function));
-        }
-        if [least, most] == [f64::NEG_INFINITY, f64::INFINITY] {
-            return Err(Mismatch::Range { least, most }.of(&function));
-        }
-        if lanes.iter().all(|lane| *lane == Scalar::Bool) {
-            return Err(unsuited(&function, "which is no number"));
-        }
         let holds = |_: &[u32], words: &[u32]| {
             let mut numbers = lanes.iter().zip(words).filter(|(lane, _)| **lane != Scalar::Bool);
             numbers.all(|(lane, word)| (least..=most).contains(&lane.decode(*word)))
         };
-        let statement = format!("lies in {least}..={most}");
         self.satisfies(stream, demand, &statement, (&function.result, &holds), recording)
     }
 
@@ -206,16 +236,23 @@ impl Plan<'_> {
         demand: &Demand,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
-        let function = self.function()?;
-        let Shape::Vector { scalar: scalar @ (Scalar::F32 | Scalar::F16), .. } = function.result
-        else {
-            return Err(unsuited(&function, "which isn't a vector of floats"));
+        let statement = format!("has length 1 to within {LENGTH:e}");
+        let suited = |function: Function| match function.result {
+            Shape::Vector { scalar: scalar @ (Scalar::F32 | Scalar::F16), .. } => {
+                Ok((function, scalar))
+            }
+            _ => Err(unsuited(&function, "which isn't a vector of floats")),
+        };
+        let (function, scalar) = match self.function().and_then(suited) {
+            Ok(found) => found,
+            Err(error) => {
+                return self.refused(("satisfies", &statement), (stream, demand), recording, error);
+            }
         };
         let holds = |_: &[u32], words: &[u32]| {
             let square = |word: &u32| scalar.decode(*word).powi(2);
             (words.iter().map(square).sum::<f64>().sqrt() - 1.0).abs() <= LENGTH
         };
-        let statement = format!("has length 1 to within {LENGTH:e}");
         self.satisfies(stream, demand, &statement, (&function.result, &holds), recording)
     }
 
@@ -227,7 +264,13 @@ impl Plan<'_> {
         criterion: &Criterion,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
-        let Shadow { shape, interpreted, kept } = self.shadow(demand, reference)?;
+        let Shadow { shape, interpreted, kept } = match self.shadow(demand, reference) {
+            Ok(shadow) => shadow,
+            Err(error) => {
+                let asserted = ("agrees_with", &*criterion.to_string());
+                return self.refused(asserted, (stream, demand), recording, error);
+            }
+        };
         let expect = |rows: Rows<'_>, lanes: &mut Vec<f64>| {
             // What isn't finite is told as an error of the reference.
             let none = || vec![f64::NAN; rows.len() * shape.lanes().len()];

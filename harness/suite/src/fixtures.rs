@@ -361,7 +361,7 @@ fn buffer(
             }
             Some("json") => {
                 let value: serde_json::Value =
-                    serde_json::from_str(&read()?).map_err(|error| inside(&error))?;
+                    crate::json(&read()?).map_err(|error| inside(&error))?;
                 Value::try_from(value).map_err(|error| inside(&error))?
             }
             Some("toml") => Value::Table(read()?.parse().map_err(|error| inside(&error))?),

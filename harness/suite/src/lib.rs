@@ -21,6 +21,7 @@ mod domains;
 mod essence;
 mod find;
 mod fixtures;
+mod json;
 mod numbers;
 mod run;
 mod table;
@@ -36,6 +37,7 @@ use karat::diagnostic::Span;
 
 pub use find::FindError;
 pub use fixtures::fixture;
+pub use json::json;
 pub use numbers::{expected, hexadecimal};
 pub use run::Groups;
 pub use tolerances::tolerance;

@@ -228,5 +228,9 @@ fn keep(file: &Path, text: &str, out: &mut dyn Write) -> anyhow::Result<()> {
 }
 
 fn with_folder(template: &str, folder: &Path) -> String {
+    // A Cargo project has Rust tests, too, and their records are with what it builds.
+    if Path::new("Cargo.toml").is_file() {
+        return template.replace(" SHADERS", "").replace("**/.karat/run", "target/karat");
+    }
     template.replace("SHADERS", &folder.display().to_string().replace('\\', "/"))
 }

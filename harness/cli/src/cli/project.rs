@@ -166,6 +166,10 @@ impl Project {
         let mut folders = Vec::new();
         for record in records {
             let Subject::Function { package, .. } = &record.subject else { continue };
+            // Relative to wherever a folder's tests were run from: that isn't known here.
+            if matches!(&**package, "" | ".") {
+                continue;
+            }
             let Some(folder) = place(&self.root.join(package)) else { continue };
             let own = root.as_ref().is_some_and(|root| folder.starts_with(root))
                 && output.as_ref().is_none_or(|output| !folder.starts_with(output));

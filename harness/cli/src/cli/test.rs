@@ -120,7 +120,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let run = Run { schema: record::SCHEMA, selected: asked.selected(), passed: good };
     run.write(running.folder()).context("can't say how the run was made")?;
     let folder = running.end().context("can't keep the record")?;
-    subjects.add(&records, asked.is_whole().then(|| progress.done()));
+    subjects.add(&records, asked.is_whole().then(|| progress.done()), progress.failed());
     subjects.write(&project.record()).context("can't keep which tests check which functions")?;
     let failed = tables::write(&records, args.output.all, told)?;
     // With a filter most functions aren't tested on purpose.
@@ -160,7 +160,9 @@ impl<'a> Asked<'a> {
         let is_path = |what: &str| what.contains(['/', '\\']) || what.ends_with(".wgsl");
         match (what, named) {
             (Some(what), None) if filter.is_some() || is_path(what) => {
-                anyhow::bail!("there is no folder or file `{what}`")
+                let more = filter
+                    .map_or("", |_| ": of two words the first is a folder, the second a filter");
+                anyhow::bail!("there is no folder or file `{what}`{more}")
             }
             (_, Some(folder)) => Ok(Self {
                 args,
@@ -188,6 +190,8 @@ impl<'a> Asked<'a> {
         let last = Recorded::read(&project.record())?.ok_or_else(none)?;
         let failed = last.records.iter().filter(|record| is_failure(record));
         let mut names: Vec<String> = failed.map(|record| record.test.clone()).collect();
+        // A test that fails otherwise than by a check has no record.
+        names.extend(Subjects::read(&project.record()).failed().iter().cloned());
         names.sort();
         names.dedup();
         if names.is_empty() {
@@ -273,6 +277,14 @@ impl<'a> Asked<'a> {
     /// That there is no test to run, and what was perhaps meant.
     fn nothing(&self, packages: &[Package]) -> NotThere {
         let Some(filter) = self.filter else {
+            if let Some(folder) = &self.folder {
+                let none = format!(
+                    "`{}` has no tests: no function with `@test`, and no `*.test.toml`; Rust tests run with \
+                     `karat test` alone",
+                    folder.display()
+                );
+                return NotThere(none);
+            }
             let none = "there are no tests: no function with `@test`, no `*.test.toml`, and no Cargo project";
             return NotThere(none.to_owned());
         };
@@ -399,7 +411,7 @@ impl<'a> Asked<'a> {
         let status = child::run(&mut command, |line| {
             let verdict = line.strip_prefix("test ").and_then(|line| line.rsplit_once(" ... "));
             if let Some((name, word)) = verdict {
-                progress.step(name);
+                progress.step(name, word);
                 if word == "ok" {
                     return Ok(());
                 }

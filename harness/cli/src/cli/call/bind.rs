@@ -81,7 +81,7 @@ fn example(kind: BindingKind) -> &'static str {
 /// A value: JSON, numbers that are joined by commas, or else a word, such as the name of a file.
 fn parsed(text: &str) -> anyhow::Result<Value> {
     let json = |text: &str| {
-        let value: serde_json::Value = serde_json::from_str(text)?;
+        let value = karat_suite::json(text)?;
         Value::try_from(value).context("TOML has no such value")
     };
     if text.starts_with(['{', '[']) {

@@ -19,7 +19,7 @@ pub(in crate::cli) fn line(line: &str) -> String {
     if trimmed.starts_with("--> ") || trimmed.starts_with("replay: ") {
         return format!("{indent}{DIM}{trimmed}{DIM:#}");
     }
-    if line.starts_with("on ") || trimmed.starts_with("it fails where ") {
+    if line.starts_with("on ") || trimmed.starts_with("it fails ") {
         return format!("{indent}{HEAD}{trimmed}{HEAD:#}");
     }
     // A line of an excerpt: `12 |     return a / b;`, or the carets below it.

@@ -252,9 +252,14 @@ fn grant(grant: &Grant) -> String {
 
 /// Says how many tolerances another driver may leave.
 fn write_grants(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> {
-    let grants = |record: &&&Record| record.paths.iter().any(|path| path.granted.is_some());
+    // A wrong shader says nothing of its tolerance.
+    let passes = |record: &&&Record| record.verdict == Verdict::Pass;
+    let grants = |record: &&&Record| {
+        passes(record) && record.paths.iter().any(|path| path.granted.is_some())
+    };
     let is_wider = |record: &&&Record| {
-        record.paths.iter().any(|path| path.granted.is_some_and(|grant| grant.wider > 0))
+        passes(record)
+            && record.paths.iter().any(|path| path.granted.is_some_and(|grant| grant.wider > 0))
     };
     let declared = records.iter().filter(grants).count();
     let wider = records.iter().filter(is_wider).count();

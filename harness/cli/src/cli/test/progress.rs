@@ -9,6 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 pub(super) struct Progress {
     bar: ProgressBar,
     done: u64,
+    failed: Vec<String>,
 }
 
 impl Progress {
@@ -23,12 +24,15 @@ impl Progress {
                 ProgressBar::new_spinner().with_style(style("{spinner} {pos} tests  {wide_msg}"))
             }
         };
-        Self { bar, done: 0 }
+        Self { bar, done: 0, failed: Vec::new() }
     }
 
     /// A test has its verdict.
-    pub(super) fn step(&mut self, name: &str) {
+    pub(super) fn step(&mut self, name: &str, verdict: &str) {
         self.done += 1;
+        if verdict == "FAILED" {
+            self.failed.push(name.strip_suffix(" - should panic").unwrap_or(name).to_owned());
+        }
         // More tests than last time: the bar is full, and grows.
         if self.bar.length().is_some_and(|length| length < self.done) {
             self.bar.set_length(self.done);
@@ -47,6 +51,11 @@ impl Progress {
         self.bar.finish_and_clear();
     }
 
+    /// Tests that failed.
+    pub(super) fn failed(&self) -> &[String] {
+        &self.failed
+    }
+
     /// How many tests had a verdict.
     pub(super) fn done(&self) -> u64 {
         self.done
@@ -63,16 +72,16 @@ mod tests {
 
     #[test]
     fn the_share_that_is_done_never_shrinks() {
-        let mut progress = Progress { bar: ProgressBar::hidden(), done: 0 };
+        let mut progress = Progress { bar: ProgressBar::hidden(), done: 0, failed: Vec::new() };
         progress.bar.set_length(3);
         let mut last = 0.0;
         for test in 0..5 {
-            progress.step(&test.to_string());
+            progress.step(&test.to_string(), if test == 2 { "FAILED" } else { "ok" });
             let (at, length) = (progress.bar.position(), progress.bar.length().unwrap_or(0));
             let share = at as f64 / length as f64;
             assert!(share >= last, "{test}: {share} after {last}");
             last = share;
         }
-        assert_eq!(progress.done(), 5);
+        assert_eq!((progress.done(), progress.failed()), (5, &["2".to_owned()][..]));
     }
 }

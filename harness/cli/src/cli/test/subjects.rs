@@ -13,6 +13,9 @@ pub(super) struct Subjects {
     tests: BTreeMap<String, BTreeSet<String>>,
     /// How many tests the last run had that left none out.
     count: Option<u64>,
+    /// Tests that failed in the last run, whether or not a check of theirs has a record.
+    #[serde(default)]
+    failed: Vec<String>,
 }
 
 /// The file beside the record of the last run.
@@ -30,8 +33,14 @@ impl Subjects {
         self.count
     }
 
+    /// Tests that failed in the last run.
+    pub(super) fn failed(&self) -> &[String] {
+        &self.failed
+    }
+
     /// Adds what a run has told. After one that left nothing out, which had `whole` tests, the others are gone.
-    pub(super) fn add(&mut self, records: &[Record], whole: Option<u64>) {
+    pub(super) fn add(&mut self, records: &[Record], whole: Option<u64>, failed: &[String]) {
+        self.failed = failed.to_vec();
         self.count = whole.or(self.count);
         let ran: BTreeSet<&String> = records.iter().map(|record| &record.test).collect();
         self.tests.retain(|test, _| whole.is_none() && !ran.contains(test));
@@ -76,15 +85,18 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let last = folder.path().join("run");
         let mut all = Subjects::read(&last);
-        all.add(&[record("grazing", "fresnel::schlick"), record("lobe", "ggx::d")], Some(2));
+        all.add(&[record("grazing", "fresnel::schlick"), record("lobe", "ggx::d")], Some(2), &[]);
         all.write(&last).expect("written");
         let mut again = Subjects::read(&last);
-        again.add(&[record("grazing", "fresnel::conductor")], None);
+        again.add(&[record("grazing", "fresnel::conductor")], None, &["lost".to_owned()]);
         assert_eq!(again.about("schlick"), Vec::<String>::new(), "it checks another one now");
-        assert_eq!(again.about("fresnel"), ["grazing"]);
+        assert_eq!(
+            (again.about("fresnel"), again.failed()),
+            (vec!["grazing".to_owned()], &["lost".to_owned()][..])
+        );
         assert_eq!((again.about("ggx"), again.count()), (vec!["lobe".to_owned()], Some(2)));
         assert_eq!(again.about("lobe"), Vec::<String>::new(), "cargo finds it by its name");
-        again.add(&[record("other", "a::b")], Some(1));
+        again.add(&[record("other", "a::b")], Some(1), &[]);
         assert_eq!(again.about("ggx"), Vec::<String>::new(), "a whole run has no such test");
         std::fs::write(last.with_file_name(FILE), "{").expect("written");
         assert_eq!(Subjects::read(&last).about("ggx"), Vec::<String>::new());
