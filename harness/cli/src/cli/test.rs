@@ -104,6 +104,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         return Err(asked.nothing(&packages).into());
     }
     let records = record::read(running.folder())?;
+    subjects.add(&records, asked.is_whole().then(|| progress.done()), progress.failed());
+    subjects.write(&project.record()).context("can't keep which tests check which functions")?;
     // What can't run records nothing, and has been told.
     if suites_passed || !records.is_empty() {
         tables::expect_some(&records, asked.filter)?;
@@ -120,8 +122,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let run = Run { schema: record::SCHEMA, selected: asked.selected(), passed: good };
     run.write(running.folder()).context("can't say how the run was made")?;
     let folder = running.end().context("can't keep the record")?;
-    subjects.add(&records, asked.is_whole().then(|| progress.done()), progress.failed());
-    subjects.write(&project.record()).context("can't keep which tests check which functions")?;
     let failed = tables::write(&records, args.output.all, told)?;
     // With a filter most functions aren't tested on purpose.
     if asked.filter.is_none() && asked.names.is_none() {
