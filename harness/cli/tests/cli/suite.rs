@@ -312,7 +312,7 @@ fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
     }
     let nothing = tempfile::tempdir().expect("a temporary folder");
     write(nothing.path(), "brdf.wgsl", BRDF);
-    assert!(cpu(nothing.path(), &[]).failure(3).contains("there are no tests"));
+    assert!(cpu(nothing.path(), &[]).failure(3).contains("has no tests: no function with `@test`"));
     // A fault that tests share is told once.
     let shared = tempfile::tempdir().expect("a temporary folder");
     let test = |at: u32| format!("@test fn t{at}() {{ expect_true(helper() > {at}.0); }}\n");
