@@ -57,10 +57,13 @@ impl Session<'_> {
             if simplest.failure.remembered {
                 continue;
             }
+            // An integral is told again by its case alone, not by the arguments that its nodes share.
+            let told = if simplest.failure.integral.is_some() { 1 } else { usize::MAX };
             let arguments: Vec<String> = simplest
                 .failure
                 .arguments
                 .iter()
+                .take(told)
                 .map(|(name, value)| format!("{name} = {value}"))
                 .collect();
             memory.keep(&Entry {
