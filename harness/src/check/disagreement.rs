@@ -65,7 +65,8 @@ pub struct PathDisagreement {
     /// How many failed, and how.
     pub census: Census,
     /// What tells the arguments of failing cases from the others, if one property does:
-    /// `where x is at least 0.2 (all that fails, 0.4 % of what passes)`.
+    /// `where x is at least 0.2 (all that fails, 0.4 % of what passes)`, or
+    /// `everywhere but where a number among the arguments is 0`.
     pub cause: Option<String>,
     /// The case with the largest error.
     pub worst: CaseFailure,

@@ -1,11 +1,12 @@
 //! Results that stay the same when the arguments are transformed, or change by a known factor.
 
+use super::batch::Batch;
 use super::called::Running;
 use super::demand::Demand;
 use super::disagreement::arguments;
 use super::plan::{Plan, Recording};
 use super::property::{Exhibit, PRIMED};
-use super::session::Asserted;
+use super::session::{Asserted, Session};
 use super::tally::compare;
 use super::{Agreement, Check, Failure, Vacuous};
 use crate::domain::{Domain, Stream};
@@ -30,8 +31,21 @@ impl Scaling<'_> {
     /// The result stays as it is.
     pub(super) const NONE: Self = Self { check: "invariant_under", factor: None };
 
-    fn of(&self, row: &[u32]) -> f64 {
-        self.factor.map_or(1.0, |factor| factor(row))
+    /// The factor of each case; none where the result stays. One that isn't finite is an error.
+    fn factors(&self, session: &Session<'_>, batch: &Batch) -> Result<Option<Vec<f64>>, Failure> {
+        let Some(factor) = self.factor else { return Ok(None) };
+        let factors: Vec<f64> =
+            (0..batch.cases).map(|case| factor(batch.arguments(case))).collect();
+        let Some(case) = factors.iter().position(|factor| !factor.is_finite()) else {
+            return Ok(Some(factors));
+        };
+        Err(Failure::Reference {
+            function: session.called.function().name.clone(),
+            value: factors[case],
+            place: "factor".to_owned(),
+            case: batch.first + case as u64,
+            arguments: session.stream.show(batch.rows().of(case)),
+        })
     }
 }
 
@@ -171,18 +185,13 @@ impl Plan<'_> {
                 batch.rows().iter().for_each(|row| transform(row, &mut lanes));
                 changed |= *lanes != *batch.lanes();
                 let after = session.results(batch, &lanes)?;
-                let factors: Vec<f64> =
-                    (0..batch.cases).map(|case| scaling.of(batch.arguments(case))).collect();
-                let by_lane: Vec<f64> =
-                    factors.iter().flat_map(|f| std::iter::repeat_n(*f, scalars.len())).collect();
-                called.expect_finite(&by_lane, "factor", |case| {
-                    (batch.first + case as u64, session.stream.show(batch.rows().of(case)))
-                })?;
+                let factors = scaling.factors(session, batch)?;
                 // What the plain arguments gave is what the transformed ones should, but for the factor.
                 let expected = |path: usize, case: usize| -> Vec<f64> {
                     let before = before[path].of(case);
                     let decoded = scalars.iter().zip(before).map(|(s, word)| s.decode(*word));
-                    decoded.map(|lane| lane * factors[case]).collect()
+                    let factor = factors.as_ref().map_or(1.0, |factors| factors[case]);
+                    decoded.map(|lane| lane * factor).collect()
                 };
                 let judge = |path: usize, case: usize| {
                     let actual = after[path].of(case);

@@ -160,14 +160,20 @@ impl Plan<'_> {
         Ok(probed.function)
     }
 
-    /// What stops a check before its first case, as the verdict of that check: it is recorded as others are.
-    fn refused(
+    /// Goes on with what a check begins with. What stops it before its first case is its verdict all the same,
+    /// and recorded as others are.
+    fn with<T>(
         &self,
+        begun: Result<T, Failure>,
         (check, text): (&'static str, &str),
         (stream, demand): (&dyn Stream, &Demand),
         recording: Recording,
-        error: Failure,
+        then: impl FnOnce(T) -> Result<Agreement, Failure>,
     ) -> Result<Agreement, Failure> {
+        let error = match begun {
+            Ok(begun) => return then(begun),
+            Err(error) => error,
+        };
         let asserted = Asserted::new(check, text.to_owned());
         let mut error = Some(error);
         self.conclude(&asserted, stream, demand, recording, &mut |_| {
@@ -182,21 +188,19 @@ impl Plan<'_> {
         recording: Recording,
     ) -> Result<Agreement, Failure> {
         let statement = "is finite";
-        let suited = |function: &Function| {
-            let has_floats = function.result.lanes().iter().any(|lane| lane.is_float());
-            has_floats.then_some(()).ok_or_else(|| {
-                unsuited(function, "which is always finite: this check couldn't fail")
-            })
-        };
-        let function = match self.function().and_then(|f| suited(&f).map(|()| f)) {
-            Ok(function) => function,
-            Err(error) => {
-                return self.refused(("satisfies", statement), (stream, demand), recording, error);
-            }
-        };
-        // A result that isn't finite fails each statement.
-        let holds = |_: &[u32], _: &[u32]| true;
-        self.satisfies(stream, demand, statement, (&function.result, &holds), recording)
+        let suited =
+            |function: Function| match function.result.lanes().iter().any(|lane| lane.is_float()) {
+                true => Ok(function),
+                false => {
+                    Err(unsuited(&function, "which is always finite: this check couldn't fail"))
+                }
+            };
+        let begun = self.function().and_then(suited);
+        self.with(begun, ("satisfies", statement), (stream, demand), recording, |function| {
+            // A result that isn't finite fails each statement.
+            let holds = |_: &[u32], _: &[u32]| true;
+            self.satisfies(stream, demand, statement, (&function.result, &holds), recording)
+        })
     }
 
     pub(super) fn stays_within(
@@ -216,18 +220,16 @@ impl Plan<'_> {
             }
             Ok(function)
         };
-        let function = match self.function().and_then(suited) {
-            Ok(function) => function,
-            Err(error) => {
-                return self.refused(("satisfies", &statement), (stream, demand), recording, error);
-            }
-        };
-        let lanes = function.result.lanes();
-        let holds = |_: &[u32], words: &[u32]| {
-            let mut numbers = lanes.iter().zip(words).filter(|(lane, _)| **lane != Scalar::Bool);
-            numbers.all(|(lane, word)| (least..=most).contains(&lane.decode(*word)))
-        };
-        self.satisfies(stream, demand, &statement, (&function.result, &holds), recording)
+        let begun = self.function().and_then(suited);
+        self.with(begun, ("satisfies", &statement), (stream, demand), recording, |function| {
+            let lanes = function.result.lanes();
+            let holds = |_: &[u32], words: &[u32]| {
+                let mut numbers =
+                    lanes.iter().zip(words).filter(|(lane, _)| **lane != Scalar::Bool);
+                numbers.all(|(lane, word)| (least..=most).contains(&lane.decode(*word)))
+            };
+            self.satisfies(stream, demand, &statement, (&function.result, &holds), recording)
+        })
     }
 
     pub(super) fn is_unit(
@@ -243,17 +245,20 @@ impl Plan<'_> {
             }
             _ => Err(unsuited(&function, "which isn't a vector of floats")),
         };
-        let (function, scalar) = match self.function().and_then(suited) {
-            Ok(found) => found,
-            Err(error) => {
-                return self.refused(("satisfies", &statement), (stream, demand), recording, error);
-            }
-        };
-        let holds = |_: &[u32], words: &[u32]| {
-            let square = |word: &u32| scalar.decode(*word).powi(2);
-            (words.iter().map(square).sum::<f64>().sqrt() - 1.0).abs() <= LENGTH
-        };
-        self.satisfies(stream, demand, &statement, (&function.result, &holds), recording)
+        let begun = self.function().and_then(suited);
+        self.with(
+            begun,
+            ("satisfies", &statement),
+            (stream, demand),
+            recording,
+            |(function, scalar)| {
+                let holds = |_: &[u32], words: &[u32]| {
+                    let square = |word: &u32| scalar.decode(*word).powi(2);
+                    (words.iter().map(square).sum::<f64>().sqrt() - 1.0).abs() <= LENGTH
+                };
+                self.satisfies(stream, demand, &statement, (&function.result, &holds), recording)
+            },
+        )
     }
 
     pub(super) fn agrees_with_function(
@@ -264,33 +269,31 @@ impl Plan<'_> {
         criterion: &Criterion,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
-        let Shadow { shape, interpreted, kept } = match self.shadow(demand, reference) {
-            Ok(shadow) => shadow,
-            Err(error) => {
-                let asserted = ("agrees_with", &*criterion.to_string());
-                return self.refused(asserted, (stream, demand), recording, error);
-            }
-        };
-        let expect = |rows: Rows<'_>, lanes: &mut Vec<f64>| {
-            // What isn't finite is told as an error of the reference.
-            let none = || vec![f64::NAN; rows.len() * shape.lanes().len()];
-            let taken: Vec<u32>;
-            let words = match &kept {
-                Some(kept) => {
-                    let kept = |row| {
-                        kept.iter().map(move |lane: &usize| -> u32 {
-                            <[u32]>::get(row, *lane).copied().unwrap_or_default()
-                        })
-                    };
-                    taken = rows.iter().flat_map(kept).collect();
-                    &*taken
-                }
-                None => rows.words(),
+        let asserted = ("agrees_with", &*criterion.to_string());
+        let begun = self.shadow(demand, reference);
+        self.with(begun, asserted, (stream, demand), recording, |shadow| {
+            let Shadow { shape, interpreted, kept } = shadow;
+            let expect = |rows: Rows<'_>, lanes: &mut Vec<f64>| {
+                // What isn't finite is told as an error of the reference.
+                let none = || vec![f64::NAN; rows.len() * shape.lanes().len()];
+                let taken: Vec<u32>;
+                let words = match &kept {
+                    Some(kept) => {
+                        let kept = |row| {
+                            kept.iter().map(move |lane: &usize| -> u32 {
+                                <[u32]>::get(row, *lane).copied().unwrap_or_default()
+                            })
+                        };
+                        taken = rows.iter().flat_map(kept).collect();
+                        &*taken
+                    }
+                    None => rows.words(),
+                };
+                lanes.extend(interpreted.shadow(rows.len(), words).unwrap_or_else(|_| none()));
             };
-            lanes.extend(interpreted.shadow(rows.len(), words).unwrap_or_else(|_| none()));
-        };
-        let expected = Expected { shape: shape.clone(), expect: &expect };
-        self.agrees(stream, demand, &expected, criterion, recording)
+            let expected = Expected { shape: shape.clone(), expect: &expect };
+            self.agrees(stream, demand, &expected, criterion, recording)
+        })
     }
 
     fn shadow(&self, demand: &Demand, reference: &str) -> Result<Shadow, Failure> {

@@ -34,7 +34,7 @@ fn lanes_of(shapes: &[Shape]) -> Vec<Scalar> {
 fn fits<M: Arguments, T: Shareable>() -> bool {
     let (members, whole) = (M::shapes(), T::shape());
     let in_place = match &whole {
-        // Two members of one number each aren't one of two.
+        // Member by member: the same numbers may be cut into other members.
         Shape::Struct { members: own, .. } => {
             own.len() == members.len()
                 && own.iter().zip(&members).all(|((_, own), member)| member.stands_for(own, false))

@@ -16,6 +16,16 @@ fn a_project_gets_the_profiles_that_tests_need() {
     write(folder.path(), "Cargo.lock", "[[package]]\nname = \"karat\"\n");
     let ran = karat(folder.path(), &["init", "shaders"]).good();
     assert!(ran.contains("added profiles of karat-engine, naga to Cargo.toml"), "{ran}");
+    // Its Rust tests run in CI, too, and what they leave is kept.
+    karat(folder.path(), &["init", "--github", "--gitlab"]);
+    for file in [".github/workflows/karat.yml", ".gitlab-ci.karat.yml"] {
+        let text = std::fs::read_to_string(folder.path().join(file)).expect("it is there");
+        assert!(
+            text.contains("- run: karat test --paths") || text.contains("- karat test --paths"),
+            "{text}"
+        );
+        assert!(text.contains("target/karat") && !text.contains(".karat/run"), "{text}");
+    }
     let now: toml::Table = read().parse().expect("TOML");
     let level = |name: &str| now["profile"]["dev"]["package"][name]["opt-level"].as_integer();
     assert_eq!(["karat", "karat-engine", "naga"].map(level), [Some(0), Some(3), Some(1)]);
