@@ -6,7 +6,7 @@ use serde::Serialize;
 
 /// Crates that need it, with the level that README recommends, and what is slow without.
 const CRATES: [(&str, i64, &str); 3] = [
-    ("karat", 1, "results are judged slowly"),
+    ("karat", 2, "results are judged slowly"),
     ("karat-engine", 3, "the path `cpu`, `Spec` and hazards are slow"),
     ("naga", 1, "each test starts slowly"),
 ];
