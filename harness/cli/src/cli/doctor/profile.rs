@@ -61,7 +61,7 @@ mod tests {
     #[test]
     fn what_is_compiled_with_less_is_told() {
         assert_eq!(found("[package]"), [("karat", 0), ("karat-engine", 0), ("naga", 0)]);
-        assert_eq!(found("[profile.dev]\nopt-level = 1"), [("karat-engine", 1)]);
+        assert_eq!(found("[profile.dev]\nopt-level = 1"), [("karat", 1), ("karat-engine", 1)]);
         assert_eq!(found("[profile.dev.package.\"*\"]\nopt-level = 3"), []);
         let own = "[profile.dev.package]\nkarat.opt-level = 2\nnaga.opt-level = \"s\"\n\
                    karat-engine.opt-level = 2";
