@@ -409,7 +409,7 @@ impl Package {
 
     /// The file of a module, if it is one that can be read.
     pub(crate) fn file_of(&self, module: &str) -> Option<FileRead> {
-        let overlay = Overlay::of(self).ok()?;
-        self.load(&ModulePath::root(module).components, &overlay).ok()?.read()
+        let (overlay, manifest) = (Overlay::of(self).ok()?, manifest::Manifest::of(self).ok()?);
+        self.load(&ModulePath::root(module).components, &overlay, &manifest).ok()?.read()
     }
 }

@@ -6,8 +6,8 @@ use std::sync::{Arc, OnceLock};
 
 use super::{Probe, Together};
 use crate::diagnostic::Span;
-use crate::package::Package;
 use crate::package::expectations::{REPORT_WORDS, TestItem};
+use crate::package::{Package, PackageError};
 use crate::reflect::{Program, ReflectError};
 use crate::value::{Scalar, Shape};
 
@@ -58,21 +58,17 @@ struct Made {
 }
 
 impl Package {
-    /// The tests of one module, in the order of lines: functions with `@test`. Whether each is valid WGSL is
-    /// seen when it is [used](WgslTest::parameters).
+    /// The tests of each of some modules, in the order of lines: functions with `@test`. Whether each is
+    /// valid WGSL is seen when it is [used](WgslTest::parameters).
     ///
     /// # Errors
-    /// If the module can't be read.
-    pub fn tests_in(&self, module: &str) -> Result<Vec<WgslTest>, ReflectError> {
-        let items = self.test_items_in(module)?;
-        let own = |item: &TestItem| item.name.rsplit("::").next().unwrap_or_default().to_owned();
-        let names: Vec<String> = items.iter().map(own).collect();
-        let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let essences = match names.is_empty() {
-            true => Vec::new(),
-            false => self.fingerprints_in(module, &names).unwrap_or(vec![None; names.len()]),
-        };
-        let new = |(item, essence): (TestItem, Option<String>)| {
+    /// If the package can't be read; of each module, if that one can't.
+    pub fn tests_in(
+        &self,
+        modules: &[String],
+    ) -> Result<Vec<Result<Vec<WgslTest>, ReflectError>>, PackageError> {
+        let found = self.test_items(modules)?.into_iter().zip(modules);
+        let new = |module: &str, item: TestItem, essence: Option<String>| {
             // Of which parameter each is counts, too.
             let over: Vec<_> = item.over.iter().map(|over| over.as_ref().map(|o| &o.0)).collect();
             WgslTest {
@@ -86,7 +82,10 @@ impl Package {
                 made: Arc::default(),
             }
         };
-        Ok(items.into_iter().zip(essences).map(new).collect())
+        let of_one = |(items, module): (Result<Vec<_>, PackageError>, &String)| {
+            Ok(items?.into_iter().map(|(item, essence)| new(module, item, essence)).collect())
+        };
+        Ok(found.map(of_one).collect())
     }
 }
 

@@ -473,13 +473,11 @@ pub(crate) struct TestItem {
     pub(crate) over: Vec<Option<(Vec<String>, Span)>>,
 }
 
-impl Package {
+impl TestItem {
     /// The tests of one module, in the order of lines.
-    pub(crate) fn test_items_in(&self, module: &str) -> Result<Vec<TestItem>, PackageError> {
-        let parsed = self.parsed(module)?;
-        let parsed = &*parsed;
-        let tests = parsed.declarations.iter().filter(|declaration| declaration.test);
-        tests.map(|test| item(module, parsed, test)).collect()
+    pub(super) fn all_of(name: &str, module: &Module) -> Result<Vec<Self>, PackageError> {
+        let tests = module.declarations.iter().filter(|declaration| declaration.test);
+        tests.map(|test| item(name, module, test)).collect()
     }
 }
 
@@ -566,7 +564,8 @@ fn half(x: f32) -> f32 { return 0.5 * x; }
         assert!(!whole.text().contains("halves"), "{}", whole.text());
         let one = Program::of_function(&package, "halves").expect("valid with what it calls");
         assert!(!one.text().contains("@over") && one.text().contains("0.5 * x, 0.0)"));
-        let items = package.test_items_in("").expect("they read");
+        let parsed = package.parsed("").expect("it parses");
+        let items = TestItem::all_of("", &parsed).expect("they read");
         let [item] = &*items else { panic!("{items:?}") };
         assert_eq!((&*item.name, item.cases), ("halves", Some(8)));
         let over: Vec<_> =

@@ -43,8 +43,17 @@ pub(super) enum Target {
 
 /// Follows each import of `root`, and of the modules that it reaches.
 pub(super) fn check(library: &Library, root: &ModulePath) -> Result<(), PackageError> {
-    let mut seen = BTreeSet::from([root.clone()]);
-    let mut queue = vec![root.clone()];
+    check_more(library, root, &mut BTreeSet::new())
+}
+
+/// The same for a module besides others, which are good.
+pub(super) fn check_more(
+    library: &Library,
+    root: &ModulePath,
+    good: &mut BTreeSet<ModulePath>,
+) -> Result<(), PackageError> {
+    let mut seen = good.clone();
+    let mut queue = Vec::from_iter(seen.insert(root.clone()).then(|| root.clone()));
     while let Some(path) = queue.pop() {
         let module = library.module(&path)?;
         for import in imports(&module)? {
@@ -55,6 +64,7 @@ pub(super) fn check(library: &Library, root: &ModulePath) -> Result<(), PackageE
             }
         }
     }
+    *good = seen;
     Ok(())
 }
 

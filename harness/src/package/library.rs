@@ -49,10 +49,14 @@ impl ModulePath {
 /// is the first; the others are reached from it.
 pub(super) struct Library {
     packages: RefCell<Vec<(Rc<Package>, String)>>,
+    /// What is declared beside the modules of each package that was asked for one.
+    manifests: RefCell<BTreeMap<usize, Rc<Manifest>>>,
     overlay: Overlay,
     modules: RefCell<BTreeMap<ModulePath, Arc<Module>>>,
     /// Which modules exist, as far as somebody asked.
     there: RefCell<BTreeMap<ModulePath, bool>>,
+    /// Which folders of modules do.
+    folders: RefCell<BTreeMap<PathBuf, bool>>,
     /// What the module defines that is linked.
     defined: RefCell<Features>,
     /// Modules by the paths that they give themselves.
@@ -64,18 +68,29 @@ impl Library {
         package.expect_distinct()?;
         let package = package.found()?.into_owned();
         let overlay = Overlay::of(&package)?;
-        Manifest::of(&package)?;
         let packages = RefCell::new(vec![(Rc::new(package), String::new())]);
-        let (modules, there, defined, composed) = Default::default();
-        let library = Self { packages, overlay, modules, there, defined, composed };
+        let (manifests, modules, there, folders, defined, composed) = Default::default();
+        let library =
+            Self { packages, manifests, overlay, modules, there, folders, defined, composed };
+        library.manifest(0)?;
         library.expect_features()?;
         Ok(library)
     }
 
     /// The text of a module.
     pub(super) fn read(&self, path: &ModulePath) -> Result<Arc<SourceFile>, PackageError> {
-        let package = self.package(path.package);
-        package.load(&path.components, &self.overlay).map(Arc::new)
+        let (package, manifest) = (self.package(path.package), self.manifest(path.package)?);
+        package.load(&path.components, &self.overlay, &manifest).map(Arc::new)
+    }
+
+    /// What is declared beside the modules of a package; one file, read once.
+    fn manifest(&self, package: usize) -> Result<Rc<Manifest>, PackageError> {
+        if let Some(known) = self.manifests.borrow().get(&package) {
+            return Ok(Rc::clone(known));
+        }
+        let manifest = Rc::new(Manifest::of(&self.package(package))?);
+        self.manifests.borrow_mut().insert(package, Rc::clone(&manifest));
+        Ok(manifest)
     }
 
     /// The text of the module that is linked. What it defines holds in all modules.
@@ -100,9 +115,26 @@ impl Library {
         if let Some(known) = self.there.borrow().get(path) {
             return *known;
         }
-        let has = self.package(path.package).find(&path.components).is_some();
+        let package = self.package(path.package);
+        let has = self.has_folder(&package, path) && package.find(&path.components).is_some();
         self.there.borrow_mut().insert(path.clone(), has);
         has
+    }
+
+    /// Whether the folder exists that a module would be in: most paths that are asked for name items.
+    fn has_folder(&self, package: &Package, path: &ModulePath) -> bool {
+        let Some((_, above)) = path.components.split_last() else { return true };
+        if above.is_empty() || matches!(package.origin, Origin::Memory { .. }) {
+            return true;
+        }
+        let mut folder = package.root();
+        folder.extend(above);
+        let known = self.folders.borrow().get(&folder).copied();
+        known.unwrap_or_else(|| {
+            let is_there = folder.is_dir();
+            self.folders.borrow_mut().insert(folder, is_there);
+            is_there
+        })
     }
 
     /// Whether a crate has a module of this name at its root.
@@ -130,8 +162,9 @@ impl Library {
         let parsed = modules.values().map(|module| &*module.file);
         let files = parsed.chain([file]).filter_map(SourceFile::read);
         let mut files: BTreeSet<FileRead> = files.collect();
-        let manifest = |package: &Package| Manifest::of(package).unwrap_or_default();
-        let packages: Vec<_> = packages.map(|package| (manifest(&package), package)).collect();
+        let manifest = |at: usize| self.manifest(at).unwrap_or_default();
+        let packages: Vec<_> =
+            packages.enumerate().map(|(at, package)| ((*manifest(at)).clone(), package)).collect();
         files.extend(packages.iter().filter_map(|(manifest, _)| manifest.read.clone()));
         // What a program prints is in no file, but what it was given is.
         let given = texts.keys().filter_map(|path| {
@@ -231,7 +264,7 @@ impl Library {
     fn features(&self, package: usize) -> Features {
         let (own, linked) = (self.package(package), self.package(0));
         // Read before; what is wrong with it was said then.
-        let declared = [&own, &linked].map(|of| Manifest::of(of).unwrap_or_default().features);
+        let declared = [package, 0].map(|of| self.manifest(of).unwrap_or_default().features.clone());
         let set = own.features.iter().chain(&linked.features);
         let set = set.map(|(name, value)| (name.clone(), *value));
         let defined = self.defined.borrow().clone();
@@ -263,7 +296,8 @@ impl Sources {
             }
         }
         Ok(self.texts.iter().all(|(path, hash)| {
-            let file = self.packages[path.package].1.load(&path.components, &overlay);
+            let (manifest, package) = &self.packages[path.package];
+            let file = package.load(&path.components, &overlay, manifest);
             file.is_ok_and(|file| blake3::hash(file.text.as_bytes()) == *hash)
         }))
     }
@@ -330,10 +364,12 @@ impl Package {
         }
     }
 
+    /// The text of a module, with what is declared beside it.
     pub(super) fn load(
         &self,
         components: &[String],
         overlay: &Overlay,
+        manifest: &Manifest,
     ) -> Result<SourceFile, PackageError> {
         match self.find(components) {
             Some(Place::Memory(name, text)) => {
@@ -342,7 +378,7 @@ impl Package {
             }
             Some(Place::File(path)) => {
                 let path = overlay.file(path);
-                Manifest::of(self)?.expanded(&self.root(), &path, overlay.read(&path)?)
+                manifest.expanded(&self.root(), &path, overlay.read(&path)?)
             }
             None => {
                 self.check_exists()?;

@@ -53,6 +53,21 @@ impl<'a> Linker<'a> {
         Ok(linker)
     }
 
+    pub(super) fn library(&self) -> &'a Library {
+        self.library
+    }
+
+    pub(super) fn root(&self) -> &ModulePath {
+        &self.root
+    }
+
+    /// Another module as root, of the same package, that includes none, to describe what it has: what is
+    /// resolved is so for all of them.
+    pub(super) fn turn_to(&mut self, root: &ModulePath) -> Result<(), PackageError> {
+        self.root = root.clone();
+        self.add(root)
+    }
+
     /// Pasted into one text, two declarations of one name would be an error, too.
     fn expect_one_of_each_name(&self) -> Result<(), PackageError> {
         let mut known: BTreeMap<&str, Span> = BTreeMap::new();

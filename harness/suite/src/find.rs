@@ -5,10 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use karat::Package;
-use karat::check::WgslTest;
 use karat::diagnostic::{nearest, shown};
 use karat::package::PackageError;
-use karat::reflect::ReflectError;
 
 use crate::declared;
 use crate::{Broken, Kind, Suite, Test};
@@ -37,7 +35,8 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
     let modules = package.modules().map_err(FindError::Package)?;
     let root = package.root();
     let (mut tests, mut broken) = (Vec::new(), Vec::new());
-    for (module, found) in modules.iter().zip(in_parallel(&package, &modules)) {
+    let found = package.tests_in(&modules).map_err(FindError::Package)?;
+    for (module, found) in modules.iter().zip(found) {
         match found {
             Ok(found) => tests.extend(found.into_iter().map(|test| Test {
                 name: test.name.clone(),
@@ -76,25 +75,6 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
     }
     let folder = folder.to_owned();
     Ok(Suite { package, folder, tests, broken, fingerprints: OnceLock::new() })
-}
-
-/// The tests of each module, looked for on all cores.
-fn in_parallel(package: &Package, modules: &[String]) -> Vec<Result<Vec<WgslTest>, ReflectError>> {
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let size = modules.len().div_ceil(threads).max(1);
-    std::thread::scope(|scope| {
-        let parts: Vec<_> = modules
-            .chunks(size)
-            .map(|part| {
-                let find = move || part.iter().map(|module| package.tests_in(module)).collect();
-                scope.spawn(find)
-            })
-            .collect();
-        let join = |part: std::thread::ScopedJoinHandle<'_, Vec<_>>| {
-            part.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-        };
-        parts.into_iter().flat_map(join).collect()
-    })
 }
 
 /// The module's name in a file's: `brdf` of `brdf.test.toml`, and of `brdf.tests.toml`, whose author meant it.

@@ -6,6 +6,7 @@ use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 use super::{Library, ModulePath};
 use crate::diagnostic::nearest;
+use crate::package::manifest::Manifest;
 use crate::package::overlay::Overlay;
 use crate::package::{Origin, Package, PackageError, directives};
 
@@ -79,9 +80,11 @@ impl Package {
             return known;
         }
         let mut found = Vec::new();
+        // Read before; what is wrong with it was said then.
+        let manifest = Manifest::of(self).unwrap_or_default();
         for module in self.modules().unwrap_or_default() {
             let components = ModulePath::root(&module).components;
-            let Ok(file) = self.load(&components, &Overlay::default()) else { continue };
+            let Ok(file) = self.load(&components, &Overlay::default(), &manifest) else { continue };
             found.extend(directives::path(&file.text).map(|path| (path, components)));
         }
         let found = Arc::new(found);
