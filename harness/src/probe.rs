@@ -76,13 +76,14 @@ impl Probed {
         path: &str,
         overrides: &BTreeMap<String, f64>,
     ) -> Result<Self, ProbeError> {
-        let program = Program::of_function(package, path)?.overridden(overrides)?;
+        let linked = Program::of_function(package, path)?;
         // What the function doesn't reach must be valid, too, but where somebody else wrote it:
         // modules of crates are whole with some features only.
         if !package.is_crate() {
             let module = path.rsplit_once("::").map_or("", |(module, _)| module);
-            crate::reflect::validate(package, module)?;
+            crate::reflect::validate(package, module, &linked)?;
         }
+        let program = linked.overridden(overrides)?;
         let function = program.function(path)?;
         let kernel = Kernel::new(&program, &function);
         Ok(Self { program, function, kernel })

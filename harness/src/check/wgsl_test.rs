@@ -40,6 +40,8 @@ pub struct WgslTest {
     pub over: Vec<Option<(Vec<String>, Span)>>,
     /// What it is made of.
     essence: Option<String>,
+    /// Its parameters as they are written, if their types have the same names everywhere.
+    written: Option<Vec<(String, String)>>,
     package: Package,
     module: String,
     /// What is known of it when it is linked.
@@ -77,6 +79,7 @@ impl Package {
                 span: item.span,
                 cases: item.cases,
                 over: item.over,
+                written: item.parameters,
                 package: self.clone(),
                 module: module.to_owned(),
                 made: Arc::default(),
@@ -96,24 +99,64 @@ impl WgslTest {
     }
 
     fn make(&self) -> Result<Made, ReflectError> {
-        let package = &self.package;
-        let program = Program::of_function(package, &self.name)?;
-        let parameters = program.test_parameters(&self.name)?;
-        let own = self.name.rsplit("::").next().unwrap_or_default();
-        let mut structs = BTreeMap::new();
-        let mut list = Vec::new();
-        for (name, shape) in &parameters {
-            list.push(format!("{name}: {}", type_text(&program, shape, &mut structs)));
+        if let Some(made) = self.written.as_deref().and_then(|written| self.copied(written)) {
+            return Ok(made);
         }
-        let names: Vec<&str> = parameters.iter().map(|(name, _)| &**name).collect();
+        let program = Program::of_function(&self.package, &self.name)?;
+        let parameters = program.test_parameters(&self.name)?;
+        let mut structs = BTreeMap::new();
+        let types = self.types(&mut structs)?;
+        let names = parameters.iter().map(|(name, _)| &**name);
+        let typed: Vec<(&str, String)> = names.zip(types).collect();
+        let [counting, telling] = self.generated(&typed, &structs);
+        Ok(Made { calls: program.calls(&self.name), parameters, counting, telling })
+    }
+
+    /// The test with its parameters as they are written: linked once, with what calls it. `None` if anything
+    /// is wrong.
+    fn copied(&self, written: &[(String, String)]) -> Option<Made> {
+        let typed: Vec<_> = written.iter().map(|(name, ty)| (&**name, ty.clone())).collect();
+        let [counting, telling] = self.generated(&typed, &BTreeMap::new());
+        let program = Program::of_function(&counting, &self.name).ok()?;
+        let path = format!("{TESTED}::{}", self.name);
+        let parameters = program.test_parameters(&path).ok()?;
+        // As the package has them that the test is of.
+        let own = |name: String| match name.strip_prefix(TESTED) {
+            Some(rest) => rest.trim_start_matches([':', '/']).to_owned(),
+            None => name,
+        };
+        let calls = program.calls(&path).into_iter().map(own).collect();
+        Some(Made { calls, parameters, counting, telling })
+    }
+
+    /// The types of its parameters as another module has them; structs by their imports.
+    fn types(&self, structs: &mut BTreeMap<String, String>) -> Result<Vec<String>, ReflectError> {
+        if let Some(written) = &self.written {
+            return Ok(written.iter().map(|(_, ty)| ty.clone()).collect());
+        }
+        let program = Program::of_function(&self.package, &self.name)?;
+        let parameters = program.test_parameters(&self.name)?;
+        Ok(parameters.iter().map(|(_, shape)| type_text(&program, shape, structs)).collect())
+    }
+
+    /// Modules that call it: one that returns how many expectations may have failed, and one that returns
+    /// what they saw.
+    fn generated(
+        &self,
+        typed: &[(&str, String)],
+        structs: &BTreeMap<String, String>,
+    ) -> [Package; 2] {
+        let own = self.name.rsplit("::").next().unwrap_or_default();
+        let list: Vec<String> = typed.iter().map(|(name, ty)| format!("{name}: {ty}")).collect();
+        let names: Vec<&str> = typed.iter().map(|(name, _)| *name).collect();
         let (list, names) = (list.join(", "), names.join(", "));
         // A generated name can't be the author's: `karat_` is what kernels keep for themselves.
-        let generated = |report: &str, words: usize| {
+        [("counts", 2), ("report", REPORT_WORDS)].map(|(report, words)| {
             let mut text = format!(
                 "import karat::{{begin as karat_begin, {report} as karat_report}};\nimport {TESTED}::{} as karat_test;\n",
                 self.name
             );
-            for (path, alias) in &structs {
+            for (path, alias) in structs {
                 writeln!(text, "import {TESTED}::{path} as {alias};").expect("text takes text");
             }
             writeln!(
@@ -122,11 +165,10 @@ impl WgslTest {
                  karat_test({names});\n    return karat_report();\n}}"
             )
             .expect("text takes text");
-            let generated = Package::from_modules(&package.name(), [(self.module.as_str(), text)]);
-            generated.depends_on(TESTED, package)
-        };
-        let (counting, telling) = (generated("counts", 2), generated("report", REPORT_WORDS));
-        Ok(Made { calls: program.calls(&self.name), parameters, counting, telling })
+            let name = self.package.name();
+            let generated = Package::from_modules(&name, [(self.module.as_str(), text)]);
+            generated.depends_on(TESTED, &self.package)
+        })
     }
 
     /// What it is made of, but for comments and blanks: its verdict changes with this alone. `None` if it
@@ -196,14 +238,14 @@ impl TestGroup {
         let (mut shapes, mut words) = (vec![Shape::Scalar(Scalar::U32)], 1);
         let (package, module) = (&tests[0].package, &*tests[0].module);
         for (which, test) in (0..).zip(tests) {
-            let program = Program::of_function(package, &test.name)?;
             writeln!(text, "import {TESTED}::{} as karat_test{which};", test.name)
                 .expect("text takes text");
             members.insert(test.name.clone(), (which, words));
             let mut names = Vec::new();
-            for (name, shape) in test.parameters().unwrap_or_default() {
+            let types = test.types(&mut structs)?;
+            for ((name, shape), ty) in test.parameters().unwrap_or_default().iter().zip(types) {
                 let name = format!("karat_{which}_{name}");
-                list.push(format!("{name}: {}", type_text(&program, shape, &mut structs)));
+                list.push(format!("{name}: {ty}"));
                 words += shape.lanes().len();
                 shapes.push(shape.clone());
                 names.push(name);

@@ -173,12 +173,12 @@ impl<'s> Drawing<'s> {
         };
         let items: Vec<String> = scene.draws.iter().flat_map(names).collect();
         let items: Vec<&str> = items.iter().map(String::as_str).collect();
-        let program = Program::of_items(scene.package, &scene.module, &items)?;
-        let program = program.overridden(&scene.overrides)?;
+        let linked = Program::of_items(scene.package, &scene.module, &items)?;
         // What the draws don't reach must be valid, too, as of functions that are probed.
         if !scene.package.is_crate() {
-            crate::reflect::validate(scene.package, &scene.module)?;
+            crate::reflect::validate(scene.package, &scene.module, &linked)?;
         }
+        let program = linked.overridden(&scene.overrides)?;
         scene.expect_targets(&program)?;
         let bindings = scene.bindings(&program)?;
         let of = |bindings: &Bindings| [&*bindings.depth, &*bindings.color].concat();

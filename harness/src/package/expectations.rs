@@ -433,11 +433,15 @@ fn attributes(module: &Module, test: &Declaration) -> Vec<Attribute> {
     let mut found = Vec::new();
     let open = test.name_token + 1;
     let mut end = test.tokens.start;
-    let mut parameter = 0;
+    let (mut parameter, mut depth) = (0, 0_usize);
     let last = if module.is(open, b'(') { module.brackets[open] } else { open };
     while end < last {
-        if module.is(end, b',') {
-            parameter += 1;
+        match module.tokens[end].kind {
+            Kind::Symbol(b',') if depth == 0 => parameter += 1,
+            // Of a type: `array<f32, 2>`.
+            Kind::Symbol(b'<') => depth += 1,
+            Kind::Symbol(b'>') => depth = depth.saturating_sub(1),
+            _ => {}
         }
         if !module.is(end, b'@') {
             // What an attribute or a type has in brackets is none of ours.
@@ -471,6 +475,9 @@ pub(crate) struct TestItem {
     pub(crate) cases: Option<u64>,
     /// Where each parameter comes from, if it says so: the words and numbers of `@over`.
     pub(crate) over: Vec<Option<(Vec<String>, Span)>>,
+    /// The name and the type of each parameter, as they are written; `None` if a type has another name in
+    /// other modules.
+    pub(crate) parameters: Option<Vec<(String, String)>>,
 }
 
 impl TestItem {
@@ -532,7 +539,63 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
             _ => {}
         }
     }
-    Ok(TestItem { name, span: span(&test.tokens), cases, over })
+    let parameters = parameters(module, open, close);
+    Ok(TestItem { name, span: span(&test.tokens), cases, over, parameters })
+}
+
+/// The parameters between two brackets, if all modules know their types by these names.
+fn parameters(module: &Module, open: usize, close: usize) -> Option<Vec<(String, String)>> {
+    let all = module.bytes(&(open..close + 1));
+    let is_shared = !module.includes.is_empty();
+    if is_shared || module.replaced.iter().any(|(range, _)| all.contains(&range.start)) {
+        return None;
+    }
+    let imported = |word: &str| {
+        let mut tokens = module.imports.iter().flat_map(Clone::clone);
+        tokens.any(|token| module.text(token) == word)
+    };
+    let means_other = |word: &str| module.declared(word).next().is_some() || imported(word);
+    let mut found: Vec<(String, String)> = Vec::new();
+    let mut at = open + 1;
+    while at < close {
+        if module.is(at, b'@') {
+            let has_arguments = module.is(at + 2, b'(');
+            at = if has_arguments { module.brackets[at + 2] + 1 } else { at + 2 };
+            continue;
+        }
+        let (name, mut text, mut depth) = (module.text(at), String::new(), 0_usize);
+        if !module.is_word(at) || !module.is(at + 1, b':') {
+            return None;
+        }
+        at += 2;
+        while at < close && !(depth == 0 && module.is(at, b',')) {
+            let word = module.text(at);
+            match module.tokens[at].kind {
+                Kind::Symbol(b'<') => depth += 1,
+                Kind::Symbol(b'>') => depth = depth.checked_sub(1)?,
+                Kind::Symbol(b',') => {}
+                _ if word.bytes().all(|byte| byte.is_ascii_digit()) => {}
+                _ if is_builtin_type(word) && !means_other(word) => {}
+                _ => return None,
+            }
+            text += word;
+            at += 1;
+        }
+        found.push((name.to_owned(), text));
+        at += 1;
+    }
+    Some(found)
+}
+
+/// Whether a word is a type, or what makes one of others, without an extension of the language.
+fn is_builtin_type(word: &str) -> bool {
+    let size = |text: &str| matches!(text, "2" | "3" | "4");
+    let is_vector =
+        word.strip_prefix("vec").is_some_and(|rest| size(rest.trim_end_matches(['f', 'i', 'u'])));
+    let sizes =
+        word.strip_prefix("mat").and_then(|rest| rest.trim_end_matches('f').split_once('x'));
+    let is_matrix = sizes.is_some_and(|(columns, rows)| size(columns) && size(rows));
+    matches!(word, "f32" | "i32" | "u32" | "bool" | "array") || is_vector || is_matrix
 }
 
 #[cfg(test)]
@@ -547,6 +610,45 @@ mod tests {
             Program::of_module(&package, "").unwrap_or_else(|error| panic!("{name}: {error}"));
             assert!(brought(name).expect("it is there").names.len() > 10);
         }
+    }
+
+    #[test]
+    fn types_that_all_modules_know_are_copied() {
+        let of = |text: &str| {
+            let package = Package::from_modules("p", [("a", text), ("b", "alias vec2f = i32;")]);
+            let parsed = package.parsed("a").expect("it parses");
+            let items = TestItem::all_of("a", &parsed).expect("they read");
+            let known = items[0].parameters.clone()?;
+            Some(
+                known
+                    .iter()
+                    .map(|(name, ty)| format!("{name}: {ty}"))
+                    .collect::<Vec<_>>()
+                    .join("; "),
+            )
+        };
+        let all = "@test fn t(@over(0, 1) a: array<vec3<f32>, 2>, k : bool, m: mat2x3f,) {}";
+        assert_eq!(of(all).as_deref(), Some("a: array<vec3<f32>,2>; k: bool; m: mat2x3f"));
+        assert_eq!(of("@test fn t() {}").as_deref(), Some(""));
+        for other in [
+            "@test fn t(x: Light) {}",
+            "@test fn t(x: array<f32, N>) {}",
+            "alias f32 = i32; @test fn t(x: f32) {}",
+            "import package::b::vec2f; @test fn t(x: vec2f) {}",
+            "enable f16; @test fn t(x: f16) {}",
+            "@test fn t(x: vec5f) {}",
+        ] {
+            assert_eq!(of(other), None, "{other}");
+        }
+    }
+
+    #[test]
+    fn a_comma_of_a_type_separates_no_parameters() {
+        let text = "@test fn t(a: array<f32, 2>, @over(0, 1) x: f32) {}";
+        let parsed = Package::from_source("p", text).parsed("").expect("it parses");
+        let items = TestItem::all_of("", &parsed).expect("they read");
+        let over: Vec<_> = items[0].over.iter().map(Option::is_some).collect();
+        assert_eq!(over, [false, true]);
     }
 
     #[test]

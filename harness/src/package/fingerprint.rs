@@ -2,10 +2,11 @@
 //! the program, but for comments, blanks and the names that the linker gives.
 //!
 //! A library of a hundred tests is looked through at each edit, where linking all of them would take a
-//! hundred times as long as linking the one that the edit concerns. The references of each declaration are
-//! resolved once for all tests of a module.
+//! hundred times as long as linking the one that the edit concerns. So each declaration is described once, and
+//! again when its module has another text.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use blake3::{Hash, Hasher};
 
@@ -15,6 +16,7 @@ use super::imports;
 use super::library::{Library, ModulePath};
 use super::linked::Item;
 use super::linker::Linker;
+use super::syntax::Module;
 use super::{Package, PackageError};
 
 /// The tests of a module with their fingerprints.
@@ -30,24 +32,57 @@ impl Package {
             modules.entry(module).or_default().push(item.to_owned());
         }
         let mut all = BTreeMap::new();
-        let Ok(library) = Library::open(self) else { return all };
-        let mut described = Described::new(self, &library);
+        let (Ok(library), Ok(there)) = (Library::open(self), self.modules()) else { return all };
+        let mut described = Described::new(self, &library, &there);
         for (module, items) in modules {
             let prefix = if module.is_empty() { String::new() } else { format!("{module}::") };
             let found = described.fingerprints(module, &items).unwrap_or_default();
             let named = items.iter().zip(found).filter_map(|(item, found)| Some((item, found?)));
             all.extend(named.map(|(item, found)| (format!("{prefix}{item}"), found)));
         }
+        described.keep(&there);
         all
     }
 
-    /// The tests of each of some modules, in the order of lines, with their fingerprints.
+    /// The tests of each module of all, in the order of lines, with their fingerprints.
     pub(crate) fn test_items(&self, modules: &[String]) -> Result<Vec<TestItems>, PackageError> {
         let library = Library::open(self)?;
-        let mut described = Described::new(self, &library);
-        Ok(modules.iter().map(|module| described.tests(module)).collect())
+        let mut described = Described::new(self, &library, modules);
+        let found = modules.iter().map(|module| described.tests(module)).collect();
+        described.keep(modules);
+        Ok(found)
     }
 }
+
+/// What is known of some modules and their declarations.
+#[derive(Default)]
+struct Known {
+    /// Modules whose imports, and those of all that they lead to, are there.
+    imports: BTreeSet<ModulePath>,
+    /// All that were read.
+    modules: BTreeMap<ModulePath, Arc<Module>>,
+    numbers: HashMap<Item, usize>,
+    nodes: Vec<Node>,
+}
+
+/// A declaration.
+struct Node {
+    item: Item,
+    /// What it is made of, and what it needs; `None`: not described yet.
+    made_of: Option<(Hash, Vec<usize>)>,
+}
+
+/// What was known when a package was looked through last.
+struct Last {
+    package: Package,
+    /// Its modules.
+    there: Vec<String>,
+    /// The packages that it reaches, by their numbers.
+    packages: Vec<(Package, String)>,
+    known: Known,
+}
+
+static LAST: Mutex<Option<Last>> = Mutex::new(None);
 
 /// The declarations of a package, each described once for all of its modules.
 struct Described<'a> {
@@ -57,17 +92,24 @@ struct Described<'a> {
     known: Known,
 }
 
-/// What is known of some modules and declarations.
-#[derive(Default)]
-struct Known {
-    /// Modules whose imports, and those of all that they lead to, are there.
-    imports: BTreeSet<ModulePath>,
-    items: BTreeMap<Item, Hash>,
-}
-
 impl<'a> Described<'a> {
-    fn new(package: &'a Package, library: &'a Library) -> Self {
-        Self { package, library, linker: None, known: Known::default() }
+    fn new(package: &'a Package, library: &'a Library, there: &[String]) -> Self {
+        let last = LAST.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let known = last.filter(|last| last.package == *package && last.there == there);
+        let known = known.and_then(|mut last| {
+            library.number_as(&last.packages);
+            last.known.is_updated(library).then_some(last.known)
+        });
+        Self { package, library, linker: None, known: known.unwrap_or_default() }
+    }
+
+    /// Keeps what is known for the next time, unless files of other packages may change it.
+    fn keep(self, there: &[String]) {
+        let Some(packages) = self.library.in_memory() else { return };
+        let (package, there) = (self.package.clone(), there.to_vec());
+        let known = Known { modules: self.library.parsed(), ..self.known };
+        let last = Last { package, there, packages, known };
+        *LAST.lock().unwrap_or_else(PoisonError::into_inner) = Some(last);
     }
 
     fn tests(&mut self, module: &str) -> TestItems {
@@ -96,14 +138,14 @@ impl<'a> Described<'a> {
             let library = Library::open(self.package)?;
             library.begin(&root)?;
             let mut linker = Linker::new(&library, &root)?;
-            return fingerprints_of(self.package, items, &mut linker, &mut Known::default());
+            return Known::default().fingerprints(self.package, items, &mut linker);
         }
         let linker = match &mut self.linker {
             Some(linker) => linker,
             none => none.insert(Linker::new(self.library, &root)?),
         };
         linker.turn_to(&root)?;
-        fingerprints_of(self.package, items, linker, &mut self.known)
+        self.known.fingerprints(self.package, items, linker)
     }
 
     /// Whether a module says what others read, or shares its name space with them.
@@ -114,37 +156,110 @@ impl<'a> Described<'a> {
     }
 }
 
-fn fingerprints_of(
-    package: &Package,
-    items: &[String],
-    linker: &mut Linker<'_>,
-    known: &mut Known,
-) -> Result<Vec<Option<String>>, PackageError> {
-    let (library, root) = (linker.library(), linker.root().clone());
-    let parsed = library.module(&root)?;
-    if !package.is_crate() {
-        imports::check_more(library, &root, &mut known.imports)?;
+impl Known {
+    /// Forgets what modules with another text are made of; `false` if one declares or imports something else,
+    /// so that names of others may mean something else, too.
+    fn is_updated(&mut self, library: &Library) -> bool {
+        let mut changed = BTreeSet::new();
+        for (path, known) in &self.modules {
+            let Ok(now) = library.module(path) else { return false };
+            if Arc::ptr_eq(known, &now) {
+                continue;
+            }
+            if !has_same_names(known, &now) {
+                return false;
+            }
+            changed.insert(path.clone());
+        }
+        for node in self.nodes.iter_mut().filter(|node| changed.contains(&node.item.0)) {
+            node.made_of = None;
+        }
+        true
     }
-    let mut one = |item: &str| -> Result<Option<String>, PackageError> {
-        let wanted: Vec<Item> = parsed.declared(item).map(|index| (root.clone(), index)).collect();
-        if wanted.is_empty() {
-            return Ok(None);
+
+    fn number(&mut self, item: Item) -> usize {
+        *self.numbers.entry(item).or_insert_with_key(|item| {
+            self.nodes.push(Node { item: item.clone(), made_of: None });
+            self.nodes.len() - 1
+        })
+    }
+
+    fn fingerprints(
+        &mut self,
+        package: &Package,
+        items: &[String],
+        linker: &mut Linker<'_>,
+    ) -> Result<Vec<Option<String>>, PackageError> {
+        let (library, root) = (linker.library(), linker.root().clone());
+        let parsed = library.module(&root)?;
+        if !package.is_crate() {
+            imports::check_more(library, &root, &mut self.imports)?;
         }
-        let reached = linker.reach(wanted)?;
-        let mut all = Hasher::new();
-        for item in &reached {
-            let own = known.items.entry(item.clone()).or_insert_with(|| {
+        let own = linker.directives(&root);
+        let mut one = |item: &str| -> Result<Option<String>, PackageError> {
+            let wanted = parsed.declared(item).map(|index| (root.clone(), index));
+            let wanted: Vec<usize> = wanted.map(|item| self.number(item)).collect();
+            if wanted.is_empty() {
+                return Ok(None);
+            }
+            let mut hashes = self.reached(wanted, linker)?;
+            hashes.extend(own);
+            // In whichever order they were reached.
+            hashes.sort_unstable_by_key(|hash| *hash.as_bytes());
+            hashes.dedup();
+            let mut all = Hasher::new();
+            for hash in &hashes {
+                all.update(hash.as_bytes());
+            }
+            Ok(Some(all.finalize().to_hex().to_string()))
+        };
+        // What one needs and isn't there is told when that one is linked.
+        Ok(items.iter().map(|item| one(item).ok().flatten()).collect())
+    }
+
+    /// What some declarations and all that they need are made of, with the directives of their modules.
+    fn reached(
+        &mut self,
+        mut queue: Vec<usize>,
+        linker: &mut Linker<'_>,
+    ) -> Result<Vec<Hash>, PackageError> {
+        let mut seen: BTreeSet<usize> = queue.iter().copied().collect();
+        let mut hashes = Vec::new();
+        while let Some(number) = queue.pop() {
+            if self.nodes[number].made_of.is_none() {
+                let item = self.nodes[number].item.clone();
+                let needs = linker.needs(&item)?;
+                let needs = needs.into_iter().map(|item| self.number(item)).collect();
                 let mut own = Hasher::new();
-                linker.describe(item, &mut own);
-                own.finalize()
-            });
-            all.update(own.as_bytes());
+                linker.describe(&item, &mut own);
+                if let Some(directives) = linker.directives(&item.0) {
+                    own.update(directives.as_bytes());
+                }
+                self.nodes[number].made_of = Some((own.finalize(), needs));
+            }
+            let Some((own, needs)) = &self.nodes[number].made_of else { continue };
+            hashes.push(*own);
+            queue.extend(needs.iter().copied().filter(|needed| seen.insert(*needed)));
         }
-        linker.describe_directives(&reached, &mut all);
-        Ok(Some(all.finalize().to_hex().to_string()))
+        Ok(hashes)
+    }
+}
+
+/// Whether the names of two texts of a module, its own and those that it imports, mean the same.
+fn has_same_names(one: &Module, other: &Module) -> bool {
+    let declared = |module: &Module| {
+        let all = module.declarations.iter();
+        all.map(|declaration| (declaration.name.clone(), declaration.kind)).collect::<Vec<_>>()
     };
-    // What one needs and isn't there is told when that one is linked.
-    Ok(items.iter().map(|item| one(item).ok().flatten()).collect())
+    let imported = |module: &Module| {
+        let tokens = module.imports.iter().flat_map(Clone::clone);
+        tokens.map(|token| module.text(token).to_owned()).collect::<Vec<_>>()
+    };
+    let shares = !one.includes.is_empty() || !other.includes.is_empty();
+    !shares
+        && one.composes == other.composes
+        && declared(one) == declared(other)
+        && imported(one) == imported(other)
 }
 
 #[cfg(test)]
@@ -186,6 +301,52 @@ mod tests {
             let now = of(&a, &b);
             let changed = [0, 1].map(|at| now[at] != first[at]);
             assert_eq!(changed, changes, "{a}{b}");
+        }
+    }
+
+    /// Of a folder whose files are edited: what is known from before gives what is found anew.
+    #[test]
+    fn what_is_known_from_before_changes_nothing() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let write = |name: &str, text: &str| {
+            std::fs::write(folder.path().join(name), text).expect("written");
+        };
+        let package = Package::open(folder.path()).expect("a folder");
+        let names = BTreeSet::from(["a::f", "a::other"].map(str::to_owned));
+        let found = || {
+            let again = package.fingerprints(&names);
+            let last = LAST.lock().unwrap_or_else(PoisonError::into_inner).take();
+            let anew = package.fingerprints(&names);
+            *LAST.lock().unwrap_or_else(PoisonError::into_inner) = last;
+            assert_eq!(again, anew);
+            ["a::f", "a::other"].map(|name| again.get(name).cloned())
+        };
+        write("a.wgsl", A);
+        write("b.wgsl", B);
+        let mut before = found();
+        let (yes, no) = (true, false);
+        let through = "import package::c::{g, h};\n";
+        for (what, name, text, changes) in [
+            ("a body", "b.wgsl", B.replace("return x", "return 2.0 * x"), [yes, no]),
+            (
+                "a comment",
+                "b.wgsl",
+                format!("// b\n{}", B.replace("return x", "return 2.0 * x")),
+                [no, no],
+            ),
+            ("a name more", "b.wgsl", format!("fn first() {{}}\n{B}"), [yes, no]),
+            ("another module", "c.wgsl", B.replace("-x", "+x"), [no, no]),
+            ("imports of what is imported", "b.wgsl", through.to_owned(), [yes, yes]),
+            ("what these lead to", "c.wgsl", B.to_owned(), [no, yes]),
+            ("a name that is gone", "c.wgsl", B.replace("fn h", "fn i"), [yes, yes]),
+            ("a name that is back", "c.wgsl", B.to_owned(), [yes, yes]),
+            ("what isn't WGSL", "b.wgsl", "fn g( {".to_owned(), [yes, yes]),
+            ("a directive", "b.wgsl", format!("enable f16;\n{B}"), [yes, yes]),
+        ] {
+            write(name, &text);
+            let now = found();
+            assert_eq!([0, 1].map(|at| now[at] != before[at]), changes, "{what}: {now:?}");
+            before = now;
         }
     }
 

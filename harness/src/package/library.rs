@@ -31,7 +31,7 @@ pub(super) const CONSTANTS: &str = "constants";
 const MOST_KEPT: usize = 10_000;
 
 /// A module: the package that has it, by its index in the library, and its path in there.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) struct ModulePath {
     pub(super) package: usize,
     pub(super) components: Vec<String>,
@@ -52,6 +52,7 @@ pub(super) struct Library {
     /// What is declared beside the modules of each package that was asked for one.
     manifests: RefCell<BTreeMap<usize, Rc<Manifest>>>,
     overlay: Overlay,
+    files: RefCell<BTreeMap<ModulePath, Arc<SourceFile>>>,
     modules: RefCell<BTreeMap<ModulePath, Arc<Module>>>,
     /// Which modules exist, as far as somebody asked.
     there: RefCell<BTreeMap<ModulePath, bool>>,
@@ -69,9 +70,17 @@ impl Library {
         let package = package.found()?.into_owned();
         let overlay = Overlay::of(&package)?;
         let packages = RefCell::new(vec![(Rc::new(package), String::new())]);
-        let (manifests, modules, there, folders, defined, composed) = Default::default();
-        let library =
-            Self { packages, manifests, overlay, modules, there, folders, defined, composed };
+        let library = Self {
+            packages,
+            overlay,
+            manifests: RefCell::default(),
+            files: RefCell::default(),
+            modules: RefCell::default(),
+            there: RefCell::default(),
+            folders: RefCell::default(),
+            defined: RefCell::default(),
+            composed: OnceCell::new(),
+        };
         library.manifest(0)?;
         library.expect_features()?;
         Ok(library)
@@ -79,8 +88,28 @@ impl Library {
 
     /// The text of a module.
     pub(super) fn read(&self, path: &ModulePath) -> Result<Arc<SourceFile>, PackageError> {
+        if let Some(known) = self.files.borrow().get(path) {
+            return Ok(Arc::clone(known));
+        }
         let (package, manifest) = (self.package(path.package), self.manifest(path.package)?);
-        package.load(&path.components, &self.overlay, &manifest).map(Arc::new)
+        let file = Arc::new(package.load(&path.components, &self.overlay, &manifest)?);
+        self.files.borrow_mut().insert(path.clone(), Arc::clone(&file));
+        Ok(file)
+    }
+
+    /// The packages that were reached, if all but the first are texts in memory.
+    pub(super) fn in_memory(&self) -> Option<Vec<(Package, String)>> {
+        let packages = self.packages.borrow();
+        let is_memory = |package: &Package| matches!(package.origin, Origin::Memory { .. });
+        let all = packages.iter().skip(1).all(|(package, _)| is_memory(package));
+        all.then(|| packages.iter().map(|(p, route)| (Package::clone(p), route.clone())).collect())
+    }
+
+    /// Numbers packages as another library of the same package has them.
+    pub(super) fn number_as(&self, packages: &[(Package, String)]) {
+        let others = packages.iter().skip(1);
+        let others = others.map(|(package, route)| (Rc::new(package.clone()), route.clone()));
+        self.packages.borrow_mut().extend(others);
     }
 
     /// What is declared beside the modules of a package; one file, read once.
@@ -108,6 +137,11 @@ impl Library {
         let module = parsed(&self.read(path)?, self.features(path.package))?;
         self.modules.borrow_mut().insert(path.clone(), Arc::clone(&module));
         Ok(module)
+    }
+
+    /// All modules that somebody asked for.
+    pub(super) fn parsed(&self) -> BTreeMap<ModulePath, Arc<Module>> {
+        self.modules.borrow().clone()
     }
 
     /// Whether a module exists, readable or not.
@@ -264,7 +298,8 @@ impl Library {
     fn features(&self, package: usize) -> Features {
         let (own, linked) = (self.package(package), self.package(0));
         // Read before; what is wrong with it was said then.
-        let declared = [package, 0].map(|of| self.manifest(of).unwrap_or_default().features.clone());
+        let declared =
+            [package, 0].map(|of| self.manifest(of).unwrap_or_default().features.clone());
         let set = own.features.iter().chain(&linked.features);
         let set = set.map(|(name, value)| (name.clone(), *value));
         let defined = self.defined.borrow().clone();

@@ -122,5 +122,6 @@ fn verbatim(library: &Library, root: &ModulePath, file: &Arc<SourceFile>) -> Lin
     if let Ok(parsed) = Module::parse(file, &BTreeMap::new()) {
         names.extend(parsed.names().map(|name| (name.to_owned(), author_path("", root, name))));
     }
-    Linked { spliced, names, file: Arc::clone(file), sources: library.sources(root, file) }
+    let (file, sources) = (Arc::clone(file), library.sources(root, file));
+    Linked { spliced, names, file, whole: true, sources }
 }

@@ -51,6 +51,8 @@ pub(crate) struct Linked {
     pub(crate) names: BTreeMap<String, String>,
     /// The file that holds what was linked.
     pub(crate) file: Arc<SourceFile>,
+    /// Whether all that the file declares is in it, but for tests.
+    pub(crate) whole: bool,
     /// What it was made of.
     pub(crate) sources: Sources,
 }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::Range;
 use std::sync::Arc;
 
-use blake3::Hasher;
+use blake3::{Hash, Hasher};
 
 use super::PackageError;
 use super::imports::{self, Import, Target};
@@ -104,14 +104,12 @@ impl<'a> Linker<'a> {
     pub(super) fn reach(&mut self, wanted: Vec<Item>) -> Result<BTreeSet<Item>, PackageError> {
         let mut items: BTreeSet<Item> = wanted.iter().cloned().collect();
         let mut queue: VecDeque<Item> = wanted.into();
-        // Modules of which something is linked: what they assert must hold.
+        // Modules of which something is linked.
         let mut used = BTreeSet::new();
         while let Some((path, index)) = queue.pop_front() {
             let mut reached = self.resolve(&path, index)?;
             if used.insert(path.clone()) {
-                let declarations = self.parts[&path].module.declarations.iter().enumerate();
-                let assertions = declarations.filter(|(_, d)| d.kind == DeclarationKind::Assertion);
-                reached.extend(assertions.map(|(index, _)| (path.clone(), index)));
+                reached.extend(self.assertions(&path));
             }
             for found in reached {
                 if items.insert(found.clone()) {
@@ -148,26 +146,43 @@ impl<'a> Linker<'a> {
         }
     }
 
-    /// The directives of all modules that something is linked of.
-    pub(super) fn describe_directives(&self, items: &BTreeSet<Item>, hasher: &mut Hasher) {
-        let mut linked: BTreeSet<&ModulePath> = items.iter().map(|(path, _)| path).collect();
-        linked.insert(&self.root);
-        for module in linked.into_iter().map(|path| &self.parts[path].module) {
-            for token in module.directives.iter().flat_map(Clone::clone) {
-                hasher.update(module.text(token).as_bytes()).update(b" ");
-            }
+    /// The directives of a module, if it has any.
+    pub(super) fn directives(&self, path: &ModulePath) -> Option<Hash> {
+        let module = &self.parts[path].module;
+        let mut hasher = Hasher::new();
+        for token in module.directives.iter().flat_map(Clone::clone) {
+            hasher.update(module.text(token).as_bytes()).update(b" ");
         }
+        (!module.directives.is_empty()).then(|| hasher.finalize())
+    }
+
+    /// What a declaration refers to, and what its module asserts.
+    pub(super) fn needs(&mut self, (path, index): &Item) -> Result<Vec<Item>, PackageError> {
+        self.add(path)?;
+        let mut needs = self.resolve(path, *index)?;
+        needs.extend(self.assertions(path));
+        Ok(needs)
+    }
+
+    /// What a module asserts must hold wherever something of it is linked.
+    fn assertions(&self, path: &ModulePath) -> impl Iterator<Item = Item> + use<'_, 'a> {
+        let declarations = self.parts[path].module.declarations.iter().enumerate();
+        let assertions = declarations.filter(|(_, d)| d.kind == DeclarationKind::Assertion);
+        let path = path.clone();
+        assertions.map(move |(index, _)| (path.clone(), index))
     }
 
     /// Links what is wanted and what that needs; `whole` is the root with all that it holds.
     pub(super) fn link(mut self, wanted: Vec<Item>, whole: bool) -> Result<Linked, PackageError> {
         let items = self.reach(wanted)?;
         let names = self.names(&items);
-        let file = &self.parts[&self.root].module.file;
+        let Module { file, declarations, .. } = &*self.parts[&self.root].module;
+        let mut own = declarations.iter().enumerate().filter(|(_, declaration)| !declaration.test);
         let mut linked = Linked {
             spliced: Spliced::default(),
             names: BTreeMap::new(),
             file: Arc::clone(file),
+            whole: own.all(|(index, _)| items.contains(&(self.root.clone(), index))),
             sources: self.library.sources(&self.root, file),
         };
         self.copy_directives(&items, whole, &mut linked.spliced);

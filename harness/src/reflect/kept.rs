@@ -32,10 +32,17 @@ pub(super) fn program(package: &Package, wanted: &Wanted) -> Result<Arc<Program>
     program
 }
 
-/// Whether a module is valid, and nothing else of it.
-pub(super) fn validity(package: &Package, module: &str) -> Result<(), ReflectError> {
+/// Whether a module is valid, of which something is, and nothing else of it.
+pub(super) fn validity(
+    package: &Package,
+    module: &str,
+    linked: &Arc<Program>,
+) -> Result<(), ReflectError> {
     let wanted = Wanted::Module(module.to_owned());
-    let program = again(package, &wanted);
+    let program = match linked.linked.whole {
+        true => Ok(Arc::clone(linked)),
+        false => again(package, &wanted),
+    };
     dependence::note(package, &wanted, &program, Of::Validity);
     program.map(drop)
 }

@@ -1,6 +1,7 @@
 //! Validates everything in a package, and not only what a test reaches.
 
 use std::fmt;
+use std::sync::Arc;
 
 use super::{Program, ReflectError, kept};
 use crate::package::{Package, PackageError};
@@ -106,7 +107,11 @@ impl Program {
     }
 }
 
-/// Validates a whole module.
-pub(crate) fn validate(package: &Package, module: &str) -> Result<(), ReflectError> {
-    kept::validity(package, module)
+/// Validates a whole module, of which something is linked.
+pub(crate) fn validate(
+    package: &Package,
+    module: &str,
+    linked: &Arc<Program>,
+) -> Result<(), ReflectError> {
+    kept::validity(package, module, linked)
 }
