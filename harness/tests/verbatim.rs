@@ -629,6 +629,9 @@ fn paths_that_leave_the_package_and_null_characters_are_refused() {
     let package = Package::from_source("s", "fn f() -> f32 { return 1.0; } // a\0b");
     let error = Probed::new(&package, "f").expect_err("no WGSL").to_string();
     assert!(error.contains("null character") && error.contains("<s>:1:35"), "{error}");
+    let package = Package::from_source("s", "fn f() -> f32 { return 1.0; }\nenable f16;");
+    let error = Probed::new(&package, "f").expect_err("a directive behind").to_string();
+    assert!(error.contains("<s>:2:1"), "{error}");
 }
 
 /// Links that loop are no endless search.

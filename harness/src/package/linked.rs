@@ -51,7 +51,7 @@ pub(crate) struct Linked {
     pub(crate) names: BTreeMap<String, String>,
     /// The file that holds what was linked.
     pub(crate) file: Arc<SourceFile>,
-    /// Whether all that the file declares is in it, but for tests.
+    /// Whether the whole file is as valid as this is: all that it declares is in it, but for tests.
     pub(crate) whole: bool,
     /// What it was made of.
     pub(crate) sources: Sources,

@@ -176,13 +176,15 @@ impl<'a> Linker<'a> {
     pub(super) fn link(mut self, wanted: Vec<Item>, whole: bool) -> Result<Linked, PackageError> {
         let items = self.reach(wanted)?;
         let names = self.names(&items);
-        let Module { file, declarations, .. } = &*self.parts[&self.root].module;
+        let Module { file, declarations, directives, .. } = &*self.parts[&self.root].module;
         let mut own = declarations.iter().enumerate().filter(|(_, declaration)| !declaration.test);
+        // Beside declarations only a directive in the wrong place or a null character can be invalid.
+        let plain = directives.is_empty() && !file.text.contains('\0');
         let mut linked = Linked {
             spliced: Spliced::default(),
             names: BTreeMap::new(),
             file: Arc::clone(file),
-            whole: own.all(|(index, _)| items.contains(&(self.root.clone(), index))),
+            whole: plain && own.all(|(index, _)| items.contains(&(self.root.clone(), index))),
             sources: self.library.sources(&self.root, file),
         };
         self.copy_directives(&items, whole, &mut linked.spliced);
