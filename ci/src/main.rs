@@ -17,6 +17,7 @@ mod licence;
 mod lint;
 mod matrix;
 mod mutants;
+mod nextest;
 mod packages;
 #[path = "../../harness/src/record/folder.rs"]
 #[expect(unreachable_pub, reason = "it is public in the harness, which is compiled later")]
@@ -102,6 +103,8 @@ enum Task {
     ///
     /// Cargo takes each from the unpacked folders in place of the registry. This takes minutes.
     Package,
+    /// Run tests by cargo-nextest, whole and in three parts, and compare the reports of both.
+    Nextest,
     /// Compare the libraries' public interfaces with those of a revision, by cargo-semver-checks.
     Semver {
         /// The revision [default: the one in ci/baseline.txt]
@@ -130,6 +133,7 @@ fn main() -> ExitCode {
         Task::Matrix => step::verdict(matrix::run()),
         Task::Bench { page, arguments } => step::verdict(bench::run(&arguments, page)),
         Task::Package => packages::run(),
+        Task::Nextest => step::verdict(nextest::run()),
         Task::Semver { revision } => step::verdict(semver::run(revision)),
         Task::Mutants { names } => step::verdict(mutants::run(&names)),
     }

@@ -380,14 +380,15 @@ fn records(folder: &Path) -> Result<Vec<Record>, RecordError> {
 }
 
 impl Record {
-    /// Orders records by what they are about, in the same way whenever they were made.
+    /// Orders records by what they are about, and those of one test about the same as they were made.
     pub fn sort(records: &mut [Self]) {
         let key = |record: &Self| {
             let subject = match &record.subject {
                 Subject::Function { function, check, .. } => format!("{function} {check}"),
                 Subject::Frame { golden, .. } => format!("~{golden}"),
             };
-            (subject, record.test.clone())
+            let started = record.time.as_ref().map(|time| time.started.clone());
+            (subject, record.test.clone(), started)
         };
         records.sort_by_cached_key(key);
     }

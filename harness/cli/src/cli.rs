@@ -23,6 +23,7 @@ mod matrix;
 mod patience;
 mod preview;
 mod project;
+mod record;
 mod render;
 mod replay;
 mod report;
@@ -138,6 +139,14 @@ enum Command {
                             It is the simplest case that was found, on the first path that fails.\n\
                             Exit codes: 0 it passes now; 1 it fails; 2 it can't be run; 3 there is no such failure.")]
     Replay(replay::Args),
+    /// Run tests by another runner, and keep what they check as a run
+    #[command(after_help = "Examples:\n  karat record -- cargo nextest run\n  \
+                            karat record --into part-1 -- cargo nextest run --partition count:1/3\n  \
+                            karat report --merge part-1 part-2 part-3 --html report.html\n\
+                            It sets KARAT_RECORD for the command, and prints the table of `karat test` after it.\n\
+                            Exit codes: 0 the command and each check passed; 1 one didn't; 2 no check ran, or the \
+                            command can't be run.")]
+    Record(record::Args),
     /// Print what the last run recorded, and write it for CI
     #[command(after_help = "Examples:\n  karat report\n  karat report --github\n  \
                             karat report --junit target/karat/junit.xml\n  \
@@ -365,6 +374,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
         Command::Lsp(args) => lsp::run(&args, out),
         Command::Suite(args) => suite::run(&args, out),
         Command::Replay(args) => replay::run(&args, out),
+        Command::Record(args) => record::run(&args, out),
         Command::Report(args) => report::run(&args, out),
         Command::Check(args) => check::run(&args, out),
         Command::Init(args) => init::run(&args, out),

@@ -71,8 +71,7 @@ pub(super) struct Args {
     /// Folder of records, or a project, of which the last run is taken [default: the project here]
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
-    /// Folders of records of parts of one run, such as `cargo nextest run --partition` makes; may be
-    /// repeated
+    /// Folders of records of parts of one run, as `karat record --into` makes them; may be repeated
     #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with = "record")]
     merge: Vec<PathBuf>,
 }
@@ -116,7 +115,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         short::write(&records, &[], passed || run.is_none(), project.root(), out)?;
     }
     if run.is_none() {
-        writeln!(out, "the record doesn't say that its run ended")?;
+        writeln!(
+            out,
+            "the record doesn't say that its run ended: `karat test` does, and `karat record` for another runner"
+        )?;
     }
     args.output.write(&records, run.as_ref(), &project, out)?;
     Ok(if passed && failed == 0 { Ending::Good } else { Ending::Bad })

@@ -634,3 +634,58 @@ fn a_reference_needs_none_of_the_overrides() {
     let unknown = run("GIAN", "2");
     assert!(unknown.out.contains("did you mean `GAIN`?"), "{unknown:?}");
 }
+
+/// Another runner of tests: this program's own, which `karat test` hides.
+fn recorded(folder: &FilePath, options: &[&str], tests: &[&str]) -> Ran {
+    let runner = env!("CARGO_BIN_EXE_karat");
+    let arguments = [&["record"], options, &["--", runner, "suite", "."], tests].concat();
+    output(command(folder, &arguments).env("KARAT_PATHS", "cpu"))
+}
+
+#[test]
+fn another_runner_leaves_a_run() {
+    let folder = folder();
+    let ran = recorded(folder.path(), &[], &[]).good();
+    assert!(ran.contains("10 checks, 0 failed"), "{ran}");
+    let again = karat(folder.path(), &["report"]).good();
+    assert!(again.contains("10 checks, 0 failed"), "{again}");
+    write(folder.path(), "brdf.wgsl", &BRDF.replace("(x * x * x * x * x)", "(x * x)"));
+    let failed = recorded(folder.path(), &["--short"], &[]);
+    assert_eq!(failed.code, Some(1), "{failed:?}");
+    assert!(failed.out.contains("brdf.wgsl:2:"), "{failed:?}");
+    let runner = env!("CARGO_BIN_EXE_karat");
+    for (command, part) in [
+        (&["record", "--", runner, "--version"][..], "no test ran a check"),
+        (&["record", "--", "./no-such-runner"], "can't run `./no-such-runner`"),
+        (&["record"], "<COMMAND>"),
+        (&["record", "--into", "brdf.wgsl", "--", runner, "--version"], "brdf.wgsl"),
+    ] {
+        let ran = karat(folder.path(), command);
+        assert!(ran.code == Some(2) && ran.err.contains(part), "{ran:?}");
+    }
+}
+
+#[test]
+fn parts_of_another_runner_are_its_whole() {
+    let folder = folder();
+    let record = |name: &str, tests: &[&str]| {
+        recorded(folder.path(), &["--into", name], tests).good();
+    };
+    record("whole", &[]);
+    record("p1", &["schlick"]);
+    record("p2", &["lambert"]);
+    record("p3", &["blend"]);
+    // Tests in WGSL are found by the functions that they call, too: some ran in two parts.
+    let table = |options: &[&str]| {
+        let ran = karat(folder.path(), &[&["report", "--all"], options].concat()).good();
+        let lines = ran.lines().filter(|line| !line.starts_with("record: "));
+        lines.map(str::to_owned).collect::<Vec<_>>().join("\n")
+    };
+    let whole = table(&["--record", "whole"]);
+    assert!(whole.contains("10 checks"), "{whole}");
+    record("p4", &["table"]);
+    assert_eq!(table(&["--merge", "p3", "p1", "p4", "p2"]), whole);
+    assert_ne!(table(&["--merge", "p1", "p2"]), whole);
+    let twice = recorded(folder.path(), &["--into", "p1"], &["schlick"]);
+    assert!(twice.code == Some(2) && twice.err.contains("`p1` isn't empty"), "{twice:?}");
+}

@@ -1,5 +1,6 @@
 //! One record of several parts of a run.
 
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::path::PathBuf;
@@ -7,7 +8,7 @@ use std::path::PathBuf;
 use karat::record::{Record, Recorded, Run, SCHEMA, Verdict};
 
 /// All verdicts of some parts, in an order that doesn't depend on theirs. A check that ran in several of
-/// them has its worst verdict. The run has ended if each part has, and passed if each part has.
+/// them has its worst verdict, of those the first. The run has ended if each part has, and passed if each part has.
 pub(super) fn merged(parts: Vec<Recorded>) -> Recorded {
     let folders: Vec<String> = parts.iter().map(|part| part.folder.display().to_string()).collect();
     let run = parts.iter().map(|part| part.run.clone()).collect::<Option<Vec<Run>>>();
@@ -17,14 +18,16 @@ pub(super) fn merged(parts: Vec<Recorded>) -> Recorded {
         selected.dedup();
         Run { schema: SCHEMA, selected, passed: runs.iter().all(|run| run.passed) }
     });
-    let mut checks: BTreeMap<String, Record> = BTreeMap::new();
+    // In the order in which they were made.
+    let (mut records, mut places) = (Vec::<Record>::new(), BTreeMap::<String, usize>::new());
     for record in parts.into_iter().flat_map(|part| part.records) {
-        let known = checks.entry(key(&record)).or_insert_with(|| record.clone());
-        if severity(record.verdict) > severity(known.verdict) {
-            *known = record;
+        let place = *places.entry(key(&record)).or_insert(records.len());
+        match records.get_mut(place) {
+            None => records.push(record),
+            Some(known) if rank(&record) > rank(known) => *known = record,
+            Some(_) => {}
         }
     }
-    let mut records: Vec<Record> = checks.into_values().collect();
     Record::sort(&mut records);
     Recorded { folder: PathBuf::from(folders.join(", ")), records, run }
 }
@@ -58,6 +61,12 @@ pub(in crate::cli) fn side_by_side(records: Vec<Record>) -> Vec<Record> {
     let mut records: Vec<Record> = checks.into_values().collect();
     Record::sort(&mut records);
     records
+}
+
+/// The worse of two records of one check, or the first of two alike.
+fn rank(record: &Record) -> (u8, Reverse<Option<&str>>) {
+    let started = record.time.as_ref().map(|time| &*time.started);
+    (severity(record.verdict), Reverse(started))
 }
 
 /// What a record is about. What an overlay was in the place of is another matter.

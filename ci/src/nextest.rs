@@ -1,0 +1,52 @@
+//! `cargo ci nextest`: tests by another runner, whole and in parts, whose reports are the same.
+
+use std::process::Command;
+
+use anyhow::{Context, Result, ensure};
+
+use crate::command;
+
+const TOOL: &str =
+    "cargo-nextest is missing; https://nexte.st has it, or `cargo install cargo-nextest --locked`";
+
+/// What is run: enough tests for each part to have some, and few enough to take seconds.
+const TESTS: &str = "test(/^fresnel::/)";
+
+/// Runs tests at once and in three parts, and compares their reports.
+pub(crate) fn run() -> Result<()> {
+    ensure!(command::succeeds(&mut command::cargo(&["nextest", "--version"])), TOOL);
+    let folder = command::root().join("target/karat/nextest");
+    if folder.exists() {
+        std::fs::remove_dir_all(&folder).context("the last run's records can't be removed")?;
+    }
+    let part = |name: &str| folder.join(name).display().to_string();
+    let record = |name: &str, more: &[&str]| {
+        let runner = ["cargo", "nextest", "run", "--locked", "--package", "tests", "-E", TESTS];
+        let into = part(name);
+        let arguments = [&["record", "--into", &into, "--"], &runner[..], more].concat();
+        command::run(&mut command::karat(&arguments)?)
+    };
+    record("whole", &[])?;
+    for number in ["1", "2", "3"] {
+        record(number, &["--partition", &format!("count:{number}/3")])?;
+    }
+    let whole = table(&mut command::karat(&["report", "--all", "--record", &part("whole")])?)?;
+    let parts = [part("2"), part("3"), part("1")];
+    let [second, third, first] = parts.each_ref().map(String::as_str);
+    let merged =
+        table(&mut command::karat(&["report", "--all", "--merge", second, third, first])?)?;
+    ensure!(merged == whole, "of the parts:\n{merged}\nof the whole:\n{whole}");
+    println!("three parts report what the whole does: {}", whole.lines().count());
+    Ok(())
+}
+
+/// What a report prints, but for where its records are and how long they took.
+fn table(report: &mut Command) -> Result<String> {
+    let output = report.output().context("the report can't be made")?;
+    ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let lines = text
+        .lines()
+        .filter(|line| !["record: ", "slowest: "].iter().any(|of| line.starts_with(of)));
+    Ok(lines.collect::<Vec<_>>().join("\n"))
+}
