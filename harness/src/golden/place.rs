@@ -37,14 +37,20 @@ impl Goldens {
         below.map_or_else(String::new, with_slashes)
     }
 
+    /// The folder of the project that the goldens belong to: where its lock file is, or its repository.
+    /// `None`: there is neither.
+    #[must_use]
+    pub fn project(&self) -> Option<PathBuf> {
+        root(&self.folder().canonicalize().ok()?).map(Path::to_path_buf)
+    }
+
     /// Hashes of modules, by their files as seen from the project's root. One that isn't in the
     /// project, such as another crate's, goes by its name, which is the same on all machines, too.
     pub(super) fn module_hashes(&self, modules: &[LinkedModule]) -> BTreeMap<String, String> {
-        let folder = self.folder().canonicalize().ok();
-        let root = folder.as_deref().and_then(root);
+        let project = self.project();
         let name = |module: &LinkedModule| {
             let file = module.file.as_ref().and_then(|file| file.canonicalize().ok());
-            let below = file.as_deref().and_then(|file| file.strip_prefix(root?).ok());
+            let below = file.as_deref().and_then(|file| file.strip_prefix(project.as_ref()?).ok());
             below.map_or_else(|| module.name.clone(), with_slashes)
         };
         modules.iter().map(|module| (name(module), module.hash.clone())).collect()
