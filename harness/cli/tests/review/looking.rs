@@ -473,7 +473,7 @@ fn without_webgl_2_the_page_says_so() {
 }
 
 /// A golden or pending table of the values of `x * gain`, as its test leaves it.
-fn left_values(project: &Project, case: &str, gain: &str) {
+pub(crate) fn left_values(project: &Project, case: &str, gain: &str) {
     let package =
         karat::Package::from_source("m", format!("fn f(x: f32) -> f32 {{ return x * {gain}; }}"));
     let (checked, folder) =
@@ -492,7 +492,7 @@ fn left_values(project: &Project, case: &str, gain: &str) {
 }
 
 /// The golden of values that [`left_values`] has left.
-fn accept_values(project: &Project, case: &str) {
+pub(crate) fn accept_values(project: &Project, case: &str) {
     let goldens = karat::Goldens::open(&project.folder().join("golden"));
     let because = "the first".to_owned();
     let acceptance = karat::golden::Acceptance { because, any_adapter: true, ..Default::default() };

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::browser::{Browser, Tab};
+use crate::looking::{accept_values, left_values};
 use crate::project::Project;
 
 fn shoot(browser: &mut Browser, tab: &Tab, name: &str) {
@@ -171,12 +172,20 @@ fn every_width_is_drawn() {
 fn origins_are_drawn() {
     let project = Project::with_frames();
     crate::sourcing::with_origins(&project);
+    let case = "shots_of_values";
+    left_values(&project, case, "0.5");
+    accept_values(&project, case);
     let server = project.serve_with(&["--goldens"]);
     let mut browser = Browser::start();
-    let tab = browser.open(&server.url);
+    let tab = browser.open(&format!("{}#{case}", server.url));
     browser.prefer_dark(&tab, true);
+    shoot(&mut browser, &tab, "table-1280");
+    browser.resize(&tab, 390, 844, 1.0);
+    shoot(&mut browser, &tab, "table-390");
     browser.resize(&tab, 1400, 900, 1.0);
     browser.value(&tab, "location.hash = '#scene'");
+    browser.wait(&tab, "document.getElementById('name').innerText === 'scene'");
+    browser.wait(&tab, "karat.state.cases.every(entry => entry.thumb || entry.table || entry.status === 'function')");
     let older = "document.querySelectorAll('#versions .version')";
     browser.wait(&tab, &format!("{older}.length === 1"));
     browser.value(&tab, &format!("{older}[0].click()"));
@@ -188,6 +197,11 @@ fn origins_are_drawn() {
     browser.press(&tab, "4");
     browser.value(&tab, &format!("{older}[0].click()"));
     browser.wait(&tab, "karat.state.part === 0");
+    // `docs/guide/review.png` is this one.
+    browser.resize(&tab, 1280, 800, 1.0);
+    browser.value(&tab, "document.querySelector('#modules details').open = true");
+    browser.value(&tab, "document.getElementById('judged').scrollIntoView()");
+    shoot(&mut browser, &tab, "guide-1280");
     for (width, height) in [(1400, 900), (700, 900)] {
         browser.resize(&tab, width, height, 1.0);
         for name in ["scene", "lobe::ggx%20agrees_with", "environment"] {
