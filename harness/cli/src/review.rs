@@ -299,8 +299,14 @@ impl Review {
             modules::by_hash(&project, known, &case.actual_provenance)
         });
         by_hash.unwrap_or_else(|| {
-            let run = self.run.frames.get(&case.name);
-            modules::by_commit(golden, run.map(|run| run.modules.as_slice()))
+            let run = self.run.frames.get(&case.name).map(|run| run.modules.clone());
+            let own = self.goldens.project().map(|project| {
+                let names = case.actual_provenance.modules.keys();
+                let files = names.map(|name| project.join(name)).filter(|file| file.is_file());
+                files.collect::<Vec<_>>()
+            });
+            let own = own.filter(|own| !own.is_empty()).or(run);
+            modules::by_commit(golden, own.as_deref())
         })
     }
 

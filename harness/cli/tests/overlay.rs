@@ -3,10 +3,9 @@
 #[path = "given/files.rs"]
 mod files;
 
-use std::path::Path as FilePath;
 use std::process::Command;
 
-use files::write;
+use self::files::write;
 use tempfile::TempDir;
 
 /// A project with the modules `math` and `area`, and an overlay beside it.

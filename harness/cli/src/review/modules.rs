@@ -58,7 +58,8 @@ fn commit_with(project: &Path, name: &str, hash: &str) -> Option<String> {
 }
 
 /// The modules that differ from what they were when the golden was committed. `modules`: those that the
-/// frame depends on, as its last run recorded them; without them, each module of the repository.
+/// frame depends on, as it says itself or its last run recorded them; without them, each module of the
+/// repository.
 pub(super) fn by_commit(golden: &Path, modules: Option<&[PathBuf]>) -> Value {
     match Since::find(golden).and_then(|since| since.changed(modules)) {
         Ok(known) => known,

@@ -172,7 +172,7 @@ fn every_width_is_drawn() {
 fn origins_are_drawn() {
     let project = Project::with_frames();
     crate::sourcing::with_origins(&project);
-    let case = "shots_of_values";
+    let case = "sun_by_angle";
     left_values(&project, case, "0.5");
     accept_values(&project, case);
     let server = project.serve_with(&["--goldens"]);

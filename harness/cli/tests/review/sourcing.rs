@@ -237,6 +237,14 @@ fn modules_that_changed_are_known_by_their_hashes() {
     // An old golden has no hashes, and git tells what it can.
     put(json!({}), json!({ light: hash(lights[2]) }));
     assert!(shown(&project).contains("the golden isn't committed"));
+    project.git(&["add", "golden/tiny.exr"]);
+    project.git(&["commit", "-q", "-m", "an old golden"]);
+    let told = shown(&project);
+    assert!(
+        told.contains("since the golden's commit") && told.contains("+const SUN = 3.0;"),
+        "{told}"
+    );
+    assert!(!told.contains("other.wgsl"), "the frame says which modules are its own: {told}");
 }
 
 /// What a golden was: a thumbnail in its history, and a part to compare with.
@@ -251,11 +259,19 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
         project.put("golden/tiny.toml", &facts);
         project.commit(because)
     };
-    let commits = [version(7.0, "the first"), version(8.0, "the second"), version(9.0, "now")];
+    let first = version(7.0, "the first");
+    // Facts may change alone.
+    let (same, second) = (version(8.0, "the second"), version(8.0, "for another reason"));
+    let commits = [first, second];
+    version(9.0, "now");
     project.put_pending("tiny", &tiny(), |_| {});
     let (server, mut browser, tab) = open(&project, &[]);
     let buttons = "[...document.querySelectorAll('#versions li')].map(row => row.querySelector('.version')?.dataset.commit ?? row.querySelector('.now').innerText)";
-    assert_eq!(browser.value(&tab, buttons), json!(["as now", commits[1], commits[0]]));
+    assert_eq!(
+        browser.value(&tab, buttons),
+        json!(["as now", commits[1], format!("as {}", commits[1]), commits[0]])
+    );
+    assert_ne!(same, commits[1]);
     let pictures = "document.querySelectorAll('#versions canvas').length";
     assert_eq!(browser.value(&tab, pictures), 0, "they are below what is seen");
     browser.value(&tab, "document.getElementById('versions').scrollIntoView()");

@@ -80,6 +80,9 @@ const versions = (() => {
   const picture = (entry, { commit, pixels }) => {
     if (entry.table) return [];
     if (pixels && pixels === entry.data.golden_pixels) return [element("span", { className: "now" }, "as now")];
+    // Facts may change alone: then a later version has this image already.
+    const first = entry.data.versions.find((other) => pixels && other.pixels === pixels);
+    if (first && first.commit !== commit) return [element("span", { className: "now" }, `as ${first.commit}`)];
     const { thumb, error } = of(entry, commit);
     if (error) return [element("span", { className: "now" }, error)];
     const button = element("button", { type: "button", className: "version", title: "Compare with this version; again: with the golden" },
