@@ -1,4 +1,4 @@
-//! What git knows. Nothing is changed, and no hook or filter of a repository runs.
+//! What git knows. Nothing is changed.
 
 use std::path::Path;
 use std::process::{Command, Stdio};

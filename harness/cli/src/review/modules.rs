@@ -10,8 +10,8 @@ use serde_json::{Value, json};
 
 use super::git;
 
-/// Versions of a module among which the golden's is looked for.
-const MOST: &str = "200";
+/// Versions of a module among which the golden's is looked for: each takes a process.
+const MOST: &str = "50";
 
 /// The modules that differ by their hashes. `None`: golden or frame is older than this fact.
 /// `project`: where their names begin.

@@ -69,11 +69,12 @@ const versions = (() => {
   };
 
   // Thumbnails that nobody scrolls to aren't loaded.
+  const waiting = new WeakMap(); // what loads the one of a button
   const seen = new IntersectionObserver((items) => {
     for (const { isIntersecting, target } of items) {
       if (!isIntersecting) continue;
       seen.unobserve(target);
-      load(selectedCase(), target.dataset.commit);
+      waiting.get(target)();
     }
   });
 
@@ -94,7 +95,10 @@ const versions = (() => {
       choose(entry, commit);
       if (event.detail) button.blur();
     });
-    if (!thumb) seen.observe(button);
+    if (!thumb) {
+      waiting.set(button, () => load(entry, commit));
+      seen.observe(button);
+    }
     return [button];
   };
 
