@@ -314,6 +314,8 @@ fn older_versions_of_a_golden_are_seen_and_compared() {
     browser.press(&tab, "3");
     assert_eq!(browser.value(&tab, sides), json!([7, 9]));
     assert_eq!(browser.text(&tab, "#message"), "");
+    let label = browser.text(&tab, "#overlay");
+    assert_eq!(label, format!("Golden now − golden of {}", commits[0]));
 
     // From files, too.
     let report = project.folder().join("report");

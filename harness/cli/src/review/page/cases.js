@@ -101,9 +101,10 @@ function prepared(image) {
     const unusable = entry.status in GROUPS; // they stand together, with their whole names
     const status = STATUS[entry.status] ?? (entry.new ? "new" : "");
     const name = unusable || state.sort === "error" ? entry.name : entry.name.slice(groupOf(entry).length);
+    const marked = status || severity(entry) || badges(entry).length;
     const button = element("button", { type: "button", className: entry.status },
       ...(entry.thumb ? [thumbs.copy(entry.thumb.actual ?? entry.thumb.golden, "thumb")] : entry.index === null || entry.table || entry.status === "function" ? [] : [element("span", { className: "thumb" })]),
-      element("span", { className: "name" }, ...breakable(name)),
+      element("span", { className: marked ? "name" : "name alone" }, ...breakable(name)),
       element("span", { className: "marks" },
         ...badges(entry).map((text) => element("span", { className: "badge" }, text)),
         element("span", { className: "severity" }, severity(entry)),

@@ -48,12 +48,13 @@ const versions = (() => {
     if (entry !== selectedCase() || !entry.data) return;
     without(entry);
     const [judged] = entry.data.parts;
+    const [old, now] = [`golden of ${commit}`, judged.actual ? "Actual" : "Golden now"];
     entry.data.parts.push({
-      name: `golden of ${commit}`,
+      name: old,
       version: commit,
       golden: image,
       actual: judged.actual ?? judged.golden,
-      names: { golden: `Golden of ${commit}`, actual: judged.actual ? "Actual" : "Golden now" },
+      names: { golden: `Golden of ${commit}`, actual: now, difference: `${now} − ${old}` },
     });
     change({ part: entry.data.parts.length - 1, sheet: false });
   };
