@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use crate::diagnostic::{Diagnostic, FileRead, Span};
 use crate::fixture::{self, Fixture, FixtureError, Fixtures};
-use crate::package::Package;
+use crate::package::{LinkedModule, Package};
 use crate::path::{Path, PathError};
 use crate::probe::{self, ProbeError};
 use crate::reflect::{Binding, BindingKind, Overrides, Program, ReflectError};
@@ -236,6 +236,11 @@ impl Passes {
         let modules = self.passes.iter().flat_map(|pass| pass.program.files());
         let fixtures = self.resources.iter().flat_map(|held| held.fixture.read());
         modules.chain(fixtures).cloned().collect()
+    }
+
+    /// The modules that its shaders were linked from.
+    pub(crate) fn modules(&self) -> Vec<LinkedModule> {
+        self.passes.iter().flat_map(|pass| pass.program.modules()).cloned().collect()
     }
 
     /// Where the last entry point is declared.

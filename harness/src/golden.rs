@@ -48,6 +48,7 @@ use self::reference::{Reference, ReferenceError};
 use crate::diagnostic::{FileRead, shown};
 use crate::image::{Image, ImageError, Part, Precision};
 use crate::metric::{Gate, Mask, MaskError};
+use crate::package::LinkedModule;
 use crate::path::Adapter;
 
 /// A folder of goldens.
@@ -78,6 +79,7 @@ pub(crate) struct Rendered<'a> {
     pub(crate) image: &'a Image,
     pub(crate) adapter: &'a Adapter,
     pub(crate) shader: String,
+    pub(crate) modules: Vec<LinkedModule>,
     /// `None`: the default for the golden and the adapter.
     pub(crate) tolerance: Option<&'a FrameTolerance>,
     pub(crate) mask: Option<&'a Mask>,

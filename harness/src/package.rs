@@ -39,6 +39,7 @@ pub use error::PackageError;
 pub use feature::Feature;
 pub use functions::FunctionItem;
 pub(crate) use lets::{LetStatement, let_statements};
+pub(crate) use library::LinkedModule;
 #[cfg(test)]
 pub(crate) use linked::KERNEL_WORDS;
 pub(crate) use linked::Linked;

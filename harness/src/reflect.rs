@@ -52,7 +52,7 @@ pub(crate) use validation::validate;
 pub use validation::{Invalid, Validated};
 
 use crate::diagnostic::{Diagnostic, FileRead, Span};
-use crate::package::{Linked, Package, PackageError};
+use crate::package::{Linked, LinkedModule, Package, PackageError};
 
 /// A linked and validated shader: text, IR, and the way back to the author's files.
 #[derive(Debug)]
@@ -111,6 +111,11 @@ impl Program {
     /// The files that it was linked from.
     pub(crate) fn files(&self) -> &[FileRead] {
         self.linked.sources.files()
+    }
+
+    /// The modules that it was linked from.
+    pub(crate) fn modules(&self) -> &[LinkedModule] {
+        self.linked.sources.modules()
     }
 
     /// Links and validates one function with all that it uses.

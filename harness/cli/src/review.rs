@@ -11,15 +11,18 @@
 
 mod data;
 mod facts;
+mod git;
 mod history;
 mod http;
 mod last_run;
 mod load;
 mod maps;
+mod modules;
 mod packed;
 mod page;
 mod server;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 pub(crate) use facts::Cause;
@@ -28,10 +31,19 @@ pub(crate) use server::Server;
 
 use karat::diagnostic::shown;
 use karat::golden::{
-    AcceptError, ChangedRow, CriterionMargin, Pending, PendingFrames, Provenance, Unusable,
+    AcceptError, ChangedRow, CriterionMargin, Pending, PendingFrames, Provenance, Table, Unusable,
 };
+use karat::image::ExrFile;
 use karat::{Goldens, Image};
 use serde_json::json;
+
+/// Rows of a table that the page shows: more aren't read by anybody.
+const MOST_ROWS: usize = 500;
+/// Bytes that a report takes of a frame with the older versions of its golden. It is mailed and kept, so
+/// that it has those alone that fit.
+const MOST_BYTES: usize = 1_000_000;
+/// Older versions that are tried for a report.
+const MOST_VERSIONS: usize = 8;
 
 /// What the page shows of one pending frame or table.
 ///
@@ -145,7 +157,7 @@ pub(crate) struct Review {
 enum Entry {
     /// A frame that is pending, by its name.
     Pending(String),
-    /// A golden, by its name, which may begin with its profile: `@gl-llvmpipe/scene`.
+    /// A golden, by its file in the folder, which may be below its profile's: `@gl-llvmpipe/scene.exr`.
     Golden(String),
     /// A function that fails, by its place in the last run.
     Failure(usize),
@@ -202,24 +214,36 @@ impl Review {
     fn others(&self, pending: &PendingFrames) -> Vec<Entry> {
         let mut entries = Vec::new();
         if self.accepted {
-            let is_pending = |name: &String| pending.frames.iter().any(|frame| frame.case == *name);
-            let mut names = Vec::new();
-            goldens_below(&self.goldens.folder(), "", &mut names);
-            names.sort();
-            entries.extend(names.into_iter().filter(|name| !is_pending(name)).map(Entry::Golden));
+            let of = |frame: &Pending| (frame.case.clone(), frame.is_table());
+            let waiting: Vec<_> = pending.frames.iter().map(of).collect();
+            let is_pending = |file: &String| {
+                let (name, is_table) = golden_name(file);
+                waiting.contains(&(name.to_owned(), is_table))
+            };
+            let mut files = Vec::new();
+            goldens_below(&self.goldens.folder(), "", &mut files);
+            files.sort();
+            entries.extend(files.into_iter().filter(|file| !is_pending(file)).map(Entry::Golden));
         }
         entries.extend((0..self.run.failures.len()).map(Entry::Failure));
         entries
     }
 
-    /// The file of a golden that [`others`](Self::others) has listed.
-    fn golden(&self, name: &str) -> PathBuf {
-        self.goldens.folder().join(format!("{name}.exr"))
+    /// The golden that the page shows the versions of; `None`: it is a table's or a function's, which
+    /// have no images.
+    fn golden_of(&self, entry: &Entry, pending: Option<&Pending>) -> Option<PathBuf> {
+        match entry {
+            Entry::Pending(_) => {
+                pending.filter(|frame| !frame.is_table()).map(|frame| self.goldens.compared(frame))
+            }
+            Entry::Golden(file) => (!golden_name(file).1).then(|| self.goldens.folder().join(file)),
+            Entry::Failure(_) => None,
+        }
     }
 
-    /// Writes the page into a folder: `index.html` and `data/<n>.js`. A link to
-    /// `index.html#rooms/dark` leads to that frame. Frames that can't be read are
-    /// on the page, too, and say why. What an older page has left in `data` is removed.
+    /// Writes the page into a folder: `index.html`, `data/<n>.js`, and `data/<n>-<commit>.js` of older
+    /// versions of its golden. A link to `index.html#rooms/dark` leads to that frame. Frames that can't
+    /// be read are on the page, too, and say why. What an older page has left in `data` is removed.
     ///
     /// # Errors
     /// If a file can't be written or removed.
@@ -232,14 +256,23 @@ impl Review {
         let pending = self.pending();
         let frames = pending.frames.iter().map(|frame| Entry::Pending(frame.case.clone()));
         let entries: Vec<Entry> = frames.chain(self.others(&pending)).collect();
+        let mut written = BTreeSet::new();
         for (index, entry) in entries.iter().enumerate() {
-            let script = match pending.frames.get(index) {
+            let frame = pending.frames.get(index);
+            let script = match frame {
                 Some(frame) => self.script(index, frame),
                 None => self.other_script(index, entry),
             };
-            put(&format!("data/{index}.js"), &script)?;
+            let room = MOST_BYTES.saturating_sub(script.len());
+            let golden = self.golden_of(entry, frame);
+            let older = golden.map(|golden| older_versions(index, &golden, room));
+            let older = older.into_iter().flatten();
+            for (name, script) in [(format!("{index}.js"), script)].into_iter().chain(older) {
+                put(&format!("data/{name}"), &script)?;
+                written.insert(name);
+            }
         }
-        remove_data(&folder.join("data"), entries.len())?;
+        remove_data(&folder.join("data"), &written)?;
         let numbered: Vec<_> = entries.into_iter().enumerate().collect();
         put("index.html", &page::html(self, &pending, &numbered, &page::Mode::Files))?;
         Ok(pending)
@@ -250,26 +283,48 @@ impl Review {
         match Case::load(&self.goldens, frame) {
             Ok(case) => {
                 let golden = self.goldens.compared(frame);
-                let run = self.run.frames.get(&frame.case);
-                let modules = run.map(|run| run.modules.as_slice());
                 let versions = history::versions(&golden);
                 // What is new has no modules of before.
-                let modules = (!frame.is_new()).then(|| history::modules(&golden, modules));
+                let modules = (!frame.is_new()).then(|| self.changed_modules(&golden, &case));
                 data::script(index, &case, &json!({ "versions": versions, "modules": modules }))
             }
             Err(error) => data::failure(index, &error.to_string()),
         }
     }
 
+    /// The modules that changed since the golden, by their hashes if both sides have them.
+    fn changed_modules(&self, golden: &Path, case: &Case) -> serde_json::Value {
+        let known = case.golden_provenance.as_ref();
+        let by_hash = known.zip(self.goldens.project()).and_then(|(known, project)| {
+            modules::by_hash(&project, known, &case.actual_provenance)
+        });
+        by_hash.unwrap_or_else(|| {
+            let run = self.run.frames.get(&case.name).map(|run| run.modules.clone());
+            let own = self.goldens.project().map(|project| {
+                let names = case.actual_provenance.modules.keys();
+                let files = names.map(|name| project.join(name)).filter(|file| file.is_file());
+                files.collect::<Vec<_>>()
+            });
+            let own = own.filter(|own| !own.is_empty()).or(run);
+            modules::by_commit(golden, own.as_deref())
+        })
+    }
+
     /// What the page loads of an entry that isn't pending.
     fn other_script(&self, index: usize, entry: &Entry) -> String {
         match entry {
             Entry::Golden(name) => {
-                let file = self.golden(name);
-                match karat::image::ExrFile::read(&file) {
-                    Ok(golden) => data::golden(index, name, &golden, &history::versions(&file)),
-                    Err(error) => data::failure(index, &error.to_string()),
-                }
+                let file = self.goldens.folder().join(name);
+                let versions = || history::versions(&file);
+                let script = match golden_name(name) {
+                    (name, true) => Table::read(&file)
+                        .map(|golden| data::golden_table(index, name, &golden, &versions()))
+                        .map_err(|error| error.to_string()),
+                    (name, false) => ExrFile::read(&file)
+                        .map(|golden| data::golden(index, name, &golden, &versions()))
+                        .map_err(|error| error.to_string()),
+                };
+                script.unwrap_or_else(|error| data::failure(index, &error))
             }
             Entry::Failure(at) => match self.run.failures.get(*at) {
                 Some(failure) => data::function(index, failure),
@@ -301,29 +356,70 @@ impl Review {
     }
 }
 
-/// Names of all goldens in a folder and those below it, without their ending.
-fn goldens_below(folder: &Path, prefix: &str, names: &mut Vec<String>) {
+/// An older version of a golden: what the page loads when it is looked at.
+fn version_script(index: usize, golden: &Path, commit: &str) -> String {
+    let image = history::image(golden, commit);
+    data::version(index, commit, image.as_ref().map_err(ToString::to_string))
+}
+
+/// The latest versions of a golden whose scripts take no more than `room` bytes together, with the
+/// names of their files.
+fn older_versions(index: usize, golden: &Path, mut room: usize) -> Vec<(String, String)> {
+    // One that has the pixels of now is shown already.
+    let now = ExrFile::read(golden).ok().and_then(|golden| golden.parts.into_iter().next());
+    let mut seen = BTreeSet::from_iter(now.map(|part| part.image.hash()));
+    let mut kept = Vec::new();
+    for version in history::versions(golden) {
+        let text = |name: &str| version[name].as_str().unwrap_or_default().to_owned();
+        let (commit, pixels) = (text("commit"), text("pixels"));
+        if !pixels.is_empty() && !seen.insert(pixels) {
+            continue;
+        }
+        if seen.len() > MOST_VERSIONS + 1 || kept.len() >= MOST_VERSIONS {
+            break;
+        }
+        let script = version_script(index, golden, &commit);
+        if script.len() <= room {
+            room -= script.len();
+            kept.push((format!("{index}-{commit}.js"), script));
+        }
+    }
+    kept
+}
+
+/// The name of a golden by its file, and whether it is a table.
+fn golden_name(file: &str) -> (&str, bool) {
+    let (name, ending) = file.rsplit_once('.').unwrap_or((file, ""));
+    (name, ending == "csv")
+}
+
+/// Files of all goldens in a folder and those below it.
+fn goldens_below(folder: &Path, prefix: &str, files: &mut Vec<String>) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
         // Links aren't followed: they may lead in a circle.
         let Ok(kind) = entry.file_type() else { continue };
         if kind.is_dir() {
-            goldens_below(&entry.path(), &format!("{prefix}{name}/"), names);
-        } else if let Some(stem) = name.strip_suffix(".exr")
+            goldens_below(&entry.path(), &format!("{prefix}{name}/"), files);
+        } else if let Some(stem) = name.strip_suffix(".exr").or_else(|| name.strip_suffix(".csv"))
             && !stem.ends_with(".new")
         {
-            names.push(format!("{prefix}{stem}"));
+            files.push(format!("{prefix}{name}"));
         }
     }
 }
 
-/// Removes the data of frames that an older page had and this one has not.
-fn remove_data(folder: &Path, frames: usize) -> Result<(), ReviewError> {
+/// Removes the data that an older page had and this one, which has `written`, has not.
+fn remove_data(folder: &Path, written: &BTreeSet<String>) -> Result<(), ReviewError> {
     let files = std::fs::read_dir(folder).into_iter().flatten().filter_map(Result::ok);
     for path in files.map(|file| file.path()) {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let number = name.strip_suffix(".js").and_then(|number| number.parse::<usize>().ok());
-        if number.is_some_and(|number| number >= frames && name == format!("{number}.js")) {
+        let stem = name.strip_suffix(".js").unwrap_or_default();
+        let (number, commit) = stem.split_once('-').unwrap_or((stem, "0"));
+        let is_ours = !number.is_empty()
+            && number.bytes().all(|c| c.is_ascii_digit())
+            && commit.bytes().all(|c| c.is_ascii_hexdigit());
+        if is_ours && !written.contains(&*name) {
             std::fs::remove_file(&path)
                 .map_err(|source| ReviewError::Remove { path: shown(&path), source })?;
         }

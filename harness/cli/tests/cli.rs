@@ -14,6 +14,8 @@ mod diff;
 mod errors;
 #[path = "cli/escapes.rs"]
 mod escapes;
+#[path = "given/files.rs"]
+mod files;
 #[path = "cli/hazards.rs"]
 mod hazards;
 #[path = "cli/init.rs"]
@@ -26,12 +28,16 @@ mod outputs;
 mod pending;
 #[path = "cli/pipes.rs"]
 mod pipes;
+#[path = "given/program.rs"]
+mod program;
 #[path = "cli/replay.rs"]
 mod replay;
 #[path = "cli/report.rs"]
 mod report;
 #[path = "cli/report_page.rs"]
 mod report_page;
+#[path = "given/repository.rs"]
+mod repository;
 #[path = "cli/runs.rs"]
 mod runs;
 #[path = "cli/suite.rs"]
@@ -54,7 +60,9 @@ use std::process::{Command, Stdio};
 
 use tempfile::TempDir;
 
+use self::files::write;
 use self::pending::pending_frame;
+use self::program::program;
 
 const SHADERS: [(&str, &str); 3] = [
     ("constants.wgsl", "const TWO = 2.0;\n"),
@@ -77,12 +85,6 @@ const SHADERS: [(&str, &str); 3] = [
     ),
     ("small.wgsl", "enable f16;\nfn halve(x: f16) -> f16 { return x * 0.5h; }\n"),
 ];
-
-fn write(folder: &FilePath, file: &str, text: &str) {
-    let path = folder.join(file);
-    std::fs::create_dir_all(path.parent().expect("in the folder")).expect("a folder");
-    std::fs::write(path, text).expect("written");
-}
 
 /// A project with a shader folder where the command line looks for it.
 fn project() -> TempDir {
@@ -125,30 +127,10 @@ impl Ran {
 }
 
 fn command(folder: &FilePath, arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_karat"));
-    for (name, _) in std::env::vars_os() {
-        if name.to_string_lossy().starts_with("KARAT_") {
-            command.env_remove(name);
-        }
-    }
-    for name in [
-        "CI",
-        "GITHUB_ACTIONS",
-        "GITHUB_STEP_SUMMARY",
-        "GITHUB_WORKSPACE",
-        "CI_PROJECT_DIR",
-        "WORKSPACE",
-        "CARGO",
-        "NO_COLOR",
-        "CLICOLOR",
-        "CLICOLOR_FORCE",
-        "CARGO_TARGET_DIR",
-    ] {
-        command.env_remove(name);
-    }
+    let mut command = program(folder);
     // Mesa's device-select layer complains where there is no window system.
     command.env("NODEVICE_SELECT", "1").env("COLUMNS", "100");
-    command.current_dir(folder).args(arguments);
+    command.args(arguments);
     command
 }
 

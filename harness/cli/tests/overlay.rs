@@ -1,15 +1,12 @@
 //! `KARAT_OVERLAY`: files that stand in for modules, as the command line sees them.
 
-use std::path::Path as FilePath;
+#[path = "given/files.rs"]
+mod files;
+
 use std::process::Command;
 
+use self::files::write;
 use tempfile::TempDir;
-
-fn write(folder: &FilePath, file: &str, text: &str) {
-    let path = folder.join(file);
-    std::fs::create_dir_all(path.parent().expect("in the folder")).expect("a folder");
-    std::fs::write(path, text).expect("written");
-}
 
 /// A project with the modules `math` and `area`, and an overlay beside it.
 struct Project {

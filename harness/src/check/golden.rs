@@ -243,9 +243,11 @@ impl Comparison<'_> {
             }
         }
         let table = Table { columns: columns(called.function()), arguments: called.words, words };
-        let shader = blake3::hash(called.probed.program.text().as_bytes()).to_hex().to_string();
+        let program = &called.probed.program;
+        let shader = blake3::hash(program.text().as_bytes()).to_hex().to_string();
+        let modules = program.modules().to_vec();
         let tolerance = self.tolerances.general.to_string();
-        Ok(Made { table, adapter, shader, tolerance })
+        Ok(Made { table, adapter, shader, modules, tolerance })
     }
 }
 

@@ -92,7 +92,8 @@ impl After<'_> {
             };
             let left = |(table, adapter), how: Option<(&Table, &str)>| {
                 let tolerance = tolerance.to_string();
-                let made = Made { table, adapter: &adapter, shader: shader(&passes), tolerance };
+                let (shader, modules) = (shader(&passes), passes.modules());
+                let made = Made { table, adapter: &adapter, shader, modules, tolerance };
                 match how {
                     Some((golden, how)) => goldens.unlike_golden(case, &made, golden, how),
                     None => goldens.without_golden(case, &made),

@@ -7,7 +7,7 @@ use super::request::{Draw, Geometry};
 use super::{Blend, DrawError, Format};
 use crate::diagnostic::FileRead;
 use crate::fixture::{self, FixtureError, Fixtures};
-use crate::package::Package;
+use crate::package::{LinkedModule, Package};
 use crate::reflect::{Binding, Overrides, Program, Stage};
 use crate::value::Shape;
 
@@ -52,8 +52,16 @@ pub struct Drawing<'s> {
     pub(super) bindings: Vec<Bindings>,
     /// The scene's, with the members that have values of their own.
     fixtures: Fixtures,
-    /// The shaders, and the files, of the frames that it reads.
-    read: (Vec<String>, Vec<FileRead>),
+    /// What is known of the frames that it reads.
+    read: Read,
+}
+
+/// What is known of the frames that a drawing reads.
+#[derive(Debug, Default)]
+struct Read {
+    shaders: Vec<String>,
+    files: Vec<FileRead>,
+    modules: Vec<LinkedModule>,
 }
 
 /// What a draw's two pipelines read.
@@ -185,15 +193,16 @@ impl<'s> Drawing<'s> {
         let all: Vec<Binding> = bindings.iter().flat_map(of).collect();
         let members = scene.members.iter().map(|(path, shape, lanes)| (&**path, shape, &**lanes));
         let fixtures = fixture::with_members(&program, &all, &scene.fixtures, members)?;
-        let drawing = Self { scene, program, bindings, fixtures, read: (Vec::new(), Vec::new()) };
+        let drawing = Self { scene, program, bindings, fixtures, read: Read::default() };
         fixture::check_used(&drawing.all_bindings(), &drawing.fixtures)?;
         Ok(drawing)
     }
 
     /// Takes note of a frame that it reads.
     pub(crate) fn reads(&mut self, other: &Drawing<'_>) {
-        self.read.0.push(other.shader());
-        self.read.1.extend(other.read());
+        self.read.shaders.push(other.shader());
+        self.read.files.extend(other.read());
+        self.read.modules.extend(other.modules());
     }
 }
 
@@ -231,7 +240,7 @@ impl Drawing<'_> {
     /// The hash of the WGSL that is run.
     pub(crate) fn shader(&self) -> String {
         let text = self.program.text();
-        match &*self.read.0 {
+        match &*self.read.shaders {
             [] => blake3::hash(text.as_bytes()),
             others => blake3::hash([text, &*others.concat()].concat().as_bytes()),
         }
@@ -242,7 +251,12 @@ impl Drawing<'_> {
     /// The files that it depends on.
     pub(crate) fn read(&self) -> Vec<FileRead> {
         let fixtures = self.fixtures.iter().flat_map(|(_, fixture)| fixture.read());
-        self.program.files().iter().chain(fixtures).chain(&self.read.1).cloned().collect()
+        self.program.files().iter().chain(fixtures).chain(&self.read.files).cloned().collect()
+    }
+
+    /// The modules that its shaders, and those of the frames that it reads, were linked from.
+    pub(crate) fn modules(&self) -> Vec<LinkedModule> {
+        self.program.modules().iter().chain(&self.read.modules).cloned().collect()
     }
 }
 

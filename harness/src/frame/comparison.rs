@@ -76,6 +76,7 @@ impl Frame<'_> {
                 image: &image,
                 adapter: &adapter,
                 shader: drawing.shader(),
+                modules: drawing.modules(),
                 tolerance,
                 mask: self.mask.as_ref(),
                 variance: self.variance.as_ref(),

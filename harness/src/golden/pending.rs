@@ -1,6 +1,6 @@
 //! Frames that wait to be accepted or rejected.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -144,6 +144,7 @@ impl Goldens {
         let path = self.pending_file(case);
         let (mut provenance, parts) = frame.stored(case, against);
         provenance.folder = self.key();
+        provenance.modules = self.module_hashes(&frame.modules);
         let metadata = Some(provenance.metadata());
         ExrFile { parts, metadata }.write(&path)?;
         Ok(Pending { case: case.to_owned(), path, provenance })
@@ -295,6 +296,7 @@ impl Rendered<'_> {
             schema: Provenance::SCHEMA,
             case: case.to_owned(),
             shader: self.shader.clone(),
+            modules: BTreeMap::new(),
             pixels: stored.hash(),
             width,
             height,

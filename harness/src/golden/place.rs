@@ -1,11 +1,13 @@
 //! Where goldens are, and where their frames wait.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use super::Goldens;
 use crate::diagnostic::shown;
 use crate::image::remove_leftover;
+use crate::package::LinkedModule;
 
 /// The folder of frames that were rendered under an overlay. No golden's name has an `@`.
 pub(super) const OVERLAID: &str = "@overlay";
@@ -32,8 +34,26 @@ impl Goldens {
     pub(crate) fn key(&self) -> String {
         let Ok(folder) = self.folder().canonicalize() else { return String::new() };
         let below = root(&folder).and_then(|root| folder.strip_prefix(root).ok());
-        let parts = below.into_iter().flat_map(Path::iter);
-        parts.map(|part| part.to_string_lossy()).collect::<Vec<_>>().join("/")
+        below.map_or_else(String::new, with_slashes)
+    }
+
+    /// The folder of the project that the goldens belong to: where its lock file is, or its repository.
+    /// `None`: there is neither.
+    #[must_use]
+    pub fn project(&self) -> Option<PathBuf> {
+        root(&self.folder().canonicalize().ok()?).map(Path::to_path_buf)
+    }
+
+    /// Hashes of modules, by their files as seen from the project's root. One that isn't in the
+    /// project, such as another crate's, goes by its name, which is the same on all machines, too.
+    pub(super) fn module_hashes(&self, modules: &[LinkedModule]) -> BTreeMap<String, String> {
+        let project = self.project();
+        let name = |module: &LinkedModule| {
+            let file = module.file.as_ref().and_then(|file| file.canonicalize().ok());
+            let below = file.as_deref().and_then(|file| file.strip_prefix(project.as_ref()?).ok());
+            below.map_or_else(|| module.name.clone(), with_slashes)
+        };
+        modules.iter().map(|module| (name(module), module.hash.clone())).collect()
     }
 
     /// Whether commands find the folder by themselves: `golden` in a package, or where they run.
@@ -114,6 +134,11 @@ fn tidy(folder: &Path) {
 pub fn in_ci() -> bool {
     let value = std::env::var_os("CI").unwrap_or_default();
     !["", "0", "false"].iter().any(|no| value.eq_ignore_ascii_case(no))
+}
+
+/// A path as it is written on all systems.
+fn with_slashes(path: &Path) -> String {
+    path.iter().map(|part| part.to_string_lossy()).collect::<Vec<_>>().join("/")
 }
 
 /// The project's root: where its lock file is, or its repository.

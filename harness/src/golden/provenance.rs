@@ -21,6 +21,10 @@ pub struct Provenance {
     pub case: String,
     /// blake3 of the linked WGSL.
     pub shader: String,
+    /// blake3 of each module that it was linked from, by its file from the project's root; a module
+    /// that isn't in the project has its name instead. Goldens of older versions have none.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub modules: BTreeMap<String, String>,
     /// blake3 of size and pixels, as stored; of a table, of its columns and cells.
     pub pixels: String,
     /// Pixels across, or columns of a table.

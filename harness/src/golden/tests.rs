@@ -47,6 +47,7 @@ fn rendered<'a>(image: &'a Image, adapter: &'a Adapter) -> Rendered<'a> {
         image,
         adapter,
         shader: "shader".to_owned(),
+        modules: Vec::new(),
         tolerance: None,
         mask: None,
         variance: None,

@@ -8,6 +8,7 @@ use super::table::{Table, TableError};
 use super::{Goldens, Pending, Provenance, is_name};
 use crate::diagnostic::{FileRead, shown};
 use crate::image::{ImageError, Precision, write_whole};
+use crate::package::LinkedModule;
 use crate::path::Adapter;
 
 /// Values that were made, and by what.
@@ -16,6 +17,8 @@ pub(crate) struct Made<'a> {
     pub(crate) adapter: &'a Adapter,
     /// blake3 of the linked WGSL.
     pub(crate) shader: String,
+    /// What it was linked from.
+    pub(crate) modules: Vec<LinkedModule>,
     /// How much the values may differ.
     pub(crate) tolerance: String,
 }
@@ -174,7 +177,7 @@ impl Goldens {
         made: &Made<'_>,
         against: Option<(&Table, &str)>,
     ) -> Result<Pending, ValuesError> {
-        let Made { table, adapter, shader, tolerance } = made;
+        let Made { table, adapter, shader, modules, tolerance } = made;
         if let Some((row, column)) = table.non_finite() {
             let at = table.columns.iter().position(|other| other == column).unwrap_or_default();
             let word = table.rows().nth(row).map_or(0, |row| row[at]);
@@ -195,6 +198,7 @@ impl Goldens {
             schema: Provenance::SCHEMA,
             case: case.to_owned(),
             shader: shader.clone(),
+            modules: self.module_hashes(modules),
             pixels: table.hash(),
             width: count(table.columns.len()),
             height: count(table.len()),

@@ -199,6 +199,16 @@ impl Library {
         let manifest = |at: usize| self.manifest(at).unwrap_or_default();
         let packages: Vec<_> =
             packages.enumerate().map(|(at, package)| ((*manifest(at)).clone(), package)).collect();
+        let file_of = |path: &ModulePath| match modules.get(path) {
+            Some(module) if path != root => module.file.read(),
+            _ => file.read(),
+        };
+        let linked = texts.iter().map(|(path, hash)| LinkedModule {
+            name: self.shown(path),
+            file: file_of(path).map(|read| read.file),
+            hash: hash.to_hex().to_string(),
+        });
+        let linked = linked.collect();
         files.extend(packages.iter().filter_map(|(manifest, _)| manifest.read.clone()));
         // What a program prints is in no file, but what it was given is.
         let given = texts.keys().filter_map(|path| {
@@ -211,7 +221,7 @@ impl Library {
             }
         });
         files.extend(given);
-        Sources { packages, texts, files: files.into_iter().collect() }
+        Sources { packages, texts, linked, files: files.into_iter().collect() }
     }
 
     fn package(&self, index: usize) -> Rc<Package> {
@@ -307,11 +317,24 @@ impl Library {
     }
 }
 
+/// A module that a program was linked from.
+#[derive(Clone, Debug)]
+pub(crate) struct LinkedModule {
+    /// `package::math`, or `noise::value` of another package.
+    pub(crate) name: String,
+    /// `None`: it is in memory.
+    pub(crate) file: Option<PathBuf>,
+    /// BLAKE3 of its text, in hexadecimal: of a file, that of its bytes.
+    pub(crate) hash: String,
+}
+
 /// The texts that a link was made of.
 #[derive(Clone, Debug)]
 pub(crate) struct Sources {
     packages: Vec<(Manifest, Package)>,
     texts: BTreeMap<ModulePath, Hash>,
+    /// The same texts, as they are told to people.
+    linked: Vec<LinkedModule>,
     /// Those of them that are files.
     files: Vec<FileRead>,
 }
@@ -320,6 +343,11 @@ impl Sources {
     /// The files among them.
     pub(crate) fn files(&self) -> &[FileRead] {
         &self.files
+    }
+
+    /// The modules that they are the texts of.
+    pub(crate) fn modules(&self) -> &[LinkedModule] {
+        &self.linked
     }
 
     /// Whether all of them are as they were.

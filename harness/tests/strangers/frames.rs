@@ -553,6 +553,8 @@ fn integers_and_depths_are_no_colours() {
         project.accept(case);
         drawn(&first, case).expect("the same");
     }
+    let facts = project.facts("ids");
+    assert!(facts.contains("[modules]\npackage = \""), "what made it is kept: {facts}");
     // One more in a few pixels, which no eye sees; and a surface that is a tenth farther away.
     drawn(&package("5001u", "0.9990"), "ids").expect_err("another integer");
     drawn(&package("5000u", "0.9991"), "depths").expect_err("another depth");

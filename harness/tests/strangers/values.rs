@@ -42,6 +42,11 @@ impl Project {
         assert!(self.pending(case).is_none(), "it waits no longer");
     }
 
+    /// The facts of a golden frame, as text.
+    pub(crate) fn facts(&self, case: &str) -> String {
+        std::fs::read_to_string(self.folder.path().join(format!("{case}.toml"))).expect("facts")
+    }
+
     fn text(&self, case: &str) -> String {
         std::fs::read_to_string(self.folder.path().join(format!("{case}.csv"))).expect("a golden")
     }

@@ -2,10 +2,12 @@
 
 use serde_json::{Value, json};
 
-use super::{Case, Failure, Map, Part, Rows, facts, packed};
-use karat::golden::{ChangedRow, Criterion, CriterionMargin, Provenance};
+use super::{Case, Failure, MOST_ROWS, Map, Part, Rows, facts, packed};
+use karat::Image;
+use karat::golden::{ChangedRow, Column, Criterion, CriterionMargin, Provenance, Table};
 use karat::image::ExrFile;
 use karat::metric::DEFAULT_RELATIVE;
+use karat::value::format_lane;
 
 /// The whole script. Its text has neither `<` nor line separators, so it could be embedded, too.
 pub(super) fn script(index: usize, case: &Case, history: &Value) -> String {
@@ -32,6 +34,7 @@ pub(super) fn script(index: usize, case: &Case, history: &Value) -> String {
         "declared": facts::declared(case.golden_provenance.as_ref(), &case.actual_provenance),
         "versions": history["versions"],
         "modules": history["modules"],
+        "golden_pixels": case.golden_provenance.as_ref().map(|known| &known.pixels),
         "facts": facts::table(case.golden_provenance.as_ref(), &case.actual_provenance),
     });
     received(&data)
@@ -55,9 +58,59 @@ pub(super) fn golden(index: usize, name: &str, golden: &ExrFile, versions: &[Val
         "verdict": verdict,
         "cause": "accepted golden",
         "pixels": "",
+        "size": golden.parts.first().map(|part| [part.image.width(), part.image.height()]),
         "versions": versions,
+        "golden_pixels": provenance.and_then(Result::ok).map(|known| known.pixels),
         "facts": facts,
     }))
+}
+
+/// A golden of values that nothing is pending for: its rows, and its versions.
+pub(super) fn golden_table(
+    index: usize,
+    name: &str,
+    (table, known): &(Table, Provenance),
+    versions: &[Value],
+) -> String {
+    let row = |(row, (given, results)): (usize, (&[u32], &[u32]))| {
+        let shown = |columns: &[Column], words: &[u32]| {
+            let cells = columns.iter().zip(words);
+            cells.map(|(column, word)| format_lane(column.scalar, *word)).collect::<Vec<_>>()
+        };
+        let (arguments, others) = table.columns.split_at(given.len());
+        json!({ "row": row + 1, "arguments": shown(arguments, given), "golden": shown(others, results) })
+    };
+    let rows = table.split_rows().enumerate().take(MOST_ROWS).map(row);
+    let columns: Vec<&str> = table.columns.iter().map(|column| column.name.as_str()).collect();
+    received(&json!({
+        "index": index,
+        "name": name,
+        "parts": [],
+        "maps": [],
+        "gates": [],
+        "table": {
+            "accepted": true,
+            "columns": columns,
+            "arguments": table.arguments,
+            "changed": table.len(),
+            "rows": rows.collect::<Vec<_>>(),
+        },
+        "verdict": format!("accepted: {}", known.because),
+        "cause": "accepted golden",
+        "pixels": "",
+        "size": [table.columns.len(), table.len()],
+        "versions": versions,
+        "facts": facts::table(None, known),
+    }))
+}
+
+/// An older version of a golden, as it was at a commit.
+pub(super) fn version(index: usize, commit: &str, image: Result<&Image, String>) -> String {
+    let (image, error) = match image {
+        Ok(image) => (Some(packed::image(image, None)), None),
+        Err(error) => (None, Some(error)),
+    };
+    received(&json!({ "index": index, "version": commit, "image": image, "why": error }))
 }
 
 /// A function that fails.

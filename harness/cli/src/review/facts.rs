@@ -100,10 +100,12 @@ pub(super) fn table(golden: Option<&Provenance>, actual: &Provenance) -> Vec<Fac
     };
     let mut names: Vec<&String> = golden.iter().chain(&actual).map(|(name, _)| name).collect();
     let mut seen = std::collections::BTreeSet::new();
-    // What was compared with, and the name of both, say nothing here; the finding is shown by
-    // itself.
-    let aside =
-        |name: &str| ["case", "compared_with"].contains(&name) || name.starts_with("finding.");
+    // What was compared with, and the name of both, say nothing here; the finding and the modules are
+    // shown by themselves.
+    let aside = |name: &str| {
+        let shown = ["finding.", "modules."].iter().any(|group| name.starts_with(group));
+        shown || ["case", "compared_with"].contains(&name)
+    };
     names.retain(|name| !aside(name) && seen.insert(*name));
     let fact = |name: &String| {
         let (golden, actual) = (value(&golden, name), value(&actual, name));
@@ -154,6 +156,7 @@ mod tests {
             schema: 1,
             case: "scene".to_owned(),
             shader: "aa".to_owned(),
+            modules: std::collections::BTreeMap::new(),
             pixels: "bb".to_owned(),
             width: 2,
             height: 1,

@@ -1,41 +1,38 @@
-//! What git knows of a golden: its versions with their reasons, and which modules changed since.
+//! What git has of a golden: its versions with their reasons, and their images.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::io::Write;
+use std::path::Path;
 
+use karat::Image;
+use karat::image::ExrFile;
 use serde_json::{Value, json};
 
+use super::git;
+
 /// Versions that are listed.
-const MOST: usize = 30;
-/// Bytes of a difference that are shown: nobody reads more.
-const LONGEST: usize = 200_000;
+const MOST: &str = "30";
 
 /// Each commit that changed a golden, the latest first, with the reason that its facts have.
 pub(super) fn versions(golden: &Path) -> Vec<Value> {
-    let (Some(folder), Some(name), Some(stem)) =
-        (golden.parent(), golden.file_name(), golden.file_stem())
-    else {
+    let (Some(folder), Some(name)) = (golden.parent(), golden.file_name()) else {
         return Vec::new();
     };
-    let (name, facts) = (name.to_string_lossy(), format!("{}.toml", stem.to_string_lossy()));
-    let most = MOST.to_string();
-    let log = git(
-        folder,
-        &[
-            "log",
-            "-n",
-            &most,
-            "--format=%h%x1f%as%x1f%an%x1f%s",
-            "--",
-            &literal(&name),
-            &literal(&facts),
-        ],
-    );
+    let is_table = golden.extension().is_some_and(|kind| kind == "csv");
+    let name = name.to_string_lossy();
+    // A table has its facts within.
+    let beside = golden.with_extension("toml");
+    let beside = beside.file_name().unwrap_or_default().to_string_lossy();
+    let facts = if is_table { &name } else { &beside };
+    let paths = [git::literal(&name), git::literal(facts)];
+    let format = "--format=%h%x1f%as%x1f%an%x1f%s";
+    let log = git::text(folder, &["log", "-n", MOST, format, "--", &paths[0], &paths[1]]);
     let version = |line: &str| {
         let mut fields = line.split('\u{1f}');
         let (commit, date, author, subject) =
             (fields.next()?, fields.next()?, fields.next()?, fields.next()?);
-        let text = git(folder, &["show", &format!("{commit}:./{facts}")]).unwrap_or_default();
+        let text = git::text(folder, &["show", &format!("{commit}:./{facts}")]).unwrap_or_default();
+        let comments = || text.lines().map_while(|line| line.strip_prefix('#'));
+        let text = if is_table { comments().collect::<Vec<_>>().join("\n") } else { text.clone() };
         let facts: toml::Table = text.parse().unwrap_or_default();
         let fact = |name: &str| facts.get(name).and_then(toml::Value::as_str).unwrap_or_default();
         Some(json!({
@@ -47,107 +44,38 @@ pub(super) fn versions(golden: &Path) -> Vec<Value> {
     log.unwrap_or_default().lines().filter_map(version).collect()
 }
 
-/// The modules that differ from what they were when the golden was committed. `modules`: those that the
-/// frame depends on, as its last run recorded them; without them, each module of the repository.
-pub(super) fn modules(golden: &Path, modules: Option<&[PathBuf]>) -> Value {
-    match Since::find(golden).and_then(|since| since.changed(modules)) {
-        Ok(known) => known,
-        Err(why) => json!({ "unknown": why.to_string() }),
-    }
+/// Why an older version of a golden can't be shown.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum VersionError {
+    #[error("it is no version of this golden")]
+    Unknown,
+    #[error("commit {0} has no such file")]
+    Absent(String),
+    #[error("it can't be unpacked: {0}")]
+    Unpacked(#[from] std::io::Error),
+    #[error("{0}")]
+    Damaged(String),
 }
 
-/// Why it can't be told which modules changed.
-#[derive(Clone, Copy, Debug, thiserror::Error)]
-enum Untold {
-    #[error(
-        "the golden is in no git repository, which would have the modules that it was made with"
-    )]
-    NoGit,
-    #[error("the golden isn't committed, so git doesn't know which modules it was made with")]
-    Uncommitted,
-    #[error("git fails to compare them")]
-    Failed,
-}
-
-/// The commit that has the golden as it is now.
-struct Since {
-    root: PathBuf,
-    commit: String,
-}
-
-impl Since {
-    fn find(golden: &Path) -> Result<Self, Untold> {
-        let folder = golden.parent().ok_or(Untold::NoGit)?;
-        let name = literal(&golden.file_name().unwrap_or_default().to_string_lossy());
-        let root = git(folder, &["rev-parse", "--show-toplevel"]).ok_or(Untold::NoGit)?;
-        // A repository without commits has none of it.
-        let commit =
-            git(folder, &["log", "-n", "1", "--format=%h", "--", &name]).unwrap_or_default();
-        let dirty = git(folder, &["status", "--porcelain", "--", &name]).ok_or(Untold::NoGit)?;
-        if commit.is_empty() || !dirty.is_empty() {
-            return Err(Untold::Uncommitted);
-        }
-        Ok(Self { root: root.trim_end().into(), commit: commit.trim().to_owned() })
+/// The image that a golden was in one of its [`versions`].
+pub(super) fn image(golden: &Path, commit: &str) -> Result<Image, VersionError> {
+    // A commit that comes from a browser becomes an argument only if git has listed it.
+    let is_known = |version: &Value| version["commit"] == commit;
+    let (Some(folder), Some(name)) = (golden.parent(), golden.file_name()) else {
+        return Err(VersionError::Unknown);
+    };
+    if !versions(golden).iter().any(is_known) {
+        return Err(VersionError::Unknown);
     }
-
-    /// Modules of a record as paths for git. Those of another machine, or of crates from elsewhere, are
-    /// none of this repository's.
-    fn inside(&self, modules: &[PathBuf]) -> Vec<String> {
-        // What is reached by a link is named by its own place, as git names it.
-        let real = |file: &PathBuf| file.canonicalize().unwrap_or_else(|_| file.clone());
-        let root = real(&self.root);
-        let inside =
-            |file: PathBuf| Some(literal(&file.strip_prefix(&root).ok()?.to_string_lossy()));
-        modules.iter().map(real).filter_map(inside).collect()
-    }
-
-    fn changed(&self, modules: Option<&[PathBuf]>) -> Result<Value, Untold> {
-        let own = modules.map(|modules| self.inside(modules)).filter(|paths| !paths.is_empty());
-        let all = own.is_none();
-        let paths = own.unwrap_or_else(|| ["*.wgsl", "*.wesl"].map(str::to_owned).into());
-        let with_paths = |arguments: &[&str]| {
-            let paths = paths.iter().map(String::as_str);
-            let all: Vec<&str> = arguments.iter().copied().chain(["--"]).chain(paths).collect();
-            git(&self.root, &all).ok_or(Untold::Failed)
-        };
-        let mut diff = vec!["diff", "--no-ext-diff", "--no-textconv", "--no-color", "--no-renames"];
-        diff.extend(["--src-prefix=a/", "--dst-prefix=b/", &self.commit]);
-        let mut text = with_paths(&diff)?;
-        if text.len() > LONGEST {
-            text.truncate(text.floor_char_boundary(LONGEST));
-            text.push_str("\n…");
-        }
-        let file = |part: &str| {
-            let name = part.lines().next()?.rsplit_once(" b/")?.1.to_owned();
-            // From the first change on: what is above names the file again.
-            let from = part.find("\n@@")? + 1;
-            Some(json!({ "name": name, "diff": part[from..].trim_end() }))
-        };
-        let mut changed: Vec<Value> =
-            format!("\n{text}").split("\ndiff --git ").filter_map(file).collect();
-        let new = with_paths(&["ls-files", "--others", "--exclude-standard"])?;
-        let new =
-            new.lines().map(|name| json!({ "name": name, "diff": "new, and not in git yet" }));
-        changed.extend(new);
-        Ok(json!({ "since": self.commit, "all": all, "changed": changed }))
-    }
-}
-
-/// A path that is no pattern, whatever its characters.
-fn literal(path: &str) -> String {
-    format!(":(literal){path}")
-}
-
-/// What git prints; `None` if it isn't there or fails. It changes nothing.
-fn git(folder: &Path, arguments: &[&str]) -> Option<String> {
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    let mut command = Command::new("git");
-    command.args(["-c", "core.quotepath=off"]).args(arguments).current_dir(folder);
-    command.env("GIT_OPTIONAL_LOCKS", "0").env("LC_ALL", "C");
-    // Whoever runs this in a hook of git's has another repository in mind.
-    for name in ["GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE"] {
-        command.env_remove(name);
-    }
-    let ran = command.stdin(Stdio::null()).stderr(Stdio::null()).output().ok()?;
-    ran.status.success().then(|| String::from_utf8_lossy(&ran.stdout).into_owned())
+    let place = format!("{commit}:./{}", name.to_string_lossy());
+    let bytes = git::bytes(folder, &["show", &place]);
+    let bytes = bytes.ok_or_else(|| VersionError::Absent(commit.to_owned()))?;
+    let mut file = tempfile::NamedTempFile::new()?;
+    file.write_all(&bytes)?;
+    let read = ExrFile::read(file.path());
+    // The name of a temporary file says nothing to anybody.
+    let unnamed = |error: String| error.replace(&karat::diagnostic::shown(file.path()), &place);
+    let read = read.map_err(|error| VersionError::Damaged(unnamed(error.to_string())))?;
+    let first = read.parts.into_iter().next();
+    first.map(|part| part.image).ok_or_else(|| VersionError::Absent(commit.to_owned()))
 }

@@ -1,7 +1,7 @@
 //! Reads cases from files.
 
 use super::maps::maps;
-use super::{Case, Cause, Part, Rows};
+use super::{Case, Cause, MOST_ROWS, Part, Rows};
 use karat::golden::{AcceptError, COLOR, MASK, Pending, Provenance, Table, TableError};
 use karat::image::{self, ExrFile, ImageError};
 use karat::metric::{Mask, Pair};
@@ -114,9 +114,6 @@ impl Case {
         })
     }
 }
-
-/// Rows of a table that the page shows: more aren't read by anybody.
-const MOST_ROWS: usize = 500;
 
 /// The parts of both sides by name, the frame first.
 fn parts(golden: Option<ExrFile>, actual: ExrFile) -> Vec<Part> {

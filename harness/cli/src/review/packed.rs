@@ -18,11 +18,32 @@ use serde_json::{Value, json};
 /// Where a map has no value; its values are finite.
 const HOLE: u16 = f16::NAN.to_bits();
 
-/// An image's channels as the bits of floats.
-#[derive(PartialEq)]
-enum Planes {
-    Half(Vec<Vec<u16>>),
-    Float(Vec<Vec<u32>>),
+/// An image's channels as the bits of floats, in words that have as many bytes as `format` says.
+struct Planes {
+    format: Format,
+    words: Vec<Vec<u32>>,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Format {
+    Half,
+    Float,
+}
+
+impl Format {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Half => "f16",
+            Self::Float => "f32",
+        }
+    }
+
+    fn bytes(self) -> u32 {
+        match self {
+            Self::Half => 2,
+            Self::Float => 4,
+        }
+    }
 }
 
 impl Planes {
@@ -30,15 +51,35 @@ impl Planes {
     fn of(image: &Image) -> Self {
         let mut values = image.pixels().iter().flatten();
         let fits = |value: &f32| f16::from_f32(*value).to_f32().to_bits() == value.to_bits();
-        let channels = 0..4;
-        let plane = |channel: usize| image.pixels().iter().map(move |pixel| pixel[channel]);
-        if values.all(fits) {
-            Self::Half(
-                channels.map(|c| plane(c).map(|v| f16::from_f32(v).to_bits()).collect()).collect(),
-            )
-        } else {
-            Self::Float(channels.map(|c| plane(c).map(f32::to_bits).collect()).collect())
+        let format = if values.all(fits) { Format::Half } else { Format::Float };
+        let word = |value: f32| match format {
+            Format::Half => u32::from(f16::from_f32(value).to_bits()),
+            Format::Float => value.to_bits(),
+        };
+        let plane =
+            |channel: usize| image.pixels().iter().map(|pixel| word(pixel[channel])).collect();
+        Self { format, words: (0..4).map(plane).collect() }
+    }
+
+    /// The bytes of all words, as distances to those of `base` or to the word before.
+    fn bytes(&self, base: Option<&Self>) -> Vec<u8> {
+        let bits = 8 * self.format.bytes();
+        let mask = u32::MAX >> (32 - bits);
+        let mut out = Vec::new();
+        for (channel, plane) in self.words.iter().enumerate() {
+            let mut before = 0;
+            let zigzag = |(at, word): (usize, &u32)| {
+                let from = base.map_or(before, |base| base.words[channel][at]);
+                before = *word;
+                let distance = word.wrapping_sub(from) & mask;
+                ((distance << 1) ^ if distance >> (bits - 1) == 1 { mask } else { 0 }) & mask
+            };
+            let words: Vec<u32> = plane.iter().enumerate().map(zigzag).collect();
+            for byte in (0..self.format.bytes()).rev() {
+                out.extend(words.iter().map(|word| (word >> (8 * byte)) as u8));
+            }
         }
+        out
     }
 }
 
@@ -46,18 +87,10 @@ impl Planes {
 pub(super) fn image(image: &Image, golden: Option<&Image>) -> Value {
     let same_size =
         |other: &&Image| (other.width(), other.height()) == (image.width(), image.height());
+    let planes = Planes::of(image);
     let base = golden.filter(same_size).map(Planes::of);
-    let (format, base, bytes) = match (Planes::of(image), base) {
-        (Planes::Half(planes), Some(Planes::Half(base))) => {
-            ("f16", true, half_bytes(&planes, Some(&base)))
-        }
-        (Planes::Half(planes), _) => ("f16", false, half_bytes(&planes, None)),
-        (Planes::Float(planes), Some(Planes::Float(base))) => {
-            ("f32", true, float_bytes(&planes, Some(&base)))
-        }
-        (Planes::Float(planes), _) => ("f32", false, float_bytes(&planes, None)),
-    };
-    value(image, format, base, 4, &bytes)
+    let base = base.filter(|base| base.format == planes.format);
+    value(image, &planes, base.as_ref())
 }
 
 /// A map of scalars, which are looked at and not judged: half floats, and nothing where alpha is 0.
@@ -69,57 +102,20 @@ pub(super) fn map(image: &Image) -> Value {
     }
     let word =
         |pixel: &[f32; 4]| if pixel[3] == 0.0 { HOLE } else { f16::from_f32(pixel[0]).to_bits() };
-    let plane = image.pixels().iter().map(word).collect();
-    value(image, "f16", false, 1, &half_bytes(&[plane], None))
+    let plane = image.pixels().iter().map(|pixel| u32::from(word(pixel))).collect();
+    value(image, &Planes { format: Format::Half, words: vec![plane] }, None)
 }
 
-fn value(image: &Image, format: &str, base: bool, channels: usize, bytes: &[u8]) -> Value {
+fn value(image: &Image, planes: &Planes, base: Option<&Planes>) -> Value {
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::new(7));
-    let packed = encoder.write_all(bytes).and_then(|()| encoder.finish());
+    let packed = encoder.write_all(&planes.bytes(base)).and_then(|()| encoder.finish());
     json!({
         "width": image.width(),
         "height": image.height(),
-        "format": format,
-        "packed": { "channels": channels, "of_golden": base },
+        "format": planes.format.name(),
+        "packed": { "channels": planes.words.len(), "of_golden": base.is_some() },
         "data": STANDARD.encode(packed.expect("memory takes all")),
     })
-}
-
-fn half_bytes(planes: &[Vec<u16>], base: Option<&[Vec<u16>]>) -> Vec<u8> {
-    let mut out = Vec::new();
-    for (channel, plane) in planes.iter().enumerate() {
-        let mut before = 0;
-        let words: Vec<u16> = (0..plane.len())
-            .map(|at| {
-                let from = base.map_or(before, |base| base[channel][at]);
-                before = plane[at];
-                let distance = plane[at].wrapping_sub(from);
-                (distance << 1) ^ if distance >> 15 == 1 { u16::MAX } else { 0 }
-            })
-            .collect();
-        out.extend(words.iter().map(|word| word.to_be_bytes()[0]));
-        out.extend(words.iter().map(|word| word.to_be_bytes()[1]));
-    }
-    out
-}
-
-fn float_bytes(planes: &[Vec<u32>], base: Option<&[Vec<u32>]>) -> Vec<u8> {
-    let mut out = Vec::new();
-    for (channel, plane) in planes.iter().enumerate() {
-        let mut before = 0;
-        let words: Vec<u32> = (0..plane.len())
-            .map(|at| {
-                let from = base.map_or(before, |base| base[channel][at]);
-                before = plane[at];
-                let distance = plane[at].wrapping_sub(from);
-                (distance << 1) ^ if distance >> 31 == 1 { u32::MAX } else { 0 }
-            })
-            .collect();
-        for byte in 0..4 {
-            out.extend(words.iter().map(|word| word.to_be_bytes()[byte]));
-        }
-    }
-    out
 }
 
 #[cfg(test)]

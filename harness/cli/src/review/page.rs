@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::data::embedded;
-use super::{Entry, FrameRun, Review};
+use super::{Entry, FrameRun, Review, golden_name};
 use karat::diagnostic::shown;
 use karat::golden::{Criterion, CriterionMargin, Pending, PendingFrames};
 
@@ -11,7 +11,7 @@ const HTML: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
 
 /// The scripts, each of which uses only those before it. They become one, in one scope.
-const SCRIPTS: [&str; 24] = [
+const SCRIPTS: [&str; 25] = [
     include_str!("page/numbers.js"),
     include_str!("page/tones.js"),
     include_str!("page/shader.js"),
@@ -31,6 +31,7 @@ const SCRIPTS: [&str; 24] = [
     include_str!("page/controls.js"),
     include_str!("page/choose.js"),
     include_str!("page/thumbs.js"),
+    include_str!("page/versions.js"),
     include_str!("page/cases.js"),
     include_str!("page/sheet.js"),
     include_str!("page/decide.js"),
@@ -80,7 +81,10 @@ pub(super) fn html(
                 "accept": format!("{}{arguments}", frame.accept_arguments()),
             }))
         }
-        Entry::Golden(name) => Some(json!({ "index": number, "name": name, "status": "golden" })),
+        Entry::Golden(file) => {
+            let (name, table) = golden_name(file);
+            Some(json!({ "index": number, "name": name, "status": "golden", "table": table }))
+        }
         Entry::Failure(at) => {
             let failure = review.run.failures.get(*at)?;
             let severity = failure.ratio.map_or(json!("inf"), |ratio| json!(ratio));

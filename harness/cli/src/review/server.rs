@@ -11,7 +11,7 @@ use serde::Deserialize;
 use serde_json::json;
 
 use super::http::{Answer, Http, Request, Stopper};
-use super::{Entry, Review, ReviewError, data, page};
+use super::{Entry, Review, ReviewError, data, page, version_script};
 use karat::golden::{AcceptError, Acceptance, Pending, PendingFrames};
 
 /// Longest decision that is read; a reason is a sentence.
@@ -123,11 +123,15 @@ impl Desk {
         request.admit();
         let url = request.url.split('?').next().unwrap_or_default();
         let place = url.get(self.token.len() + 2..).unwrap_or_default().to_owned();
-        let number = place.strip_prefix("data/").and_then(|file| file.strip_suffix(".js"));
+        let file = place.strip_prefix("data/").and_then(|file| file.strip_suffix(".js"));
+        let (number, commit) = match file.and_then(|file| file.split_once('-')) {
+            Some((number, commit)) => (Some(number), Some(commit)),
+            None => (file, None),
+        };
         let number = number.and_then(|number| number.parse().ok());
         match (request.method.as_str(), place.as_str(), number) {
             ("GET", "", _) => self.page(),
-            ("GET", _, Some(number)) => self.data(number),
+            ("GET", _, Some(number)) => self.data(number, commit),
             ("POST", "accept", _) => self.decide(request, Self::accept),
             ("POST", "reject", _) => self.decide(request, Self::reject),
             (_, "" | "accept" | "reject", _) | (_, _, Some(_)) => {
@@ -180,19 +184,29 @@ impl Desk {
         Answer(200, "text/html; charset=utf-8", html)
     }
 
-    fn data(&self, number: usize) -> Answer {
+    /// An entry or, with a commit, an older version of its golden.
+    fn data(&self, number: usize, commit: Option<&str>) -> Answer {
         let entry = {
             let numbered = locked(&self.numbered);
             numbered.get(number).cloned()
         };
         let Some(entry) = entry else { return Answer::text(404, "there is no such case") };
         // The page can't read the status of a script, so what is wrong is told by one.
-        let script = match &entry {
-            Entry::Pending(name) => match self.find(name) {
-                Ok(pending) => self.review.script(number, &pending),
-                Err(error) => data::failure(number, &error.to_string()),
-            },
-            other => self.review.other_script(number, other),
+        let pending = match &entry {
+            Entry::Pending(name) => Some(self.find(name)),
+            _ => None,
+        };
+        let script = match (commit, pending) {
+            (Some(commit), pending) => {
+                let pending = pending.and_then(Result::ok);
+                match self.review.golden_of(&entry, pending.as_ref()) {
+                    Some(golden) => version_script(number, &golden, commit),
+                    None => return Answer::text(404, "there is no such version"),
+                }
+            }
+            (None, Some(Ok(pending))) => self.review.script(number, &pending),
+            (None, Some(Err(error))) => data::failure(number, &error.to_string()),
+            (None, None) => self.review.other_script(number, &entry),
         };
         Answer(200, "text/javascript; charset=utf-8", script)
     }

@@ -1,13 +1,7 @@
 //! `karat compare`
 
 use super::*;
-
-fn git(folder: &FilePath, arguments: &[&str]) {
-    let mut command = Command::new("git");
-    command.current_dir(folder).args(["-c", "user.name=a", "-c", "user.email=a@b"]);
-    let output = command.args(arguments).output().expect("git runs");
-    assert!(output.status.success(), "{output:?}");
-}
+use crate::repository::git;
 
 #[test]
 fn an_edit_is_compared_with_a_revision_and_with_a_folder() {

@@ -43,6 +43,7 @@ pub(crate) fn provenance(
         schema: 1,
         case: case.to_owned(),
         shader: String::new(),
+        modules: BTreeMap::new(),
         pixels: pixels.to_owned(),
         width: 2,
         height: 1,

@@ -3,14 +3,20 @@
 
 mod editor;
 mod failing;
+#[path = "../given/files.rs"]
+mod files;
 mod invalid;
 mod lenses;
+#[path = "../given/program.rs"]
+mod program;
 mod session;
 mod short;
 
 use std::path::Path;
 use std::process::Command;
 
+use files::write;
+use program::program;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -24,12 +30,6 @@ const TESTS: &str = "import package::calc::half;\nimport karat::expect_near;\n\n
 const DECLARED: &str = "[[test]]\nfunction = \"sum\"\nover = { a = \"0..1\", b = \"0..1\" }\n\
 symmetric_in = [\"a\", \"b\"]\nin_range = [0, 2]\n";
 
-fn write(folder: &Path, file: &str, text: &str) {
-    let path = folder.join(file);
-    std::fs::create_dir_all(path.parent().expect("in the folder")).expect("a folder");
-    std::fs::write(path, text).expect("written");
-}
-
 /// A folder of shaders with tests of their own, and no Cargo project.
 fn folder() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -40,16 +40,8 @@ fn folder() -> TempDir {
 }
 
 fn karat(folder: &Path) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_karat"));
-    for (name, _) in std::env::vars_os() {
-        if name.to_string_lossy().starts_with("KARAT_") {
-            command.env_remove(name);
-        }
-    }
-    for name in ["CI", "GITHUB_ACTIONS", "CARGO_TARGET_DIR", "CLICOLOR_FORCE"] {
-        command.env_remove(name);
-    }
-    command.current_dir(folder).env("KARAT_PATHS", "cpu").env("NO_COLOR", "1");
+    let mut command = program(folder);
+    command.env("KARAT_PATHS", "cpu").env("NO_COLOR", "1");
     command
 }
 

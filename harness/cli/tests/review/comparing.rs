@@ -174,6 +174,18 @@ fn noise_has_few_outlines() {
     let (_server, mut browser, tab) = open(&project);
     let found = browser.value(&tab, "(({ count, boxes }) => [count, boxes.length, boxes.reduce((sum, box) => sum + box.count, 0)])(karat.failing.of(karat.loaded()))");
     assert_eq!(found, json!([242, 1, 242]), "each is in one");
+    // Around all of the image it would say nothing, so that words do.
+    assert_eq!(browser.value(&tab, "document.querySelectorAll('#overlay .area').length"), 0);
+    let label = "[...document.querySelectorAll('#overlay .pane')].map(pane => pane.innerText)";
+    assert_eq!(
+        browser.value(&tab, label),
+        json!(["Golden", "Actual fails all over: 11.8 % of its pixels"])
+    );
+    browser.press(&tab, "W");
+    let pinned = browser.value(&tab, "karat.state.pinned.map(side => side % 3)");
+    assert_eq!(pinned, json!([0, 0]), "a pixel that fails, and not all of them");
+    browser.press(&tab, "o");
+    assert_eq!(browser.value(&tab, label), json!(["Golden", "Actual"]));
 }
 
 /// What is masked isn't judged, and the gate is the one of the margins: neither is outlined.

@@ -473,7 +473,7 @@ fn without_webgl_2_the_page_says_so() {
 }
 
 /// A golden or pending table of the values of `x * gain`, as its test leaves it.
-fn left_values(project: &Project, case: &str, gain: &str) {
+pub(crate) fn left_values(project: &Project, case: &str, gain: &str) {
     let package =
         karat::Package::from_source("m", format!("fn f(x: f32) -> f32 {{ return x * {gain}; }}"));
     let (checked, folder) =
@@ -491,17 +491,63 @@ fn left_values(project: &Project, case: &str, gain: &str) {
     }
 }
 
-#[test]
-fn values_are_shown_as_rows_and_decided_like_frames() {
-    let project = Project::new();
-    std::fs::write(project.folder().join("Cargo.lock"), "").expect("written");
-    let case = "review_of_values";
-    left_values(&project, case, "0.5");
+/// The golden of values that [`left_values`] has left.
+pub(crate) fn accept_values(project: &Project, case: &str) {
     let goldens = karat::Goldens::open(&project.folder().join("golden"));
     let because = "the first".to_owned();
     let acceptance = karat::golden::Acceptance { because, any_adapter: true, ..Default::default() };
     let pending = goldens.select(case).expect("it waits").frames;
     goldens.accept(&pending[0], &acceptance).expect("accepted");
+}
+
+#[test]
+fn values_that_are_accepted_stand_among_the_goldens() {
+    let project = Project::new();
+    project.put("Cargo.lock", "");
+    let case = "review_of_accepted_values";
+    left_values(&project, case, "0.5");
+    accept_values(&project, case);
+    let facts = karat::golden::Table::read(&project.folder().join(format!("golden/{case}.csv")));
+    let hash = karat::record::FileRead::of(
+        std::path::Path::new(""),
+        b"fn f(x: f32) -> f32 { return x * 0.5; }",
+    );
+    assert_eq!(facts.expect("a table").1.modules["package"], hash.hash, "of a module in memory");
+    project.put_golden("tiny", &tiny());
+    project.commit("the values of f");
+    let server = project.serve_with(&["--goldens"]);
+    let mut browser = Browser::start();
+    let tab = browser.open(&server.url);
+    browser.settle(&tab);
+    assert_eq!(browser.text(&tab, "#cases .folder"), "accepted goldens");
+    assert_eq!(browser.text(&tab, "#name"), case);
+    assert_eq!(browser.text(&tab, "#size"), "24 rows");
+    assert_eq!(browser.text(&tab, "#table-count"), "24 rows");
+    let rows = "[...document.querySelectorAll('#table tr')].slice(0, 2).map(row => [...row.cells].map(cell => cell.innerText))";
+    assert_eq!(
+        browser.value(&tab, rows),
+        serde_json::json!([["row", "x", "result"], ["1", "1", "0.5"]])
+    );
+    assert_eq!(browser.text(&tab, "#verdict"), "accepted: the first");
+    assert!(browser.text(&tab, "#facts").contains("accepted by"));
+    let version = browser.text(&tab, "#versions li");
+    assert!(version.contains("the first") && version.contains("the values of f"), "{version}");
+    assert_eq!(browser.value(&tab, "document.querySelectorAll('#versions .version').length"), 0);
+    browser.press(&tab, "a");
+    assert_eq!(browser.value(&tab, "document.querySelector('dialog[open]') === null"), true);
+    browser.press(&tab, "j");
+    browser.settle(&tab);
+    assert_eq!(browser.text(&tab, "#name"), "tiny");
+    assert_eq!(browser.value(&tab, "document.getElementById('table').hidden"), true);
+}
+
+#[test]
+fn values_are_shown_as_rows_and_decided_like_frames() {
+    let project = Project::new();
+    project.put("Cargo.lock", "");
+    let case = "review_of_values";
+    left_values(&project, case, "0.5");
+    accept_values(&project, case);
     left_values(&project, case, "(0.5 + select(0.0, 0.25, x == 1.0))");
     project.put_golden("tiny", &tiny());
     project.put_pending("tiny", &Image::new(4, 4, vec![[1.0; 4]; 16]), |_| ());

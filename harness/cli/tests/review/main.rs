@@ -3,12 +3,18 @@
 mod browser;
 mod comparing;
 mod deciding;
+#[path = "../given/files.rs"]
+mod files;
 mod finding;
 mod listing;
 mod looking;
+#[path = "../given/program.rs"]
+mod program;
 mod project;
 mod refusing;
 mod reporting;
+#[path = "../given/repository.rs"]
+mod repository;
 mod shots;
 mod sourcing;
 mod touching;

@@ -13,6 +13,10 @@ use karat::image::Precision;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
+use crate::files::write;
+use crate::program::program;
+use crate::repository::git;
+
 /// Longest wait for the server. It is less than what the server grants a silent client, so that
 /// whoever waits for one isn't taken to answer.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(8);
@@ -60,12 +64,36 @@ impl Project {
         self.folder.path().join(format!("golden/{case}.new.exr"))
     }
 
+    /// Writes a file of the project.
+    pub(crate) fn put(&self, file: &str, text: &str) {
+        write(self.folder(), file, text);
+    }
+
+    /// Runs git in the project. What it prints.
+    pub(crate) fn git(&self, arguments: &[&str]) -> String {
+        git(self.folder(), arguments)
+    }
+
+    /// Commits all that is there. The commit's name.
+    pub(crate) fn commit(&self, subject: &str) -> String {
+        self.git(&["init", "-q"]);
+        self.git(&["add", "-A"]);
+        self.git(&["commit", "-q", "-m", subject]);
+        self.git(&["log", "-n", "1", "--format=%h"])
+    }
+
     /// Writes a golden.
     pub(crate) fn put_golden(&self, case: &str, image: &Image) {
+        self.put_golden_with(case, image, |_| {});
+    }
+
+    /// Writes a golden whose facts are others.
+    pub(crate) fn put_golden_with(&self, case: &str, image: &Image, change: impl Fn(&mut Value)) {
         let mut facts = provenance();
         facts["case"] = case.into();
         facts["pixels"] = image.hash().into();
         facts["precision"] = "float".into();
+        change(&mut facts);
         let text = facts.to_string();
         image.write_exr(&self.golden(case), Precision::Float, Some(&text)).expect("written");
     }
@@ -173,17 +201,8 @@ impl Project {
     }
 
     pub(crate) fn karat(&self, arguments: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_karat"));
-        for (name, _) in std::env::vars_os() {
-            if name.to_string_lossy().starts_with("KARAT_") {
-                command.env_remove(name);
-            }
-        }
-        command
-            .env_remove("CI")
-            .env_remove("CARGO_TARGET_DIR")
-            .current_dir(self.folder())
-            .args(arguments);
+        let mut command = program(self.folder());
+        command.args(arguments);
         command
     }
 

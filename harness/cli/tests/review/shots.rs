@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::browser::{Browser, Tab};
+use crate::looking::{accept_values, left_values};
 use crate::project::Project;
 
 fn shoot(browser: &mut Browser, tab: &Tab, name: &str) {
@@ -154,6 +155,16 @@ fn every_width_is_drawn() {
     shoot(&mut browser, &tab, "edition-touch-700");
     browser.touch(&tab, 390, 844);
     shoot(&mut browser, &tab, "edition-touch-390");
+    browser.press(&tab, "3");
+    browser.click(&tab, "#tools-more");
+    shoot(&mut browser, &tab, "edition-touch-unfolded-390");
+    browser.click(&tab, "#tools-more");
+    browser.press(&tab, "s");
+    shoot(&mut browser, &tab, "edition-touch-sheet-390");
+    browser.press(&tab, "s");
+    browser.prefer_dark(&tab, false);
+    browser.value(&tab, "document.querySelector('aside').scrollIntoView()");
+    shoot(&mut browser, &tab, "edition-touch-below-390");
 }
 
 /// Where cases come from: a repository with a record, goldens and functions that fail.
@@ -161,10 +172,36 @@ fn every_width_is_drawn() {
 fn origins_are_drawn() {
     let project = Project::with_frames();
     crate::sourcing::with_origins(&project);
+    let case = "sun_by_angle";
+    left_values(&project, case, "0.5");
+    accept_values(&project, case);
     let server = project.serve_with(&["--goldens"]);
     let mut browser = Browser::start();
-    let tab = browser.open(&server.url);
+    let tab = browser.open(&format!("{}#{case}", server.url));
     browser.prefer_dark(&tab, true);
+    shoot(&mut browser, &tab, "table-1280");
+    browser.resize(&tab, 390, 844, 1.0);
+    shoot(&mut browser, &tab, "table-390");
+    browser.resize(&tab, 1400, 900, 1.0);
+    browser.value(&tab, "location.hash = '#scene'");
+    browser.wait(&tab, "document.getElementById('name').innerText === 'scene'");
+    browser.wait(&tab, "karat.state.cases.every(entry => entry.thumb || entry.table || entry.status === 'function')");
+    let older = "document.querySelectorAll('#versions .version')";
+    browser.wait(&tab, &format!("{older}.length === 1"));
+    browser.value(&tab, &format!("{older}[0].click()"));
+    browser.wait(&tab, "karat.state.part > 0");
+    browser.value(&tab, "document.getElementById('versions').scrollIntoView()");
+    shoot(&mut browser, &tab, "version-1400");
+    browser.press(&tab, "3");
+    shoot(&mut browser, &tab, "version-difference-1400");
+    browser.press(&tab, "4");
+    browser.value(&tab, &format!("{older}[0].click()"));
+    browser.wait(&tab, "karat.state.part === 0");
+    // `docs/guide/review.png` is this one.
+    browser.resize(&tab, 1280, 800, 1.0);
+    browser.value(&tab, "document.querySelector('#modules details').open = true");
+    browser.value(&tab, "document.getElementById('judged').scrollIntoView()");
+    shoot(&mut browser, &tab, "guide-1280");
     for (width, height) in [(1400, 900), (700, 900)] {
         browser.resize(&tab, width, height, 1.0);
         for name in ["scene", "lobe::ggx%20agrees_with", "environment"] {
@@ -184,8 +221,11 @@ fn origins_are_drawn() {
             shoot(&mut browser, &tab, &format!("origin-{file}-{width}"));
             let aside = "document.querySelector('#versions:not([hidden]), #test').scrollIntoView()";
             browser.value(&tab, aside);
+            // What is in sight of the history is loaded then.
+            browser.wait(&tab, "[...document.querySelectorAll('#versions .version')].every(version => version.querySelector('canvas'))");
             shoot(&mut browser, &tab, &format!("origin-{file}-below-{width}"));
             browser.value(&tab, "document.querySelector('header').scrollIntoView()");
+            browser.value(&tab, "document.querySelector('aside').scrollTop = 0");
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Where a case comes from: its test, what changed since its golden, the golden's versions; functions
 //! that fail, and goldens that nothing is pending for.
 
-use std::process::Command;
-
+use karat::Image;
+use karat::record::FileRead;
 use serde_json::{Value, json};
 
 use crate::browser::{Browser, Tab};
@@ -14,13 +14,6 @@ fn open(project: &Project, arguments: &[&str]) -> (Server, Browser, Tab) {
     let tab = browser.open(&server.url);
     browser.settle(&tab);
     (server, browser, tab)
-}
-
-fn git(project: &Project, arguments: &[&str]) {
-    let mut command = Command::new("git");
-    command.args(["-c", "user.name=Ada", "-c", "user.email=ada@example.org"]);
-    let ran = command.args(arguments).current_dir(project.folder()).output().expect("git is there");
-    assert!(ran.status.success(), "{ran:?}");
 }
 
 /// The record of the project's last run.
@@ -61,30 +54,42 @@ fn function_record() -> Value {
 
 /// A repository in which the scene's shader changed, and a run that also failed a function.
 pub(crate) fn with_origins(project: &Project) {
-    std::fs::create_dir(project.folder().join("shaders")).expect("a folder");
-    let module = project.folder().join("shaders/light.wgsl");
     let text = "// The sun.\nconst SUN = 1.0;\n\nfn sun(cosine: f32) -> f32 {\n    return SUN * max(cosine, 0.0);\n}\n";
-    std::fs::write(&module, text).expect("written");
+    project.put("shaders/light.wgsl", text);
     let repository = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../golden");
-    for file in ["scene.toml", "environment.toml", "environment.exr"] {
+    for file in ["environment.toml", "environment.exr"] {
         std::fs::copy(repository.join(file), project.folder().join("golden").join(file))
             .expect("copied");
     }
-    git(project, &["init", "-q"]);
-    git(
-        project,
-        &[
-            "add",
-            "golden/scene.exr",
-            "golden/scene.toml",
-            "golden/environment.exr",
-            "golden/environment.toml",
-            "shaders",
-        ],
-    );
-    git(project, &["commit", "-q", "-m", "golden: the first frames"]);
-    std::fs::write(&module, text.replace("max(cosine, 0.0)", "clamp(cosine, 0.0, 0.5)"))
-        .expect("written");
+    project.put("Cargo.lock", "");
+    let pending = Image::read_exr(&project.pending("scene")).expect("pending").0;
+    let scene = Image::read_exr(&project.golden("scene")).expect("a golden").0;
+    let hash = |text: &str| FileRead::of(std::path::Path::new(""), text.as_bytes()).hash;
+    let commit = |warmth: f32, because: &str| {
+        let mut image = scene.clone();
+        image.pixels_mut().iter_mut().for_each(|pixel| pixel[2] *= warmth);
+        project.put_golden_with("scene", &image, |facts| {
+            facts["modules"] = json!({ "shaders/light.wgsl": hash(text) });
+            (facts["width"], facts["height"]) = (image.width().into(), image.height().into());
+            facts["because"] = because.into();
+        });
+        let hash = image.hash();
+        let facts =
+            format!("because = \"{because}\"\naccepted_by = \"Ada\"\npixels = \"{hash}\"\n");
+        project.put("golden/scene.toml", &facts);
+        project.git(&["add", "golden/scene.exr", "golden/scene.toml"]);
+        project.git(&["add", "golden/environment.exr", "golden/environment.toml", "shaders"]);
+        project.git(&["commit", "-q", "-m", "golden: the scene"]);
+    };
+    project.git(&["init", "-q"]);
+    commit(0.7, "the first frame: each sphere is where the article has it");
+    commit(1.0, "the light is no longer yellow: the sky is in it, too");
+    let now = text.replace("max(cosine, 0.0)", "clamp(cosine, 0.0, 0.5)");
+    project.put("shaders/light.wgsl", &now);
+    project.put_pending("scene", &pending, |facts| {
+        facts["shader"] = "5f".repeat(32).into();
+        facts["modules"] = json!({ "shaders/light.wgsl": hash(&now) });
+    });
     let mut frame = frame_record(project);
     frame["subject"]["golden"] = "scene".into();
     frame["test"] = "scene_agrees_with_its_golden".into();
@@ -110,9 +115,9 @@ fn what_changed_since_the_golden_is_shown() {
     assert!(told.contains("can't be told: the golden is in no git repository"), "{told}");
     assert_eq!(browser.value(&tab, "document.getElementById('versions').hidden"), true);
 
-    git(&project, &["init", "-q"]);
-    git(&project, &["add", "golden/tiny.exr", "golden/tiny.toml", "shaders"]);
-    git(&project, &["commit", "-q", "-m", "the frame of the sun"]);
+    project.git(&["init", "-q"]);
+    project.git(&["add", "golden/tiny.exr", "golden/tiny.toml", "shaders"]);
+    project.git(&["commit", "-q", "-m", "the frame of the sun"]);
     std::fs::write(module("light.wgsl"), "const SUN = 2.0; // <u>brighter</u>\nconst SKY = 0.5;\n")
         .expect("written");
     std::fs::write(module("other.wgsl"), "const OTHER = 2.0;\n").expect("written");
@@ -157,6 +162,214 @@ fn what_changed_since_the_golden_is_shown() {
     project.put_golden("tiny", &other);
     let (_server, mut browser, tab) = open(&project, &[]);
     assert!(browser.text(&tab, "#modules").contains("the golden isn't committed"));
+}
+
+/// Golden and frame say themselves which modules made them, so that the golden needn't be committed, and
+/// commits that aren't the golden's don't count.
+#[test]
+fn modules_that_changed_are_known_by_their_hashes() {
+    let project = Project::new();
+    project.put("Cargo.lock", "");
+    let hash = |text: &str| FileRead::of(std::path::Path::new(""), text.as_bytes()).hash;
+    let lights = ["const SUN = 1.0;\n", "const SUN = 2.0;\n", "const SUN = 3.0;\n"];
+    project.put("shaders/other.wgsl", "const OTHER = 1.0;\n");
+    for (at, light) in lights[..2].iter().enumerate() {
+        project.put("shaders/light.wgsl", light);
+        project.commit(&format!("light {at}"));
+    }
+    project.put("shaders/light.wgsl", lights[2]);
+    project.put("shaders/other.wgsl", "const OTHER = 2.0;\n");
+    let put = |old: Value, new: Value| {
+        project.put_golden_with("tiny", &tiny(), |facts| facts["modules"] = old.clone());
+        let mut actual = tiny();
+        actual.pixels_mut()[0][0] = 5.0;
+        project.put_pending("tiny", &actual, |facts| {
+            facts["shader"] = "changed".into();
+            facts["modules"] = new.clone();
+        });
+    };
+    let shown = |project: &Project| {
+        let (_server, mut browser, tab) = open(project, &[]);
+        let opened =
+            "document.querySelectorAll('#modules details').forEach(d => { d.open = true; })";
+        browser.value(&tab, opened);
+        assert_eq!(
+            browser.value(
+                &tab,
+                "karat.loaded().facts.filter(({ name }) => name.startsWith('modules')).length"
+            ),
+            0
+        );
+        browser.text(&tab, "#modules .body")
+    };
+    // The golden's version of the light isn't the latest that git has.
+    let (light, other) = ("shaders/light.wgsl", "shaders/other.wgsl");
+    put(
+        json!({ light: hash(lights[0]), other: hash("a"), "noise::value": hash("b") }),
+        json!({ light: hash(lights[2]), other: hash("a"), "shaders/new.wgsl": hash("c") }),
+    );
+    assert_eq!(
+        shown(&project).lines().filter(|line| !line.is_empty()).collect::<Vec<_>>(),
+        [
+            "Modules that changed since the golden, by their hashes.",
+            "noise::value: the frame has it no longer",
+            light,
+            "@@ -1 +1 @@",
+            "-const SUN = 1.0;",
+            "+const SUN = 3.0;",
+            "shaders/new.wgsl: the golden didn't have it",
+        ]
+    );
+    // Edited since, and never committed.
+    put(
+        json!({ light: hash(lights[1]), other: hash("never") }),
+        json!({ light: hash("a draft"), other: hash("now") }),
+    );
+    let told = shown(&project);
+    assert!(told.contains("light.wgsl: it was edited again since the frame was drawn"), "{told}");
+    assert!(told.contains("-const SUN = 2.0;"), "{told}");
+    assert!(told.contains("other.wgsl: git has no version of it with the golden's hash"), "{told}");
+    // The same modules: then something else made another program of them.
+    put(json!({ light: hash(lights[0]) }), json!({ light: hash(lights[0]) }));
+    let told = shown(&project);
+    assert!(told.contains("No module changed since the golden, by their hashes."), "{told}");
+    assert!(told.contains("features, overrides or Karat changed"), "{told}");
+    // An old golden has no hashes, and git tells what it can.
+    put(json!({}), json!({ light: hash(lights[2]) }));
+    assert!(shown(&project).contains("the golden isn't committed"));
+    project.git(&["add", "golden/tiny.exr"]);
+    project.git(&["commit", "-q", "-m", "an old golden"]);
+    let told = shown(&project);
+    assert!(
+        told.contains("since the golden's commit") && told.contains("+const SUN = 3.0;"),
+        "{told}"
+    );
+    assert!(!told.contains("other.wgsl"), "the frame says which modules are its own: {told}");
+}
+
+/// What a golden was: a thumbnail in its history, and a part to compare with.
+#[test]
+fn older_versions_of_a_golden_are_seen_and_compared() {
+    let project = Project::new();
+    let version = |red: f32, because: &str| {
+        let mut image = tiny();
+        image.pixels_mut()[0][0] = red;
+        project.put_golden("tiny", &image);
+        let facts = format!("pixels = \"{}\"\nbecause = \"{because}\"\n", image.hash());
+        project.put("golden/tiny.toml", &facts);
+        project.commit(because)
+    };
+    let first = version(7.0, "the first");
+    // Facts may change alone.
+    let (same, second) = (version(8.0, "the second"), version(8.0, "for another reason"));
+    let commits = [first, second];
+    version(9.0, "now");
+    project.put_pending("tiny", &tiny(), |_| {});
+    let (server, mut browser, tab) = open(&project, &[]);
+    let buttons = "[...document.querySelectorAll('#versions li')].map(row => row.querySelector('.version')?.dataset.commit ?? row.querySelector('.now').innerText)";
+    assert_eq!(
+        browser.value(&tab, buttons),
+        json!(["as now", commits[1], format!("as {}", commits[1]), commits[0]])
+    );
+    assert_ne!(same, commits[1]);
+    let pictures = "document.querySelectorAll('#versions canvas').length";
+    assert_eq!(browser.value(&tab, pictures), 0, "they are below what is seen");
+    browser.value(&tab, "document.getElementById('versions').scrollIntoView()");
+    browser.wait(&tab, &format!("{pictures} === 2"));
+    let choose =
+        |commit: &str| format!("document.querySelector('[data-commit=\"{commit}\"]').click()");
+    browser.value(&tab, &choose(&commits[0]));
+    browser.wait(&tab, "karat.state.part === 1");
+    browser.settle(&tab);
+    let sides = "(({ golden, actual }) => [golden.values[0], actual.values[0]])(karat.loaded().parts[karat.state.part])";
+    let red = |value: f32| f64::from(value);
+    assert_eq!(browser.value(&tab, sides), json!([7, red(0.01)]));
+    let label = browser.text(&tab, "#overlay");
+    assert!(label.contains(&format!("Golden of {}", commits[0])), "{label}");
+    let pressed = "document.querySelector('.version[aria-pressed=true]')?.dataset.commit ?? 'none'";
+    assert_eq!(browser.value(&tab, pressed), commits[0].as_str());
+    // Another one takes its place, and the same once more is the golden again.
+    browser.value(&tab, &choose(&commits[1]));
+    browser.wait(&tab, "karat.loaded().parts[1].golden.values[0] === 8");
+    assert_eq!(browser.value(&tab, "karat.loaded().parts.length"), 2);
+    browser.value(&tab, &choose(&commits[1]));
+    browser.wait(&tab, "karat.state.part === 0");
+    assert_eq!(browser.value(&tab, sides), json!([9, red(0.01)]));
+
+    // Only what git has listed is a version.
+    for (place, status, text) in [
+        ("data/0-HEAD.js", 200, "it is no version of this golden"),
+        ("data/0---output=x.js", 200, "it is no version of this golden"),
+        ("data/9-0.js", 404, ""),
+    ] {
+        let answer = server.get(place);
+        assert!(answer.status == status && answer.text.contains(text), "{answer:?}");
+    }
+
+    // A golden that nothing is pending for is compared with what it was.
+    std::fs::remove_file(project.pending("tiny")).expect("there");
+    let (_server, mut browser, tab) = open(&project, &["--goldens"]);
+    browser.value(&tab, &choose(&commits[0]));
+    browser.wait(&tab, "karat.state.part === 1");
+    browser.press(&tab, "3");
+    assert_eq!(browser.value(&tab, sides), json!([7, 9]));
+    assert_eq!(browser.text(&tab, "#message"), "");
+    let label = browser.text(&tab, "#overlay");
+    assert_eq!(label, format!("Golden now − golden of {}", commits[0]));
+
+    // From files, too.
+    let report = project.folder().join("report");
+    let ran = project.karat(&["review", "--goldens", "--static"]).arg(&report).output();
+    assert!(ran.expect("it was built").status.success());
+    let tab = browser.open(&format!("file://{}/index.html", report.display()));
+    browser.settle(&tab);
+    browser.value(&tab, &choose(&commits[1]));
+    browser.wait(&tab, "karat.state.part === 1");
+    assert_eq!(browser.value(&tab, sides), json!([8, 9]));
+    assert!(report.join(format!("data/0-{}.js", commits[0])).is_file());
+    // What an older page left is gone.
+    std::fs::remove_dir_all(project.folder().join(".git")).expect("there");
+    let ran = project.karat(&["review", "--goldens", "--static"]).arg(&report).output();
+    assert!(ran.expect("it was built").status.success());
+    assert!(!report.join(format!("data/0-{}.js", commits[0])).exists());
+}
+
+/// A report has the older versions that fit.
+#[test]
+fn older_versions_leave_a_report_small() {
+    let project = Project::with_frames();
+    let golden = Image::read_exr(&project.golden("diffuse")).expect("a golden").0;
+    let noisy = |seed: usize| {
+        let mut image = golden.clone();
+        for (index, pixel) in image.pixels_mut().iter_mut().enumerate() {
+            let noise = 1.0 + 0.01 * (((index + seed) * 7919 % 101) as f32 / 50.0 - 1.0);
+            pixel[..3].iter_mut().for_each(|value| *value *= noise);
+        }
+        image.rounded_to(karat::image::Precision::Half)
+    };
+    for seed in 1..6 {
+        project.put_golden("diffuse", &noisy(seed));
+        project.commit(&format!("diffuse {seed}"));
+    }
+    let frame = noisy(0);
+    project.put_pending("diffuse", &frame, |facts| facts["precision"] = "half".into());
+    let report = project.folder().join("report");
+    let ran = project.karat(&["review", "--static"]).arg(&report).output().expect("it was built");
+    assert!(ran.status.success(), "{ran:?}");
+    let files = std::fs::read_dir(report.join("data")).expect("a folder").filter_map(Result::ok);
+    let of_first: Vec<(String, u64)> = files
+        .map(|file| (file.file_name().to_string_lossy().into_owned(), file))
+        .filter(|(name, _)| name == "0.js" || name.starts_with("0-"))
+        .map(|(name, file)| (name, file.metadata().expect("written").len()))
+        .collect();
+    println!("bytes: {of_first:?}");
+    let all: u64 = of_first.iter().map(|(_, length)| length).sum();
+    assert!(all <= 1_000_000 && of_first.len() > 1 && of_first.len() < 5, "{of_first:?}");
+    let mut browser = Browser::start();
+    let tab = browser.open(&format!("file://{}/index.html", report.display()));
+    browser.settle(&tab);
+    browser.value(&tab, "document.getElementById('versions').scrollIntoView()");
+    browser.wait(&tab, "document.getElementById('versions').innerText.includes('left out of this report, which stays small')");
 }
 
 /// Facts that the test declares are named where everybody looks.
@@ -216,9 +429,9 @@ fn goldens_are_looked_at_without_anything_pending() {
     project.put_golden("rooms/dark", &tiny());
     let ran = project.karat(&["reject", "tiny"]).output().expect("it was built");
     assert!(ran.status.success(), "{ran:?}");
-    git(&project, &["init", "-q"]);
-    git(&project, &["add", "golden"]);
-    git(&project, &["commit", "-q", "-m", "both"]);
+    project.git(&["init", "-q"]);
+    project.git(&["add", "golden"]);
+    project.git(&["commit", "-q", "-m", "both"]);
     let (_server, mut browser, tab) = open(&project, &["--goldens"]);
     let names = "[...document.querySelectorAll('#cases .name')].map(name => name.innerText)";
     assert_eq!(browser.value(&tab, names), json!(["tiny", "rooms/dark"]));
@@ -254,8 +467,8 @@ fn a_frame_takes_less_than_a_megabyte() {
     let tab = browser.open(&format!("file://{}/index.html", report.display()));
     browser.settle(&tab);
     let found = browser.value(&tab, "['golden', 'actual'].map(side => { let sum = 0; for (const word of new Uint32Array(karat.loaded().parts[0][side].values.buffer)) sum = (Math.imul(sum, 31) + word) >>> 0; return sum; })");
-    let read = |path: &std::path::Path| karat::Image::read_exr(path).expect("an image").0;
-    let sum = |image: karat::Image| {
+    let read = |path: &std::path::Path| Image::read_exr(path).expect("an image").0;
+    let sum = |image: Image| {
         let words =
             image.pixels().iter().flatten().map(|value| value.to_bits()).collect::<Vec<_>>();
         words.into_iter().fold(0_u32, |sum, word| sum.wrapping_mul(31).wrapping_add(word))

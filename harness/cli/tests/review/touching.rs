@@ -37,6 +37,44 @@ fn a_narrow_touch_screen_has_all_of_it() {
     }
 }
 
+/// On a telephone the toolbar is one line, whose views are scrolled, and the rest of it unfolds.
+#[test]
+fn a_telephone_has_its_screen_for_the_image() {
+    let project = Project::with_frames();
+    let server = project.serve();
+    let mut browser = Browser::start();
+    let tab = browser.open(&server.url);
+    browser.touch(&tab, 390, 844);
+    browser.settle(&tab);
+    let look = "['tools', 'canvas'].map(id => document.getElementById(id).getBoundingClientRect()).map(({ top, height }) => [top, height])";
+    let measure = |browser: &mut Browser| -> [[f64; 2]; 2] {
+        browser.settle(&tab);
+        serde_json::from_value(browser.value(&tab, look)).expect("numbers")
+    };
+    let [[_, tools], [top, height]] = measure(&mut browser);
+    assert!(tools <= 60.0, "{tools}");
+    assert!(top <= 300.0 && top + height <= 844.0 && height >= 400.0, "{top} {height}");
+    let shown = |browser: &mut Browser, id: &str| {
+        browser.value(&tab, &format!("document.getElementById('{id}').checkVisibility()"))
+    };
+    assert_eq!(shown(&mut browser, "exposure"), false);
+    // The view that is looked at is in sight, whatever chose it.
+    browser.press(&tab, "6");
+    let inside = "(() => { const [view, row] = ['#view-map', '#tools .views'].map(of => document.querySelector(of).getBoundingClientRect()); return view.left >= row.left && view.right <= row.right + 1; })()";
+    browser.wait(&tab, inside);
+    browser.press(&tab, "4");
+    browser.click(&tab, "#tools-more");
+    browser.settle(&tab);
+    assert_eq!(shown(&mut browser, "exposure"), true);
+    let expanded = "document.getElementById('tools-more').getAttribute('aria-expanded')";
+    assert_eq!(browser.value(&tab, expanded), "true");
+    let wide = browser.value(&tab, "[document.documentElement.scrollWidth, innerWidth]");
+    assert_eq!(wide[0], wide[1]);
+    browser.click(&tab, "#tools-more");
+    let [[_, folded], _] = measure(&mut browser);
+    assert!((folded - tools).abs() < 1.0, "{folded}");
+}
+
 #[test]
 fn fingers_drag_and_pinch() {
     let project = Project::with_tiny();

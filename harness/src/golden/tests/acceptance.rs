@@ -1,6 +1,8 @@
 //! From a pending frame to a golden.
 
 use super::*;
+use crate::package::Package;
+use crate::reflect::Program;
 
 #[test]
 fn the_exposures_are_pinned_when_a_golden_is_accepted() {
@@ -12,6 +14,49 @@ fn the_exposures_are_pinned_when_a_golden_is_accepted() {
     let lit = with(&[(1, 1), (2, 1)], 400.0);
     let failed = project.check("vulkan", &lit, None, None).expect_err("two lights");
     assert!(failed.to_string().contains(&format!("FLIP looked at {expected}")), "{failed}");
+}
+
+/// They explain a difference. A frame whose modules are others, or a golden that is older than this
+/// fact, is compared as before.
+#[test]
+fn a_golden_has_the_hash_of_each_of_its_modules() {
+    let project = Project::with_golden();
+    let put = |file: &str, text: &str| {
+        let file = project.folder.path().join(file);
+        std::fs::create_dir_all(file.parent().expect("in the project")).expect("a folder");
+        std::fs::write(file, text).expect("written");
+    };
+    put("Cargo.lock", "");
+    put("shaders/light.wgsl", "const SUN = 1.0;\nfn unused() -> f32 { return 2.0; }\n");
+    put(
+        "shaders/scene.wgsl",
+        "import package::light::SUN;\nimport noise::grey;\nconst LIT = SUN * grey;\n",
+    );
+    put("shaders/other.wgsl", "const OTHER = 1.0;\n");
+    let noise = Package::from_source("noise", "const grey = 0.5;\n");
+    let package = Package::open(project.folder.path().join("shaders")).expect("a folder");
+    let package = package.depends_on("noise", &noise);
+    let program = Program::of_items(&package, "scene", &["LIT"]).expect("valid");
+    let old = project.folder.path().join("room/ramp.toml");
+    assert!(!std::fs::read_to_string(&old).expect("there").contains("modules"));
+    let (image, changed, adapter) = (ramp(), spot(2.0), adapter("vulkan"));
+    let frame =
+        |image| Rendered { modules: program.modules().to_vec(), ..rendered(image, &adapter) };
+    project.goldens.check("room/ramp", &frame(&image)).expect("an old golden is a golden");
+
+    let failed = project.goldens.check("room/ramp", &frame(&changed)).expect_err("a spot");
+    project.accept(&failed, "a spot", None).expect("accepted");
+    let stored = pending_at(&project.folder.path().join("room/ramp.exr")).provenance;
+    let hash = |file: &str| FileRead::now(&project.folder.path().join(file)).hash;
+    let expected = BTreeMap::from([
+        ("noise".to_owned(), blake3::hash(b"const grey = 0.5;\n").to_hex().to_string()),
+        ("shaders/light.wgsl".to_owned(), hash("shaders/light.wgsl")),
+        ("shaders/scene.wgsl".to_owned(), hash("shaders/scene.wgsl")),
+    ]);
+    assert_eq!(stored.modules, expected);
+    let beside = std::fs::read_to_string(old).expect("there");
+    assert_eq!(toml::from_str::<Provenance>(&beside).expect("ours"), stored);
+    project.check("vulkan", &changed, None, None).expect("its modules aren't compared");
 }
 
 #[test]

@@ -20,6 +20,10 @@ function load(entry) {
 async function receive(data) {
   const entry = state.cases.find(({ index: number }) => number === data.index);
   if (!entry) return;
+  if (data.version) {
+    await versions.received(entry, data);
+    return;
+  }
   try {
     if (data.error) throw new Error(data.error);
     received(entry, { ...data, ...await images(data) });
@@ -49,7 +53,7 @@ async function images(data) {
 }
 
 function received(entry, data) {
-  Object.assign(entry, { data: { ...data, refused: undefined }, pixels: data.pixels, error: null });
+  Object.assign(entry, { data: { ...data, refused: undefined }, pixels: data.pixels, size: entry.size ?? data.size, error: null });
   thumbs.make(entry);
   // What was loaded for its thumbnail alone isn't kept.
   if (entry.background && entry !== selectedCase()) entry.data = null;
@@ -85,7 +89,7 @@ function prepared(image) {
   const badges = ({ odd, finite, status }) => (status !== "pending" ? []
     : [...(finite === false || odd?.nan ? ["NaN"] : []), ...(odd?.size ? ["size"] : [])]);
 
-  const size = (entry) => (entry?.table ? `${entry.size[1]} rows` : entry?.size?.join(" × ") ?? "");
+  const size = (entry) => (entry?.table && entry.size ? `${entry.size[1]} rows` : entry?.size?.join(" × ") ?? "");
   const GROUPS = { unusable: UNUSABLE, golden: "accepted goldens", function: "functions that fail" };
   const groupOf = (entry) => GROUPS[entry.status] ?? folderOf(entry.name);
 
@@ -97,9 +101,10 @@ function prepared(image) {
     const unusable = entry.status in GROUPS; // they stand together, with their whole names
     const status = STATUS[entry.status] ?? (entry.new ? "new" : "");
     const name = unusable || state.sort === "error" ? entry.name : entry.name.slice(groupOf(entry).length);
+    const marked = status || severity(entry) || badges(entry).length;
     const button = element("button", { type: "button", className: entry.status },
       ...(entry.thumb ? [thumbs.copy(entry.thumb.actual ?? entry.thumb.golden, "thumb")] : entry.index === null || entry.table || entry.status === "function" ? [] : [element("span", { className: "thumb" })]),
-      element("span", { className: "name" }, ...breakable(name)),
+      element("span", { className: marked ? "name" : "name alone" }, ...breakable(name)),
       element("span", { className: "marks" },
         ...badges(entry).map((text) => element("span", { className: "badge" }, text)),
         element("span", { className: "severity" }, severity(entry)),
@@ -131,7 +136,7 @@ function prepared(image) {
   let shown = "";
   listeners.push(() => {
     const now = JSON.stringify([state.selected, state.filter, state.sort, [...state.chosen],
-      state.cases.map(({ status, thumb, odd }) => [status, Boolean(thumb), odd])]);
+      state.cases.map(({ status, size: known, thumb, odd }) => [status, Boolean(known), Boolean(thumb), odd])]);
     if (now === shown) return;
     shown = now;
     const focused = list.contains(document.activeElement);

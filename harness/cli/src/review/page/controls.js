@@ -51,7 +51,7 @@ const actions = (() => {
     const inside = ({ left, top, right, bottom }, [x, y]) => x >= left && x <= right && y >= top && y <= bottom;
     const now = state.pinned ? boxes.findIndex((box) => inside(box, state.pinned)) : -1;
     const box = boxes[by ? (now + by + boxes.length) % boxes.length : 0];
-    return lookAt([box.left, box.top, box.right, box.bottom], box.at);
+    return box.whole ? lookAt([...box.at, ...box.at]) : lookAt([box.left, box.top, box.right, box.bottom], box.at);
   };
 
   const show = (view) => change({ view, flipping: view === "flip", sheet: false });
@@ -83,6 +83,7 @@ const keys = (() => {
   button("one-to-one", actions.pixels);
   button("sort", () => change({ sort: state.sort === "name" ? "error" : "name" }));
   button("sheet-open", () => change({ sheet: !state.sheet }));
+  button("tools-more", () => change({ more: !state.more }));
   button("help-open", () => byId("help").showModal());
 
   const exposures = [byId("exposure"), byId("exposure-value")];
@@ -109,10 +110,15 @@ const keys = (() => {
     list.value = String(chosen);
   };
 
+  let viewed = state.view;
   listeners.push(() => {
     for (const [id, name] of Object.entries(toggles)) byId(id).setAttribute("aria-pressed", String(state[name]));
     for (const view of VIEWS) byId(`view-${view}`).setAttribute("aria-pressed", String(state.view === view));
+    if (state.view !== viewed) byId(`view-${state.view}`).scrollIntoView({ block: "nearest", inline: "nearest" });
+    viewed = state.view;
     for (const input of exposures) if (input !== document.activeElement || input.valueAsNumber !== state.exposure) input.value = state.exposure;
+    byId("tools-more").setAttribute("aria-expanded", String(state.more));
+    byId("tools").classList.toggle("more", state.more);
     byId("tone").value = String(state.tone);
     byId("channel").value = String(state.channel);
     byId("how").value = String(state.how);
@@ -126,6 +132,8 @@ const keys = (() => {
     const parts = loaded()?.parts ?? [];
     byId("for-map").hidden = state.view !== "map" || maps.length < 1;
     byId("view-map").disabled = maps.length < 1;
+    const alone = selectedCase()?.status === "golden" && !part()?.version; // there is nothing beside it
+    for (const view of ["actual", "swipe", "flip", "difference"]) byId(`view-${view}`).disabled = alone;
     byId("for-part").hidden = parts.length < 2;
     refill(byId("map"), maps.map(({ name }) => name), state.map);
     refill(byId("part"), parts.map(({ name }) => name), state.part);

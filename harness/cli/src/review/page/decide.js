@@ -188,6 +188,7 @@ const decide = (() => {
 
   listeners.push(() => {
     const entry = selectedCase();
+    byId("decision").hidden = entry?.status === "golden" && !state.chosen.size;
     byId("served").hidden = !index.served;
     byId("typed").hidden = index.served || !entry || ["unusable", "golden", "function"].includes(entry.status);
     for (const kind of ["accept", "reject"]) {

@@ -63,6 +63,8 @@
     shown = data;
     byId("verdict").replaceChildren(...whole(data?.verdict ?? ""));
     byId("cause").textContent = data?.cause ?? "";
+    byId("cause").title = data?.cause ?? "";
+    byId("cause").classList.toggle("accepted", selectedCase()?.status === "golden");
     byId("gates").replaceChildren(...(data?.gates ?? []).map(gate));
     byId("no-gates").hidden = !data || Boolean(data.table) || selectedCase().status !== "pending" || data.gates.length > 0;
     const hidden = data?.table ? [...HIDDEN, "precision", "width", "height"] : HIDDEN;

@@ -68,6 +68,14 @@ const failing = (() => {
     if (box.ratio > known.ratio) Object.assign(known, { ratio: box.ratio, at: box.at });
   };
 
+  // Whether an area is nearly all of the image, so that its outline would say nothing.
+  const ALL = 0.9;
+  const isWhole = ({ left, top, right, bottom }, { width, height }) =>
+    Math.min(width, height) >= SMALL && right - left + 1 >= ALL * width && bottom - top + 1 >= ALL * height;
+  const SMALL = 16; // pixels; of fewer each is seen
+
+  const share = (part) => (part < 0.001 ? "less than 0.1 %" : `${numbers.rounded(100 * part)} %`);
+
   // Of the part that is judged, the first: the number of refused pixels, and their areas, worst first.
   const of = (data) => {
     const [judged, ...others] = data?.parts ?? [];
@@ -84,7 +92,9 @@ const failing = (() => {
       if (boxes.length <= MOST) break;
     }
     boxes.sort((a, b) => b.ratio - a.ratio || b.count - a.count);
-    data.refused = { count, boxes };
+    for (const box of boxes) box.whole = isWhole(box, golden);
+    const spread = boxes.some(({ whole }) => whole) ? `${share(count / ratios.length)} of its pixels` : "";
+    data.refused = { count, boxes, spread };
     return data.refused;
   };
 

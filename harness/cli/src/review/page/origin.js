@@ -1,5 +1,5 @@
-// Where a case comes from: its test and how to run it again, the modules that changed since its golden,
-// and the golden's versions.
+// Where a case comes from: its test and how to run it again, and the modules that changed since its
+// golden.
 
 const origin = (() => {
   // A button that copies, and says so where it was.
@@ -35,24 +35,30 @@ const origin = (() => {
   ];
 
   const MARKS = { "+": "added", "-": "removed", "@": "place" };
-  const difference = ({ name, diff }) => element("details", {},
-    element("summary", {}, name),
-    element("pre", {}, ...diff.split("\n").map((text) => element("span", { className: MARKS[text[0]] ?? "" }, `${text}\n`))));
-
-  const modules = (known) => {
-    if (!known) return [];
-    if (known.unknown) return [element("p", { className: "dim" }, `Which modules changed can't be told: ${known.unknown}.`)];
-    const whose = known.all ? "of this repository " : "";
-    if (!known.changed.length) return [element("p", { className: "dim" }, `No module ${whose}changed since the golden's commit ${known.since}.`)];
-    const about = known.all ? " No record of a run says which of them the frame has." : "";
-    return [element("p", { className: "dim" }, `Modules ${whose}that changed since the golden's commit ${known.since}.${about}`),
-      ...known.changed.map(difference)];
+  const note = (text) => element("span", { className: "dim" }, `: ${text}`);
+  const difference = ({ name, diff, note: said }) => {
+    const about = said ? [note(said)] : [];
+    if (!diff) return element("p", { className: "module" }, name, ...about);
+    return element("details", {},
+      element("summary", {}, name, ...about),
+      element("pre", {}, ...diff.split("\n").map((text) => element("span", { className: MARKS[text[0]] ?? "" }, `${text}\n`))));
   };
 
-  const version = ({ commit, date, author, subject, because, by, at }) => element("li", {},
-    element("span", { className: "dim" }, `${date} ${commit} ${author}`),
-    element("div", {}, because || subject),
-    ...(because ? [element("div", { className: "dim" }, [by && `accepted by ${by}`, at && `at ${at}`, `in “${subject}”`].filter(Boolean).join(" "))] : []));
+  const modules = (known) => {
+    const said = (text) => element("p", { className: "dim" }, text);
+    if (!known) return [];
+    if (known.unknown) return [said(`Which modules changed can't be told: ${known.unknown}.`)];
+    if (known.hashed) {
+      const why = known.otherwise ? " What is linked of them did: features, overrides or Karat changed." : "";
+      if (!known.changed.length) return [said(`No module changed since the golden, by their hashes.${why}`)];
+      return [said("Modules that changed since the golden, by their hashes."), ...known.changed.map(difference)];
+    }
+    const whose = known.all ? "of this repository " : "";
+    if (!known.changed.length) return [said(`No module ${whose}changed since the golden's commit ${known.since}.`)];
+    const about = known.all ? " No record of a run says which of them the frame has." : "";
+    return [said(`Modules ${whose}that changed since the golden's commit ${known.since}.${about}`),
+      ...known.changed.map(difference)];
+  };
 
   let shown = null;
   listeners.push(() => {
@@ -67,7 +73,6 @@ const origin = (() => {
     const known = data?.test ?? entry?.test;
     fill("test", known ? test(known) : []);
     fill("modules", modules(data?.modules));
-    fill("versions", (data?.versions ?? []).map(version));
     const declared = (data?.declared ?? []).map(({ name, golden, actual }) => `${name}: ${golden || "none"} → ${actual || "none"}`);
     byId("declared").textContent = declared.join(", ");
   });

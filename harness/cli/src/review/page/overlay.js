@@ -11,14 +11,21 @@
   const css = (pixels) => `${pixels / ratio()}px`;
 
   const label = (pane) => {
-    const name = pane.layer === "map" ? loaded()?.maps[state.map]?.name ?? "no map" : NAMES[pane.layer];
+    const name = pane.layer === "map" ? loaded()?.maps[state.map]?.name ?? "no map"
+      : part()?.names?.[pane.layer] ?? NAMES[pane.layer];
     const missing = pane.layer !== "map" && loaded() && missingSide(pane.layer);
-    const made = element("span", { className: "pane" }, missing ? `${name}: none` : name);
+    const made = element("span", { className: "pane" }, missing ? `${name}: none` : name, ...everywhere(pane));
     const right = state.view === "swipe" && pane.layer === "actual";
     made.style.top = css(pane.clip.y);
     if (right) made.style.right = "0";
     else made.style.left = css(pane.clip.x);
     return made;
+  };
+
+  // An outline around all of the image says nothing; that all of it is meant does.
+  const everywhere = (pane) => {
+    const spread = isOutlined(pane) && failing.of(loaded())?.spread;
+    return spread ? [element("span", { className: "spread" }, ` fails all over: ${spread}`)] : [];
   };
 
   const missingSide = (side) => {
@@ -48,9 +55,10 @@
 
   // Around each area that fails: thin around large ones, and a ring where it would be overlooked.
   const RING = 13; // points
+  const isOutlined = (pane) => state.outlines && !state.part && pane.layer !== "golden";
   const outlined = (pane) => {
-    if (!state.outlines || state.part || pane.layer === "golden") return [];
-    const boxes = failing.of(loaded())?.boxes ?? [];
+    if (!isOutlined(pane)) return [];
+    const boxes = (failing.of(loaded())?.boxes ?? []).filter(({ whole }) => !whole);
     return boxes.map(({ left, top, right, bottom }) => {
       const size = (Math.max(right - left, bottom - top) + 1) * state.scale;
       const small = size < RING * ratio();
@@ -122,7 +130,7 @@
     if (current.table || current.status === "function") return ""; // it lies over the canvas
     const { golden, actual } = part();
     const sizes = golden && actual && (golden.width !== actual.width || golden.height !== actual.height);
-    if (current.status === "golden") return ["golden", "side"].includes(state.view) ? "" : "Nothing is pending for this golden.";
+    if (current.status === "golden" && !part().version) return ["golden", "side"].includes(state.view) ? "" : "Nothing is pending for this golden.";
     if (state.view === "difference" && !golden) return "There is no golden to differ from.";
     if (state.view === "difference" && sizes) {
       return `The sizes differ: golden ${golden.width} × ${golden.height}, actual ${actual.width} × ${actual.height}. What both have is shown from the top left corner.`;

@@ -7,7 +7,7 @@
     const entry = state.cases[position];
     const { thumb } = entry;
     const times = entry.severity;
-    const verdict = entry.status === "golden" ? "accepted golden" : entry.status !== "pending" ? entry.status : entry.new ? "new"
+    const verdict = entry.status === "golden" ? `accepted golden${entry.table ? ", a table" : ""}` : entry.status !== "pending" ? entry.status : entry.new ? "new"
       : times === Infinity ? "can't be compared" : times ? `${numbers.rounded(times)} × its tolerance` : "";
     const odd = [entry.odd?.nan && "NaN", entry.odd?.size && "another size"].filter(Boolean);
     const button = element("button", { type: "button", className: "card" },

@@ -29,6 +29,7 @@ const state = {
   sheet: false, // all frames as thumbnails, in place of one
   chosen: new Set(), // entries that are decided together
   view: "side",
+  more: false, // the whole toolbar, where it is folded
   part: 0,
   map: 0,
   channel: 0,

@@ -1,4 +1,5 @@
-// A table of values in place of images: the rows that differ, those that differ most first.
+// A table of values in place of images: the rows that differ, those that differ most first, or all rows
+// of a golden that nothing is pending for.
 
 (() => {
   const pane = byId("table");
@@ -21,6 +22,11 @@
       cell(error, "error"));
   };
 
+  const accepted = ({ row: number, arguments: given, golden }) => element("tr", {},
+    cell(String(number), "number"),
+    ...given.map((text) => cell(text, "argument")),
+    ...golden.map((text) => cell(text, "")));
+
   const head = (text, title, columns = 1) => element("th", { scope: "col", title, colSpan: columns }, text);
 
   let shown = null;
@@ -31,13 +37,16 @@
     if (table === shown || !table) return;
     shown = table;
     const names = table.columns.slice(table.arguments);
-    pane.querySelector("thead tr").replaceChildren(
-      head("row", "from 1"),
-      ...table.columns.slice(0, table.arguments).map((name) => head(name, "argument")),
-      ...names.map((name) => head(name, "golden, then actual", 2)),
-      head("relative", "largest difference of a component, as a share of the golden"));
-    pane.querySelector("tbody").replaceChildren(...table.rows.map((entry) => row(entry, names.length)));
-    const more = table.changed > table.rows.length ? `; the ${table.rows.length} that differ most` : "";
-    byId("table-count").textContent = `${table.changed} rows differ${more}`;
+    const given = table.columns.slice(0, table.arguments).map((name) => head(name, "argument"));
+    const heads = table.accepted
+      ? names.map((name) => head(name, "result"))
+      : [...names.map((name) => head(name, "golden, then actual", 2)),
+        head("relative", "largest difference of a component, as a share of the golden")];
+    pane.querySelector("thead tr").replaceChildren(head("row", "from 1"), ...given, ...heads);
+    const made = table.accepted ? accepted : row;
+    pane.querySelector("tbody").replaceChildren(...table.rows.map((entry) => made(entry, names.length)));
+    const left = table.changed > table.rows.length;
+    const more = left ? `; the ${table.accepted ? "first " : ""}${table.rows.length}${table.accepted ? "" : " that differ most"}` : "";
+    byId("table-count").textContent = `${table.changed} rows${table.accepted ? "" : " differ"}${more}`;
   });
 })();

@@ -119,5 +119,5 @@ const thumbs = (() => {
     }, 50);
   });
 
-  return { make, copy };
+  return { make, copy, light };
 })();

@@ -1,0 +1,132 @@
+// Older versions of a golden, as its commits have them: thumbnails in its history, loaded when they are
+// seen, and the one that is chosen as a part of its own, beside what is there now.
+
+const versions = (() => {
+  const body = byId("versions").querySelector(".body");
+  const known = new Map(); // by entry and commit: { thumb, error, loading, wanted }
+  const of = (entry, commit) => {
+    const key = `${entry.index} ${commit}`;
+    if (!known.has(key)) known.set(key, { thumb: null, error: null, loading: false, wanted: false });
+    return known.get(key);
+  };
+
+  const load = (entry, commit) => {
+    const version = of(entry, commit);
+    if (version.loading) return;
+    version.loading = true;
+    const script = element("script", { src: `data/${entry.index}-${commit}.js`, async: true });
+    script.addEventListener("error", () => {
+      const why = index.served ? "it can't be loaded" : "left out of this report, which stays small";
+      Object.assign(version, { loading: false, error: why });
+      fill();
+    });
+    script.addEventListener("load", () => script.remove());
+    document.head.append(script);
+  };
+
+  // What a data file hands over.
+  const received = async (entry, { version: commit, image: stored, why }) => {
+    const version = of(entry, commit);
+    Object.assign(version, { loading: false, error: why });
+    if (stored) {
+      const image = prepared(await numbers.image(stored));
+      delete image.words;
+      version.thumb ??= thumbs.light(image);
+      if (version.wanted) compareWith(entry, commit, image);
+    }
+    version.wanted = false;
+    fill();
+  };
+
+  const isOlder = ({ version }) => Boolean(version);
+  const without = (entry) => {
+    stage.forget?.(entry.data.parts.filter(isOlder).map(({ golden }) => golden));
+    entry.data.parts = entry.data.parts.filter((made) => !isOlder(made));
+  };
+
+  const compareWith = (entry, commit, image) => {
+    if (entry !== selectedCase() || !entry.data) return;
+    without(entry);
+    const [judged] = entry.data.parts;
+    const [old, now] = [`golden of ${commit}`, judged.actual ? "Actual" : "Golden now"];
+    entry.data.parts.push({
+      name: old,
+      version: commit,
+      golden: image,
+      actual: judged.actual ?? judged.golden,
+      names: { golden: `Golden of ${commit}`, actual: now, difference: `${now} − ${old}` },
+    });
+    change({ part: entry.data.parts.length - 1, sheet: false });
+  };
+
+  const choose = (entry, commit) => {
+    if (part()?.version === commit) {
+      without(entry);
+      change({ part: 0 });
+      return;
+    }
+    of(entry, commit).wanted = true;
+    load(entry, commit);
+  };
+
+  // Thumbnails that nobody scrolls to aren't loaded.
+  const waiting = new WeakMap(); // what loads the one of a button
+  const seen = new IntersectionObserver((items) => {
+    for (const { isIntersecting, target } of items) {
+      if (!isIntersecting) continue;
+      seen.unobserve(target);
+      waiting.get(target)();
+    }
+  });
+
+  const picture = (entry, { commit, pixels }) => {
+    if (entry.table) return [];
+    if (pixels && pixels === entry.data.golden_pixels) return [element("span", { className: "now" }, "as now")];
+    // Facts may change alone: then a later version has this image already.
+    const first = entry.data.versions.find((other) => pixels && other.pixels === pixels);
+    if (first && first.commit !== commit) return [element("span", { className: "now" }, `as ${first.commit}`)];
+    const { thumb, error } = of(entry, commit);
+    if (error) return [element("span", { className: "now" }, error)];
+    const button = element("button", { type: "button", className: "version", title: "Compare with this version; again: with the golden" },
+      thumbs.copy(thumb, "thumb"));
+    button.setAttribute("aria-label", `Compare with the golden of ${commit}`);
+    button.setAttribute("aria-pressed", String(part()?.version === commit));
+    button.dataset.commit = commit;
+    button.addEventListener("click", (event) => {
+      choose(entry, commit);
+      if (event.detail) button.blur();
+    });
+    if (!thumb) {
+      waiting.set(button, () => load(entry, commit));
+      seen.observe(button);
+    }
+    return [button];
+  };
+
+  const row = (entry, version) => {
+    const { commit, date, author, subject, because, by, at } = version;
+    return element("li", {}, ...picture(entry, version), element("div", {},
+      element("span", { className: "dim" }, `${date} ${commit} ${author}`),
+      element("div", {}, because || subject),
+      ...(because ? [element("div", { className: "dim" }, [by && `accepted by ${by}`, at && `at ${at}`, `in “${subject}”`].filter(Boolean).join(" "))] : [])));
+  };
+
+  const fill = () => {
+    const [entry, all] = [selectedCase(), loaded()?.versions ?? []];
+    byId("versions").hidden = !all.length;
+    seen.disconnect();
+    const focused = body.contains(document.activeElement) ? document.activeElement.dataset.commit : null;
+    body.replaceChildren(...all.map((version) => row(entry, version)));
+    if (focused) body.querySelector(`[data-commit="${focused}"]`)?.focus();
+  };
+
+  let shown = null;
+  listeners.push(() => {
+    const now = [selectedCase(), loaded(), part()?.version];
+    if (shown && now.every((value, at) => value === shown[at])) return;
+    shown = now;
+    fill();
+  });
+
+  return { received };
+})();

@@ -1,0 +1,31 @@
+//! The program that is tested, without what whoever runs the tests has set.
+
+use std::path::Path;
+use std::process::Command;
+
+/// `karat`, to be run in a folder.
+pub(crate) fn program(folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_karat"));
+    for (name, _) in std::env::vars_os() {
+        if name.to_string_lossy().starts_with("KARAT_") {
+            command.env_remove(name);
+        }
+    }
+    for name in [
+        "CI",
+        "GITHUB_ACTIONS",
+        "GITHUB_STEP_SUMMARY",
+        "GITHUB_WORKSPACE",
+        "CI_PROJECT_DIR",
+        "WORKSPACE",
+        "CARGO",
+        "NO_COLOR",
+        "CLICOLOR",
+        "CLICOLOR_FORCE",
+        "CARGO_TARGET_DIR",
+    ] {
+        command.env_remove(name);
+    }
+    command.current_dir(folder);
+    command
+}
