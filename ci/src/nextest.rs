@@ -36,7 +36,7 @@ pub(crate) fn run() -> Result<()> {
     let merged =
         table(&mut command::karat(&["report", "--all", "--merge", second, third, first])?)?;
     ensure!(merged == whole, "of the parts:\n{merged}\nof the whole:\n{whole}");
-    println!("three parts report what the whole does: {}", whole.lines().count());
+    println!("three parts report what the whole does, in {} lines", whole.lines().count());
     Ok(())
 }
 
