@@ -12,6 +12,16 @@ use super::{Rectangle, Support};
 /// Many samples may coincide, such as those of a sampler that has lost a dimension. Then the cell
 /// about that place is narrower than the distance to its neighbours. A density expects fewer
 /// samples in such a cell, and some in the empty cells beside it, so the sampler is rejected.
+///
+/// ```
+/// use karat::Support;
+/// use karat::stats::Cells;
+///
+/// let pilot: Vec<[f64; 2]> = (0..100).map(|i| [f64::from(i) / 100.0, 0.0]).collect();
+/// let cells = Cells::new(Support::Interval(0.0, 1.0), &pilot, 4, 1);
+/// assert_eq!(cells.len(), 4);
+/// assert_eq!(cells.index([0.9, 0.0]), 3);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Cells {
     support: Support,
