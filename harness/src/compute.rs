@@ -71,6 +71,15 @@ pub struct Compute<'a> {
 }
 
 /// A resource after compute passes.
+///
+/// ```
+/// # use karat::prelude::*;
+/// let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+///             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
+/// let package = Package::from_source("m", text);
+/// let passes = package.compute().with("data", Storage::new([0_u32])).dispatch("count", [1, 1, 1]);
+/// passes.after("data").satisfies("is odd", |data: &[u32]| data[0] % 2 == 1);
+/// ```
 #[derive(Clone, Debug)]
 #[must_use = "nothing is compared until a verb such as `.agrees_with(...)`"]
 pub struct After<'a> {

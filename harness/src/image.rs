@@ -43,6 +43,13 @@ impl PartialEq for Image {
 }
 
 /// How many pixels of an image aren't finite.
+///
+/// ```
+/// use karat::Image;
+///
+/// let found = Image::new(1, 1, vec![[f32::INFINITY, 0.0, 0.0, 1.0]]).non_finite();
+/// assert_eq!((found.nan, found.infinite), (0, 1));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct NonFinite {
     /// Pixels with a NaN.

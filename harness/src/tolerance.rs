@@ -94,6 +94,13 @@ pub enum Tolerance {
 }
 
 /// The unit of an error.
+///
+/// ```
+/// use karat::tolerance::{Tolerance, Unit};
+/// use karat::Abs;
+///
+/// assert_eq!(Tolerance::from(Abs(0.1)).measure(0, 1.0, 1.0).unit, Unit::Abs);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
     /// `f32` steps.

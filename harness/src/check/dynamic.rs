@@ -60,12 +60,36 @@ pub type ExpectWords<'e> = &'e (dyn Fn(&[u32], &mut Vec<f64>) + Sync);
 
 impl DynamicCheck<'_> {
     /// See [`Check::cases`](super::Check::cases).
+    ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// package.function("half").over_dynamic(x).cases(1000).is_finite()?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
     pub fn cases(mut self, cases: u64) -> Self {
         self.plan.cases = Some(cases);
         self
     }
 
     /// See [`Check::seed`](super::Check::seed).
+    ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// package.function("half").over_dynamic(x).seed(7).is_finite()?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
     pub fn seed(mut self, seed: u64) -> Self {
         self.plan.seed = Some(seed);
         self
@@ -192,6 +216,18 @@ impl DynamicCheck<'_> {
 
     /// See [`Check::is_finite`](super::Check::is_finite).
     ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// package.function("half").over_dynamic(x).is_finite()?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
+    ///
     /// # Errors
     /// See [`Check::try_is_finite`](super::Check::try_is_finite).
     pub fn is_finite(self) -> Result<Agreement, Failure> {
@@ -201,6 +237,18 @@ impl DynamicCheck<'_> {
 
     /// See [`Check::stays_within`](super::Check::stays_within).
     ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// package.function("half").over_dynamic(x).stays_within(0.0, 0.5)?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
+    ///
     /// # Errors
     /// See [`Check::try_stays_within`](super::Check::try_stays_within).
     pub fn stays_within(self, least: f64, most: f64) -> Result<Agreement, Failure> {
@@ -209,6 +257,19 @@ impl DynamicCheck<'_> {
     }
 
     /// See [`Check::is_unit`](super::Check::is_unit).
+    ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// let text = "fn turned(x: f32) -> vec2f { return vec2f(cos(x), sin(x)); }";
+    /// let package = Package::from_source("m", text);
+    /// package.function("turned").over_dynamic(x).is_unit()?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
     ///
     /// # Errors
     /// See [`Check::try_is_unit`](super::Check::try_is_unit).

@@ -25,13 +25,11 @@ pub enum Origin<'s> {
 /// A value of a domain, and the simpler ones next to it.
 ///
 /// ```
-/// use karat::Domain;
 /// use karat::domain::Shrinkable;
 ///
 /// let value = Shrinkable::of(&(0.0..=4.0), 2.7182817);
 /// let simpler: Vec<f32> = value.simpler().iter().map(|one| *one.value()).collect();
 /// assert_eq!(simpler[0], 0.0);
-/// # let _ = (0.0..=4.0).edges();
 /// ```
 pub struct Shrinkable<'a, T> {
     value: T,

@@ -23,6 +23,13 @@ pub enum Cull {
 }
 
 /// In which order a front face's corners are, as they are seen.
+///
+/// ```
+/// use karat::draw::{Draw, Winding};
+///
+/// let mirrored = Draw::vertices("vertex", "fragment", 36).front_face(Winding::Clockwise);
+/// # let _ = mirrored;
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Winding {
     /// Counter-clockwise.

@@ -22,6 +22,15 @@ use self::select::{Selection, select};
 use super::{Image, ImageError, ImageFormat, file};
 
 /// How samples are stored.
+///
+/// ```
+/// use karat::Image;
+/// use karat::image::Precision;
+///
+/// let tenth = Image::new(1, 1, vec![[0.1; 4]]);
+/// assert_ne!(tenth.rounded_to(Precision::Half), tenth);
+/// assert_eq!(tenth.rounded_to(Precision::Float), tenth);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Precision {

@@ -41,6 +41,12 @@ pub struct Flip {
 }
 
 /// How the errors of all pixels become one number.
+///
+/// ```
+/// use karat::metric::{Flip, Pool};
+///
+/// assert_eq!(Flip::MEAN.pool, Pool::Mean);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pool {
     /// The largest mean of a tile of 16 x 16 pixels.

@@ -191,24 +191,64 @@ impl<'a> Pair<'a> {
     }
 
     /// The golden.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::Pair;
+    ///
+    /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
+    /// let pair = Pair::new(&golden, &actual)?;
+    /// assert_eq!(pair.golden().pixels()[0], [1.0; 4]);
+    /// # Ok::<(), karat::metric::PairError>(())
+    /// ```
     #[must_use]
     pub fn golden(&self) -> &Image {
         &self.golden
     }
 
     /// The frame.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::Pair;
+    ///
+    /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
+    /// let pair = Pair::new(&golden, &actual)?;
+    /// assert_eq!(pair.actual().pixels()[0], [0.5; 4]);
+    /// # Ok::<(), karat::metric::PairError>(())
+    /// ```
     #[must_use]
     pub fn actual(&self) -> &Image {
         &self.actual
     }
 
     /// Whether every bit that is compared is equal.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::Pair;
+    ///
+    /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
+    /// let pair = Pair::new(&golden, &actual)?;
+    /// assert!(!pair.is_identical());
+    /// # Ok::<(), karat::metric::PairError>(())
+    /// ```
     #[must_use]
     pub fn is_identical(&self) -> bool {
         self.different.is_empty()
     }
 
     /// Whether a pixel is compared.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::Pair;
+    ///
+    /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
+    /// let pair = Pair::new(&golden, &actual)?;
+    /// assert!(pair.counts(1, 0)); // no mask leaves it out
+    /// # Ok::<(), karat::metric::PairError>(())
+    /// ```
     #[must_use]
     pub fn counts(&self, x: u32, y: u32) -> bool {
         let index = y as usize * self.golden.width() as usize + x as usize;
@@ -216,6 +256,16 @@ impl<'a> Pair<'a> {
     }
 
     /// How many pixels are compared; at least one, unless the images have none.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::Pair;
+    ///
+    /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
+    /// let pair = Pair::new(&golden, &actual)?;
+    /// assert_eq!(pair.compared(), 2);
+    /// # Ok::<(), karat::metric::PairError>(())
+    /// ```
     #[must_use]
     pub fn compared(&self) -> usize {
         self.compared
@@ -239,6 +289,16 @@ impl<'a> Pair<'a> {
     }
 
     /// The exposures that HDR-FLIP looks at.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::Pair;
+    ///
+    /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
+    /// let pair = Pair::new(&golden, &actual)?;
+    /// assert!(pair.exposures().count() >= 2);
+    /// # Ok::<(), karat::metric::PairError>(())
+    /// ```
     #[must_use]
     pub fn exposures(&self) -> ExposureRange {
         *self.exposures.get_or_init(|| ExposureRange::of_pixels(&self.compared_pixels()))

@@ -49,12 +49,26 @@ impl ErrorMap {
     }
 
     /// The part of the frame that has errors.
+    ///
+    /// ```
+    /// use karat::metric::{ErrorMap, Rect};
+    ///
+    /// let map = ErrorMap::new(Rect::new(8, 8, 2, 1), vec![0.1, 0.4]);
+    /// assert_eq!(map.rect(), Rect::new(8, 8, 2, 1));
+    /// ```
     #[must_use]
     pub fn rect(&self) -> Rect {
         self.rect
     }
 
     /// The errors of that part, row by row.
+    ///
+    /// ```
+    /// use karat::metric::{ErrorMap, Rect};
+    ///
+    /// let map = ErrorMap::new(Rect::new(8, 8, 2, 1), vec![0.1, 0.4]);
+    /// assert_eq!(map.values(), [0.1, 0.4]);
+    /// ```
     #[must_use]
     pub fn values(&self) -> &[f32] {
         &self.values
@@ -94,6 +108,13 @@ impl ErrorMap {
     }
 
     /// The error of a pixel of the frame.
+    ///
+    /// ```
+    /// use karat::metric::{ErrorMap, Rect};
+    ///
+    /// let map = ErrorMap::new(Rect::new(8, 8, 2, 1), vec![0.1, 0.4]);
+    /// assert_eq!((map.at(9, 8), map.at(0, 0)), (0.4, 0.0));
+    /// ```
     #[must_use]
     pub fn at(&self, x: u32, y: u32) -> f32 {
         if !self.rect.contains(x, y) {

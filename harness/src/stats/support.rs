@@ -29,6 +29,13 @@ pub enum Support {
 }
 
 /// Where a sample is.
+///
+/// ```
+/// use karat::Support;
+/// use karat::stats::Place;
+///
+/// assert_eq!(Support::Sphere.locate([0.0, 0.0, 0.5]), Place::NotUnit);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Place {
     /// On the support, at these coordinates.
