@@ -244,7 +244,7 @@ fn all(folder: &Path) -> Result<(), String> {
     }
     index += "\nThe same command runs two compute passes of vello_shaders 0.11, its prefix sum over path tags, as they \
               are against a reference in Rust, and sees that two planted faults are found: \
-              [`harness/examples/passes.rs`](../../harness/examples/passes.rs).\n";
+              `harness/examples/passes.rs`.\n";
     let file = folder.join("README.md");
     std::fs::write(&file, index).map_err(|error| format!("`{}`: {error}", file.display()))
 }

@@ -141,6 +141,12 @@ struct Together<'a> {
 
 impl Package {
     /// Selects a function: `module::name`, or `name` in a package of one module.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// package.function("half").over(0.0..=1.0).stays_within(0.0, 0.5);
+    /// ```
     pub fn function(&self, name: &str) -> Probe<'_> {
         let (fixtures, overrides, inputs, executors, place) = Default::default();
         let (package, name, telling, together) = (self, name.to_owned(), None, None);
@@ -150,6 +156,15 @@ impl Package {
 
 impl<'a> Probe<'a> {
     /// Supplies a texture, sampler or buffer for the resource variable `name`.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let text = "@group(0) @binding(0) var<uniform> gain: f32;
+    ///             fn louder(x: f32) -> f32 { return gain * x; }";
+    /// let package = Package::from_source("m", text);
+    /// let louder = package.function("louder").with("gain", Uniform::new(2.0_f32));
+    /// louder.over(0.0..=1.0).agrees_with(|x: f64| 2.0 * x, Ulp(0.0));
+    /// ```
     pub fn with(mut self, name: &str, fixture: impl Into<Fixture>) -> Self {
         self.fixtures.push((name.to_owned(), fixture.into()));
         self
@@ -178,6 +193,16 @@ impl<'a> Probe<'a> {
     /// checked for mistakes. A second function that a verb takes, such as the density of a sampler,
     /// runs where the first one runs and can't have an executor of its own. An executor's path may
     /// not be that of a driver, such as `vulkan`: call it `cpu`, or name its maker, `vulkan@mine`.
+    ///
+    /// ```no_run
+    /// use karat::executor::Executor;
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    ///
+    /// fn is_good_on(mine: &dyn Executor) {
+    ///     SHADERS.function("tone::map").on(mine).over(0.0..=16.0).stays_within(0.0, 1.0);
+    /// }
+    /// ```
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self
@@ -210,6 +235,17 @@ impl<'a> Probe<'a> {
 
     /// Chooses the arguments: one domain for a function of one parameter, a tuple of domains for
     /// up to twelve, `()` for a function without parameters.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let package = Package::from_source(
+    ///     "m",
+    ///     "fn half(x: f32) -> f32 { return 0.5 * x; }
+    ///      fn pull(strength: f32, n: vec3f) -> vec3f { return strength * n; }",
+    /// );
+    /// package.function("half").over(0.0..=1.0).is_finite();
+    /// package.function("pull").over((0.0..=1.0, UnitVector)).is_finite();
+    /// ```
     pub fn over<D: Domain>(self, domain: D) -> Check<'a, D>
     where
         D::Value: Arguments,
@@ -219,6 +255,13 @@ impl<'a> Probe<'a> {
 }
 
 /// A function with the arguments that it is checked over.
+///
+/// ```
+/// # use karat::prelude::*;
+/// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+/// let check = package.function("half").over(0.0..=1.0).cases(1000).seed(7);
+/// check.agrees_with(|x: f64| 0.5 * x, Ulp(0.0));
+/// ```
 #[derive(Clone, Debug)]
 #[must_use = "a check compares nothing until a verb such as `.agrees_with(...)`"]
 pub struct Check<'a, D> {
@@ -247,6 +290,14 @@ where
     }
 
     /// Sets the seed, which otherwise derives from the test's name.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let half = || package.function("half").over(0.0..=1.0);
+    /// half().seed(1).is_finite();
+    /// half().seed(2).is_finite(); // other numbers
+    /// ```
     pub fn seed(mut self, seed: u64) -> Self {
         self.plan.seed = Some(seed);
         self
@@ -283,6 +334,16 @@ where
     /// declaration is removed. The declaration covers every failure there, so for lost digits
     /// prefer [`tolerance_on`](Self::tolerance_on). Other paths are judged as usual. `karat test`
     /// counts the check as a known issue, never as one that passes.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// SHADERS
+    ///     .function("layering::masked")
+    ///     .over((0.0..=1.0, 0.0..=1.0))
+    ///     .fails_on("gl@llvmpipe", "its mix cancels: mesa#1234")
+    ///     .agrees_with(|base: f64, mask: f64| base * (1.0 - mask), Ulp(4.0));
+    /// ```
     pub fn fails_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
         self.plan.known_issues.declare(on.into(), reason);
         self

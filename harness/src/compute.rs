@@ -71,6 +71,15 @@ pub struct Compute<'a> {
 }
 
 /// A resource after compute passes.
+///
+/// ```
+/// # use karat::prelude::*;
+/// let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+///             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
+/// let package = Package::from_source("m", text);
+/// let passes = package.compute().with("data", Storage::new([0_u32])).dispatch("count", [1, 1, 1]);
+/// passes.after("data").satisfies("is odd", |data: &[u32]| data[0] % 2 == 1);
+/// ```
 #[derive(Clone, Debug)]
 #[must_use = "nothing is compared until a verb such as `.agrees_with(...)`"]
 pub struct After<'a> {
@@ -244,6 +253,15 @@ impl fmt::Display for ComputeAgreement {
 
 impl Package {
     /// Starts a list of compute passes.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+    ///             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
+    /// let package = Package::from_source("m", text);
+    /// let passes = package.compute().with("data", Storage::new([0_u32])).dispatch("count", [1, 1, 1]);
+    /// passes.after("data").agrees_with([7_u32], Abs(0.0));
+    /// ```
     pub fn compute(&self) -> Compute<'_> {
         Compute {
             package: self,
@@ -261,6 +279,16 @@ impl Package {
 impl<'a> Compute<'a> {
     /// Supplies a texture, sampler or buffer for the resource variable `name` of all passes, which share
     /// it.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// let passes = SHADERS
+    ///     .compute()
+    ///     .with("source", Texture::from_fn(8, 8, |x, y| (x + y) as f32))
+    ///     .with("sums", karat::fixture::Buffer::zeros(32)); // what passes fill
+    /// # let _ = passes;
+    /// ```
     pub fn with(mut self, name: &str, fixture: impl Into<Fixture>) -> Self {
         self.fixtures.push((name.to_owned(), fixture.into()));
         self
@@ -301,6 +329,16 @@ impl<'a> Compute<'a> {
     /// Sets an `override` of the shaders, by its name or its `@id`: [`Probe::override_`].
     ///
     /// [`Probe::override_`]: crate::check::Probe::override_
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let text = "override COUNT: u32;
+    ///             @group(0) @binding(0) var<storage, read_write> data: array<u32>;
+    ///             @compute @workgroup_size(1) fn count() { data[0] = COUNT; }";
+    /// let package = Package::from_source("m", text);
+    /// let passes = package.compute().with("data", Storage::new([0_u32])).override_("COUNT", 7);
+    /// passes.dispatch("count", [1, 1, 1]).after("data").agrees_with([7_u32], Abs(0.0));
+    /// ```
     pub fn override_(mut self, name: &str, value: impl Into<f64>) -> Self {
         self.overrides.insert(name.to_owned(), value.into());
         self
@@ -308,18 +346,54 @@ impl<'a> Compute<'a> {
 
     /// Dispatches a compute entry point (`module::name`) over so many workgroups, behind those that were
     /// added before.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # let values = vec![1_u32; 256];
+    /// SHADERS
+    ///     .compute()
+    ///     .with("data", Storage::new(values))
+    ///     .dispatch("scan::blocks", [4, 1, 1]) // workgroups
+    ///     .dispatch("scan::add", [4, 1, 1]) // then this one, with the same buffer
+    ///     .after("data")
+    ///     .satisfies("rises", |sums: &[u32]| sums.is_sorted());
+    /// ```
     pub fn dispatch(mut self, entry_point: &str, workgroups: [u32; 3]) -> Self {
         self.wanted.push(Wanted { name: entry_point.to_owned(), workgroups });
         self
     }
 
     /// Dispatches on this executor instead of the environment's paths. Further calls add more.
+    ///
+    /// ```no_run
+    /// use karat::executor::Executor;
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    ///
+    /// fn is_seven_on(mine: &dyn Executor) {
+    ///     let passes = SHADERS.compute().with("data", Storage::new([0_u32])).on(mine);
+    ///     passes.dispatch("count::main", [1, 1, 1]).after("data").agrees_with([7_u32], Abs(0.0));
+    /// }
+    /// ```
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self
     }
 
     /// Sets another tolerance for paths whose driver is less exact (see [`Selector`]).
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # let (image, means) = (Texture::from_fn(8, 8, |x, y| (x + y) as f32), [7.0]);
+    /// let passes = SHADERS.compute().with("source", image).with("mean", Storage::new([0.0_f32]));
+    /// passes
+    ///     .dispatch("reduce::main", [1, 1, 1])
+    ///     .tolerance_on(Path::GL, Rel(1e-3))
+    ///     .after("mean")
+    ///     .agrees_with(means, Rel(1e-5));
+    /// ```
     pub fn tolerance_on(
         mut self,
         on: impl Into<Selector>,
@@ -330,12 +404,33 @@ impl<'a> Compute<'a> {
     }
 
     /// Declares that it fails on a path, and why. If it passes there, the test fails.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # let sums = [1_u32];
+    /// let passes = SHADERS.compute().with("data", Storage::new([1_u32])).dispatch("scan::add", [1, 1, 1]);
+    /// passes.fails_on("gl@llvmpipe", "mesa#1234").after("data").agrees_with(sums, Abs(0.0));
+    /// ```
     pub fn fails_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
         self.known_issues.declare(on.into(), reason);
         self
     }
 
     /// What a resource holds after all passes, by the name of its variable. Some pass has to write it.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let text = "struct Totals { sum: f32, count: u32 }
+    ///             @group(0) @binding(0) var<storage, read_write> totals: Totals;
+    ///             @compute @workgroup_size(1) fn reset() { totals = Totals(0.5, 3u); }";
+    /// karat::shareable! { struct Totals mirrors TotalsMirror { sum: f32, count: u32 } }
+    ///
+    /// let package = Package::from_source("m", text);
+    /// let passes = package.compute().with("totals", karat::fixture::Buffer::zeros(8));
+    /// let expected = TotalsMirror { sum: 0.5, count: 3 };
+    /// passes.dispatch("reset", [1, 1, 1]).after("totals").agrees_with([expected], Ulp(0.0));
+    /// ```
     pub fn after(self, variable: &str) -> After<'a> {
         After { compute: self, variable: variable.to_owned() }
     }
@@ -349,6 +444,17 @@ impl<'a> Compute<'a> {
 impl After<'_> {
     /// Compares each element with a reference, which gives as many: the elements of an array, the one
     /// value of another type, or the texels of a texture as `DVec4`, `IVec4` or `UVec4`.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let text = "@group(0) @binding(0) var<storage, read_write> data: array<f32>;
+    ///             @compute @workgroup_size(2) fn halve(@builtin(local_invocation_index) i: u32) {
+    ///                 data[i] *= 0.5;
+    ///             }";
+    /// let package = Package::from_source("m", text);
+    /// let halves = package.compute().with("data", Storage::new([1.0_f32, 3.0]));
+    /// halves.dispatch("halve", [1, 1, 1]).after("data").agrees_with([0.5, 1.5], Ulp(0.0));
+    /// ```
     ///
     /// # Panics
     /// If an element differs, or nothing could be compared.
@@ -379,6 +485,18 @@ impl After<'_> {
     }
 
     /// Wants a statement of all elements to hold: that they are in order, that their sum is kept.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # let keys = vec![3_u32, 1, 2];
+    /// SHADERS
+    ///     .compute()
+    ///     .with("keys", Storage::new(keys))
+    ///     .dispatch("sort::main", [1, 1, 1])
+    ///     .after("keys")
+    ///     .satisfies("is in order", |keys: &[u32]| keys.is_sorted());
+    /// ```
     ///
     /// # Panics
     /// If it doesn't, or nothing could be compared.

@@ -17,6 +17,13 @@ use self::excerpt::{Excerpt, Excerpts};
 use crate::output::visible;
 
 /// A file of the author, as read.
+///
+/// ```
+/// use karat::diagnostic::SourceFile;
+///
+/// let file = SourceFile { name: "m.wgsl".to_owned(), text: "fn f() {}\nfn g() {}".to_owned() };
+/// assert_eq!(file.line_column(13), (2, 4));
+/// ```
 #[derive(PartialEq, Eq)]
 pub struct SourceFile {
     /// Path as shown: relative to the working directory where that is shorter.
@@ -40,6 +47,13 @@ impl SourceFile {
     }
 
     /// Line and column of a byte offset, both counted from 1; columns count characters.
+    ///
+    /// ```
+    /// use karat::diagnostic::SourceFile;
+    ///
+    /// let file = SourceFile { name: "m.wgsl".to_owned(), text: "fn f() {}\nfn g() {}".to_owned() };
+    /// assert_eq!(file.line_column(0), (1, 1));
+    /// ```
     #[must_use]
     pub fn line_column(&self, offset: usize) -> (usize, usize) {
         let offset = self.text.floor_char_boundary(offset);
@@ -51,6 +65,15 @@ impl SourceFile {
 }
 
 /// A stretch of one author's file.
+///
+/// ```
+/// use std::sync::Arc;
+///
+/// use karat::diagnostic::{SourceFile, Span};
+///
+/// let file = Arc::new(SourceFile { name: "m.wgsl".to_owned(), text: "fn f() {}".to_owned() });
+/// assert_eq!(Span { file, range: 3..4 }.to_string(), "m.wgsl:1:4");
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Span {
     /// The file.
@@ -78,6 +101,13 @@ impl fmt::Display for Span {
 }
 
 /// A message with labelled places in the author's files.
+///
+/// ```
+/// use karat::diagnostic::Diagnostic;
+///
+/// let message = Diagnostic::new("there is no `shlick`").note("did you mean `schlick`?");
+/// assert!(message.to_string().contains("did you mean"));
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
     /// What is wrong, in one sentence.
@@ -168,6 +198,12 @@ impl std::error::Error for Diagnostic {}
 
 /// The name in `known` that `unknown` was most likely meant to be, if one is close: its last `::`
 /// part is equal, or at most a third of the letters differ.
+///
+/// ```
+/// use karat::diagnostic::nearest;
+///
+/// assert_eq!(nearest("fresnel::shlick", ["fresnel::schlick", "tone::map"]), Some("fresnel::schlick"));
+/// ```
 pub fn nearest<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let last = |name: &str| name.rsplit("::").next().unwrap_or_default().to_owned();
     known
@@ -184,6 +220,13 @@ pub fn nearest<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str>) -> O
 }
 
 /// A file that was read, with a hash of what was in it then.
+///
+/// ```
+/// use karat::diagnostic::FileRead;
+///
+/// let file = "shaders/brdf.wgsl".as_ref();
+/// assert_ne!(FileRead::of(file, b"fn f() {}"), FileRead::of(file, b"fn g() {}"));
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 pub struct FileRead {
     /// The file, with its folders from the root.

@@ -62,6 +62,26 @@ const SIMPLER: usize = 256;
 /// let drawn = power.draw(&mut karat::domain::Source::new(1, 0)).unwrap();
 /// assert!((0.0..=1.0).contains(&drawn));
 /// ```
+///
+/// ```
+/// use karat::domain::Source;
+/// use karat::Domain;
+///
+/// /// Directions of a narrow beam about z.
+/// #[derive(Debug)]
+/// struct Beam;
+///
+/// impl Domain for Beam {
+///     type Value = glam::Vec3;
+///
+///     fn draw(&self, source: &mut Source) -> Option<glam::Vec3> {
+///         let (slope, turn) = (0.1 * source.unit() as f32, std::f32::consts::TAU * source.unit() as f32);
+///         Some(glam::Vec3::new(slope * turn.cos(), slope * turn.sin(), 1.0).normalize())
+///     }
+/// }
+///
+/// assert!(Beam.draw(&mut Source::new(7, 0)).expect("always one").z > 0.99);
+/// ```
 #[diagnostic::on_unimplemented(
     message = "`{Self}` is not a domain",
     label = "expected a domain of WGSL values",
@@ -299,6 +319,14 @@ pub(crate) fn complexity(value: &dyn Any) -> Option<u64> {
 }
 
 /// See [`Domain::map`].
+///
+/// ```
+/// use karat::Domain;
+///
+/// // Roughness is what artists set; the function takes its square.
+/// let alpha = (0.05..=1.0).map(|roughness: f32| roughness * roughness);
+/// assert!(alpha.edges().iter().all(|alpha| *alpha <= 1.0));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Map<D, F> {
     domain: D,
@@ -333,6 +361,13 @@ where
 }
 
 /// See [`Domain::filter`].
+///
+/// ```
+/// use karat::{Domain, Hemisphere};
+///
+/// let apart = (Hemisphere, Hemisphere).filter(|(v, l)| (*v + *l).length() > 0.1);
+/// # let _ = apart;
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Filter<D, F> {
     domain: D,

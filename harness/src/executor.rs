@@ -100,6 +100,17 @@ pub(crate) fn of(path: Path) -> Result<&'static dyn Executor, PathError> {
 /// Calls a function on one path with arguments given as lanes, and returns the result's lanes.
 /// `cases` holds the lanes of each case, one after the other.
 ///
+/// ```
+/// use karat::probe::Probed;
+/// use karat::{Package, Path};
+///
+/// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+/// let cases = [vec![1.0_f32.to_bits()], vec![3.0_f32.to_bits()]];
+/// let results = karat::executor::call(&Probed::new(&package, "half")?, Path::CPU, &cases, &Vec::new())?;
+/// assert_eq!(results, [[0.5_f32.to_bits()], [1.5_f32.to_bits()]]);
+/// # Ok::<(), karat::probe::ProbeError>(())
+/// ```
+///
 /// # Errors
 /// If the path doesn't open, a fixture is missing, or the function gives no results there.
 pub fn call(

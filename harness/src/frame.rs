@@ -189,6 +189,13 @@ impl<T: Passed> Concluded for Result<T, FrameError> {
 
 impl Package {
     /// Starts a frame of `width` x `height` pixels, drawn with entry points of `module`.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// SHADERS.frame("sky", 256, 128).fragment("fragment").matches(&GOLDENS, "sky");
+    /// ```
     pub fn frame(&self, module: &str, width: u32, height: u32) -> Frame<'_> {
         Frame {
             scene: Scene::new(self, module, (width, height)),
@@ -207,6 +214,18 @@ impl Package {
 
 impl<'a> Frame<'a> {
     /// Supplies a texture, sampler or buffer for the resource variable `name`.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// SHADERS
+    ///     .frame("sky", 64, 64)
+    ///     .with("environment", CubeMap::constant(glam::Vec3::Z))
+    ///     .with("filtering", Sampler::Linear)
+    ///     .fragment("fragment")
+    ///     .matches(&GOLDENS, "sky");
+    /// ```
     pub fn with(mut self, name: &str, fixture: impl Into<Fixture>) -> Self {
         self.scene.fixtures.push((name.to_owned(), fixture.into()));
         self
@@ -251,6 +270,13 @@ impl<'a> Frame<'a> {
 
     /// Sets an `override` of the shader, by its name or its `@id`. A `bool` is 0 or 1. The value is kept
     /// with the golden.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// SHADERS.frame("sky", 64, 64).override_("STEPS", 8).fragment("fragment").matches(&GOLDENS, "sky");
+    /// ```
     pub fn override_(mut self, name: &str, value: impl Into<f64>) -> Self {
         let value = value.into();
         self.facts.insert(format!("override {name}"), value.to_string());
@@ -279,12 +305,29 @@ impl<'a> Frame<'a> {
     }
 
     /// Draws `instances` copies of a mesh.
+    ///
+    /// ```no_run
+    /// use glam::Vec3;
+    /// use karat::draw::Mesh;
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// let triangle = Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![0, 1, 2]);
+    /// SHADERS.frame("leaf", 64, 64).mesh("vertex", "fragment", triangle, 100).matches(&GOLDENS, "leaf");
+    /// ```
     pub fn mesh(self, vertex: &str, fragment: &str, mesh: Mesh, instances: u32) -> Self {
         self.draw(Draw::mesh(vertex, fragment, mesh).instances(instances))
     }
 
     /// Draws one triangle whose three corners the vertex function makes from
     /// `@builtin(vertex_index)`. At depth 1 it is seen where no mesh is.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// SHADERS.frame("sky", 64, 64).fullscreen("vertex", "fragment").matches(&GOLDENS, "sky");
+    /// ```
     pub fn fullscreen(self, vertex: &str, fragment: &str) -> Self {
         self.draw(Draw::fullscreen(vertex, fragment))
     }
@@ -321,12 +364,34 @@ impl<'a> Frame<'a> {
     }
 
     /// Makes the target at this location the frame's image.
+    ///
+    /// ```no_run
+    /// use karat::draw::Format;
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// SHADERS
+    ///     .frame("surface", 64, 64)
+    ///     .formats([Format::Rgba8UnormSrgb, Format::Rg16Float])
+    ///     .target(1) // @location(1)
+    ///     .fragment("fragment")
+    ///     .matches(&GOLDENS, "normals");
+    /// ```
     pub fn target(mut self, location: usize) -> Self {
         self.scene.result = Source::Target(location);
         self
     }
 
     /// Makes depth the frame's image: its red, from 0 to 1.
+    ///
+    /// ```no_run
+    /// use karat::draw::{Draw, Mesh};
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// # let scene = Mesh::new(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y], vec![0, 1, 2]);
+    /// SHADERS.frame("shadow", 64, 64).draw(Draw::depth("vertex", scene)).depth().matches(&GOLDENS, "map");
+    /// ```
     pub fn depth(mut self) -> Self {
         self.scene.result = Source::Depth;
         self
@@ -334,24 +399,62 @@ impl<'a> Frame<'a> {
 
     /// Draws with so many samples a pixel (default 1), of which the image has the mean. Every device has
     /// 1 and 4.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// SHADERS.frame("edge", 64, 64).samples(4).fullscreen("vertex", "fragment").matches(&GOLDENS, "edge");
+    /// ```
     pub fn samples(mut self, samples: u32) -> Self {
         self.scene.samples = samples;
         self
     }
 
     /// Sets what each target holds before the first draw (default: zeros).
+    ///
+    /// ```no_run
+    /// use karat::draw::Blend;
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// let frame = SHADERS.frame("glow", 64, 64).clear([0.0, 0.0, 0.1, 1.0]).blend(Blend::Add);
+    /// frame.fullscreen("vertex", "fragment").matches(&GOLDENS, "glow at night");
+    /// ```
     pub fn clear(mut self, color: [f32; 4]) -> Self {
         self.scene.clear = color;
         self
     }
 
     /// Sets the depth before the first draw (default 1): 0 where nearer is larger.
+    ///
+    /// ```no_run
+    /// use karat::draw::{Draw, Mesh};
+    /// use karat::fixture::Compare;
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// # let scene = Mesh::new(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y], vec![0, 1, 2]);
+    /// // Reversed depth: nearer is larger.
+    /// let draw = Draw::mesh("vertex", "fragment", scene).depth_compare(Compare::GreaterEqual);
+    /// SHADERS.frame("scene", 64, 64).clear_depth(0.0).draw(draw).matches(&GOLDENS, "reversed");
+    /// ```
     pub fn clear_depth(mut self, depth: f32) -> Self {
         self.scene.clear_depth = depth;
         self
     }
 
     /// Draws depth alone first, then colour where the depth is equal.
+    ///
+    /// ```no_run
+    /// use karat::draw::Mesh;
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// # let scene = Mesh::new(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y], vec![0, 1, 2]);
+    /// let frame = SHADERS.frame("scene", 64, 64).depth_prepass();
+    /// frame.mesh("vertex", "fragment", scene, 1).matches(&GOLDENS, "scene");
+    /// ```
     pub fn depth_prepass(mut self) -> Self {
         self.scene.prepass = true;
         self
@@ -359,6 +462,20 @@ impl<'a> Frame<'a> {
 
     /// Sets the fragment function that the depth pre-pass runs for the mesh added last. It has to
     /// discard or write depth as the colour's function does, and returns nothing but a depth.
+    ///
+    /// ```no_run
+    /// use karat::draw::Mesh;
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// # let leaves = Mesh::new(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y], vec![0, 1, 2]);
+    /// SHADERS
+    ///     .frame("leaf", 64, 64)
+    ///     .depth_prepass()
+    ///     .mesh("vertex", "fragment", leaves, 100)
+    ///     .depth_fragment("cutout") // discards what is between the leaves
+    ///     .matches(&GOLDENS, "leaf");
+    /// ```
     ///
     /// # Panics
     /// If no mesh was added.
@@ -371,6 +488,18 @@ impl<'a> Frame<'a> {
     }
 
     /// Sets what happens to a pixel that is drawn again (default: the new value replaces the old).
+    ///
+    /// ```no_run
+    /// use karat::draw::Blend;
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// SHADERS
+    ///     .frame("overdraw", 64, 64)
+    ///     .blend(Blend::Add) // the fragment function returns 1: how often is a pixel shaded?
+    ///     .fullscreen("vertex", "fragment")
+    ///     .matches(&GOLDENS, "overdraw");
+    /// ```
     pub fn blend(mut self, blend: Blend) -> Self {
         self.scene.blend = blend;
         self
@@ -396,6 +525,14 @@ impl<'a> Frame<'a> {
 
     /// Sets how much the frame may differ on paths whose driver or formats are not the golden's:
     /// `Path::GL`, `"vulkan@nvidia"`, `"@llvmpipe"` (see [`Selector`]).
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// let frame = SHADERS.frame("sky", 64, 64).fragment("fragment");
+    /// frame.tolerance_on(Path::GL, 1e-2).tolerance(1e-3).matches(&GOLDENS, "sky");
+    /// ```
     pub fn tolerance_on(
         mut self,
         on: impl Into<Selector>,
@@ -406,6 +543,17 @@ impl<'a> Frame<'a> {
     }
 
     /// Compares only the pixels of a mask.
+    ///
+    /// ```no_run
+    /// use karat::metric::{Mask, Rect};
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// // The clock in the corner shows another time in each run.
+    /// let clock = Rect::new(48, 0, 16, 8);
+    /// let frame = SHADERS.frame("hud", 64, 64).mask(Mask::except(&[clock]));
+    /// frame.fragment("fragment").matches(&GOLDENS, "hud");
+    /// ```
     pub fn mask(mut self, mask: Mask) -> Self {
         self.mask = Some(mask);
         self
@@ -417,6 +565,15 @@ impl<'a> Frame<'a> {
     /// explains the difference. [`Noise`](crate::metric::Noise) decides that for each channel, by
     /// the means and the scatter of tiles. One frame in a hundred is rejected by chance. HDR-FLIP
     /// isn't used unless the tolerance names it.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// # let variance = karat::Image::new(64, 64, vec![[0.01; 4]; 64 * 64]);
+    /// // The variance of each pixel's mean, as the path tracer estimates it.
+    /// SHADERS.frame("room", 64, 64).fragment("fragment").noise(variance).matches(&GOLDENS, "room");
+    /// ```
     pub fn noise(mut self, variance: Image) -> Self {
         self.variance = Some(variance);
         self
@@ -424,6 +581,14 @@ impl<'a> Frame<'a> {
 
     /// Adds a fact about the frame, such as its seed or its samples a pixel. It is kept with the
     /// golden and shown when the frame differs.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// let frame = SHADERS.frame("room", 64, 64).set("globals.seed", 7_u32).fragment("fragment");
+    /// frame.fact("seed", 7).fact("samples a pixel", 256).matches(&GOLDENS, "room");
+    /// ```
     pub fn fact(mut self, name: &str, value: impl std::fmt::Display) -> Self {
         self.facts.insert(name.to_owned(), value.to_string());
         self
@@ -432,6 +597,14 @@ impl<'a> Frame<'a> {
     /// Keeps another frame of the same scene with the golden, such as its normals. It helps to
     /// explain a difference, and isn't compared. It is drawn only when this frame differs or is
     /// new. `name` names its part of the EXR file: use letters, digits, `-`, `_` and `.`.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// let normals = SHADERS.frame("room", 64, 64).fragment("normals");
+    /// SHADERS.frame("room", 64, 64).fragment("fragment").aov("normal", normals).matches(&GOLDENS, "room");
+    /// ```
     pub fn aov(mut self, name: &str, frame: Self) -> Self {
         self.aovs.push((name.to_owned(), frame));
         self
@@ -439,6 +612,14 @@ impl<'a> Frame<'a> {
 
     /// Declares that the frame differs from its golden on a path, and why: a driver's bug by its
     /// number. If the frame matches there, the test fails until the declaration is removed.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// let frame = SHADERS.frame("sky", 64, 64).fragment("fragment");
+    /// frame.fails_on("gl@llvmpipe", "mesa#1234").matches(&GOLDENS, "sky");
+    /// ```
     pub fn fails_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
         self.known_issues.declare(on.into(), reason);
         self
@@ -446,6 +627,17 @@ impl<'a> Frame<'a> {
 
     /// Draws the frame on this executor instead of the environment's paths. Further calls add more
     /// executors: see [`Probe::on`](crate::check::Probe::on).
+    ///
+    /// ```no_run
+    /// use karat::executor::Executor;
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    ///
+    /// fn matches_on(mine: &dyn Executor) {
+    ///     SHADERS.frame("sky", 64, 64).fragment("fragment").on(mine).matches(&GOLDENS, "sky");
+    /// }
+    /// ```
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self

@@ -199,6 +199,14 @@ pub enum GoldenError {
 
 impl Goldens {
     /// A folder relative to `base`. [`goldens!`](crate::goldens) fills in the manifest's folder.
+    ///
+    /// ```
+    /// use karat::Goldens;
+    ///
+    /// // What `karat::goldens!("golden")` makes.
+    /// static GOLDENS: Goldens = Goldens::relative(env!("CARGO_MANIFEST_DIR"), "golden");
+    /// assert!(GOLDENS.folder().ends_with("golden"));
+    /// ```
     #[must_use]
     pub const fn relative(base: &'static str, folder: &'static str) -> Self {
         use std::borrow::Cow;
@@ -220,6 +228,12 @@ impl Goldens {
     }
 
     /// The folder.
+    ///
+    /// ```
+    /// use karat::Goldens;
+    ///
+    /// assert!(Goldens::open("golden".as_ref()).folder().ends_with("golden"));
+    /// ```
     #[must_use]
     pub fn folder(&self) -> PathBuf {
         Path::new(self.base.as_ref()).join(self.folder.as_ref())

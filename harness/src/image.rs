@@ -18,6 +18,14 @@ use std::sync::Arc;
 use crate::diagnostic::FileRead;
 
 /// Linear RGBA in 32-bit floats, rows from the top.
+///
+/// ```
+/// use karat::Image;
+///
+/// let mut image = Image::new(2, 1, vec![[0.5, 0.25, 0.0, 1.0]; 2]);
+/// image.pixels_mut()[1] = [4.0, 4.0, 4.0, 1.0]; // light has no upper end
+/// assert_eq!((image.width(), image.height(), image.pixels().len()), (2, 1, 2));
+/// ```
 #[derive(Clone, Debug)]
 pub struct Image {
     width: u32,
@@ -35,6 +43,13 @@ impl PartialEq for Image {
 }
 
 /// How many pixels of an image aren't finite.
+///
+/// ```
+/// use karat::Image;
+///
+/// let found = Image::new(1, 1, vec![[f32::INFINITY, 0.0, 0.0, 1.0]]).non_finite();
+/// assert_eq!((found.nan, found.infinite), (0, 1));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct NonFinite {
     /// Pixels with a NaN.
@@ -47,6 +62,13 @@ pub struct NonFinite {
 
 impl Image {
     /// An image from its pixels.
+    ///
+    /// ```
+    /// use karat::Image;
+    ///
+    /// let white = Image::new(64, 32, vec![[1.0; 4]; 64 * 32]);
+    /// # let _ = white;
+    /// ```
     ///
     /// # Panics
     /// If there aren't `width * height` pixels.
@@ -68,29 +90,65 @@ impl Image {
     }
 
     /// Width in pixels.
+    ///
+    /// ```
+    /// use karat::Image;
+    ///
+    /// assert_eq!(Image::new(2, 1, vec![[0.0; 4]; 2]).width(), 2);
+    /// ```
     #[must_use]
     pub fn width(&self) -> u32 {
         self.width
     }
 
     /// Height in pixels.
+    ///
+    /// ```
+    /// use karat::Image;
+    ///
+    /// assert_eq!(Image::new(2, 1, vec![[0.0; 4]; 2]).height(), 1);
+    /// ```
     #[must_use]
     pub fn height(&self) -> u32 {
         self.height
     }
 
     /// All pixels, row by row from the top.
+    ///
+    /// ```
+    /// use karat::Image;
+    ///
+    /// let image = Image::new(2, 1, vec![[0.0; 4], [1.0; 4]]);
+    /// let (x, y) = (1, 0);
+    /// assert_eq!(image.pixels()[y * image.width() as usize + x], [1.0; 4]);
+    /// ```
     #[must_use]
     pub fn pixels(&self) -> &[[f32; 4]] {
         &self.pixels
     }
 
     /// All pixels, to be changed.
+    ///
+    /// ```
+    /// use karat::Image;
+    ///
+    /// let mut image = Image::new(2, 1, vec![[0.5; 4]; 2]);
+    /// image.pixels_mut().iter_mut().for_each(|pixel| pixel[3] = 1.0);
+    /// assert_eq!(image.pixels()[0], [0.5, 0.5, 0.5, 1.0]);
+    /// ```
     pub fn pixels_mut(&mut self) -> &mut [[f32; 4]] {
         &mut self.pixels
     }
 
     /// The image that a file of this precision gives back.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::image::Precision;
+    ///
+    /// let third = Image::new(1, 1, vec![[1.0 / 3.0; 4]]).rounded_to(Precision::Half);
+    /// assert_eq!(third.pixels()[0][0], 0.33325195);
+    /// ```
     #[must_use]
     pub fn rounded_to(&self, precision: Precision) -> Self {
         let mut rounded = self.clone();
@@ -108,6 +166,13 @@ impl Image {
     }
 
     /// A hash of size and pixel bits.
+    ///
+    /// ```
+    /// use karat::Image;
+    ///
+    /// let image = || Image::new(1, 1, vec![[0.5; 4]]);
+    /// assert_eq!(image().hash(), image().hash());
+    /// ```
     #[must_use]
     pub fn hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
@@ -118,6 +183,13 @@ impl Image {
     }
 
     /// Counts NaN and infinities.
+    ///
+    /// ```
+    /// use karat::Image;
+    ///
+    /// let found = Image::new(2, 1, vec![[f32::NAN; 4], [1.0; 4]]).non_finite();
+    /// assert_eq!((found.nan, found.first), (1, Some((0, 0))));
+    /// ```
     #[must_use]
     pub fn non_finite(&self) -> NonFinite {
         let mut census = NonFinite::default();
@@ -137,6 +209,12 @@ impl Image {
 
     /// The logarithmic mean of luminance: the brightness that an exposure would map to grey.
     /// Black and non-finite pixels are left out; if there are no others, the key is 1.
+    ///
+    /// ```
+    /// use karat::Image;
+    ///
+    /// assert!((Image::new(1, 1, vec![[0.5, 0.5, 0.5, 1.0]]).key() - 0.5).abs() < 1e-3);
+    /// ```
     #[must_use]
     pub fn key(&self) -> f32 {
         let logarithms = self.pixels.iter().map(luminance).filter(|l| l.is_normal() && *l > 0.0);

@@ -64,6 +64,12 @@ pub trait Metric: fmt::Debug + Send + Sync {
 }
 
 /// What a metric found.
+///
+/// ```
+/// use karat::metric::Measured;
+///
+/// assert_eq!(Measured::of(0.25).value, 0.25);
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measured {
     /// The difference: 0 if the images are equal. NaN and infinity fail under every bound.
@@ -78,6 +84,13 @@ pub struct Measured {
 
 impl Measured {
     /// A number without a place.
+    ///
+    /// ```
+    /// use karat::metric::Measured;
+    ///
+    /// let largest = Measured::of(0.25);
+    /// # let _ = largest;
+    /// ```
     #[must_use]
     pub fn of(value: f64) -> Self {
         Self { value, place: None, map: None, note: None }

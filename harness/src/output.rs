@@ -13,6 +13,17 @@ use std::sync::LazyLock;
 
 /// How a stretch of text looks: `{BAD}` begins it and `{BAD:#}` ends it. The string holds the
 /// commands (ECMA-48, SGR) that begin it.
+///
+/// ```no_run
+/// use std::io::Write;
+///
+/// use karat::output::{Output, Style};
+///
+/// let (bad, mut out) = (Style::BAD, Output::stdout());
+/// writeln!(out, "{bad}FAILS{bad:#} fresnel::schlick")?;
+/// out.finish()?;
+/// # Ok::<(), std::io::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Style(&'static str);
 
@@ -80,12 +91,24 @@ fn commands(character: char) -> bool {
 }
 
 /// A text in which terminal commands are escaped: `\u{1b}`. A line may end as on Windows.
+///
+/// ```
+/// use karat::output::visible;
+///
+/// assert_eq!(visible("a file \u{1b}[2J"), "a file \\u{1b}[2J");
+/// ```
 #[must_use]
 pub fn visible(text: &str) -> Cow<'_, str> {
     escaped(text, |character| format!("\\u{{{:x}}}", u32::from(character)))
 }
 
 /// [`visible`] for JSON, where such characters occur within strings and become `\u001b`.
+///
+/// ```
+/// use karat::output::visible_json;
+///
+/// assert_eq!(visible_json("\"\u{7f}\""), "\"\\u007f\"");
+/// ```
 #[must_use]
 pub fn visible_json(json: &str) -> Cow<'_, str> {
     escaped(json, |character| format!("\\u{:04x}", u32::from(character)))
@@ -118,6 +141,17 @@ fn styled(text: &str) -> String {
 /// Writing to it never fails. If the reader has gone, the rest is dropped, so that a command does
 /// the same, with the same exit code, whether or not anybody reads. Any other error is returned by
 /// [`finish`](Self::finish).
+///
+/// ```no_run
+/// use std::io::Write;
+///
+/// use karat::output::Output;
+///
+/// let mut out = Output::stdout();
+/// writeln!(out, "{} tests", 3)?;
+/// out.finish()?; // a full disk is an error here
+/// # Ok::<(), std::io::Error>(())
+/// ```
 #[derive(Debug)]
 pub struct Output<W: Write> {
     inner: W,
@@ -152,6 +186,17 @@ impl Output<anstream::AutoStream<io::Stderr>> {
 
 impl<W: Write> Output<W> {
     /// Writes to `inner`.
+    ///
+    /// ```
+    /// use std::io::Write;
+    ///
+    /// use karat::output::Output;
+    ///
+    /// let mut out = Output::new(Vec::new());
+    /// writeln!(out, "3 tests")?;
+    /// out.finish()?;
+    /// # Ok::<(), std::io::Error>(())
+    /// ```
     pub fn new(inner: W) -> Self {
         Self { inner, line: Vec::new(), state: State::Open }
     }
@@ -216,6 +261,10 @@ impl<W: Write> Drop for Output<W> {
 
 /// Tells people something that isn't a result, on standard error. If that is closed, the text is
 /// lost: there is nowhere left to report it.
+///
+/// ```no_run
+/// karat::output::tell("waits for another run to end");
+/// ```
 pub fn tell(text: &str) {
     let mut err = Output::stderr();
     // An output of our own doesn't fail.

@@ -129,6 +129,14 @@ macro_rules! package {
 
 impl Package {
     /// A folder relative to `base`. [`package!`](crate::package!) fills in the manifest's folder.
+    ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// // What `karat::package!("shaders")` makes.
+    /// static SHADERS: Package = Package::relative(env!("CARGO_MANIFEST_DIR"), "examples/shaders");
+    /// assert_eq!(SHADERS.name(), "shaders");
+    /// ```
     #[must_use]
     pub const fn relative(base: &'static str, folder: &'static str) -> Self {
         Self::of_origin(Origin::Folder { base: Cow::Borrowed(base), path: Cow::Borrowed(folder) })
@@ -144,6 +152,14 @@ impl Package {
     /// the other crates of the same graph of dependencies by their names.
     ///
     /// The crate is looked for when the package is first used.
+    ///
+    /// ```no_run
+    /// use karat::Package;
+    ///
+    /// // What `karat::package!(crate = "bevy_pbr@0.20.1")` makes.
+    /// static PBR: Package = Package::of_crate(env!("CARGO_MANIFEST_DIR"), "bevy_pbr@0.20.1");
+    /// println!("{:?}", PBR.modules());
+    /// ```
     #[must_use]
     pub const fn of_crate(base: &'static str, name: &'static str) -> Self {
         let (base, name) = (Cow::Borrowed(base), Cow::Borrowed(name));
@@ -151,6 +167,14 @@ impl Package {
     }
 
     /// [`of_crate`](Self::of_crate) with another folder of its modules, relative to the crate's own.
+    ///
+    /// ```no_run
+    /// use karat::Package;
+    ///
+    /// static VELLO: Package =
+    ///     Package::of_crate_in(env!("CARGO_MANIFEST_DIR"), "vello_shaders@0.11.0", "shader");
+    /// println!("{:?}", VELLO.modules());
+    /// ```
     #[must_use]
     pub const fn of_crate_in(base: &'static str, name: &'static str, root: &'static str) -> Self {
         let (base, name) = (Cow::Borrowed(base), Cow::Borrowed(name));
@@ -169,6 +193,14 @@ impl Package {
 
     /// [`of_crate`](Self::of_crate), looked for at once.
     ///
+    /// ```no_run
+    /// use karat::Package;
+    ///
+    /// let pbr = Package::open_crate(".".as_ref(), "bevy_pbr@0.20.1", None)?;
+    /// println!("{:?}", pbr.modules()?);
+    /// # Ok::<(), karat::package::PackageError>(())
+    /// ```
+    ///
     /// # Errors
     /// If there is no such crate, or it ships no shader.
     pub fn open_crate(base: &Path, name: &str, root: Option<&str>) -> Result<Self, PackageError> {
@@ -176,6 +208,14 @@ impl Package {
     }
 
     /// A folder of modules, or one file as a package of one module.
+    ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// let package = Package::open("examples/shaders")?;
+    /// assert!(!package.modules()?.is_empty());
+    /// # Ok::<(), karat::package::PackageError>(())
+    /// ```
     ///
     /// # Errors
     /// If there is no such folder or file.
@@ -261,6 +301,16 @@ impl Package {
 
     /// Validates `module` with these features on: one that means nothing without them. It concerns
     /// [`is_valid`](Self::is_valid) alone; what a test links has the features of the package.
+    ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// let text = "@if(shadows) fn f() -> f32 { return 1.0; }
+    ///             fn g() -> f32 { return f(); } // there is no `f` without shadows";
+    /// let package = Package::from_modules("m", [("light", text)]);
+    /// assert!(package.try_is_valid().is_err());
+    /// assert!(package.validated_with("light", &["shadows"]).try_is_valid().is_ok());
+    /// ```
     #[must_use]
     pub fn validated_with(&self, module: &str, features: &[&str]) -> Self {
         let mut own = self.clone();
@@ -293,6 +343,12 @@ impl Package {
     }
 
     /// The name of the folder, file or crate, or the one given to text in memory.
+    ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// assert_eq!(Package::from_source("m", "fn f() {}").name(), "m");
+    /// ```
     #[must_use]
     pub fn name(&self) -> String {
         match &self.origin {
@@ -310,6 +366,13 @@ impl Package {
     }
 
     /// The folder or file; empty for text in memory, and for a crate that isn't found.
+    ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// let package = karat::package!("examples/shaders");
+    /// assert!(package.root().ends_with("examples/shaders"));
+    /// ```
     #[must_use]
     pub fn root(&self) -> PathBuf {
         match &self.origin {
@@ -361,6 +424,14 @@ impl Package {
     }
 
     /// The paths of all modules, sorted.
+    ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// let package = Package::from_modules("m", [("tone", "fn f() {}"), ("noise::value", "fn g() {}")]);
+    /// assert_eq!(package.modules()?, ["noise::value", "tone"]);
+    /// # Ok::<(), karat::package::PackageError>(())
+    /// ```
     ///
     /// # Errors
     /// If the folder is missing, unreadable or has no module.

@@ -164,6 +164,14 @@ pub(crate) fn open(path: Path) -> Result<&'static Device, PathError> {
 
 /// The adapter of a path.
 ///
+/// ```no_run
+/// use karat::Path;
+///
+/// let adapter = karat::path::adapter(Path::VULKAN)?;
+/// println!("{adapter}"); // vulkan: NVIDIA GeForce ..., 580.95
+/// # Ok::<(), karat::path::PathError>(())
+/// ```
+///
 /// # Errors
 /// If the path doesn't open.
 pub fn adapter(path: Path) -> Result<Adapter, PathError> {
@@ -175,6 +183,14 @@ pub fn adapter(path: Path) -> Result<Adapter, PathError> {
 }
 
 /// A path that was asked for by name.
+///
+/// ```no_run
+/// use karat::Path;
+///
+/// let adapter = karat::path::required("vulkan@nvidia".parse::<Path>()?)?;
+/// println!("{adapter}");
+/// # Ok::<(), karat::path::PathError>(())
+/// ```
 ///
 /// # Errors
 /// If it doesn't open; the message says that it is required.
@@ -194,6 +210,13 @@ fn must_open(path: Path) -> Result<&'static Device, PathError> {
 }
 
 /// The paths that a check runs on, as the environment says. Never empty.
+///
+/// ```no_run
+/// for path in karat::path::selected()? {
+///     println!("checks run on {path}");
+/// }
+/// # Ok::<(), karat::path::PathError>(())
+/// ```
 ///
 /// # Errors
 /// If a setting is wrong, a required path doesn't open, or none does.
@@ -317,6 +340,13 @@ pub(crate) fn expect_own(paths: impl Iterator<Item = Path>) -> Result<(), PathEr
 }
 
 /// The paths that a list names, in the format of `KARAT_PATHS`: `all` means all that open.
+///
+/// ```no_run
+/// use karat::Path;
+///
+/// assert_eq!(karat::path::named("KARAT_PATHS", "vulkan,gl")?, [Path::VULKAN, Path::GL]);
+/// # Ok::<(), karat::path::PathError>(())
+/// ```
 ///
 /// # Errors
 /// If a name isn't a path, or is listed twice.

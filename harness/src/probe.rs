@@ -51,6 +51,17 @@ use crate::reflect::{Function, Overrides, Program, ReflectError};
 use crate::value::Shape;
 
 /// A function, linked, reflected, and with its kernel.
+///
+/// ```
+/// use karat::Package;
+/// use karat::probe::Probed;
+///
+/// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+/// let probed = Probed::new(&package, "half")?;
+/// assert_eq!(probed.function().parameters.len(), 1);
+/// assert!(probed.kernel().contains("@compute"));
+/// # Ok::<(), karat::probe::ProbeError>(())
+/// ```
 #[derive(Debug)]
 pub struct Probed {
     pub(crate) program: Arc<Program>,
@@ -61,6 +72,15 @@ pub struct Probed {
 impl Probed {
     /// Prepares a probe of `path` (`fresnel::schlick`).
     ///
+    /// ```
+    /// use karat::Package;
+    /// use karat::probe::Probed;
+    ///
+    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// assert!(Probed::new(&package, "half").is_ok());
+    /// assert!(Probed::new(&package, "hlaf").is_err());
+    /// ```
+    ///
     /// # Errors
     /// If there is no such function, the shader isn't valid, or a kernel can't call it.
     pub fn new(package: &Package, path: &str) -> Result<Self, ProbeError> {
@@ -68,6 +88,16 @@ impl Probed {
     }
 
     /// The same with values of overrides, by their names or numbers.
+    ///
+    /// ```
+    /// use karat::Package;
+    /// use karat::probe::Probed;
+    ///
+    /// let text = "override GAIN: f32; fn louder(x: f32) -> f32 { return GAIN * x; }";
+    /// let package = Package::from_source("m", text);
+    /// let gain = [("GAIN".to_owned(), 2.0)].into();
+    /// assert!(Probed::with_overrides(&package, "louder", &gain).is_ok());
+    /// ```
     ///
     /// # Errors
     /// Those of [`new`](Self::new); and if an override has no value, or there is no such override.
@@ -174,6 +204,15 @@ impl Probed {
     }
 
     /// The function's signature, place, comment and resources.
+    ///
+    /// ```
+    /// use karat::Package;
+    /// use karat::probe::Probed;
+    ///
+    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// assert_eq!(Probed::new(&package, "half")?.function().parameters[0].0, "x");
+    /// # Ok::<(), karat::probe::ProbeError>(())
+    /// ```
     #[must_use]
     pub fn function(&self) -> &Function {
         &self.function
@@ -189,6 +228,15 @@ impl Probed {
     pub const ENTRY_POINT: &str = kernel::ENTRY_POINT;
 
     /// The whole text that is compiled: the function with all that it uses, then the kernel.
+    ///
+    /// ```
+    /// use karat::Package;
+    /// use karat::probe::Probed;
+    ///
+    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// println!("{}", Probed::new(&package, "half")?.kernel()); // as `karat show` prints it
+    /// # Ok::<(), karat::probe::ProbeError>(())
+    /// ```
     #[must_use]
     pub fn kernel(&self) -> &str {
         &self.kernel.text

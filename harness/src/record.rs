@@ -303,6 +303,15 @@ pub enum RecordError {
 }
 
 /// The record of a run.
+///
+/// ```no_run
+/// use karat::record::Recorded;
+///
+/// if let Some(recorded) = Recorded::read("target/karat/last".as_ref())? {
+///     println!("{} verdicts", recorded.records.len());
+/// }
+/// # Ok::<(), karat::record::RecordError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Recorded {
     /// Where it is.
@@ -339,6 +348,15 @@ impl Recorded {
 }
 
 /// Reads the verdicts of a folder as [`Recorded::read`] does.
+///
+/// ```no_run
+/// use karat::record::Verdict;
+///
+/// let records = karat::record::read("target/karat/last".as_ref())?;
+/// let failures = records.iter().filter(|record| record.verdict == Verdict::Fail).count();
+/// println!("{failures} of {} fail", records.len());
+/// # Ok::<(), karat::record::RecordError>(())
+/// ```
 ///
 /// # Errors
 /// If the folder or a file can't be read or a line isn't a record.

@@ -55,6 +55,16 @@ use crate::diagnostic::{Diagnostic, FileRead, Span};
 use crate::package::{Linked, LinkedModule, Package, PackageError};
 
 /// A linked and validated shader: text, IR, and the way back to the author's files.
+///
+/// ```
+/// use karat::Package;
+/// use karat::reflect::Program;
+///
+/// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+/// let program = Program::of_function(&package, "half")?;
+/// assert_eq!(program.function("half")?.parameters[0].0, "x");
+/// # Ok::<(), karat::reflect::ReflectError>(())
+/// ```
 #[derive(Debug)]
 pub struct Program {
     linked: Linked,
@@ -120,6 +130,16 @@ impl Program {
 
     /// Links and validates one function with all that it uses.
     ///
+    /// ```
+    /// use karat::Package;
+    /// use karat::reflect::Program;
+    ///
+    /// let text = "fn f() -> f32 { return 1.0; } fn g() -> f32 { return 2.0; }";
+    /// let program = Program::of_function(&Package::from_source("m", text), "f")?;
+    /// assert!(!program.text().contains("2.0")); // only what it uses
+    /// # Ok::<(), karat::reflect::ReflectError>(())
+    /// ```
+    ///
     /// # Errors
     /// If it can't be linked, or isn't valid WGSL.
     pub fn of_function(package: &Package, path: &str) -> Result<Arc<Self>, ReflectError> {
@@ -128,6 +148,16 @@ impl Program {
 
     /// Links and validates a whole module with all that it declares. If the module imports nothing
     /// and has no conditions, naga gets it unchanged.
+    ///
+    /// ```
+    /// use karat::Package;
+    /// use karat::reflect::Program;
+    ///
+    /// let text = "@fragment fn fragment() -> @location(0) vec4f { return vec4f(1.0); }";
+    /// let program = Program::of_module(&Package::from_modules("m", [("sky", text)]), "sky")?;
+    /// assert_eq!(program.module().entry_points.len(), 1);
+    /// # Ok::<(), karat::reflect::ReflectError>(())
+    /// ```
     ///
     /// # Errors
     /// If it can't be linked, or isn't valid WGSL.
@@ -224,6 +254,15 @@ impl Program {
     }
 
     /// The linked WGSL.
+    ///
+    /// ```
+    /// use karat::Package;
+    /// use karat::reflect::Program;
+    ///
+    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// assert!(Program::of_function(&package, "half")?.text().contains("0.5 * x"));
+    /// # Ok::<(), karat::reflect::ReflectError>(())
+    /// ```
     #[must_use]
     pub fn text(&self) -> &str {
         self.linked.text()

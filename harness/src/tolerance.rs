@@ -94,6 +94,13 @@ pub enum Tolerance {
 }
 
 /// The unit of an error.
+///
+/// ```
+/// use karat::tolerance::{Tolerance, Unit};
+/// use karat::Abs;
+///
+/// assert_eq!(Tolerance::from(Abs(0.1)).measure(0, 1.0, 1.0).unit, Unit::Abs);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
     /// `f32` steps.
@@ -120,6 +127,12 @@ pub enum Unit {
 
 impl Unit {
     /// Short name, as printed after a number.
+    ///
+    /// ```
+    /// use karat::tolerance::Unit;
+    ///
+    /// assert_eq!(Unit::Ulp.name(), "ulp");
+    /// ```
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -138,6 +151,15 @@ impl Unit {
 }
 
 /// One lane's error against one bound.
+///
+/// ```
+/// use karat::Ulp;
+/// use karat::tolerance::Tolerance;
+///
+/// let error = Tolerance::from(Ulp(4.0)).measure(0, 1.0, 1.0 + 2.0_f64.powi(-22));
+/// assert_eq!(error.to_string(), "2 ulp");
+/// assert_eq!(error.ratio, 0.5); // of what is allowed
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LaneError {
     /// Error / bound; infinite for NaN and infinities.
@@ -174,6 +196,15 @@ impl LaneError {
     }
 
     /// Whether the error is within the bound. False for NaN.
+    ///
+    /// ```
+    /// use karat::Abs;
+    /// use karat::tolerance::Tolerance;
+    ///
+    /// let tolerance = Tolerance::from(Abs(0.1));
+    /// assert!(tolerance.measure(0, 1.05, 1.0).passes());
+    /// assert!(!tolerance.measure(0, f32::NAN, 1.0).passes());
+    /// ```
     #[must_use]
     pub fn passes(&self) -> bool {
         self.ratio <= 1.0
@@ -222,11 +253,27 @@ fn exponent(bound: f64) -> String {
 
 impl Tolerance {
     /// One tolerance for each lane (component, matrix element, structure member), in order.
+    ///
+    /// ```
+    /// use karat::tolerance::Tolerance;
+    /// use karat::{Abs, Ulp};
+    ///
+    /// // Of a vec2f: an exact x, and a y with an absolute error.
+    /// let tolerance = Tolerance::per_lane([Ulp(0.0).into(), Abs(1e-3).into()]);
+    /// assert_eq!(tolerance.lanes(), Some(2));
+    /// ```
     pub fn per_lane(lanes: impl IntoIterator<Item = Self>) -> Self {
         Self::PerLane(lanes.into_iter().collect())
     }
 
     /// Passes where this or `other` passes.
+    ///
+    /// ```
+    /// use karat::{Abs, Rel, Ulp};
+    ///
+    /// let tolerance = Ulp(4.0).or(Rel(1e-5)).or(Abs(1e-7));
+    /// assert_eq!(tolerance.to_string(), "4 ulp or rel 1e-5 or abs 1e-7");
+    /// ```
     pub fn or(self, other: impl Into<Self>) -> Self {
         match self {
             Self::Any(mut parts) => {
@@ -238,6 +285,13 @@ impl Tolerance {
     }
 
     /// Passes where this and `other` pass.
+    ///
+    /// ```
+    /// use karat::{Abs, Rel, Ulp};
+    ///
+    /// let tolerance = Rel(1e-3).and(Abs(0.1)).and(Ulp(1e6));
+    /// assert!(tolerance.measure(0, 1.0, 1.0).passes());
+    /// ```
     pub fn and(self, other: impl Into<Self>) -> Self {
         match self {
             Self::All(mut parts) => {
@@ -250,6 +304,14 @@ impl Tolerance {
 
     /// Measures ulps near zero in steps of the size found at `magnitude`. A function that subtracts
     /// values of that size can't promise more. Other bounds are unchanged.
+    ///
+    /// ```
+    /// use karat::{Abs, Ulp};
+    ///
+    /// // The difference of two numbers near 1 has their steps, even where it is nearly 0.
+    /// let tolerance = Ulp(2.0).or(Abs(0.0)).near_zero(1.0);
+    /// assert!(tolerance.measure(0, 1.2e-7, 0.0).passes());
+    /// ```
     pub fn near_zero(self, magnitude: f64) -> Self {
         let map = |parts: Vec<Self>| parts.into_iter().map(|t| t.near_zero(magnitude)).collect();
         match self {
@@ -262,6 +324,14 @@ impl Tolerance {
     }
 
     /// How many lanes this tolerance was declared for; `None` if it fits any number.
+    ///
+    /// ```
+    /// use karat::tolerance::Tolerance;
+    /// use karat::{Abs, Ulp};
+    ///
+    /// assert_eq!(Tolerance::from(Ulp(4.0)).lanes(), None);
+    /// assert_eq!(Tolerance::per_lane([Ulp(4.0).into(), Abs(0.1).into()]).lanes(), Some(2));
+    /// ```
     #[must_use]
     pub fn lanes(&self) -> Option<usize> {
         match self {
@@ -286,6 +356,14 @@ impl Tolerance {
     }
 
     /// The error of one `f32` lane. A lane without a tolerance of its own fails.
+    ///
+    /// ```
+    /// use karat::Rel;
+    /// use karat::tolerance::Tolerance;
+    ///
+    /// let error = Tolerance::from(Rel(0.1)).measure(0, 1.05, 1.0);
+    /// assert!((error.ratio - 0.5).abs() < 1e-6); // half of what is allowed
+    /// ```
     #[must_use]
     pub fn measure(&self, lane: usize, actual: f32, expected: f64) -> LaneError {
         self.measure_sum(lane, f64::from(actual), expected)
@@ -451,6 +529,13 @@ leaf! {
 
 impl Ulp {
     /// See [`Tolerance::near_zero`].
+    ///
+    /// ```
+    /// use karat::Ulp;
+    ///
+    /// let tolerance = Ulp(2.0).near_zero(1.0);
+    /// assert!(tolerance.measure(0, 1.2e-7, 0.0).passes());
+    /// ```
     pub fn near_zero(self, magnitude: f64) -> Tolerance {
         Tolerance::from(self).near_zero(magnitude)
     }

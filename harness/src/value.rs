@@ -18,6 +18,13 @@ pub use quad::Quad;
 pub use shareable::{Arguments, Shareable};
 
 /// A WGSL scalar type.
+///
+/// ```
+/// use karat::value::Scalar;
+///
+/// assert_eq!(Scalar::named("u32"), Some(Scalar::U32));
+/// assert_eq!(Scalar::F32.decode(0x3f00_0000), 0.5);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Scalar {
     /// `f32`
@@ -34,6 +41,12 @@ pub enum Scalar {
 
 impl Scalar {
     /// The WGSL keyword.
+    ///
+    /// ```
+    /// use karat::value::Scalar;
+    ///
+    /// assert_eq!(Scalar::F16.wgsl(), "f16");
+    /// ```
     #[must_use]
     pub fn wgsl(self) -> &'static str {
         match self {
@@ -47,12 +60,25 @@ impl Scalar {
 
     /// Whether a lane of this type is compared with a tolerance. Integers and booleans are not:
     /// they are equal or wrong.
+    ///
+    /// ```
+    /// use karat::value::Scalar;
+    ///
+    /// assert!(Scalar::F32.is_float() && !Scalar::I32.is_float());
+    /// ```
     #[must_use]
     pub fn is_float(self) -> bool {
         matches!(self, Self::F32 | Self::F16)
     }
 
     /// The scalar of this keyword.
+    ///
+    /// ```
+    /// use karat::value::Scalar;
+    ///
+    /// assert_eq!(Scalar::named("bool"), Some(Scalar::Bool));
+    /// assert_eq!(Scalar::named("f64"), None);
+    /// ```
     #[must_use]
     pub fn named(wgsl: &str) -> Option<Self> {
         [Self::F32, Self::F16, Self::I32, Self::U32, Self::Bool]
@@ -61,6 +87,13 @@ impl Scalar {
     }
 
     /// The lane of a decimal, `true` or `false`; `None` if it is no finite value of the type.
+    ///
+    /// ```
+    /// use karat::value::Scalar;
+    ///
+    /// assert_eq!(Scalar::I32.parse("-1"), Some(u32::MAX));
+    /// assert_eq!(Scalar::F32.parse("inf"), None);
+    /// ```
     #[must_use]
     pub fn parse(self, text: &str) -> Option<u32> {
         match self {
@@ -74,6 +107,12 @@ impl Scalar {
     }
 
     /// The value in a lane. Exact for each scalar type.
+    ///
+    /// ```
+    /// use karat::value::Scalar;
+    ///
+    /// assert_eq!(Scalar::I32.decode(u32::MAX), -1.0);
+    /// ```
     #[must_use]
     pub fn decode(self, lane: u32) -> f64 {
         match self {
@@ -85,6 +124,13 @@ impl Scalar {
 }
 
 /// A WGSL type that a probe can pass or read.
+///
+/// ```
+/// use karat::value::{Scalar, Shape};
+///
+/// let direction = Shape::Vector { size: 3, scalar: Scalar::F32 };
+/// assert_eq!(direction.to_string(), "vec3<f32>");
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Shape {
     /// `f32`, `i32`, ...
@@ -123,6 +169,13 @@ pub enum Shape {
 
 impl Shape {
     /// The scalars of the value, in the order of its lanes.
+    ///
+    /// ```
+    /// use karat::value::{Scalar, Shape};
+    ///
+    /// let point = Shape::Vector { size: 2, scalar: Scalar::I32 };
+    /// assert_eq!(point.lanes(), [Scalar::I32; 2]);
+    /// ```
     #[must_use]
     pub fn lanes(&self) -> Vec<Scalar> {
         let mut lanes = Vec::new();
@@ -132,6 +185,13 @@ impl Shape {
 
     /// The name of each lane as an access in WGSL: `""` for a scalar, `".x"`, `"[2].y"`,
     /// `".weight"`.
+    ///
+    /// ```
+    /// use karat::value::{Scalar, Shape};
+    ///
+    /// let point = Shape::Vector { size: 2, scalar: Scalar::I32 };
+    /// assert_eq!(point.lane_names(), [".x", ".y"]);
+    /// ```
     #[must_use]
     pub fn lane_names(&self) -> Vec<String> {
         let mut names = Vec::new();
@@ -177,6 +237,13 @@ impl Shape {
     /// Structures agree if their members do; their own names may differ. If `result` is set, an
     /// `f32` of the host stands for `f16`, too, because a reference computes in `f64` and can't
     /// tell them apart.
+    ///
+    /// ```
+    /// use karat::value::{Scalar, Shape};
+    ///
+    /// let (float, word) = (Shape::Scalar(Scalar::F32), Shape::Scalar(Scalar::U32));
+    /// assert!(float.stands_for(&float, true) && !float.stands_for(&word, true));
+    /// ```
     #[must_use]
     pub fn stands_for(&self, wgsl: &Self, result: bool) -> bool {
         let scalars = |host: Scalar, shader: Scalar| {
@@ -211,6 +278,12 @@ impl Shape {
     }
 
     /// What varies from pixel to pixel, if this is the shape of a [`Quad`].
+    ///
+    /// ```
+    /// use karat::value::{Scalar, Shape};
+    ///
+    /// assert_eq!(Shape::Scalar(Scalar::F32).quad(), None);
+    /// ```
     #[must_use]
     pub fn quad(&self) -> Option<&Self> {
         let Self::Struct { name, members } = self else { return None };
@@ -221,6 +294,12 @@ impl Shape {
     }
 
     /// Whether any lane is an `f16`, which a path must support.
+    ///
+    /// ```
+    /// use karat::value::{Scalar, Shape};
+    ///
+    /// assert!(Shape::Vector { size: 2, scalar: Scalar::F16 }.needs_f16());
+    /// ```
     #[must_use]
     pub fn needs_f16(&self) -> bool {
         self.lanes().contains(&Scalar::F16)
@@ -228,6 +307,13 @@ impl Shape {
 
     /// The value in `lanes` as one would write it in WGSL, with the shortest decimals that read
     /// back to the same bits.
+    ///
+    /// ```
+    /// use karat::value::{Scalar, Shape};
+    ///
+    /// let point = Shape::Vector { size: 2, scalar: Scalar::F32 };
+    /// assert_eq!(point.format(&[0, 1.5_f32.to_bits()]), "(0, 1.5)");
+    /// ```
     #[must_use]
     pub fn format(&self, lanes: &[u32]) -> String {
         let mut at = 0;
@@ -296,6 +382,12 @@ impl fmt::Display for Shape {
 }
 
 /// One lane in decimal: the shortest digits that read back to the same bits.
+///
+/// ```
+/// use karat::value::{Scalar, format_lane};
+///
+/// assert_eq!(format_lane(Scalar::I32, u32::MAX), "-1");
+/// ```
 #[must_use]
 pub fn format_lane(scalar: Scalar, lane: u32) -> String {
     match scalar {
@@ -308,6 +400,12 @@ pub fn format_lane(scalar: Scalar, lane: u32) -> String {
 
 /// An `f32` in decimal: the shortest digits that read back to the same bits, with an exponent
 /// where plain digits would be long. `-0`, `NaN` and `inf` keep their names.
+///
+/// ```
+/// use karat::value::format_f32;
+///
+/// assert_eq!(format_f32(0.1), "0.1");
+/// ```
 #[must_use]
 pub fn format_f32(value: f32) -> String {
     let size = value.abs();
@@ -319,6 +417,12 @@ pub fn format_f32(value: f32) -> String {
 }
 
 /// An `f32` in C99 hexadecimal, which shows every bit: `0x1.99999ap-4`.
+///
+/// ```
+/// use karat::value::hexfloat;
+///
+/// assert_eq!(hexfloat(0.1), "0x1.99999ap-4");
+/// ```
 #[must_use]
 pub fn hexfloat(value: f32) -> String {
     if value.is_nan() {

@@ -61,6 +61,10 @@ const MOST_DEPENDENCIES: usize = 25;
 /// Names at the root, modules and the macros left aside: what a newcomer reads first.
 const MOST_NAMES: usize = 36;
 
+/// Public items without an example. Errors and what tools read are left; verbs, domains, tolerances,
+/// fixtures, draws and frames have theirs. The number only ever falls.
+const MOST_WITHOUT_EXAMPLE: usize = 235;
+
 /// What a module's code names: modules of the library, and crates.
 #[derive(Debug, Default)]
 struct Names {
@@ -269,4 +273,162 @@ fn leaves(tree: &syn::UseTree) -> usize {
         syn::UseTree::Group(group) => group.items.iter().map(leaves).sum(),
         _ => 1,
     }
+}
+
+/// A public item: its name, with its type's before it, and whether its documentation has an example.
+type Item = (String, bool);
+
+/// Public items of a file: functions, methods, types, traits and exported macros. What is public is
+/// reachable, which the lint `unreachable_pub` sees to. A trait's own items, variants and members are
+/// shown at what they are part of; nobody makes an error, so an error needs no example.
+#[derive(Debug, Default)]
+struct PublicItems {
+    owner: String,
+    items: Vec<Item>,
+}
+
+impl PublicItems {
+    fn of(text: &str) -> Vec<Item> {
+        let mut found = Self::default();
+        found.visit_file(&syn::parse_file(text).expect("it compiles"));
+        found.items
+    }
+
+    fn item(&mut self, public: bool, name: &syn::Ident, attributes: &[syn::Attribute]) {
+        let is = |attribute: &syn::Attribute, name: &str, word: &str| {
+            attribute.path().is_ident(name) && quoted(attribute).contains(word)
+        };
+        let has = |name, word| attributes.iter().any(|attribute| is(attribute, name, word));
+        if public && !has("derive", "thiserror") {
+            self.items.push((format!("{}{name}", self.owner), has("doc", "```")));
+        }
+    }
+}
+
+/// What an attribute says, as text.
+fn quoted(attribute: &syn::Attribute) -> String {
+    match &attribute.meta {
+        syn::Meta::NameValue(syn::MetaNameValue { value: syn::Expr::Lit(value), .. }) => {
+            match &value.lit {
+                syn::Lit::Str(text) => text.value(),
+                _ => String::new(),
+            }
+        }
+        syn::Meta::List(list) => list.tokens.to_string(),
+        _ => String::new(),
+    }
+}
+
+fn is_public(visibility: &syn::Visibility) -> bool {
+    matches!(visibility, syn::Visibility::Public(_))
+}
+
+impl<'ast> Visit<'ast> for PublicItems {
+    fn visit_item_mod(&mut self, module: &'ast syn::ItemMod) {
+        if !is_test(&module.attrs) {
+            visit::visit_item_mod(self, module);
+        }
+    }
+
+    fn visit_item_fn(&mut self, item: &'ast syn::ItemFn) {
+        self.item(is_public(&item.vis), &item.sig.ident, &item.attrs);
+    }
+
+    fn visit_item_struct(&mut self, item: &'ast syn::ItemStruct) {
+        self.item(is_public(&item.vis), &item.ident, &item.attrs);
+    }
+
+    fn visit_item_enum(&mut self, item: &'ast syn::ItemEnum) {
+        self.item(is_public(&item.vis), &item.ident, &item.attrs);
+    }
+
+    fn visit_item_trait(&mut self, item: &'ast syn::ItemTrait) {
+        self.item(is_public(&item.vis), &item.ident, &item.attrs);
+    }
+
+    fn visit_item_macro(&mut self, item: &'ast syn::ItemMacro) {
+        let exported = item.attrs.iter().any(|one| one.path().is_ident("macro_export"));
+        if let Some(name) = &item.ident {
+            self.item(exported, name, &item.attrs);
+        }
+    }
+
+    fn visit_item_impl(&mut self, item: &'ast syn::ItemImpl) {
+        let syn::Type::Path(of) = &*item.self_ty else { return };
+        if item.trait_.is_none() {
+            let name = of.path.segments.last().expect("a path has a part").ident.to_string();
+            self.owner = name + "::";
+            visit::visit_item_impl(self, item);
+            self.owner.clear();
+        }
+    }
+
+    fn visit_impl_item_fn(&mut self, item: &'ast syn::ImplItemFn) {
+        self.item(is_public(&item.vis), &item.sig.ident, &item.attrs);
+    }
+}
+
+/// Items without an example. A `try_` form is shown by the form that panics.
+fn without_example(items: &[Item]) -> Vec<&str> {
+    let shown = |name: &str| items.iter().any(|(other, example)| other == name && *example);
+    let plain = |name: &str| name.replacen("::try_", "::", 1);
+    let without = items.iter().filter(|(name, example)| !example && !shown(&plain(name)));
+    without.map(|(name, _)| name.as_str()).collect()
+}
+
+/// Whoever looks an item up sees it used.
+#[test]
+fn public_items_have_examples() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    sources(&root, &mut files);
+    files.sort();
+    let (mut all, mut without, mut names) = (0, 0, String::new());
+    for file in files {
+        let items = PublicItems::of(&std::fs::read_to_string(&file).expect("UTF-8"));
+        let missing = without_example(&items);
+        (all, without) = (all + items.len(), without + missing.len());
+        if !missing.is_empty() {
+            let file = file.strip_prefix(&root).expect("below src").display();
+            names += &format!("\n{file}: {}", missing.join(", "));
+        }
+    }
+    assert!(all > 500, "only {all} public items were found");
+    assert!(
+        without <= MOST_WITHOUT_EXAMPLE,
+        "{without} of {all} public items have no example, and {MOST_WITHOUT_EXAMPLE} may have none: \
+         give yours one{names}"
+    );
+}
+
+/// The test above counts what it is to count.
+#[test]
+fn public_items_are_told_from_others() {
+    let text = r#"
+        /// ```
+        /// shown();
+        /// ```
+        pub fn shown() {}
+        pub(crate) fn inner() {}
+        /// Nothing.
+        pub struct Bare { pub member: u32 }
+        #[derive(Debug, thiserror::Error)]
+        pub enum Wrong {}
+        impl Bare {
+            /// ```
+            /// Bare::new();
+            /// ```
+            pub fn new() -> Self { Self { member: 0 } }
+            pub fn try_new() -> Option<Self> { None }
+            pub fn try_other() -> Option<Self> { None }
+        }
+        impl Clone for Bare { fn clone(&self) -> Self { Self::new() } }
+        #[macro_export]
+        macro_rules! made { () => {} }
+        #[cfg(test)]
+        mod tests { pub fn hidden() {} }
+    "#;
+    let items = PublicItems::of(text);
+    assert_eq!(without_example(&items), ["Bare", "Bare::try_other", "made"]);
+    assert_eq!(items.len(), 6);
 }

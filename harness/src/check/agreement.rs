@@ -114,6 +114,16 @@ where
     /// accepts what the adapter's measured accuracy allows. On paths with a tolerance of their own that
     /// one holds.
     ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let text = "fn lambert(albedo: f32, cosine: f32) -> f32 { return albedo / 3.14159265 * cosine; }";
+    /// let lambert = |albedo: f64, cosine: f64| albedo / std::f64::consts::PI * cosine;
+    /// Package::from_source("brdf", text)
+    ///     .function("lambert")
+    ///     .over((0.0..=1.0, 0.0..=1.0))
+    ///     .agrees_with(lambert, Ulp(4.0));
+    /// ```
+    ///
     /// # Panics
     /// With the [`Failure`], if a case disagrees or nothing could be compared.
     #[track_caller]
@@ -126,6 +136,14 @@ where
     }
 
     /// [`agrees_with`](Self::agrees_with) without the panic.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let check = package.function("half").over(0.0..=1.0);
+    /// let failure = check.try_agrees_with(|x: f64| x, Ulp(4.0)).unwrap_err();
+    /// assert!(failure.to_string().contains("`half` fails agrees_with: 4 ulp"));
+    /// ```
     ///
     /// # Errors
     /// If a case disagrees or nothing could be compared.

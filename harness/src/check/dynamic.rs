@@ -16,12 +16,38 @@ use crate::value::Shape;
 impl<'a> Probe<'a> {
     /// Chooses the arguments at run time. The verbs of a [`DynamicCheck`] take and return words: the
     /// lanes of all arguments in turn, and those of the result.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// use karat::domain::{Dynamic, Part};
+    /// use karat::value::{Scalar, Shape};
+    ///
+    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// package.function("half").over_dynamic(x).stays_within(0.0, 0.5)?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
     pub fn over_dynamic(self, domain: Dynamic) -> DynamicCheck<'a> {
         DynamicCheck { plan: Plan::new(self), domain }
     }
 }
 
 /// A function with arguments that are chosen at run time. Each verb records its verdict and returns it.
+///
+/// ```
+/// # use karat::domain::{Dynamic, Part};
+/// # use karat::prelude::*;
+/// # use karat::value::{Scalar, Shape};
+/// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+/// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+/// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+/// let agreement = package.function("half").over_dynamic(x).cases(1000).is_finite()?;
+/// assert_eq!(agreement.cases, 1000);
+/// # Ok::<(), karat::check::Failure>(())
+/// ```
 #[derive(Debug)]
 #[must_use = "a check compares nothing until a verb such as `.agrees_with(...)`"]
 pub struct DynamicCheck<'a> {
@@ -34,12 +60,36 @@ pub type ExpectWords<'e> = &'e (dyn Fn(&[u32], &mut Vec<f64>) + Sync);
 
 impl DynamicCheck<'_> {
     /// See [`Check::cases`](super::Check::cases).
+    ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// package.function("half").over_dynamic(x).cases(1000).is_finite()?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
     pub fn cases(mut self, cases: u64) -> Self {
         self.plan.cases = Some(cases);
         self
     }
 
     /// See [`Check::seed`](super::Check::seed).
+    ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// package.function("half").over_dynamic(x).seed(7).is_finite()?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
     pub fn seed(mut self, seed: u64) -> Self {
         self.plan.seed = Some(seed);
         self
@@ -74,6 +124,19 @@ impl DynamicCheck<'_> {
 
     /// Checks that the function agrees with `expect`, which knows the result's lanes.
     ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let half = |words: &[u32], lanes: &mut Vec<f64>| lanes.push(0.5 * Scalar::F32.decode(words[0]));
+    /// package.function("half").over_dynamic(x).agrees_with(&half, Ulp(0.0))?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
+    ///
     /// # Errors
     /// See [`Check::try_agrees_with`](super::Check::try_agrees_with).
     pub fn agrees_with(
@@ -92,6 +155,20 @@ impl DynamicCheck<'_> {
 
     /// Checks that the function agrees with another one of its package, which takes the same
     /// arguments. Karat's engine executes that one in `f64`, with the fixtures of the first.
+    ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// let text = "fn twice(x: f32) -> f32 { return x + x; }
+    ///             fn product(x: f32) -> f32 { return 2.0 * x; }";
+    /// let package = Package::from_source("m", text);
+    /// package.function("twice").over_dynamic(x).agrees_with_function("product", Ulp(0.0))?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
     ///
     /// # Errors
     /// As above, and if the engine can't execute the other function.
@@ -112,6 +189,19 @@ impl DynamicCheck<'_> {
 
     /// Checks that the function returns what it returned when its golden was accepted.
     ///
+    /// ```no_run
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// # let package = Package::from_source("m", "fn noise(x: f32) -> f32 { return fract(17.0 * x); }");
+    /// let goldens = karat::Goldens::open("golden".as_ref());
+    /// package.function("noise").over_dynamic(x).cases(64).matches(&goldens, "noise", Rel(1e-5))?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
+    ///
     /// # Errors
     /// See [`Check::try_matches`](super::Check::try_matches).
     pub fn matches(
@@ -126,6 +216,18 @@ impl DynamicCheck<'_> {
 
     /// See [`Check::is_finite`](super::Check::is_finite).
     ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// package.function("half").over_dynamic(x).is_finite()?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
+    ///
     /// # Errors
     /// See [`Check::try_is_finite`](super::Check::try_is_finite).
     pub fn is_finite(self) -> Result<Agreement, Failure> {
@@ -134,6 +236,18 @@ impl DynamicCheck<'_> {
     }
 
     /// See [`Check::stays_within`](super::Check::stays_within).
+    ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// package.function("half").over_dynamic(x).stays_within(0.0, 0.5)?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
     ///
     /// # Errors
     /// See [`Check::try_stays_within`](super::Check::try_stays_within).
@@ -144,6 +258,19 @@ impl DynamicCheck<'_> {
 
     /// See [`Check::is_unit`](super::Check::is_unit).
     ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// let text = "fn turned(x: f32) -> vec2f { return vec2f(cos(x), sin(x)); }";
+    /// let package = Package::from_source("m", text);
+    /// package.function("turned").over_dynamic(x).is_unit()?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
+    ///
     /// # Errors
     /// See [`Check::try_is_unit`](super::Check::try_is_unit).
     pub fn is_unit(self) -> Result<Agreement, Failure> {
@@ -152,6 +279,21 @@ impl DynamicCheck<'_> {
     }
 
     /// Checks that a statement holds for the words of arguments and result.
+    ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let smaller = |arguments: &[u32], result: &[u32]| {
+    ///     f32::from_bits(result[0]) <= f32::from_bits(arguments[0])
+    /// };
+    /// package.function("half").over_dynamic(x).satisfies("is smaller", &smaller)?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
     ///
     /// # Errors
     /// See [`Check::try_satisfies`](super::Check::try_satisfies).
@@ -165,6 +307,21 @@ impl DynamicCheck<'_> {
     }
 
     /// Checks that the result stays the same when `transform` appends other arguments.
+    ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// let package = Package::from_source("m", "fn bump(x: f32) -> f32 { return x * (1.0 - x); }");
+    /// let mirrored = |words: &[u32], others: &mut Vec<u32>| {
+    ///     others.push((1.0 - f32::from_bits(words[0])).to_bits());
+    /// };
+    /// package.function("bump").over_dynamic(x).invariant_under(&mirrored, Abs(1e-6))?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
     ///
     /// # Errors
     /// See [`Check::try_invariant_under`](super::Check::try_invariant_under).
@@ -180,6 +337,18 @@ impl DynamicCheck<'_> {
 
     /// Checks that the result only rises, or only falls, with one argument.
     ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// package.function("half").over_dynamic(x).is_monotone_in("x", Trend::Increasing, Ulp(0.0))?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
+    ///
     /// # Errors
     /// See [`Check::try_is_monotone_in`](super::Check::try_is_monotone_in).
     pub fn is_monotone_in(
@@ -194,6 +363,20 @@ impl DynamicCheck<'_> {
     }
 
     /// Checks that the result approaches `expect` as one argument approaches a limit.
+    ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// let package = Package::from_source("m", "fn grow(x: f32) -> f32 { return exp2(x); }");
+    /// let one = |_: &[u32], lanes: &mut Vec<f64>| lanes.push(1.0);
+    /// let limit = Limit::toward(0.0, [0.1, 0.01, 0.001]);
+    /// package.function("grow").over_dynamic(x).at_limit("x", &limit, &one, Abs(1e-3))?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
     ///
     /// # Errors
     /// See [`Check::try_at_limit`](super::Check::try_at_limit).
@@ -217,6 +400,18 @@ impl DynamicCheck<'_> {
     /// Checks that nothing goes wrong inside of the function: see
     /// [`Check::has_no_hazards`](super::Check::has_no_hazards).
     ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// package.function("half").over_dynamic(x).has_no_hazards()?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
+    ///
     /// # Errors
     /// If something goes wrong, or the engine doesn't execute the function.
     #[cfg(feature = "engine")]
@@ -237,6 +432,17 @@ impl DynamicCheck<'_> {
     /// Checks the integral over directions, which are the function's last argument: the domain has the
     /// arguments before it. See [`Check::integrates_to`](super::Check::integrates_to).
     ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// use karat::domain::Dynamic;
+    ///
+    /// let package = Package::from_source("m", "fn one(l: vec3f) -> f32 { return 1.0; }");
+    /// let area = |_: &[u32], lanes: &mut Vec<f64>| lanes.push(std::f64::consts::TAU);
+    /// let one = package.function("one").over_dynamic(Dynamic::new(&[], Vec::new()));
+    /// one.integrates_to(Directions::hemisphere(), &area, Rel(1e-6))?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
+    ///
     /// # Errors
     /// If an integral isn't the expected one, if two rules disagree, or if nothing could be compared.
     pub fn integrates_to(
@@ -251,6 +457,17 @@ impl DynamicCheck<'_> {
 
     /// Checks that the integral over directions is at most a bound plus `slack`, as
     /// [`Check::integrates_to_at_most`](super::Check::integrates_to_at_most) does.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// use karat::domain::Dynamic;
+    ///
+    /// let package = Package::from_source("m", "fn dim(l: vec3f) -> f32 { return 0.1; }");
+    /// let one = |_: &[u32], lanes: &mut Vec<f64>| lanes.push(1.0);
+    /// let dim = package.function("dim").over_dynamic(Dynamic::new(&[], Vec::new()));
+    /// dim.integrates_to_at_most(Directions::hemisphere(), &one, 1e-6)?; // 0.2 pi
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
     ///
     /// # Errors
     /// As above.

@@ -23,6 +23,15 @@ where
     /// Karat's engine watches each operation; what paths return isn't looked at, but it must be there.
     /// See [`hazards`](mod@crate::hazards) for what is found without a domain.
     ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// // 1 / 0 is infinite, although `min` hides it from the result.
+    /// let text = "fn capped(x: f32) -> f32 { return min(1.0 / x, 100.0); }";
+    /// let package = Package::from_source("m", text);
+    /// package.function("capped").over(0.001..=1.0).has_no_hazards();
+    /// assert!(package.function("capped").over(0.0..=1.0).try_has_no_hazards().is_err());
+    /// ```
+    ///
     /// # Panics
     /// With the [`Failure`], if something goes wrong, or the engine doesn't execute the function.
     #[track_caller]

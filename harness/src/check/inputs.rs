@@ -11,6 +11,13 @@ impl<D: Domain> Check<'_, D> {
     ///
     /// With [constants](Inputs::Constant), at most 64 cases are checked: all values of a finite
     /// domain of up to 64, otherwise a sample of which half are edges.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let half = package.function("half").over(0.0..=1.0);
+    /// half.inputs(Inputs::Uniform).agrees_with(|x: f64| 0.5 * x, Ulp(0.0));
+    /// ```
     pub fn inputs(mut self, inputs: Inputs) -> Self {
         self.plan.probe.inputs = vec![inputs];
         self

@@ -80,6 +80,20 @@ impl<'a> Probe<'a> {
 }
 
 /// A function with the quadrature rules that it is integrated by: see [`Probe::integral`].
+///
+/// ```no_run
+/// use glam::{DVec3, Vec3};
+/// # use karat::prelude::*;
+/// # static SHADERS: Package = karat::package!("shaders");
+///
+/// // One node is a rule, too: the light is a point.
+/// let sun = |_: &f32| vec![((Vec3::Z,), 1.0)];
+/// SHADERS
+///     .function("sky::radiance") // fn radiance(l: vec3f) -> vec3f
+///     .integral(0.0..=1.0, sun)
+///     .cases(64)
+///     .agrees_with(|_: &f32| DVec3::ONE, Rel(1e-6));
+/// ```
 #[derive(Clone, Debug)]
 #[must_use = "an integral is not taken until a verb such as `.agrees_with(...)`"]
 pub struct Integral<'a, D, Q> {
@@ -121,12 +135,30 @@ where
     /// Sets the number of integrals. A finite domain of at most that many values is enumerated
     /// instead. Without this, a finite domain of up to 65,536 values is enumerated; any other
     /// domain draws 256 cases.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// // The integral of x from 0 to b, by the midpoint.
+    /// let midpoint = |&b: &f32| vec![(0.5 * b, f64::from(b))];
+    /// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return x; }");
+    /// let integral = package.function("f").integral(0.1..=1.0, midpoint);
+    /// let half = |&b: &f32| 0.5 * f64::from(b) * f64::from(b);
+    /// assert_eq!(integral.cases(16).agrees_with(half, Rel(1e-6)).cases, 16);
+    /// ```
     pub fn cases(mut self, cases: u64) -> Self {
         self.plan.cases = Some(cases);
         self
     }
 
     /// Sets the seed, which otherwise derives from the test's name.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let midpoint = |&b: &f32| vec![(0.5 * b, f64::from(b))];
+    /// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return x; }");
+    /// let integral = package.function("f").integral(0.1..=1.0, midpoint);
+    /// integral.seed(7).cases(16).is_at_most(|_: &f32| 0.5, 0.0);
+    /// ```
     pub fn seed(mut self, seed: u64) -> Self {
         self.plan.seed = Some(seed);
         self
@@ -134,6 +166,15 @@ where
 
     /// Sets another tolerance for one path: see
     /// [`Check::tolerance_on`](super::Check::tolerance_on).
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # let midpoint = |&b: &f32| vec![(0.5 * b, f64::from(b))];
+    /// # let package = Package::from_source("m", "fn f(x: f32) -> f32 { return x; }");
+    /// # let half = |&b: &f32| 0.5 * f64::from(b) * f64::from(b);
+    /// let integral = package.function("f").integral(0.1..=1.0, midpoint);
+    /// integral.tolerance_on(Path::GL, Rel(1e-3)).agrees_with(half, Rel(1e-6));
+    /// ```
     pub fn tolerance_on(
         mut self,
         on: impl Into<Selector>,
@@ -145,6 +186,15 @@ where
 
     /// Declares that the check fails on a path, and why: see
     /// [`Check::fails_on`](super::Check::fails_on).
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # let midpoint = |&b: &f32| vec![(0.5 * b, f64::from(b))];
+    /// # let package = Package::from_source("m", "fn f(x: f32) -> f32 { return x; }");
+    /// # let half = |&b: &f32| 0.5 * f64::from(b) * f64::from(b);
+    /// let integral = package.function("f").integral(0.1..=1.0, midpoint);
+    /// integral.fails_on("gl@llvmpipe", "mesa#1234").agrees_with(half, Rel(1e-6));
+    /// ```
     pub fn fails_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
         self.plan.known_issues.declare(on.into(), reason);
         self
@@ -152,6 +202,15 @@ where
 
     /// Checks that each integral agrees with the expected one to within a tolerance, component by
     /// component. The sum isn't rounded to `f32` before it is compared.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// // The integral of x from 0 to b, by the midpoint.
+    /// let midpoint = |&b: &f32| vec![(0.5 * b, f64::from(b))];
+    /// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return x; }");
+    /// let half = |&b: &f32| 0.5 * f64::from(b) * f64::from(b);
+    /// package.function("f").integral(0.1..=1.0, midpoint).agrees_with(half, Rel(1e-6));
+    /// ```
     ///
     /// # Panics
     /// With the [`Failure`], if an integral disagrees, a node has no finite result, or nothing
@@ -182,6 +241,13 @@ where
     /// Checks that each integral is at most a bound plus `slack`. The slack is absolute: it is the
     /// error that you allow the quadrature and the shader's arithmetic. The bound is one number for
     /// all components, or one for each.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let midpoint = |&b: &f32| vec![(0.5 * b, f64::from(b))];
+    /// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return x; }");
+    /// package.function("f").integral(0.1..=1.0, midpoint).is_at_most(|_: &f32| 0.5, 0.0);
+    /// ```
     ///
     /// # Panics
     /// With the [`Failure`], if an integral exceeds its bound, a node has no finite result, or

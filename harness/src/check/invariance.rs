@@ -56,6 +56,15 @@ where
     /// Checks that the function returns the same, to within a tolerance, when its arguments are
     /// transformed: reciprocity, symmetry, rotation.
     ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let text = "fn halfway(v: vec3f, l: vec3f) -> vec3f { return normalize(v + l); }";
+    /// // Opposite directions have no halfway vector.
+    /// let apart = (Hemisphere, Hemisphere).filter(|(v, l)| (*v + *l).length() > 0.1);
+    /// let package = Package::from_source("brdf", text);
+    /// package.function("halfway").over(apart).invariant_under(|(v, l)| (l, v), Ulp(0.0));
+    /// ```
+    ///
     /// # Panics
     /// With the [`Failure`], if a case differs or nothing could be compared.
     #[track_caller]

@@ -36,6 +36,13 @@ pub struct Limit {
 impl Limit {
     /// A limit at `target`, approached by at least two steps. Each step has to be nearer to the
     /// target than the one before. The function needn't be defined at the target itself.
+    ///
+    /// ```
+    /// use karat::Limit;
+    ///
+    /// let grazing = Limit::toward(0.0, [0.1, 0.01, 0.001]); // a cosine
+    /// # let _ = grazing;
+    /// ```
     pub fn toward(target: f32, steps: impl Into<Vec<f32>>) -> Self {
         Self { target, steps: steps.into() }
     }

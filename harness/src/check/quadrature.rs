@@ -49,21 +49,50 @@ enum Region {
 
 impl Directions {
     /// The whole sphere, by solid angle (4 pi in all).
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let package = Package::from_source("m", "fn one(l: vec3f) -> f32 { return 1.0; }");
+    /// let area = 4.0 * std::f64::consts::PI;
+    /// package.function("one").over(()).integrates_to(Directions::sphere(), |()| area, Rel(1e-6));
+    /// ```
     pub fn sphere() -> Self {
         Self { region: Region::Sphere, rings: RINGS }
     }
 
     /// The hemisphere z > 0, by solid angle (2 pi in all).
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let package = Package::from_source("m", "fn one(l: vec3f) -> f32 { return 1.0; }");
+    /// let area = 2.0 * std::f64::consts::PI;
+    /// package.function("one").over(()).integrates_to(Directions::hemisphere(), |()| area, Rel(1e-6));
+    /// ```
     pub fn hemisphere() -> Self {
         Self { region: Region::Hemisphere, rings: RINGS }
     }
 
     /// The hemisphere z > 0, by projected solid angle, which includes the cosine (pi in all).
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// // The albedo of a BRDF that is 1 / pi everywhere: the measure has the cosine.
+    /// let brdf = Package::from_source("brdf", "fn white(l: vec3f) -> f32 { return 0.318309886; }");
+    /// let light = Directions::projected_hemisphere();
+    /// brdf.function("white").over(()).integrates_to(light, |()| 1.0, Rel(1e-6));
+    /// ```
     pub fn projected_hemisphere() -> Self {
         Self { region: Region::Projected, rings: RINGS }
     }
 
     /// Sets the number of rings (default 64), at least 4. Each has twice as many directions.
+    ///
+    /// ```
+    /// use karat::Directions;
+    ///
+    /// let fine = Directions::hemisphere().rings(256); // for a narrow lobe
+    /// # let _ = fine;
+    /// ```
     pub fn rings(self, rings: u16) -> Self {
         Self { rings: rings.max(4), ..self }
     }
@@ -155,6 +184,17 @@ where
     /// absolute: it covers what rounding may add, and the difference between the two rules. The
     /// bound is one number for all components, or one for each. For lobes that are narrower than
     /// the rings, see [`integrates_to`](Self::integrates_to).
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// // A BRDF returns no more light than it gets.
+    /// let brdf = Package::from_source(
+    ///     "brdf",
+    ///     "fn eval(albedo: f32, l: vec3f) -> f32 { return albedo / 3.14159265; }",
+    /// );
+    /// let light = Directions::projected_hemisphere();
+    /// brdf.function("eval").over(0.0..=1.0).integrates_to_at_most(light, |_| 1.0, 1e-5);
+    /// ```
     ///
     /// # Panics
     /// With the [`Failure`], if an integral exceeds its bound, the rules disagree, a node has no

@@ -5,6 +5,14 @@ use crate::value::{Arguments, Mirror, Shape, Shareable};
 /// A reference for arguments `A`: a function of their `f64` mirrors.
 ///
 /// `fn(DVec3, f64) -> DVec3` is a reference for a domain of `(Vec3, f32)`.
+///
+/// ```
+/// # use karat::prelude::*;
+/// // A closure of as many arguments as the function has, each in `f64`.
+/// let package = Package::from_source("m", "fn sum(x: f32, n: u32) -> f32 { return x + f32(n); }");
+/// let sum = package.function("sum").over((0.0..=1.0, Integers(0..=9_u32)));
+/// sum.agrees_with(|x: f64, n: u32| x + f64::from(n), Ulp(1.0));
+/// ```
 #[diagnostic::on_unimplemented(
     message = "this reference doesn't take the arguments that the domain draws",
     label = "expected a function of the `f64` mirrors of `{A}`",

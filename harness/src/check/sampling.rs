@@ -101,6 +101,18 @@ struct Settings {
 }
 
 /// A sampler with the configurations that it is run over: see [`Probe::sampled_over`].
+///
+/// ```no_run
+/// use glam::{Vec2, Vec3};
+/// # use karat::prelude::*;
+/// # static SHADERS: Package = karat::package!("shaders");
+///
+/// // fn cosine_hemisphere(u: vec2f) -> vec3f, and fn cosine_hemisphere_pdf(l: vec3f) -> f32
+/// SHADERS
+///     .function("sampling::cosine_hemisphere")
+///     .sampled_over(Just(()), |(), u: Vec2| u)
+///     .follows(SHADERS.function("sampling::cosine_hemisphere_pdf"), |(), l: Vec3| l);
+/// ```
 #[derive(Clone, Debug)]
 #[must_use = "nothing is sampled until a verb such as `.follows(...)`"]
 pub struct SamplingCheck<'a, D, U, A, F> {
@@ -119,12 +131,26 @@ where
     F: Fn(&D::Value, U) -> A + Sync,
 {
     /// Says where samples lie. Without this: directions of the upper hemisphere.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
+    /// let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
+    /// sampler.on(Support::Interval(0.0, 1.0)).has_mean("x", |x: f32| x.into(), |()| 0.5, 1e-6);
+    /// ```
     pub fn on(mut self, support: Support) -> Self {
         self.settings.support = support;
         self
     }
 
     /// Sets the number of samples of a configuration. Without this: 2^18.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
+    /// let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
+    /// sampler.samples(65536).has_mean("x", |x: f32| x.into(), |()| 0.5, 1e-6);
+    /// ```
     pub fn samples(mut self, samples: u64) -> Self {
         self.settings.samples = samples;
         self
@@ -134,6 +160,14 @@ where
     /// configurations it has. Without this: 1 %. The seed is fixed, so a correct sampler is
     /// rejected in every run or in none. If yours is rejected, try ten times the samples. If it
     /// fits then, give the check other random numbers with [`seed`](Self::seed).
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// # let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
+    /// let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
+    /// // Rejects a right sampler in one of a thousand seeds.
+    /// sampler.significance(1e-3).has_mean("x", |x: f32| x.into(), |()| 0.5, 1e-6);
+    /// ```
     pub fn significance(mut self, significance: f64) -> Self {
         self.settings.significance = significance;
         self
@@ -141,6 +175,17 @@ where
 
     /// Declares that samples may lie outside the support, as directions reflected below the horizon
     /// do. Their share has to be 1 less the density's integral.
+    ///
+    /// ```no_run
+    /// use glam::{Vec2, Vec3};
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// SHADERS
+    ///     .function("ggx::sample") // reflects below the horizon, too
+    ///     .sampled_over(0.05..=1.0, |&alpha, u: Vec2| (alpha, u))
+    ///     .may_leave()
+    ///     .follows(SHADERS.function("ggx::pdf"), |&alpha, l: Vec3| (alpha, l));
+    /// ```
     pub fn may_leave(mut self) -> Self {
         self.settings.may_leave = true;
         self
@@ -148,6 +193,17 @@ where
 
     /// Sets how far the density's integral may be from 1, beyond the error of its quadrature.
     /// Without this: 2e-4.
+    ///
+    /// ```no_run
+    /// use glam::{Vec2, Vec3};
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// SHADERS
+    ///     .function("ggx::sample")
+    ///     .sampled_over(0.05..=1.0, |&alpha, u: Vec2| (alpha, u))
+    ///     .mass_within(1e-3) // the density is a fit
+    ///     .follows(SHADERS.function("ggx::pdf"), |&alpha, l: Vec3| (alpha, l));
+    /// ```
     pub fn mass_within(mut self, tolerance: f64) -> Self {
         self.settings.mass = tolerance;
         self
@@ -156,12 +212,27 @@ where
     /// Sets the number of configurations. A finite domain of at most that many values is
     /// enumerated instead. Without this, a finite domain of up to 4,096 values is enumerated; any
     /// other domain draws 16 configurations.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let package = Package::from_source("m", "fn to(b: f32, u: f32) -> f32 { return b * u; }");
+    /// let sampler = package.function("to").sampled_over(1.0..=2.0, |&b, u: f32| (b, u));
+    /// let half = |&b: &f32| 0.5 * f64::from(b);
+    /// sampler.configurations(4).has_mean("x", |x: f32| x.into(), half, 1e-6);
+    /// ```
     pub fn configurations(mut self, configurations: u64) -> Self {
         self.plan.cases = Some(configurations);
         self
     }
 
     /// Sets the seed, which otherwise derives from the test's name.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// # let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
+    /// let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
+    /// sampler.seed(7).has_mean("x", |x: f32| x.into(), |()| 0.5, 1e-6);
+    /// ```
     pub fn seed(mut self, seed: u64) -> Self {
         self.plan.seed = Some(seed);
         self
@@ -169,6 +240,13 @@ where
 
     /// Declares that the check fails on a path, and why: see
     /// [`Check::fails_on`](super::Check::fails_on).
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
+    /// let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
+    /// sampler.fails_on("gl@llvmpipe", "mesa#1234").has_mean("x", |x: f32| x.into(), |()| 0.5, 1e-6);
+    /// ```
     pub fn fails_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
         self.plan.known_issues.declare(on.into(), reason);
         self

@@ -63,6 +63,16 @@ impl Package {
     /// The tests of each of some modules, in the order of lines: functions with `@test`. Whether each is
     /// valid WGSL is seen when it is [used](WgslTest::parameters).
     ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let text = "import karat::expect_near;
+    ///             @test fn adds() { expect_near(1.0 + 1.0, 2.0, 0.0); }";
+    /// let package = Package::from_source("m", text);
+    /// let tests = package.tests_in("")?;
+    /// assert_eq!(tests.len(), 1);
+    /// # Ok::<(), karat::reflect::ReflectError>(())
+    /// ```
+    ///
     /// # Errors
     /// If the package can't be read; of each module, if that one can't.
     pub fn tests_in(

@@ -6,6 +6,16 @@ use super::{Domain, Emptiness, Origin, Shrinkable, Source};
 use crate::value::{Arguments, Scalar, Shape, Shareable};
 
 /// See [`Domain::composed`].
+///
+/// ```
+/// use glam::Vec2;
+/// # use karat::prelude::*;
+///
+/// // One `vec2f`, not two numbers.
+/// let uv = (0.0..=1.0, 0.0..=1.0).composed::<Vec2>();
+/// let package = Package::from_source("m", "fn swap(uv: vec2f) -> vec2f { return uv.yx; }");
+/// package.function("swap").over(uv).stays_within(0.0, 1.0);
+/// ```
 #[derive(Debug)]
 pub struct Composed<D, T> {
     members: D,

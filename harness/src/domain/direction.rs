@@ -130,6 +130,14 @@ impl Hemisphere {
 }
 
 /// Unit vectors with `z` of at least a cosine: see [`Hemisphere::above`].
+///
+/// ```
+/// use karat::{Domain, Hemisphere};
+///
+/// // No grazing light: z is at least 0.01.
+/// let light = Hemisphere.above(0.01);
+/// assert!(light.edges().iter().all(|l| l.z >= 0.0099));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Above {
     least: f32,

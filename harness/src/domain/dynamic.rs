@@ -119,6 +119,14 @@ impl Words for Listed {
 }
 
 /// One part of a [`Dynamic`] domain: a number, or a vector.
+///
+/// ```
+/// use karat::domain::Part;
+/// use karat::value::Scalar;
+///
+/// let fraction = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+/// assert_eq!(fraction.width(), 1);
+/// ```
 pub struct Part {
     words: Box<dyn Words>,
     /// What a message says of it: `from 0 to 1`.
@@ -141,6 +149,14 @@ impl Part {
 
     /// A closed range of a scalar. Its ends are rounded to the type; `None` for booleans, and where an
     /// end of integers isn't one.
+    ///
+    /// ```
+    /// use karat::domain::Part;
+    /// use karat::value::Scalar;
+    ///
+    /// assert!(Part::range(Scalar::U32, 0.0..=7.0).is_some());
+    /// assert!(Part::range(Scalar::U32, -1.0..=7.0).is_none());
+    /// ```
     pub fn range(scalar: Scalar, range: RangeInclusive<f64>) -> Option<Self> {
         let (low, high) = range.into_inner();
         let whole = low.fract() == 0.0 && high.fract() == 0.0;
@@ -171,6 +187,17 @@ impl Part {
     }
 
     /// Listed values, each as wide as `scalars`.
+    ///
+    /// ```
+    /// use karat::domain::Part;
+    /// use karat::value::Scalar;
+    ///
+    /// let axes = Part::listed(
+    ///     vec![Scalar::I32; 2],
+    ///     vec![vec![1, 0], vec![0, 1]], // two rows of two words
+    /// );
+    /// assert_eq!(axes.width(), 2);
+    /// ```
     pub fn listed(scalars: Vec<Scalar>, rows: Vec<Vec<u32>>) -> Self {
         let described = match &*rows {
             [row] => lanes_text(&scalars, row),
@@ -180,6 +207,13 @@ impl Part {
     }
 
     /// Any value of a scalar: all bit patterns of an integer, any finite float.
+    ///
+    /// ```
+    /// use karat::domain::Part;
+    /// use karat::value::Scalar;
+    ///
+    /// assert_eq!(Part::any(Scalar::U32).width(), 1);
+    /// ```
     pub fn any(scalar: Scalar) -> Self {
         match scalar {
             Scalar::F32 | Scalar::F16 => Self::of(AnyF32::finite(), "any"),
@@ -194,6 +228,13 @@ impl Part {
 
     /// Numbers of which nothing is known: half of them are small, the others have any size; floats reach a
     /// million.
+    ///
+    /// ```
+    /// use karat::domain::Part;
+    /// use karat::value::Scalar;
+    ///
+    /// assert_eq!(Part::plausible(Scalar::F32).width(), 1);
+    /// ```
     pub fn plausible(scalar: Scalar) -> Self {
         let described = plausible::described(scalar);
         match scalar {
@@ -205,6 +246,13 @@ impl Part {
     }
 
     /// `unit_vector`, `hemisphere` or `unit_rgb`, of a vector of three floats.
+    ///
+    /// ```
+    /// use karat::domain::Part;
+    ///
+    /// assert_eq!(Part::named("unit_vector").map(|part| part.width()), Some(3));
+    /// assert!(Part::named("unit_sphere").is_none());
+    /// ```
     pub fn named(name: &str) -> Option<Self> {
         Some(match name {
             "unit_vector" => Self::of(UnitVector, "a unit vector"),
@@ -218,6 +266,12 @@ impl Part {
     pub const NAMES: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
 
     /// How many words it draws.
+    ///
+    /// ```
+    /// use karat::domain::Part;
+    ///
+    /// assert_eq!(Part::named("unit_rgb").map(|part| part.width()), Some(3));
+    /// ```
     #[must_use]
     pub fn width(&self) -> usize {
         self.words.width()
@@ -232,6 +286,16 @@ fn lanes_text(scalars: &[Scalar], words: &[u32]) -> String {
 
 /// The arguments of a function, drawn part by part: see
 /// [`Probe::over_dynamic`](crate::check::Probe::over_dynamic).
+///
+/// ```
+/// # use karat::domain::{Dynamic, Part};
+/// # use karat::prelude::*;
+/// # use karat::value::{Scalar, Shape};
+/// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+/// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+/// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+/// assert_eq!(x.described(), "x from 0 to 1");
+/// ```
 #[derive(Debug)]
 pub struct Dynamic {
     parts: Vec<Part>,
@@ -245,6 +309,17 @@ pub struct Dynamic {
 
 impl Dynamic {
     /// `parts` are those of each parameter in turn; together they have the words of its type.
+    ///
+    /// ```
+    /// use karat::domain::{Dynamic, Part};
+    /// use karat::value::{Scalar, Shape};
+    ///
+    /// let direction = Shape::Vector { size: 3, scalar: Scalar::F32 };
+    /// let parameters = [("n".to_owned(), direction), ("i".to_owned(), Shape::Scalar(Scalar::U32))];
+    /// let unit = Part::named("unit_vector").expect("it has that name");
+    /// let domain = Dynamic::new(&parameters, vec![vec![unit], vec![Part::any(Scalar::U32)]]);
+    /// assert_eq!(domain.shapes().len(), 2);
+    /// ```
     pub fn new(parameters: &[(String, Shape)], parts: Vec<Vec<Part>>) -> Self {
         let (names, shapes) = parameters.iter().cloned().unzip();
         let owners = parts.iter().enumerate().flat_map(|(at, own)| vec![at; own.len()]).collect();
@@ -254,6 +329,16 @@ impl Dynamic {
     }
 
     /// Where each argument comes from, in words: `x from 0 to 1; n a unit vector`.
+    ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// assert_eq!(x.described(), "x from 0 to 1");
+    /// ```
     #[must_use]
     pub fn described(&self) -> String {
         let of = |(at, name): (usize, &String)| {
@@ -266,6 +351,16 @@ impl Dynamic {
     }
 
     /// The types of the parameters.
+    ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// assert_eq!(x.shapes(), [Shape::Scalar(Scalar::F32)]);
+    /// ```
     #[must_use]
     pub fn shapes(&self) -> &[Shape] {
         &self.shapes
@@ -462,6 +557,14 @@ impl Stream for Dynamic {
 
 impl Part {
     /// One value.
+    ///
+    /// ```
+    /// use karat::domain::Part;
+    /// use karat::value::Scalar;
+    ///
+    /// let half = Part::just(Scalar::F32, 0.5_f32.to_bits());
+    /// assert_eq!(half.width(), 1);
+    /// ```
     pub fn just(scalar: Scalar, word: u32) -> Self {
         match scalar {
             Scalar::F32 | Scalar::F16 => {

@@ -21,6 +21,13 @@ const POWERS: [i32; 15] = [-126, -64, -24, -23, -16, -12, -2, -1, 0, 1, 2, 12, 2
 impl Edges<f32> {
     /// Finite edge cases. WGSL lets implementations flush denormals, so a function may return for a
     /// denormal what it returns for zero.
+    ///
+    /// ```
+    /// use karat::{Domain, Edges};
+    ///
+    /// let edges = Edges::f32();
+    /// assert!(edges.edges().contains(&f32::MAX));
+    /// ```
     #[must_use]
     pub fn f32() -> Self {
         let mut positive = vec![0.0, 1.0, 0.5, 2.0];
@@ -45,6 +52,12 @@ impl Edges<f32> {
     /// Adds both infinities and a quiet NaN, for functions that promise something about them. Use
     /// them with [`satisfies`](crate::Check::satisfies): a reference has to be finite. WGSL lets
     /// implementations assume that there are no such values.
+    ///
+    /// ```
+    /// use karat::{Domain, Edges};
+    ///
+    /// assert!(Edges::f32().and_non_finite().edges().contains(&f32::INFINITY));
+    /// ```
     #[must_use]
     pub fn and_non_finite(mut self) -> Self {
         self.0.extend([f32::INFINITY, f32::NEG_INFINITY, f32::NAN]);
@@ -52,6 +65,13 @@ impl Edges<f32> {
     }
 
     /// Removes denormals, which may be flushed.
+    ///
+    /// ```
+    /// use karat::{Domain, Edges};
+    ///
+    /// let edges = Edges::f32().without_denormals().edges();
+    /// assert!(edges.iter().all(|x| !x.is_subnormal()));
+    /// ```
     #[must_use]
     pub fn without_denormals(mut self) -> Self {
         self.0.retain(|value| !value.is_subnormal());
@@ -61,6 +81,12 @@ impl Edges<f32> {
 
 impl Edges<i32> {
     /// 0, 1, -1, powers of two and their neighbours, and both ends.
+    ///
+    /// ```
+    /// use karat::{Domain, Edges};
+    ///
+    /// assert!(Edges::i32().edges().contains(&i32::MIN));
+    /// ```
     #[must_use]
     pub fn i32() -> Self {
         let mut values = vec![0, 1, -1, i32::MIN, i32::MIN + 1, i32::MAX];
@@ -74,6 +100,12 @@ impl Edges<i32> {
 
 impl Edges<u32> {
     /// 0, 1, powers of two and their neighbours, and the largest.
+    ///
+    /// ```
+    /// use karat::{Domain, Edges};
+    ///
+    /// assert!(Edges::u32().edges().contains(&u32::MAX));
+    /// ```
     #[must_use]
     pub fn u32() -> Self {
         let mut values = vec![0, 1, u32::MAX];
@@ -149,12 +181,24 @@ pub struct AnyF32 {
 
 impl AnyF32 {
     /// Finite values.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let package = Package::from_source("m", "fn keep(x: f32) -> f32 { return x; }");
+    /// package.function("keep").over(AnyF32::finite()).is_finite();
+    /// ```
     #[must_use]
     pub fn finite() -> Self {
         Self { edges: Edges::f32() }
     }
 
     /// With infinities and NaN: see [`Edges::and_non_finite`].
+    ///
+    /// ```
+    /// use karat::domain::{AnyF32, Domain};
+    ///
+    /// assert!(AnyF32::with_non_finite().edges().iter().any(|x| x.is_nan()));
+    /// ```
     #[must_use]
     pub fn with_non_finite() -> Self {
         Self { edges: Edges::f32().and_non_finite() }

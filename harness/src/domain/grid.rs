@@ -27,6 +27,13 @@ enum Spacing {
 
 impl Grid {
     /// `count` values over `range`. A grid of one value is the range's start.
+    ///
+    /// ```
+    /// use karat::{Domain, Grid};
+    ///
+    /// assert_eq!(Grid::linear(0.0..=1.0, 5).edges(), [0.0, 1.0]);
+    /// assert_eq!(Grid::linear(0.0..=1.0, 5).nth(1), Some(0.25));
+    /// ```
     #[must_use]
     pub fn linear(range: std::ops::RangeInclusive<f32>, count: u32) -> Self {
         Self { first: *range.start(), last: *range.end(), count, spacing: Spacing::Linear }
@@ -35,6 +42,13 @@ impl Grid {
     /// `count` values over `range` at equal ratios: for roughness, exposure and distance. Both ends
     /// must have the same sign, and neither may be zero; otherwise the grid is empty, which is an
     /// error of the check.
+    ///
+    /// ```
+    /// use karat::{Domain, Grid};
+    ///
+    /// let alpha = Grid::logarithmic(0.01..=1.0, 3);
+    /// assert!((alpha.nth(1).expect("the middle") - 0.1).abs() < 1e-6);
+    /// ```
     #[must_use]
     pub fn logarithmic(range: std::ops::RangeInclusive<f32>, count: u32) -> Self {
         Self { spacing: Spacing::Logarithmic, ..Self::linear(range, count) }

@@ -24,6 +24,13 @@ pub struct LatinHypercube<R> {
 
 impl<R> LatinHypercube<R> {
     /// `points` points in the box of a tuple of two to six ranges of `f32`.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let package = Package::from_source("m", "fn sum(x: f32, y: f32) -> f32 { return x + y; }");
+    /// let points = LatinHypercube::new((0.0..=1.0, 0.0..=1.0), 256);
+    /// assert_eq!(package.function("sum").over(points).stays_within(0.0, 2.0).cases, 4 + 256); // corners, too
+    /// ```
     pub fn new(ranges: R, points: u32) -> Self
     where
         Self: Domain,

@@ -23,6 +23,14 @@ pub enum Origin<'s> {
 }
 
 /// A value of a domain, and the simpler ones next to it.
+///
+/// ```
+/// use karat::domain::Shrinkable;
+///
+/// let value = Shrinkable::of(&(0.0..=4.0), 2.7182817);
+/// let simpler: Vec<f32> = value.simpler().iter().map(|one| *one.value()).collect();
+/// assert_eq!(simpler[0], 0.0);
+/// ```
 pub struct Shrinkable<'a, T> {
     value: T,
     simpler: Rc<dyn Fn() -> Vec<Self> + 'a>,
@@ -42,11 +50,24 @@ impl<T: std::fmt::Debug> std::fmt::Debug for Shrinkable<'_, T> {
 
 impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
     /// A value; `simpler` lists simpler ones, the simplest first.
+    ///
+    /// ```
+    /// use karat::domain::Shrinkable;
+    ///
+    /// let two = Shrinkable::new(2, || vec![Shrinkable::new(1, Vec::new)]);
+    /// assert_eq!(*two.simpler()[0].value(), 1);
+    /// ```
     pub fn new(value: T, simpler: impl Fn() -> Vec<Self> + 'a) -> Self {
         Self { value, simpler: Rc::new(simpler) }
     }
 
     /// A value that is simplified by [`Domain::shrink`] alone.
+    ///
+    /// ```
+    /// use karat::domain::Shrinkable;
+    ///
+    /// assert_eq!(*Shrinkable::of(&(0.0..=4.0), 2.5).value(), 2.5);
+    /// ```
     pub fn of<D: Domain<Value = T> + ?Sized>(domain: &'a D, value: T) -> Self {
         Self::new(value.clone(), move || {
             domain.shrink(&value).into_iter().map(|value| Self::of(domain, value)).collect()
@@ -54,17 +75,37 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
     }
 
     /// The value.
+    ///
+    /// ```
+    /// use karat::domain::Shrinkable;
+    ///
+    /// assert_eq!(*Shrinkable::new(2, Vec::new).value(), 2);
+    /// ```
     pub fn value(&self) -> &T {
         &self.value
     }
 
     /// Simpler values, the simplest first.
+    ///
+    /// ```
+    /// use karat::domain::Shrinkable;
+    ///
+    /// assert!(Shrinkable::new(2, Vec::new).simpler().is_empty());
+    /// ```
     #[must_use]
     pub fn simpler(&self) -> Vec<Self> {
         (self.simpler)()
     }
 
     /// The same, with `map` applied to the value and to the simpler ones.
+    ///
+    /// ```
+    /// use karat::domain::Shrinkable;
+    ///
+    /// let double = |x: i32| 2 * x;
+    /// let two = Shrinkable::new(2, || vec![Shrinkable::new(1, Vec::new)]).map(&double);
+    /// assert_eq!((*two.value(), *two.simpler()[0].value()), (4, 2));
+    /// ```
     pub fn map<U: Clone + 'a>(self, map: &'a impl Fn(T) -> U) -> Shrinkable<'a, U> {
         Shrinkable::new(map(self.value.clone()), move || {
             self.simpler().into_iter().map(|simpler| simpler.map(map)).collect()
@@ -72,6 +113,14 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
     }
 
     /// The same without the simpler values that `keep` rejects.
+    ///
+    /// ```
+    /// use karat::domain::Shrinkable;
+    ///
+    /// let even = |x: &i32| x % 2 == 0;
+    /// let two = Shrinkable::new(2, || vec![Shrinkable::new(1, Vec::new)]).filter(&even);
+    /// assert!(two.simpler().is_empty());
+    /// ```
     #[must_use]
     pub fn filter(self, keep: &'a impl Fn(&T) -> bool) -> Self {
         Self::new(self.value.clone(), move || {

@@ -4,6 +4,13 @@ use rand_pcg::Pcg32;
 use rand_pcg::rand_core::Rng;
 
 /// Random numbers for one case. The stream is determined by the seed and the case's index.
+///
+/// ```
+/// use karat::domain::Source;
+///
+/// // The same case draws the same numbers.
+/// assert_eq!(Source::new(7, 3).bits(), Source::new(7, 3).bits());
+/// ```
 #[derive(Clone, Debug)]
 pub struct Source(Pcg32);
 
@@ -12,6 +19,12 @@ const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
 impl Source {
     /// The stream of case `index` under `seed`.
+    ///
+    /// ```
+    /// use karat::domain::Source;
+    ///
+    /// assert_ne!(Source::new(7, 3).bits(), Source::new(7, 4).bits());
+    /// ```
     #[inline]
     #[must_use]
     pub fn new(seed: u64, index: u64) -> Self {
@@ -19,18 +32,38 @@ impl Source {
     }
 
     /// 32 random bits.
+    ///
+    /// ```
+    /// use karat::domain::Source;
+    ///
+    /// let seed: u32 = Source::new(7, 0).bits();
+    /// # let _ = seed;
+    /// ```
     #[inline]
     pub fn bits(&mut self) -> u32 {
         self.0.next_u32()
     }
 
     /// Uniform in `[0, 1)`, a multiple of 2^-32.
+    ///
+    /// ```
+    /// use karat::domain::Source;
+    ///
+    /// assert!((0.0..1.0).contains(&Source::new(7, 0).unit()));
+    /// ```
     #[inline]
     pub fn unit(&mut self) -> f64 {
         f64::from(self.bits()) / 4_294_967_296.0
     }
 
     /// Uniform in `0..count`; 0 if `count` is 0.
+    ///
+    /// ```
+    /// use karat::domain::Source;
+    ///
+    /// let die = 1 + Source::new(7, 0).below(6);
+    /// assert!((1..=6).contains(&die));
+    /// ```
     #[inline]
     pub fn below(&mut self, count: u64) -> u64 {
         let bits = u128::from(self.0.next_u64());
@@ -40,6 +73,14 @@ impl Source {
 
     /// A distance between 2^-24 and 1 whose logarithm is about uniform: for points that crowd
     /// toward an edge, down to the last bit of an `f32` near 1.
+    ///
+    /// ```
+    /// use karat::domain::Source;
+    ///
+    /// // Close to the pole, often very close.
+    /// let z = 1.0 - Source::new(7, 0).log_distance();
+    /// assert!(z < 1.0);
+    /// ```
     pub fn log_distance(&mut self) -> f64 {
         let bits = self.bits();
         // A binade, then a place in it: cheaper than an exponential, and as good here.

@@ -2,6 +2,13 @@
 
 /// What happens to a pixel that is drawn again. `new` is what the fragment function returns, `old` what
 /// the target holds.
+///
+/// ```
+/// use karat::draw::{Blend, Draw};
+///
+/// let glass = Draw::fullscreen("vertex", "fragment").blend(Blend::Premultiplied);
+/// # let _ = glass;
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Blend {
     /// The new value replaces the old one.
@@ -25,6 +32,16 @@ pub enum Blend {
 }
 
 /// How the channels of a pixel are blended: `new * source` and `old * target`, joined by an operation.
+///
+/// ```
+/// use karat::draw::{Blend, Component, Factor, Operation};
+///
+/// // The larger of both, whatever alpha is.
+/// let larger =
+///     Component { source: Factor::One, target: Factor::One, operation: Operation::Max };
+/// let blend = Blend::Custom { color: larger, alpha: larger };
+/// # let _ = blend;
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Component {
     /// What the new value is multiplied by.

@@ -4,6 +4,12 @@ use crate::path::Device;
 
 /// The format of a colour target. A frame's image has what was kept, as linear floats: of 8 bits in
 /// sRGB's transfer function the values that a shader would read again.
+///
+/// ```
+/// use karat::draw::Format;
+///
+/// assert_eq!(Format::named("rgba8unorm-srgb"), Some(Format::Rgba8UnormSrgb));
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Format {
@@ -77,6 +83,13 @@ impl Format {
     ];
 
     /// The format of a name.
+    ///
+    /// ```
+    /// use karat::draw::Format;
+    ///
+    /// assert_eq!(Format::named("r32uint"), Some(Format::R32Uint));
+    /// assert_eq!(Format::named("rgb9e5"), None);
+    /// ```
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::NAMES.into_iter().find(|(known, _)| *known == name).map(|(_, format)| format)

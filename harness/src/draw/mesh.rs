@@ -5,6 +5,16 @@ use glam::{IVec2, IVec3, IVec4, UVec2, UVec3, UVec4, Vec2, Vec3, Vec4};
 use crate::value::Scalar;
 
 /// Triangles, with their corners' positions at `@location(0)` as `vec3<f32>`.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// use karat::draw::Mesh;
+///
+/// let corners = vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y];
+/// let square = Mesh::new(corners, vec![0, 1, 2, 0, 2, 3])
+///     .attribute(1, &[Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y]); // @location(1) uv: vec2f
+/// # let _ = square;
+/// ```
 #[derive(Clone, Debug)]
 pub struct Mesh {
     pub(super) indices: Vec<u32>,
@@ -67,6 +77,14 @@ attribute! {
 impl Mesh {
     /// A mesh of triangles that are counter-clockwise seen from outside. Back faces are culled.
     ///
+    /// ```
+    /// use glam::Vec3;
+    /// use karat::draw::Mesh;
+    ///
+    /// let triangle = Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![0, 1, 2]);
+    /// # let _ = triangle;
+    /// ```
+    ///
     /// # Panics
     /// If an index has no position, or the indices aren't whole triangles.
     #[must_use]
@@ -80,6 +98,15 @@ impl Mesh {
     /// Adds a value for each vertex, which the vertex function reads at `@location(location)`:
     /// normals, texture coordinates, colours.
     ///
+    /// ```
+    /// use glam::Vec3;
+    /// use karat::draw::Mesh;
+    ///
+    /// let triangle = Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![0, 1, 2]);
+    /// let with_normals = triangle.attribute(1, &[Vec3::Z; 3]); // @location(1) normal: vec3f
+    /// # let _ = with_normals;
+    /// ```
+    ///
     /// # Panics
     /// If there are more or fewer values than positions, or the location is taken.
     #[must_use]
@@ -90,6 +117,17 @@ impl Mesh {
     }
 
     /// Adds a value for each copy that is drawn: its transformation's columns, its colour.
+    ///
+    /// ```
+    /// use glam::{Vec3, Vec4};
+    /// use karat::draw::{Draw, Mesh};
+    ///
+    /// let triangle = Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![0, 1, 2]);
+    /// // @location(1) color: vec4f
+    /// let coloured = triangle.instance_attribute(1, &[Vec4::ONE, Vec4::new(1.0, 0.0, 0.0, 1.0)]);
+    /// let two = Draw::mesh("vertex", "fragment", coloured).instances(2);
+    /// # let _ = two;
+    /// ```
     ///
     /// # Panics
     /// If there is no value, or the location is taken.

@@ -62,17 +62,47 @@ impl Draw {
     }
 
     /// Draws a mesh. Its back faces are culled unless [`cull`](Self::cull) says otherwise.
+    ///
+    /// ```no_run
+    /// use glam::Vec3;
+    /// use karat::draw::{Draw, Mesh};
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    ///
+    /// let leaf = Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![0, 1, 2]);
+    /// SHADERS.frame("leaf", 64, 64).draw(Draw::mesh("vertex", "fragment", leaf)).matches(&GOLDENS, "leaf");
+    /// ```
     pub fn mesh(vertex: &str, fragment: &str, mesh: Mesh) -> Self {
         Self::new(Some(vertex), Some(fragment), Geometry::Mesh(mesh))
     }
 
     /// Draws the depth of a mesh alone, as shadow maps do. All draws of its frame do.
+    ///
+    /// ```no_run
+    /// use karat::draw::{Draw, Mesh};
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # let scene = Mesh::new(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y], vec![0, 1, 2]);
+    /// let shadow_map = SHADERS.frame("shadow", 512, 512).draw(Draw::depth("vertex", scene)).depth();
+    /// # let _ = shadow_map;
+    /// ```
     pub fn depth(vertex: &str, mesh: Mesh) -> Self {
         Self::new(Some(vertex), None, Geometry::Mesh(mesh))
     }
 
     /// Draws triangles of so many vertices, which the vertex function makes from
     /// `@builtin(vertex_index)`.
+    ///
+    /// ```no_run
+    /// use karat::draw::Draw;
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// // fn vertex(@builtin(vertex_index) index: u32): six corners, two triangles
+    /// let square = Draw::vertices("vertex", "fragment", 6);
+    /// SHADERS.frame("sprite", 64, 64).draw(square).matches(&GOLDENS, "sprite");
+    /// ```
     ///
     /// # Panics
     /// If they aren't whole triangles.
@@ -83,6 +113,14 @@ impl Draw {
 
     /// Draws one triangle whose three corners the vertex function makes from
     /// `@builtin(vertex_index)`. At depth 1 it is seen where no mesh is.
+    ///
+    /// ```no_run
+    /// use karat::draw::Draw;
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// SHADERS.frame("sky", 64, 64).draw(Draw::fullscreen("vertex", "fragment")).matches(&GOLDENS, "sky");
+    /// ```
     pub fn fullscreen(vertex: &str, fragment: &str) -> Self {
         Self::new(Some(vertex), Some(fragment), Geometry::Vertices(3))
     }
@@ -90,6 +128,18 @@ impl Draw {
     /// Draws over the whole frame with a fragment function alone. What it takes at a location is a
     /// `vec2f`: texture coordinates, from (0, 0) at the upper left to (1, 1). Depth isn't looked at, and
     /// is written if the function returns it (`@builtin(frag_depth)`).
+    ///
+    /// ```no_run
+    /// use karat::draw::{Blend, Draw};
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// SHADERS
+    ///     .frame("sky", 64, 64)
+    ///     .draw(Draw::fragment("background"))
+    ///     .draw(Draw::fragment("haze").blend(Blend::Alpha))
+    ///     .matches(&GOLDENS, "hazy");
+    /// ```
     pub fn fragment(fragment: &str) -> Self {
         let mut draw = Self::new(None, Some(fragment), Geometry::Vertices(3));
         draw.state.depth_compare = Some(Compare::Always);
@@ -97,30 +147,73 @@ impl Draw {
     }
 
     /// Draws so many copies, of `@builtin(instance_index)` from 0.
+    ///
+    /// ```
+    /// use karat::draw::Draw;
+    /// # use karat::draw::Mesh;
+    /// # let leaf = || Mesh::new(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y], vec![0, 1, 2]);
+    ///
+    /// let draw = Draw::mesh("vertex", "fragment", leaf()).instances(100);
+    /// # let _ = draw;
+    /// ```
     pub fn instances(mut self, instances: u32) -> Self {
         self.instances = instances;
         self
     }
 
     /// The index of the first copy.
+    ///
+    /// ```
+    /// use karat::draw::Draw;
+    /// # use karat::draw::Mesh;
+    /// # let leaf = || Mesh::new(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y], vec![0, 1, 2]);
+    ///
+    /// let draw = Draw::mesh("vertex", "fragment", leaf()).instances(10).first_instance(90); // copies 90 to 99
+    /// # let _ = draw;
+    /// ```
     pub fn first_instance(mut self, first: u32) -> Self {
         self.first_instance = first;
         self
     }
 
     /// What is added to each index of a mesh; the first vertex of a draw without one.
+    ///
+    /// ```
+    /// use karat::draw::Draw;
+    ///
+    /// let draw = Draw::vertices("vertex", "fragment", 3).base_vertex(6); // vertices 6, 7 and 8
+    /// # let _ = draw;
+    /// ```
     pub fn base_vertex(mut self, base: i32) -> Self {
         self.base_vertex = base;
         self
     }
 
     /// Lets the device read the numbers of vertices and copies from a buffer.
+    ///
+    /// ```
+    /// use karat::draw::Draw;
+    /// # use karat::draw::Mesh;
+    /// # let leaf = || Mesh::new(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y], vec![0, 1, 2]);
+    ///
+    /// let draw = Draw::mesh("vertex", "fragment", leaf()).instances(100).indirect();
+    /// # let _ = draw;
+    /// ```
     pub fn indirect(mut self) -> Self {
         self.indirect = true;
         self
     }
 
     /// Gives indices to the device in 16 bits, not in 32.
+    ///
+    /// ```
+    /// use karat::draw::Draw;
+    /// # use karat::draw::Mesh;
+    /// # let leaf = || Mesh::new(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y], vec![0, 1, 2]);
+    ///
+    /// let draw = Draw::mesh("vertex", "fragment", leaf()).short_indices();
+    /// # let _ = draw;
+    /// ```
     ///
     /// # Panics
     /// If the mesh has more vertices than they reach, or there is no mesh.
@@ -134,66 +227,171 @@ impl Draw {
 
     /// Sets the fragment function that the depth pre-pass runs. It has to discard or write depth as
     /// the colour's function does, and returns nothing but a depth.
+    ///
+    /// ```
+    /// use karat::draw::Draw;
+    /// # use karat::draw::Mesh;
+    /// # let leaf = || Mesh::new(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y], vec![0, 1, 2]);
+    ///
+    /// let draw = Draw::mesh("vertex", "fragment", leaf()).depth_fragment("cutout");
+    /// # let _ = draw;
+    /// ```
     pub fn depth_fragment(mut self, fragment: &str) -> Self {
         self.depth_fragment = Some(fragment.to_owned());
         self
     }
 
     /// Which faces aren't drawn (default: of meshes the back, of others none).
+    ///
+    /// ```
+    /// use karat::draw::{Cull, Draw};
+    /// # use karat::draw::Mesh;
+    /// # let leaf = || Mesh::new(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y], vec![0, 1, 2]);
+    ///
+    /// let draw = Draw::mesh("vertex", "fragment", leaf()).cull(Cull::None); // both sides
+    /// # let _ = draw;
+    /// ```
     pub fn cull(mut self, cull: Cull) -> Self {
         self.state.cull = Some(cull);
         self
     }
 
     /// In which order a front face's corners are (default: counter-clockwise).
+    ///
+    /// ```
+    /// use karat::draw::{Draw, Winding};
+    /// # use karat::draw::Mesh;
+    /// # let leaf = || Mesh::new(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y], vec![0, 1, 2]);
+    ///
+    /// let draw = Draw::mesh("vertex", "fragment", leaf()).front_face(Winding::Clockwise);
+    /// # let _ = draw;
+    /// ```
     pub fn front_face(mut self, winding: Winding) -> Self {
         self.state.winding = winding;
         self
     }
 
     /// How a pixel's depth compares with what is drawn already: `new <= old` by default.
+    ///
+    /// ```
+    /// use karat::draw::Draw;
+    /// use karat::fixture::Compare;
+    /// # use karat::draw::Mesh;
+    /// # let leaf = || Mesh::new(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y], vec![0, 1, 2]);
+    ///
+    /// let draw = Draw::mesh("vertex", "fragment", leaf()).depth_compare(Compare::Greater);
+    /// # let _ = draw;
+    /// ```
     pub fn depth_compare(mut self, compare: Compare) -> Self {
         self.state.depth_compare = Some(compare);
         self
     }
 
     /// Whether depth is written. Default: yes; by a fragment function alone only if it returns depth.
+    ///
+    /// ```
+    /// use karat::draw::Draw;
+    /// # use karat::draw::Mesh;
+    /// # let leaf = || Mesh::new(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y], vec![0, 1, 2]);
+    ///
+    /// let draw = Draw::mesh("vertex", "fragment", leaf()).depth_write(false); // transparent: behind it counts
+    /// # let _ = draw;
+    /// ```
     pub fn depth_write(mut self, write: bool) -> Self {
         self.state.depth_write = Some(write);
         self
     }
 
     /// What is added to depth.
+    ///
+    /// ```
+    /// use karat::draw::{DepthBias, Draw};
+    /// # use karat::draw::Mesh;
+    /// # let leaf = || Mesh::new(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y], vec![0, 1, 2]);
+    ///
+    /// let draw = Draw::depth("vertex", leaf()).depth_bias(DepthBias { slope: 1.5, ..DepthBias::default() });
+    /// # let _ = draw;
+    /// ```
     pub fn depth_bias(mut self, bias: DepthBias) -> Self {
         self.state.bias = bias;
         self
     }
 
     /// What is compared with the stencil, and done to it. A frame's stencil begins with zeros.
+    ///
+    /// ```no_run
+    /// use karat::draw::{Draw, Stencil, StencilOperation};
+    /// use karat::fixture::Compare;
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// let mark = Stencil { reference: 1, pass: StencilOperation::Replace, ..Stencil::default() };
+    /// let marked = Stencil { reference: 1, compare: Compare::Equal, ..Stencil::default() };
+    /// SHADERS
+    ///     .frame("portal", 64, 64)
+    ///     .draw(Draw::vertices("frame_vertex", "nothing", 3).stencil(mark))
+    ///     .draw(Draw::fullscreen("vertex", "behind").stencil(marked))
+    ///     .matches(&GOLDENS, "portal");
+    /// ```
     pub fn stencil(mut self, stencil: Stencil) -> Self {
         self.state.stencil = Some(stencil);
         self
     }
 
     /// What happens to a pixel that is drawn again, in each target (default: the frame's).
+    ///
+    /// ```
+    /// use karat::draw::{Blend, Draw};
+    ///
+    /// let draw = Draw::fullscreen("vertex", "fragment").blend(Blend::Alpha);
+    /// # let _ = draw;
+    /// ```
     pub fn blend(mut self, blend: Blend) -> Self {
         self.state.blend = Some(blend);
         self
     }
 
     /// The same in one target.
+    ///
+    /// ```
+    /// use karat::draw::{Blend, Draw};
+    ///
+    /// let draw = Draw::fullscreen("vertex", "fragment").blend_target(1, Blend::Add);
+    /// # let _ = draw;
+    /// ```
     pub fn blend_target(mut self, target: usize, blend: Blend) -> Self {
         self.state.blends.push((target, blend));
         self
     }
 
     /// The constant of [`Factor::Constant`](super::Factor::Constant).
+    ///
+    /// ```
+    /// use karat::draw::{Blend, Component, Draw, Factor, Operation};
+    ///
+    /// let half = Component {
+    ///     source: Factor::Constant,
+    ///     target: Factor::OneMinusConstant,
+    ///     operation: Operation::Add,
+    /// };
+    /// let draw = Draw::fullscreen("vertex", "fragment")
+    ///     .blend(Blend::Custom { color: half, alpha: half })
+    ///     .blend_constant([0.5; 4]);
+    /// # let _ = draw;
+    /// ```
     pub fn blend_constant(mut self, constant: [f32; 4]) -> Self {
         self.state.blend_constant = constant;
         self
     }
 
     /// Writes these channels of a target alone: `"rgb"`, `"a"`, `""`.
+    ///
+    /// ```
+    /// use karat::draw::Draw;
+    ///
+    /// let draw = Draw::fullscreen("vertex", "fragment").write_mask(0, "rgb"); // alpha stays
+    /// # let _ = draw;
+    /// ```
     ///
     /// # Panics
     /// If there is another letter.

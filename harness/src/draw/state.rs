@@ -5,6 +5,13 @@ use crate::fixture::Compare;
 use crate::probe::compare;
 
 /// Which faces aren't drawn.
+///
+/// ```
+/// use karat::draw::{Cull, Draw};
+///
+/// let inside = Draw::vertices("vertex", "fragment", 36).cull(Cull::Front); // of a room, seen from within
+/// # let _ = inside;
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cull {
     /// Both faces are drawn.
@@ -16,6 +23,13 @@ pub enum Cull {
 }
 
 /// In which order a front face's corners are, as they are seen.
+///
+/// ```
+/// use karat::draw::{Draw, Winding};
+///
+/// let mirrored = Draw::vertices("vertex", "fragment", 36).front_face(Winding::Clockwise);
+/// # let _ = mirrored;
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Winding {
     /// Counter-clockwise.
@@ -26,6 +40,13 @@ pub enum Winding {
 }
 
 /// What is added to the depth of a triangle's pixels, such as of a shadow map.
+///
+/// ```
+/// use karat::draw::DepthBias;
+///
+/// let against_acne = DepthBias { constant: 2, slope: 1.5, clamp: 0.0 };
+/// # let _ = against_acne;
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DepthBias {
     /// In the least steps of the depth format, of which the driver decides what they are.
@@ -37,6 +58,14 @@ pub struct DepthBias {
 }
 
 /// What a draw compares with the stencil, and does to it.
+///
+/// ```
+/// use karat::draw::{Stencil, StencilOperation};
+///
+/// // Writes 1 where it draws.
+/// let mark = Stencil { reference: 1, pass: StencilOperation::Replace, ..Stencil::default() };
+/// # let _ = mark;
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stencil {
     /// How the reference compares with what the stencil holds: `reference < stencil`.

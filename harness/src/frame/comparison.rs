@@ -21,6 +21,13 @@ impl Frame<'_> {
     /// Draws the frame on each selected path and compares it with a golden. With `KARAT_FRAMES=off`
     /// it does neither, and the agreement has no path.
     ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// SHADERS.frame("sky", 256, 128).fragment("fragment").matches(&GOLDENS, "sky");
+    /// ```
+    ///
     /// # Panics
     /// With the [`FrameError`], if it differs or there is nothing to compare with.
     #[track_caller]

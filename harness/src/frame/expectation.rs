@@ -24,6 +24,16 @@ impl Frame<'_> {
     /// Draws the frame on each selected path and compares the mean colour of a rectangle with what
     /// is expected. A value that isn't finite fails. With `KARAT_FRAMES=off` it does neither.
     ///
+    /// ```
+    /// use karat::metric::Rect;
+    /// # use karat::prelude::*;
+    ///
+    /// let text = "@fragment fn fragment() -> @location(0) vec4f { return vec4f(0.5, 0.25, 0.0, 1.0); }";
+    /// let package = Package::from_source("m", text);
+    /// let frame = package.frame("", 8, 8).fragment("fragment");
+    /// frame.expect_mean(Rect::new(0, 0, 8, 8), [0.5, 0.25, 0.0], Abs(1e-6));
+    /// ```
+    ///
     /// # Panics
     /// With the [`FrameError`], if a mean is off or can't be taken.
     #[track_caller]

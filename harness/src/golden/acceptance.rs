@@ -20,6 +20,13 @@ const TOO_LARGE: u64 = 1 << 20;
 const WIDE: (u32, u32) = (640, 360);
 
 /// The decision to accept.
+///
+/// ```
+/// use karat::golden::Acceptance;
+///
+/// let acceptance = Acceptance { because: "haze is thinner now".to_owned(), ..Acceptance::default() };
+/// # let _ = acceptance;
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Acceptance {
     /// Why the new image is right.
@@ -193,6 +200,18 @@ pub enum AcceptError {
 
 impl Goldens {
     /// Makes a pending frame the golden.
+    ///
+    /// ```no_run
+    /// use karat::Goldens;
+    /// use karat::golden::Acceptance;
+    ///
+    /// let goldens = Goldens::open("golden".as_ref());
+    /// let acceptance = Acceptance { because: "haze is thinner now".to_owned(), ..Acceptance::default() };
+    /// for pending in goldens.select("dusk")?.frames {
+    ///     goldens.accept(&pending, &acceptance)?;
+    /// }
+    /// # Ok::<(), karat::golden::AcceptError>(())
+    /// ```
     ///
     /// # Errors
     /// If no reason is given; if the golden changed since the frame was compared; if the frame

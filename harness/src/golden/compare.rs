@@ -39,6 +39,15 @@ pub struct FrameMargin {
 
 impl FrameMargin {
     /// Whether every bit is equal.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::golden::FrameTolerance;
+    ///
+    /// let (golden, actual) = (Image::new(1, 1, vec![[0.5; 4]]), Image::new(1, 1, vec![[0.5001; 4]]));
+    /// assert!(!FrameTolerance::gate(1e-3).compare(&golden, &actual, None)?.is_identical());
+    /// # Ok::<(), karat::golden::FrameDifference>(())
+    /// ```
     #[must_use]
     pub fn is_identical(&self) -> bool {
         self.decided_by == Criterion::Bits
@@ -201,6 +210,16 @@ pub(super) fn compare(
 impl FrameTolerance {
     /// Compares two images as [`Frame::matches`](crate::Frame::matches) compares a frame with its
     /// golden. The exposures that HDR-FLIP looks at are chosen from the golden.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::golden::FrameTolerance;
+    ///
+    /// let image = Image::new(1, 1, vec![[0.5; 4]]);
+    /// let margin = FrameTolerance::gate(1e-3).compare(&image, &image, None)?;
+    /// assert!(margin.is_identical());
+    /// # Ok::<(), karat::golden::FrameDifference>(())
+    /// ```
     ///
     /// # Errors
     /// If they differ by more than this allows, or can't be compared.

@@ -164,6 +164,14 @@ impl Goldens {
     }
 
     /// All pending frames in the folder and the folders below it.
+    ///
+    /// ```no_run
+    /// use karat::Goldens;
+    ///
+    /// for pending in Goldens::open("golden".as_ref()).pending().frames {
+    ///     println!("{} differs{}", pending.case, if pending.is_new() { ": it is new" } else { "" });
+    /// }
+    /// ```
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
         let mut found = PendingFrames::default();
@@ -180,6 +188,14 @@ impl Goldens {
 
     /// The pending frames of this name. A file that can't be used is selected by the file's name.
     ///
+    /// ```no_run
+    /// use karat::Goldens;
+    ///
+    /// let goldens = Goldens::open("golden".as_ref());
+    /// println!("{:?}", goldens.select("dusk")?);
+    /// # Ok::<(), karat::golden::AcceptError>(())
+    /// ```
+    ///
     /// # Errors
     /// If nothing has this name.
     pub fn select(&self, name: &str) -> Result<PendingFrames, AcceptError> {
@@ -187,6 +203,15 @@ impl Goldens {
     }
 
     /// [`select`](Self::select), for a name or a pattern that `matches` understands.
+    ///
+    /// ```no_run
+    /// use karat::Goldens;
+    ///
+    /// let goldens = Goldens::open("golden".as_ref());
+    /// let skies = goldens.select_by("sky-*", |name| name.starts_with("sky-"))?;
+    /// # let _ = skies;
+    /// # Ok::<(), karat::golden::AcceptError>(())
+    /// ```
     ///
     /// # Errors
     /// If nothing has this name or matches the pattern.
@@ -219,6 +244,16 @@ impl Goldens {
     }
 
     /// Deletes a pending frame.
+    ///
+    /// ```no_run
+    /// use karat::Goldens;
+    ///
+    /// let goldens = Goldens::open("golden".as_ref());
+    /// for pending in goldens.select("dusk")?.frames {
+    ///     goldens.reject(&pending)?;
+    /// }
+    /// # Ok::<(), karat::golden::AcceptError>(())
+    /// ```
     ///
     /// # Errors
     /// If the file can't be deleted.

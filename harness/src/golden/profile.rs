@@ -8,6 +8,15 @@ use crate::path::Adapter;
 ///
 /// A golden for all profiles is `<case>.exr`. If it can't serve a profile, that profile has its
 /// own, `@<profile>/<case>.exr`, which no other profile uses.
+///
+/// ```
+/// # use karat::path::Adapter;
+/// use karat::golden::Profile;
+///
+/// # let (path, name, driver) = ("gl".to_owned(), "llvmpipe (LLVM 15)".to_owned(), "Mesa".to_owned());
+/// # let adapter = Adapter { path, name, driver, software: true };
+/// assert_eq!(Profile::of(&adapter).to_string(), "gl-llvmpipe");
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Profile(String);
 

@@ -142,6 +142,14 @@ impl Table {
 
     /// Reads a table with its facts.
     ///
+    /// ```no_run
+    /// use karat::golden::Table;
+    ///
+    /// let (table, facts) = Table::read("golden/noise.csv".as_ref())?;
+    /// println!("{} rows, {facts:?}", table.len());
+    /// # Ok::<(), karat::golden::TableError>(())
+    /// ```
+    ///
     /// # Errors
     /// If there is no such file, or a line of it isn't what it should be.
     pub fn read(file: &Path) -> Result<(Self, Provenance), TableError> {

@@ -20,6 +20,13 @@ const MEAN_BOUND: f64 = 0.005;
 /// How much a frame may differ from its golden: bounds of metrics, and their combinations.
 ///
 /// The default is [`FrameTolerance::standard`].
+///
+/// ```
+/// use karat::golden::FrameTolerance;
+///
+/// let tolerance = FrameTolerance::Any(vec![FrameTolerance::gate(1e-3), FrameTolerance::FlipMean(0.01)]);
+/// assert_eq!(tolerance.to_string(), "rel 1e-3 or mean FLIP 0.01");
+/// ```
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum FrameTolerance {
@@ -39,12 +46,26 @@ pub enum FrameTolerance {
 
 impl FrameTolerance {
     /// Each channel of each pixel within `relative`. See [`Gate`].
+    ///
+    /// ```
+    /// use karat::golden::FrameTolerance;
+    ///
+    /// assert_eq!(FrameTolerance::gate(1e-2).to_string(), "rel 1e-2");
+    /// ```
     #[must_use]
     pub fn gate(relative: f32) -> Self {
         Self::Gate(Gate { relative, absolute: None })
     }
 
     /// A metric of your own, and the largest value that passes.
+    ///
+    /// ```
+    /// use karat::golden::FrameTolerance;
+    /// use karat::metric::Flip;
+    ///
+    /// let tolerance = FrameTolerance::metric(Flip::MEAN, 0.02);
+    /// # let _ = tolerance;
+    /// ```
     #[must_use]
     pub fn metric(metric: impl Metric + 'static, bound: f64) -> Self {
         Self::Metric(Arc::new(metric), bound)
@@ -53,6 +74,13 @@ impl FrameTolerance {
     /// The default: a frame passes the gate of 1e-3, or its HDR-FLIP errors are small: at most 0.01
     /// in each tile, and 0.005 on average. If the frame's profile isn't the golden's (`foreign`), a
     /// tile may have 0.03.
+    ///
+    /// ```
+    /// use karat::golden::FrameTolerance;
+    ///
+    /// let text = FrameTolerance::standard(false).to_string();
+    /// assert_eq!(text, "rel 1e-3 or (FLIP tile 0.01 and mean FLIP 0.005)");
+    /// ```
     #[must_use]
     pub fn standard(foreign: bool) -> Self {
         let tile = if foreign { FOREIGN_TILE_BOUND } else { TILE_BOUND };

@@ -22,6 +22,15 @@ use self::select::{Selection, select};
 use super::{Image, ImageError, ImageFormat, file};
 
 /// How samples are stored.
+///
+/// ```
+/// use karat::Image;
+/// use karat::image::Precision;
+///
+/// let tenth = Image::new(1, 1, vec![[0.1; 4]]);
+/// assert_ne!(tenth.rounded_to(Precision::Half), tenth);
+/// assert_eq!(tenth.rounded_to(Precision::Float), tenth);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Precision {
@@ -32,6 +41,17 @@ pub enum Precision {
 }
 
 /// An OpenEXR file of one or more parts: a frame, and what else is known of its pixels.
+///
+/// ```no_run
+/// use karat::Image;
+/// use karat::image::{ExrFile, Part, Precision};
+///
+/// let image = |value| Image::new(1, 1, vec![[value; 4]]);
+/// let frame = Part::new("frame", Precision::Half, image(0.5));
+/// let variance = Part::new("variance", Precision::Float, image(1e-7));
+/// ExrFile { parts: vec![frame, variance], metadata: None }.write("room.exr".as_ref())?;
+/// # Ok::<(), karat::image::ImageError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExrFile {
     /// The parts. The first one is the frame.
@@ -41,6 +61,14 @@ pub struct ExrFile {
 }
 
 /// A named image of an [`ExrFile`].
+///
+/// ```
+/// use karat::Image;
+/// use karat::image::{Part, Precision};
+///
+/// let part = Part::new("normal", Precision::Half, Image::new(1, 1, vec![[0.0, 0.0, 1.0, 1.0]]));
+/// assert_eq!(part.name, "normal");
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
     /// Its name: letters, digits, `-`, `_` and `.`, at most 255. It may be empty in a file of one
@@ -55,6 +83,14 @@ pub struct Part {
 
 impl Part {
     /// A part.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::image::{Part, Precision};
+    ///
+    /// let part = Part::new("variance", Precision::Float, Image::new(1, 1, vec![[1e-7; 4]]));
+    /// # let _ = part;
+    /// ```
     #[must_use]
     pub fn new(name: impl Into<String>, precision: Precision, image: Image) -> Self {
         Self { name: name.into(), precision, image }
@@ -73,6 +109,15 @@ impl ExrFile {
     /// the part's data window, wherever that lies in the display window. If there are several
     /// levels, the largest is read. Values are not converted, whatever the file's
     /// [`chromaticities`](Self::chromaticities).
+    ///
+    /// ```no_run
+    /// use karat::image::ExrFile;
+    ///
+    /// for part in ExrFile::read("golden/room.exr".as_ref())?.parts {
+    ///     println!("{}: {} x {}", part.name, part.image.width(), part.image.height());
+    /// }
+    /// # Ok::<(), karat::image::ImageError>(())
+    /// ```
     ///
     /// # Errors
     /// If the file is missing, unreadable or damaged; if it is longer than 512 MB, if a side is
@@ -109,6 +154,13 @@ impl ExrFile {
     /// The names of the parts that [`read`](Self::read) would read, without their pixels. The first
     /// is the part that [`Image::read_exr`] reads; the others follow in the file's order.
     ///
+    /// ```no_run
+    /// use karat::image::ExrFile;
+    ///
+    /// println!("{:?}", ExrFile::part_names("golden/room.exr".as_ref())?);
+    /// # Ok::<(), karat::image::ImageError>(())
+    /// ```
+    ///
     /// # Errors
     /// As for [`read`](Self::read), but pixels may be damaged.
     pub fn part_names(path: &Path) -> Result<Vec<String>, ImageError> {
@@ -130,6 +182,14 @@ impl ExrFile {
     /// white, of the part that [`Image::read_exr`] reads. If it declares none, they are
     /// [`Self::BT709`].
     ///
+    /// ```no_run
+    /// use karat::image::ExrFile;
+    ///
+    /// let [red_x, red_y, ..] = ExrFile::chromaticities("golden/room.exr".as_ref())?;
+    /// println!("red is at {red_x}, {red_y}");
+    /// # Ok::<(), karat::image::ImageError>(())
+    /// ```
+    ///
     /// # Errors
     /// As for [`read`](Self::read), but pixels may be damaged.
     pub fn chromaticities(path: &Path) -> Result<[f32; 8], ImageError> {
@@ -145,6 +205,15 @@ impl ExrFile {
 
     /// Writes the file, with the metadata as its attribute `karat`. The same parts and metadata
     /// give the same bytes. An existing file is replaced as a whole or not at all.
+    ///
+    /// ```no_run
+    /// use karat::Image;
+    /// use karat::image::{ExrFile, Part, Precision};
+    ///
+    /// let grey = Part::new("", Precision::Half, Image::new(1, 1, vec![[0.5; 4]]));
+    /// ExrFile { parts: vec![grey], metadata: None }.write("grey.exr".as_ref())?;
+    /// # Ok::<(), karat::image::ImageError>(())
+    /// ```
     ///
     /// # Errors
     /// If there are no parts, if a name can't be used or is there twice, if a side is 0 or longer
@@ -174,6 +243,14 @@ impl Image {
     /// Reads the first part with colours as [`ExrFile::read`] does, or the first with greys if
     /// there is none, and the metadata of the file's first part. Other parts aren't decoded.
     ///
+    /// ```no_run
+    /// use karat::Image;
+    ///
+    /// let (golden, facts) = Image::read_exr("golden/dusk.exr".as_ref())?;
+    /// println!("{} pixels, {facts:?}", golden.pixels().len());
+    /// # Ok::<(), karat::image::ImageError>(())
+    /// ```
+    ///
     /// # Errors
     /// As for [`ExrFile::read`].
     pub fn read_exr(path: &Path) -> Result<(Self, Option<String>), ImageError> {
@@ -184,6 +261,15 @@ impl Image {
     }
 
     /// Writes an OpenEXR file of one part without a name, as [`ExrFile::write`] does.
+    ///
+    /// ```no_run
+    /// use karat::Image;
+    /// use karat::image::Precision;
+    ///
+    /// let grey = Image::new(1, 1, vec![[0.5; 4]]);
+    /// grey.write_exr("grey.exr".as_ref(), Precision::Half, None)?;
+    /// # Ok::<(), karat::image::ImageError>(())
+    /// ```
     ///
     /// # Errors
     /// As for [`ExrFile::write`].

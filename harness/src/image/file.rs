@@ -60,6 +60,14 @@ impl Image {
     /// stays as it is, not multiplied into the colours; it is 1 if the file has none. The first
     /// frame of an animation is read.
     ///
+    /// ```no_run
+    /// use karat::Image;
+    ///
+    /// let golden = Image::read("golden/dusk.exr".as_ref())?;
+    /// println!("{} x {}", golden.width(), golden.height());
+    /// # Ok::<(), karat::image::ImageError>(())
+    /// ```
+    ///
     /// # Errors
     /// If the file is missing, unreadable, damaged, of another format or too large.
     pub fn read(path: &Path) -> Result<Self, ImageError> {
@@ -69,6 +77,14 @@ impl Image {
     /// [`read`](Self::read) without making a PNG linear: each value is divided by the largest that
     /// its samples can have. Use it for numbers that aren't colours, such as a painted
     /// [`Mask`](crate::metric::Mask): what a paint program calls 50 % is read as a half.
+    ///
+    /// ```no_run
+    /// use karat::Image;
+    ///
+    /// let stored = Image::read_stored("screenshot.png".as_ref())?; // 0 to 1, as encoded
+    /// # let _ = stored;
+    /// # Ok::<(), karat::image::ImageError>(())
+    /// ```
     ///
     /// # Errors
     /// As for [`read`](Self::read).

@@ -17,6 +17,13 @@ impl Image {
     /// highlights are compressed (Reinhard et al. 2002, eq. 3). NaN is magenta, infinities are
     /// yellow.
     ///
+    /// ```no_run
+    /// use karat::Image;
+    ///
+    /// Image::read("golden/dusk.exr".as_ref())?.write_png("dusk.png".as_ref())?;
+    /// # Ok::<(), karat::image::ImageError>(())
+    /// ```
+    ///
     /// # Errors
     /// If the file can't be written.
     pub fn write_png(&self, path: &Path) -> Result<(), ImageError> {
@@ -24,6 +31,14 @@ impl Image {
     }
 
     /// [`write_png`](Self::write_png), brighter by `stops`: 1 doubles the exposure, -1 halves it.
+    ///
+    /// ```no_run
+    /// use karat::Image;
+    ///
+    /// let dark = Image::read("golden/cave.exr".as_ref())?;
+    /// dark.write_png_exposed("cave.png".as_ref(), 3.0)?; // eight times as bright
+    /// # Ok::<(), karat::image::ImageError>(())
+    /// ```
     ///
     /// # Errors
     /// If the file can't be written.

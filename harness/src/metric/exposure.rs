@@ -11,6 +11,12 @@ use crate::image::luminance;
 /// brightest brings its median luminance there (Andersson et al. 2021, section 3.2). Two things
 /// differ from the paper. Highlights are the 99.9th percentile and not the maximum, which one
 /// firefly can move by six stops. And black pixels don't count, because they may be more than half.
+///
+/// ```
+/// use karat::metric::ExposureRange;
+///
+/// assert_eq!(ExposureRange { start: -2.0, stop: 2.0 }.count(), 4);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ExposureRange {
     /// The darkest exposure.
@@ -43,6 +49,15 @@ const MOST: usize = flip_rs::MAX_EXPOSURES;
 
 impl ExposureRange {
     /// The range of a golden. A golden without light has the range of a white image.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::ExposureRange;
+    ///
+    /// // A brighter picture is looked at with less exposure.
+    /// let of = |light: f32| ExposureRange::of(&Image::new(1, 1, vec![[light, light, light, 1.0]]));
+    /// assert!(of(100.0).start < of(1.0).start);
+    /// ```
     #[must_use]
     pub fn of(golden: &Image) -> Self {
         Self::of_pixels(golden.pixels())
@@ -64,7 +79,14 @@ impl ExposureRange {
         Self { start, stop: stop.clamp(start, start + WIDEST) }
     }
 
-    /// How many exposures are looked at: one a stop, including both ends, and at least two.
+    /// How many exposures are looked at: as many as the range has stops, and at least two. Both ends are
+    /// among them.
+    ///
+    /// ```
+    /// use karat::metric::ExposureRange;
+    ///
+    /// assert_eq!(ExposureRange { start: 0.0, stop: 3.0 }.count(), 3);
+    /// ```
     #[must_use]
     pub fn count(&self) -> usize {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "2 to 128")]

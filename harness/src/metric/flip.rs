@@ -21,6 +21,17 @@ use super::{Measured, Metric};
 use crate::image::Image;
 
 /// The error of HDR-FLIP, 0 to 1.
+///
+/// ```
+/// use karat::Image;
+/// use karat::metric::{Flip, Metric, Pair};
+///
+/// let grey = |light: f32| Image::new(32, 32, vec![[light, light, light, 1.0]; 1024]);
+/// let (golden, actual) = (grey(0.5), grey(0.6));
+/// let flip = Flip::MEAN;
+/// assert!(flip.measure(&Pair::new(&golden, &actual)?).value > 0.01);
+/// # Ok::<(), karat::metric::PairError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flip {
     /// Pixels per degree of sight: 67 for a 0.7 m wide display of 3840 pixels, seen from 0.7 m.
@@ -30,6 +41,12 @@ pub struct Flip {
 }
 
 /// How the errors of all pixels become one number.
+///
+/// ```
+/// use karat::metric::{Flip, Pool};
+///
+/// assert_eq!(Flip::MEAN.pool, Pool::Mean);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pool {
     /// The largest mean of a tile of 16 x 16 pixels.
@@ -93,6 +110,17 @@ impl Flip {
     /// show, darker exposures are added. For one that is too dark, brighter ones are added, down to
     /// where the gate ends.
     ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::{Flip, Pair};
+    ///
+    /// let grey = |light: f32| Image::new(32, 32, vec![[light, light, light, 1.0]; 1024]);
+    /// let (golden, actual) = (grey(0.5), grey(0.6));
+    /// let map = Flip::MEAN.map(&Pair::new(&golden, &actual)?)?;
+    /// assert!(map.at(16, 16) > 0.01);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// If a difference is one that FLIP doesn't see, or it can't be computed.
     pub fn map(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
@@ -103,6 +131,17 @@ impl Flip {
     /// dark for a difference in highlights, bright for one in shadows. If several have the same
     /// error, it is the darkest of them. [`Pair::exposures`] are looked at, one a stop, and those
     /// that `map` adds.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::{Flip, Pair};
+    ///
+    /// let grey = |light: f32| Image::new(32, 32, vec![[light, light, light, 1.0]; 1024]);
+    /// let (golden, actual) = (grey(0.5), grey(0.6));
+    /// let exposures = Flip::MEAN.exposures(&Pair::new(&golden, &actual)?)?;
+    /// assert!(exposures.range().is_some());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// As for [`map`](Self::map).
@@ -143,6 +182,16 @@ impl Flip {
     }
 
     /// The errors of all pixels, as published: at the pair's exposures and no others.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::{Flip, Pair};
+    ///
+    /// let grey = Image::new(32, 32, vec![[0.5, 0.5, 0.5, 1.0]; 1024]);
+    /// let map = Flip::MEAN.whole(&Pair::new(&grey, &grey)?)?;
+    /// assert_eq!(map.at(16, 16), 0.0);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// If it can't be computed.

@@ -19,6 +19,18 @@ const CLEAR: f32 = 0.01;
 /// Each channel may differ by `relative` times the golden's value, or by `absolute`, whichever is
 /// more. The metric's value is the largest difference divided by what is allowed, so its bound is
 /// 1.
+///
+/// ```
+/// use karat::Image;
+/// use karat::metric::{Gate, Pair};
+///
+/// let golden = Image::new(1, 1, vec![[1.0; 4]]);
+/// let actual = Image::new(1, 1, vec![[1.0, 1.0, 1.01, 1.0]]);
+/// let pair = Pair::new(&golden, &actual)?;
+/// assert!(Gate { relative: 0.1, absolute: None }.passes(&pair).is_some());
+/// assert!(Gate { relative: 1e-3, absolute: None }.passes(&pair).is_none());
+/// # Ok::<(), karat::metric::PairError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gate {
     /// Largest difference relative to the golden's value.
@@ -80,6 +92,15 @@ impl Gate {
     /// The largest difference divided by what is allowed; `None` if a pixel differs by more than
     /// that. What is allowed in the dark takes another pass over the golden. If every pixel passes
     /// without it, it isn't computed, and the result is the one without it.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::{Gate, Pair};
+    ///
+    /// let image = Image::new(1, 1, vec![[1.0; 4]]);
+    /// assert_eq!(Gate::default().passes(&Pair::new(&image, &image)?), Some(0.0));
+    /// # Ok::<(), karat::metric::PairError>(())
+    /// ```
     #[must_use]
     pub fn passes(&self, pair: &Pair<'_>) -> Option<f32> {
         if pair.is_identical() {
@@ -99,6 +120,15 @@ impl Gate {
     /// Floats are needed for values above 65504, for small values in a dark image, and for a
     /// `relative` below 2^-10; and for what can't be compared: an image with NaN, or a mask of
     /// another size.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::image::Precision;
+    /// use karat::metric::Gate;
+    ///
+    /// let image = Image::new(1, 1, vec![[0.3; 4]]);
+    /// assert_eq!(Gate::default().precision_for(&image, None), Precision::Half);
+    /// ```
     #[must_use]
     pub fn precision_for(&self, image: &Image, mask: Option<&Mask>) -> Precision {
         let rounded = image.rounded_to(Precision::Half);
@@ -114,6 +144,17 @@ impl Gate {
     }
 
     /// The pixels that differ by more than is allowed.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::{Gate, Pair};
+    ///
+    /// let golden = Image::new(2, 1, vec![[1.0; 4]; 2]);
+    /// let actual = Image::new(2, 1, vec![[1.0; 4], [0.5; 4]]);
+    /// let outliers = Gate::default().outliers(&Pair::new(&golden, &actual)?).expect("one pixel is off");
+    /// assert_eq!((outliers.count, outliers.rect.left), (1, 1));
+    /// # Ok::<(), karat::metric::PairError>(())
+    /// ```
     #[must_use]
     pub fn outliers(&self, pair: &Pair<'_>) -> Option<Outliers> {
         let mut outliers = [0_usize; 4];

@@ -14,6 +14,18 @@ impl Flip {
     /// LDR-FLIP of the pixels that see a difference: colours are clipped to 0..1 and encoded as
     /// sRGB. Alpha isn't seen.
     ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::{Flip, Pair};
+    ///
+    /// // On a display both are white.
+    /// let grey = |light: f32| Image::new(32, 32, vec![[light, light, light, 1.0]; 1024]);
+    /// let (golden, actual) = (grey(2.0), grey(3.0));
+    /// let map = Flip::MEAN.displayed(&Pair::new(&golden, &actual)?)?;
+    /// assert_eq!(map.at(16, 16), 0.0);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// If it can't be computed.
     pub fn displayed(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {

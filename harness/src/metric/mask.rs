@@ -9,6 +9,13 @@ use crate::diagnostic::FileRead;
 use crate::image::Image;
 
 /// A rectangle of pixels.
+///
+/// ```
+/// use karat::metric::Rect;
+///
+/// let corner = Rect::new(0, 0, 16, 8);
+/// assert!(corner.contains(15, 7) && !corner.contains(16, 7));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Rect {
     /// First column.
@@ -23,12 +30,24 @@ pub struct Rect {
 
 impl Rect {
     /// A rectangle from its corner and size.
+    ///
+    /// ```
+    /// use karat::metric::Rect;
+    ///
+    /// assert_eq!(Rect::new(4, 2, 16, 8).left, 4);
+    /// ```
     #[must_use]
     pub const fn new(left: u32, top: u32, width: u32, height: u32) -> Self {
         Self { left, top, width, height }
     }
 
     /// Whether a pixel is in it.
+    ///
+    /// ```
+    /// use karat::metric::Rect;
+    ///
+    /// assert!(Rect::new(4, 2, 16, 8).contains(4, 2));
+    /// ```
     #[must_use]
     pub fn contains(&self, x: u32, y: u32) -> bool {
         x.wrapping_sub(self.left) < self.width && y.wrapping_sub(self.top) < self.height
@@ -66,6 +85,15 @@ impl fmt::Display for Rect {
 }
 
 /// Which pixels of a frame are compared. No metric sees the others.
+///
+/// ```
+/// use karat::metric::{Mask, Rect};
+///
+/// let without_the_clock = Mask::except(&[Rect::new(48, 0, 16, 8)]);
+/// let image = without_the_clock.to_image(64, 64)?;
+/// assert_eq!(image.pixels()[63][0], 0.0);
+/// # Ok::<(), karat::metric::MaskError>(())
+/// ```
 #[derive(Clone)]
 pub struct Mask(Kind);
 
@@ -80,24 +108,55 @@ enum Kind {
 impl Mask {
     /// The pixels whose red is above a half. The image has to be as large as the frame. Read a
     /// painted mask with [`Image::read_stored`].
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::Mask;
+    ///
+    /// let left = Mask::image(Image::new(2, 1, vec![[1.0; 4], [0.0; 4]]));
+    /// # let _ = left;
+    /// ```
     #[must_use]
     pub fn image(image: Image) -> Self {
         Self(Kind::Image(image))
     }
 
     /// The pixels of any of these rectangles.
+    ///
+    /// ```
+    /// use karat::metric::{Mask, Rect};
+    ///
+    /// let image = Mask::only(&[Rect::new(0, 0, 1, 1)]).to_image(2, 1)?;
+    /// assert_eq!((image.pixels()[0][0], image.pixels()[1][0]), (1.0, 0.0));
+    /// # Ok::<(), karat::metric::MaskError>(())
+    /// ```
     #[must_use]
     pub fn only(rects: &[Rect]) -> Self {
         Self(Kind::Only(rects.to_vec()))
     }
 
     /// All pixels but those of these rectangles.
+    ///
+    /// ```
+    /// use karat::metric::{Mask, Rect};
+    ///
+    /// let image = Mask::except(&[Rect::new(0, 0, 1, 1)]).to_image(2, 1)?;
+    /// assert_eq!((image.pixels()[0][0], image.pixels()[1][0]), (0.0, 1.0));
+    /// # Ok::<(), karat::metric::MaskError>(())
+    /// ```
     #[must_use]
     pub fn except(rects: &[Rect]) -> Self {
         Self(Kind::Except(rects.to_vec()))
     }
 
     /// The pixels for which `compared` returns true. It takes column and row.
+    ///
+    /// ```
+    /// use karat::metric::Mask;
+    ///
+    /// let upper_half = Mask::wherever(|_, y| y < 32);
+    /// # let _ = upper_half;
+    /// ```
     #[must_use]
     pub fn wherever(compared: impl Fn(u32, u32) -> bool + Send + Sync + 'static) -> Self {
         Self(Kind::Where(Arc::new(compared)))
@@ -112,6 +171,14 @@ impl Mask {
     }
 
     /// The mask of a frame of this size as an image: 1 where pixels are compared, else 0.
+    ///
+    /// ```
+    /// use karat::metric::Mask;
+    ///
+    /// let diagonal = Mask::wherever(|x, y| x == y).to_image(2, 2)?;
+    /// assert_eq!(diagonal.pixels().iter().filter(|pixel| pixel[0] == 1.0).count(), 2);
+    /// # Ok::<(), karat::metric::MaskError>(())
+    /// ```
     ///
     /// # Errors
     /// If it can't be used for this size, or leaves no pixel.

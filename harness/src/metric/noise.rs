@@ -55,6 +55,17 @@ const BLACK: f64 = 0.01;
 /// any channel, divided by what noise alone reaches in one frame of a hundred. The second is how
 /// far the pixels of a tile scatter, divided by twice what noise alone reaches. What the default
 /// [`Gate`] allows isn't counted: rounding isn't noise.
+///
+/// ```
+/// use karat::Image;
+/// use karat::metric::{Metric, Noise, Pair};
+///
+/// let image = |value| Image::new(32, 32, vec![[value, value, value, 1.0]; 1024]);
+/// let (golden, brighter, variance) = (image(0.5), image(0.6), image(1e-4));
+/// let noise = Noise { golden: &variance, actual: &variance };
+/// assert!(noise.measure(&Pair::new(&golden, &brighter)?).value > 1.0);
+/// # Ok::<(), karat::metric::PairError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Noise<'a> {
     /// Variance of each pixel's mean in the golden, linear RGB.

@@ -16,6 +16,16 @@ use crate::image::{Image, NonFinite};
 pub(super) const STRIP: usize = 512;
 
 /// A golden and a frame: of the same size, finite, and made equal where they aren't compared.
+///
+/// ```
+/// use karat::Image;
+/// use karat::metric::Pair;
+///
+/// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
+/// let pair = Pair::new(&golden, &actual)?;
+/// assert_eq!((pair.compared(), pair.is_identical()), (2, false));
+/// # Ok::<(), karat::metric::PairError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Pair<'a> {
     golden: Cow<'a, Image>,
@@ -66,6 +76,14 @@ impl std::fmt::Display for NonFinite {
 impl<'a> Pair<'a> {
     /// All pixels of both.
     ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::Pair;
+    ///
+    /// let (small, large) = (Image::new(1, 1, vec![[1.0; 4]]), Image::new(2, 1, vec![[1.0; 4]; 2]));
+    /// assert!(Pair::new(&small, &large).is_err());
+    /// ```
+    ///
     /// # Errors
     /// If their sizes differ, or one has a value that isn't a finite number.
     pub fn new(golden: &'a Image, actual: &'a Image) -> Result<Self, PairError> {
@@ -75,6 +93,16 @@ impl<'a> Pair<'a> {
 
     /// The pixels that a mask leaves. The others are made equal, so that no metric that looks at a
     /// pixel's neighbours sees them.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::{Mask, Pair, Rect};
+    ///
+    /// let image = Image::new(4, 4, vec![[1.0; 4]; 16]);
+    /// let pair = Pair::masked(&image, &image, &Mask::only(&[Rect::new(0, 0, 2, 2)]))?;
+    /// assert_eq!(pair.compared(), 4);
+    /// # Ok::<(), karat::metric::PairError>(())
+    /// ```
     ///
     /// # Errors
     /// If the sizes differ, a pixel that is compared isn't finite, or the mask can't be used.
@@ -145,6 +173,16 @@ impl<'a> Pair<'a> {
     }
 
     /// Pins the exposures that HDR-FLIP looks at. By default they are chosen from the golden.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::{ExposureRange, Pair};
+    ///
+    /// let image = Image::new(1, 1, vec![[1.0; 4]]);
+    /// let pair = Pair::new(&image, &image)?.with_exposures(ExposureRange { start: 0.0, stop: 4.0 });
+    /// assert_eq!(pair.exposures().count(), 4);
+    /// # Ok::<(), karat::metric::PairError>(())
+    /// ```
     #[must_use]
     pub fn with_exposures(mut self, exposures: ExposureRange) -> Self {
         self.exposures = OnceLock::from(exposures);
@@ -153,24 +191,64 @@ impl<'a> Pair<'a> {
     }
 
     /// The golden.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::Pair;
+    ///
+    /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
+    /// let pair = Pair::new(&golden, &actual)?;
+    /// assert_eq!(pair.golden().pixels()[0], [1.0; 4]);
+    /// # Ok::<(), karat::metric::PairError>(())
+    /// ```
     #[must_use]
     pub fn golden(&self) -> &Image {
         &self.golden
     }
 
     /// The frame.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::Pair;
+    ///
+    /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
+    /// let pair = Pair::new(&golden, &actual)?;
+    /// assert_eq!(pair.actual().pixels()[0], [0.5; 4]);
+    /// # Ok::<(), karat::metric::PairError>(())
+    /// ```
     #[must_use]
     pub fn actual(&self) -> &Image {
         &self.actual
     }
 
     /// Whether every bit that is compared is equal.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::Pair;
+    ///
+    /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
+    /// let pair = Pair::new(&golden, &actual)?;
+    /// assert!(!pair.is_identical());
+    /// # Ok::<(), karat::metric::PairError>(())
+    /// ```
     #[must_use]
     pub fn is_identical(&self) -> bool {
         self.different.is_empty()
     }
 
     /// Whether a pixel is compared.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::Pair;
+    ///
+    /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
+    /// let pair = Pair::new(&golden, &actual)?;
+    /// assert!(pair.counts(1, 0)); // no mask leaves it out
+    /// # Ok::<(), karat::metric::PairError>(())
+    /// ```
     #[must_use]
     pub fn counts(&self, x: u32, y: u32) -> bool {
         let index = y as usize * self.golden.width() as usize + x as usize;
@@ -178,6 +256,16 @@ impl<'a> Pair<'a> {
     }
 
     /// How many pixels are compared; at least one, unless the images have none.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::Pair;
+    ///
+    /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
+    /// let pair = Pair::new(&golden, &actual)?;
+    /// assert_eq!(pair.compared(), 2);
+    /// # Ok::<(), karat::metric::PairError>(())
+    /// ```
     #[must_use]
     pub fn compared(&self) -> usize {
         self.compared
@@ -201,6 +289,16 @@ impl<'a> Pair<'a> {
     }
 
     /// The exposures that HDR-FLIP looks at.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::Pair;
+    ///
+    /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
+    /// let pair = Pair::new(&golden, &actual)?;
+    /// assert!(pair.exposures().count() >= 2);
+    /// # Ok::<(), karat::metric::PairError>(())
+    /// ```
     #[must_use]
     pub fn exposures(&self) -> ExposureRange {
         *self.exposures.get_or_init(|| ExposureRange::of_pixels(&self.compared_pixels()))

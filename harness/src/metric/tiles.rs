@@ -11,6 +11,13 @@ pub const TILE: u32 = 16;
 const CELL: u32 = TILE / 2;
 
 /// An error for each pixel of a part of a frame; outside of the part it is 0.
+///
+/// ```
+/// use karat::metric::{ErrorMap, Rect};
+///
+/// let map = ErrorMap::new(Rect::new(0, 0, 2, 1), vec![0.1, 0.4]);
+/// assert_eq!((map.at(1, 0), map.at(5, 5)), (0.4, 0.0));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct ErrorMap {
     rect: Rect,
@@ -25,6 +32,13 @@ const STEPS: [f32; 10] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 
 impl ErrorMap {
     /// The errors of a rectangle, row by row.
     ///
+    /// ```
+    /// use karat::metric::{ErrorMap, Rect};
+    ///
+    /// let map = ErrorMap::new(Rect::new(8, 8, 2, 1), vec![0.1, 0.4]);
+    /// assert_eq!(map.values(), [0.1, 0.4]);
+    /// ```
+    ///
     /// # Panics
     /// If there isn't one for each pixel of the rectangle.
     #[must_use]
@@ -35,12 +49,26 @@ impl ErrorMap {
     }
 
     /// The part of the frame that has errors.
+    ///
+    /// ```
+    /// use karat::metric::{ErrorMap, Rect};
+    ///
+    /// let map = ErrorMap::new(Rect::new(8, 8, 2, 1), vec![0.1, 0.4]);
+    /// assert_eq!(map.rect(), Rect::new(8, 8, 2, 1));
+    /// ```
     #[must_use]
     pub fn rect(&self) -> Rect {
         self.rect
     }
 
     /// The errors of that part, row by row.
+    ///
+    /// ```
+    /// use karat::metric::{ErrorMap, Rect};
+    ///
+    /// let map = ErrorMap::new(Rect::new(8, 8, 2, 1), vec![0.1, 0.4]);
+    /// assert_eq!(map.values(), [0.1, 0.4]);
+    /// ```
     #[must_use]
     pub fn values(&self) -> &[f32] {
         &self.values
@@ -48,6 +76,12 @@ impl ErrorMap {
 
     /// The error that the brightest colour stands for in a picture of these errors: the least of 1,
     /// 0.5, 0.2, 0.1 and so on down to 0.001 that no error exceeds; 1 if there is no error at all.
+    ///
+    /// ```
+    /// use karat::metric::ErrorMap;
+    ///
+    /// assert_eq!(ErrorMap::scale(&[0.003, 0.012]), 0.02);
+    /// ```
     #[must_use]
     pub fn scale(errors: &[f32]) -> f32 {
         let largest = errors.iter().copied().fold(0.0, f32::max);
@@ -57,6 +91,13 @@ impl ErrorMap {
 
     /// The colour that pictures show an error from 0 to 1 in, as 8-bit sRGB: matplotlib's magma
     /// (Smith and van der Walt 2015, CC0), as in the pictures of NVIDIA's FLIP.
+    ///
+    /// ```
+    /// use karat::metric::ErrorMap;
+    ///
+    /// let (black, bright) = (ErrorMap::colour(0.0), ErrorMap::colour(1.0));
+    /// assert!(black.iter().all(|channel| *channel < 8) && bright[0] > 240);
+    /// ```
     #[must_use]
     pub fn colour(error: f32) -> [u8; 3] {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
@@ -67,6 +108,13 @@ impl ErrorMap {
     }
 
     /// The error of a pixel of the frame.
+    ///
+    /// ```
+    /// use karat::metric::{ErrorMap, Rect};
+    ///
+    /// let map = ErrorMap::new(Rect::new(8, 8, 2, 1), vec![0.1, 0.4]);
+    /// assert_eq!((map.at(9, 8), map.at(0, 0)), (0.4, 0.0));
+    /// ```
     #[must_use]
     pub fn at(&self, x: u32, y: u32) -> f32 {
         if !self.rect.contains(x, y) {

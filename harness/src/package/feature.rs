@@ -4,6 +4,14 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 /// The value of a feature.
+///
+/// ```
+/// use karat::Package;
+///
+/// let package = Package::from_source("m", "@if(fast) fn f() {}").feature("fast", true);
+/// let with_a_number = package.feature("SAMPLES", 4);
+/// # let _ = with_a_number;
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub enum Feature {
     /// On or off: `@if(name)`, `#ifdef name`.

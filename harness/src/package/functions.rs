@@ -8,6 +8,14 @@ use super::{Package, PackageError};
 use crate::diagnostic::Span;
 
 /// A function of a package, as found in its file.
+///
+/// ```
+/// use karat::Package;
+///
+/// let function = &Package::from_source("m", "\nfn f() {}").functions()?[0];
+/// assert_eq!(function.span.file.line_column(function.span.range.start), (2, 4));
+/// # Ok::<(), karat::package::PackageError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct FunctionItem {
     /// `module::name`, or `name` in a package of one module.
@@ -23,6 +31,15 @@ pub struct FunctionItem {
 impl Package {
     /// All functions of all modules, in the order of modules and lines.
     ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// let package = Package::from_source("m", "fn f() {} @compute @workgroup_size(1) fn main() {}");
+    /// let functions = package.functions()?;
+    /// assert_eq!((functions[0].name.as_str(), functions[1].entry_point), ("f", true));
+    /// # Ok::<(), karat::package::PackageError>(())
+    /// ```
+    ///
     /// # Errors
     /// If a module can't be read or parsed.
     pub fn functions(&self) -> Result<Vec<FunctionItem>, PackageError> {
@@ -32,6 +49,14 @@ impl Package {
     }
 
     /// The functions of one module (`""` in a package of one module), in the order of lines.
+    ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// let package = Package::from_modules("m", [("tone", "fn map() {}"), ("noise", "fn value() {}")]);
+    /// assert_eq!(package.functions_in("tone")?[0].name, "tone::map");
+    /// # Ok::<(), karat::package::PackageError>(())
+    /// ```
     ///
     /// # Errors
     /// If the module can't be read or parsed.

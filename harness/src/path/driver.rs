@@ -3,6 +3,19 @@
 use std::fmt;
 
 /// An opened path, as reported with each verdict.
+///
+/// ```
+/// use karat::path::Adapter;
+///
+/// let adapter = Adapter {
+///     path: "vulkan".to_owned(),
+///     name: "llvmpipe (LLVM 15.0.6, 256 bits)".to_owned(),
+///     driver: "llvmpipe Mesa 22.3.6".to_owned(),
+///     software: true,
+/// };
+/// assert!(adapter.is_lavapipe());
+/// assert_eq!(adapter.family(), "llvmpipe");
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Adapter {
     /// Name of the path.
@@ -67,12 +80,27 @@ pub(super) fn family(name: &str, driver: &str) -> String {
 impl Adapter {
     /// The family of its driver: `llvmpipe`, `nvidia`, `amd`. If no known family fits, it is the
     /// first word of the adapter's name.
+    ///
+    /// ```no_run
+    /// use karat::Path;
+    ///
+    /// println!("{}", karat::path::adapter(Path::VULKAN)?.family()); // llvmpipe, nvidia, amd
+    /// # Ok::<(), karat::path::PathError>(())
+    /// ```
     #[must_use]
     pub fn family(&self) -> String {
         family(&self.name, &self.driver)
     }
 
     /// Whether it is Mesa's llvmpipe, on whatever API.
+    ///
+    /// ```no_run
+    /// use karat::Path;
+    ///
+    /// let software = karat::path::adapter(Path::GL)?.is_llvmpipe();
+    /// # let _ = software;
+    /// # Ok::<(), karat::path::PathError>(())
+    /// ```
     #[must_use]
     pub fn is_llvmpipe(&self) -> bool {
         self.family() == LLVMPIPE
@@ -83,6 +111,14 @@ impl Adapter {
     }
 
     /// Whether it is lavapipe, llvmpipe on Vulkan: any machine can have it.
+    ///
+    /// ```no_run
+    /// use karat::Path;
+    ///
+    /// let canonical = karat::path::adapter(Path::VULKAN)?.is_lavapipe();
+    /// # let _ = canonical;
+    /// # Ok::<(), karat::path::PathError>(())
+    /// ```
     #[must_use]
     pub fn is_lavapipe(&self) -> bool {
         self.path.split([':', '@']).next() == Some("vulkan") && self.is_llvmpipe()

@@ -28,6 +28,12 @@ impl Api {
     const ALL: [Self; 5] = [Self::Vulkan, Self::Metal, Self::Dx12, Self::Gl, Self::Cpu];
 
     /// The name used on the command line and in the environment.
+    ///
+    /// ```
+    /// use karat::path::Api;
+    ///
+    /// assert_eq!(Api::Vulkan.name(), "vulkan");
+    /// ```
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -65,6 +71,12 @@ impl Via {
         [Self::Direct, Self::Wgsl, Self::Spirv, Self::Glsl, Self::Hlsl, Self::HlslDxc, Self::Msl];
 
     /// The name behind the `:` of a path.
+    ///
+    /// ```
+    /// use karat::path::Via;
+    ///
+    /// assert_eq!(Via::Hlsl.name(), "hlsl");
+    /// ```
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -125,12 +137,26 @@ impl Path {
     }
 
     /// What runs the shader.
+    ///
+    /// ```
+    /// use karat::Path;
+    /// use karat::path::Api;
+    ///
+    /// assert_eq!(Path::GL.api(), Api::Gl);
+    /// ```
     #[must_use]
     pub const fn api(self) -> Api {
         self.api
     }
 
     /// The route to it.
+    ///
+    /// ```
+    /// use karat::Path;
+    /// use karat::path::Via;
+    ///
+    /// assert_eq!(Path::VULKAN.via(), Via::Direct);
+    /// ```
     #[must_use]
     pub const fn via(self) -> Via {
         self.via
@@ -138,18 +164,37 @@ impl Path {
 
     /// The family of drivers that the path names: `llvmpipe`. See
     /// [`Adapter::family`](super::Adapter::family).
+    ///
+    /// ```
+    /// use karat::Path;
+    ///
+    /// assert_eq!("gl@llvmpipe".parse::<Path>()?.driver(), Some("llvmpipe"));
+    /// # Ok::<(), karat::path::PathError>(())
+    /// ```
     #[must_use]
     pub const fn driver(self) -> Option<&'static str> {
         self.driver
     }
 
     /// Whether this platform can have the path at all.
+    ///
+    /// ```
+    /// use karat::Path;
+    ///
+    /// assert!(Path::GL.exists() || cfg!(target_os = "macos"));
+    /// ```
     #[must_use]
     pub fn exists(self) -> bool {
         super::device::exists(self)
     }
 
     /// The name used on the command line, in the environment and in records.
+    ///
+    /// ```
+    /// use karat::Path;
+    ///
+    /// assert_eq!(Path::VULKAN.name(), "vulkan");
+    /// ```
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

@@ -12,6 +12,14 @@ use super::{Adapter, Path, PathError};
 /// route, `"vulkan@nvidia"` is Vulkan with one driver, `"@llvmpipe"` is llvmpipe on each API,
 /// `":hlsl"` is every route through HLSL. If several selectors fit a path, the one that names most
 /// applies; if they name equally much, the last one declared.
+///
+/// ```
+/// use karat::Path;
+/// use karat::path::Selector;
+///
+/// let selectors: [Selector; 3] = [Path::GL.into(), "vulkan@nvidia".into(), "@llvmpipe".into()];
+/// assert_eq!(selectors[0].to_string(), "gl");
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Selector {
     text: String,

@@ -60,6 +60,12 @@ impl Package {
     /// test calls. If a module is valid only with features, set them with
     /// [`validated_with`](Self::validated_with).
     ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }").is_valid();
+    /// ```
+    ///
     /// # Panics
     /// If a module isn't valid. [`try_is_valid`](Self::try_is_valid) returns the reason.
     #[track_caller]
@@ -68,6 +74,13 @@ impl Package {
     }
 
     /// Validates every module with all of its functions and entry points.
+    ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// let wrong = Package::from_source("m", "fn half(x: f32) -> f32 { return x * vec2u(); }");
+    /// assert!(wrong.try_is_valid().is_err());
+    /// ```
     ///
     /// # Errors
     /// Each module that isn't valid, with its reason.

@@ -12,6 +12,16 @@ use super::{Rectangle, Support};
 /// Many samples may coincide, such as those of a sampler that has lost a dimension. Then the cell
 /// about that place is narrower than the distance to its neighbours. A density expects fewer
 /// samples in such a cell, and some in the empty cells beside it, so the sampler is rejected.
+///
+/// ```
+/// use karat::Support;
+/// use karat::stats::Cells;
+///
+/// let pilot: Vec<[f64; 2]> = (0..100).map(|i| [f64::from(i) / 100.0, 0.0]).collect();
+/// let cells = Cells::new(Support::Interval(0.0, 1.0), &pilot, 4, 1);
+/// assert_eq!(cells.len(), 4);
+/// assert_eq!(cells.index([0.9, 0.0]), 3);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Cells {
     support: Support,
@@ -28,6 +38,15 @@ pub struct Cells {
 impl Cells {
     /// Lays at most `rows` rows of `columns` columns (one column on a line) by the coordinates of
     /// pilot samples. There are up to twice as many where samples coincide.
+    ///
+    /// ```
+    /// use karat::Support;
+    /// use karat::stats::Cells;
+    ///
+    /// let pilot: Vec<[f64; 2]> = (0..100).map(|i| [f64::from(i) / 100.0, 0.0]).collect();
+    /// let cells = Cells::new(Support::Interval(0.0, 1.0), &pilot, 4, 1);
+    /// assert_eq!(cells.row_lengths(), [1; 4]);
+    /// ```
     #[must_use]
     pub fn new(support: Support, pilot: &[[f64; 2]], rows: usize, columns: usize) -> Self {
         let columns = if support.is_line() { 1 } else { columns };
@@ -56,6 +75,15 @@ impl Cells {
     }
 
     /// The number of cells.
+    ///
+    /// ```
+    /// use karat::Support;
+    /// use karat::stats::Cells;
+    ///
+    /// let pilot: Vec<[f64; 2]> = (0..100).map(|i| [f64::from(i) / 100.0, 0.0]).collect();
+    /// let cells = Cells::new(Support::Interval(0.0, 1.0), &pilot, 4, 1);
+    /// assert_eq!(cells.len(), 4);
+    /// ```
     #[must_use]
     pub fn len(&self) -> usize {
         self.occupied.len()
@@ -69,6 +97,15 @@ impl Cells {
 
     /// The cell at these coordinates. If rounding has put them beyond an end, it is the last cell
     /// before that end.
+    ///
+    /// ```
+    /// use karat::Support;
+    /// use karat::stats::Cells;
+    ///
+    /// let pilot: Vec<[f64; 2]> = (0..100).map(|i| [f64::from(i) / 100.0, 0.0]).collect();
+    /// let cells = Cells::new(Support::Interval(0.0, 1.0), &pilot, 4, 1);
+    /// assert_eq!((cells.index([0.1, 0.0]), cells.index([0.9, 0.0])), (0, 3));
+    /// ```
     #[must_use]
     pub fn index(&self, at: [f64; 2]) -> usize {
         let row = index(&self.rows, at[0]);
@@ -82,6 +119,15 @@ impl Cells {
     }
 
     /// The bounds of a cell.
+    ///
+    /// ```
+    /// use karat::Support;
+    /// use karat::stats::Cells;
+    ///
+    /// let pilot: Vec<[f64; 2]> = (0..100).map(|i| [f64::from(i) / 100.0, 0.0]).collect();
+    /// let cells = Cells::new(Support::Interval(0.0, 1.0), &pilot, 4, 1);
+    /// assert_eq!((cells.rectangle(0).low[0], cells.rectangle(3).high[0]), (0.0, 1.0));
+    /// ```
     ///
     /// # Panics
     /// If there is no such cell.

@@ -14,6 +14,14 @@ const MOST: usize = 1 << 24;
 const BATCH: usize = 880; // times 74 nodes, within 65,536
 
 /// A rectangle of a support's coordinates.
+///
+/// ```
+/// use karat::stats::Rectangle;
+///
+/// let unit = Rectangle { low: [0.0; 2], high: [1.0; 2] };
+/// let next = Rectangle { low: [1.0, 0.0], high: [2.0, 1.0] };
+/// assert_eq!(unit.union(next).high, [2.0, 1.0]);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rectangle {
     /// The lower ends.
@@ -24,6 +32,13 @@ pub struct Rectangle {
 
 impl Rectangle {
     /// The smallest rectangle that contains both.
+    ///
+    /// ```
+    /// use karat::stats::Rectangle;
+    ///
+    /// let point = |x| Rectangle { low: [x; 2], high: [x; 2] };
+    /// assert_eq!(point(0.0).union(point(1.0)), Rectangle { low: [0.0; 2], high: [1.0; 2] });
+    /// ```
     #[must_use]
     pub fn union(self, other: Self) -> Self {
         let low = [self.low[0].min(other.low[0]), self.low[1].min(other.low[1])];

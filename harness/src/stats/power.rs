@@ -9,6 +9,16 @@ use super::{NoVerdict, probability};
 /// Probability that a chi-square test of `samples` samples against cells of mass `claimed` rejects
 /// at `significance` when their mass is `actual`. Both lists should sum to the same.
 ///
+/// ```
+/// use karat::stats::chi_square_power;
+///
+/// // A die whose six comes one time in five, thrown a thousand times.
+/// let loaded = [0.16, 0.16, 0.16, 0.16, 0.16, 0.2];
+/// let power = chi_square_power(&[1.0 / 6.0; 6], &loaded, 1000.0, 0.01)?;
+/// assert!(power > 0.2 && power < 0.9);
+/// # Ok::<(), karat::stats::NoVerdict>(())
+/// ```
+///
 /// # Errors
 /// If a mass isn't a number or negative, or fewer than two cells expect enough.
 pub fn chi_square_power(
@@ -58,6 +68,14 @@ pub fn chi_square_power(
 
 /// Probability that the test of a mean rejects at `significance` when the true mean differs from
 /// the expected one by `difference`, and the mean of the samples has the standard error `error`.
+///
+/// ```
+/// use karat::stats::mean_power;
+///
+/// // A mean that is off by six of its standard errors.
+/// assert!(mean_power(0.06, 0.01, 0.0, 0.01)? > 0.99);
+/// # Ok::<(), karat::stats::NoVerdict>(())
+/// ```
 ///
 /// # Errors
 /// If an argument isn't a number, the error or the slack is negative, or the significance isn't
@@ -130,6 +148,13 @@ fn expect_significance(value: f64) -> Result<(), NoVerdict> {
 }
 
 /// How often a test rejected.
+///
+/// ```
+/// use karat::stats::Rate;
+///
+/// let rate = Rate::over(0..1000, |seed| seed % 100 == 0);
+/// assert_eq!((rate.rejected, rate.share()), (10, 0.01));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rate {
     /// Runs that rejected.
@@ -140,12 +165,24 @@ pub struct Rate {
 
 impl Rate {
     /// Runs a test with many seeds; `rejects` says whether it did.
+    ///
+    /// ```
+    /// use karat::stats::Rate;
+    ///
+    /// assert_eq!(Rate::over(0..10, |seed| seed < 3).rejected, 3);
+    /// ```
     pub fn over(seeds: std::ops::Range<u64>, mut rejects: impl FnMut(u64) -> bool) -> Self {
         let runs = seeds.end.saturating_sub(seeds.start);
         Self { rejected: seeds.filter(|seed| rejects(*seed)).count() as u64, runs }
     }
 
     /// The share of runs that rejected; NaN if there were no runs.
+    ///
+    /// ```
+    /// use karat::stats::Rate;
+    ///
+    /// assert_eq!(Rate::over(0..10, |seed| seed < 3).share(), 0.3);
+    /// ```
     #[must_use]
     pub fn share(&self) -> f64 {
         self.rejected as f64 / self.runs as f64
@@ -153,6 +190,13 @@ impl Rate {
 
     /// Whether rejections are no more frequent than `significance` allows: the probability of that
     /// many or more is at least one in a thousand. False if there were no runs.
+    ///
+    /// ```
+    /// use karat::stats::Rate;
+    ///
+    /// assert!(Rate::over(0..1000, |seed| seed % 100 == 0).is_within(0.01));
+    /// assert!(!Rate::over(0..1000, |seed| seed % 10 == 0).is_within(0.01));
+    /// ```
     #[must_use]
     pub fn is_within(&self, significance: f64) -> bool {
         let fewer = (self.rejected as f64) < significance * self.runs as f64;

@@ -29,11 +29,29 @@ pub struct Spec;
 
 impl Spec {
     /// [`Spec`] for whoever needs more or fewer digits.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// SHADERS
+    ///     .function("fresnel::dielectric")
+    ///     .over((1.1..=2.5, 0.0..=1.0))
+    ///     .agrees_with(|ior: f64, c: f64| ior * c, Spec.needing(Rel(1e-2))); // two digits are enough
+    /// ```
     pub fn needing(self, tolerance: impl Into<Tolerance>) -> Granting {
         Granting { need: tolerance.into(), otherwise: None, measured: false }
     }
 
     /// [`Spec`], and this tolerance where WGSL allows too much.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// SHADERS
+    ///     .function("phase::rayleigh")
+    ///     .over(-1.0..=1.0)
+    ///     .agrees_with(|c: f64| 0.75 * (1.0 + c * c), Spec.or(Abs(1e-6)));
+    /// ```
     pub fn or(self, tolerance: impl Into<Tolerance>) -> Granting {
         Granting::from(self).or(tolerance)
     }
@@ -63,17 +81,42 @@ pub struct Device;
 
 impl Device {
     /// [`Device`] for whoever needs more or fewer digits.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// SHADERS
+    ///     .function("noise::wave")
+    ///     .over(-100.0..=100.0)
+    ///     .agrees_with(|x: f64| x.sin(), Device.needing(Abs(1e-4)));
+    /// ```
     pub fn needing(self, tolerance: impl Into<Tolerance>) -> Granting {
         Granting { measured: true, ..Spec.needing(tolerance) }
     }
 
     /// [`Device`], and this tolerance where the adapter may be too far off.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// SHADERS
+    ///     .function("noise::wave")
+    ///     .over(-100.0..=100.0)
+    ///     .agrees_with(|x: f64| x.sin(), Device.or(Abs(1e-6)));
+    /// ```
     pub fn or(self, tolerance: impl Into<Tolerance>) -> Granting {
         Granting::from(self).or(tolerance)
     }
 }
 
 /// [`Spec`] or [`Device`] with what its author needs.
+///
+/// ```
+/// use karat::{Abs, Rel, Spec};
+///
+/// let granting = Spec.needing(Rel(1e-2)).or(Abs(1e-6));
+/// assert_eq!(granting.to_string(), "what WGSL allows if that is within rel 1e-2, or else abs 1e-6");
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
 pub struct Granting {
@@ -87,6 +130,13 @@ pub struct Granting {
 
 impl Granting {
     /// Judges by this tolerance where WGSL allows more than is needed, or anything.
+    ///
+    /// ```
+    /// use karat::{Abs, Rel, Spec};
+    ///
+    /// let granting = Spec.needing(Rel(1e-2)).or(Abs(1e-6));
+    /// # let _ = granting;
+    /// ```
     pub fn or(self, tolerance: impl Into<Tolerance>) -> Self {
         Self { otherwise: Some(tolerance.into()), ..self }
     }
@@ -119,6 +169,14 @@ impl fmt::Display for Granting {
 }
 
 /// What a result is judged by.
+///
+/// ```
+/// use karat::tolerance::Criterion;
+/// use karat::{Spec, Ulp};
+///
+/// let criteria: [Criterion; 2] = [Ulp(4.0).into(), Spec.into()];
+/// assert_eq!(criteria[0].to_string(), "4 ulp");
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum Criterion {
     /// Its distance from the reference.

@@ -10,6 +10,14 @@ use super::{Scalar, Shape};
 /// The `f64` twin of a [`Shareable`](super::Shareable) type: `f64` for `f32`, `DVec3` for `Vec3`.
 ///
 /// Integers and booleans are their own mirrors.
+///
+/// ```
+/// use karat::value::Mirror;
+///
+/// let mut lanes = Vec::new();
+/// (glam::DVec2::new(0.5, 1.0)).lanes(&mut lanes);
+/// assert_eq!(lanes, [0.5, 1.0]);
+/// ```
 #[diagnostic::on_unimplemented(
     message = "`{Self}` can't be the result of a reference",
     label = "a reference computes in f64",

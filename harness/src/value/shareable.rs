@@ -12,6 +12,16 @@ use super::{Mirror, Scalar, Shape};
 
 /// A type that crosses the CPU/GPU boundary: scalars, glam's vectors and matrices, arrays, and
 /// structures declared with [`shareable!`](crate::shareable).
+///
+/// ```
+/// use glam::Vec2;
+/// use karat::Shareable;
+///
+/// let mut lanes = Vec::new();
+/// Vec2::new(0.0, 1.0).store(&mut lanes);
+/// assert_eq!(lanes, [0, 0x3f80_0000]);
+/// assert_eq!(Vec2::load(&mut lanes.iter()), Vec2::new(0.0, 1.0));
+/// ```
 #[diagnostic::on_unimplemented(
     message = "`{Self}` can't be passed to a WGSL function",
     label = "not a WGSL value",
@@ -171,6 +181,13 @@ impl<T: Shareable, const N: usize> Shareable for [T; N] {
 
 /// The arguments of one case: a [`Shareable`] value, or a tuple of up to twelve; `()` if there are
 /// none.
+///
+/// ```
+/// use karat::value::{Arguments, Scalar, Shape};
+///
+/// let float = Shape::Scalar(Scalar::F32);
+/// assert_eq!(<(f32, u32)>::shapes(), [float, Shape::Scalar(Scalar::U32)]);
+/// ```
 #[diagnostic::on_unimplemented(
     message = "`{Self}` can't be the arguments of a WGSL function",
     label = "expected a WGSL value or a tuple of one to twelve of them",

@@ -312,12 +312,45 @@ fn links_of_the_guide_lead_somewhere() {
             assert!(heads.any(|head| anchor(head) == section), "{chapter}: no section `{link}`");
         }
     }
-    for index in ["README.md", "SUMMARY.md"] {
-        let text = &chapters.iter().find(|(name, _)| name == index).expect("an index").1;
-        for (chapter, _) in
-            chapters.iter().filter(|(name, _)| !name.ends_with("Y.md") && *name != "README.md")
-        {
-            assert!(text.contains(&format!("({chapter})")), "{index} doesn't name {chapter}");
+    for (index, below) in [("README.md", ""), ("../SUMMARY.md", "guide/")] {
+        let text = std::fs::read_to_string(folder.join(index)).expect("an index");
+        for (chapter, _) in chapters.iter().filter(|(name, _)| name != "README.md") {
+            assert!(
+                text.contains(&format!("({below}{chapter})")),
+                "{index} doesn't name {chapter}"
+            );
+        }
+    }
+}
+
+/// Where the links of a text lead, but for those to the net.
+fn links(text: &str) -> impl Iterator<Item = &str> {
+    let targets = text.split("](").skip(1).map(|rest| rest.split(')').next().unwrap_or_default());
+    targets.filter(|link| !link.starts_with("http"))
+}
+
+/// A page of the book links to pages and pictures of the book: mdBook renders no other, and says nothing.
+#[test]
+fn links_of_the_book_stay_in_it() {
+    let docs = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
+    if chapters().is_none() {
+        return;
+    }
+    let docs = docs.canonicalize().expect("the documentation");
+    let summary = std::fs::read_to_string(docs.join("SUMMARY.md")).expect("the summary");
+    let pages: Vec<_> = links(&summary).map(|page| docs.join(page)).collect();
+    assert!(pages.len() > 25, "{} pages", pages.len());
+    for page in &pages {
+        let text = std::fs::read_to_string(page).expect("a page of the summary");
+        for link in links(&text) {
+            let file = link.split('#').next().unwrap_or_default();
+            let there = page.parent().expect("a folder").join(file).canonicalize();
+            let inside = there.is_ok_and(|there| {
+                file.is_empty()
+                    || pages.contains(&there)
+                    || (there.starts_with(&docs) && there.extension().is_some_and(|e| e != "md"))
+            });
+            assert!(inside, "{}: `{link}` leads out of the book", page.display());
         }
     }
 }

@@ -36,6 +36,16 @@ where
     /// rest has to be the share of samples outside the support. A sample whose density is 0 fails
     /// the check, whatever the other samples do.
     ///
+    /// ```no_run
+    /// use glam::{Vec2, Vec3};
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// SHADERS
+    ///     .function("sampling::cosine_hemisphere")
+    ///     .sampled_over(Just(()), |(), u: Vec2| u)
+    ///     .follows(SHADERS.function("sampling::cosine_hemisphere_pdf"), |(), l: Vec3| l);
+    /// ```
+    ///
     /// # Panics
     /// With the [`Failure`], if a configuration is rejected or has no verdict. A picture of the
     /// worst is written below `target/karat/samples`.
@@ -79,6 +89,18 @@ where
     /// `eval` and `density` each come with a closure that makes their arguments from a
     /// configuration and a direction. cos is the absolute value of the direction's z.
     ///
+    /// ```no_run
+    /// use glam::{Vec2, Vec3};
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// // fn sample(alpha: f32, u: vec2f) -> vec3f; fn eval and fn pdf (alpha: f32, l: vec3f)
+    /// let sampler = SHADERS.function("ggx::sample").sampled_over(0.05..=1.0, |&a, u: Vec2| (a, u));
+    /// sampler.estimates(
+    ///     (SHADERS.function("ggx::eval"), |&a: &f32, l: Vec3| (a, l)),
+    ///     (SHADERS.function("ggx::pdf"), |&a: &f32, l: Vec3| (a, l)),
+    /// );
+    /// ```
+    ///
     /// # Panics
     /// With the [`Failure`], if a configuration is rejected or has no verdict.
     #[track_caller]
@@ -104,6 +126,18 @@ where
 
     /// Checks the same as [`estimates`](Self::estimates), and that a third function, `weight`,
     /// returns eval cos / pdf of each sample, to within 1e-4 of it.
+    ///
+    /// ```no_run
+    /// use glam::{Vec2, Vec3};
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// let sampler = SHADERS.function("ggx::sample").sampled_over(0.05..=1.0, |&a, u: Vec2| (a, u));
+    /// sampler.estimates_with_weight(
+    ///     (SHADERS.function("ggx::eval"), |&a: &f32, l: Vec3| (a, l)),
+    ///     (SHADERS.function("ggx::pdf"), |&a: &f32, l: Vec3| (a, l)),
+    ///     (SHADERS.function("ggx::weight"), |&a: &f32, l: Vec3| (a, l)),
+    /// );
+    /// ```
     ///
     /// # Panics
     /// With the [`Failure`], if a configuration is rejected or has no verdict.
@@ -154,6 +188,19 @@ where
     /// density, `alternative`, which takes the same arguments. Nothing is asserted.
     ///
     /// The cells are laid where the sampler's own samples are, and chi-square is non-central.
+    ///
+    /// ```no_run
+    /// use glam::{Vec2, Vec3};
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// let uniform = SHADERS.function("sampling::uniform_hemisphere_pdf");
+    /// let power = SHADERS
+    ///     .function("sampling::cosine_hemisphere")
+    ///     .sampled_over(Just(()), |(), u: Vec2| u)
+    ///     .power_against(SHADERS.function("sampling::cosine_hemisphere_pdf"), |(), l: Vec3| l, uniform)?;
+    /// println!("a uniform sampler would be found: {power:?}");
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
     ///
     /// # Errors
     /// If the densities can't be judged.

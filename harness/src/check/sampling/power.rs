@@ -42,6 +42,16 @@ where
     /// How likely [`has_mean`](Self::has_mean) is to reject a sampler whose mean is `alternative`,
     /// and whose samples scatter as this one's do. Nothing is asserted.
     ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
+    /// let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
+    /// // Would a mean of 0.51 in place of 0.5 be found?
+    /// let power = sampler.mean_power_against(|x: f32| x.into(), |()| 0.5, |()| 0.51, 1e-6)?;
+    /// assert!(power.least > 0.99);
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
+    ///
     /// # Errors
     /// If the samples can't be judged.
     pub fn mean_power_against<X: Shareable>(
@@ -78,6 +88,17 @@ where
     /// The least probability that [`has_distribution`](Self::has_distribution) rejects samples
     /// whose distribution function is `alternative`. Nothing is asserted. The functions are
     /// compared where the sampler's own samples are.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
+    /// let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
+    /// let uniform = |_: &(), x: f64| x.clamp(0.0, 1.0);
+    /// let squared = |_: &(), x: f64| x.clamp(0.0, 1.0).powi(2);
+    /// let power = sampler.distribution_power_against(|x: f32| x.into(), uniform, squared, 1e-6)?;
+    /// assert!(power.least > 0.99);
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
     ///
     /// # Errors
     /// If the samples can't be judged, or a function returns something that isn't a probability.

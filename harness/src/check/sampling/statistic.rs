@@ -107,6 +107,13 @@ where
     /// number, and returns the probability of at most that number. A distance of up to `slack`
     /// isn't counted: it covers the errors of the samples and of the function.
     ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let package = Package::from_source("m", "fn root(u: f32) -> f32 { return sqrt(u); }");
+    /// let sampler = package.function("root").sampled_over(Just(()), |(), u: f32| u);
+    /// sampler.has_distribution("x", |x: f32| x.into(), |(), x| x.clamp(0.0, 1.0).powi(2), 1e-6);
+    /// ```
+    ///
     /// # Panics
     /// With the [`Failure`], if a configuration is rejected or has no verdict.
     #[track_caller]
