@@ -173,7 +173,10 @@ impl CaseFailure {
         let (component, scalar) = pick(&function.result);
         let measure = judged.measure;
         let error = if !scalar.is_float() {
-            "not equal".to_owned()
+            match scalar {
+                Scalar::Bool => "not equal".to_owned(),
+                _ => "not equal: integers have no tolerance".to_owned(),
+            }
         } else if measure.error.is_nan() {
             "not a finite number".to_owned()
         } else {

@@ -119,7 +119,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         check::invalid_as_used(&project.used(&records)?, running.folder())?
     };
     let good = passed && invalid.is_empty();
-    let run = Run { schema: record::SCHEMA, selected: asked.selected(), passed: good };
+    let run =
+        Run { schema: record::SCHEMA, selected: asked.selected(project.is_cargo()), passed: good };
     run.write(running.folder()).context("can't say how the run was made")?;
     let folder = running.end().context("can't keep the record")?;
     let failed = tables::write(&records, args.output.all, told)?;
@@ -216,10 +217,8 @@ impl<'a> Asked<'a> {
 
     /// Whether the run leaves no test out.
     fn is_whole(&self) -> bool {
-        self.selected().is_empty()
-            && self.names.is_none()
-            && !self.args.exact
-            && self.folder.is_none()
+        let whole = self.folder.is_none() && self.names.is_none() && !self.args.exact;
+        whole && self.selected(false).is_empty()
     }
 
     /// Whether a test is among those that are asked for.
@@ -304,16 +303,26 @@ impl<'a> Asked<'a> {
     }
 
     /// What chooses among the tests, as it was typed.
-    fn selected(&self) -> Vec<String> {
+    fn selected(&self, is_cargo: bool) -> Vec<String> {
         let args = self.args;
         let packages = args.cargo_packages.iter().map(|name| format!("-p {name}"));
         let targets = args.targets.iter().map(|name| format!("--test {name}"));
         let functions = args.functions.then(|| "--functions".to_owned());
+        // Of a Cargo project a folder's own tests are a part.
+        let folder = self.folder.as_ref().filter(|_| is_cargo);
+        let folder = folder.map(|folder| folder.display().to_string());
         let filter = self.filter.iter().map(ToString::to_string);
         let failed = self.args.failed.then(|| "--failed".to_owned());
         let filter = filter.chain(failed);
         let named = args.named.iter().map(|name| format!("--named {name}"));
-        filter.chain(named).chain(packages).chain(targets).chain(functions).collect()
+        folder
+            .into_iter()
+            .chain(filter)
+            .chain(named)
+            .chain(packages)
+            .chain(targets)
+            .chain(functions)
+            .collect()
     }
 
     /// Runs the tests of a package that are in the package. Whether all passed.

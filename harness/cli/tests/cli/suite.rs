@@ -689,3 +689,36 @@ fn parts_of_another_runner_are_its_whole() {
     let twice = recorded(folder.path(), &["--into", "p1"], &["schlick"]);
     assert!(twice.code == Some(2) && twice.err.contains("`p1` isn't empty"), "{twice:?}");
 }
+
+/// Of a Cargo project a folder's tests are a part: whoever judges goldens by the run refuses.
+#[test]
+fn a_folder_of_a_cargo_project_is_a_part_of_it() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(
+        folder.path(),
+        "Cargo.toml",
+        "[package]\nname = \"engine\"\nversion = \"0.1.0\"\nedition = \"2024\"\n[workspace]\n",
+    );
+    for place in ["src", "golden", "shaders"] {
+        std::fs::create_dir(folder.path().join(place)).expect("a folder");
+    }
+    write(folder.path(), "src/lib.rs", "");
+    write(folder.path(), "shaders/brdf.wgsl", BRDF);
+    write(folder.path(), "shaders/brdf_test.wgsl", TESTS);
+    karat(folder.path(), &["test", "shaders", "--paths", "cpu"]).good();
+    let refused = karat(folder.path(), &["unreferenced"]).failure(3);
+    assert!(refused.contains("the last run left tests out (`shaders`)"), "{refused}");
+}
+
+/// Whoever gives whole numbers a tolerance learns why it doesn't help.
+#[test]
+fn integers_have_no_tolerance() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "m.wgsl", "fn next(i: u32) -> u32 { return i + 2u; }\n");
+    let declared =
+        "[[test]]\nfunction = \"next\"\nover = { i = 0 }\nequals = 1\ntolerance = \"abs 1\"\n";
+    write(folder.path(), "m.test.toml", declared);
+    let failed = cpu(folder.path(), &[]);
+    assert_eq!(failed.code, Some(1), "{failed:?}");
+    assert!(failed.out.contains("not equal: integers have no tolerance"), "{failed:?}");
+}
