@@ -297,7 +297,11 @@ impl CaseFailure {
                     Scalar::Bool => (expected != 0.0).to_string(),
                     _ => expected.to_string(),
                 };
-                writeln!(f, "    {:>width$} = {expected}", "expected")
+                writeln!(f, "    {:>width$} = {expected}", "expected")?;
+                match self.scalar {
+                    Scalar::Bool => Ok(()),
+                    _ => writeln!(f, "    {:>width$} = {}", "error", self.error),
+                }
             }
             (None, _) => self.write_explanation(f, width),
         }

@@ -5,7 +5,7 @@ use crate::interpret::{Bound, Interpreted};
 use crate::probe::ProbeError;
 use crate::record::Grant;
 use crate::reflect::Program;
-use crate::tolerance::{LaneError, Tolerance};
+use crate::tolerance::Tolerance;
 use crate::value::Scalar;
 
 /// Cases that are asked for of a function without loops: some milliseconds of a check.
@@ -69,11 +69,13 @@ fn allowed(scalars: &[Scalar], bounds: &[Bound], expected: &[f64], tolerance: &T
     let lanes = scalars.iter().zip(bounds).zip(expected).enumerate();
     let ratio = |(lane, ((scalar, bound), expected)): (usize, ((&Scalar, &Bound), &f64))| {
         let Some((least, most)) = bound.ends() else { return f64::INFINITY };
-        let of = |end: f64| match scalar.is_float() {
-            true => tolerance.measure_sum(lane, end, *expected).ratio,
-            false => LaneError::equality(end == *expected).ratio,
-        };
-        of(least).max(of(most))
+        let of = |end: f64| tolerance.measure_sum(lane, end, *expected).ratio;
+        match scalar.is_float() {
+            true => of(least).max(of(most)),
+            // The one value that is allowed may be the wrong one, and allows no other.
+            false if least == most => 0.0,
+            false => f64::INFINITY,
+        }
     };
     lanes.map(ratio).fold(0.0, f64::max)
 }

@@ -721,4 +721,6 @@ fn integers_have_no_tolerance() {
     let failed = cpu(folder.path(), &[]);
     assert_eq!(failed.code, Some(1), "{failed:?}");
     assert!(failed.out.contains("not equal: integers have no tolerance"), "{failed:?}");
+    // WGSL allows the one result, which is wrong.
+    assert!(!failed.out.contains("anything"), "{failed:?}");
 }
