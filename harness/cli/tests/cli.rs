@@ -128,8 +128,8 @@ impl Ran {
 
 fn command(folder: &FilePath, arguments: &[&str]) -> Command {
     let mut command = program(folder);
-    // Mesa's device-select layer complains where there is no window system.
-    command.env("NODEVICE_SELECT", "1").env("COLUMNS", "100");
+    // Mesa's device-select layer would complain where there is no window system.
+    command.env_remove("NODEVICE_SELECT").env_remove("XDG_RUNTIME_DIR").env("COLUMNS", "100");
     command.args(arguments);
     command
 }

@@ -57,12 +57,10 @@ impl LastWords {
         }))
     }
 
-    /// All of them, once the program has ended, without what Mesa says of its environment.
+    /// All of them, once the program has ended.
     pub(super) fn heard(self) -> String {
         let text = self.0.join().unwrap_or_default();
-        let text = String::from_utf8_lossy(&text);
-        let lines = text.lines().filter(|line| !line.contains("XDG_RUNTIME_DIR"));
-        lines.collect::<Vec<_>>().join("\n").trim().to_owned()
+        String::from_utf8_lossy(&text).trim().to_owned()
     }
 }
 

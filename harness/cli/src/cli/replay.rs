@@ -125,7 +125,7 @@ fn parsed(line: &str, folder: &Path) -> anyhow::Result<Command> {
     command.current_dir(folder).args(rest);
     command.envs(variables.iter().filter_map(|word| word.split_once('=')));
     // What the last run was told doesn't choose this one's paths.
-    command.env_remove("KARAT_REQUIRE").env("NODEVICE_SELECT", "1");
+    command.env_remove("KARAT_REQUIRE");
     Ok(command)
 }
 

@@ -409,10 +409,6 @@ impl<'a> Asked<'a> {
     ) -> anyhow::Result<bool> {
         let args = self.args;
         command.env("KARAT_RECORD", record);
-        // Mesa's device-select layer complains where there is no window system.
-        command.envs(
-            std::env::var_os("NODEVICE_SELECT").is_none().then_some(("NODEVICE_SELECT", "1")),
-        );
         command.envs(args.functions.then_some(("KARAT_FRAMES", "off")));
         command.envs(args.paths.as_ref().map(|paths| ("KARAT_PATHS", paths)));
         command.envs(args.require.as_ref().map(|paths| ("KARAT_REQUIRE", paths)));
