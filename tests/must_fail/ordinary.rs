@@ -44,6 +44,11 @@ fn results_outside_of_their_range() {
     let found = disagreement(over().try_stays_within(0.0, 0.999_999));
     assert_eq!(found.assertion, "lies in 0..=0.999999");
     disagreement(over().try_stays_within(1e-6, 1.0));
+    // What is meant by 2 pi is the float nearest to it, which is more.
+    let turn = package("fn f(x: f32) -> f32 { return 6.2831855 + x; }");
+    turn.function("f").over(Just(0.0)).stays_within(0.0, std::f64::consts::TAU);
+    let next = turn.function("f").over(Just(4.8e-7));
+    disagreement(next.try_stays_within(0.0, std::f64::consts::TAU));
     let infinite = package("fn f(x: f32) -> f32 { return 1.0 / x; }");
     let open = infinite.function("f").over(0.0..=1.0);
     disagreement(open.try_stays_within(0.0, f64::INFINITY));

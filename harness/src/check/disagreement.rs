@@ -341,8 +341,20 @@ impl CaseFailure {
             writeln!(f, "    {:>width$} = {}{}", "actual", decimal(integral.value), self.place())?;
         }
         if let Some((value, nodes)) = integral.control {
+            // Rules that are far from each other are perhaps both too coarse.
+            let apart = (value - integral.value).abs();
+            let is_coarse =
+                self.expected.is_some_and(|e| apart > 0.25 * (integral.value - e).abs());
+            let hint = match is_coarse {
+                true => "; the two rules disagree, so that more `rings` may be needed",
+                false => "",
+            };
             let value = decimal(value);
-            writeln!(f, "    {:>width$} = {value}  over {nodes} nodes, also wrong", "control")?;
+            writeln!(
+                f,
+                "    {:>width$} = {value}  over {nodes} nodes, also wrong{hint}",
+                "control"
+            )?;
         }
         if let Some(expected) = self.expected {
             writeln!(f, "    {expectation:>width$} = {}", decimal(expected))?;

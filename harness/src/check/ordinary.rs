@@ -53,7 +53,8 @@ where
 
     /// Checks that each number in a result is at least `least` and at most `most`.
     ///
-    /// An infinite bound leaves that side open. NaN and infinite results fail.
+    /// An infinite bound leaves that side open. A bound stands for the `f32` nearest to it where results are
+    /// floats. NaN and infinite results fail.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -223,10 +224,16 @@ impl Plan<'_> {
         let begun = self.function().and_then(suited);
         self.with(begun, ("satisfies", &statement), (stream, demand), recording, |function| {
             let lanes = function.result.lanes();
+            // No `f32` is 2 pi: who writes it means the one nearest to it.
+            #[expect(clippy::cast_possible_truncation, reason = "the nearest is meant")]
+            let [first, last] = [least, most].map(|bound| f64::from(bound as f32));
             let holds = |_: &[u32], words: &[u32]| {
                 let mut numbers =
                     lanes.iter().zip(words).filter(|(lane, _)| **lane != Scalar::Bool);
-                numbers.all(|(lane, word)| (least..=most).contains(&lane.decode(*word)))
+                numbers.all(|(lane, word)| match lane.is_float() {
+                    true => (first..=last).contains(&lane.decode(*word)),
+                    false => (least..=most).contains(&lane.decode(*word)),
+                })
             };
             self.satisfies(stream, demand, &statement, (&function.result, &holds), recording)
         })
