@@ -100,6 +100,7 @@ impl Frame<'_> {
                 errors: None,
                 plot: None,
                 histogram: None,
+                configurations: None,
             };
             match compared {
                 Ok(margin) => {
