@@ -71,7 +71,8 @@ impl Table {
         }
         for (style, cells) in &self.rows {
             let mut line = String::new();
-            for (column, cell) in cells.iter().enumerate() {
+            for (column, cell) in cells.iter().enumerate().filter(|(column, _)| widths[*column] > 0)
+            {
                 let cell = &*shortened(cell, widths[column]);
                 let padding = " ".repeat(widths[column] - cell.chars().count());
                 if self.right.contains(&column) {
@@ -88,11 +89,22 @@ impl Table {
         Ok(())
     }
 
-    /// Makes columns narrower that may be cut, the widest first, until a line fits.
+    /// Makes columns narrower, until a line fits: first those that have no cell, which leave, then those that
+    /// may be cut, the widest first.
     fn narrow(&self, widths: &mut [usize], limit: usize) {
         let line = |widths: &[usize]| {
-            widths.iter().sum::<usize>() + GAP.len() * widths.len().saturating_sub(1)
+            let shown = widths.iter().filter(|width| **width > 0);
+            shown.map(|width| width + GAP.len()).sum::<usize>().saturating_sub(GAP.len())
         };
+        let cells = &self.rows[1..];
+        let is_empty = |column: usize| {
+            cells.iter().all(|(_, cells)| cells.get(column).is_none_or(String::is_empty))
+        };
+        for column in (0..widths.len()).filter(|column| is_empty(*column)) {
+            if line(widths) > limit {
+                widths[column] = 0;
+            }
+        }
         while line(widths) > limit {
             let may = self
                 .cut
@@ -142,6 +154,12 @@ mod tests {
             );
             assert!(text.ends_with("    200%\n"), "{text}");
         }
+        let mut table = Table::new(&["function", "WGSL allows", "asserted"], &[]).cutting(&[2]);
+        table.row(PLAIN, vec!["m::f".to_owned(), String::new(), "nothing is left".to_owned()]);
+        let mut line = Vec::new();
+        table.write_within(Some(30), &mut line).expect("memory");
+        let line = String::from_utf8(line).expect("UTF-8");
+        assert!(!line.contains("WGSL") && line.ends_with("m::f      nothing is left\n"), "{line}");
         // What nobody may cut stays: a name is what people copy.
         assert!(
             text(Some(20)).contains("a/frame_with_a_long_name  FAIL the.."),
