@@ -171,7 +171,7 @@ fn the_simplest_case_is_replayed() {
     assert!(!again.contains(title) && !file(folder.path()).exists(), "{again}");
     assert_eq!(environment, replay(&again, "worst (case "), "a replay says how to repeat itself");
     let (passed, text) = kept(folder.path(), "mended", &environment);
-    assert!(passed && text.contains("f: 1 cases agree"), "{text}");
+    assert!(passed && text.contains("f: 1 case agrees"), "{text}");
     for (input, message) in
         [("3f800000", "has values of 5 words, KARAT_INPUT has 1"), ("x", "isn't a list")]
     {

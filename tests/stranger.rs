@@ -292,7 +292,7 @@ fn a_project_of_its_own() {
     let table = project.run(&karat, &["test"]);
     table.says(0, &["2 checks, 0 failed, 131072 cases compared"]);
     assert!(!table.out.contains("FAIL") && !table.err.contains("Compiling"), "{table:?}");
-    project.run(&karat, &["test", "lambert"]).says(0, &["1 checks, 0 failed"]);
+    project.run(&karat, &["test", "lambert"]).says(0, &["1 check, 0 failed"]);
     edits_are_followed(&karat, &project);
 }
 

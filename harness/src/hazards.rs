@@ -21,6 +21,7 @@ mod inputs;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -30,6 +31,7 @@ use crate::diagnostic::{Diagnostic, nearest};
 use crate::interpret::Interpreted;
 use crate::interpret::hazards::Found;
 pub use crate::interpret::hazards::Kind;
+use crate::output::counted;
 use crate::package::{AcceptedHazard, Package, PackageError};
 use crate::probe::{ProbeError, Probed, made_up};
 use crate::value::format_f32;
@@ -244,7 +246,7 @@ impl Request {
         self.run_with(&|_, _| {})
     }
 
-    /// [`run`](Self::run), which tells how many functions are done, and of how many.
+    /// [`run`](Self::run), which tells how many functions are done, one more each time, and of how many.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -281,13 +283,16 @@ impl Request {
             }
         }
         names.retain(|item| wanted(&item.name));
-        let done = std::sync::atomic::AtomicUsize::new(0);
+        let done = Mutex::new(0);
         let all = names.len();
         let each: Vec<(String, Result<Seen, String>)> = names
             .par_iter()
             .map(|item| {
                 let seen = self.look(&item.name, &inputs);
-                progress(done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1, all);
+                // Whoever counts tells it before another one counts, so that no count is told late.
+                let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
+                *done += 1;
+                progress(*done, all);
                 (item.name.clone(), seen)
             })
             .collect();
@@ -584,8 +589,9 @@ impl fmt::Display for Hazards {
         let Self { package, functions, found, accepted, .. } = self;
         write!(
             f,
-            "{package}: {} hazards in {functions} functions, {accepted} accepted",
-            found.len()
+            "{package}: {} in {}, {accepted} accepted",
+            counted(found.len(), "hazard"),
+            counted(*functions, "function")
         )
     }
 }

@@ -316,7 +316,7 @@ impl Request {
         self.run_with(&|_, _| {})
     }
 
-    /// [`run`](Self::run), which tells how many rows are done, and of how many.
+    /// [`run`](Self::run), which tells how many rows are done, one more each time, and of how many.
     ///
     /// # Errors
     /// As [`run`](Self::run).

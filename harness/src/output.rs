@@ -78,6 +78,16 @@ pub fn with_colours(text: &str) -> String {
     marked
 }
 
+/// `1 check`, `12 checks`: a count with what it counts, whose plural has an `s`.
+#[must_use]
+pub fn counted(count: impl TryInto<u64>, one: &str) -> String {
+    // What doesn't fit is many.
+    match count.try_into().unwrap_or(u64::MAX) {
+        1 => format!("1 {one}"),
+        many => format!("{many} {one}s"),
+    }
+}
+
 /// Whether a terminal would take a character for a command, or show what follows it in another
 /// order. The end of a line and the tab are text.
 fn commands(character: char) -> bool {

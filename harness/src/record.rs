@@ -171,6 +171,10 @@ pub struct PathRecord {
     /// What was counted in the worst configuration of a sampler that is rejected.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub histogram: Option<Histogram>,
+    /// How many configurations of a sampler were judged, each by many samples: `failures` are of them.
+    /// `None` for what is judged case by case, or if an older Karat wrote the record.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub configurations: Option<u64>,
 }
 
 /// What WGSL allows a function to return, compared with the tolerance of a check. Where it allows more,

@@ -6,6 +6,7 @@
 //! is the same for host types ([`Shareable`]), for their `f64` twins ([`Mirror`]) and for the
 //! signature that naga reflects: the three are compared before anything is dispatched.
 
+mod differing;
 mod mirror;
 mod quad;
 mod several;
@@ -13,6 +14,7 @@ mod shareable;
 
 use std::fmt;
 
+pub(crate) use differing::Differing;
 pub use mirror::Mirror;
 pub use quad::Quad;
 pub use shareable::{Arguments, Shareable};

@@ -64,6 +64,24 @@ fn each_is_found_where_it_is_born() {
     at(sum, Kind::Infinite, "1.0 / t");
 }
 
+/// One thread may be told of a count while another one tells the next.
+#[test]
+fn progress_never_goes_backwards() {
+    let text: String =
+        (0..12).map(|at| format!("fn f{at}(x: f32) -> f32 {{ return x; }}\n")).collect();
+    let told = std::sync::Mutex::new(Vec::new());
+    let package = Package::from_source("many", &text);
+    let ran = package.hazards().run_with(&|done, of| {
+        if done % 3 == 1 {
+            std::thread::sleep(std::time::Duration::from_millis(50));
+        }
+        told.lock().expect("nobody panics").push((done, of));
+    });
+    assert_eq!(ran.expect("it is looked at").functions, 12);
+    let expected: Vec<_> = (1..=12).map(|done| (done, 12)).collect();
+    assert_eq!(told.into_inner().expect("nobody panics"), expected);
+}
+
 /// What is right stays silent: few findings are read, many aren't.
 #[test]
 fn what_is_right_has_none() {

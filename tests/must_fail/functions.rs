@@ -309,7 +309,7 @@ fn a_domain_or_reference_of_other_types() {
     );
     assert!(texts[1].contains("takes (f32, u32), the domain draws (f32, i32)"), "{}", texts[1]);
     assert!(texts[2].contains("returns f32, the reference returns vec3<f32>"), "{}", texts[2]);
-    assert!(texts[3].contains("returns 1 components, the tolerance is declared for 2"));
+    assert!(texts[3].contains("returns 1 component, the tolerance is declared for 2"));
 }
 
 #[test]

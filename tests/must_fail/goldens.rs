@@ -57,7 +57,7 @@ fn goldens_that_are_missing_shifted_resized_or_corrupt() {
     assert!(plant(&one).contains("1 of 512 pixels are off by more than rel 1e-3"));
     let mut broken = original.clone();
     broken.pixels_mut()[0][0] = f32::NAN;
-    assert!(plant(&broken).contains("the golden itself has 1 pixels with NaN"));
+    assert!(plant(&broken).contains("the golden itself has 1 pixel with NaN"));
     let resized = Image::new(16, 32, original.pixels().to_vec());
     assert!(plant(&resized).contains("it is 32 x 16, the golden 16 x 32"));
 

@@ -31,6 +31,7 @@ mod review;
 mod show;
 mod suite;
 mod table;
+mod terminal;
 mod test;
 mod translate;
 mod unreferenced;
@@ -340,6 +341,7 @@ pub(crate) fn run() -> ExitCode {
             return ExitCode::from(2);
         }
     }
+    terminal::measure();
     let mut out = Output::stdout();
     let result = match Cli::try_parse() {
         Ok(cli) => settled(cli.command, &mut out).map(ExitCode::from),

@@ -42,6 +42,9 @@ mod repository;
 mod runs;
 #[path = "cli/suite.rs"]
 mod suite;
+#[cfg(unix)]
+#[path = "cli/terminal.rs"]
+mod terminal;
 #[path = "cli/translations.rs"]
 mod translations;
 #[path = "cli/unreferenced.rs"]
@@ -230,11 +233,11 @@ fn call_explains_wrong_arguments() {
     for (arguments, message) in [
         (
             &["calc::double", "1", "2"][..],
-            "`calc::double` takes 1 arguments, not 2\n  calc::double(x: f32) -> f32",
+            "`calc::double` takes 1 argument, not 2\n  calc::double(x: f32) -> f32",
         ),
-        (&["calc::double"], "`calc::double` takes 1 arguments, not 0"),
+        (&["calc::double"], "`calc::double` takes 1 argument, not 0"),
         (&["calc::add", "1,2", "3"], "argument `a` is a vec3<f32> of 3 components, `1,2` has 2"),
-        (&["calc::double", "1,2"], "argument `x` is a f32 of 1 components, `1,2` has 2"),
+        (&["calc::double", "1,2"], "argument `x` is a f32 of 1 component, `1,2` has 2"),
         (&["calc::double", "one"], "argument `x`: `one` isn't a value of type f32"),
         (&["calc::double", ""], "argument `x`: `` isn't a value of type f32"),
         (&["calc::double", "1e39"], "argument `x`: `1e39` is too large for f32"),
@@ -343,7 +346,10 @@ fn a_faulty_table_is_an_error_that_names_the_line() {
             "a.x,a.y,a.w,b",
             "`in.csv` has no column `a.z` (did you mean `a.w`?); it has a.x,a.y,a.w,b",
         ),
-        ("a.x,a.y,b,b", "`in.csv` has two columns `b`; the columns are a.x,a.y,a.z,b"),
+        (
+            "a.x,a.y,b,b",
+            "`in.csv` has two columns `b`, and it isn't clear which is meant: rename or remove one",
+        ),
     ] {
         write(project.path(), "in.csv", &format!("{head}\n1,2,3,4\n"));
         let error = karat(project.path(), &["call", "calc::add", "--cases", "in.csv"]).error();

@@ -23,7 +23,7 @@ use karat::Path;
 use karat::diagnostic::{nearest, shown};
 use karat::golden::build_output;
 use karat::image::{ImageError, NonFinite, Precision};
-use karat::output::{Output, Style};
+use karat::output::{Output, Style, counted};
 use karat::path::{self, PathError};
 
 const BAD: Style = Style::BAD;
@@ -230,8 +230,9 @@ impl Gallery {
                 failed.push(name);
                 writeln!(
                     err,
-                    "{BAD}warning{BAD:#}: frame `{name}` has {nan} pixels with NaN and {infinite} \
-                     with infinities, the first one in column {column}, row {row}"
+                    "{BAD}warning{BAD:#}: frame `{name}` has {} with NaN and {infinite} \
+                     with infinities, the first one in column {column}, row {row}",
+                    counted(nan, "pixel")
                 )?;
             }
         }

@@ -111,6 +111,7 @@ impl Refused {
             errors: None,
             plot: None,
             histogram: None,
+            configurations: None,
         }
     }
 }

@@ -1,18 +1,19 @@
 //! How a function doesn't fit what a check gives it or expects of it.
 
 use super::Failure;
+use crate::output::counted;
 use crate::path::Selector;
 use crate::reflect::Function;
 use crate::stats::Support;
 use crate::tolerance::Tolerance;
-use crate::value::Shape;
+use crate::value::{Differing, Shape};
 
 /// How a function and a check don't fit.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Mismatch {
     /// The function takes other arguments than it is given.
-    #[error("takes {}, {who} {}{}", list(declared), list(supplied), mixed_up(declared, supplied))]
+    #[error("takes {}, {who} {}{}", list(declared), list(supplied), hint(declared, supplied))]
     Arguments {
         /// Types of its parameters.
         declared: Vec<Shape>,
@@ -22,7 +23,7 @@ pub enum Mismatch {
         who: &'static str,
     },
     /// The function returns another type than it is compared with.
-    #[error("returns {declared}, {who} {supplied}")]
+    #[error("returns {declared}, {who} {supplied}{}", member(supplied.differing(declared, true)))]
     Result {
         /// What it returns.
         declared: Shape,
@@ -58,7 +59,7 @@ pub enum Mismatch {
         bound: f64,
     },
     /// A tolerance is for another number of components.
-    #[error("returns {lanes} components, the tolerance is declared for {declared}")]
+    #[error("returns {}, the tolerance is declared for {declared}", counted(*lanes, "component"))]
     Lanes {
         /// Components of the result.
         lanes: usize,
@@ -85,7 +86,8 @@ pub enum Mismatch {
         nearest: Option<String>,
     },
     /// There is no parameter at this place.
-    #[error("has {count} parameters, so there is no argument {place} (the first is 0)")]
+    #[error("has {}, so there is no argument {place} (the first is 0)",
+        counted(*count, "parameter"))]
     NoPlace {
         /// Parameters of the function.
         count: usize,
@@ -132,6 +134,26 @@ pub enum Mismatch {
     },
 }
 
+/// What differs in arguments whose types may have the same names, or what was perhaps meant.
+fn hint(declared: &[Shape], supplied: &[Shape]) -> String {
+    if declared.len() != supplied.len() {
+        return mixed_up(declared, supplied).to_owned();
+    }
+    let mut pairs = supplied.iter().zip(declared);
+    let first = pairs.find(|(host, wgsl)| !host.stands_for(wgsl, false));
+    member(first.and_then(|(host, wgsl)| host.differing(wgsl, false)))
+}
+
+/// The first member in which two structures differ.
+fn member(differing: Option<Differing>) -> String {
+    let Some(Differing { structure, place, wgsl, host }) = differing else { return String::new() };
+    let told = |side: Option<String>| side.map_or("missing".to_owned(), |side| format!("`{side}`"));
+    let (wgsl, host) = (told(wgsl), told(host));
+    format!(
+        "\n  member {place} of the function's `{structure}` is {wgsl}, of the other one it is {host}"
+    )
+}
+
 /// What is meant where a tuple stands for one vector or structure, or the other way round.
 fn mixed_up(declared: &[Shape], supplied: &[Shape]) -> &'static str {
     let lanes = |shapes: &[Shape]| shapes.iter().flat_map(Shape::lanes).collect::<Vec<_>>();
@@ -157,5 +179,64 @@ impl Mismatch {
             signature: function.to_string(),
             location: function.span.to_string(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::value::Scalar;
+
+    fn structure(name: &str, members: &[(&str, Shape)]) -> Shape {
+        let own = |(name, shape): &(&str, Shape)| ((*name).to_owned(), shape.clone());
+        Shape::Struct { name: name.to_owned(), members: members.iter().map(own).collect() }
+    }
+
+    #[test]
+    fn the_first_member_that_differs_is_named() {
+        let number = Shape::Scalar(Scalar::F32);
+        let colour = Shape::Vector { size: 3, scalar: Scalar::F32 };
+        let [rough, f0] = [("roughness", number.clone()), ("f0", colour.clone())];
+        let wgsl = structure("Material", &[rough.clone(), f0.clone()]);
+        let told = |declared: &Shape, supplied: &Shape| {
+            let (declared, supplied) = (vec![declared.clone()], vec![supplied.clone()]);
+            Mismatch::Arguments { declared, supplied, who: "the domain draws" }.to_string()
+        };
+        let swapped = structure("Material", &[f0.clone(), rough.clone()]);
+        assert_eq!(
+            told(&wgsl, &swapped),
+            "takes (Material), the domain draws (Material)\n  \
+             member 1 of the function's `Material` is `roughness: f32`, of the other one it is `f0: vec3<f32>`"
+        );
+        let short = structure("Material", std::slice::from_ref(&rough));
+        let part = "member 2 of the function's `Material` is `f0: vec3<f32>`, of the other one it is missing";
+        assert!(told(&wgsl, &short).ends_with(part), "{}", told(&wgsl, &short));
+        // The structure inside has the difference, not the one around it.
+        let [inside, other] = [&wgsl, &structure("Material", &[rough, ("f0", number.clone())])]
+            .map(|material| {
+                let pair = Shape::Array { element: Box::new(material.clone()), length: 2 };
+                structure("Scene", &[("exposure", number.clone()), ("materials", pair)])
+            });
+        let part = "member 2 of the function's `Material` is `f0: vec3<f32>`, of the other one it is `f0: f32`";
+        assert!(told(&inside, &other).ends_with(part), "{}", told(&inside, &other));
+        assert_eq!(told(&number, &colour), "takes (f32), the domain draws (vec3<f32>)");
+        let returned = |supplied: &Shape| {
+            let (declared, supplied) = (wgsl.clone(), supplied.clone());
+            let who = "the reference returns".to_owned();
+            Mismatch::Result { declared, supplied, who }.to_string()
+        };
+        let text = returned(&swapped);
+        assert!(
+            text.contains("returns Material, the reference returns Material\n  member 1"),
+            "{text}"
+        );
+        let wrong =
+            crate::package::Package::from_source("s", "\nfn f(x: f32) -> f32 { return x; }");
+        let check = wrong.function("f").over((0.0..=1.0_f32, 0.0..=1.0_f32));
+        let ended = check.try_is_finite();
+        let located = crate::run::Concluded::location(&ended);
+        assert!(located.is_some_and(|place| place.ends_with(":2:1")), "{ended:?}");
+        let text = returned(&<(f64, f64) as crate::value::Mirror>::shape());
+        assert_eq!(text, "returns Material, the reference returns (f32, f32)");
     }
 }

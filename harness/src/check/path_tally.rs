@@ -80,6 +80,7 @@ impl PathTally {
             errors: self.sample.as_ref().map(Sample::errors),
             plot: self.sample.as_ref().filter(|_| self.fails()).map(Sample::plot),
             histogram: None,
+            configurations: None,
         }
     }
 

@@ -4,6 +4,7 @@ use super::path_tally::PathTally;
 use super::session::Session;
 use super::{Failure, Parameter};
 use crate::domain::Emptiness;
+use crate::output::counted;
 
 /// Why nothing could be judged, or nothing could have failed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -24,7 +25,7 @@ pub enum Vacuous {
     #[error("rejects nearly everything that its filter sees: build the values with `map` instead")]
     Filtered,
     /// A replay selects a case that isn't there.
-    #[error("has {count} cases, none with index {case} (KARAT_CASE)")]
+    #[error("has {}, none with index {case} (KARAT_CASE)", counted(*count, "case"))]
     NoSuchCase {
         /// Cases that there are.
         count: u64,
@@ -35,7 +36,7 @@ pub enum Vacuous {
     #[error("has no such simpler value any more (steps of KARAT_CASE)")]
     NoSuchStep,
     /// A replay gives arguments of another width.
-    #[error("has values of {expected} words, KARAT_INPUT has {found}")]
+    #[error("has values of {}, KARAT_INPUT has {found}", counted(*expected, "word"))]
     Words {
         /// Words of a case.
         expected: usize,
@@ -43,7 +44,7 @@ pub enum Vacuous {
         found: usize,
     },
     /// Fewer cases were compared than there are.
-    #[error("declares {declared} cases, but {compared} were compared")]
+    #[error("declares {}, but {compared} were compared", counted(*declared, "case"))]
     Uncompared {
         /// Cases that there are.
         declared: u64,

@@ -5,6 +5,7 @@ use std::fmt;
 use super::{Disagreement, Fit, Rejection};
 use super::{Mismatch, Vacuous};
 use crate::golden::ValuesError;
+use crate::output::counted;
 use crate::path::{Adapter, Path, PathError, Selector};
 use crate::probe::ProbeError;
 use crate::record::Verdict;
@@ -204,11 +205,20 @@ impl<T: Passed> Concluded for Result<T, Failure> {
     fn message(&self) -> Option<String> {
         self.as_ref().err().map(ToString::to_string)
     }
+
+    fn location(&self) -> Option<&str> {
+        match self {
+            Err(Failure::Signature { location, .. }) => Some(location),
+            _ => None,
+        }
+    }
 }
 
 impl fmt::Display for Agreement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {} cases agree", self.function, self.cases)?;
+        let (cases, agree) =
+            (counted(self.cases, "case"), if self.cases == 1 { "agrees" } else { "agree" });
+        write!(f, "{}: {cases} {agree}", self.function)?;
         for (adapter, worst) in &self.paths {
             write!(f, "; {} worst {worst}", adapter.path)?;
         }

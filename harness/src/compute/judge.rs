@@ -204,6 +204,7 @@ impl After<'_> {
                 errors: None,
                 plot: None,
                 histogram: None,
+                configurations: None,
             });
             if issue.is_some() {
                 let failures = sum.failures as u64;

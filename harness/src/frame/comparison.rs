@@ -108,6 +108,7 @@ impl Frame<'_> {
                 errors: None,
                 plot: None,
                 histogram: None,
+                configurations: None,
             };
             match compared {
                 Ok(margin) => {

@@ -117,6 +117,7 @@ impl Frame<'_> {
                 errors: None,
                 plot: None,
                 histogram: None,
+                configurations: None,
             });
             // A mean that isn't finite is another bug than the one that is known.
             if known_issue.is_some() && mean.iter().all(|mean| mean.is_finite()) {

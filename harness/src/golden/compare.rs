@@ -9,6 +9,7 @@ use crate::metric::{
     ExposureRange, Gate, Mask, MaskError, Measured, Metric, Noise, Outliers, Pair, PairError, Rect,
     WorstPixel,
 };
+use crate::output::counted;
 use crate::tolerance::significant;
 
 /// How far within its bounds a passing frame is.
@@ -59,7 +60,7 @@ impl fmt::Display for FrameMargin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let gate = |f: &mut fmt::Formatter<'_>| match self.beyond_gate {
             0 => Ok(()),
-            pixels => write!(f, "the gate is exceeded by {pixels} pixels, "),
+            pixels => write!(f, "the gate is exceeded by {}, ", counted(pixels, "pixel")),
         };
         match self.decided_by {
             Criterion::Bits => f.write_str("equal")?,

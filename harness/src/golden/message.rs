@@ -13,8 +13,12 @@ impl Deviation {
         let Some(margin) = self.margins.iter().find(|margin| !margin.passes()) else {
             return (String::new(), None);
         };
-        let value = match margin.criterion {
-            Criterion::Gate => {
+        let value = match (margin.criterion, &self.worst) {
+            // Nothing is relative to a bound of zero.
+            (Criterion::Gate, Some(worst)) if self.gate.relative == 0.0 => {
+                format!("abs {}", significant(f64::from((worst.actual - worst.golden).abs())))
+            }
+            (Criterion::Gate, _) => {
                 format!("rel {}", significant(margin.value * f64::from(self.gate.relative)))
             }
             _ => format!("{} {}", margin.name, significant(margin.value)),

@@ -159,6 +159,7 @@ impl Goldens {
     pub(super) fn remove_pending(&self, case: &str, profile: &Profile) {
         let file = self.pending_file(case);
         if named(&file).is_ok_and(|pending| pending.profile() == *profile) {
+            remove_preview(&file);
             drop(std::fs::remove_file(file));
         }
     }
@@ -243,7 +244,7 @@ impl Goldens {
         ending(&name).and_then(|ending| name.strip_suffix(ending)).unwrap_or(&name).to_owned()
     }
 
-    /// Deletes a pending frame.
+    /// Deletes a pending frame, and its preview.
     ///
     /// ```no_run
     /// use karat::Goldens;
@@ -263,9 +264,18 @@ impl Goldens {
     }
 
     pub(super) fn remove(&self, pending: &Pending) -> Result<(), AcceptError> {
+        remove_preview(&pending.path);
         std::fs::remove_file(&pending.path).map_err(|source| {
             AcceptError::Image(ImageError::Write { path: shown(&pending.path), source })
         })
+    }
+}
+
+/// Removes the preview of a frame that waits no longer, which `karat preview` writes beside it:
+/// `<case>.new.png`. That there was none is no error.
+fn remove_preview(pending: &Path) {
+    if ending(&pending.to_string_lossy()) == Some(PENDING_FRAME) {
+        drop(std::fs::remove_file(pending.with_extension("png")));
     }
 }
 

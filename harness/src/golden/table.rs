@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 use super::{Provenance, ProvenanceError, parts};
 use crate::diagnostic::shown;
 use crate::image::ImageError;
+use crate::output::counted;
 use crate::value::{Scalar, format_lane};
 
 /// A column of a [`Table`].
@@ -183,7 +184,7 @@ impl Table {
         let scalars = scalars
             .filter(|scalars| scalars.len() == names.len() && facts.arguments < scalars.len());
         let Some(scalars) = scalars else {
-            let reason = format!("has {} columns, its facts other ones", names.len());
+            let reason = format!("has {}, its facts other ones", counted(names.len(), "column"));
             return Err(line_is(at, reason));
         };
         let columns = names.iter().zip(scalars);
@@ -193,7 +194,11 @@ impl Table {
         for (at, line) in lines {
             let cells: Vec<&str> = line.split(',').collect();
             if cells.len() != columns.len() {
-                let reason = format!("has {} cells in {} columns", cells.len(), columns.len());
+                let reason = format!(
+                    "has {} in {}",
+                    counted(cells.len(), "cell"),
+                    counted(columns.len(), "column")
+                );
                 return Err(line_is(at + 1, reason));
             }
             for (column, cell) in columns.iter().zip(cells) {

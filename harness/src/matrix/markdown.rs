@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use super::{Cell, Matrix, Status, Stop};
+use crate::output::counted;
 
 impl Cell {
     /// What a table calls it: how far it got, that it is wrong, or that this is known.
@@ -132,7 +133,7 @@ impl Matrix {
         };
         for (_, why, rows) in self.ranked_reasons().into_iter().filter(|reason| !whole(reason)) {
             let why = why.split_whitespace().collect::<Vec<_>>().join(" ");
-            writeln!(text, "- {} rows: {why}", rows.len())?;
+            writeln!(text, "- {}: {why}", counted(rows.len(), "row"))?;
             let few: Vec<String> = rows.iter().take(6).map(|row| format!("`{row}`")).collect();
             let more = rows.len().saturating_sub(few.len());
             let more = if more > 0 { format!(" and {more} more") } else { String::new() };

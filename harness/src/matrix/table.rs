@@ -1,7 +1,7 @@
 //! All rows, and what is wanted of them.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use karat_translate::{NAGA_VERSION, Tool};
 use rayon::prelude::*;
@@ -135,7 +135,7 @@ pub(super) fn make(
     let all = items.len();
     // Devices are opened before the rows need them, one after the other.
     let columns = request.columns.iter().map(head).collect();
-    let done = AtomicUsize::new(0);
+    let done = Mutex::new(0);
     let rows = items.chunks(TOGETHER).flat_map(|items| {
         let subjects: Vec<Subject> = items.par_iter().map(|item| prepare(request, item)).collect();
         let ready: Vec<&Ready> = subjects.iter().filter_map(Subject::ready).collect();
@@ -153,7 +153,10 @@ pub(super) fn make(
                 (Subject::Ready(ready), None) => ready.row(Vec::new()),
                 (Subject::Row(row), _) => *row,
             };
-            progress(done.fetch_add(1, Ordering::Relaxed) + 1, all);
+            // Whoever counts tells it before another one counts, so that no count is told late.
+            let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
+            *done += 1;
+            progress(*done, all);
             row
         };
         subjects.into_par_iter().zip(cells).map(one).collect::<Vec<Row>>()

@@ -11,6 +11,7 @@ use super::exposure::ExposureRange;
 use super::mask::{Mask, MaskError, Rect};
 use super::relative;
 use crate::image::{Image, NonFinite};
+use crate::output::counted;
 
 /// Pixels that are looked at in one go: those of both images fit in the smallest cache.
 pub(super) const STRIP: usize = 512;
@@ -68,7 +69,7 @@ pub enum PairError {
 
 impl std::fmt::Display for NonFinite {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} pixels with NaN and {} with infinities", self.nan, self.infinite)?;
+        write!(f, "{} with NaN and {} with infinities", counted(self.nan, "pixel"), self.infinite)?;
         self.first.map_or(Ok(()), |(x, y)| write!(f, ", first at ({x}, {y})"))
     }
 }

@@ -5,8 +5,10 @@ use std::sync::Arc;
 
 use naga::{Arena, Expression, Handle, Literal, Module, Override, ScalarKind, TypeInner};
 
+use super::signature::scalar_of;
 use super::{Program, ReflectError};
 use crate::diagnostic::{Diagnostic, nearest};
+use crate::value::Scalar;
 
 /// Values by the name of the override, or by its `@id`.
 pub(crate) type Overrides = BTreeMap<String, f64>;
@@ -50,6 +52,19 @@ impl Program {
         }
         let program = Self::from_ir(self.linked.clone(), module)?;
         Ok(Arc::new(Self { overrides: values, ..program }))
+    }
+
+    /// The type of the override that its author, or its number, calls so; `None` if it has none.
+    #[must_use]
+    pub fn override_type(&self, name: &str) -> Option<Scalar> {
+        let name = self.text_name(name).ok()?;
+        let module = &self.checked.module;
+        let is_it = |declared: &&Override| declared.name.as_deref() == Some(name.as_str());
+        let declared = module.overrides.iter().map(|(_, declared)| declared).find(is_it)?;
+        match module.types[declared.ty].inner {
+            TypeInner::Scalar(scalar) => scalar_of(scalar).ok(),
+            _ => None,
+        }
     }
 
     /// Whether it has an override that its author, or its number, calls so.

@@ -319,6 +319,14 @@ impl Program {
         }
         let parameters = function.arguments.iter().map(|argument| {
             let name = argument.name.clone().unwrap_or_default();
+            if self.is_handle(argument.ty) {
+                let what = format!("nothing binds its parameter `{name}`, a texture or sampler");
+                let note = format!(
+                    "remove `@test`, and declare the test in a `*.test.toml`, whose `with` binds it: \
+                     `with = {{ {name} = ... }}`"
+                );
+                return Err(refuse(what, &note));
+            }
             let shape = self.shape(argument.ty).map_err(|reason| {
                 refuse(format!("its parameter `{name}` is {reason}"), "take values")
             })?;
@@ -525,7 +533,7 @@ impl Program {
     }
 }
 
-fn scalar_of(scalar: naga::Scalar) -> Result<Scalar, String> {
+pub(super) fn scalar_of(scalar: naga::Scalar) -> Result<Scalar, String> {
     use naga::ScalarKind;
     match (scalar.kind, scalar.width) {
         (ScalarKind::Float, 4) => Ok(Scalar::F32),

@@ -4,6 +4,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use super::{Program, ReflectError, kept};
+use crate::output::counted;
 use crate::package::{Package, PackageError};
 
 /// What was found valid.
@@ -20,7 +21,8 @@ pub struct Validated {
 impl fmt::Display for Validated {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { modules, functions, entry_points } = self;
-        write!(f, "{modules} modules, {functions} functions, {entry_points} entry points")
+        let (modules, functions) = (counted(*modules, "module"), counted(*functions, "function"));
+        write!(f, "{modules}, {functions}, {}", counted(*entry_points, "entry point"))
     }
 }
 

@@ -14,6 +14,10 @@ pub(crate) trait Concluded {
     fn verdict(&self) -> Verdict;
     /// What is wrong.
     fn message(&self) -> Option<String>;
+    /// `file:line:column` of the function, where a failure knows it.
+    fn location(&self) -> Option<&str> {
+        None
+    }
 }
 
 /// What a check found that didn't fail.
@@ -36,11 +40,18 @@ impl Reporter {
     /// Records how it ended, and of which files.
     pub(crate) fn record(
         self,
-        subject: Subject,
+        mut subject: Subject,
         paths: Vec<PathRecord>,
         read: impl IntoIterator<Item = FileRead>,
         concluded: &impl Concluded,
     ) {
+        // A check that ends before its function runs has found it all the same.
+        if let (Subject::Function { location, .. }, Some(known)) =
+            (&mut subject, concluded.location())
+            && location.is_empty()
+        {
+            *location = known.to_owned();
+        }
         record::write(&Record {
             schema: record::SCHEMA,
             test: identity::test(),

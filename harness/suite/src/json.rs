@@ -2,8 +2,11 @@
 
 use std::fmt;
 
+use karat::value::Shape;
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value};
+
+use crate::domains::lanes;
 
 /// Reads a value.
 ///
@@ -11,6 +14,16 @@ use serde_json::{Map, Number, Value};
 /// If it isn't JSON, or an object has two members of one name.
 pub fn json(text: &str) -> Result<Value, serde_json::Error> {
     serde_json::from_str::<Strict>(text).map(|strict| strict.0)
+}
+
+/// The lanes of a value of this shape: a structure is an object of its members, a vector or an array a list.
+///
+/// # Errors
+/// If the text isn't JSON, or no such value.
+pub fn lanes_of_json(shape: &Shape, text: &str) -> Result<Vec<u32>, String> {
+    let value = json(text).map_err(|error| error.to_string())?;
+    let value = toml::Value::try_from(value).map_err(|_| "`null` is no value".to_owned())?;
+    lanes(shape, &value)
 }
 
 struct Strict(Value);

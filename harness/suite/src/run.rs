@@ -15,7 +15,7 @@ use karat::value::{Scalar, Shape};
 use karat::{Directions, Goldens, Package, Tolerance, Trend};
 use toml::Value;
 
-use crate::declared::{Assertion, Direction, Frame, GOLDEN, Integral, Region, What};
+use crate::declared::{Assertion, Direction, Frame, GOLDEN, Integral, OverrideValue, Region, What};
 use crate::domains::{lanes, no_such, over, parts};
 use crate::fixtures::fixture;
 use crate::table;
@@ -216,6 +216,15 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
         Err(error) if error.to_string().starts_with("error") => return Ok(Err(error.into())),
         Err(error) => return Err(format!("function: {error}")),
     };
+    for (name, value) in &test.overrides {
+        let kind = probed.program().override_type(name).filter(|kind| *kind != Scalar::Bool);
+        if let (OverrideValue::Switch(on), Some(kind)) = (value, kind) {
+            let kind = kind.wgsl();
+            return Err(format!(
+                "override: `{name}` is {kind}, and {on} isn't one: write a number"
+            ));
+        }
+    }
     // With arguments that don't vary a derivative would be 0 in each case.
     let mut probed = match what {
         What::Integral(_) if probed.takes_derivatives() => {

@@ -170,10 +170,10 @@ fn what_could_never_agree_is_told() {
     write(&text).expect("as it was");
     let cell = text.lines().last().expect("a row").split_once(',').expect("two cells").1;
     for (damaged, part) in [
-        (text.replacen("x,result", "x", 1), "has 1 columns, its facts other ones"),
+        (text.replacen("x,result", "x", 1), "has 1 column, its facts other ones"),
         (text.replacen(&format!(",{cell}\n"), ",much\n", 1), "`much` is no finite f32"),
         (text.replacen(&format!(",{cell}\n"), ",NaN\n", 1), "`NaN` is no finite f32"),
-        (text.replacen(&format!(",{cell}\n"), "\n", 1), "has 1 cells in 2 columns"),
+        (text.replacen(&format!(",{cell}\n"), "\n", 1), "has 1 cell in 2 columns"),
         (text.replacen("# schema = 1", "# schema = 7", 1), "it was written by a newer Karat"),
         (text.replacen("# case", "# [case", 1), "can't be used"),
         (String::new(), "can't be used"),

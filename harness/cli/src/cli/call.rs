@@ -26,7 +26,8 @@ use curve::Curve;
 pub(super) struct Args {
     /// The function: `module::name`
     function: String,
-    /// Its arguments, in order or as NAME=VALUE; components are joined by commas. `0..1:100` sweeps a
+    /// Its arguments, in order or as NAME=VALUE; components are joined by commas, or all is JSON: a structure
+    /// `m={"f0": [1, 1, 1], "roughness": 0.5}`. `0..1:100` sweeps a
     /// component (`x=-1..1:100` if it begins with a minus), `0.5@0.1@0` has the derivatives of a
     /// fragment function's argument to the right and downwards, `0.5,1@0.1,0@0,0.1` those of a vector
     #[arg(allow_negative_numbers = true)]
@@ -75,6 +76,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let package = Project::find()?.package_of(&args.package, &args.function)?;
     let overrides = bind::overrides(&args.overrides)?;
     let mut probed = Probed::with_overrides(&package, &args.function, &overrides)?;
+    bind::expect_types(&probed, &args.overrides)?;
     // A package of one file is its module.
     let own = args.package.package.as_deref().filter(|path| path.is_file());
     let shader = PathBuf::from(&probed.function().span.file.name);
@@ -247,7 +249,10 @@ fn sweep(request: &Request<'_>, given: &Given, args: &Args, out: &mut dyn Write)
     }
     match plot {
         None => curve::write_text(&curves, axis, out)?,
-        Some(file) => curve::write_svg(&curves, axis, file)?,
+        Some(file) => {
+            curve::write_svg(&curves, axis, file)?;
+            writeln!(out, "{}", file.display())?;
+        }
     }
     Ok(Ending::Good)
 }

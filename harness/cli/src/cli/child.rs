@@ -25,21 +25,35 @@ pub(super) fn pass_on(command: &mut Command, out: &mut dyn Write) -> anyhow::Res
 /// that nobody reads would end the program, and its verdict would be lost.
 pub(super) fn run(
     command: &mut Command,
+    line: impl FnMut(&str) -> anyhow::Result<()>,
+) -> anyhow::Result<ExitStatus> {
+    let is_seen = std::io::stderr().is_terminal();
+    command.stderr(if is_seen { Stdio::inherit() } else { Stdio::piped() });
+    // As it comes: colours were chosen by whoever wrote them.
+    let mut err = Output::new(std::io::stderr());
+    listen(command, |text| Ok(writeln!(err, "{text}")?), line)
+}
+
+/// Runs a program, with each line of its standard error given to `error`, and of its output to `line`.
+pub(super) fn run_heard(
+    command: &mut Command,
+    error: impl FnMut(&str) -> anyhow::Result<()> + Send,
+    line: impl FnMut(&str) -> anyhow::Result<()>,
+) -> anyhow::Result<ExitStatus> {
+    listen(command.stderr(Stdio::piped()), error, line)
+}
+
+fn listen(
+    command: &mut Command,
+    error: impl FnMut(&str) -> anyhow::Result<()> + Send,
     mut line: impl FnMut(&str) -> anyhow::Result<()>,
 ) -> anyhow::Result<ExitStatus> {
     let name = command.get_program().display().to_string();
-    let is_seen = std::io::stderr().is_terminal();
-    command.stderr(if is_seen { Stdio::inherit() } else { Stdio::piped() });
     let mut child =
         command.stdout(Stdio::piped()).spawn().with_context(|| format!("can't run `{name}`"))?;
     let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
     std::thread::scope(|scope| {
-        scope.spawn(|| {
-            // As it comes: colours were chosen by whoever wrote them.
-            let mut err = Output::new(std::io::stderr());
-            let text = |text: &str| Ok(writeln!(err, "{text}")?);
-            drop(stderr.map(|stderr| lines(stderr, text)));
-        });
+        scope.spawn(|| drop(stderr.map(|stderr| lines(stderr, error))));
         stdout.map_or(Ok(()), |stdout| lines(stdout, &mut line))
     })?;
     child.wait().with_context(|| format!("`{name}` vanished"))

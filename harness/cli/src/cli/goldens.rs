@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{bail, ensure};
 use karat::Goldens;
 use karat::golden::{AcceptError, Acceptance, Pending, PendingFrames, Provenance, Unusable};
-use karat::output::tell;
+use karat::output::{counted, tell};
 use serde::Serialize;
 
 use super::artefact::Artefact;
@@ -226,7 +226,7 @@ fn write_table(pending: &[Pending], out: &mut dyn Write) -> std::io::Result<()> 
         let Pending { case, provenance, .. } = pending;
         let golden = if pending.is_new() { "none" } else { "differs" };
         let size = match pending.is_table() {
-            true => format!("{} rows", provenance.height),
+            true => counted(provenance.height, "row"),
             false => format!("{} x {}", provenance.width, provenance.height),
         };
         let mut cells = vec![case.clone(), golden.to_owned(), size, provenance.adapter.to_string()];

@@ -6,16 +6,17 @@ use std::ops::RangeInclusive;
 use anyhow::ensure;
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::hazards::{Hazard, Hazards, Kind};
+use karat::output::counted;
 
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
-use super::{Ending, Outcome, PackageArgs, write_json};
+use super::{Ending, Outcome, PackageArgs, terminal, write_json};
 
 /// Reasons that are shown why functions weren't looked at.
 const REASONS: usize = 4;
 
-/// Hazards that are shown: what a screen has.
-const SHOWN: usize = 8;
+/// Lines of a screen that a hazard takes, on the average.
+const LINES: usize = 4;
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -88,7 +89,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 
 fn write_text(hazards: &Hazards, all: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     let Hazards { package, functions, skipped, found, rare, accepted } = hazards;
-    let shown = if all { found.len() } else { SHOWN.min(found.len()) };
+    let shown = if all { found.len() } else { found.len().min(terminal::size().rows / LINES) };
     for hazard in &found[..shown] {
         write_one(hazard, out)?;
     }
@@ -107,10 +108,6 @@ fn write_text(hazards: &Hazards, all: bool, out: &mut dyn Write) -> anyhow::Resu
     }
     let open = found.iter().filter(|hazard| hazard.accepted.is_none()).count();
     let style = if open == 0 { GOOD } else { BAD };
-    let counted = |count: usize, word: &str| match count {
-        1 => format!("1 {word}"),
-        count => format!("{count} {word}s"),
-    };
     write!(out, "{style}{package}: {}{style:#}", counted(open, "hazard"))?;
     write!(out, " in {}", counted(*functions, "function"))?;
     if *accepted > 0 {
@@ -126,7 +123,7 @@ fn write_text(hazards: &Hazards, all: bool, out: &mut dyn Write) -> anyhow::Resu
             out,
             "{DIM}{} with arguments that nobody declared, in fewer than 1 of 100 inputs: {shown}; \
              --input NAME=LEAST..MOST says what they are{DIM:#}",
-            counted(rare.len(), "rarer one")
+            counted(rare.len(), "rarer hazard")
         )?;
     }
     Ok(())

@@ -31,7 +31,7 @@ pub(super) struct Args {
 const TRIED: usize = 40;
 
 /// What runs leave behind and nobody commits.
-const IGNORED: [&str; 3] = [".karat/run/", "*.new.exr", "*.new.csv"];
+const IGNORED: [&str; 4] = [".karat/run/", "*.new.exr", "*.new.csv", "*.new.png"];
 
 const GITHUB: &str = include_str!("init/github.yml");
 const GITLAB: &str = include_str!("init/gitlab.yml");

@@ -87,7 +87,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             }
         }
         None if names.len() > 1 => {
-            return Err(NotThere(format!("which one? {}", list())).into());
+            let lines =
+                names.iter().map(|(name, record)| format!("\n  {name}  {}", subject(record)));
+            let lines: String = lines.collect();
+            return Err(NotThere(format!("which one?{lines}")).into());
         }
         None => names.first(),
     };

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use karat::Package;
 use karat::image::write_whole;
-use karat::output::visible;
+use karat::output::{counted, visible};
 use karat::package::FunctionItem;
 use karat::record::{PathRecord, Record, Recorded, Run, SCHEMA, Subject};
 use karat_suite::{Suite, Test};
@@ -110,9 +110,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let failed = tables::write(&records, args.output.all, told)?;
     // Of a run that didn't end nobody knows.
     let passed = run.as_ref().is_some_and(|run| run.passed);
-    tables::write_sum(&records, failed, passed || run.is_none(), &folder, told)?;
+    let tests = Tests { failed: &[], passed: passed || run.is_none() };
+    tables::write_sum(&records, failed, tests, &folder, told)?;
     if args.output.short {
-        short::write(&records, &[], passed || run.is_none(), project.root(), out)?;
+        short::write(&records, &[], tests, project.root(), out)?;
     }
     if run.is_none() {
         writeln!(
@@ -233,9 +234,13 @@ pub(super) fn untested(
         .collect();
     let mut all = Vec::new();
     for package in packages {
-        // Whether it is valid is told by others.
+        // Whether it is valid is told by others. While a module can't be read its tests can't run, which
+        // says nothing of what they test.
+        let Ok(modules) = package.modules() else { continue };
+        if modules.iter().any(|module| package.functions_in(module).is_err()) {
+            continue;
+        }
         let Ok(items) = callable(package) else { continue };
-        // A module that can't be read has been told.
         let suite = Suite::of(package.clone()).ok();
         let tests = suite.iter().flat_map(|suite| &suite.tests);
         let ran = tests.filter(|test| tested.contains(test.name.as_str()));
@@ -256,6 +261,51 @@ pub(super) fn subject(record: &Record) -> String {
         Subject::Function { function, check, .. } => format!("{function} {check}"),
         Subject::Frame { golden, .. } => format!("frame {golden}"),
     }
+}
+
+/// How much fails on a path: `3 of 4096 cases`; of a sampler, which is judged as a whole for each of its
+/// configurations, `2 of 8 configurations`.
+fn failing(path: &PathRecord) -> String {
+    match path.configurations {
+        Some(all) => format!("{} of {}", path.failures, counted(all, "configuration")),
+        None => format!("{} of {}", path.failures, counted(path.cases, "case")),
+    }
+}
+
+/// The tests that failed although each of their checks passed: a panic, or an assertion that isn't Karat's.
+/// `failed` are the names of all tests that failed.
+fn outside<'t>(records: &[Record], failed: &'t [String]) -> Vec<&'t str> {
+    let by_check: BTreeSet<&str> = records
+        .iter()
+        .filter(|record| is_failure(record))
+        .map(|record| record.test.as_str())
+        .collect();
+    failed.iter().map(String::as_str).filter(|test| !by_check.contains(test)).collect()
+}
+
+/// Names that are shown of tests which failed outside of checks.
+const OUTSIDE: usize = 4;
+
+/// A line on the tests that failed outside of checks; `None` where there are none.
+fn told_outside(records: &[Record], Tests { failed, passed }: Tests<'_>) -> Option<String> {
+    let outside = outside(records, failed);
+    if outside.is_empty() {
+        let unexplained = !passed && !records.iter().any(is_failure);
+        return unexplained.then(|| "a test failed outside of Karat's checks".to_owned());
+    }
+    let shown = outside.iter().take(OUTSIDE).copied().collect::<Vec<_>>().join(", ");
+    let more = if outside.len() > OUTSIDE { ", ..." } else { "" };
+    let count = counted(outside.len(), "test");
+    Some(format!("{count} failed outside of Karat's checks: {shown}{more}"))
+}
+
+/// How the tests of a run ended.
+#[derive(Clone, Copy)]
+pub(super) struct Tests<'t> {
+    /// Names of those that failed, as far as they are known.
+    pub(super) failed: &'t [String],
+    /// Whether all passed.
+    pub(super) passed: bool,
 }
 
 /// A message, beginning with the line that says what is wrong. That of a frame begins with what

@@ -7,6 +7,7 @@ use crate::review::{LastRun, Review};
 use anyhow::Context;
 use karat::Goldens;
 use karat::golden::PendingFrames;
+use karat::output::counted;
 use karat::record::{Recorded, Subject};
 
 use super::artefact::Artefact;
@@ -77,8 +78,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let PendingFrames { frames, unusable } = server.pending();
     match frames.len() {
         0 => writeln!(out, "nothing is left pending")?,
-        1 => writeln!(out, "1 frame left pending")?,
-        left => writeln!(out, "{left} frames left pending")?,
+        left => writeln!(out, "{} left pending", counted(left, "frame"))?,
     }
     if !unusable.is_empty() {
         told?;

@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::channel;
 
+use karat::output::counted;
 use karat::run::Host;
 use karat_suite::{Broken, Suite, Test};
 
@@ -78,7 +79,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let (tests, unsound) = suite.sound(tests);
     // What is broken concerns all: nobody can say which tests it would have had.
     let broken: Vec<&Broken> = suite.broken.iter().chain(&unsound).collect();
-    writeln!(out, "running {} tests", tests.len() + broken.len())?;
+    writeln!(out, "running {}", counted(tests.len() + broken.len(), "test"))?;
     let mut failures: Vec<(String, String)> = Vec::new();
     for broken in &broken {
         writeln!(out, "test {} ... FAILED", broken.name)?;

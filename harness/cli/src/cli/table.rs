@@ -1,8 +1,11 @@
 //! Columns of text.
 
+use std::borrow::Cow;
 use std::io::{self, Write};
 
 use karat::output::{Style, visible};
+
+use super::terminal;
 
 pub(super) const GOOD: Style = Style::GOOD;
 pub(super) const KNOWN: Style = Style::KNOWN;
@@ -16,13 +19,30 @@ pub(super) const PLAIN: Style = Style::PLAIN;
 pub(super) struct Table {
     rows: Vec<(Style, Vec<String>)>,
     right: Vec<usize>,
+    /// Columns that may be cut where the terminal is narrow.
+    cut: Vec<usize>,
 }
+
+/// Between columns.
+const GAP: &str = "  ";
+
+/// Stands for what is cut off.
+const CUT: &str = "..";
+
+/// Characters that a column keeps when it is cut.
+const KEPT: usize = 10;
 
 impl Table {
     /// A table with a head; columns in `right` are aligned to the right.
     pub(super) fn new(head: &[&str], right: &[usize]) -> Self {
         let head = head.iter().map(ToString::to_string).collect();
-        Self { rows: vec![(HEAD, head)], right: right.to_vec() }
+        Self { rows: vec![(HEAD, head)], right: right.to_vec(), cut: Vec::new() }
+    }
+
+    /// The same, where cells in these columns are cut if the terminal is too narrow: their text is told in
+    /// full elsewhere.
+    pub(super) fn cutting(self, columns: &[usize]) -> Self {
+        Self { cut: columns.to_vec(), ..self }
     }
 
     pub(super) fn row(&mut self, style: Style, cells: Vec<String>) {
@@ -36,15 +56,24 @@ impl Table {
     }
 
     pub(super) fn write(&self, out: &mut dyn Write) -> io::Result<()> {
+        self.write_within(terminal::size().columns, out)
+    }
+
+    fn write_within(&self, limit: Option<usize>, out: &mut dyn Write) -> io::Result<()> {
         let columns = self.rows.iter().map(|(_, cells)| cells.len()).max().unwrap_or(0);
         let width = |column: usize| {
             let cells = self.rows.iter().filter_map(|(_, cells)| cells.get(column));
             cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
         };
-        let widths: Vec<usize> = (0..columns).map(width).collect();
+        let mut widths: Vec<usize> = (0..columns).map(width).collect();
+        if let Some(limit) = limit {
+            self.narrow(&mut widths, limit);
+        }
         for (style, cells) in &self.rows {
             let mut line = String::new();
-            for (column, cell) in cells.iter().enumerate() {
+            for (column, cell) in cells.iter().enumerate().filter(|(column, _)| widths[*column] > 0)
+            {
+                let cell = &*shortened(cell, widths[column]);
                 let padding = " ".repeat(widths[column] - cell.chars().count());
                 if self.right.contains(&column) {
                     line.push_str(&padding);
@@ -53,10 +82,89 @@ impl Table {
                     line.push_str(cell);
                     line.push_str(&padding);
                 }
-                line.push_str("  ");
+                line.push_str(GAP);
             }
             writeln!(out, "{style}{}{style:#}", line.trim_end())?;
         }
         Ok(())
+    }
+
+    /// Makes columns narrower, until a line fits: first those that have no cell, which leave, then those that
+    /// may be cut, the widest first.
+    fn narrow(&self, widths: &mut [usize], limit: usize) {
+        let line = |widths: &[usize]| {
+            let shown = widths.iter().filter(|width| **width > 0);
+            shown.map(|width| width + GAP.len()).sum::<usize>().saturating_sub(GAP.len())
+        };
+        let cells = &self.rows[1..];
+        let is_empty = |column: usize| {
+            cells.iter().all(|(_, cells)| cells.get(column).is_none_or(String::is_empty))
+        };
+        for column in (0..widths.len()).filter(|column| is_empty(*column)) {
+            if line(widths) > limit {
+                widths[column] = 0;
+            }
+        }
+        while line(widths) > limit {
+            let may = self
+                .cut
+                .iter()
+                .copied()
+                .filter(|column| widths.get(*column).is_some_and(|width| *width > KEPT));
+            let Some(widest) = may.max_by_key(|column| widths[*column]) else { return };
+            widths[widest] -= 1;
+        }
+    }
+}
+
+/// A cell that is no wider than its column.
+fn shortened(cell: &str, width: usize) -> Cow<'_, str> {
+    if cell.chars().count() <= width {
+        return Cow::Borrowed(cell);
+    }
+    let kept: String = cell.chars().take(width - CUT.len()).collect();
+    Cow::Owned(format!("{}{CUT}", kept.trim_end()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_narrow_terminal_cuts_what_may_be_cut() {
+        let mut table = Table::new(&["frame", "worst", "of bound"], &[2]).cutting(&[1]);
+        let worst = "FAIL the gate is exceeded by 12 pixels, largest FLIP tile 0.02 of 0.01";
+        table.row(
+            PLAIN,
+            vec!["a/frame_with_a_long_name".to_owned(), worst.to_owned(), "200%".to_owned()],
+        );
+        let text = |limit| {
+            let mut text = Vec::new();
+            table.write_within(limit, &mut text).expect("memory");
+            let text = String::from_utf8(text).expect("UTF-8");
+            text.split_once('\n').expect("a head").1.to_owned()
+        };
+        let whole = text(None);
+        assert!(whole.contains(worst), "{whole}");
+        for limit in [80, 60] {
+            let text = text(Some(limit));
+            assert!(text.trim_end().chars().count() <= limit, "{limit}:\n{text}");
+            assert!(
+                text.contains("a/frame_with_a_long_name  FAIL the gate") && text.contains("..")
+            );
+            assert!(text.ends_with("    200%\n"), "{text}");
+        }
+        let mut table = Table::new(&["function", "WGSL allows", "asserted"], &[]).cutting(&[2]);
+        table.row(PLAIN, vec!["m::f".to_owned(), String::new(), "nothing is left".to_owned()]);
+        let mut line = Vec::new();
+        table.write_within(Some(30), &mut line).expect("memory");
+        let line = String::from_utf8(line).expect("UTF-8");
+        assert!(!line.contains("WGSL") && line.ends_with("m::f      nothing is left\n"), "{line}");
+        // What nobody may cut stays: a name is what people copy.
+        assert!(
+            text(Some(20)).contains("a/frame_with_a_long_name  FAIL the.."),
+            "{}",
+            text(Some(20))
+        );
     }
 }

@@ -10,13 +10,15 @@ use std::process::Command;
 use anyhow::Context;
 use karat::Package;
 use karat::diagnostic::nearest;
+use karat::output::{Output, counted};
 use karat::record::{self, Record, Recorded, Run, Running};
+use karat::reflect::Invalid;
 use karat_suite::{Suite, Test};
 
 use self::progress::Progress;
 use self::subjects::Subjects;
 use super::project::Project;
-use super::report::{OutputArgs, colour, is_failure, short, tables, untested};
+use super::report::{OutputArgs, Tests, colour, is_failure, short, tables, untested};
 use super::table::{DIM, HEAD, KNOWN};
 use super::{Ending, NotThere, Outcome, PackageArgs, check, child};
 
@@ -79,10 +81,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let asked = asked.with_failed(&project)?.with_tests_of_functions(&project);
     args.output.spare(&project.record())?;
     args.output.clear()?;
+    let mut subjects = Subjects::read(&project.record());
+    asked.write_unknown(&project, &subjects, told)?;
     // The record of the last run stays until there is another one.
     let running = Running::begin(&project.record()).context("can't keep a record")?;
     let (mut passed, mut ran) = (true, false);
-    let mut subjects = Subjects::read(&project.record());
     let mut progress = Progress::of(subjects.count().filter(|_| asked.is_whole()));
     if asked.folder.is_none() && project.is_cargo() {
         passed = asked.run_cargo(&project, running.folder(), &mut progress, told)?;
@@ -127,15 +130,16 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     // With a filter most functions aren't tested on purpose.
     if asked.filter.is_none() && asked.names.is_none() {
         let tested = if declared { packages } else { project.tested(&records)? };
-        write_untested(&records, &tested, told)?;
+        write_untested(&records, tested, &invalid, told)?;
     }
     check::write(&invalid, told)?;
-    tables::write_sum(&records, failed, passed, &folder, told)?;
+    let tests = Tests { failed: progress.failed(), passed };
+    tables::write_sum(&records, failed, tests, &folder, told)?;
     if args.leaves_frames_out() {
         writeln!(told, "{KNOWN}frames were left out{KNOWN:#}")?;
     }
     if args.output.short {
-        short::write(&records, &invalid, passed, project.root(), out)?;
+        short::write(&records, &invalid, tests, project.root(), out)?;
     }
     args.output.write(&records, Some(&run), &project, out)?;
     Ok(if good && failed == 0 { Ending::Good } else { Ending::Bad })
@@ -213,6 +217,26 @@ impl<'a> Asked<'a> {
     fn with_tests_of_functions(self, project: &Project) -> Self {
         let Some(filter) = self.filter.filter(|_| !self.args.exact) else { return self };
         Self { about: Subjects::read(&project.record()).about(filter), ..self }
+    }
+
+    /// Says that a test which has never run isn't known by what it checks, where the filter is a function's
+    /// name.
+    fn write_unknown(
+        &self,
+        project: &Project,
+        subjects: &Subjects,
+        out: &mut dyn Write,
+    ) -> std::io::Result<()> {
+        let Some(filter) = self.filter.filter(|_| !self.args.exact) else { return Ok(()) };
+        let by_function = subjects.count().is_none() || subjects.checks(filter);
+        if self.folder.is_some() || !project.is_cargo() || !by_function {
+            return Ok(());
+        }
+        writeln!(
+            out,
+            "{DIM}a Rust test that has never run is selected by its own name, not by the functions that it \
+             checks: `karat test` runs all{DIM:#}"
+        )
     }
 
     /// Whether the run leaves no test out.
@@ -298,7 +322,9 @@ impl<'a> Asked<'a> {
                 "there are no tests: no function with `@test`, and no `*.test.toml`".to_owned()
             }
             (0, false) => format!("there is no folder or file `{filter}`, and there are no tests"),
-            (count, _) => format!("none of {count} tests {is_so} `{filter}`{near}"),
+            (count, _) => {
+                format!("none of {} {is_so} `{filter}`{near}", counted(count, "test"))
+            }
         })
     }
 
@@ -382,6 +408,13 @@ impl<'a> Asked<'a> {
                 }
             }
         }
+        if progress.line().is_seen() {
+            // It writes through a pipe, and to somebody who sees it.
+            if std::env::var_os("CARGO_TERM_COLOR").is_none() {
+                command.args(["--config", "term.color='always'"]);
+            }
+            command.args(["--config", "term.hyperlinks=false"]);
+        }
         command.args(self.filter);
         match &self.names {
             Some(names) => {
@@ -413,7 +446,8 @@ impl<'a> Asked<'a> {
         command.envs(args.paths.as_ref().map(|paths| ("KARAT_PATHS", paths)));
         command.envs(args.require.as_ref().map(|paths| ("KARAT_REQUIRE", paths)));
         let mut told = false;
-        let status = child::run(&mut command, |line| {
+        let above = progress.line();
+        let mut line = |line: &str| {
             let verdict = line.strip_prefix("test ").and_then(|line| line.rsplit_once(" ... "));
             if let Some((name, word)) = verdict {
                 progress.step(name, word);
@@ -424,11 +458,20 @@ impl<'a> Asked<'a> {
             // One blank line at most, between lines that say something.
             let blank = line.is_empty() && told;
             if blank || !is_noise(line) {
-                progress.above(|| writeln!(out, "{}", colour::line(line)))?;
+                above.above(|| writeln!(out, "{}", colour::line(line)))?;
                 told = !blank;
             }
             Ok(())
-        })?;
+        };
+        let status = match above.is_seen() {
+            // Cargo says what it runs while the line is there, and drivers complain.
+            true => {
+                let mut err = Output::new(std::io::stderr());
+                let mut error = |text: &str| Ok(above.above(|| writeln!(err, "{text}"))?);
+                child::run_heard(&mut command, &mut error, &mut line)?
+            }
+            false => child::run(&mut command, &mut line)?,
+        };
         progress.pause();
         Ok(status.success())
     }
@@ -449,16 +492,26 @@ fn is_count(line: &str) -> bool {
 
 fn write_untested(
     records: &[Record],
-    packages: &[Package],
+    packages: Vec<Package>,
+    invalid: &[(String, Invalid)],
     out: &mut dyn Write,
 ) -> anyhow::Result<()> {
-    let untested = untested(records, packages)?;
-    if untested.is_empty() {
-        return Ok(());
+    // Tests of a module that isn't valid can't run, which says nothing of what they test.
+    let is_valid = |package: &Package| invalid.iter().all(|(name, _)| *name != package.name());
+    let (valid, others): (Vec<_>, Vec<_>) = packages.into_iter().partition(is_valid);
+    let untested = untested(records, &valid)?;
+    if !untested.is_empty() {
+        writeln!(out, "\n{HEAD}functions with no test of their own{HEAD:#}")?;
     }
-    writeln!(out, "\n{HEAD}functions with no test of their own{HEAD:#}")?;
     for item in untested {
         writeln!(out, "{DIM}{}  {}{DIM:#}", item.name, item.span)?;
+    }
+    for package in others {
+        let name = package.name();
+        writeln!(
+            out,
+            "\n{DIM}{name}: which functions have no test isn't known before its modules are valid{DIM:#}"
+        )?;
     }
     Ok(())
 }

@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, ensure};
 use karat::Image;
 use karat::golden::{Profile, Provenance, Table};
+use karat::output::counted;
 use karat::record::{Record, Recorded, Subject};
 use serde::Serialize;
 
@@ -186,7 +187,7 @@ fn write_deleted(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
              compare it in a test{BAD:#}  {file}"
         )?;
     }
-    writeln!(out, "deleted {} files", report.deleted.len())
+    writeln!(out, "deleted {}", counted(report.deleted.len(), "file"))
 }
 
 fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
@@ -208,11 +209,10 @@ fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
         count => format!(", {count} with other facts or none"),
     };
     let style = if unreferenced + stray + report.doubtful.len() == 0 { GOOD } else { BAD };
-    let compared = report.compared;
+    let (compared, stray) = (counted(report.compared, "golden"), counted(stray, "stray file"));
     writeln!(
         out,
-        "{style}{compared} goldens compared, {unreferenced} unreferenced, {stray} stray \
-         files{doubtful}{style:#}"
+        "{style}{compared} compared, {unreferenced} unreferenced, {stray}{doubtful}{style:#}"
     )
 }
 

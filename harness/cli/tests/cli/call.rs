@@ -78,6 +78,72 @@ fn pointers_derivatives_and_names() {
     assert!(out.contains("(-0.125, -0.5)"), "{out}");
 }
 
+const MATERIALS: &str = "\
+struct Material { roughness: f32, f0: vec3f, layers: array<u32, 2> }
+struct Scene { exposure: f32, materials: array<Material, 2> }
+fn f(m: Material, k: f32) -> f32 { return k * m.roughness * m.f0.y + f32(m.layers[1]); }
+fn last(s: Scene) -> f32 { return s.exposure * s.materials[1].f0.z; }
+fn sum(a: array<f32, 3>) -> f32 { return a[0] + a[1] + a[2]; }
+";
+
+/// A structure is written as in the values of buffers.
+#[test]
+fn arguments_are_json_where_numbers_have_no_names() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), "shaders/m.wgsl", MATERIALS);
+    let json = r#"{"f0": [1, 3, 1], "roughness": 0.5, "layers": [1, 2]}"#;
+    for arguments in [
+        &["m::f", json, "2"][..],
+        &["m::f", "k=2", &format!("m={json}")],
+        &["m::f", "0.5,1,3,1,1,2", "2"],
+    ] {
+        assert!(called(&folder, arguments).contains("cpu      5 "), "{arguments:?}");
+    }
+    let other = json.replace('3', "9");
+    let scene = format!(r#"{{"exposure": 2, "materials": [{other}, {json}]}}"#);
+    assert!(called(&folder, &["m::last", &scene]).contains("cpu      2 "));
+    assert!(called(&folder, &["m::sum", "[1, 2, 3.5]"]).contains("cpu      6.5 "));
+    for (argument, part) in [
+        (
+            json.replace("roughness", "rougness"),
+            "argument `m`: there is no member `rougness`; did you mean `roughness`?",
+        ),
+        (json.replace(r#""f0": [1, 3, 1], "#, ""), "argument `m`: member `f0` is missing"),
+        (
+            json.replace("[1, 3, 1]", "[1, 3]"),
+            "argument `m`: `f0`: a vec3<f32> has 3 components, the list has 2",
+        ),
+        (json.replace("0.5", "\"a\""), "argument `m`: `roughness`: "),
+        (json.replace("[1, 2]", "[1, -2]"), "argument `m`: `layers`: `-2` is no u32"),
+        (json.replace("0.5", "0.5, \"roughness\": 1"), "argument `m`: `roughness` is given twice"),
+        (json.replace("0.5", "null"), "argument `m`: `null` is no value"),
+        (json.replace('}', ""), "argument `m`: EOF while parsing an object"),
+        (
+            "1,2".to_owned(),
+            "has 2; as JSON it is {\"roughness\": 0, \"f0\": [0, 0, 0], \"layers\": [0, 0]}",
+        ),
+    ] {
+        let error = karat(folder.path(), &["call", "m::f", &argument, "1"]).error();
+        assert!(error.contains(part), "{argument}: {error}");
+    }
+}
+
+#[test]
+fn slips_in_a_call_are_told() {
+    let folder = lit();
+    let json = r#"globals={"scale": 2, "offset": [0, 0.5], "count": 1}"#;
+    let scaled = ["call", "lit::scaled", "3", "--bind", json, "--override"];
+    let error = karat(folder.path(), &[&scaled[..], &["GAIN=true"]].concat()).error();
+    let part = "--override GAIN=true: `GAIN` is f32, so write a number";
+    assert!(error.contains(part), "{error}");
+    let error = karat(folder.path(), &["call", "lit::sampled", "u=1", "image=1"]).error();
+    assert!(error.contains("--bind image="), "{error}");
+    let both = ["--bind", "image=0.5", "--bind", "filtering=linear"];
+    let error = karat(folder.path(), &[&["call", "lit::sampled", "image=0.5"], &both[..]].concat());
+    let error = error.error();
+    assert!(error.contains("which is bound: --bind image=0.5"), "{error}");
+}
+
 #[test]
 fn sweeps_are_tables_and_curves() {
     let folder = lit();
@@ -89,7 +155,8 @@ fn sweeps_are_tables_and_curves() {
     assert!(exact.contains("0x1p-1,true,0x1p-3,0x1p-1"), "{exact}");
     let drawn = called(&folder, &["lit::cubic", "t=-1..1:100", "true", "--plot"]);
     assert!(drawn.contains("t = -1.0000") && drawn.contains("* cpu.x"), "{drawn}");
-    called(&folder, &["lit::cubic", "t=-1..1:100", "true", "--plot=curve.svg", "--out", "t.csv"]);
+    let curve = ["lit::cubic", "t=-1..1:100", "true", "--plot=curve.svg", "--out", "t.csv"];
+    assert_eq!(called(&folder, &curve), "curve.svg\n", "it says where it wrote");
     let svg = std::fs::read_to_string(folder.path().join("curve.svg")).expect("written");
     assert!(svg.starts_with("<svg") && svg.contains("cpu.y"), "{svg}");
     let table = std::fs::read_to_string(folder.path().join("t.csv")).expect("written");

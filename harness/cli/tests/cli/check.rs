@@ -20,7 +20,7 @@ fn run_tests(project: &TempDir) -> Ran {
 fn a_broken_entry_point_fails_check_list_and_test() {
     let project = tested();
     let out = karat(project.path(), &["check"]).good();
-    assert!(out.contains("3 modules") && out.contains("1 entry points"), "{out}");
+    assert!(out.contains("3 modules") && out.contains("1 entry point)"), "{out}");
     assert_eq!(run_tests(&project).code, Some(0));
 
     for (text, place) in [

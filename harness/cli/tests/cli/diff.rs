@@ -84,7 +84,7 @@ fn the_report_says_how_many_where_and_how_far() {
         assert!(out.contains(part), "no `{part}` in:\n{out}");
     }
     let out = diff(&folder, &["a.exr", "nan.exr"]).out;
-    let census = "b: nan.exr, 48 x 32, 1 pixels with NaN and 0 with infinities, first at (2, 1)\n";
+    let census = "b: nan.exr, 48 x 32, 1 pixel with NaN and 0 with infinities, first at (2, 1)\n";
     assert!(out.contains(census), "{out}");
 }
 
@@ -299,7 +299,7 @@ fn images_of_other_sizes_have_their_sizes_and_their_census() {
     let arguments = ["nan.exr", "small.exr"];
     let ran = diff(&folder, &arguments);
     assert_eq!(ran.code, Some(1), "{ran:?}");
-    let expected = "a: nan.exr, 48 x 32, 1 pixels with NaN and 0 with infinities, first at (2, 1)\n\
+    let expected = "a: nan.exr, 48 x 32, 1 pixel with NaN and 0 with infinities, first at (2, 1)\n\
                     b: small.exr, 8 x 32\nthey differ in size\n";
     assert_eq!(ran.out, expected);
     let report = json(&diff(&folder, &[&arguments[..], &["--json"]].concat()).out);

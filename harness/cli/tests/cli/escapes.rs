@@ -193,7 +193,7 @@ fn what_tests_print_is_shown_and_not_obeyed() {
     for text in [&ran.out, &ran.err] {
         assert_tame(text, &["test"]);
     }
-    assert!(ran.code == Some(0) && ran.out.contains("1 checks, 0 failed"), "{ran:?}");
+    assert!(ran.code == Some(0) && ran.out.contains("1 check, 0 failed"), "{ran:?}");
     assert!(ran.out.contains("\nred\n") && ran.err.contains(" err\n"), "colours go: {ran:?}");
 }
 

@@ -47,7 +47,7 @@ fn a_first_test_is_written_and_passes() {
     let ran = karat(folder.path(), &["init", "--github", "--gitlab"]).good();
     for part in [
         "wrote shaders/brdf.test.toml, a test of `brdf::lambert`",
-        "added .karat/run/, *.new.exr, *.new.csv to .gitignore",
+        "added .karat/run/, *.new.exr, *.new.csv, *.new.png to .gitignore",
         "wrote .github/workflows/karat.yml",
         "wrote .gitlab-ci.karat.yml",
         "2 checks, 0 failed",
@@ -56,7 +56,7 @@ fn a_first_test_is_written_and_passes() {
         assert!(ran.contains(part), "no `{part}` in {ran}");
     }
     let read = |file: &str| std::fs::read_to_string(folder.path().join(file)).expect(file);
-    assert_eq!(read(".gitignore"), "target\n.karat/run/\n*.new.exr\n*.new.csv\n");
+    assert_eq!(read(".gitignore"), "target\n.karat/run/\n*.new.exr\n*.new.csv\n*.new.png\n");
     assert!(read("shaders/brdf.test.toml").contains("in_range = [0, 1]"));
     assert!(read(".github/workflows/karat.yml").contains("karat test shaders --paths vulkan"));
     // Broken, the first test is red.

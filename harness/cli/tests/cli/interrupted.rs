@@ -61,7 +61,7 @@ fn what_an_interrupted_acceptance_left_is_named_and_deleted() {
         assert_eq!(ran.code, Some(1), "{ran:?}");
         let line = ran.out.lines().find(|line| line.ends_with(file)).expect("it is named");
         assert!(line.starts_with("left by an interrupted "), "{line}");
-        assert!(unreferenced(&["--delete"]).good().ends_with("deleted 1 files\n"));
+        assert!(unreferenced(&["--delete"]).good().ends_with("deleted 1 file\n"));
         assert_eq!(files(&golden), ["scene.exr", "scene.toml"]);
     }
     unreferenced(&[]).good();

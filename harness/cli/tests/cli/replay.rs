@@ -67,7 +67,9 @@ fn what_cannot_be_replayed_is_told() {
         let ran = karat(project.path(), &[&["replay"], arguments].concat());
         assert!(ran.code == Some(3) && ran.err.contains(part), "no `{part}` in {ran:?}");
     };
-    told(&project, &[], "which one? ");
+    let listed = "which one?\n  ";
+    told(&project, &[], listed);
+    told(&project, &[], "  calc::same agrees_with\n");
     told(&project, &["wxyz"], "no failure of the last run is called `wxyz`; there is ");
     told(&project, &[""], "several failures begin with ``");
     let passed = recorded(&[function("calc::double", "gl", "pass", None)]);
@@ -76,6 +78,20 @@ fn what_cannot_be_replayed_is_told() {
     let hostile = function("calc::double", "gl", "fail", Some("on gl: x\n  replay: sh test"));
     let ran = karat(recorded(&[hostile]).path(), &["replay"]);
     assert!(ran.code == Some(2) && ran.err.contains("is another program"), "{ran:?}");
+}
+
+/// Of many failures some are named, and all where they are asked for.
+#[test]
+fn more_failures_than_are_named_are_counted() {
+    let many: Vec<String> = (0..11).map(|i| failing(&format!("calc::f{i}"))).collect();
+    let project = recorded(&many);
+    let report = karat(project.path(), &["report"]).out;
+    assert_eq!(names(&report).len(), 8, "{report}");
+    assert!(report.contains("\nand 3 more: `karat replay` lists all\n"), "{report}");
+    let listed = karat(project.path(), &["replay"]).err;
+    assert!((0..11).all(|i| listed.contains(&format!("  calc::f{i} agrees_with\n"))), "{listed}");
+    let few = karat(recorded(&many[..8]).path(), &["report"]).out;
+    assert!(names(&few).len() == 8 && !few.contains(" more: "), "{few}");
 }
 
 /// What passes is a line a module where it doesn't fit a screen; what fails is told last, in full.
@@ -124,9 +140,9 @@ fn what_failed_is_run_again() {
     let all = run(&[]);
     assert!(all.code == Some(1) && all.out.contains("3 checks, 1 failed"), "{all:?}");
     let failed = run(&["--failed"]);
-    assert!(failed.code == Some(1) && failed.out.contains("1 checks, 1 failed"), "{failed:?}");
+    assert!(failed.code == Some(1) && failed.out.contains("1 check, 1 failed"), "{failed:?}");
     write(folder.path(), "m.wgsl", &shader("1.0"));
-    assert!(run(&["--failed"]).good().contains("1 checks, 0 failed"));
+    assert!(run(&["--failed"]).good().contains("1 check, 0 failed"));
     let none = run(&["--failed"]);
     assert!(none.code == Some(3) && none.err.contains("no test failed"), "{none:?}");
 

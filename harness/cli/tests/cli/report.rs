@@ -492,6 +492,75 @@ fn a_failure_outside_of_checks_is_annotated_too() {
     assert!(annotations(&karat(project.path(), &["report", "--github"])).is_empty());
 }
 
+/// A line for a failure has its place, and says what it counts: of a sampler whole configurations.
+#[test]
+fn a_short_line_counts_what_fails() {
+    let project = project();
+    let case = function("calc::double", "gl", "fail", Some(MESSAGE));
+    let sampler = function("calc::same", "gl", "fail", None)
+        .replace(r#""cases":100"#, r#""cases":524288,"configurations":8"#)
+        .replace("7 ulp | more", "p 1.0e-9");
+    assert!(sampler.contains("configurations"), "{sampler}");
+    record(&project, &(case + &sampler), false);
+    let ran = karat(project.path(), &["report", "--short"]);
+    let expected = "shaders/calc.wgsl:4:1: error: `calc::double` fails agrees_with: 7 ulp | more (1 ulp) on gl, \
+                    1 of 100 cases\n\
+                    shaders/calc.wgsl:4:1: error: `calc::same` fails agrees_with: p 1.0e-9 (1 ulp) on gl, \
+                    1 of 8 configurations\n\
+                    2 checks, 2 failed\n";
+    assert_eq!((ran.code, &*ran.out), (Some(1), expected), "{}", ran.err);
+    let summary = project.path().join("summary.md");
+    let mut github = command(project.path(), &["report", "--github"]);
+    output(github.env("GITHUB_STEP_SUMMARY", &summary));
+    let summary = std::fs::read_to_string(summary).expect("written");
+    assert!(summary.contains("| 524288 | 1 configuration |"), "{summary}");
+}
+
+/// A test that fails outside of checks is told beside those that fail by one.
+#[cfg(unix)]
+#[test]
+fn tests_that_fail_outside_of_checks_are_counted() {
+    let project = project();
+    let folder = project.path();
+    let lines = function("calc::double", "gl", "fail", Some(MESSAGE));
+    write(folder, "lines.jsonl", &lines);
+    let script = "mkdir -p \"$KARAT_RECORD\"\ncp lines.jsonl \"$KARAT_RECORD/1.jsonl\"\n\
+                  echo 'test tests::calc ... FAILED'\n[ -z \"$MORE\" ] || echo 'test plain ... FAILED'\nexit 101\n";
+    write(folder, "test", script);
+    let run = |arguments: &[&str], more: &str| {
+        let mut command = command(folder, &[&["test"], arguments].concat());
+        output(command.env("CARGO", "/bin/sh").env("MORE", more))
+    };
+    let told = "1 test failed outside of Karat's checks: plain";
+    let both = run(&[], "yes");
+    assert!(both.out.contains("1 check, 1 failed") && both.out.contains(told), "{both:?}");
+    let short = run(&["--short"], "yes");
+    let end = format!("1 check, 1 failed; {told}; leave --short out to see it\n");
+    assert!(short.out.ends_with(&end), "{short:?}");
+    let by_check = run(&[], "");
+    assert!(by_check.code == Some(1) && !by_check.out.contains("outside"), "{by_check:?}");
+}
+
+/// A filter finds functions in the record of earlier runs, which doesn't know new tests.
+#[cfg(unix)]
+#[test]
+fn a_filter_says_what_it_cannot_find() {
+    let project = project();
+    let folder = project.path();
+    write(folder, "lines.jsonl", &function("calc::double", "gl", "pass", None));
+    let script = "mkdir -p \"$KARAT_RECORD\"\ncp lines.jsonl \"$KARAT_RECORD/1.jsonl\"\necho 'test tests::calc ... ok'\n";
+    write(folder, "test", script);
+    let run = |arguments: &[&str]| {
+        output(command(folder, &[&["test"], arguments].concat()).env("CARGO", "/bin/sh")).good()
+    };
+    let told = "a Rust test that has never run is selected by its own name";
+    assert!(run(&["double"]).contains(told), "nothing has ever run whole");
+    assert!(!run(&[]).contains(told));
+    assert!(run(&["double"]).contains(told));
+    assert!(!run(&["tests::calc"]).contains(told), "it is the name of a test");
+    assert!(!run(&["tests::calc", "--exact"]).contains(told));
+}
+
 #[test]
 fn a_report_needs_a_record() {
     let project = project();

@@ -92,7 +92,7 @@ fn the_page_has_maps_hazards_and_links() {
         "Samples in each of 3 cells",
         "9, expected 4.00 (+2.5 sigma)",
         "href=\"routes.html\"",
-        "shaders: 1 in 1 functions",
+        "shaders: 1 in 1 function<",
         "1.0 / n_dot_l",
     ] {
         assert!(page.contains(part), "no `{part}` in {page}");
@@ -175,7 +175,7 @@ fn a_bad_part_is_a_bad_whole() {
     assert_eq!(code(&parts).code, Some(0));
     write(&folders[1], "1.jsonl", &check("m::a", "a", "fail"));
     let failed = code(&parts);
-    assert!(failed.code == Some(1) && failed.out.contains("1 checks, 1 failed"), "{failed:?}");
+    assert!(failed.code == Some(1) && failed.out.contains("1 check, 1 failed"), "{failed:?}");
     write(&folders[1], "1.jsonl", &check("m::a", "a", "pass"));
     std::fs::remove_file(folders[2].join("run.json")).expect("removed");
     let open = code(&parts);

@@ -69,7 +69,7 @@ fn a_folder_of_shaders_is_tested_without_cargo() {
     let here = karat(folder.path(), &["test", "--paths", "cpu"]).good();
     assert!(here.contains("10 checks"), "{here}");
     let some = cpu(folder.path(), &["grazing"]).good();
-    assert!(some.contains("1 checks"), "{some}");
+    assert!(some.contains("1 check"), "{some}");
     let error = cpu(folder.path(), &["brdf_test::grasing"]).failure(3);
     let meant =
         "none of 10 tests has a name with `brdf_test::grasing`; did you mean `brdf_test::grazing`?";
@@ -77,6 +77,54 @@ fn a_folder_of_shaders_is_tested_without_cargo() {
     let one = karat(folder.path(), &["test", "brdf.wgsl", "--paths", "cpu"]).good();
     assert!(one.contains("8 checks"), "{one}");
     assert!(karat(folder.path(), &["test", "./nowhere"]).error().contains("no folder or file"));
+}
+
+/// What tests a module can't be known while it doesn't parse.
+#[test]
+fn a_syntax_error_makes_no_function_untested() {
+    let folder = folder();
+    let listed = "functions with no test of their own";
+    assert!(cpu(folder.path(), &[]).out.contains(listed));
+    for broken in
+        [BRDF.replacen("return", "retrun", 1), BRDF.replacen("return", "return nothing +", 1)]
+    {
+        write(folder.path(), "brdf.wgsl", &broken);
+        let ran = cpu(folder.path(), &["--html", "report.html"]);
+        let told = "which functions have no test isn't known before its modules are valid";
+        assert!(!ran.out.contains(listed) && ran.out.contains(told), "{ran:?}");
+    }
+}
+
+#[test]
+fn a_test_with_a_texture_says_where_it_is_bound() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let text = "import karat::expect_true;\n\
+                @test fn t(image: texture_2d<f32>) { expect_true(textureLoad(image, vec2u(), 0).x > 0.0); }\n";
+    write(folder.path(), "t.wgsl", text);
+    let ran = cpu(folder.path(), &[]);
+    for part in [
+        "nothing binds its parameter `image`, a texture or sampler",
+        "declare the test in a `*.test.toml`, whose `with` binds it: `with = { image = ... }`",
+    ] {
+        assert!(ran.out.contains(part), "no `{part}` in {ran:?}");
+    }
+}
+
+#[test]
+fn a_switch_is_no_number() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "m.wgsl", "override N: u32 = 1;\nfn f() -> u32 { return N; }\n");
+    let declared = |value: &str| {
+        let text = format!(
+            "[[test]]\nfunction = \"f\"\nin_range = [0, 9]\noverride = {{ N = {value} }}\n"
+        );
+        write(folder.path(), "m.test.toml", &text);
+        cpu(folder.path(), &[])
+    };
+    declared("2").good();
+    let wrong = declared("true");
+    let part = "override: `N` is u32, and true isn't one: write a number";
+    assert!(wrong.code != Some(0) && wrong.out.contains(part), "{wrong:?}");
 }
 
 #[test]
@@ -94,7 +142,7 @@ fn each_failing_expectation_is_told_with_its_place() {
         "wrong_test.wgsl:8:5: `expect_near(blend(x, 2.0), x, 1e-3)` saw 2, expected 1 within 0.001",
         "wrong_test.wgsl:4:5: `expect_true(x < 0.5)` saw false, expected true",
         "x = 1",
-        "1 checks, 1 failed",
+        "1 check, 1 failed",
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);
     }
@@ -480,7 +528,7 @@ fn a_declared_frame_is_compared_with_its_golden() {
     assert!(missing.out.contains("frame `gradient` has no golden"), "{missing:?}");
     assert!(!missing.err.contains("panicked"), "{missing:?}");
     karat(folder.path(), &["accept", "gradient", "--because", "it is the first"]).good();
-    assert!(declared(tint).good().contains("1 checks, 0 failed"));
+    assert!(declared(tint).good().contains("1 check, 0 failed"));
     let brighter = declared("tint = { color = [1.0, 0.5, 0.25], gain = 3 }");
     assert_eq!(brighter.code, Some(1), "{brighter:?}");
     for (with, part) in [
@@ -530,14 +578,14 @@ fn declared_values_are_compared_with_their_golden() {
     assert!(pending.out.contains("20 rows") && pending.out.contains("cpu: "), "{pending:?}");
     // What Karat's engine returns is the same on each machine.
     karat(folder, &["accept", "tone/*", "--because", "it is linear"]).good();
-    assert!(run().good().contains("1 checks, 0 failed"));
+    assert!(run().good().contains("1 check, 0 failed"));
     let golden = folder.join("golden/tone/linear.csv");
     assert!(golden.is_file() && !golden.with_extension("toml").exists());
-    let unreferenced = |golden: usize, rest: &str| {
+    let unreferenced = |goldens: &str, rest: &str| {
         let ran = karat(folder, &["unreferenced", "--record", ".karat/run/record"]);
-        assert!(ran.out.contains(&format!("{golden} goldens compared, {rest}")), "{ran:?}");
+        assert!(ran.out.contains(&format!("{goldens} compared, {rest}")), "{ran:?}");
     };
-    unreferenced(1, "0 unreferenced, 0 stray");
+    unreferenced("1 golden", "0 unreferenced, 0 stray");
     // The golden is a table for other commands, too.
     let call = ["call", "tone", "--cases", "golden/tone/linear.csv", "--tolerance", "exact"];
     let call = [&call[..], &["--expect", "result", "--package", "tone.wgsl"]].concat();
@@ -554,7 +602,7 @@ fn declared_values_are_compared_with_their_golden() {
     std::fs::copy(&golden, folder.join("golden/tone/other.csv")).expect("copied");
     tone("0.5");
     run().good();
-    unreferenced(1, "1 unreferenced");
+    unreferenced("1 golden", "1 unreferenced");
     let delete = ["unreferenced", "--record", ".karat/run/record", "--delete"];
     karat(folder, &delete).good();
     assert!(golden.is_file() && !folder.join("golden/tone/other.csv").exists());

@@ -546,7 +546,7 @@ mod planted {
         assert!(folder.path().join(bug).join("vulkan/shader.spv").is_file());
         let page = read("m.md");
         let (_, why) = page.split_once("## Why rows stop").expect("a section");
-        assert!(why.contains("rows: vulkan:hlsl: "), "what is wrong is never left out: {why}");
+        assert!(why.contains(": vulkan:hlsl: "), "what is wrong is never left out: {why}");
     }
 
     /// What fails before the declared status isn't what was declared.

@@ -78,7 +78,7 @@ fn a_golden_that_nobody_compares_fails_and_may_be_deleted() {
     assert_eq!(ran.code, Some(1), "{ran:?}");
     assert!(ran.out.contains("no test compares room  "), "{ran:?}");
     assert!(ran.out.contains("no test compares scene of profile gl-llvmpipe  "), "{ran:?}");
-    assert!(ran.out.ends_with("1 goldens compared, 2 unreferenced, 0 stray files\n"), "{ran:?}");
+    assert!(ran.out.ends_with("1 golden compared, 2 unreferenced, 0 stray files\n"), "{ran:?}");
     let ran = karat(project.path(), &["unreferenced", "--json"]);
     let report = json(&ran.out);
     assert_eq!((ran.code, &report["compared"]), (Some(1), &1.into()));

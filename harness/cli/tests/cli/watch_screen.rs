@@ -152,7 +152,7 @@ fn keys_do_what_the_last_line_says() {
     terminal.until("watch.html");
     let page = terminal.folder.path().join("shaders/.karat/run/watch.html");
     let page = std::fs::read_to_string(page).expect("the report is there");
-    assert!(page.contains("calc_test::halves") && page.contains("1 checks, 1 failed"), "{page}");
+    assert!(page.contains("calc_test::halves") && page.contains("1 check, 1 failed"), "{page}");
     terminal.press("q");
     let began = Instant::now();
     while terminal.child.try_wait().expect("a process").is_none() {

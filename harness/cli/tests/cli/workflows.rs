@@ -182,9 +182,9 @@ fn the_step_of_the_action_runs_tests() {
         output(command.env("HOME", repository.path()))
     };
     let ran = run("my_shaders --all").good();
-    assert!(ran.contains("a::half_of_two") && ran.contains("1 checks, 0 failed"), "{ran}");
+    assert!(ran.contains("a::half_of_two") && ran.contains("1 check, 0 failed"), "{ran}");
     // Nothing at all is the project itself.
-    assert!(run("").good().contains("1 checks, 0 failed"));
+    assert!(run("").good().contains("1 check, 0 failed"));
     write(&here, "my_shaders/a.wgsl", &GOOD.replace("0.5", "0.4"));
     let ran = run("my_shaders");
     assert_eq!(ran.code, Some(1), "{ran:?}");

@@ -45,7 +45,7 @@ fn a_lens_runs_the_tests_of_its_function() {
     let answer = editor.ask("workspace/executeCommand", run.clone());
     assert!(answer["error"].is_null(), "{answer}");
     let said = editor.wait_said("`calc::half`: ");
-    assert_eq!(said, "karat: `calc::half`: 1 checks, 1 failed");
+    assert_eq!(said, "karat: `calc::half`: 1 check, 1 failed");
     for method in ["window/workDoneProgress/create", "$/progress"] {
         editor.wait_heard(method);
     }
@@ -62,7 +62,7 @@ fn a_lens_runs_the_tests_of_its_function() {
     editor.said.clear();
     editor.ask("workspace/executeCommand", run);
     let said = editor.wait_said("`calc::half`: ");
-    assert_eq!(said, "karat: `calc::half`: 1 checks, 0 failed");
+    assert_eq!(said, "karat: `calc::half`: 1 check, 0 failed");
 }
 
 #[test]

@@ -130,6 +130,7 @@ pub(super) fn conclude(
                 errors: None,
                 plot: None,
                 histogram,
+                configurations: Some(sum.configurations),
             });
             if sum.configurations < selected.end - selected.start || sum.configurations == 0 {
                 let declared = selected.end - selected.start;

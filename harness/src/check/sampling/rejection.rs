@@ -157,26 +157,59 @@ pub enum Finding {
     },
 }
 
+/// A count with what happens, to one or to several.
+fn told(count: u64, one: &str, several: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { several })
+}
+
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotFinite { count, call } => {
-                write!(f, "{count} calls return NaN or infinity, first {call}")
+                write!(
+                    f,
+                    "{}, first {call}",
+                    told(*count, "call returns NaN or infinity", "calls return NaN or infinity")
+                )
             }
             Self::NotUnit { count, call } => {
-                write!(f, "{count} samples aren't unit vectors, first {call}")
+                write!(
+                    f,
+                    "{}, first {call}",
+                    told(*count, "sample isn't a unit vector", "samples aren't unit vectors")
+                )
             }
             Self::Outside { count, call } => {
-                write!(f, "{count} samples are outside the support, first {call}")
+                write!(
+                    f,
+                    "{}, first {call}",
+                    told(
+                        *count,
+                        "sample is outside the support",
+                        "samples are outside the support"
+                    )
+                )
             }
             Self::Impossible { count, call } => {
-                write!(f, "{count} samples have density 0, first {call}")
+                write!(
+                    f,
+                    "{}, first {call}",
+                    told(*count, "sample has density 0", "samples have density 0")
+                )
             }
             Self::Negative { count, call } => {
-                write!(f, "{count} calls return less than 0, first {call}")
+                write!(
+                    f,
+                    "{}, first {call}",
+                    told(*count, "call returns less than 0", "calls return less than 0")
+                )
             }
             Self::Weight { count, call } => {
-                write!(f, "{count} weights are not eval cos / pdf, first {call}")
+                write!(
+                    f,
+                    "{}, first {call}",
+                    told(*count, "weight is not eval cos / pdf", "weights are not eval cos / pdf")
+                )
             }
             Self::Mass { integral, bound } => {
                 write!(f, "the density integrates to {integral:.7}, not to 1 within {bound:.1e}")

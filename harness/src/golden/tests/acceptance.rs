@@ -117,6 +117,29 @@ fn a_frame_with_nan_under_its_mask_is_accepted() {
 }
 
 #[test]
+fn a_preview_waits_no_longer_than_its_frame() {
+    let project = Project::with_golden();
+    let file = |ending: &str| project.folder.path().join(format!("room/ramp{ending}"));
+    let preview = || file(".new.png");
+    // One of the golden is somebody's own.
+    std::fs::write(file(".png"), "kept").expect("written");
+    let differs = || {
+        let failed = project.check("vulkan", &spot(1.5), None, None).expect_err("it differs");
+        std::fs::write(preview(), "a preview").expect("written");
+        failed
+    };
+    differs();
+    project.goldens.reject(&pending_at(&file(".new.exr"))).expect("rejected");
+    assert!(!preview().exists() && !file(".new.exr").exists(), "rejected");
+    differs();
+    project.check("vulkan", &ramp(), None, None).expect("it agrees again");
+    assert!(!preview().exists(), "it agrees again");
+    let failed = differs();
+    project.accept(&failed, "brighter", None).expect("accepted");
+    assert!(!preview().exists() && file(".png").exists(), "accepted");
+}
+
+#[test]
 fn one_of_two_acceptances_is_carried_out() {
     let project = Project::with_golden();
     for round in 0..20 {

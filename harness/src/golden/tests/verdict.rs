@@ -36,7 +36,7 @@ fn a_frame_that_differs_says_what_and_where() {
     broken.pixels_mut()[90][1] = f32::INFINITY;
     let failed = project.check("vulkan", &broken, None, None).expect_err("NaN");
     insta::assert_snapshot!(project.text(&failed), @r#"
-    frame `room/ramp` differs from its golden `golden/room/ramp.exr`: it has 1 pixels with NaN and 1 with infinities, first at (6, 1)
+    frame `room/ramp` differs from its golden `golden/room/ramp.exr`: it has 1 pixel with NaN and 1 with infinities, first at (6, 1)
       look at `golden/room/ramp.new.exr`, and mend the shader: nothing could ever agree with such a frame
     "#);
     let mut alpha = ramp();
@@ -56,6 +56,21 @@ fn a_frame_that_differs_says_what_and_where() {
 }
 
 #[test]
+fn what_is_relative_to_nothing_is_told_in_absolute_numbers() {
+    let project = Project::with_golden();
+    let worst = |relative| {
+        let tolerance = FrameTolerance::gate(relative);
+        let failed = project.check("vulkan", &spot(1.5), Some(&tolerance), None);
+        let Err(GoldenError::Differs { difference, .. }) = failed else { panic!("it differs") };
+        let FrameDifference::Values(deviation) = *difference else { panic!("its values differ") };
+        deviation.worst_margin()
+    };
+    let (exact, ratio) = worst(0.0);
+    assert!(exact.starts_with("abs 0.") && ratio.is_none(), "{exact} {ratio:?}");
+    assert!(worst(1e-3).0.starts_with("rel 0."));
+}
+
+#[test]
 fn what_passes_says_what_decided() {
     let project = Project::with_golden();
     let margin = project.check("vulkan", &ramp(), None, None).expect("equal");
@@ -69,7 +84,7 @@ fn what_passes_says_what_decided() {
     let edge = with(&[(3, 30)], 1.05);
     let margin = project.check("vulkan", &edge, None, None).expect("FLIP sees next to nothing");
     assert_eq!((margin.decided_by, margin.beyond_gate), (Criterion::Flip, 1));
-    insta::assert_snapshot!(margin, @"passes by FLIP: the gate is exceeded by 1 pixels, largest FLIP tile 0.00101 of 0.01, mean FLIP 8.61e-5 of 0.005");
+    insta::assert_snapshot!(margin, @"passes by FLIP: the gate is exceeded by 1 pixel, largest FLIP tile 0.00101 of 0.01, mean FLIP 8.61e-5 of 0.005");
     let mask = Mask::only(&[Rect::new(0, 24, 64, 24)]);
     let margin = project.check("vulkan", &edge, None, Some(&mask)).expect("it passes");
     assert!(margin.to_string().ends_with("(compared: 50% of the frame)"), "{margin}");
@@ -210,7 +225,7 @@ fn a_frame_with_nan_and_no_golden_says_so() {
     broken.pixels_mut()[70][1] = f32::NAN;
     let failed = project.check("vulkan", &broken, None, None).expect_err("NaN");
     insta::assert_snapshot!(project.text(&failed), @r"
-    frame `room/ramp` has no golden and can't become one: it has 1 pixels with NaN and 0 with infinities, first at (6, 1)
+    frame `room/ramp` has no golden and can't become one: it has 1 pixel with NaN and 0 with infinities, first at (6, 1)
       look at `golden/room/ramp.new.exr`, and mend the shader
     ");
     assert!(matches!(failed, GoldenError::Unacceptable { .. }));

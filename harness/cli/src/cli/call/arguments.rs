@@ -1,7 +1,8 @@
 //! Arguments of a call as words: numbers, derivatives, and one range that is swept.
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, anyhow, bail, ensure};
 use karat::diagnostic::nearest;
+use karat::output::counted;
 use karat::reflect::Function;
 use karat::value::{Scalar, Shape};
 use karat_suite::hexadecimal;
@@ -27,13 +28,20 @@ pub(super) struct Sweep {
 }
 
 impl Given {
-    /// Reads the arguments of a function: each `0.5`, `1,0,0`, `0..1:100` (a sweep) or, of functions that
-    /// take derivatives, `0.5@0.1@0` (its value, and how it changes to the right and downwards). Each may
-    /// have its parameter's name in front: `x=0.5`.
+    /// Reads the arguments of a function: each `0.5`, `1,0,0`, `0..1:100` (a sweep), JSON or, of functions
+    /// that take derivatives, `0.5@0.1@0` (its value, and how it changes to the right and downwards). Each
+    /// may have its parameter's name in front: `x=0.5`.
     pub(super) fn read(function: &Function, arguments: &[String]) -> anyhow::Result<Self> {
         let ordered = ordered(function, arguments)?;
         let mut given = Self { lanes: Vec::new(), varying: Vec::new(), sweep: None };
         for (text, (name, shape)) in ordered.iter().zip(&function.parameters) {
+            if is_json(text) {
+                let lanes = karat_suite::lanes_of_json(shape, text);
+                let lanes = lanes.map_err(|error| anyhow!("argument `{name}`: {error}"))?;
+                given.lanes.extend(lanes);
+                given.varying.push(false);
+                continue;
+            }
             let parts: Vec<&str> = text.split('@').collect();
             ensure!(
                 matches!(parts.len(), 1 | 3),
@@ -54,9 +62,13 @@ impl Given {
         let scalars = shape.lanes();
         ensure!(
             words.len() == scalars.len(),
-            "argument `{name}` is a {shape} of {} components, `{text}` has {}",
-            scalars.len(),
-            words.len()
+            "argument `{name}` is a {shape} of {}, `{text}` has {}{}",
+            counted(scalars.len(), "component"),
+            words.len(),
+            match shape {
+                Shape::Struct { .. } => format!("; as JSON it is {}", example(shape)),
+                _ => String::new(),
+            }
         );
         let of = || format!("argument `{name}`");
         for (word, scalar) in words.iter().zip(scalars) {
@@ -75,16 +87,25 @@ impl Given {
     }
 }
 
+/// Whether an argument is written as JSON: a structure, or a list.
+fn is_json(text: &str) -> bool {
+    text.trim_start().starts_with(['{', '['])
+}
+
 /// The arguments in the order of the parameters.
 fn ordered<'a>(function: &Function, arguments: &'a [String]) -> anyhow::Result<Vec<&'a str>> {
     let parameters = &function.parameters;
     let mut found: Vec<Option<&str>> = vec![None; parameters.len()];
     let mut next = 0;
     for text in arguments {
-        let (place, value) = match text.split_once('=') {
+        let (place, value) = match text.split_once('=').filter(|_| !is_json(text)) {
             Some((name, value)) => {
                 let place = parameters.iter().position(|(known, _)| known == name.trim());
                 let Some(place) = place else {
+                    if let Some(binding) = function.bindings.iter().find(|b| b.name() == name) {
+                        let kind = binding.kind;
+                        bail!("`{name}` is a {kind}, which is bound: --bind {name}={value}");
+                    }
                     let near = nearest(name, parameters.iter().map(|(known, _)| known.as_str()));
                     let near = near.map_or_else(String::new, |n| format!("; did you mean `{n}`?"));
                     bail!("`{}` has no parameter `{name}`{near}\n  {function}", function.name);
@@ -108,10 +129,31 @@ fn ordered<'a>(function: &Function, arguments: &'a [String]) -> anyhow::Result<V
     let expected = parameters.len();
     ensure!(
         count == expected && found.iter().all(Option::is_some),
-        "`{}` takes {expected} arguments, not {count}\n  {function}",
+        "`{}` takes {}, not {count}\n  {function}",
         function.name,
+        counted(expected, "argument"),
     );
     Ok(found.into_iter().flatten().collect())
+}
+
+/// A value of a type in JSON: `{"roughness": 0, "f0": [0, 0, 0]}`.
+fn example(shape: &Shape) -> String {
+    let list = |one: String, count: usize| format!("[{}]", vec![one; count].join(", "));
+    match shape {
+        Shape::Scalar(Scalar::Bool) => "false".to_owned(),
+        Shape::Scalar(_) => "0".to_owned(),
+        Shape::Vector { size, scalar } => list(example(&Shape::Scalar(*scalar)), (*size).into()),
+        Shape::Matrix { columns, rows, scalar } => {
+            let column = Shape::Vector { size: *rows, scalar: *scalar };
+            list(example(&column), (*columns).into())
+        }
+        Shape::Array { element, length } => list(example(element), *length as usize),
+        Shape::Struct { members, .. } => {
+            let members =
+                members.iter().map(|(name, shape)| format!("\"{name}\": {}", example(shape)));
+            format!("{{{}}}", members.collect::<Vec<_>>().join(", "))
+        }
+    }
 }
 
 /// The values of `least..most:count`.

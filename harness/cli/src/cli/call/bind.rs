@@ -8,6 +8,7 @@ use karat::diagnostic::nearest;
 use karat::fixture::Fixtures;
 use karat::probe::Probed;
 use karat::reflect::BindingKind;
+use karat::value::Scalar;
 use toml::Value;
 
 /// The values of overrides: `GAIN=2`.
@@ -32,6 +33,18 @@ pub(super) fn overrides(given: &[String]) -> anyhow::Result<BTreeMap<String, f64
         }
     }
     Ok(all)
+}
+
+/// Refuses `true` and `false` for what is a number.
+pub(super) fn expect_types(probed: &Probed, given: &[String]) -> anyhow::Result<()> {
+    for text in given {
+        let (name, value) = parted("override", text)?;
+        let kind = probed.program().override_type(name).filter(|kind| *kind != Scalar::Bool);
+        if let ("true" | "false", Some(kind)) = (value, kind) {
+            bail!("--override {text}: `{name}` is {}, so write a number", kind.wgsl());
+        }
+    }
+    Ok(())
 }
 
 fn parted<'a>(option: &str, text: &'a str) -> anyhow::Result<(&'a str, &'a str)> {

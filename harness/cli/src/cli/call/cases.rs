@@ -9,6 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use karat::diagnostic::nearest;
 use karat::fixture::Fixtures;
 use karat::image::write_whole;
+use karat::output::counted;
 use karat::probe::Probed;
 use karat::reflect::Function;
 use karat::value::{Scalar, Shape, format_f32, format_lane, hexfloat};
@@ -211,6 +212,7 @@ fn compare(
         }
         let count = table.rows.len();
         match failing {
+            0 if count == 1 => writeln!(out, "{path}: the row agrees ({tolerance})")?,
             0 => writeln!(out, "{path}: all {count} rows agree ({tolerance})")?,
             _ => {
                 writeln!(out, "{path}: {failing} of {count} rows differ ({tolerance})")?;
@@ -250,8 +252,7 @@ impl Places {
             let again = record.iter().take(place).any(|before| before == word);
             ensure!(
                 !again,
-                "`{shown}` has two columns `{word}`; the columns are {}",
-                names(columns)
+                "`{shown}` has two columns `{word}`, and it isn't clear which is meant: rename or remove one"
             );
         }
         let find = |name: &str| {
@@ -349,9 +350,9 @@ fn read(
         );
         ensure!(
             record.len() == width,
-            "`{shown}` line {} has {} columns, {} has {width}: {}",
+            "`{shown}` line {} has {}, {} has {width}: {}",
             line(),
-            record.len(),
+            counted(record.len(), "column"),
             if width == columns.len() { "a case" } else { "its head" },
             names(columns)
         );

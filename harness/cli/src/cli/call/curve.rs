@@ -5,7 +5,10 @@ use std::path::Path as FilePath;
 
 use anyhow::{Context, ensure};
 use karat::image::write_whole;
+use karat::output::counted;
 use plotters::prelude::*;
+
+use crate::cli::terminal::{self, Size};
 
 /// A component of the result on one path.
 pub(super) struct Curve {
@@ -13,9 +16,14 @@ pub(super) struct Curve {
     pub(super) points: Vec<(f64, f64)>,
 }
 
-/// Characters of a curve in a terminal.
-const COLUMNS: usize = 72;
+/// Characters beside and below a curve in a terminal.
+const BESIDE: usize = 15;
+const BELOW: usize = 6;
+/// Characters of a curve where no terminal limits them.
+const COLUMNS: usize = 65;
 const ROWS: usize = 18;
+/// What shows no curve.
+const LEAST: usize = 8;
 
 /// Marks of the first curves.
 const MARKS: [char; 6] = ['*', 'o', '+', 'x', '#', '@'];
@@ -53,7 +61,10 @@ pub(super) fn write_text(curves: &[Curve], axis: &str, out: &mut dyn Write) -> a
     let Some([(left, right), (bottom, top)]) = ends(curves) else {
         anyhow::bail!("nothing is finite, so there is no curve");
     };
-    let mut field = vec![vec![' '; COLUMNS]; ROWS];
+    let Size { columns, rows } = terminal::size();
+    let wide = columns.map_or(COLUMNS, |columns| columns.saturating_sub(BESIDE).max(LEAST));
+    let high = rows.saturating_sub(BELOW).clamp(LEAST, ROWS);
+    let mut field = vec![vec![' '; wide]; high];
     let place = |value: f64, lo: f64, hi: f64, count: usize| {
         let share = (value - lo) / (hi - lo);
         #[expect(
@@ -68,22 +79,22 @@ pub(super) fn write_text(curves: &[Curve], axis: &str, out: &mut dyn Write) -> a
     for (index, curve) in curves.iter().enumerate().rev() {
         let mark = MARKS[index % MARKS.len()];
         for (x, y) in curve.points.iter().filter(|(_, y)| y.is_finite()) {
-            let column = place(*x, left, right, COLUMNS);
-            field[ROWS - 1 - place(*y, bottom, top, ROWS)][column] = mark;
+            let column = place(*x, left, right, wide);
+            field[high - 1 - place(*y, bottom, top, high)][column] = mark;
         }
     }
     for (row, marks) in field.iter().enumerate() {
         let label = match row {
             0 => tick(top),
-            _ if row == ROWS - 1 => tick(bottom),
+            _ if row == high - 1 => tick(bottom),
             _ => String::new(),
         };
         let line: String = marks.iter().collect();
         writeln!(out, "{label:>12} |{}", line.trim_end())?;
     }
-    writeln!(out, "{:>12} +{}", "", "-".repeat(COLUMNS))?;
+    writeln!(out, "{:>12} +{}", "", "-".repeat(wide))?;
     let (left, right) = (format!("{axis} = {}", tick(left)), tick(right));
-    let gap = COLUMNS.saturating_sub(left.len() + right.len());
+    let gap = wide.saturating_sub(left.len() + right.len());
     writeln!(out, "{:>14}{left}{}{right}", "", " ".repeat(gap))?;
     for (curve, mark) in curves.iter().zip(MARKS.iter().cycle()) {
         let gone = curve.points.iter().filter(|(_, y)| !y.is_finite()).count();
@@ -91,7 +102,7 @@ pub(super) fn write_text(curves: &[Curve], axis: &str, out: &mut dyn Write) -> a
         let gone = match gone {
             0 if hidden => " (behind the others)".to_owned(),
             0 => String::new(),
-            count => format!(" ({count} points aren't finite)"),
+            count => format!(" (not finite: {})", counted(count, "point")),
         };
         writeln!(out, "{:>14}{mark} {}{gone}", "", curve.name)?;
     }

@@ -2,6 +2,7 @@
 
 use std::io::{self, Write};
 
+use karat::output::counted;
 use karat::value::format_f32;
 
 use super::comparison::{Comparison, Ending, FlipResult, GateResult, LdrResult, Reason, Side};
@@ -70,7 +71,11 @@ fn write_parts(side: &Side, out: &mut dyn Write) -> io::Result<()> {
 fn write_census(side: &Side, out: &mut dyn Write) -> io::Result<()> {
     if let Some((x, y)) = side.first_non_finite {
         let Side { nan, infinite, .. } = side;
-        write!(out, ", {nan} pixels with NaN and {infinite} with infinities, first at ({x}, {y})")?;
+        write!(
+            out,
+            ", {} with NaN and {infinite} with infinities, first at ({x}, {y})",
+            counted(*nan, "pixel")
+        )?;
     }
     writeln!(out)
 }

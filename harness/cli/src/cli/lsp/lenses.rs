@@ -5,6 +5,7 @@ use std::path::Path;
 
 use karat::Package;
 use karat::diagnostic::Span;
+use karat::output::counted;
 use karat::record::{PathRecord, Record, Subject, Verdict};
 use karat_suite::{Suite, Test};
 use lsp_types::{CodeLens, Command, Uri};
@@ -126,8 +127,7 @@ fn title(current: &[&Record], is_stale: bool, is_tested: bool, known: &Known<'_>
     let is_known = |record: &&&Record| record.verdict == Verdict::KnownIssue;
     let issues = match current.iter().filter(is_known).count() {
         0 => String::new(),
-        1 => ", 1 known issue".to_owned(),
-        count => format!(", {count} known issues"),
+        count => format!(", {}", counted(count, "known issue")),
     };
     let verdict = match (failed, current.len()) {
         (0, 1) => "1 check passes".to_owned(),
@@ -136,10 +136,7 @@ fn title(current: &[&Record], is_stale: bool, is_tested: bool, known: &Known<'_>
         (failed, count) => format!("{failed} of {count} checks fail"),
     };
     let paths = || current.iter().flat_map(|record| &record.paths);
-    let cases = match paths().map(|path| path.cases).sum::<u64>() {
-        1 => "1 case".to_owned(),
-        count => format!("{count} cases"),
-    };
+    let cases = counted(paths().map(|path| path.cases).sum::<u64>(), "case");
     format!("{verdict}{issues}{}, {cases}", worst(paths()).unwrap_or_default())
 }
 

@@ -89,7 +89,7 @@ fn run(function: &str, names: &BTreeSet<String>, folder: PathBuf) -> anyhow::Res
     let ran = command.stdin(Stdio::null()).output().context("can't run `karat test`")?;
     let (out, err) = (String::from_utf8_lossy(&ran.stdout), String::from_utf8_lossy(&ran.stderr));
     // The last line counts; one that couldn't run says why.
-    let count = out.lines().last().filter(|line| line.contains(" checks, "));
+    let count = out.lines().last().filter(|line| line.contains(" failed"));
     let why =
         || err.lines().find(|line| line.starts_with("error")).unwrap_or("it ended").to_owned();
     let said = count.map_or_else(why, str::to_owned);

@@ -5,7 +5,7 @@ use std::fs::OpenOptions;
 use std::io::Write;
 
 use anyhow::Context;
-use karat::output::visible;
+use karat::output::{counted, visible};
 use karat::record::{Record, Subject, Verdict};
 
 use super::tables::{is_failure, share};
@@ -62,7 +62,7 @@ fn annotations(failures: &[&Record], passed: bool, project: &Project) -> Vec<Str
     let mut lines: Vec<String> = shown.iter().map(of).collect();
     if !rest.is_empty() {
         let names: Vec<String> = rest.iter().map(|record| subject(record)).collect();
-        let title = format!("{} more checks failed", rest.len());
+        let title = format!("{} failed", counted(rest.len(), "more check"));
         let message = format!("the log has their messages:\n{}", names.join("\n"));
         lines.push(annotation(None, &title, &message));
     }
@@ -126,8 +126,8 @@ fn summary(
 ) -> anyhow::Result<String> {
     let known = records.iter().filter(|record| record.verdict == Verdict::KnownIssue).count();
     let mut text = String::from("## Karat\n\n");
-    let (count, failed) = (records.len(), failures.len());
-    writeln!(text, "{count} checks, {failed} failed, {known} known issues.\n")?;
+    let (checks, failed) = (counted(records.len(), "check"), failures.len());
+    writeln!(text, "{checks}, {failed} failed, {}.\n", counted(known, "known issue"))?;
     if !passed && failures.is_empty() {
         writeln!(text, "{OUTSIDE}\n")?;
     }
@@ -156,7 +156,7 @@ fn summary(
         }
     }
     if dropped > 0 {
-        writeln!(text, "{dropped} more messages are in the log.")?;
+        writeln!(text, "The log has {}.", counted(dropped, "more message"))?;
     }
     Ok(text)
 }
@@ -168,7 +168,12 @@ fn rows(record: &Record, text: &mut String) -> std::fmt::Result {
     }
     for path in &record.paths {
         let (worst, asserted) = (cell(&path.worst), cell(&path.asserted));
-        let (cases, failures, share) = (path.cases, path.failures, cell(&share(path)));
+        let (cases, share) = (path.cases, cell(&share(path)));
+        // Of a sampler whole configurations fail, each of many samples.
+        let failures = match path.configurations {
+            Some(_) => counted(path.failures, "configuration"),
+            None => path.failures.to_string(),
+        };
         let path = cell(&path.adapter.path);
         writeln!(
             text,

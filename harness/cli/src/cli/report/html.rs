@@ -6,11 +6,12 @@ mod plot;
 use std::collections::{BTreeMap, BTreeSet};
 
 use karat::hazards::Hazards;
+use karat::output::counted;
 use karat::record::{Errors, PathRecord, Record, Run, Subject, Verdict};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::tables::{is_failure, share};
-use super::{message, replays, subject};
+use super::{failing, message, replays, subject};
 
 const STYLE: &str = include_str!("html/report.css");
 const SCRIPT: &str = include_str!("html/report.js");
@@ -77,9 +78,9 @@ fn head(records: &[Record], run: Option<&Run>, verdict: &str, matrix: Option<&st
         header {
             h1 class=(if verdict == "passed" { "pass" } else { "fail" }) { (verdict) }
             p {
-                (records.len()) " checks, " (failed) " failed"
+                (counted(records.len(), "check")) ", " (failed) " failed"
                 @if known > 0 { ", " (known) " known issues" }
-                ", " (cases) " cases compared"
+                ", " (counted(cases, "case")) " compared"
                 @if let Some(started) = started.min() { ", begun " time { (started) } }
             }
             @match run {
@@ -217,7 +218,8 @@ fn cell(path: &PathRecord) -> Markup {
             " " b { (path.worst) }
             @let share = share(path);
             @if !share.is_empty() { " " span class="share" { (share) } }
-            @if path.failures > 0 { " " span class="count" { (path.failures) " of " (path.cases) } }
+            @let told = failing(path);
+            @if path.failures > 0 { " " span class="count" { (told) } }
             @else { " " span class="count" { (path.cases) } }
             @if let Some(reason) = &path.known_issue { " " i { (reason) } }
             @if let Some(errors) = &path.errors { (distribution(errors)) }
@@ -345,7 +347,7 @@ fn hazards(all: &[Hazards]) -> Markup {
             }
             @for Hazards { package, functions, found, accepted, .. } in all {
                 p {
-                    (package) ": " (found.len()) " in " (functions) " functions"
+                    (package) ": " (found.len()) " in " (counted(*functions, "function"))
                     @if *accepted > 0 { ", " (accepted) " accepted" }
                 }
                 @for hazard in found { pre class="row" { (hazard) } }

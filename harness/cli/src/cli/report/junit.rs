@@ -7,7 +7,7 @@ use anyhow::Context;
 use karat::record::{PathRecord, Record, Subject, Verdict};
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite, XmlString};
 
-use super::{pictures, place, relative, workspace};
+use super::{failing, pictures, place, relative, workspace};
 use crate::cli::project::Project;
 
 /// The file. Times are of each check, and their sums: checks run beside each other, so a run takes
@@ -123,10 +123,9 @@ fn replay_on<'a>(record: &'a Record, path: &PathRecord) -> Option<&'a str> {
 fn line(path: &PathRecord) -> String {
     let known = path.known_issue.as_ref().map(|why| format!("; known issue: {why}"));
     format!(
-        "{}: {} cases, {} failed, {} ({}){}",
+        "{}: {}, {} ({}){}",
         path.adapter.path,
-        path.cases,
-        path.failures,
+        failing(path),
         path.worst,
         path.asserted,
         known.unwrap_or_default()

@@ -4,11 +4,12 @@ use std::io::Write;
 use std::path::Path;
 
 use karat::diagnostic::{Diagnostic, shown};
+use karat::output::counted;
 use karat::package::PackageError;
 use karat::record::{PathRecord, Record, Subject};
 use karat::reflect::{Invalid, ReflectError};
 
-use super::{Place, is_failure, located, place};
+use super::{Place, Tests, failing, is_failure, located, place, told_outside};
 
 /// Something that is wrong, in one line, and where.
 #[derive(Debug, PartialEq, Eq)]
@@ -21,7 +22,7 @@ pub(in crate::cli) struct Finding {
 pub(in crate::cli) fn write(
     records: &[Record],
     invalid: &[(String, Invalid)],
-    passed: bool,
+    tests: Tests<'_>,
     root: &Path,
     out: &mut dyn Write,
 ) -> std::io::Result<()> {
@@ -48,16 +49,15 @@ pub(in crate::cli) fn write(
         }
     }
     lines.iter().try_for_each(|line| writeln!(out, "{line}"))?;
-    let (checks, failed) = (records.len(), failed.len());
+    let (checks, failed) = (counted(records.len(), "check"), failed.len());
     let invalid = match invalid.len() {
         0 => "",
         _ => "; modules aren't valid",
     };
-    let outside = match failed == 0 && !passed {
-        true => "; a test failed outside of Karat's checks: leave --short out to see it",
-        false => "",
-    };
-    writeln!(out, "{checks} checks, {failed} failed{invalid}{outside}")
+    let outside = told_outside(records, tests);
+    let outside = outside.map(|told| format!("; {told}; leave --short out to see it"));
+    let outside = outside.unwrap_or_default();
+    writeln!(out, "{checks}, {failed} failed{invalid}{outside}")
 }
 
 /// What is wrong with a module, with its place.
@@ -115,13 +115,12 @@ fn headline(record: &Record) -> String {
         let whole = super::message(record).unwrap_or_else(|| message.to_owned());
         return first_line(&whole);
     };
-    let PathRecord { adapter, cases, failures, .. } = worst;
     let seen = match worst.asserted.is_empty() {
         true => worst.worst.clone(),
         false => format!("{} ({})", worst.worst, worst.asserted),
     };
-    let path = &adapter.path;
-    format!("`{function}` fails {check}: {seen} on {path}, {failures} of {cases} cases")
+    let path = &worst.adapter.path;
+    format!("`{function}` fails {check}: {seen} on {path}, {}", failing(worst))
 }
 
 /// The path that fails worst.

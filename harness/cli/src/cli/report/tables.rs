@@ -5,13 +5,15 @@ use std::io::Write;
 use std::path::Path;
 
 use anyhow::bail;
+use karat::output::counted;
 use karat::record::{Grant, PathRecord, Record, Subject, Verdict};
 
-use crate::cli::replay;
+use super::{Tests, told_outside};
 use crate::cli::table::{BAD, DIM, GOOD, KNOWN, Table};
+use crate::cli::{replay, terminal};
 
-/// Rows of a table that fit a screen together with what stands below it.
-const SCREEN: usize = 24;
+/// Lines of a screen that stand around the rows of a table: its head, the sum, replays, a prompt.
+const AROUND: usize = 8;
 
 /// Functions, then frames; the number of checks that failed. Where those that pass don't fit a screen,
 /// those of a module are one line, and failures are told again in full behind all tables, unless `all`
@@ -24,7 +26,7 @@ pub(in crate::cli) fn write(
     let (passed, others): (Vec<_>, Vec<_>) =
         records.iter().partition(|record| record.verdict == Verdict::Pass);
     let rows: usize = passed.iter().map(|record| record.paths.len()).sum();
-    if all || rows <= SCREEN {
+    if all || rows + AROUND <= terminal::size().rows {
         let records: Vec<&Record> = records.iter().collect();
         let functions = write_functions(&records, out)?;
         write_grants(&records, out)?;
@@ -75,7 +77,8 @@ fn write_folded(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> 
             }
         }
     }
-    let mut table = Table::new(&["passed", "checks", "cases", "of bound", "paths"], &[1, 2, 3]);
+    let mut table =
+        Table::new(&["passed", "checks", "cases", "of bound", "paths"], &[1, 2, 3]).cutting(&[4]);
     for ((_, module), folded) in modules {
         let closest = folded.closest.map_or_else(String::new, |(_, path)| share(path));
         let paths = folded.paths.into_iter().collect::<Vec<_>>().join(", ");
@@ -91,20 +94,25 @@ fn write_folded(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> 
 pub(in crate::cli) fn write_sum(
     records: &[Record],
     failed: usize,
-    passed: bool,
+    tests: Tests<'_>,
     folder: &Path,
     out: &mut dyn Write,
 ) -> anyhow::Result<()> {
-    let count = records.len();
-    let style = if passed && failed == 0 { GOOD } else { BAD };
+    let checks = counted(records.len(), "check");
+    let style = if tests.passed && failed == 0 { GOOD } else { BAD };
     let known = known_issues(records);
     let cases: u64 = records.iter().flat_map(|record| &record.paths).map(|path| path.cases).sum();
     writeln!(
         out,
-        "\n{style}{count} checks, {failed} failed{known}{style:#}, {cases} cases compared"
+        "\n{style}{checks}, {failed} failed{known}{style:#}, {} compared",
+        counted(cases, "case")
     )?;
-    for (name, record) in replay::names(records).into_iter().take(NAMED) {
+    let names = replay::names(records);
+    for (name, record) in names.iter().take(NAMED) {
         writeln!(out, "{BAD}karat replay {name}{BAD:#}  {}", super::subject(record))?;
+    }
+    if names.len() > NAMED {
+        writeln!(out, "and {} more: `karat replay` lists all", names.len() - NAMED)?;
     }
     if let Some(slowest) = slowest(records) {
         writeln!(out, "{DIM}slowest: {slowest}{DIM:#}")?;
@@ -114,8 +122,8 @@ pub(in crate::cli) fn write_sum(
     for overlay in overlays {
         writeln!(out, "{BAD}with KARAT_OVERLAY={overlay}: not the modules of the packages{BAD:#}")?;
     }
-    if failed == 0 && !passed {
-        writeln!(out, "{BAD}a test failed outside of Karat's checks, see above{BAD:#}")?;
+    if let Some(outside) = told_outside(records, tests) {
+        writeln!(out, "{BAD}{outside}, see above{BAD:#}")?;
     }
     Ok(())
 }
@@ -146,7 +154,8 @@ pub(in crate::cli) fn expect_some(records: &[Record], filter: Option<&str>) -> a
     match filter {
         Some(filter) => bail!(
             "no check ran in a test whose name contains `{filter}`, or that checked such a function when \
-             it last ran; a run that compared nothing is no success"
+             it last ran; one that has never run is known by its own name alone, and `karat test` runs \
+             all; a run that compared nothing is no success"
         ),
         None => bail!("no test ran a check; a run that compared nothing is no success"),
     }
@@ -156,8 +165,7 @@ pub(in crate::cli) fn expect_some(records: &[Record], filter: Option<&str>) -> a
 fn known_issues(records: &[Record]) -> String {
     match records.iter().filter(|record| record.verdict == Verdict::KnownIssue).count() {
         0 => String::new(),
-        1 => ", 1 known issue".to_owned(),
-        count => format!(", {count} known issues"),
+        count => format!(", {}", counted(count, "known issue")),
     }
 }
 
@@ -165,7 +173,7 @@ fn known_issues(records: &[Record]) -> String {
 fn write_functions(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<usize> {
     let head =
         ["function", "check", "path", "cases", "worst", "of bound", "WGSL allows", "asserted"];
-    let mut table = Table::new(&head, &[3, 5, 6]);
+    let mut table = Table::new(&head, &[3, 5, 6]).cutting(&[4, 7]);
     let mut failed = 0;
     for record in records {
         let Subject::Function { function, check, assertion, .. } = &record.subject else {
@@ -182,7 +190,7 @@ fn write_functions(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<u
 
 fn write_frames(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<usize> {
     let head = ["frame", "path", "pixels", "worst", "of bound", "asserted"];
-    let mut table = Table::new(&head, &[2, 4]);
+    let mut table = Table::new(&head, &[2, 4]).cutting(&[3, 5]);
     let mut failed = 0;
     for record in records {
         let Subject::Frame { golden, .. } = &record.subject else { continue };
@@ -335,6 +343,7 @@ mod tests {
             errors: None,
             plot: None,
             histogram: None,
+            configurations: None,
         };
         let subject = Subject::Function {
             package: String::new(),

@@ -1,15 +1,46 @@
 //! One line of progress for a whole run, on standard error, where that is a terminal. It leaves nothing behind.
 
 use std::io::IsTerminal;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// How many tests there will be is known where the last run was of the same ones: programs of tests tell their
 /// counts one by one, and a bar of what is known so far would go backwards.
 pub(super) struct Progress {
-    bar: ProgressBar,
+    line: Line,
     done: u64,
     failed: Vec<String>,
+}
+
+/// The line that is drawn. Several threads may write above it.
+#[derive(Clone)]
+pub(super) struct Line {
+    bar: ProgressBar,
+    /// Whether it is on the screen. Who holds it writes alone.
+    drawn: Arc<Mutex<bool>>,
+}
+
+impl Line {
+    fn of(bar: ProgressBar) -> Self {
+        Self { bar, drawn: Arc::default() }
+    }
+
+    fn alone(&self) -> MutexGuard<'_, bool> {
+        self.drawn.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether somebody sees it.
+    pub(super) fn is_seen(&self) -> bool {
+        !self.bar.is_hidden()
+    }
+
+    /// Writes what is to stay above the line.
+    pub(super) fn above<T>(&self, write: impl FnOnce() -> T) -> T {
+        let drawn = self.alone();
+        // Nothing is drawn before there is a verdict: Cargo builds.
+        if *drawn { self.bar.suspend(write) } else { write() }
+    }
 }
 
 impl Progress {
@@ -24,7 +55,7 @@ impl Progress {
                 ProgressBar::new_spinner().with_style(style("{spinner} {pos} tests  {wide_msg}"))
             }
         };
-        Self { bar, done: 0, failed: Vec::new() }
+        Self { line: Line::of(bar), done: 0, failed: Vec::new() }
     }
 
     /// A test has its verdict.
@@ -33,22 +64,27 @@ impl Progress {
         if verdict == "FAILED" {
             self.failed.push(name.strip_suffix(" - should panic").unwrap_or(name).to_owned());
         }
+        let mut drawn = self.line.alone();
+        let bar = &self.line.bar;
         // More tests than last time: the bar is full, and grows.
-        if self.bar.length().is_some_and(|length| length < self.done) {
-            self.bar.set_length(self.done);
+        if bar.length().is_some_and(|length| length < self.done) {
+            bar.set_length(self.done);
         }
-        self.bar.set_position(self.done);
-        self.bar.set_message(name.to_owned());
+        bar.set_position(self.done);
+        bar.set_message(name.to_owned());
+        *drawn = true;
     }
 
-    /// Writes what is to stay above the line.
-    pub(super) fn above<T>(&self, write: impl FnOnce() -> T) -> T {
-        self.bar.suspend(write)
+    /// The line, for who writes above it.
+    pub(super) fn line(&self) -> Line {
+        self.line.clone()
     }
 
     /// Takes the line away for a while: another program writes.
     pub(super) fn pause(&self) {
-        self.bar.finish_and_clear();
+        let mut drawn = self.line.alone();
+        self.line.bar.finish_and_clear();
+        *drawn = false;
     }
 
     /// Tests that failed.
@@ -72,12 +108,14 @@ mod tests {
 
     #[test]
     fn the_share_that_is_done_never_shrinks() {
-        let mut progress = Progress { bar: ProgressBar::hidden(), done: 0, failed: Vec::new() };
-        progress.bar.set_length(3);
+        let line = Line::of(ProgressBar::hidden());
+        line.bar.set_length(3);
+        let mut progress = Progress { line, done: 0, failed: Vec::new() };
         let mut last = 0.0;
         for test in 0..5 {
             progress.step(&test.to_string(), if test == 2 { "FAILED" } else { "ok" });
-            let (at, length) = (progress.bar.position(), progress.bar.length().unwrap_or(0));
+            let (at, length) =
+                (progress.line.bar.position(), progress.line.bar.length().unwrap_or(0));
             let share = at as f64 / length as f64;
             assert!(share >= last, "{test}: {share} after {last}");
             last = share;

@@ -59,6 +59,11 @@ impl Subjects {
         std::fs::write(record.with_file_name(FILE), text)
     }
 
+    /// Whether some test checked something whose name has this in it.
+    pub(super) fn checks(&self, words: &str) -> bool {
+        self.tests.values().flatten().any(|name| name.contains(words))
+    }
+
     /// Tests that checked something whose name has this in it, while their own names haven't.
     pub(super) fn about(&self, words: &str) -> Vec<String> {
         let tests = self.tests.iter().filter(|(test, names)| {
@@ -93,6 +98,10 @@ mod tests {
         assert_eq!(
             (again.about("fresnel"), again.failed()),
             (vec!["grazing".to_owned()], &["lost".to_owned()][..])
+        );
+        assert!(
+            again.checks("ggx") && !again.checks("lobe"),
+            "of tests only their names are known"
         );
         assert_eq!((again.about("ggx"), again.count()), (vec!["lobe".to_owned()], Some(2)));
         assert_eq!(again.about("lobe"), Vec::<String>::new(), "cargo finds it by its name");
