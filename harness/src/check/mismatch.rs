@@ -6,7 +6,7 @@ use crate::path::Selector;
 use crate::reflect::Function;
 use crate::stats::Support;
 use crate::tolerance::Tolerance;
-use crate::value::{Differing, Shape};
+use crate::value::{Differing, Scalar, Shape};
 
 /// How a function and a check don't fit.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -137,7 +137,7 @@ pub enum Mismatch {
 /// What differs in arguments whose types may have the same names, or what was perhaps meant.
 fn hint(declared: &[Shape], supplied: &[Shape]) -> String {
     if declared.len() != supplied.len() {
-        return mixed_up(declared, supplied).to_owned();
+        return mixed_up(declared, supplied);
     }
     let mut pairs = supplied.iter().zip(declared);
     let first = pairs.find(|(host, wgsl)| !host.stands_for(wgsl, false));
@@ -155,13 +155,28 @@ fn member(differing: Option<Differing>) -> String {
 }
 
 /// What is meant where a tuple stands for one vector or structure, or the other way round.
-fn mixed_up(declared: &[Shape], supplied: &[Shape]) -> &'static str {
+fn mixed_up(declared: &[Shape], supplied: &[Shape]) -> String {
     let lanes = |shapes: &[Shape]| shapes.iter().flat_map(Shape::lanes).collect::<Vec<_>>();
     let apart = declared.len() != supplied.len() && lanes(declared) == lanes(supplied);
     match (apart, declared.len() < supplied.len()) {
-        (false, _) => "",
-        (true, true) => ": `(..).composed::<Vec2>()` makes one value of a tuple's",
-        (true, false) => ": give each parameter a domain of its own, in a tuple",
+        (false, _) => String::new(),
+        (true, true) => {
+            let of_several = declared.iter().find(|shape| shape.lanes().len() > 1);
+            let name = of_several.map_or_else(|| "Vec2".to_owned(), host_name);
+            format!(": `(..).composed::<{name}>()` makes one value of a tuple's")
+        }
+        (true, false) => ": give each parameter a domain of its own, in a tuple".to_owned(),
+    }
+}
+
+/// What a type is probably called in a test.
+fn host_name(shape: &Shape) -> String {
+    match shape {
+        Shape::Vector { size, scalar: Scalar::U32 } => format!("UVec{size}"),
+        Shape::Vector { size, scalar: Scalar::I32 } => format!("IVec{size}"),
+        Shape::Vector { size, .. } => format!("Vec{size}"),
+        Shape::Struct { name, .. } => name.rsplit("::").next().unwrap_or(name).to_owned(),
+        other => other.to_string(),
     }
 }
 
@@ -190,6 +205,18 @@ mod tests {
     fn structure(name: &str, members: &[(&str, Shape)]) -> Shape {
         let own = |(name, shape): &(&str, Shape)| ((*name).to_owned(), shape.clone());
         Shape::Struct { name: name.to_owned(), members: members.iter().map(own).collect() }
+    }
+
+    #[test]
+    fn a_tuple_for_one_value_is_told_what_it_may_become() {
+        let number = Shape::Scalar(Scalar::F32);
+        let vector = |size, scalar| Shape::Vector { size, scalar };
+        let hinted = hint(&[vector(3, Scalar::F32)], &vec![number.clone(); 3]);
+        assert!(hinted.contains("`(..).composed::<Vec3>()`"), "{hinted}");
+        let whole = Shape::Scalar(Scalar::U32);
+        let hinted =
+            hint(&[vector(2, Scalar::U32), number.clone()], &[whole.clone(), whole, number]);
+        assert!(hinted.contains("`(..).composed::<UVec2>()`"), "{hinted}");
     }
 
     #[test]
