@@ -28,6 +28,22 @@ fn no_fault_succeeds() {
     assert!(output.status.success(), "{text}");
 }
 
+/// A check that doesn't fit its function has the function's place in the record, and names what differs.
+#[test]
+fn a_signature_that_does_not_fit_is_recorded_where_it_stands() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder_name = folder.path().display().to_string();
+    let (output, text) = planted(&["signature"], &[("KARAT_RECORD", &folder_name)]);
+    let told = "member 1 of the function's `Pair` is `a: f32`, of the other one it is `b: f32`";
+    assert!(!output.status.success() && text.contains(told), "{text}");
+    let records = karat::record::read(folder.path()).expect("the verdict was recorded");
+    let [record] = &*records else { panic!("one check, {} records", records.len()) };
+    let karat::record::Subject::Function { location, .. } = &record.subject else {
+        panic!("{record:?}")
+    };
+    assert_eq!(location, "<planted>:2:1");
+}
+
 /// A replay that replays nothing is red, and says which check was likely meant. One that replays
 /// the second check of a program is not.
 #[test]

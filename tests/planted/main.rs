@@ -28,6 +28,7 @@ fn main() -> ExitCode {
         "endless_loop" => check(&endless(), "endless"),
         "too_large" => check("fn above(x: f32) -> f32 { return x + x * x * 0.001; }", "above"),
         "integral" => Ok(integral()),
+        "signature" => Ok(signature()),
         "two" => two(),
         // A thread of the test's own has no name, and the test isn't known there.
         "in_a_thread" => std::thread::spawn(two).join().expect("no check panics"),
@@ -66,6 +67,16 @@ fn check(wgsl: &str, function: &str) -> Result<String, String> {
         .try_agrees_with(|x: f64| x, Ulp(0.0))
         .map(|agreement| agreement.to_string())
         .map_err(|failure| failure.to_string())
+}
+
+/// A structure whose members are swapped.
+fn signature() -> String {
+    karat::shareable! { struct Pair mirrors PairMirror { b: f32, a: f32 } }
+    let wgsl = "struct Pair { a: f32, b: f32 }\nfn f(p: Pair) -> f32 { return p.a; }";
+    let package = Package::from_source("planted", wgsl);
+    let drawn = (0.0..=1.0, 0.0..=1.0).composed::<Pair>();
+    let expected = |p: PairMirror| p.a;
+    package.function("f").over(drawn).agrees_with(expected, Ulp(0.0)).to_string()
 }
 
 /// Two checks of two functions.
