@@ -66,6 +66,12 @@ pub struct Goldens {
 }
 
 /// Declares a folder of [`Goldens`], relative to the manifest of the crate that calls it.
+///
+/// ```
+/// // The folder `golden` beside Cargo.toml.
+/// static GOLDENS: karat::Goldens = karat::goldens!("golden");
+/// assert!(GOLDENS.folder().ends_with("golden"));
+/// ```
 #[macro_export]
 macro_rules! goldens {
     ($folder:expr) => {
@@ -268,6 +274,15 @@ impl Goldens {
     }
 
     /// The golden that a pending frame was compared with.
+    ///
+    /// ```no_run
+    /// use karat::Goldens;
+    ///
+    /// let goldens = Goldens::open("golden".as_ref());
+    /// for pending in goldens.pending().frames {
+    ///     println!("{} and {}", goldens.compared(&pending).display(), pending.path.display());
+    /// }
+    /// ```
     #[must_use]
     pub fn compared(&self, pending: &Pending) -> PathBuf {
         if pending.is_table() {

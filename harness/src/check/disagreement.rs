@@ -16,6 +16,19 @@ use crate::value::{Scalar, Shape, format_f32, hexfloat};
 /// `Display` shows the function in the author's file. For each path, it shows a census, the worst
 /// and the first failing case with their inputs, the simplest case that the worst could be reduced
 /// to, and the commands that replay them.
+///
+/// ```
+/// use karat::check::Failure;
+/// use karat::prelude::*;
+///
+/// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return 0.6 * x; }");
+/// let wrong = package.function("f").over(0.1..=1.0).try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
+/// let Err(Failure::Disagreement(found)) = wrong else { panic!("it is 0.6") };
+/// assert_eq!((found.function.name.as_str(), found.check), ("f", "agrees_with"));
+/// for path in &found.paths {
+///     println!("{} of {} cases fail on {}", path.census.failures, path.census.cases, path.adapter);
+/// }
+/// ```
 #[derive(Clone, Debug)]
 pub struct Disagreement {
     /// The function.
@@ -37,6 +50,15 @@ pub struct Disagreement {
 }
 
 /// What an expected value is to the actual one.
+///
+/// ```
+/// # use karat::check::Failure;
+/// # use karat::prelude::*;
+/// # let package = Package::from_source("m", "fn f(x: f32) -> f32 { return 0.6 * x; }");
+/// # let wrong = package.function("f").over(0.1..=1.0).try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
+/// let Err(Failure::Disagreement(found)) = wrong else { panic!("it is 0.6") };
+/// assert_eq!(found.expectation.to_string(), "expected"); // what an integral may be `at most`
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Expectation {
     /// The same, within the tolerance.
@@ -56,6 +78,18 @@ impl fmt::Display for Expectation {
 }
 
 /// The failures of one path.
+///
+/// ```
+/// # use karat::check::Failure;
+/// # use karat::prelude::*;
+/// # let package = Package::from_source("m", "fn f(x: f32) -> f32 { return 0.6 * x; }");
+/// # let wrong = package.function("f").over(0.1..=1.0).try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
+/// let Err(Failure::Disagreement(found)) = wrong else { panic!("it is 0.6") };
+/// for path in &found.paths {
+///     println!("on {}: {}", path.adapter, path.worst.error);
+///     println!("run it again: {}", path.replay);
+/// }
+/// ```
 #[derive(Clone, Debug)]
 pub struct PathDisagreement {
     /// Path, adapter and driver.
@@ -79,6 +113,17 @@ pub struct PathDisagreement {
 }
 
 /// What the worst case was reduced to: a simpler one that fails the same check on the same path.
+///
+/// ```
+/// # use karat::check::Failure;
+/// # use karat::prelude::*;
+/// # let package = Package::from_source("m", "fn f(x: f32) -> f32 { return 0.6 * x; }");
+/// # let wrong = package.function("f").over(0.1..=1.0).try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
+/// let Err(Failure::Disagreement(found)) = wrong else { panic!("it is 0.6") };
+/// if let Some(simplest) = &found.paths[0].simplest {
+///     println!("the simplest case: {:?}", simplest.failure.arguments);
+/// }
+/// ```
 #[derive(Clone, Debug)]
 pub struct Simplest {
     /// The failure, under the index of the case that was reduced.
@@ -98,6 +143,17 @@ impl Simplest {
 }
 
 /// One failing case.
+///
+/// ```
+/// # use karat::check::Failure;
+/// # use karat::prelude::*;
+/// # let package = Package::from_source("m", "fn f(x: f32) -> f32 { return 0.6 * x; }");
+/// # let wrong = package.function("f").over(0.1..=1.0).try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
+/// let Err(Failure::Disagreement(found)) = wrong else { panic!("it is 0.6") };
+/// let worst = &found.paths[0].worst;
+/// assert_eq!(worst.arguments[0].0, "x");
+/// println!("{:?}, expected {:?}", f32::from_bits(worst.actual), worst.expected);
+/// ```
 #[derive(Clone, Debug)]
 pub struct CaseFailure {
     /// Index of the case.
@@ -130,6 +186,18 @@ pub struct CaseFailure {
 }
 
 /// An integral that fails.
+///
+/// ```
+/// # use karat::check::Failure;
+/// # use karat::prelude::*;
+/// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return x; }");
+/// let midpoint = |&b: &f32| vec![(0.5 * b, f64::from(b))];
+/// let integral = package.function("f").integral(0.1..=1.0, midpoint).cases(16);
+/// let wrong = integral.try_agrees_with(|&b: &f32| f64::from(b), Rel(1e-6));
+/// let Err(Failure::Disagreement(found)) = wrong else { panic!("it is b * b / 2") };
+/// let integral = found.paths[0].worst.integral.as_ref().expect("it is one of integrals");
+/// assert_eq!(integral.nodes, 1);
+/// ```
 #[derive(Clone, Debug)]
 pub struct IntegralFailure {
     /// The worst component, before it is rounded to `f32`.
@@ -143,6 +211,19 @@ pub struct IntegralFailure {
 }
 
 /// A node of a quadrature rule at which the function returned NaN or an infinity.
+///
+/// ```
+/// # use karat::check::Failure;
+/// # use karat::prelude::*;
+/// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return log(x - 2.0); }");
+/// let midpoint = |&b: &f32| vec![(0.5 * b, f64::from(b))];
+/// let integral = package.function("f").integral(0.1..=1.0, midpoint).cases(16);
+/// let wrong = integral.try_agrees_with(|&b: &f32| f64::from(b), Rel(1e-6));
+/// if let Err(Failure::Disagreement(found)) = wrong {
+///     let node = found.paths[0].worst.integral.as_ref().and_then(|integral| integral.node.as_ref());
+///     println!("{:?}", node.map(|node| (&node.arguments, &node.result)));
+/// }
+/// ```
 #[derive(Clone, Debug)]
 pub struct NodeFailure {
     /// Its place in the rule.

@@ -96,6 +96,20 @@ impl DynamicCheck<'_> {
     }
 
     /// See [`Check::tolerance_on`](super::Check::tolerance_on).
+    ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let check = package.function("half").over_dynamic(x).tolerance_on("metal", Ulp(4.0));
+    /// let half = |x: &[u32], out: &mut Vec<f64>| out.push(0.5 * f64::from(f32::from_bits(x[0])));
+    /// check.agrees_with(&half, Ulp(1.0))?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
     pub fn tolerance_on(
         mut self,
         on: impl Into<Selector>,
@@ -106,6 +120,19 @@ impl DynamicCheck<'_> {
     }
 
     /// See [`Check::fails_on`](super::Check::fails_on).
+    ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let parameters = [("x".to_owned(), Shape::Scalar(Scalar::F32))];
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// # let x = Dynamic::new(&parameters, vec![vec![part]]);
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let check = package.function("half").over_dynamic(x);
+    /// check.fails_on("metal", "vendor bug 1234: half is rounded up").is_finite()?;
+    /// # Ok::<(), karat::check::Failure>(())
+    /// ```
     pub fn fails_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
         self.plan.known_issues.declare(on.into(), reason);
         self
@@ -421,6 +448,20 @@ impl DynamicCheck<'_> {
     }
 
     /// Runs a test that is written in WGSL: see [`WgslTest`](super::WgslTest).
+    ///
+    /// ```
+    /// # use karat::domain::{Dynamic, Part};
+    /// # use karat::prelude::*;
+    /// # use karat::value::{Scalar, Shape};
+    /// # let part = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+    /// let text = "import karat::expect_in_range;
+    ///             @test fn stays(x: f32) { expect_in_range(0.5 * x, 0.0, 0.5); }";
+    /// let package = Package::from_modules("m", [("half_test", text)]);
+    /// let test = package.tests_in(&["half_test".to_owned()])?.remove(0)?.remove(0);
+    /// let x = Dynamic::new(test.parameters()?, vec![vec![part]]);
+    /// test.probe()?.over_dynamic(x).cases(100).expects()?;
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// If an expectation fails, or none was evaluated.

@@ -254,6 +254,15 @@ where
 }
 
 /// What a check of samples compared, and how close it came.
+///
+/// ```
+/// # use karat::prelude::*;
+/// let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
+/// let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
+/// let fit = sampler.has_mean("u", |x: f32| x.into(), |()| 0.5, 1e-6);
+/// assert_eq!(fit.configurations, 1);
+/// assert!(fit.p >= fit.threshold);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Fit {
     /// The sampler.

@@ -42,6 +42,20 @@ pub struct Acceptance {
 }
 
 /// What accepting did.
+///
+/// ```no_run
+/// use karat::Goldens;
+/// use karat::golden::Acceptance;
+///
+/// let goldens = Goldens::open("golden".as_ref());
+/// let acceptance = Acceptance { because: "haze is thinner now".to_owned(), ..Acceptance::default() };
+/// for pending in goldens.select("dusk")?.frames {
+///     let accepted = goldens.accept(&pending, &acceptance)?;
+///     println!("{}: written: {}", accepted.golden.display(), accepted.written);
+///     accepted.warnings.iter().for_each(|warning| println!("{warning}"));
+/// }
+/// # Ok::<(), karat::golden::AcceptError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Accepted {
     /// The golden.

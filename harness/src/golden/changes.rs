@@ -6,6 +6,15 @@ use crate::image::ImageError;
 use crate::value::format_lane;
 
 /// A row of values that isn't its golden's.
+///
+/// ```no_run
+/// # let goldens = karat::Goldens::open("golden".as_ref());
+/// # let pending = goldens.select("noise")?.frames.remove(0);
+/// for changed in pending.changed_rows(&goldens)? {
+///     println!("row {}: {:?} was {:?}", changed.row, changed.actual, changed.golden);
+/// }
+/// # Ok::<(), karat::golden::AcceptError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct ChangedRow {
     /// The row, from 0.
@@ -23,6 +32,16 @@ pub struct ChangedRow {
 impl Pending {
     /// The rows that differ from the golden's, the largest differences first; all rows if there is no
     /// golden.
+    ///
+    /// ```no_run
+    /// use karat::Goldens;
+    ///
+    /// let goldens = Goldens::open("golden".as_ref());
+    /// for pending in goldens.pending().frames.iter().filter(|pending| pending.is_table()) {
+    ///     println!("{}: {} rows changed", pending.case, pending.changed_rows(&goldens)?.len());
+    /// }
+    /// # Ok::<(), karat::golden::AcceptError>(())
+    /// ```
     ///
     /// # Errors
     /// If one of the files can't be read, or holds no table.

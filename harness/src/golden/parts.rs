@@ -17,6 +17,14 @@ pub const MASK: &str = "mask";
 impl ExrFile {
     /// The mask that a frame or golden of Karat's was compared with, if its test declared one: its
     /// part `mask`.
+    ///
+    /// ```no_run
+    /// use karat::image::ExrFile;
+    ///
+    /// let golden = ExrFile::read("golden/dusk.exr".as_ref())?;
+    /// println!("all of it is compared: {}", golden.mask().is_none());
+    /// # Ok::<(), karat::image::ImageError>(())
+    /// ```
     #[must_use]
     pub fn mask(&self) -> Option<Mask> {
         let part = self.parts.iter().skip(1).find(|part| part.name == MASK)?;

@@ -24,6 +24,15 @@ pub(super) struct Against {
 }
 
 /// A frame or values that differ from their golden, or have none.
+///
+/// ```no_run
+/// use karat::Goldens;
+///
+/// for pending in Goldens::open("golden".as_ref()).pending().frames {
+///     println!("{} waits in {}", pending.case, pending.path.display());
+///     println!("it was made on {}", pending.provenance.adapter);
+/// }
+/// ```
 #[derive(Clone, Debug)]
 pub struct Pending {
     /// Name of the golden.
@@ -36,6 +45,14 @@ pub struct Pending {
 
 impl Pending {
     /// Whether it was compared with goldens of this folder; true if that isn't known.
+    ///
+    /// ```no_run
+    /// # use karat::Goldens;
+    /// // In CI, the frames of all folders wait in one.
+    /// let (goldens, output) = (Goldens::open("golden".as_ref()), Goldens::open("artefact".as_ref()));
+    /// let own = output.pending().frames.into_iter().filter(|pending| pending.is_of(&goldens));
+    /// println!("{} frames wait", own.count());
+    /// ```
     #[must_use]
     pub fn is_of(&self, goldens: &Goldens) -> bool {
         let (own, folder) = (goldens.key(), &self.provenance.folder);
@@ -43,18 +60,39 @@ impl Pending {
     }
 
     /// The profile that rendered it.
+    ///
+    /// ```no_run
+    /// # use karat::Goldens;
+    /// for pending in Goldens::open("golden".as_ref()).pending().frames {
+    ///     println!("{} of {}", pending.case, pending.profile()); // dusk of gl-llvmpipe
+    /// }
+    /// ```
     #[must_use]
     pub fn profile(&self) -> Profile {
         Profile::of(&self.provenance.adapter)
     }
 
     /// Whether there is no golden that it could have been compared with.
+    ///
+    /// ```no_run
+    /// # use karat::Goldens;
+    /// let pending = Goldens::open("golden".as_ref()).pending().frames;
+    /// let new = pending.iter().filter(|pending| pending.is_new()).count();
+    /// println!("{new} of {} have no golden", pending.len());
+    /// ```
     #[must_use]
     pub fn is_new(&self) -> bool {
         self.provenance.compared_with.is_empty()
     }
 
     /// Whether it is a table of values and no frame.
+    ///
+    /// ```no_run
+    /// # use karat::Goldens;
+    /// let pending = Goldens::open("golden".as_ref()).pending().frames;
+    /// let (tables, frames): (Vec<_>, Vec<_>) = pending.iter().partition(|pending| pending.is_table());
+    /// println!("{} tables, {} frames", tables.len(), frames.len());
+    /// ```
     #[must_use]
     pub fn is_table(&self) -> bool {
         is_table(&self.path)
@@ -62,6 +100,15 @@ impl Pending {
 
     /// Whether it was made on lavapipe, or is a table that Karat's engine made. Goldens for all profiles
     /// are made there, because any machine can have them.
+    ///
+    /// ```no_run
+    /// # use karat::Goldens;
+    /// for pending in Goldens::open("golden".as_ref()).pending().frames {
+    ///     if !pending.is_canonical() {
+    ///         println!("{} wasn't made on lavapipe", pending.case);
+    ///     }
+    /// }
+    /// ```
     #[must_use]
     pub fn is_canonical(&self) -> bool {
         let adapter = &self.provenance.adapter;
@@ -69,6 +116,13 @@ impl Pending {
     }
 
     /// What `karat accept` needs besides name and reason: ` --profile gl-llvmpipe`.
+    ///
+    /// ```no_run
+    /// # use karat::Goldens;
+    /// for pending in Goldens::open("golden".as_ref()).pending().frames {
+    ///     println!("karat accept {}{} --because \"...\"", pending.case, pending.accept_arguments());
+    /// }
+    /// ```
     #[must_use]
     pub fn accept_arguments(&self) -> String {
         if self.is_table() {
@@ -85,6 +139,12 @@ impl Pending {
 }
 
 /// The pending frames of a folder.
+///
+/// ```no_run
+/// # use karat::Goldens;
+/// let found = Goldens::open("golden".as_ref()).pending();
+/// println!("{} wait, {} files can't be used", found.frames.len(), found.unusable.len());
+/// ```
 #[derive(Debug, Default)]
 pub struct PendingFrames {
     /// The frames, by name.
@@ -94,6 +154,13 @@ pub struct PendingFrames {
 }
 
 /// A file or folder that can't be used, where pending frames are looked for.
+///
+/// ```no_run
+/// # use karat::Goldens;
+/// for unusable in Goldens::open("golden".as_ref()).pending().unusable {
+///     println!("{}: {}", unusable.path.display(), unusable.reason);
+/// }
+/// ```
 #[derive(Debug)]
 pub struct Unusable {
     /// The file or folder.
@@ -104,6 +171,12 @@ pub struct Unusable {
 
 impl PendingFrames {
     /// Whether there are neither pending frames nor unusable files.
+    ///
+    /// ```
+    /// use karat::Goldens;
+    ///
+    /// assert!(Goldens::open("no-such-folder".as_ref()).pending().is_empty());
+    /// ```
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.frames.is_empty() && self.unusable.is_empty()

@@ -39,6 +39,15 @@ impl Goldens {
 
     /// The folder of the project that the goldens belong to: where its lock file is, or its repository.
     /// `None`: there is neither.
+    ///
+    /// ```
+    /// use karat::Goldens;
+    ///
+    /// // This package's own lock file, or that of its workspace, says where the project is.
+    /// let goldens = Goldens::open(env!("CARGO_MANIFEST_DIR").as_ref());
+    /// assert!(goldens.project().is_some_and(|project| goldens.folder().starts_with(project)));
+    /// assert_eq!(Goldens::open("no-such-folder".as_ref()).project(), None);
+    /// ```
     #[must_use]
     pub fn project(&self) -> Option<PathBuf> {
         root(&self.folder().canonicalize().ok()?).map(Path::to_path_buf)
@@ -73,6 +82,10 @@ impl Goldens {
     /// Removes the temporary files that killed acceptances and tests left in the folder and below
     /// it. Files that a living process is writing stay. A file that can't be removed stays, too,
     /// and is found by whoever looks for stray files.
+    ///
+    /// ```no_run
+    /// karat::Goldens::open("golden".as_ref()).tidy();
+    /// ```
     pub fn tidy(&self) {
         tidy(&self.folder());
     }
@@ -130,6 +143,12 @@ fn tidy(folder: &Path) {
 }
 
 /// Whether this is a CI run, as its systems say: `CI` is set, and not to `false` or `0`.
+///
+/// ```
+/// if karat::golden::in_ci() {
+///     println!("the folder of goldens stays as it is");
+/// }
+/// ```
 #[must_use]
 pub fn in_ci() -> bool {
     let value = std::env::var_os("CI").unwrap_or_default();
@@ -150,6 +169,11 @@ fn root(folder: &Path) -> Option<&Path> {
 /// Cargo's target folder: the one that Cargo marked with a `CACHEDIR.TAG`. Cargo doesn't mark a
 /// target folder that it didn't make; that one is the folder above the profile's. If the test
 /// wasn't built by Cargo, the working directory.
+///
+/// ```
+/// let leftovers = karat::golden::build_output().join("karat");
+/// println!("frames may wait in {}", leftovers.display());
+/// ```
 pub fn build_output() -> PathBuf {
     let exe = std::env::current_exe().unwrap_or_default();
     let marked = exe.ancestors().find(|folder| folder.join("CACHEDIR.TAG").is_file());

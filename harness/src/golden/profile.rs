@@ -23,6 +23,15 @@ pub struct Profile(String);
 impl Profile {
     /// The profile of an adapter. If its driver's family isn't known, the profile has the first
     /// word of the adapter's name instead.
+    ///
+    /// ```
+    /// use karat::golden::Profile;
+    /// use karat::path::Adapter;
+    ///
+    /// let [path, name, driver] = ["gl", "llvmpipe (LLVM 15.0.6, 256 bits)", "4.5 Mesa 22.3.6"].map(str::to_owned);
+    /// let adapter = Adapter { path, name, driver, software: true };
+    /// assert_eq!(Profile::of(&adapter).to_string(), "gl-llvmpipe");
+    /// ```
     #[must_use]
     pub fn of(adapter: &Adapter) -> Self {
         // The driver is named by its family, however the path was named.

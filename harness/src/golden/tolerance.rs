@@ -210,6 +210,16 @@ impl fmt::Display for FrameTolerance {
 }
 
 /// The criteria that decide about a frame, the cheapest first.
+///
+/// ```
+/// use karat::Image;
+/// use karat::golden::{Criterion, FrameTolerance};
+///
+/// let (golden, actual) = (Image::new(1, 1, vec![[0.5; 4]]), Image::new(1, 1, vec![[0.5001; 4]]));
+/// let margin = FrameTolerance::gate(1e-3).compare(&golden, &actual, None)?;
+/// assert_eq!(margin.decided_by, Criterion::Gate);
+/// # Ok::<(), karat::golden::FrameDifference>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
@@ -230,6 +240,17 @@ pub enum Criterion {
 }
 
 /// What a metric measured, and its bound.
+///
+/// ```
+/// # use karat::Image;
+/// # use karat::golden::FrameTolerance;
+/// # let (golden, actual) = (Image::new(1, 1, vec![[0.5; 4]]), Image::new(1, 1, vec![[0.5001; 4]]));
+/// let margin = FrameTolerance::gate(1e-3).compare(&golden, &actual, None)?;
+/// for one in &margin.margins {
+///     println!("{}: {} of {}", one.name, one.value, one.bound);
+/// }
+/// # Ok::<(), karat::golden::FrameDifference>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CriterionMargin {
     /// What kind of metric.
@@ -251,12 +272,30 @@ pub struct CriterionMargin {
 
 impl CriterionMargin {
     /// Whether the value is within the bound. NaN isn't.
+    ///
+    /// ```
+    /// # use karat::Image;
+    /// # use karat::golden::FrameTolerance;
+    /// # let (golden, actual) = (Image::new(1, 1, vec![[0.5; 4]]), Image::new(1, 1, vec![[0.5001; 4]]));
+    /// let margin = FrameTolerance::gate(1e-3).compare(&golden, &actual, None)?;
+    /// assert!(margin.margins[0].passes());
+    /// # Ok::<(), karat::golden::FrameDifference>(())
+    /// ```
     #[must_use]
     pub fn passes(&self) -> bool {
         self.value <= self.bound
     }
 
     /// The value divided by its bound.
+    ///
+    /// ```
+    /// # use karat::Image;
+    /// # use karat::golden::FrameTolerance;
+    /// # let (golden, actual) = (Image::new(1, 1, vec![[0.5; 4]]), Image::new(1, 1, vec![[0.5001; 4]]));
+    /// let margin = FrameTolerance::gate(1e-3).compare(&golden, &actual, None)?;
+    /// assert!(margin.margins[0].ratio() < 0.5); // less than half of what is allowed
+    /// # Ok::<(), karat::golden::FrameDifference>(())
+    /// ```
     #[must_use]
     pub fn ratio(&self) -> f64 {
         let ratio = if self.value == 0.0 { 0.0 } else { self.value / self.bound };

@@ -10,6 +10,15 @@ use crate::value::{Arguments, Shareable};
 
 /// The power of a check against an alternative: the probability that it rejects samples for which
 /// the alternative is true.
+///
+/// ```
+/// # use karat::prelude::*;
+/// let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
+/// let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
+/// let power = sampler.mean_power_against(|x: f32| x.into(), |()| 0.5, |()| 0.51, 1e-6)?;
+/// println!("at least {} (of {})", power.least, power.configuration);
+/// # Ok::<(), karat::check::Failure>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Power {
     /// The least power of any configuration, on any path.

@@ -10,6 +10,20 @@ use crate::reflect::Function;
 use crate::stats::Support;
 
 /// A sampler's samples are not what they should be, on at least one path.
+///
+/// ```
+/// use karat::check::Failure;
+/// # use karat::prelude::*;
+///
+/// let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
+/// let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
+/// let wrong = sampler.try_has_mean("u", |x: f32| x.into(), |()| 0.6, 1e-6);
+/// let Err(Failure::Rejection(found)) = wrong else { panic!("it is 0.5") };
+/// println!("each p-value has to reach {}", found.threshold);
+/// for path in &found.paths {
+///     println!("{} of {} fail on {}", path.rejected, path.configurations, path.adapter);
+/// }
+/// ```
 #[derive(Clone, Debug)]
 pub struct Rejection {
     /// The sampler.
@@ -31,6 +45,17 @@ pub struct Rejection {
 }
 
 /// The rejections of one path.
+///
+/// ```
+/// # use karat::check::Failure;
+/// # use karat::prelude::*;
+/// # let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
+/// # let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
+/// let wrong = sampler.try_has_mean("u", |x: f32| x.into(), |()| 0.6, 1e-6);
+/// let Err(Failure::Rejection(found)) = wrong else { panic!("it is 0.5") };
+/// assert_eq!(found.paths[0].rejected, 1);
+/// println!("run it again: {}", found.paths[0].replay);
+/// ```
 #[derive(Clone, Debug)]
 pub struct PathRejection {
     /// Path, adapter and driver.
@@ -46,6 +71,17 @@ pub struct PathRejection {
 }
 
 /// One rejected configuration.
+///
+/// ```
+/// # use karat::check::Failure;
+/// # use karat::prelude::*;
+/// # let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
+/// # let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
+/// let wrong = sampler.try_has_mean("u", |x: f32| x.into(), |()| 0.6, 1e-6);
+/// let Err(Failure::Rejection(found)) = wrong else { panic!("it is 0.5") };
+/// let worst = &found.paths[0].worst;
+/// println!("{}: {}", worst.configuration, worst.findings[0]);
+/// ```
 #[derive(Clone, Debug)]
 pub struct ConfigurationRejection {
     /// Its index.
@@ -61,6 +97,17 @@ pub struct ConfigurationRejection {
 }
 
 /// What is wrong with samples.
+///
+/// ```
+/// use karat::check::{Failure, Finding};
+/// # use karat::prelude::*;
+///
+/// # let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
+/// # let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
+/// let wrong = sampler.try_has_mean("u", |x: f32| x.into(), |()| 0.6, 1e-6);
+/// let Err(Failure::Rejection(found)) = wrong else { panic!("it is 0.5") };
+/// assert!(matches!(found.paths[0].worst.findings[0], Finding::Mean { expected: 0.6, .. }));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Finding {
