@@ -64,6 +64,17 @@ pub struct Request {
 }
 
 /// A function of either package.
+///
+/// ```
+/// # use karat::Package;
+/// # use karat::compare::Request;
+/// # let package = |text| Package::from_source("m", text);
+/// # let before = package("fn half(x: f32) -> f32 { return 0.5 * x; }");
+/// # let after = package("fn half(x: f32) -> f32 { return 0.6 * x; }");
+/// let compared = Request::new(before, after).run()?;
+/// assert_eq!(compared[0].function, "half");
+/// # Ok::<(), karat::package::PackageError>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
 pub struct Compared {
     /// `fresnel::schlick`
@@ -76,6 +87,17 @@ pub struct Compared {
 }
 
 /// What an edit did to a function.
+///
+/// ```
+/// use karat::Package;
+/// use karat::compare::{Change, Request};
+///
+/// let before = Package::from_source("m", "fn f() -> f32 { return 1.0; }");
+/// let after = Package::from_source("m", "fn g() -> f32 { return 1.0; }");
+/// let compared = Request::new(before, after).run()?;
+/// assert!(compared.iter().any(|one| matches!(one.change, Change::Added)));
+/// # Ok::<(), karat::package::PackageError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "change", rename_all = "snake_case")]
 #[non_exhaustive]
@@ -113,6 +135,18 @@ pub enum Change {
 }
 
 /// How results changed on one path.
+///
+/// ```
+/// # use karat::Package;
+/// # use karat::compare::{Change, Request};
+/// # let package = |text| Package::from_source("m", text);
+/// # let before = package("fn half(x: f32) -> f32 { return 0.5 * x; }");
+/// # let after = package("fn half(x: f32) -> f32 { return 0.6 * x; }");
+/// if let Change::Changed { paths } = &Request::new(before, after).run()?[0].change {
+///     paths.iter().for_each(|one| println!("{}: {} was {}", one.path, one.after, one.before));
+/// }
+/// # Ok::<(), karat::package::PackageError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PathChange {
     /// The path.

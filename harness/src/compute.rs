@@ -88,6 +88,16 @@ pub struct After<'a> {
 }
 
 /// What agreed, and how close it came.
+///
+/// ```
+/// # use karat::prelude::*;
+/// let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+///             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
+/// let package = Package::from_source("m", text);
+/// let passes = package.compute().with("data", Storage::new([0_u32])).dispatch("count", [1, 1, 1]);
+/// let agreement = passes.after("data").agrees_with([7_u32], Abs(0.0));
+/// assert_eq!((agreement.variable.as_str(), agreement.elements), ("data", 1));
+/// ```
 #[derive(Clone, Debug)]
 pub struct ComputeAgreement {
     /// The variable.

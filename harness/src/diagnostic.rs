@@ -120,11 +120,29 @@ pub struct Diagnostic {
 
 impl Diagnostic {
     /// A message without a place.
+    ///
+    /// ```
+    /// use karat::diagnostic::Diagnostic;
+    ///
+    /// let diagnostic = Diagnostic::new("there is no function `hlaf`");
+    /// assert_eq!(diagnostic.message, "there is no function `hlaf`");
+    /// ```
     pub fn new(message: impl Into<String>) -> Self {
         Self { message: message.into(), labels: Vec::new(), notes: Vec::new() }
     }
 
     /// Adds a place.
+    ///
+    /// ```
+    /// use karat::Package;
+    /// use karat::diagnostic::Diagnostic;
+    /// use karat::reflect::Program;
+    ///
+    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let half = Program::of_function(&package, "half")?.function("half")?;
+    /// println!("{}", Diagnostic::new("it isn't tested").at(half.span, "this one"));
+    /// # Ok::<(), karat::reflect::ReflectError>(())
+    /// ```
     #[must_use]
     pub fn at(mut self, span: Span, remark: impl Into<String>) -> Self {
         self.labels.push((span, remark.into()));
@@ -132,6 +150,13 @@ impl Diagnostic {
     }
 
     /// Adds a hint.
+    ///
+    /// ```
+    /// use karat::diagnostic::Diagnostic;
+    ///
+    /// let diagnostic = Diagnostic::new("there is no function `hlaf`").note("did you mean `half`?");
+    /// assert_eq!(diagnostic.notes, ["did you mean `half`?"]);
+    /// ```
     #[must_use]
     pub fn note(mut self, note: impl Into<String>) -> Self {
         self.notes.push(note.into());
@@ -139,6 +164,12 @@ impl Diagnostic {
     }
 
     /// Where to look first.
+    ///
+    /// ```
+    /// use karat::diagnostic::Diagnostic;
+    ///
+    /// assert!(Diagnostic::new("nothing is tested").location().is_none());
+    /// ```
     #[must_use]
     pub fn location(&self) -> Option<&Span> {
         self.labels.first().map(|(span, _)| span)
@@ -237,12 +268,26 @@ pub struct FileRead {
 
 impl FileRead {
     /// A file with these bytes.
+    ///
+    /// ```
+    /// use karat::diagnostic::FileRead;
+    ///
+    /// let (one, other) = (FileRead::of("a.wgsl".as_ref(), b"a"), FileRead::of("a.wgsl".as_ref(), b"b"));
+    /// assert_ne!(one.hash, other.hash);
+    /// ```
     #[must_use]
     pub fn of(file: &Path, bytes: &[u8]) -> Self {
         Self { hash: blake3::hash(bytes).to_hex().to_string(), ..Self::missing(file) }
     }
 
     /// A file that isn't there or can't be read. When it appears, what depends on it changes.
+    ///
+    /// ```
+    /// use karat::diagnostic::FileRead;
+    ///
+    /// let missing = FileRead::missing("sky.wgsl".as_ref());
+    /// assert!(missing.file.ends_with("sky.wgsl"));
+    /// ```
     #[must_use]
     pub fn missing(file: &Path) -> Self {
         let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
@@ -250,6 +295,13 @@ impl FileRead {
     }
 
     /// A file as it is now.
+    ///
+    /// ```no_run
+    /// use karat::diagnostic::FileRead;
+    ///
+    /// let read = FileRead::now("shaders/sky.wgsl".as_ref());
+    /// println!("{}: {}", read.file.display(), read.hash);
+    /// ```
     #[must_use]
     pub fn now(file: &Path) -> Self {
         std::fs::read(file).map_or_else(|_| Self::missing(file), |bytes| Self::of(file, &bytes))
@@ -258,6 +310,11 @@ impl FileRead {
 
 /// A path as people read it best: absolute without `..`, or relative to the working directory. The
 /// working directory itself is `.`.
+///
+/// ```
+/// let shown = karat::diagnostic::shown("shaders/sky.wgsl".as_ref());
+/// assert!(shown.ends_with("sky.wgsl"));
+/// ```
 pub fn shown(path: &Path) -> String {
     let here = std::env::current_dir().unwrap_or_default();
     let mut clean = PathBuf::new();

@@ -59,6 +59,12 @@ impl Status {
     pub const ALL: [Self; 4] = [Self::Translated, Self::Valid, Self::Executed, Self::Agrees];
 
     /// The name in tables and on the command line.
+    ///
+    /// ```
+    /// use karat::matrix::Status;
+    ///
+    /// println!("{}", Status::Valid.name());
+    /// ```
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -281,6 +287,12 @@ impl Request {
     }
 
     /// Calls each function with so many cases.
+    ///
+    /// ```no_run
+    /// # static SHADERS: karat::Package = karat::package!("shaders");
+    /// let matrix = SHADERS.matrix().cases(100).run().expect("it can be read");
+    /// assert_eq!(matrix.cases, 100);
+    /// ```
     #[must_use]
     pub fn cases(self, cases: usize) -> Self {
         Self { cases, ..self }
@@ -293,6 +305,12 @@ impl Request {
     }
 
     /// Only rows whose name contains one of these.
+    ///
+    /// ```no_run
+    /// # static SHADERS: karat::Package = karat::package!("shaders");
+    /// let matrix = SHADERS.matrix().only(["sky::"]).run().expect("it can be read");
+    /// println!("{} rows", matrix.rows.len());
+    /// ```
     #[must_use]
     pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
         Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
@@ -310,6 +328,13 @@ impl Request {
 
     /// Makes the matrix.
     ///
+    /// ```no_run
+    /// # static SHADERS: karat::Package = karat::package!("shaders");
+    /// for row in SHADERS.matrix().run().expect("it can be read").rows {
+    ///     println!("{} at {}", row.name, row.location);
+    /// }
+    /// ```
+    ///
     /// # Errors
     /// If the package can't be read, has no function and no entry point, or a setting is wrong.
     pub fn run(&self) -> Result<Matrix, MatrixError> {
@@ -317,6 +342,12 @@ impl Request {
     }
 
     /// [`run`](Self::run), which tells how many rows are done, one more each time, and of how many.
+    ///
+    /// ```no_run
+    /// # static SHADERS: karat::Package = karat::package!("shaders");
+    /// let matrix = SHADERS.matrix().run_with(&|done, all| eprintln!("{done} of {all}"));
+    /// # let _ = matrix;
+    /// ```
     ///
     /// # Errors
     /// As [`run`](Self::run).

@@ -180,6 +180,15 @@ enum State {
 
 impl Output<anstream::AutoStream<io::StdoutLock<'static>>> {
     /// Standard output, with colours if it is a terminal that has them.
+    ///
+    /// ```
+    /// use std::io::Write;
+    ///
+    /// use karat::output::Output;
+    ///
+    /// writeln!(Output::stdout(), "3 tests")?;
+    /// # Ok::<(), std::io::Error>(())
+    /// ```
     #[must_use]
     pub fn stdout() -> Self {
         Self::new(anstream::stdout().lock())
@@ -188,6 +197,15 @@ impl Output<anstream::AutoStream<io::StdoutLock<'static>>> {
 
 impl Output<anstream::AutoStream<io::Stderr>> {
     /// Standard error, which others may write to at the same time.
+    ///
+    /// ```
+    /// use std::io::Write;
+    ///
+    /// use karat::output::Output;
+    ///
+    /// writeln!(Output::stderr(), "nothing is tested")?;
+    /// # Ok::<(), std::io::Error>(())
+    /// ```
     #[must_use]
     pub fn stderr() -> Self {
         Self::new(anstream::stderr())
@@ -212,6 +230,17 @@ impl<W: Write> Output<W> {
     }
 
     /// Writes what is left.
+    ///
+    /// ```
+    /// use std::io::Write;
+    ///
+    /// use karat::output::Output;
+    ///
+    /// let mut out = Output::new(Vec::new());
+    /// writeln!(out, "3 tests")?;
+    /// out.finish()?; // what couldn't be written is an error
+    /// # Ok::<(), std::io::Error>(())
+    /// ```
     ///
     /// # Errors
     /// If something couldn't be written for another reason than that the reader has gone.

@@ -139,6 +139,14 @@ impl Probed {
 
     /// Takes note of how long what it writes is, which its fixtures say.
     ///
+    /// ```
+    /// # use karat::Package;
+    /// # use karat::probe::Probed;
+    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// Probed::new(&package, "half")?.fit(&Vec::new())?; // it writes nothing
+    /// # Ok::<(), karat::probe::ProbeError>(())
+    /// ```
+    ///
     /// # Errors
     /// If fixtures and variables don't match.
     pub fn fit(&mut self, fixtures: &Fixtures) -> Result<(), ProbeError> {
@@ -159,6 +167,15 @@ impl Probed {
 
     /// The same where these parameters are given with their derivatives. Others are too, in vain, if
     /// the function isn't one of fragments.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// # use karat::probe::Probed;
+    /// let package = Package::from_source("m", "fn slope(x: f32) -> f32 { return dpdx(x); }");
+    /// let probed = Probed::new(&package, "slope")?.with_quads(&[true]);
+    /// assert!(probed.function().parameters[0].1.quad().is_some());
+    /// # Ok::<(), karat::probe::ProbeError>(())
+    /// ```
     #[must_use]
     pub fn with_quads(mut self, varying: &[bool]) -> Self {
         if varying.contains(&true) {
@@ -183,6 +200,15 @@ impl Probed {
 
     /// The same where each parameter that has a float is given with its derivatives, if the function
     /// takes any: with arguments that don't vary each derivative is 0, and nothing is tried.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// # use karat::probe::Probed;
+    /// let package = Package::from_source("m", "fn slope(x: f32) -> f32 { return dpdx(x); }");
+    /// let probed = Probed::new(&package, "slope")?.with_varying();
+    /// assert!(probed.function().parameters[0].1.quad().is_some());
+    /// # Ok::<(), karat::probe::ProbeError>(())
+    /// ```
     #[must_use]
     pub fn with_varying(self) -> Self {
         if self.takes_derivatives() { self.varying() } else { self }
@@ -198,6 +224,16 @@ impl Probed {
     }
 
     /// Whether only fragment shaders may call it, so that each case is a quad of pixels.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// # use karat::probe::Probed;
+    /// let text = "fn slope(x: f32) -> f32 { return dpdx(x); } fn half(x: f32) -> f32 { return 0.5 * x; }";
+    /// let package = Package::from_source("m", text);
+    /// assert!(Probed::new(&package, "slope")?.takes_derivatives());
+    /// assert!(!Probed::new(&package, "half")?.takes_derivatives());
+    /// # Ok::<(), karat::probe::ProbeError>(())
+    /// ```
     #[must_use]
     pub fn takes_derivatives(&self) -> bool {
         self.function.form.fragment
@@ -219,6 +255,14 @@ impl Probed {
     }
 
     /// The function with all that it uses.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// # use karat::probe::Probed;
+    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// assert!(Probed::new(&package, "half")?.program().text().contains("0.5 * x"));
+    /// # Ok::<(), karat::probe::ProbeError>(())
+    /// ```
     #[must_use]
     pub fn program(&self) -> &Program {
         &self.program

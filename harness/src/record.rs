@@ -26,6 +26,14 @@ use crate::path::Adapter;
 pub const SCHEMA: u32 = 2;
 
 /// What a check concluded.
+///
+/// ```no_run
+/// use karat::record::Verdict;
+///
+/// let records = karat::record::read("target/karat/last".as_ref())?;
+/// assert!(records.iter().all(|record| record.verdict == Verdict::Pass));
+/// # Ok::<(), karat::record::RecordError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -40,6 +48,13 @@ pub enum Verdict {
 }
 
 /// One verdict.
+///
+/// ```no_run
+/// for record in karat::record::read("target/karat/last".as_ref())? {
+///     println!("{}: {}", record.test, record.message.as_deref().unwrap_or("as it should be"));
+/// }
+/// # Ok::<(), karat::record::RecordError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     /// See [`SCHEMA`].
@@ -106,6 +121,18 @@ impl Stopwatch {
 }
 
 /// What a verdict is about.
+///
+/// ```no_run
+/// use karat::record::Subject;
+///
+/// for record in karat::record::read("target/karat/last".as_ref())? {
+///     match &record.subject {
+///         Subject::Function { function, check, .. } => println!("{function} {check}"),
+///         Subject::Frame { golden, .. } => println!("frame {golden}"),
+///     }
+/// }
+/// # Ok::<(), karat::record::RecordError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Subject {
@@ -141,6 +168,15 @@ pub enum Subject {
 }
 
 /// What one path gave.
+///
+/// ```no_run
+/// for record in karat::record::read("target/karat/last".as_ref())? {
+///     for path in &record.paths {
+///         println!("{} of {} cases fail on {}", path.failures, path.cases, path.adapter);
+///     }
+/// }
+/// # Ok::<(), karat::record::RecordError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PathRecord {
     /// Path, adapter and driver.
@@ -216,6 +252,14 @@ impl Run {
 
     /// How the run of a folder's records was made; `None` if that isn't written down. For a folder
     /// of runs, it is the run that ended last.
+    ///
+    /// ```no_run
+    /// use karat::record::Run;
+    ///
+    /// let run = Run::read("target/karat/last".as_ref())?;
+    /// println!("it passed: {}", run.is_some_and(|run| run.passed));
+    /// # Ok::<(), karat::record::RecordError>(())
+    /// ```
     ///
     /// # Errors
     /// If the file can't be read or isn't of this version.

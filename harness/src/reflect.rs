@@ -85,6 +85,10 @@ struct Checked {
 const MOST_CHECKED: usize = 2048;
 
 /// A stage of a draw.
+///
+/// ```
+/// assert_ne!(karat::reflect::Stage::Vertex, karat::reflect::Stage::Fragment);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// `@vertex`
@@ -274,6 +278,16 @@ impl Program {
     }
 
     /// naga's IR of [`text`](Self::text).
+    ///
+    /// ```
+    /// use karat::Package;
+    /// use karat::reflect::Program;
+    ///
+    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let program = Program::of_function(&package, "half")?;
+    /// assert_eq!(program.module().functions.len(), 1);
+    /// # Ok::<(), karat::reflect::ReflectError>(())
+    /// ```
     #[must_use]
     pub fn module(&self) -> &naga::Module {
         &self.checked.module

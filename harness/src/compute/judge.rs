@@ -40,6 +40,20 @@ pub(super) struct Statement<'a> {
 }
 
 /// Elements that differ, on each path that fails.
+///
+/// ```
+/// use karat::compute::ComputeError;
+/// # use karat::prelude::*;
+///
+/// # let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+/// #             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
+/// # let package = Package::from_source("m", text);
+/// let passes = package.compute().with("data", Storage::new([0_u32])).dispatch("count", [1, 1, 1]);
+/// let wrong = passes.after("data").try_agrees_with([8_u32], Abs(0.0));
+/// if let Err(ComputeError::Differs(difference)) = wrong {
+///     println!("{} differs after {}", difference.variable, difference.entry_points);
+/// }
+/// ```
 #[derive(Clone, Debug)]
 pub struct Difference {
     /// The entry points, in the order in which they were dispatched.
@@ -57,6 +71,21 @@ pub struct Difference {
 }
 
 /// Elements that differ on one path.
+///
+/// ```
+/// # use karat::compute::ComputeError;
+/// # use karat::prelude::*;
+/// # let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+/// #             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
+/// # let package = Package::from_source("m", text);
+/// # let passes = package.compute().with("data", Storage::new([0_u32])).dispatch("count", [1, 1, 1]);
+/// let wrong = passes.after("data").try_agrees_with([8_u32], Abs(0.0));
+/// if let Err(ComputeError::Differs(difference)) = wrong {
+///     for path in &difference.paths {
+///         println!("{} of {} on {}", path.failures, path.elements, path.adapter);
+///     }
+/// }
+/// ```
 #[derive(Clone, Debug)]
 pub struct PathDifference {
     /// Path, adapter and driver.
@@ -72,6 +101,21 @@ pub struct PathDifference {
 }
 
 /// An element that differs.
+///
+/// ```
+/// # use karat::compute::ComputeError;
+/// # use karat::prelude::*;
+/// # let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
+/// #             @compute @workgroup_size(1) fn count() { data[0] = 7u; }";
+/// # let package = Package::from_source("m", text);
+/// # let passes = package.compute().with("data", Storage::new([0_u32])).dispatch("count", [1, 1, 1]);
+/// let wrong = passes.after("data").try_agrees_with([8_u32], Abs(0.0));
+/// if let Err(ComputeError::Differs(difference)) = wrong {
+///     for one in &difference.paths[0].shown {
+///         println!("{}: {}, expected {}", one.place, one.actual, one.expected);
+///     }
+/// }
+/// ```
 #[derive(Clone, Debug)]
 pub struct Element {
     /// Which one, and its component: `[12].x`.

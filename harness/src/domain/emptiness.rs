@@ -1,6 +1,13 @@
 //! Why a domain has no value.
 
 /// What leaves a domain without a value: one cause.
+///
+/// ```
+/// use karat::Domain;
+///
+/// let emptiness = Domain::emptiness(&(1.0..=0.0)).expect("it has no value");
+/// assert_eq!((emptiness.what, emptiness.fault.as_str()), ("range", "starts at 1 and ends at 0"));
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Emptiness {
@@ -14,6 +21,13 @@ pub struct Emptiness {
 
 impl Emptiness {
     /// A whole domain is empty: `what` names it in a word, and `fault` goes on with a verb.
+    ///
+    /// ```
+    /// use karat::domain::Emptiness;
+    ///
+    /// let emptiness = Emptiness::of("table", "has no rows");
+    /// assert_eq!((emptiness.part, emptiness.what), (None, "table"));
+    /// ```
     #[must_use]
     pub fn of(what: &'static str, fault: &str) -> Self {
         Self { part: None, what, fault: fault.to_owned() }

@@ -53,6 +53,15 @@ pub struct Component {
 }
 
 /// A factor of blending: WebGPU's `GPUBlendFactor`.
+///
+/// ```
+/// use karat::draw::{Component, Factor, Operation};
+///
+/// // What alpha blending does to colours.
+/// let (source, target) = (Factor::NewAlpha, Factor::OneMinusNewAlpha);
+/// let alpha = Component { source, target, operation: Operation::Add };
+/// # let _ = alpha;
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Factor {
     /// 0
@@ -84,6 +93,13 @@ pub enum Factor {
 }
 
 /// How the new and the old value are joined: WebGPU's `GPUBlendOperation`.
+///
+/// ```
+/// use karat::draw::{Component, Factor, Operation};
+///
+/// let darker = Component { source: Factor::One, target: Factor::One, operation: Operation::Min };
+/// # let _ = darker;
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Operation {
     /// new + old

@@ -35,6 +35,18 @@ pub(super) struct Column {
 }
 
 /// A type of attributes: `f32`, `i32`, `u32` and glam's vectors of them.
+///
+/// ```
+/// use glam::Vec3;
+/// use karat::draw::{Attribute, Mesh};
+///
+/// fn constant<T: Attribute>(mesh: Mesh, location: u32, value: T) -> Mesh {
+///     mesh.attribute(location, &[value; 3])
+/// }
+/// let triangle = Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![0, 1, 2]);
+/// # let _ =
+/// constant(triangle, 1, Vec3::Z);
+/// ```
 pub trait Attribute: Copy {
     /// The type of its scalars.
     const SCALAR: Scalar;

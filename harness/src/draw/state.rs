@@ -85,6 +85,14 @@ pub struct Stencil {
 }
 
 /// What happens to a pixel's stencil: WebGPU's `GPUStencilOperation`.
+///
+/// ```
+/// use karat::draw::{Stencil, StencilOperation};
+///
+/// // Counts how often each pixel is drawn.
+/// let count = Stencil { pass: StencilOperation::Increment, ..Stencil::default() };
+/// # let _ = count;
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StencilOperation {
     /// It stays.

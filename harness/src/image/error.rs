@@ -5,6 +5,10 @@ use std::path::Path;
 use crate::diagnostic::shown;
 
 /// A format of image files.
+///
+/// ```
+/// assert_eq!(karat::image::ImageFormat::Png.to_string(), "PNG");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ImageFormat {

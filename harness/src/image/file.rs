@@ -141,6 +141,11 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
 /// last rename wins. A link stays a link, and the file that it leads to is replaced. A device, a
 /// pipe or an open file of this process (`/dev/stdout`) is written to directly.
 ///
+/// ```no_run
+/// karat::image::write_whole("report.html".as_ref(), b"<!doctype html>")?;
+/// # Ok::<(), std::io::Error>(())
+/// ```
+///
 /// # Errors
 /// If the folder or file can't be written.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {

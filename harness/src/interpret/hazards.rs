@@ -17,6 +17,12 @@ use crate::diagnostic::Span;
 use crate::probe::ProbeError;
 
 /// What kind of thing goes wrong, the worst first.
+///
+/// ```
+/// use karat::hazards::Kind;
+///
+/// println!("{}: {}", Kind::ByZero.name(), Kind::ByZero.about());
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
@@ -38,6 +44,12 @@ pub enum Kind {
 
 impl Kind {
     /// What it is called.
+    ///
+    /// ```
+    /// use karat::hazards::Kind;
+    ///
+    /// assert_ne!(Kind::Nan.name(), Kind::Infinite.name());
+    /// ```
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -52,6 +64,10 @@ impl Kind {
     }
 
     /// What that means, in a sentence.
+    ///
+    /// ```
+    /// println!("{}", karat::hazards::Kind::Endless.about());
+    /// ```
     #[must_use]
     pub fn about(self) -> &'static str {
         match self {

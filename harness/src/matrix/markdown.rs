@@ -97,6 +97,11 @@ impl Matrix {
 
     /// The matrix as a page of Markdown: what ran, how many rows got how far, each row, and why rows
     /// stop.
+    ///
+    /// ```no_run
+    /// # static SHADERS: karat::Package = karat::package!("shaders");
+    /// println!("{}", SHADERS.matrix().run().expect("it can be read").markdown());
+    /// ```
     #[must_use]
     pub fn markdown(&self) -> String {
         self.write_markdown().expect("writing to a String never fails")

@@ -300,6 +300,15 @@ impl Matrix {
     /// Wants every row to get to a status on a column. Functions that no kernel can call aren't
     /// judged.
     ///
+    /// ```no_run
+    /// # use karat::Package;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// use karat::matrix::Status;
+    ///
+    /// let matrix = SHADERS.matrix().run().expect("it can be read");
+    /// matrix.expect("vulkan:hlsl", Status::Valid);
+    /// ```
+    ///
     /// # Panics
     /// If a row doesn't get that far, or there is no such column or no row.
     #[track_caller]
@@ -309,6 +318,15 @@ impl Matrix {
 
     /// [`expect`](Self::expect) of all rows but those that are declared with a reason. These must
     /// not get that far: a declaration that isn't true any more is an error.
+    ///
+    /// ```no_run
+    /// # use karat::Package;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// use karat::matrix::Status;
+    ///
+    /// let matrix = SHADERS.matrix().run().expect("it can be read");
+    /// matrix.expect_but("vulkan:hlsl", Status::Valid, &[("sky::radiance", "naga bug 1234")]);
+    /// ```
     ///
     /// # Panics
     /// As [`expect`](Self::expect); or if a declared row gets that far.

@@ -41,6 +41,16 @@ pub struct Gate {
 }
 
 /// Pixels that differ by more than is allowed.
+///
+/// ```
+/// use karat::Image;
+/// use karat::metric::{Gate, Pair};
+///
+/// let (golden, actual) = (Image::new(1, 1, vec![[0.5; 4]]), Image::new(1, 1, vec![[0.6; 4]]));
+/// let outliers = Gate::default().outliers(&Pair::new(&golden, &actual)?).expect("it is 0.6");
+/// assert_eq!((outliers.count, outliers.worst.actual), (1, 0.6));
+/// # Ok::<(), karat::metric::PairError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outliers {
     /// How many.
@@ -55,6 +65,16 @@ pub struct Outliers {
 }
 
 /// A pixel that differs.
+///
+/// ```
+/// # use karat::Image;
+/// # use karat::metric::{Gate, Pair};
+/// # let (golden, actual) = (Image::new(1, 1, vec![[0.5; 4]]), Image::new(1, 1, vec![[0.6; 4]]));
+/// let outliers = Gate::default().outliers(&Pair::new(&golden, &actual)?).expect("it is 0.6");
+/// let worst = outliers.worst;
+/// assert_eq!((worst.x, worst.y, worst.golden, worst.actual), (0, 0, 0.5, 0.6));
+/// # Ok::<(), karat::metric::PairError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WorstPixel {
     /// Column.

@@ -273,6 +273,15 @@ impl<'a> Pair<'a> {
     }
 
     /// How many pixels of a rectangle are compared.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::{Pair, Rect};
+    ///
+    /// let image = Image::new(2, 2, vec![[0.5; 4]; 4]);
+    /// assert_eq!(Pair::new(&image, &image)?.compared_in(Rect::new(0, 0, 2, 1)), 2);
+    /// # Ok::<(), karat::metric::PairError>(())
+    /// ```
     #[must_use]
     pub fn compared_in(&self, rect: Rect) -> usize {
         let Rect { left, top, width, height } = rect;

@@ -134,6 +134,16 @@ impl ErrorMap {
     }
 
     /// The mean over all pixels that are compared.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::{ErrorMap, Pair, Rect};
+    ///
+    /// let image = Image::new(2, 1, vec![[0.5; 4]; 2]);
+    /// let map = ErrorMap::new(Rect::new(0, 0, 2, 1), vec![0.25, 0.75]);
+    /// assert_eq!(map.mean(&Pair::new(&image, &image)?), 0.5);
+    /// # Ok::<(), karat::metric::PairError>(())
+    /// ```
     #[must_use]
     pub fn mean(&self, pair: &Pair<'_>) -> f64 {
         let counted = self.pixels().filter(|(x, y, _)| pair.counts(*x, *y));
@@ -144,6 +154,17 @@ impl ErrorMap {
     /// The [`TILE`] with the largest mean, and that mean, over those of its pixels that are
     /// compared. Tiles overlap by half, so that no spot is cut in four by their edges. A tile at
     /// the edge of the frame has fewer pixels. A NaN mean counts as the largest.
+    ///
+    /// ```
+    /// use karat::Image;
+    /// use karat::metric::{ErrorMap, Pair, Rect};
+    ///
+    /// let image = Image::new(2, 1, vec![[0.5; 4]; 2]);
+    /// let map = ErrorMap::new(Rect::new(0, 0, 2, 1), vec![0.25, 0.75]);
+    /// let (error, tile) = map.largest_tile(&Pair::new(&image, &image)?);
+    /// println!("{error} in {tile}");
+    /// # Ok::<(), karat::metric::PairError>(())
+    /// ```
     #[must_use]
     pub fn largest_tile(&self, pair: &Pair<'_>) -> (f64, Rect) {
         let (width, height) = (pair.golden().width(), pair.golden().height());

@@ -9,6 +9,13 @@ use super::{PathError, driver};
 use crate::diagnostic::nearest;
 
 /// What runs a shader.
+///
+/// ```
+/// use karat::Path;
+/// use karat::path::Api;
+///
+/// assert_eq!(Path::CPU.api(), Api::Cpu);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Api {
@@ -47,6 +54,15 @@ impl Api {
 }
 
 /// A language that a shader is translated into on its way, in addition to what the API needs.
+///
+/// ```
+/// use karat::Path;
+/// use karat::path::Via;
+///
+/// let path: Path = "vulkan:hlsl".parse()?;
+/// assert_eq!((path.via(), Path::CPU.via()), (Via::Hlsl, Via::Direct));
+/// # Ok::<(), karat::path::PathError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Via {

@@ -35,6 +35,13 @@ impl Errors {
     }
 
     /// Cases that were looked at.
+    ///
+    /// ```
+    /// use karat::record::Errors;
+    ///
+    /// let errors = Errors { exact: 5, powers: [(-3, 2)].into(), not_finite: 1 };
+    /// println!("{} cases", errors.cases());
+    /// ```
     #[must_use]
     pub fn cases(&self) -> u64 {
         self.exact + self.powers.values().sum::<u64>() + self.not_finite

@@ -5,6 +5,16 @@ use crate::diagnostic::Span;
 use crate::value::Shape;
 
 /// A resource variable.
+///
+/// ```
+/// # use karat::Package;
+/// # use karat::reflect::Program;
+/// let text = "@group(0) @binding(1) var<uniform> gain: f32; fn louder(x: f32) -> f32 { return gain * x; }";
+/// let package = Package::from_source("m", text);
+/// let louder = Program::of_function(&package, "louder")?.function("louder")?;
+/// assert_eq!((louder.bindings[0].group, louder.bindings[0].binding), (0, 1));
+/// # Ok::<(), karat::reflect::ReflectError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Binding {
     /// Author's path: `environment::sky`.
@@ -27,6 +37,16 @@ impl Binding {
     pub const NOWHERE: u32 = u32::MAX;
 
     /// The variable's own name, without its module.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// # use karat::reflect::Program;
+    /// let text = "@group(0) @binding(1) var<uniform> gain: f32; fn louder(x: f32) -> f32 { return gain * x; }";
+    /// let package = Package::from_source("m", text);
+    /// let louder = Program::of_function(&package, "louder")?.function("louder")?;
+    /// assert_eq!(louder.bindings[0].name(), "gain");
+    /// # Ok::<(), karat::reflect::ReflectError>(())
+    /// ```
     #[must_use]
     pub fn name(&self) -> &str {
         self.path.rsplit("::").next().unwrap_or_default()

@@ -114,6 +114,18 @@ impl Format {
 }
 
 /// The kind of a resource variable.
+///
+/// ```
+/// # use karat::Package;
+/// # use karat::reflect::Program;
+/// use karat::reflect::BindingKind;
+///
+/// let text = "@group(0) @binding(1) var<uniform> gain: f32; fn louder(x: f32) -> f32 { return gain * x; }";
+/// let package = Package::from_source("m", text);
+/// let louder = Program::of_function(&package, "louder")?.function("louder")?;
+/// assert!(matches!(louder.bindings[0].kind, BindingKind::Uniform));
+/// # Ok::<(), karat::reflect::ReflectError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BindingKind {
     /// `var<uniform>`
@@ -166,6 +178,13 @@ impl BindingKind {
     });
 
     /// Whether an invocation can change it.
+    ///
+    /// ```
+    /// use karat::reflect::BindingKind;
+    ///
+    /// assert!(BindingKind::Storage { writable: true }.is_written());
+    /// assert!(!BindingKind::Uniform.is_written());
+    /// ```
     #[must_use]
     pub fn is_written(self) -> bool {
         match self {

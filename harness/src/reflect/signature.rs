@@ -11,6 +11,15 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::value::{Scalar, Shape};
 
 /// A function as a probe sees it.
+///
+/// ```
+/// # use karat::Package;
+/// # use karat::reflect::Program;
+/// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+/// let half = Program::of_function(&package, "half")?.function("half")?;
+/// assert_eq!((half.parameters[0].0.as_str(), half.result.to_string()), ("x", "f32".to_owned()));
+/// # Ok::<(), karat::reflect::ReflectError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Function {
     /// As its author calls it: `fresnel::schlick`.
@@ -121,6 +130,15 @@ impl fmt::Display for Function {
 
 impl Program {
     /// Reflects a function by its author's path.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// # use karat::reflect::Program;
+    /// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let program = Program::of_function(&package, "half")?;
+    /// assert!(program.function("half").is_ok());
+    /// # Ok::<(), karat::reflect::ReflectError>(())
+    /// ```
     ///
     /// # Errors
     /// If a probe can't call it: pointers, runtime-sized arrays, no result, 64-bit types, or

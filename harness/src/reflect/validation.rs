@@ -8,6 +8,13 @@ use crate::output::counted;
 use crate::package::{Package, PackageError};
 
 /// What was found valid.
+///
+/// ```
+/// use karat::Package;
+///
+/// let validated = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }").is_valid();
+/// assert_eq!((validated.modules, validated.functions), (1, 1));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Validated {
     /// Modules.

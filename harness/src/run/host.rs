@@ -22,6 +22,17 @@ pub struct Host {
 static HOST: OnceLock<Host> = OnceLock::new();
 
 /// Says who runs the tests of this process. A second call changes nothing.
+///
+/// ```no_run
+/// use karat::run::{Host, host};
+///
+/// host(Host {
+///     replay: "karat test shaders --exact".to_owned(),
+///     folder: "shaders".into(),
+///     target: "wgsl".to_owned(),
+///     output: "target/karat".into(),
+/// });
+/// ```
 pub fn host(host: Host) {
     crate::golden::leave_in(host.output.clone());
     drop(HOST.set(host));

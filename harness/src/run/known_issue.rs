@@ -6,6 +6,15 @@
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
 
 /// A failure that was declared with `fails_on` and did occur.
+///
+/// ```
+/// # use karat::prelude::*;
+/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+/// let agreement = package.function("half").over(0.0..=1.0).agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
+/// for issue in &agreement.known_issues {
+///     println!("{} of {} fail on {}: {}", issue.failures, issue.cases, issue.adapter, issue.reason);
+/// }
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct KnownIssue {
     /// Path, adapter and driver.

@@ -90,6 +90,14 @@ impl Cells {
     }
 
     /// Always false: a partition has at least one cell.
+    ///
+    /// ```
+    /// use karat::Support;
+    /// use karat::stats::Cells;
+    ///
+    /// let pilot: Vec<[f64; 2]> = (0..100).map(|i| [f64::from(i) / 100.0, 0.0]).collect();
+    /// assert!(!Cells::new(Support::Interval(0.0, 1.0), &pilot, 4, 1).is_empty());
+    /// ```
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.occupied.is_empty()
@@ -113,6 +121,14 @@ impl Cells {
     }
 
     /// How many cells each row has, from the first.
+    ///
+    /// ```
+    /// use karat::Support;
+    /// use karat::stats::Cells;
+    ///
+    /// let pilot: Vec<[f64; 2]> = (0..100).map(|i| [f64::from(i) / 100.0, 0.0]).collect();
+    /// assert_eq!(Cells::new(Support::Interval(0.0, 1.0), &pilot, 4, 1).row_lengths(), [1; 4]);
+    /// ```
     #[must_use]
     pub fn row_lengths(&self) -> Vec<usize> {
         self.columns.iter().map(|row| row.len() + 1).collect()

@@ -106,6 +106,15 @@ pub fn mean_power(
 /// at one place: that of the claimed function, and that of the other one. More points give a better
 /// bound. Massey 1950: at one place the number of samples below is binomial, here taken for normal.
 ///
+/// ```
+/// use karat::stats::kolmogorov_power;
+///
+/// // The uniform distribution, were it the square: would 10,000 samples tell?
+/// let points: Vec<(f64, f64)> = (0..=100).map(|i| f64::from(i) / 100.0).map(|x| (x, x * x)).collect();
+/// assert!(kolmogorov_power(&points, 1e4, 0.0, 1e-3)? > 0.99);
+/// # Ok::<(), karat::stats::NoVerdict>(())
+/// ```
+///
 /// # Errors
 /// If a value isn't a probability, there are no points, the slack is negative, or the significance
 /// isn't between 0 and 1.
