@@ -64,6 +64,19 @@ pub fn trusted(text: &str) -> String {
 
 /// Marks a text of another program, so that an [`Output`] lets its colours pass. All other terminal
 /// commands in it are escaped.
+///
+/// ```
+/// use std::io::Write;
+///
+/// use karat::output::{Output, with_colours};
+///
+/// let mut seen = Vec::new();
+/// let red = with_colours("\u{1b}[31mred\u{1b}[0m \u{1b}[2J");
+/// write!(Output::new(&mut seen), "{red}")?;
+/// let seen = String::from_utf8_lossy(&seen);
+/// assert!(seen.contains("red") && !seen.contains("\u{1b}[2J"), "the screen isn't cleared");
+/// # Ok::<(), std::io::Error>(())
+/// ```
 #[must_use]
 pub fn with_colours(text: &str) -> String {
     let mut parts = text.split('\u{1b}');
@@ -79,6 +92,12 @@ pub fn with_colours(text: &str) -> String {
 }
 
 /// `1 check`, `12 checks`: a count with what it counts, whose plural has an `s`.
+///
+/// ```
+/// use karat::output::counted;
+///
+/// assert_eq!((counted(1_u64, "check"), counted(12_u64, "check")), ("1 check".into(), "12 checks".into()));
+/// ```
 #[must_use]
 pub fn counted(count: impl TryInto<u64>, one: &str) -> String {
     // What doesn't fit is many.
