@@ -290,7 +290,9 @@ fn an_integral_over_directions() {
     agrees(check("1.0 / radians(180.0)", Directions::projected_hemisphere(), 1.0));
     agrees(check("l.z * l.z / radians(240.0)", Directions::sphere().rings(8), 1.0));
     let (equal, below) = check("1.001 * l.z / radians(180.0)", Directions::hemisphere(), 1.0);
-    assert!(disagreement(equal).paths.iter().all(|path| path.census.too_high > 0));
+    let found = disagreement(equal);
+    assert!(found.paths.iter().all(|path| path.census.too_high > 0));
+    assert!(!found.to_string().contains("`rings`"), "two rules agree: {found}");
     disagreement(below);
     let (equal, below) = check("0.999 * l.z / radians(180.0)", Directions::hemisphere(), 1.0);
     disagreement(equal);
@@ -308,7 +310,9 @@ fn an_integral_over_directions() {
             assert!(integral.value > 500.0 * expected && expected > 0.0, "{found}");
             assert!(control > 300.0 * expected && nodes == 2 * 24 * 24, "{found}");
         }
-        assert!(found.to_string().contains("     control = "), "{found}");
+        let text = found.to_string();
+        assert!(text.contains("     control = "), "{text}");
+        assert!(text.contains("so that more `rings` may be needed"), "{text}");
     }
     // What fails is a verdict, although other cases have none.
     let mixed =

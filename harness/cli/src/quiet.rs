@@ -10,8 +10,13 @@ pub(crate) fn begin() {
     use std::process::Command;
 
     let is_folder = |value: std::ffi::OsString| Path::new(&value).is_dir();
-    let is_told = std::env::var_os("NODEVICE_SELECT").is_some();
-    if is_told || std::env::var_os("XDG_RUNTIME_DIR").is_some_and(is_folder) {
+    let is_set = |name: &str| std::env::var_os(name).is_some();
+    // Who chooses a device by the layer needs it.
+    let is_wanted = is_set("MESA_VK_DEVICE_SELECT") || is_set("DRI_PRIME");
+    if is_set("NODEVICE_SELECT")
+        || is_wanted
+        || std::env::var_os("XDG_RUNTIME_DIR").is_some_and(is_folder)
+    {
         return;
     }
     let mut arguments = std::env::args_os();

@@ -200,7 +200,6 @@ impl Mismatch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::value::Scalar;
 
     fn structure(name: &str, members: &[(&str, Shape)]) -> Shape {
         let own = |(name, shape): &(&str, Shape)| ((*name).to_owned(), shape.clone());

@@ -121,17 +121,17 @@ impl<'a> Described<'a> {
     }
 
     fn tests(&mut self, module: &str) -> TestItems {
-        let parsed = match self.is_alone(module)? {
-            true => self.package.parsed(module)?,
-            false => self.library.module(&ModulePath::root(module))?,
-        };
+        let root = ModulePath::root(module);
+        let own = self.own_library(&root)?;
+        let parsed = own.as_ref().unwrap_or(self.library).module(&root)?;
         let items = TestItem::all_of(module, &parsed)?;
         if items.is_empty() {
             return Ok(Vec::new());
         }
-        let own = |item: &TestItem| item.name.rsplit("::").next().unwrap_or_default().to_owned();
-        let names: Vec<String> = items.iter().map(own).collect();
-        let found = self.fingerprints(module, &names).unwrap_or_else(|_| vec![None; names.len()]);
+        let name = |item: &TestItem| item.name.rsplit("::").next().unwrap_or_default().to_owned();
+        let names: Vec<String> = items.iter().map(name).collect();
+        let found = self.found(&root, own.as_ref(), &names);
+        let found = found.unwrap_or_else(|_| vec![None; names.len()]);
         Ok(items.into_iter().zip(found).collect())
     }
 
@@ -142,25 +142,38 @@ impl<'a> Described<'a> {
         items: &[String],
     ) -> Result<Vec<Option<String>>, PackageError> {
         let root = ModulePath::root(module);
-        if self.is_alone(module)? {
-            let library = Library::open(self.package)?;
-            library.begin(&root)?;
-            let mut linker = Linker::new(&library, &root)?;
+        let own = self.own_library(&root)?;
+        self.found(&root, own.as_ref(), items)
+    }
+
+    fn found(
+        &mut self,
+        root: &ModulePath,
+        own: Option<&Library>,
+        items: &[String],
+    ) -> Result<Vec<Option<String>>, PackageError> {
+        if let Some(library) = own {
+            let mut linker = Linker::new(library, root)?;
             return Known::default().fingerprints(self.package, items, &mut linker);
         }
         let linker = match &mut self.linker {
             Some(linker) => linker,
-            none => none.insert(Linker::new(self.library, &root)?),
+            none => none.insert(Linker::new(self.library, root)?),
         };
-        linker.turn_to(&root)?;
+        linker.turn_to(root)?;
         self.known.fingerprints(self.package, items, linker)
     }
 
-    /// Whether a module says what others read, or shares its name space with them.
-    fn is_alone(&self, module: &str) -> Result<bool, PackageError> {
-        let root = ModulePath::root(module);
-        let defines = !directives::defined(&self.library.read(&root)?.text).is_empty();
-        Ok(defines || !self.library.module(&root)?.includes.is_empty())
+    /// What a module reads that no other one does: it says what the others read, or shares its name space
+    /// with them.
+    fn own_library(&self, root: &ModulePath) -> Result<Option<Library>, PackageError> {
+        let defines = !directives::defined(&self.library.read(root)?.text).is_empty();
+        if !defines && self.library.module(root)?.includes.is_empty() {
+            return Ok(None);
+        }
+        let own = Library::open(self.package)?;
+        own.begin(root)?;
+        Ok(Some(own))
     }
 }
 

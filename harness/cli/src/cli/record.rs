@@ -70,8 +70,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let told: &mut dyn Write = if args.output.short { &mut unread } else { &mut *out };
     let project = Project::find()?;
     args.output.spare(&project.record())?;
-    args.output.clear()?;
     let place = Place::of(args.into.as_deref(), &project)?;
+    args.output.clear()?;
     let [program, arguments @ ..] = args.command.as_slice() else {
         anyhow::bail!("no command runs the tests: `karat record -- cargo nextest run`");
     };

@@ -149,6 +149,22 @@ fn is_ours(path: &Path, root: &Path) -> bool {
 mod tests {
     use super::*;
 
+    /// The tests read what they run, which would wake whoever watches for ever.
+    #[test]
+    fn who_only_reads_changes_nothing() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("a.wgsl");
+        std::fs::write(&file, "").expect("a file");
+        let (raw, changes) = channel();
+        let _watcher = started(folder.path(), &raw).expect("it is watched");
+        let quiet = || changes.recv_timeout(Duration::from_millis(300)).is_err();
+        std::fs::read(&file).expect("it is there");
+        Handle::from_path(folder.path()).expect("it is there");
+        assert!(quiet());
+        std::fs::write(&file, "fn f() {}").expect("a file");
+        assert!(!quiet(), "a change is told");
+    }
+
     #[test]
     fn what_is_ours_is_below_the_root() {
         let folder = tempfile::tempdir().expect("a folder");
