@@ -24,6 +24,15 @@ use crate::run::{Descent, Identity, Memory, replay, with_inputs};
 /// Room for cases in a dispatch of few, for the values that a failing one is replaced by.
 const SMALLEST: usize = 256;
 
+/// Room for cases in a dispatch of many. Each costs some hundred microseconds beside its cases, for which
+/// cores wait: the default number of cases is one dispatch, and so are somewhat more.
+const LARGEST: usize = 2 * BATCH;
+
+/// For how many cases a dispatch has room, of so many: dispatches are few, and of one size.
+fn room_for(cases: usize) -> usize {
+    cases.div_ceil(cases.div_ceil(LARGEST).max(1)).max(SMALLEST)
+}
+
 /// What a check is called and asserts.
 #[derive(Clone, Debug)]
 pub(super) struct Asserted {
@@ -89,8 +98,8 @@ impl<'a> Session<'a> {
             fitting.declared_at(place.clone());
         }
         let cases = number(plan, fitting.function(), stream, demand, seed, inputs)?;
-        let count = usize::try_from(cases.count).unwrap_or(BATCH);
-        let capacity = count.saturating_mul(demand.calls).clamp(SMALLEST, BATCH);
+        let count = usize::try_from(cases.count).unwrap_or(usize::MAX);
+        let capacity = room_for(count.saturating_mul(demand.calls));
         let executors = plan.probe.executors()?;
         let (fixtures, known) = (&plan.probe.fixtures, &plan.known_issues);
         let called = fitting.on(&executors, fixtures, capacity, known)?;
@@ -415,5 +424,24 @@ impl<'a> Session<'a> {
             })?;
         }
         Ok(expected)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dispatches_are_few_and_of_one_size() {
+        for (cases, dispatches) in
+            [(0, 0), (1, 1), (65_536, 1), (100_000, 1), (131_072, 1), (131_073, 2), (1_000_000, 8)]
+        {
+            let room = room_for(cases);
+            assert!((SMALLEST..=LARGEST).contains(&room), "{cases}: {room}");
+            assert_eq!(cases.div_ceil(room), dispatches, "{cases}: {room}");
+            let last = cases - room * dispatches.saturating_sub(1);
+            assert!(dispatches < 2 || room - last < dispatches, "{cases}: {last} of {room}");
+        }
+        assert!(room_for(usize::MAX) <= LARGEST);
     }
 }
