@@ -1,9 +1,8 @@
 //! Tasks on all cores, compiled once: what is generic is compiled again in every test.
 
 use std::ops::Range;
-use std::sync::OnceLock;
-
-use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, OnceLock};
 
 /// Rows that one task makes; enough that a task costs more than its start.
 const TASK: usize = 2048;
@@ -17,8 +16,20 @@ pub(super) fn map<T: Send + Sync>(tasks: usize, task: impl Fn(usize) -> T + Sync
     slots.into_iter().map(|slot| slot.into_inner().expect("each task has run")).collect()
 }
 
+/// Runs tasks here and on other cores. A thread that only waited for as many as there are cores would
+/// leave them to the system's scheduler, which often wakes two of them on one core while another idles.
 fn run(tasks: usize, task: &(dyn Fn(usize) + Sync)) {
-    (0..tasks).into_par_iter().for_each(task);
+    let next = AtomicUsize::new(0);
+    let work = || {
+        while let Some(index) = Some(next.fetch_add(1, Ordering::Relaxed)).filter(|i| *i < tasks) {
+            task(index);
+        }
+    };
+    let helpers = rayon::current_num_threads().min(tasks).saturating_sub(1);
+    rayon::in_place_scope(|scope| {
+        (0..helpers).for_each(|_| scope.spawn(|_| work()));
+        work();
+    });
 }
 
 /// Rows of equal width, one after the other. A task appends some of them; `None` if one says that it
@@ -34,16 +45,65 @@ pub(super) fn rows<T: Copy + Default + Send>(
         let range = first..count.min(first + TASK);
         let (part, behind) = rest.split_at_mut(range.len() * width);
         rest = behind;
-        parts.push((range, part));
+        parts.push((range, Mutex::new(part)));
     }
-    let all = parts.into_par_iter().all(|(range, part)| {
+    let failed = AtomicBool::new(false);
+    run(parts.len(), &|index| {
+        if failed.load(Ordering::Relaxed) {
+            return;
+        }
+        let (range, part) = &parts[index];
+        let mut part = part.lock().expect("no other task has it");
         let mut lanes = Vec::with_capacity(part.len());
         // A thread's own memory is at hand; that of all rows is touched once.
-        let done = append(range, &mut lanes);
-        if done {
-            part.copy_from_slice(&lanes);
+        match append(range.clone(), &mut lanes) {
+            true => part.copy_from_slice(&lanes),
+            false => failed.store(true, Ordering::Relaxed),
         }
-        done
     });
-    all.then_some(rows)
+    drop(parts);
+    (!failed.into_inner()).then_some(rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_row_is_made_once_and_rows_are_in_order() {
+        for count in [0, 1, TASK, TASK + 1, 10 * TASK + 7] {
+            let made = AtomicUsize::new(0);
+            let rows = rows(count, 2, &|range, lanes| {
+                made.fetch_add(range.len(), Ordering::Relaxed);
+                range.for_each(|row| lanes.extend([2 * row, 2 * row + 1]));
+                true
+            });
+            assert_eq!(rows, Some((0..2 * count).collect()));
+            assert_eq!(made.into_inner(), count);
+        }
+        assert_eq!(map(1000, |task| task * task), (0..1000).map(|i| i * i).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn one_task_that_cannot_leaves_no_rows() {
+        let without = |refused: usize| {
+            rows(5 * TASK, 1, &|range, lanes| {
+                lanes.extend(range.clone().map(|_| 0_u32));
+                !range.contains(&refused)
+            })
+        };
+        for refused in [0, 3 * TASK, 5 * TASK - 1] {
+            assert_eq!(without(refused), None, "{refused}");
+        }
+        assert!(without(5 * TASK).is_some());
+    }
+
+    /// A reference that panics fails the test that called it, whichever thread ran it.
+    #[test]
+    fn a_panic_of_any_task_reaches_the_caller() {
+        for bad in [0, 50, 99] {
+            let ran = std::panic::catch_unwind(|| map(100, |task| assert_ne!(task, bad)));
+            assert!(ran.is_err(), "{bad}");
+        }
+    }
 }
