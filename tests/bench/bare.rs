@@ -32,7 +32,39 @@ impl Bare {
 
     /// From source to verdict: the largest absolute error over `cases` cases.
     pub(crate) fn run(&self, cases: u32) -> f64 {
+        let inputs = Self::inputs(cases);
+        self.call(&inputs, |outputs| {
+            let mut worst = 0.0_f64;
+            for (input, output) in inputs.iter().zip(outputs) {
+                for (actual, expected) in output.iter().zip(expected(*input)) {
+                    worst = worst.max((f64::from(*actual) - expected).abs());
+                }
+            }
+            worst
+        })
+    }
+
+    /// Draws arguments.
+    pub(crate) fn inputs(cases: u32) -> Vec<[f32; 3]> {
+        let mut state = 1_u32;
+        let mut random = || {
+            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            f64::from(state) / 4_294_967_296.0
+        };
+        (0..cases)
+            .map(|_| [1e-4 + (1.0 - 1e-4) * random(), random(), random()].map(|v| v as f32))
+            .collect()
+    }
+
+    /// The sum of the reference's last components.
+    pub(crate) fn reference(inputs: &[[f32; 3]]) -> f64 {
+        inputs.iter().map(|input| expected(*input)[2]).sum()
+    }
+
+    /// From source to results: upload, dispatch and read-back.
+    pub(crate) fn call<T>(&self, inputs: &[[f32; 3]], read: impl FnOnce(&[[f32; 3]]) -> T) -> T {
         let Self { device, queue } = self;
+        let cases = u32::try_from(inputs.len()).expect("a dispatch of them");
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: None,
             source: wgpu::ShaderSource::Wgsl(WGSL.into()),
@@ -45,14 +77,6 @@ impl Bare {
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             cache: None,
         });
-        let mut state = 1_u32;
-        let mut random = || {
-            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            f64::from(state) / 4_294_967_296.0
-        };
-        let inputs: Vec<[f32; 3]> = (0..cases)
-            .map(|_| [1e-4 + (1.0 - 1e-4) * random(), random(), random()].map(|v| v as f32))
-            .collect();
         let size = u64::from(cases) * 12;
         let buffer = |usage| {
             device.create_buffer(&wgpu::BufferDescriptor {
@@ -65,7 +89,7 @@ impl Bare {
         let arguments = buffer(wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST);
         let results = buffer(wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC);
         let staging = buffer(wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
-        queue.write_buffer(&arguments, 0, bytemuck::cast_slice(&inputs));
+        queue.write_buffer(&arguments, 0, bytemuck::cast_slice(inputs));
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
             layout: &pipeline.get_bind_group_layout(0),
@@ -87,15 +111,10 @@ impl Bare {
         slice.map_async(wgpu::MapMode::Read, |result| result.expect("the buffer maps"));
         device.poll(wgpu::PollType::wait_indefinitely()).expect("the queue ends");
         let view = slice.get_mapped_range().expect("it is mapped");
-        let outputs: &[[f32; 3]] = bytemuck::cast_slice(&view);
-        let mut worst = 0.0_f64;
-        for ([alpha, x, y], output) in inputs.iter().zip(outputs) {
-            let u = DVec2::new(f64::from(*x), f64::from(*y));
-            let expected = sampling::ggx_normal(f64::from(*alpha), u).to_array();
-            for (actual, expected) in output.iter().zip(expected) {
-                worst = worst.max((f64::from(*actual) - expected).abs());
-            }
-        }
-        worst
+        read(bytemuck::cast_slice(&view))
     }
+}
+
+fn expected([alpha, x, y]: [f32; 3]) -> [f64; 3] {
+    sampling::ggx_normal(f64::from(alpha), DVec2::new(f64::from(x), f64::from(y))).to_array()
 }

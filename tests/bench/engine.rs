@@ -8,7 +8,8 @@ use shaders::{PBR, fresnel, sampling};
 
 use super::{STARTS, Spread, spawn};
 
-/// Checks of one process: as many as a library has functions.
+/// Checks of one process: as many as a small library has functions, and a large one.
+const FEW: usize = 10;
 const CHECKS: usize = 110;
 
 /// Runs a child's task on a path, with driver caches of its own if `cold`.
@@ -21,12 +22,16 @@ fn on(path: &str, task: &str, cold: bool) -> (f64, f64) {
 }
 
 pub(super) fn run() {
-    println!("\n{CHECKS} checks, process start to verdicts [s]");
-    for (task, cases) in [("checks_of_1000", "1,000 cases each"), ("checks", "65,536 cases each")] {
+    println!("\nchecks of one process, start to verdicts [s]");
+    for (task, cases) in [
+        ("few_checks", "10 of 1,000 cases"),
+        ("checks_of_1000", "110 of 1,000 cases"),
+        ("checks", "110 of 65,536 cases"),
+    ] {
         for (path, cold) in [("cpu", false), ("vulkan", false), ("vulkan", true)] {
             let times = (0..STARTS).map(|_| on(path, task, cold).0).collect();
             let cache = if cold { "   driver cache cold" } else { "" };
-            println!("  {path:<7} {cases:<18} {}{cache}", Spread::of(times));
+            println!("  {path:<7} {cases:<20} {}{cache}", Spread::of(times));
         }
     }
     println!(
@@ -57,8 +62,9 @@ pub(super) fn run() {
 /// What a child does; `false`: it is no task of this benchmark.
 pub(super) fn child(task: &str) -> bool {
     match task {
-        "checks" => checks(65_536),
-        "checks_of_1000" => checks(1_000),
+        "few_checks" => checks(FEW, 1_000),
+        "checks_of_1000" => checks(CHECKS, 1_000),
+        "checks" => checks(CHECKS, 65_536),
         "ggx_65536" => ggx(65_536),
         "estimate_65536" => estimate(65_536),
         "ggx_steady" => print!("{}", steady(1_000_000, ggx)),
@@ -78,8 +84,8 @@ fn steady(cases: u64, check: fn(u64)) -> f64 {
     cases / start.elapsed().as_secs_f64() / 1e6
 }
 
-fn checks(cases: u64) {
-    for check in 0..CHECKS {
+fn checks(count: usize, cases: u64) {
+    for check in 0..count {
         match check % 3 {
             0 => drop(
                 PBR.function("fresnel::schlick")

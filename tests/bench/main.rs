@@ -9,6 +9,7 @@
 mod bare;
 mod engine;
 mod frames;
+mod project;
 mod watch;
 
 use std::process::Command;
@@ -23,14 +24,16 @@ use self::bare::Bare;
 const STARTS: usize = 9;
 
 /// What is measured, by name.
-const BENCHMARKS: [(&str, fn()); 7] = [
+const BENCHMARKS: [(&str, fn()); 9] = [
     ("starts", starts),
     ("throughput", throughput),
+    ("costs", costs),
     ("samplers", samplers),
     ("memory", memory),
     ("frames", frames::run),
     ("engine", engine::run),
     ("watch", watch::run),
+    ("project", project::run),
 ];
 
 fn main() {
@@ -154,6 +157,44 @@ fn throughput() {
         }
         let [ours, theirs, ratios] = [ours, theirs, ratios].map(Spread::of);
         println!("  {cases:<9}  {ours}  {theirs}  {ratios}");
+    }
+}
+
+/// Where the time of many cases goes.
+fn costs() {
+    const CASES: u32 = 1_000_000;
+    println!("\nsampling::ggx_normal with 1,000,000 cases: where the time goes [ns a case]");
+    let bare = Bare::open();
+    let inputs = Bare::inputs(CASES);
+    let whole = || {
+        ggx(u64::from(CASES));
+    };
+    let without_reference = || {
+        let u = (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(x, y)| glam::Vec2::new(x, y));
+        let function = PBR.function("sampling::ggx_normal");
+        function.over((1e-4..=1.0, u)).cases(u64::from(CASES)).is_finite();
+    };
+    let device = || assert!(bare.call(&inputs, |results| results.len()) > 0);
+    let reference = || assert!(Bare::reference(&inputs) > 0.0);
+    let rows: [(&str, &dyn Fn()); 4] = [
+        ("Karat: draws, device, reference, judging", &whole),
+        ("Karat without the reference: `is_finite`", &without_reference),
+        ("wgpu alone: upload, dispatch, read-back", &device),
+        ("the reference alone, on one thread", &reference),
+    ];
+    let mut times = rows.map(|_| Vec::new());
+    for repetition in 0..8 {
+        for ((_, run), times) in rows.iter().zip(&mut times) {
+            let start = Instant::now();
+            run();
+            // The first one warms up.
+            if repetition > 0 {
+                times.push(start.elapsed().as_secs_f64() * 1e9 / f64::from(CASES));
+            }
+        }
+    }
+    for ((name, _), times) in rows.iter().zip(times) {
+        println!("  {name:<42} {}", Spread::of(times));
     }
 }
 

@@ -1,11 +1,11 @@
 //! A program: made once of a module, run often.
 
 use std::borrow::Cow;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use naga::valid::ModuleInfo;
 use naga::{Module, ShaderStage, Span};
-use rayon::prelude::*;
 
 use crate::arithmetic::Arithmetic;
 use crate::code::{Binding, Code, Site};
@@ -13,6 +13,7 @@ use crate::lower::{Lower, Settings};
 use crate::machine::{Buffer, Machine, Memory};
 use crate::observer::{Observer, watched};
 use crate::options::Options;
+use crate::parallel;
 use crate::refusal::{Refusal, Stop};
 use crate::resources::Resources;
 use crate::results::Results;
@@ -197,14 +198,18 @@ impl Program {
             }
         };
         let machine = || (Machine::<A>::new(&self.code, options, lanes), memory.clone());
-        let parts: Vec<Result<Results<A>, Stop>> = if chunks <= 1 {
-            (0..chunks).map(|chunk| run(&mut machine(), chunk)).collect()
-        } else {
-            (0..chunks).into_par_iter().map_init(machine, run).collect()
-        };
+        let parts: Vec<OnceLock<Result<Results<A>, Stop>>> =
+            (0..chunks).map(|_| OnceLock::new()).collect();
+        parallel::run(chunks, &|next| {
+            let mut own = None;
+            while let Some(chunk) = next() {
+                let own = own.get_or_insert_with(machine);
+                parts[chunk].get_or_init(|| run(own, chunk));
+            }
+        });
         let mut all = Results { scalars, floats: vec![], ints: vec![], bools: vec![], cases };
         for part in parts {
-            let part = part?;
+            let part = part.into_inner().expect("each chunk has run")?;
             all.floats.extend_from_slice(&part.floats);
             all.ints.extend_from_slice(&part.ints);
             all.bools.extend_from_slice(&part.bools);
