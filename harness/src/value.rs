@@ -68,6 +68,7 @@ impl Scalar {
     ///
     /// assert!(Scalar::F32.is_float() && !Scalar::I32.is_float());
     /// ```
+    #[inline]
     #[must_use]
     pub fn is_float(self) -> bool {
         matches!(self, Self::F32 | Self::F16)

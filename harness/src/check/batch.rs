@@ -27,6 +27,7 @@ impl<'r> Rows<'r> {
         self.count
     }
 
+    #[inline]
     pub(super) fn of(self, row: usize) -> &'r [u32] {
         &self.words[row * self.width..][..self.width]
     }

@@ -206,11 +206,13 @@ pub(super) struct View<'r> {
 
 impl<'r> View<'r> {
     /// How many cases there are.
+    #[inline]
     pub(super) fn len(self) -> usize {
         self.words.len() / self.stride.max(1)
     }
 
     /// The words of one case.
+    #[inline]
     pub(super) fn of(self, case: usize) -> &'r [u32] {
         &self.words[case * self.stride..][..self.width]
     }

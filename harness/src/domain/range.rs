@@ -2,10 +2,18 @@
 
 use std::ops::RangeInclusive;
 
+use super::source::{log_distance, unit};
 use super::{Domain, Emptiness, Source, infinite, shrink};
 
 /// Values inside a range that shaders treat specially.
 const LANDMARKS: [f32; 5] = [0.0, 1.0, -1.0, 0.5, f32::MIN_POSITIVE];
+
+/// One of two numbers, without a branch.
+#[inline(always)]
+fn either(first: bool, a: f64, b: f64) -> f64 {
+    let mask = 0_u64.wrapping_sub(u64::from(first));
+    f64::from_bits((a.to_bits() & mask) | (b.to_bits() & !mask))
+}
 
 impl Domain for RangeInclusive<f32> {
     type Value = f32;
@@ -13,25 +21,31 @@ impl Domain for RangeInclusive<f32> {
     /// Of 16 draws: 1 an end, 3 at log distance from an end, 1 a landmark (0, 1, 1/2, ...) of the
     /// range, 11 uniform.
     fn draw(&self, source: &mut Source) -> Option<f32> {
-        let (low, high) = (f64::from(*self.start()), f64::from(*self.end()));
+        let (start, end) = (*self.start(), *self.end());
+        let (low, high) = (f64::from(start), f64::from(end));
+        if !self.contains(&start) {
+            return None;
+        }
         let choice = source.bits();
         let from_high = choice & 16 != 0;
-        let end = if from_high { high } else { low };
-        let value = match choice & 15 {
-            0 => end,
-            1..=3 => {
-                let distance = (high - low) * source.log_distance();
-                if from_high { high - distance } else { low + distance }
-            }
+        match choice & 15 {
+            0 => return Some(if from_high { end } else { start }),
             4 => {
                 let pick = LANDMARKS[(choice >> 5) as usize % LANDMARKS.len()];
-                f64::from(if self.contains(&pick) { pick } else { *self.start() })
+                return Some(if self.contains(&pick) { pick } else { start });
             }
-            _ => low + (high - low) * source.unit(),
-        };
+            _ => {}
+        }
+        // Both ways are computed, and one is taken without a branch: which one is random, so that
+        // processors guess wrong a third of the time. This runs for each number of each case.
+        let bits = source.bits();
+        let crowded = choice & 15 < 4;
+        let distance = (high - low) * either(crowded, log_distance(bits), unit(bits));
+        let down = crowded && from_high;
+        let value = either(down, high, low) + either(down, -distance, distance);
         #[expect(clippy::cast_possible_truncation, reason = "arguments are quantised to f32 first")]
         let value = value as f32;
-        (self.start() <= self.end()).then(|| value.clamp(*self.start(), *self.end()))
+        Some(value.clamp(start, end))
     }
 
     fn emptiness(&self) -> Option<Emptiness> {
@@ -136,3 +150,55 @@ macro_rules! integer {
 }
 
 integer!(i32, u32);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What [`draw`](Domain::draw) computes without branches, with them.
+    fn plainly(range: &RangeInclusive<f32>, source: &mut Source) -> f32 {
+        let (low, high) = (f64::from(*range.start()), f64::from(*range.end()));
+        let choice = source.bits();
+        let from_high = choice & 16 != 0;
+        let value = match choice & 15 {
+            0 => {
+                if from_high {
+                    high
+                } else {
+                    low
+                }
+            }
+            1..=3 => {
+                let distance = (high - low) * source.log_distance();
+                if from_high { high - distance } else { low + distance }
+            }
+            4 => {
+                let pick = LANDMARKS[(choice >> 5) as usize % LANDMARKS.len()];
+                f64::from(if range.contains(&pick) { pick } else { *range.start() })
+            }
+            _ => low + (high - low) * source.unit(),
+        };
+        (value as f32).clamp(*range.start(), *range.end())
+    }
+
+    #[test]
+    fn draws_are_those_of_the_plain_form() {
+        for range in [0.0..=1.0, -1.0..=1.0, -0.0..=0.0, 3.0..=3.5, -1e30..=1e-3, 1e-45..=2e-38] {
+            for case in 0..20_000 {
+                let (mut one, mut other) = (Source::new(5, case), Source::new(5, case));
+                let drawn = range.draw(&mut one).expect("it has values");
+                let plain = plainly(&range, &mut other);
+                assert_eq!(drawn.to_bits(), plain.to_bits(), "{range:?}, case {case}");
+                assert_eq!(one.bits(), other.bits(), "{range:?}, case {case}");
+            }
+        }
+    }
+
+    #[test]
+    #[expect(clippy::reversed_empty_ranges, reason = "it is what an author may write")]
+    fn a_range_without_values_draws_none() {
+        for range in [1.0..=0.0, f32::NAN..=1.0, 0.0..=f32::NAN] {
+            assert_eq!(range.draw(&mut Source::new(1, 2)), None, "{range:?}");
+        }
+    }
+}

@@ -53,7 +53,7 @@ impl Source {
     /// ```
     #[inline]
     pub fn unit(&mut self) -> f64 {
-        f64::from(self.bits()) / 4_294_967_296.0
+        unit(self.bits())
     }
 
     /// Uniform in `0..count`; 0 if `count` is 0.
@@ -82,9 +82,21 @@ impl Source {
     /// assert!(z < 1.0);
     /// ```
     pub fn log_distance(&mut self) -> f64 {
-        let bits = self.bits();
-        // A binade, then a place in it: cheaper than an exponential, and as good here.
-        let binade = 1_u32 << (bits % 24);
-        (0.5 + 0.5 * f64::from(bits >> 5) / f64::from(1_u32 << 27)) / f64::from(binade)
+        log_distance(self.bits())
     }
+}
+
+/// A fraction in `[0, 1)` of 32 bits.
+#[inline]
+pub(super) fn unit(bits: u32) -> f64 {
+    f64::from(bits) / 4_294_967_296.0
+}
+
+/// See [`Source::log_distance`]. A binade, then a place in it: cheaper than an exponential, and as good
+/// here.
+#[inline]
+pub(super) fn log_distance(bits: u32) -> f64 {
+    // The exponent of an f64 is biased by 1023: this is 2^-binade.
+    let binade = f64::from_bits(u64::from(1023 - bits % 24) << 52);
+    (0.5 + 0.5 * f64::from(bits >> 5) / f64::from(1_u32 << 27)) * binade
 }

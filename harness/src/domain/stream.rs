@@ -132,11 +132,13 @@ impl Numbering {
     }
 
     /// The random numbers of a case.
+    #[inline]
     pub(crate) fn source(&self, index: u64) -> Source {
         Source::new(self.seed, index)
     }
 
     /// Where a case comes from. `source` is the case's own.
+    #[inline]
     pub(crate) fn origin<'s>(&self, index: u64, source: &'s mut Source) -> Origin<'s> {
         let edge = usize::try_from(index).ok().filter(|index| *index < self.edges);
         match edge {

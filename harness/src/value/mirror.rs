@@ -32,13 +32,15 @@ pub trait Mirror: Clone + std::fmt::Debug + Send + 'static {
     fn lanes(&self, lanes: &mut Vec<f64>);
 }
 
+// As in `shareable.rs`, what each case needs is compiled here, and never in tests.
+
 macro_rules! scalar {
     ($($mirror:ty, $scalar:ident, |$v:ident| $lane:expr;)*) => {$(
         impl Mirror for $mirror {
             fn shape() -> Shape {
                 Shape::Scalar(Scalar::$scalar)
             }
-            #[inline]
+            #[inline(never)]
             fn lanes(&self, lanes: &mut Vec<f64>) {
                 let $v = *self;
                 lanes.push($lane);
@@ -55,15 +57,16 @@ scalar! {
 }
 
 macro_rules! vector {
-    ($($mirror:ty, $component:ty, $size:literal, $scalar:ident;)*) => {$(
+    ($($mirror:ty, $component:ty, $size:literal, $scalar:ident, $lane:expr;)*) => {$(
         impl Mirror for $mirror {
             fn shape() -> Shape {
                 Shape::Vector { size: $size, scalar: Scalar::$scalar }
             }
-            #[inline]
+            #[inline(never)]
             fn lanes(&self, lanes: &mut Vec<f64>) {
-                for component in <[$component; $size]>::from(*self) {
-                    component.lanes(lanes);
+                let lane: fn($component) -> f64 = $lane;
+                for component in &<[$component; $size]>::from(*self) {
+                    lanes.push(lane(*component));
                 }
             }
         }
@@ -71,18 +74,18 @@ macro_rules! vector {
 }
 
 vector! {
-    DVec2, f64, 2, F32;
-    DVec3, f64, 3, F32;
-    DVec4, f64, 4, F32;
-    IVec2, i32, 2, I32;
-    IVec3, i32, 3, I32;
-    IVec4, i32, 4, I32;
-    UVec2, u32, 2, U32;
-    UVec3, u32, 3, U32;
-    UVec4, u32, 4, U32;
-    BVec2, bool, 2, Bool;
-    BVec3, bool, 3, Bool;
-    BVec4, bool, 4, Bool;
+    DVec2, f64, 2, F32, |v| v;
+    DVec3, f64, 3, F32, |v| v;
+    DVec4, f64, 4, F32, |v| v;
+    IVec2, i32, 2, I32, f64::from;
+    IVec3, i32, 3, I32, f64::from;
+    IVec4, i32, 4, I32, f64::from;
+    UVec2, u32, 2, U32, f64::from;
+    UVec3, u32, 3, U32, f64::from;
+    UVec4, u32, 4, U32, f64::from;
+    BVec2, bool, 2, Bool, |v| f64::from(u8::from(v));
+    BVec3, bool, 3, Bool, |v| f64::from(u8::from(v));
+    BVec4, bool, 4, Bool, |v| f64::from(u8::from(v));
 }
 
 macro_rules! matrix {
@@ -91,7 +94,7 @@ macro_rules! matrix {
             fn shape() -> Shape {
                 Shape::Matrix { columns: $order, rows: $order, scalar: Scalar::F32 }
             }
-            #[inline]
+            #[inline(never)]
             fn lanes(&self, lanes: &mut Vec<f64>) {
                 lanes.extend(self.to_cols_array());
             }

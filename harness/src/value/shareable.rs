@@ -54,6 +54,15 @@ fn next(lanes: &mut std::slice::Iter<'_, u32>) -> u32 {
     }
 }
 
+// What is written here is called for each case. Tests have little optimisation, and this library has
+// more: so it is compiled here, whole, and never in the tests that call it.
+
+/// A scalar as a word: what vectors are made of.
+trait Word: Copy {
+    fn word(self) -> u32;
+    fn of(word: u32) -> Self;
+}
+
 macro_rules! scalar {
     ($($host:ty, $mirror:ty, $scalar:ident, |$v:ident| $store:expr, |$lane:ident| $load:expr, $widen:expr;)*) => {$(
         impl Shareable for $host {
@@ -61,20 +70,29 @@ macro_rules! scalar {
             fn shape() -> Shape {
                 Shape::Scalar(Scalar::$scalar)
             }
-            #[inline]
+            #[inline(never)]
             fn store(&self, lanes: &mut Vec<u32>) {
-                let $v = *self;
-                lanes.push($store);
+                lanes.push(self.word());
             }
-            #[inline]
+            #[inline(never)]
             fn load(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
-                let $lane = next(lanes);
-                $load
+                Self::of(next(lanes))
             }
-            #[inline]
+            #[inline(never)]
             fn widen(&self) -> $mirror {
                 let $v = *self;
                 $widen
+            }
+        }
+        impl Word for $host {
+            #[inline]
+            fn word(self) -> u32 {
+                let $v = self;
+                $store
+            }
+            #[inline]
+            fn of($lane: u32) -> Self {
+                $load
             }
         }
     )*};
@@ -95,18 +113,21 @@ macro_rules! vector {
             fn shape() -> Shape {
                 Shape::Vector { size: $size, scalar: Scalar::$scalar }
             }
-            #[inline]
+            #[inline(never)]
             fn store(&self, lanes: &mut Vec<u32>) {
-                for component in <[$component; $size]>::from(*self) {
-                    component.store(lanes);
+                for component in &<[$component; $size]>::from(*self) {
+                    lanes.push(component.word());
                 }
             }
-            #[inline]
+            #[inline(never)]
             fn load(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
-                let components: [$component; $size] = std::array::from_fn(|_| <$component>::load(lanes));
+                let mut components = [<$component>::default(); $size];
+                for component in &mut components {
+                    *component = Word::of(next(lanes));
+                }
                 Self::from(components)
             }
-            #[inline]
+            #[inline(never)]
             fn widen(&self) -> $mirror {
                 let widen: fn(Self) -> $mirror = $widen;
                 widen(*self)
@@ -137,16 +158,16 @@ macro_rules! matrix {
             fn shape() -> Shape {
                 Shape::Matrix { columns: $order, rows: $order, scalar: Scalar::F32 }
             }
-            #[inline]
+            #[inline(never)]
             fn store(&self, lanes: &mut Vec<u32>) {
                 lanes.extend(self.to_cols_array().map(f32::to_bits));
             }
-            #[inline]
+            #[inline(never)]
             fn load(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
-                let columns: [f32; $lanes] = std::array::from_fn(|_| f32::load(lanes));
+                let columns: [f32; $lanes] = std::array::from_fn(|_| Word::of(next(lanes)));
                 Self::from_cols_array(&columns)
             }
-            #[inline]
+            #[inline(never)]
             fn widen(&self) -> $mirror {
                 self.$widen()
             }
@@ -300,15 +321,15 @@ macro_rules! shareable {
                     )),+],
                 }
             }
-            #[inline]
+            #[inline(never)]
             fn store(&self, lanes: &mut Vec<u32>) {
                 $($crate::value::Shareable::store(&self.$field, lanes);)+
             }
-            #[inline]
+            #[inline(never)]
             fn load(lanes: &mut std::slice::Iter<'_, u32>) -> Self {
                 Self { $($field: <$type as $crate::value::Shareable>::load(lanes)),+ }
             }
-            #[inline]
+            #[inline(never)]
             fn widen(&self) -> $mirror {
                 $mirror { $($field: $crate::value::Shareable::widen(&self.$field)),+ }
             }
