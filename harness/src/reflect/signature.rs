@@ -503,6 +503,7 @@ impl Program {
     ///
     /// # Errors
     /// If the lanes aren't as many as the type has.
+    #[cfg(feature = "routes")]
     pub(crate) fn bytes(
         &self,
         binding: &Binding,
