@@ -70,7 +70,7 @@ impl Status {
     /// ```
     /// use karat::matrix::Status;
     ///
-    /// println!("{}", Status::Valid.name());
+    /// assert_eq!(Status::Valid.name(), "valid");
     /// ```
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -397,10 +397,12 @@ impl Request {
 
     /// Calls each function with so many cases.
     ///
-    /// ```no_run
-    /// # static SHADERS: karat::Package = karat::package!("shaders");
-    /// let matrix = SHADERS.matrix().cases(100).run().expect("it can be read");
+    /// ```
+    /// # use karat::Package;
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let matrix = package.matrix().columns(["cpu".parse()?]).cases(100).run()?;
     /// assert_eq!(matrix.cases, 100);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     #[must_use]
     pub fn cases(self, cases: usize) -> Self {
@@ -424,10 +426,13 @@ impl Request {
 
     /// Only rows whose name contains one of these.
     ///
-    /// ```no_run
-    /// # static SHADERS: karat::Package = karat::package!("shaders");
-    /// let matrix = SHADERS.matrix().only(["sky::"]).run().expect("it can be read");
-    /// println!("{} rows", matrix.rows.len());
+    /// ```
+    /// # use karat::Package;
+    /// # let text = "fn half(x: f32) -> f32 { return 0.5 * x; } fn twice(x: f32) -> f32 { return 2.0 * x; }";
+    /// # let package = Package::from_modules("m", [("tone", text)]);
+    /// let matrix = package.matrix().columns(["cpu".parse()?]).only(["tone::h"]).run()?;
+    /// assert!(matrix.rows.iter().map(|row| &*row.name).eq(["tone::half"]));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     #[must_use]
     pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
@@ -457,11 +462,15 @@ impl Request {
 
     /// Makes the matrix.
     ///
-    /// ```no_run
-    /// # static SHADERS: karat::Package = karat::package!("shaders");
-    /// for row in SHADERS.matrix().run().expect("it can be read").rows {
+    /// ```
+    /// # use karat::Package;
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
+    /// for row in &matrix.rows {
     ///     println!("{} at {}", row.name, row.location);
     /// }
+    /// assert_eq!(matrix.rows.len(), 1);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
     /// # Errors
@@ -472,10 +481,13 @@ impl Request {
 
     /// [`run`](Self::run), which tells how many rows are done, one more each time, and of how many.
     ///
-    /// ```no_run
-    /// # static SHADERS: karat::Package = karat::package!("shaders");
-    /// let matrix = SHADERS.matrix().run_with(&|done, all| eprintln!("{done} of {all}"));
-    /// # let _ = matrix;
+    /// ```
+    /// # use karat::Package;
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let request = package.matrix().columns(["cpu".parse()?]);
+    /// let matrix = request.run_with(&|done, all| eprintln!("{done} of {all}"))?;
+    /// assert_eq!(matrix.rows.len(), 1);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
     /// # Errors

@@ -117,9 +117,12 @@ impl Matrix {
     /// The matrix as a page of Markdown: what ran, how many rows got how far, each row, and why rows
     /// stop.
     ///
-    /// ```no_run
-    /// # static SHADERS: karat::Package = karat::package!("shaders");
-    /// println!("{}", SHADERS.matrix().run().expect("it can be read").markdown());
+    /// ```
+    /// # use karat::Package;
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let page = package.matrix().columns(["cpu".parse()?]).run()?.markdown();
+    /// assert!(page.contains("| half (function) | executed |"));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     #[must_use]
     pub fn markdown(&self) -> String {

@@ -331,13 +331,14 @@ impl Matrix {
     /// Wants every row to get to a status on a column. Functions that no kernel can call aren't
     /// judged.
     ///
-    /// ```no_run
+    /// ```
     /// # use karat::Package;
-    /// # static SHADERS: Package = karat::package!("shaders");
     /// use karat::matrix::Status;
     ///
-    /// let matrix = SHADERS.matrix().run().expect("it can be read");
-    /// matrix.expect("vulkan:hlsl", Status::Valid);
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
+    /// matrix.expect("cpu", Status::Executed);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
     /// # Panics
@@ -350,13 +351,14 @@ impl Matrix {
     /// [`expect`](Self::expect) of all rows but those that are declared with a reason. These must
     /// not get that far: a declaration that isn't true any more is an error.
     ///
-    /// ```no_run
+    /// ```
     /// # use karat::Package;
-    /// # static SHADERS: Package = karat::package!("shaders");
     /// use karat::matrix::Status;
     ///
-    /// let matrix = SHADERS.matrix().run().expect("it can be read");
-    /// matrix.expect_but("vulkan:hlsl", Status::Valid, &[("sky::radiance", "naga bug 1234")]);
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
+    /// matrix.expect_but("cpu", Status::Agrees, &[("half", "nothing else runs it")]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
     /// # Panics
