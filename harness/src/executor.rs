@@ -26,6 +26,49 @@ use crate::probe::{BATCH, Call, Prepared, ProbeError, Probed, Runner};
 /// Checks and frames know executors by this trait alone. The environment selects among wgpu's
 /// drivers. [`Probe::on`](crate::check::Probe::on) and [`Frame::on`](crate::Frame::on) take any
 /// other executor.
+///
+/// ```
+/// use karat::executor::Executor;
+/// use karat::path::Adapter;
+/// use karat::prelude::*;
+/// use karat::probe::{Call, Prepared, ProbeError, Started};
+///
+/// /// Doubles a number, whatever it is to call.
+/// #[derive(Debug)]
+/// struct Doubler;
+///
+/// impl Executor for Doubler {
+///     fn path(&self) -> Path {
+///         Path::CPU
+///     }
+///
+///     fn adapter(&self) -> Adapter {
+///         let (path, name) = ("cpu".to_owned(), "Doubler".to_owned());
+///         Adapter { path, name, driver: String::new(), software: true }
+///     }
+///
+///     fn prepare<'e>(&'e self, _: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
+///         Ok(Box::new(Self))
+///     }
+/// }
+/// #
+/// # impl Prepared for Doubler {
+/// #     fn capacity(&self) -> usize {
+/// #         1000
+/// #     }
+/// #     fn start<'p>(&'p self, _: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError> {
+/// #         let double = |word: &u32| (2.0 * f32::from_bits(*word)).to_bits();
+/// #         let results: Vec<u32> = arguments.iter().map(double).collect();
+/// #         Ok(Box::new(move |read| {
+/// #             read(&results, 1);
+/// #             Ok(())
+/// #         }))
+/// #     }
+/// # }
+///
+/// let package = Package::from_source("m", "fn twice(x: f32) -> f32 { return 2.0 * x; }");
+/// package.function("twice").on(&Doubler).over(-1.0..=1.0).agrees_with(|x: f64| 2.0 * x, Ulp(0.0));
+/// ```
 pub trait Executor: Debug + Sync {
     /// Its name in verdicts, tolerances and replays.
     fn path(&self) -> Path;

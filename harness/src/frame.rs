@@ -55,6 +55,22 @@ pub struct Frame<'a> {
 }
 
 /// The paths on which a frame matches its golden.
+///
+/// ```
+/// # use karat::prelude::*;
+/// # use karat::image::{Image, Precision};
+/// # let folder = tempfile::tempdir().expect("a folder");
+/// # let pixels = vec![[0.5, 0.25, 0.0, 1.0]; 64];
+/// # let golden = Image::new(8, 8, pixels);
+/// # golden.write_exr(&folder.path().join("flat.exr"), Precision::Float, None).expect("written");
+/// # let goldens = karat::Goldens::open(folder.path());
+/// # let text = "@fragment fn fragment() -> @location(0) vec4f { return vec4f(0.5, 0.25, 0.0, 1.0); }";
+/// # let package = Package::from_source("m", text);
+/// let agreement = package.frame("", 8, 8).fragment("fragment").matches(&goldens, "flat");
+/// for (adapter, margin) in &agreement.paths {
+///     assert!(margin.is_identical(), "{adapter}: {margin}");
+/// }
+/// ```
 #[derive(Clone, Debug)]
 pub struct FrameAgreement {
     /// Name of the golden.

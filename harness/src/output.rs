@@ -57,6 +57,17 @@ impl fmt::Display for Style {
 }
 
 /// Marks a text whose terminal commands are our own, so that an [`Output`] lets them pass.
+///
+/// ```
+/// use std::io::Write;
+///
+/// use karat::output::{Output, trusted};
+///
+/// let mut seen = Vec::new();
+/// write!(Output::new(&mut seen), "{} {}", trusted("\u{1b}[1mbold"), "\u{1b}[2J")?;
+/// assert_eq!(seen, b"\x1b[1mbold \\u{1b}[2J"); // what isn't trusted is shown
+/// # Ok::<(), std::io::Error>(())
+/// ```
 #[must_use]
 pub fn trusted(text: &str) -> String {
     text.replace('\u{1b}', &MARK)

@@ -289,6 +289,15 @@ impl Probed {
 
 impl ProbeError {
     /// Whether it is the path that can't do what the function needs, so that others may.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// use karat::probe::Probed;
+    ///
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let error = Probed::new(&package, "quarter").expect_err("there is no such function");
+    /// assert!(!error.is_of_path(), "no path can call it");
+    /// ```
     #[must_use]
     pub fn is_of_path(&self) -> bool {
         let unsupported = |error: &FixtureError| match error {

@@ -89,6 +89,15 @@ pub struct Record {
 
 /// When a verdict was made and how long it took, for people who look for slow tests. It isn't part
 /// of the verdict, and differs from run to run.
+///
+/// ```
+/// use karat::record::Time;
+///
+/// let json = r#"{ "started": "2026-01-31T12:00:00.000Z", "seconds": 0.25 }"#; // within a record
+/// let time: Time = serde_json::from_str(json)?;
+/// assert!(time.seconds < 1.0, "it began at {} and is slow", time.started);
+/// # Ok::<(), serde_json::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Time {
     /// When the check began, in UTC: `2026-01-31T12:00:00.000Z`.
@@ -215,6 +224,15 @@ pub struct PathRecord {
 
 /// What WGSL allows a function to return, compared with the tolerance of a check. Where it allows more,
 /// another driver may fail the check and be right.
+///
+/// ```
+/// use karat::record::Grant;
+///
+/// let json = r#"{ "cases": 256, "wider": 12, "worst": 1.5 }"#; // of a path in a record
+/// let grant: Grant = serde_json::from_str(json)?;
+/// assert!(grant.wider > 0, "another driver may fail this check and be right");
+/// # Ok::<(), serde_json::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Grant {
     /// Cases that were looked at: a sample.
@@ -227,6 +245,18 @@ pub struct Grant {
 
 /// How a run was made: `run.json`, beside its records. If it is missing, the run didn't end, so the
 /// records may be incomplete: they don't show that something wasn't tested.
+///
+/// ```
+/// # let folder = tempfile::tempdir()?;
+/// # let record = folder.path();
+/// use karat::record::{Run, SCHEMA};
+///
+/// # let selected = vec!["fresnel".to_owned()];
+/// # Run { schema: SCHEMA, selected, passed: true }.write(record)?;
+/// let run = Run::read(record)?.expect("it has ended");
+/// assert!(run.passed && run.selected == ["fresnel"]); // `karat test fresnel`
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Run {
     /// See [`SCHEMA`].
@@ -242,6 +272,17 @@ impl Run {
     const FILE: &'static str = "run.json";
 
     /// Writes it beside the records of a folder.
+    ///
+    /// ```
+    /// # let folder = tempfile::tempdir()?;
+    /// # let record = folder.path();
+    /// use karat::record::{Run, SCHEMA};
+    ///
+    /// let run = Run { schema: SCHEMA, selected: Vec::new(), passed: true };
+    /// run.write(record)?;
+    /// assert_eq!(Run::read(record)?, Some(run));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// If the file can't be written.
@@ -374,6 +415,18 @@ impl Recorded {
     /// Reads the record of a folder. If it is a folder of runs, that is the record of the run that
     /// ended last; otherwise the files in the folder itself. `None` if there is neither.
     ///
+    /// ```
+    /// # let folder = tempfile::tempdir()?;
+    /// # let record = folder.path();
+    /// use karat::record::{Recorded, Run, SCHEMA};
+    ///
+    /// assert!(Recorded::read(record)?.is_none(), "nothing has run");
+    /// Run { schema: SCHEMA, selected: Vec::new(), passed: true }.write(record)?;
+    /// let recorded = Recorded::read(record)?.expect("a run has ended");
+    /// assert!(recorded.records.is_empty(), "it had no check");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// If a file can't be read or a line isn't a record.
     pub fn read(folder: &Path) -> Result<Option<Self>, RecordError> {
@@ -447,6 +500,22 @@ fn records(folder: &Path) -> Result<Vec<Record>, RecordError> {
 
 impl Record {
     /// Orders records by what they are about, and those of one test about the same as they were made.
+    ///
+    /// ```
+    /// # use karat::record::SCHEMA;
+    /// use karat::record::Record;
+    ///
+    /// # let record = |name: &str| -> Result<Record, serde_json::Error> {
+    /// #     serde_json::from_value(serde_json::json!({
+    /// #         "schema": SCHEMA, "test": name, "verdict": "pass", "paths": [], "message": null,
+    /// #         "subject": { "kind": "frame", "golden": name },
+    /// #     }))
+    /// # };
+    /// let mut records = vec![record("sky")?, record("cloud")?]; // of several runs, say
+    /// Record::sort(&mut records);
+    /// assert_eq!(records[0].test, "cloud");
+    /// # Ok::<(), serde_json::Error>(())
+    /// ```
     pub fn sort(records: &mut [Self]) {
         let key = |record: &Self| {
             let subject = match &record.subject {

@@ -294,6 +294,17 @@ impl Program {
     }
 
     /// The author's place for a range of [`text`](Self::text).
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// # use karat::reflect::Program;
+    /// let text = "const HALF = 0.5;\nfn half(x: f32) -> f32 { return HALF * x; }";
+    /// let program = Program::of_function(&Package::from_source("m", text), "half")?;
+    /// let at = program.text().find("HALF * x").expect("it is there");
+    /// let span = program.resolve(at..at + 8).expect("its author wrote it");
+    /// assert_eq!((&*span.file.text, span.range), (text, 50..58));
+    /// # Ok::<(), karat::reflect::ReflectError>(())
+    /// ```
     #[must_use]
     pub fn resolve(&self, range: Range<usize>) -> Option<Span> {
         self.linked.spliced.resolve(range)

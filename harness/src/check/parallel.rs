@@ -1,10 +1,8 @@
 //! Tasks on all cores, compiled once: what is generic is compiled again in every test.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, OnceLock};
-
-use karat_engine::parallel;
 
 /// Rows that one task makes; enough that a task costs more than its start.
 const TASK: usize = 2048;
@@ -18,11 +16,19 @@ pub(super) fn map<T: Send + Sync>(tasks: usize, task: impl Fn(usize) -> T + Sync
     slots.into_iter().map(|slot| slot.into_inner().expect("each task has run")).collect()
 }
 
+/// Runs tasks here and on other cores. A thread that only waited for as many as there are cores would
+/// leave them to the system's scheduler, which often wakes two of them on one core while another idles.
 fn run(tasks: usize, task: &(dyn Fn(usize) + Sync)) {
-    parallel::run(tasks, &|next| {
-        while let Some(index) = next() {
+    let next = AtomicUsize::new(0);
+    let work = || {
+        while let Some(index) = Some(next.fetch_add(1, Ordering::Relaxed)).filter(|i| *i < tasks) {
             task(index);
         }
+    };
+    let helpers = rayon::current_num_threads().min(tasks).saturating_sub(1);
+    rayon::in_place_scope(|scope| {
+        (0..helpers).for_each(|_| scope.spawn(|_| work()));
+        work();
     });
 }
 
@@ -61,8 +67,6 @@ pub(super) fn rows<T: Copy + Default + Send>(
 
 #[cfg(test)]
 mod tests {
-    use std::sync::atomic::AtomicUsize;
-
     use super::*;
 
     #[test]

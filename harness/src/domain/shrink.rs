@@ -12,6 +12,17 @@ use glam::{DVec3, Vec3};
 use super::{Domain, Source};
 
 /// Where a case of a domain comes from, in the order of its cases.
+///
+/// ```
+/// use karat::domain::{Origin, Source};
+/// use karat::prelude::*;
+///
+/// let domain = 0.0..=4.0;
+/// let edge = domain.shrinkable(Origin::Edge(0)).expect("it has edges");
+/// assert_eq!(Some(edge.value()), domain.edges().first());
+/// let drawn = domain.shrinkable(Origin::Draw(&mut Source::new(1, 0))).expect("it has values");
+/// assert!(domain.contains(drawn.value()));
+/// ```
 #[derive(Debug)]
 pub enum Origin<'s> {
     /// [`Domain::nth`]

@@ -12,6 +12,18 @@ use crate::settings;
 use crate::tolerance::{LaneError, Tolerance};
 
 /// The mean of a rectangle on each path.
+///
+/// ```
+/// # use karat::metric::Rect;
+/// # use karat::prelude::*;
+/// # let text = "@fragment fn fragment() -> @location(0) vec4f { return vec4f(0.5, 0.25, 0.0, 1.0); }";
+/// # let package = Package::from_source("m", text);
+/// let frame = package.frame("", 8, 8).fragment("fragment");
+/// let mean = frame.expect_mean(Rect::new(0, 0, 8, 8), [0.5, 0.25, 0.0], Abs(1e-6));
+/// for (adapter, [red, green, blue]) in &mean.paths {
+///     assert!((red - 0.5).abs() <= 1e-6, "on {adapter}: {red} {green} {blue}");
+/// }
+/// ```
 #[derive(Clone, Debug)]
 pub struct FrameMean {
     /// Each path with the mean of red, green and blue.

@@ -203,6 +203,16 @@ impl Meaning {
 
 /// Values for a parameter of which only the name and the type are known: the parts of a
 /// [`Dynamic`](crate::domain::Dynamic) domain.
+///
+/// ```
+/// use karat::domain::Dynamic;
+/// use karat::hazards::suggested;
+/// use karat::value::{Scalar, Shape};
+///
+/// let cosine = ("n_dot_l".to_owned(), Shape::Scalar(Scalar::F32));
+/// let domain = Dynamic::new(&[cosine.clone()], vec![suggested(&cosine.0, &cosine.1)]);
+/// assert_eq!(domain.described(), "n_dot_l from 0 to 1");
+/// ```
 #[must_use]
 pub fn suggested(name: &str, shape: &Shape) -> Vec<DomainPart> {
     let mut all = Vec::new();

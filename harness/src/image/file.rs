@@ -225,6 +225,14 @@ fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
 
 /// Whether this is a temporary file of a golden, a frame or their facts, whose process ended before
 /// it could rename it. Nothing else uses such names.
+///
+/// ```
+/// # let folder = tempfile::tempdir()?;
+/// let file = folder.path().join("sky.exr.1234-0.tmp");
+/// std::fs::write(&file, "half of it")?; // by a process that was killed
+/// assert!(karat::image::is_leftover(&file));
+/// # Ok::<(), std::io::Error>(())
+/// ```
 #[must_use]
 pub fn is_leftover(path: &Path) -> bool {
     is_beside(path) && unheld(path).is_some()
@@ -238,6 +246,13 @@ pub(crate) fn remove_leftover(path: &Path) -> bool {
 }
 
 /// Whether a file has the name of a temporary file for an image or facts: `scene.exr.1234-0.tmp`.
+///
+/// ```
+/// use karat::image::is_beside;
+///
+/// assert!(is_beside("golden/sky.exr.1234-0.tmp".as_ref()));
+/// assert!(!is_beside("golden/sky.exr".as_ref()));
+/// ```
 pub fn is_beside(path: &Path) -> bool {
     let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     let is_ours = |name: &str| {

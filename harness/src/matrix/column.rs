@@ -8,6 +8,14 @@ use karat_translate::Target;
 use crate::path::{Api, Path, Via};
 
 /// A language that naga writes, and the execution path that runs it, if there is one.
+///
+/// ```
+/// use karat::matrix::Column;
+///
+/// let column: Column = "vulkan:hlsl".parse()?; // or a language that nothing runs: `msl`
+/// assert_eq!((column.language(), column.path()), ("hlsl", Some("vulkan:hlsl".parse()?)));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Column {
     pub(super) target: Target,
@@ -17,6 +25,13 @@ pub struct Column {
 impl Column {
     /// What every machine can have: the APIs with their languages, the routes on Vulkan, two languages
     /// that no path of ours runs, and the engine (feature `engine`).
+    ///
+    /// ```
+    /// use karat::matrix::Column;
+    ///
+    /// assert!(Column::usual().contains(&"metal".parse()?));
+    /// # Ok::<(), String>(())
+    /// ```
     #[must_use]
     pub fn usual() -> Vec<Self> {
         let names = [
@@ -37,8 +52,7 @@ impl Column {
     }
 
     /// The column of a path.
-    #[must_use]
-    pub fn of_path(path: Path) -> Option<Self> {
+    fn of_path(path: Path) -> Option<Self> {
         let target = match (path.via(), path.api()) {
             (Via::Direct, Api::Vulkan) | (Via::Spirv, _) => Target::Spirv,
             (Via::Direct, Api::Gl) | (Via::Glsl, _) => Target::Glsl,
@@ -54,6 +68,14 @@ impl Column {
     }
 
     /// The language that is translated into.
+    ///
+    /// ```
+    /// use karat::matrix::Column;
+    ///
+    /// let column: Column = "gl".parse()?;
+    /// assert_eq!(column.language(), "glsl");
+    /// # Ok::<(), String>(())
+    /// ```
     #[must_use]
     pub fn language(self) -> &'static str {
         self.target.name()
@@ -65,6 +87,14 @@ impl Column {
     }
 
     /// The path that runs it.
+    ///
+    /// ```
+    /// use karat::matrix::Column;
+    ///
+    /// let (runs, nothing): (Column, Column) = ("metal".parse()?, "msl".parse()?);
+    /// assert!(runs.path().is_some() && nothing.path().is_none());
+    /// # Ok::<(), String>(())
+    /// ```
     #[must_use]
     pub fn path(self) -> Option<Path> {
         self.path

@@ -17,6 +17,19 @@ use crate::path::{self, PathError};
 use crate::settings::{self, SettingsError};
 
 /// Functions and entry points on every column.
+///
+/// ```
+/// # use karat::Package;
+/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+/// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
+/// for row in &matrix.rows {
+///     for (head, cell) in matrix.columns.iter().zip(&row.cells) {
+///         println!("{} on {}: {}", row.name, head.name, cell.word());
+///     }
+/// }
+/// assert_eq!((matrix.columns.len(), matrix.rows.len()), (1, 1));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
 pub struct Matrix {
     /// The package.
@@ -37,6 +50,16 @@ pub struct Matrix {
 }
 
 /// The head of a column.
+///
+/// ```
+/// # use karat::Package;
+/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+/// let matrix = package.matrix().columns(["cpu".parse()?, "wgsl".parse()?]).run()?;
+/// let [cpu, wgsl] = &*matrix.columns else { panic!("two were asked for") };
+/// assert!(cpu.adapter.is_some() && cpu.unavailable.is_none());
+/// assert!(wgsl.adapter.is_none(), "it is a language, which no path runs");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
 pub struct Head {
     /// Its name.
@@ -278,6 +301,14 @@ fn list(rows: &[(String, String)]) -> String {
 impl Matrix {
     /// Wants a row, and a cell that something has judged: a validator, or another column.
     ///
+    /// ```
+    /// # use karat::Package;
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
+    /// assert!(matrix.try_expect_evidence().is_ok(), "naga finds it valid");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// If there is none.
     pub fn try_expect_evidence(&self) -> Result<(), Missed> {
@@ -300,13 +331,14 @@ impl Matrix {
     /// Wants every row to get to a status on a column. Functions that no kernel can call aren't
     /// judged.
     ///
-    /// ```no_run
+    /// ```
     /// # use karat::Package;
-    /// # static SHADERS: Package = karat::package!("shaders");
     /// use karat::matrix::Status;
     ///
-    /// let matrix = SHADERS.matrix().run().expect("it can be read");
-    /// matrix.expect("vulkan:hlsl", Status::Valid);
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
+    /// matrix.expect("cpu", Status::Executed);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
     /// # Panics
@@ -319,13 +351,14 @@ impl Matrix {
     /// [`expect`](Self::expect) of all rows but those that are declared with a reason. These must
     /// not get that far: a declaration that isn't true any more is an error.
     ///
-    /// ```no_run
+    /// ```
     /// # use karat::Package;
-    /// # static SHADERS: Package = karat::package!("shaders");
     /// use karat::matrix::Status;
     ///
-    /// let matrix = SHADERS.matrix().run().expect("it can be read");
-    /// matrix.expect_but("vulkan:hlsl", Status::Valid, &[("sky::radiance", "naga bug 1234")]);
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
+    /// matrix.expect_but("cpu", Status::Agrees, &[("half", "nothing else runs it")]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
     /// # Panics
@@ -400,12 +433,30 @@ impl Row {
     }
 
     /// Whether there is anything to judge: not where no kernel can call the function.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// let text = "fn half(x: f32) -> f32 { return 0.5 * x; }
+    ///             fn forget(x: f32) { let y = x; }";
+    /// let matrix = Package::from_source("m", text).matrix().columns(["cpu".parse()?]).run()?;
+    /// let judged = matrix.rows.iter().filter(|row| row.is_judged()).map(|row| &*row.name);
+    /// assert!(judged.eq(["half"]), "nothing is seen of the other");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[must_use]
     pub fn is_judged(&self) -> bool {
         self.kind != "not callable"
     }
 
     /// Why it gets no further on a column.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
+    /// assert_eq!(matrix.rows[0].why(0), "no other column ran it");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[must_use]
     pub fn why(&self, column: usize) -> String {
         let stopped = self.cells.get(column).and_then(|cell| cell.stopped.as_ref());

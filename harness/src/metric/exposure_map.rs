@@ -6,6 +6,17 @@ use super::mask::Rect;
 use super::pair::Pair;
 
 /// For each pixel of a part of a frame, the exposure at which its error is largest.
+///
+/// ```
+/// use karat::Image;
+/// use karat::metric::{Flip, Pair};
+///
+/// let grey = |light: f32| Image::new(32, 32, vec![[light, light, light, 1.0]; 1024]);
+/// let (golden, actual) = (grey(0.5), grey(0.6));
+/// let exposures = Flip::MEAN.exposures(&Pair::new(&golden, &actual)?)?;
+/// assert!(exposures.at(16, 16).is_some(), "its error is largest at some exposure");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExposureMap {
     rect: Rect,
@@ -26,6 +37,17 @@ impl ExposureMap {
     }
 
     /// The part of the frame that was looked at.
+    ///
+    /// ```
+    /// # use karat::Image;
+    /// use karat::metric::{Flip, Pair, Rect};
+    ///
+    /// # let grey = |light: f32| Image::new(32, 32, vec![[light, light, light, 1.0]; 1024]);
+    /// # let (golden, actual) = (grey(0.5), grey(0.6));
+    /// let exposures = Flip::MEAN.exposures(&Pair::new(&golden, &actual)?)?;
+    /// assert_eq!(exposures.rect(), Rect::new(0, 0, 32, 32)); // all pixels differ
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[must_use]
     pub fn rect(&self) -> Rect {
         self.rect
@@ -33,6 +55,17 @@ impl ExposureMap {
 
     /// The exposure of a pixel of the frame, in stops; `None` if it has no error, wasn't looked at,
     /// or isn't compared.
+    ///
+    /// ```
+    /// # use karat::Image;
+    /// # use karat::metric::{Flip, Pair};
+    /// # let grey = |light: f32| Image::new(32, 32, vec![[light, light, light, 1.0]; 1024]);
+    /// # let (golden, actual) = (grey(0.5), grey(0.6));
+    /// let exposures = Flip::MEAN.exposures(&Pair::new(&golden, &actual)?)?;
+    /// assert!(exposures.at(0, 0).is_some());
+    /// assert_eq!(exposures.at(32, 0), None); // beside the frame
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[must_use]
     pub fn at(&self, x: u32, y: u32) -> Option<f32> {
         if !self.rect.contains(x, y) {
@@ -43,6 +76,17 @@ impl ExposureMap {
     }
 
     /// The darkest and the brightest of all pixels; `None` if none has an error.
+    ///
+    /// ```
+    /// # use karat::Image;
+    /// # use karat::metric::{Flip, Pair};
+    /// # let grey = |light: f32| Image::new(32, 32, vec![[light, light, light, 1.0]; 1024]);
+    /// # let (golden, actual) = (grey(0.5), grey(0.6));
+    /// let exposures = Flip::MEAN.exposures(&Pair::new(&golden, &actual)?)?;
+    /// let range = exposures.range().expect("the frames differ");
+    /// assert!(exposures.at(16, 16).is_some_and(|stops| range.contains(&stops)));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[must_use]
     pub fn range(&self) -> Option<RangeInclusive<f32>> {
         let stops = self.values.iter().copied().filter(|stops| !stops.is_nan());

@@ -1,6 +1,6 @@
 //! Texts without what means nothing.
 
-/// A text without comments, and with one blank in place of many.
+/// A text without comments, with one blank in place of many and none at its ends.
 pub(crate) fn plain(text: &str) -> String {
     let mut plain = String::with_capacity(text.len());
     let mut rest = text;
@@ -23,7 +23,7 @@ pub(crate) fn plain(text: &str) -> String {
             rest = &rest[first.len_utf8()..];
             continue;
         };
-        if !plain.ends_with(' ') {
+        if !plain.is_empty() && !plain.ends_with(' ') {
             plain.push(' ');
         }
         rest = &rest[skipped..];
@@ -61,6 +61,7 @@ mod tests {
         assert_eq!(plain("a/**/b"), "a b", "a comment separates");
         assert_ne!(plain("a - -b"), plain("a --b"));
         assert_eq!(plain("x /* never closed"), "x");
+        assert_eq!(plain("// above\n x // beside"), "x", "no blank is left at either end");
         assert_eq!(plain("α\u{a0}/ β // γ"), "α / β", "blanks beyond ASCII, and a quotient");
     }
 }

@@ -131,6 +131,7 @@ pub(crate) fn fixtures(probed: &Probed) -> Result<Fixtures, String> {
 }
 
 /// [`fixtures`], where no texture is like another, and no sampler: for results of one driver.
+#[cfg_attr(not(feature = "engine"), expect(dead_code, reason = "`compare` needs the engine"))]
 pub(crate) fn own_fixtures(probed: &Probed) -> Result<Fixtures, String> {
     made_of(probed, Content::Own)
 }

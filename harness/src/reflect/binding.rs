@@ -55,6 +55,19 @@ impl Binding {
 
 impl Program {
     /// The resources of an entry point; `None` if there is no such entry point.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// use karat::reflect::{Program, Stage};
+    ///
+    /// let text = "@group(0) @binding(3) var<uniform> sky: vec4f;
+    ///             @fragment fn fragment() -> @location(0) vec4f { return sky; }";
+    /// let program = Program::of_module(&Package::from_source("m", text), "")?;
+    /// let bindings = program.entry_point_bindings(Stage::Fragment, "fragment").expect("it is there");
+    /// assert_eq!((bindings[0].name(), bindings[0].binding), ("sky", 3));
+    /// assert!(program.entry_point_bindings(Stage::Vertex, "fragment").is_none());
+    /// # Ok::<(), karat::reflect::ReflectError>(())
+    /// ```
     #[must_use]
     pub fn entry_point_bindings(&self, stage: Stage, name: &str) -> Option<Vec<Binding>> {
         let name = self.entry_point_name(name);

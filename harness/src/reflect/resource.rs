@@ -5,6 +5,13 @@ use std::fmt;
 use naga::{ImageClass, ImageDimension, ScalarKind, StorageFormat};
 
 /// How coordinates find texels.
+///
+/// ```
+/// use karat::reflect::{BindingKind, Dimension};
+///
+/// let BindingKind::Texture(kind) = BindingKind::TEXTURE_CUBE else { panic!("it is a texture") };
+/// assert_eq!(kind.dimension, Dimension::Cube);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Dimension {
     /// By one coordinate.
@@ -29,6 +36,13 @@ impl fmt::Display for Dimension {
 }
 
 /// What texels are made of.
+///
+/// ```
+/// use karat::reflect::{BindingKind, Texels};
+///
+/// let BindingKind::Texture(kind) = BindingKind::TEXTURE_2D else { panic!("it is a texture") };
+/// assert_eq!(kind.texels, Texels::Float); // texture_2d<f32>
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Texels {
     /// `f32`
@@ -42,6 +56,18 @@ pub enum Texels {
 }
 
 /// The type of a texture that is sampled or loaded from.
+///
+/// ```
+/// use karat::reflect::{Dimension, Texels, TextureKind};
+///
+/// let shadows = TextureKind {
+///     dimension: Dimension::D2,
+///     arrayed: true,
+///     texels: Texels::Depth,
+///     multisampled: false,
+/// };
+/// assert_eq!(shadows.to_string(), "texture_depth_2d_array");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct TextureKind {
     /// How coordinates find texels.
@@ -73,6 +99,12 @@ impl fmt::Display for TextureKind {
 }
 
 /// How a shader reaches a storage texture.
+///
+/// ```
+/// use karat::reflect::Access;
+///
+/// assert_eq!(Access { reads: false, writes: true }.to_string(), "write");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Access {
     /// `read`, `read_write`
@@ -92,11 +124,37 @@ impl fmt::Display for Access {
 }
 
 /// The format of a storage texture's texels.
+///
+/// ```
+/// # use karat::Package;
+/// # use karat::reflect::Program;
+/// use karat::reflect::BindingKind;
+///
+/// let text = "@group(0) @binding(0) var image: texture_storage_2d<r32float, read>;
+///             fn first() -> f32 { return textureLoad(image, vec2u(0)).x; }";
+/// let first = Program::of_function(&Package::from_source("m", text), "first")?.function("first")?;
+/// let BindingKind::StorageTexture { format, .. } = first.bindings[0].kind else { panic!() };
+/// assert_eq!(format.name(), "r32float");
+/// # Ok::<(), karat::reflect::ReflectError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Format(StorageFormat);
 
 impl Format {
     /// What its texels are made of.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// # use karat::reflect::Program;
+    /// use karat::reflect::{BindingKind, Texels};
+    ///
+    /// let text = "@group(0) @binding(0) var ids: texture_storage_2d<r32uint, read>;
+    ///             fn first() -> u32 { return textureLoad(ids, vec2u(0)).x; }";
+    /// let first = Program::of_function(&Package::from_source("m", text), "first")?.function("first")?;
+    /// let BindingKind::StorageTexture { format, .. } = first.bindings[0].kind else { panic!() };
+    /// assert_eq!(format.texels(), Texels::Uint);
+    /// # Ok::<(), karat::reflect::ReflectError>(())
+    /// ```
     #[must_use]
     pub fn texels(self) -> Texels {
         match naga::Scalar::from(self.0).kind {
@@ -107,6 +165,18 @@ impl Format {
     }
 
     /// WGSL's name: `rgba8unorm`.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// # use karat::reflect::Program;
+    /// # use karat::reflect::BindingKind;
+    /// let text = "@group(0) @binding(0) var image: texture_storage_2d<rgba8unorm, read>;
+    ///             fn first() -> f32 { return textureLoad(image, vec2u(0)).x; }";
+    /// let first = Program::of_function(&Package::from_source("m", text), "first")?.function("first")?;
+    /// let BindingKind::StorageTexture { format, .. } = first.bindings[0].kind else { panic!() };
+    /// assert_eq!(format.name(), "rgba8unorm");
+    /// # Ok::<(), karat::reflect::ReflectError>(())
+    /// ```
     #[must_use]
     pub fn name(self) -> String {
         format!("{:?}", self.0).to_lowercase()

@@ -470,6 +470,18 @@ impl Program {
 
     /// The shape of what a buffer holds, where an array without a length, be it the whole or its last
     /// member, has so many elements, and atomics are their scalars. `None` if it isn't a buffer.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// # use karat::reflect::Program;
+    /// let text = "@group(0) @binding(0) var<storage> lights: array<vec4f>;
+    ///             fn count() -> u32 { return arrayLength(&lights); }";
+    /// let program = Program::of_function(&Package::from_source("m", text), "count")?;
+    /// let lights = &program.function("count")?.bindings[0];
+    /// let shape = program.buffer_of(lights, 8).expect("it is a buffer");
+    /// assert_eq!(shape.to_string(), "array<vec4<f32>, 8>");
+    /// # Ok::<(), karat::reflect::ReflectError>(())
+    /// ```
     #[must_use]
     pub fn buffer_of(&self, binding: &Binding, elements: usize) -> Option<Shape> {
         use naga::{ArraySize, TypeInner};
@@ -491,14 +503,19 @@ impl Program {
     ///
     /// # Errors
     /// If the lanes aren't as many as the type has.
-    pub fn bytes(&self, binding: &Binding, lanes: &[u32]) -> Result<Vec<u8>, super::LayoutError> {
+    #[cfg(feature = "routes")]
+    pub(crate) fn bytes(
+        &self,
+        binding: &Binding,
+        lanes: &[u32],
+    ) -> Result<Vec<u8>, super::LayoutError> {
         super::bytes_of(&self.checked.module, &self.checked.layouter, binding.ty, lanes)
     }
 
     /// The shape of the data of a buffer, or of an element of it where its array has no length; and
     /// which of the two it is. `None` if it isn't a buffer whose type has a shape.
-    #[must_use]
-    pub fn buffer_data(&self, binding: &Binding) -> Option<(Shape, bool)> {
+    #[cfg(any(feature = "engine", feature = "routes"))]
+    pub(crate) fn buffer_data(&self, binding: &Binding) -> Option<(Shape, bool)> {
         let endless = matches!(
             &self.checked.module.types[binding.ty].inner,
             naga::TypeInner::Array { size: naga::ArraySize::Dynamic, .. }

@@ -7,6 +7,21 @@ use std::sync::OnceLock;
 ///
 /// Cargo's test programs say it by what Cargo tells them. Any other program names each test by the name
 /// of the thread that runs it, and calls [`host`] before the first.
+///
+/// ```
+/// # use karat::prelude::*;
+/// use karat::run::{Host, host};
+///
+/// # let kept = tempfile::tempdir()?;
+/// # let (folder, output, target) = (kept.path().into(), kept.path().into(), "wgsl".to_owned());
+/// host(Host { replay: "my-tests --exact".to_owned(), folder, target, output });
+/// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.4 * x; }");
+/// # let wrong = move || package.function("half").over(1.0..=2.0).try_stays_within(0.0, 0.5);
+/// let test = std::thread::Builder::new().name("is_small".to_owned()).spawn(wrong)?;
+/// let failure = test.join().expect("it doesn't panic").expect_err("half of 2 isn't");
+/// assert!(failure.to_string().contains("my-tests --exact is_small"));
+/// # Ok::<(), std::io::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Host {
     /// The command that runs one test: its name follows. `karat test shaders --exact`

@@ -161,6 +161,17 @@ impl Cells {
     /// fall off quickly next to the samples, and a rule over the whole of a wide cell would miss
     /// it.
     ///
+    /// ```
+    /// use karat::Support;
+    /// use karat::stats::Cells;
+    ///
+    /// let pilot: Vec<[f64; 2]> = (0..100).map(|i| [f64::from(i) / 1000.0, 0.0]).collect();
+    /// let cells = Cells::new(Support::Interval(0.0, 1.0), &pilot, 4, 1);
+    /// let parts = cells.parts(3); // its samples end at 0.099, and it ends at 1
+    /// assert!(parts.len() > 1);
+    /// assert_eq!(parts[parts.len() - 1].high[0], 1.0);
+    /// ```
+    ///
     /// # Panics
     /// If there is no such cell.
     #[must_use]

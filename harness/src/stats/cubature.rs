@@ -59,6 +59,20 @@ impl Rectangle {
 }
 
 /// The integral over one cell.
+///
+/// ```
+/// use std::convert::Infallible;
+///
+/// use karat::Support;
+/// use karat::stats::{Cells, integrate};
+///
+/// let line = Support::Interval(0.0, 2.0);
+/// let one = Cells::new(line, &[[1.0, 0.0]], 1, 1);
+/// let of = |points: &[[f64; 3]]| Ok::<_, Infallible>(points.iter().map(|[x, ..]| 3.0 * x * x).collect());
+/// let cells = integrate(line, &one, 1, |_| 1e-9, of)?;
+/// assert!((cells[0].value[0] - 8.0).abs() < 1e-9 && cells[0].error < 1e-9);
+/// # Ok::<(), karat::stats::CubatureError<Infallible>>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CellIntegral {
     /// The integral of each component.
@@ -99,6 +113,22 @@ struct Part {
 /// up like independent ones, as they do along an edge of the density.
 ///
 /// `evaluate` gets points and returns the components of each.
+///
+/// ```
+/// use std::convert::Infallible;
+/// use std::f64::consts::PI;
+///
+/// use karat::Support;
+/// use karat::stats::{Cells, integrate};
+///
+/// let pilot = [[0.3, 1.0], [0.6, 2.0], [0.9, 5.0]]; // theta and phi
+/// let cells = Cells::new(Support::Hemisphere, &pilot, 2, 2);
+/// let cosine = |points: &[[f64; 3]]| Ok::<_, Infallible>(points.iter().map(|[.., z]| z / PI).collect());
+/// let integrals = integrate(Support::Hemisphere, &cells, 1, |_| 1e-6, cosine)?;
+/// let sum: f64 = integrals.iter().map(|cell| cell.value[0]).sum();
+/// assert!((sum - 1.0).abs() < 1e-5);
+/// # Ok::<(), karat::stats::CubatureError<Infallible>>(())
+/// ```
 ///
 /// # Errors
 /// If `evaluate` fails, or the rules never agree.
