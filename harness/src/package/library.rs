@@ -86,6 +86,20 @@ impl Library {
         Ok(library)
     }
 
+    /// The module of an author's path: one of the package that is linked, or `noise::value` of a package
+    /// that it depends on, as its modules import it.
+    pub(super) fn root(&self, module: &str) -> ModulePath {
+        let own = ModulePath::root(module);
+        let Some((name, rest)) = own.components.split_first() else { return own };
+        let of = self.package(0);
+        if self.has(&own) || !of.dependencies.iter().any(|(known, _)| known == name) {
+            return own;
+        }
+        let of_dependency = |package| ModulePath { package, components: rest.to_vec() };
+        let found = self.dependency(0, name).map(of_dependency);
+        found.ok().filter(|found| self.has(found)).unwrap_or(own)
+    }
+
     /// The text of a module.
     pub(super) fn read(&self, path: &ModulePath) -> Result<Arc<SourceFile>, PackageError> {
         if let Some(known) = self.files.borrow().get(path) {
