@@ -5,6 +5,7 @@
 //! each; `cargo ci found` does that. A finding that passes as it is, or fails when it is mended, is an error.
 
 use std::f32::consts::{PI, TAU};
+use std::f64::consts::FRAC_PI_2;
 use std::fmt::{Display, Write as _};
 use std::io::Write as _;
 use std::path::Path;
@@ -15,6 +16,8 @@ use karat::check::{Agreement, Failure};
 use karat::domain::UnitRgb;
 use karat::prelude::*;
 
+type Check = fn(&Package) -> Result<Agreement, Failure>;
+
 /// A fault of a crate's shader.
 struct Found {
     name: &'static str,
@@ -23,9 +26,11 @@ struct Found {
     function: &'static str,
     /// What is wrong, and who meets it.
     says: &'static str,
-    check: fn(&Package) -> Result<Agreement, Failure>,
+    check: Check,
     /// What is replaced in the function's module, and by what.
     change: [&'static str; 2],
+    /// What the mended function is held to besides.
+    mended: Option<Check>,
 }
 
 const FOUND: [Found; 6] = [
@@ -40,6 +45,7 @@ const FOUND: [Found; 6] = [
             "(swizzle.x - swizzle.y) / c + swizzle.z",
             "(swizzle.x - swizzle.y) / max(c, 1e-20) + swizzle.z",
         ],
+        mended: None,
     },
     Found {
         name: "full-turn-of-hue",
@@ -49,6 +55,7 @@ const FOUND: [Found; 6] = [
                comes out black. `hsv_to_linear_rgb` does the same.",
         check: full_turn_of_hue,
         change: ["let hp = h * 6.0;", "let hp = fract(h) * 6.0;"],
+        mended: None,
     },
     Found {
         name: "white-and-black",
@@ -62,6 +69,7 @@ const FOUND: [Found; 6] = [
             "    let whiteness = hwb.y / max(1.0, hwb.y + hwb.z);\n    \
              let blackness = hwb.z / max(1.0, hwb.y + hwb.z);\n",
         ],
+        mended: None,
     },
     Found {
         name: "angle-of-nothing",
@@ -71,6 +79,7 @@ const FOUND: [Found; 6] = [
                of view with this function, and that of a ray straight up is (0, 0).",
         check: angle_of_nothing,
         change: ["var t3 = t1 / t0;", "var t3 = select(0.0, t1 / t0, t0 > 0.0);"],
+        mended: None,
     },
     Found {
         name: "tone-of-black",
@@ -83,18 +92,34 @@ const FOUND: [Found; 6] = [
             "return c_in * (l_out / l_in);",
             "return c_in * select(0.0, l_out / l_in, l_in > 0.0);",
         ],
+        mended: None,
     },
     Found {
         name: "round-ellipse",
         krate: "bevy_smud@0.15.0",
         function: "smud::sd_ellipse",
         says: "The distance to an ellipse whose axes are equal, a circle, is NaN: the formula divides by the difference \
-               of their squares. The comment above warns of what is close to a circle.",
+               of their squares. Close to a circle it is NaN or wrong, too, as the comment above warns: a guard \
+               `if a == b` isn't enough. Where the axes differ by less than a tenth, the change takes another way: \
+               four times it goes to the nearest point of the circle of curvature.",
         check: round_ellipse,
         change: [
             "    let l = ab.y * ab.y - ab.x * ab.x;\n",
-            "    if a == b {\n        return length(p_in) - a;\n    }\n    let l = ab.y * ab.y - ab.x * ab.x;\n",
+            "    if abs(a - b) < 0.1 * max(a, b) {\n        \
+             let axes = vec2<f32>(a, b);\n        \
+             let point = abs(p_in);\n        \
+             var t = vec2<f32>(0.7);\n        \
+             for (var i = 0; i < 4; i++) {\n            \
+             let centre = vec2<f32>(1., -1.) * (a * a - b * b) * t * t * t / axes;\n            \
+             let radius = length(axes * t - centre);\n            \
+             let nearest = centre + radius * (point - centre) / max(length(point - centre), 1e-20);\n            \
+             t = normalize(max(nearest / axes, vec2<f32>(1e-6)));\n        \
+             }\n        \
+             return length(axes * t - point) * sign(length(point / axes) - 1.);\n    \
+             }\n    \
+             let l = ab.y * ab.y - ab.x * ab.x;\n",
         ],
+        mended: Some(nearly_round_ellipse),
     },
 ];
 
@@ -166,6 +191,34 @@ fn round_ellipse(package: &Package) -> Result<Agreement, Failure> {
     // end
 }
 
+fn nearly_round_ellipse(package: &Package) -> Result<Agreement, Failure> {
+    // mended: round-ellipse
+    // The angle of the nearest point: until there the distance falls. A quadrant has one.
+    let distance = |p: DVec2, a: f64, b: f64| {
+        let (p, axes) = (p.abs(), DVec2::new(a, b));
+        let (mut low, mut high) = (0.0, FRAC_PI_2);
+        for _ in 0..60 {
+            let t = 0.5 * (low + high);
+            let to = axes * DVec2::from_angle(t) - p;
+            match to.dot(axes * DVec2::from_angle(t).perp()) < 0.0 {
+                true => low = t,
+                false => high = t,
+            }
+        }
+        let nearest = axes * DVec2::from_angle(low);
+        nearest.distance(p).copysign((p / axes).length() - 1.0)
+    };
+    let points = (-2.0..=2.0_f32, -2.0..=2.0_f32).map(|(x, y)| glam::Vec2::new(x, y));
+    // Domains draw many values close to the ends of a range: ratios close to 1.
+    let ratios = (1.0..=1.09_f32, OneOf(vec![false, true]));
+    let nearly = (points, 0.25..=1.0_f32, ratios).map(|(point, radius, (ratio, upright))| {
+        let (short, long) = (radius, radius * ratio);
+        if upright { (point, short, long) } else { (point, long, short) }
+    });
+    package.function("smud::sd_ellipse").over(nearly).try_agrees_with(distance, Abs(1e-4))
+    // end
+}
+
 /// sRGB's transfer function, the way back.
 fn linear(rgb: DVec3) -> DVec3 {
     let channel = |x: f64| if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
@@ -175,7 +228,8 @@ fn linear(rgb: DVec3) -> DVec3 {
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let done = match &*arguments {
-        [check, name] if check == "--check" => return checked(name),
+        [check, name] if check == "--check" => return checked(name, |found| Some(found.check)),
+        [check, name] if check == "--check-mended" => return checked(name, |found| found.mended),
         [folder] => all(Path::new(folder)),
         _ => Err("name a folder for the pages: `found docs/found`".to_owned()),
     };
@@ -193,9 +247,10 @@ fn open(found: &Found) -> Result<Package, String> {
 }
 
 /// Runs a check in a process of its own, which may have an overlay. Exit code 1: it fails.
-fn checked(name: &str) -> ExitCode {
-    let Some(found) = FOUND.iter().find(|found| found.name == name) else {
-        eprintln!("error: there is no finding `{name}`");
+fn checked(name: &str, which: fn(&Found) -> Option<Check>) -> ExitCode {
+    let found = FOUND.iter().find(|found| found.name == name);
+    let Some((found, check)) = found.and_then(|found| Some((found, which(found)?))) else {
+        eprintln!("error: there is no finding `{name}` with such a check");
         return ExitCode::from(2);
     };
     let package = match open(found) {
@@ -205,7 +260,7 @@ fn checked(name: &str) -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    match (found.check)(&package) {
+    match check(&package) {
         Ok(agreement) => {
             say(&agreement);
             ExitCode::SUCCESS
@@ -267,9 +322,9 @@ fn page(found: &Found) -> Result<String, String> {
     std::fs::create_dir_all(mended.parent().unwrap_or(overlay.path()))
         .and_then(|()| std::fs::write(&mended, file.text.replacen(from, to, 1)))
         .map_err(|error| error.to_string())?;
-    let run = |overlay: Option<&Path>| -> Result<(Option<i32>, String), String> {
+    let run = |check: &str, overlay: Option<&Path>| -> Result<(Option<i32>, String), String> {
         let mut command = Command::new(std::env::current_exe().map_err(|e| e.to_string())?);
-        command.args(["--check", found.name]).env_remove("KARAT_OVERLAY");
+        command.args([check, found.name]).env_remove("KARAT_OVERLAY");
         command.env("KARAT_PATHS", "vulkan").env_remove("KARAT_REQUIRE");
         if let Some(overlay) = overlay {
             command.env("KARAT_OVERLAY", overlay);
@@ -277,24 +332,19 @@ fn page(found: &Found) -> Result<String, String> {
         let output = command.output().map_err(|error| error.to_string())?;
         Ok((output.status.code(), String::from_utf8_lossy(&output.stdout).into_owned()))
     };
-    let (released, message) = run(None)?;
+    let (released, message) = run("--check", None)?;
     if released != Some(1) {
         return Err(format!("as released it ends with {released:?}:\n{message}"));
     }
-    let (passes, agreement) = run(Some(overlay.path()))?;
-    if passes != Some(0) {
-        return Err(format!("mended it ends with {passes:?}:\n{agreement}"));
+    for check in ["--check"].into_iter().chain(found.mended.map(|_| "--check-mended")) {
+        let (passes, agreement) = run(check, Some(overlay.path()))?;
+        if passes != Some(0) {
+            return Err(format!("mended, {check} ends with {passes:?}:\n{agreement}"));
+        }
     }
     let line = file.text[..place].matches('\n').count() + 1;
     let (crate_name, version) = found.krate.split_once('@').unwrap_or((found.krate, ""));
-    let marker = format!("// found: {}\n", found.name);
-    let own = include_str!("found.rs");
-    let test = own.split(&marker).nth(1).and_then(|rest| rest.split("    // end").next());
-    let test: String = test
-        .unwrap_or_default()
-        .lines()
-        .map(|line| format!("{}\n", line.strip_prefix("    ").unwrap_or(line)))
-        .collect();
+    let (test, more) = (own_text("found", found.name), own_text("mended", found.name));
     // Paths of this machine are nobody's, and neither is how to replay a process of this one.
     let message = shortened(&message, crate_name, version);
     let mut page = String::new();
@@ -323,7 +373,18 @@ fn page(found: &Found) -> Result<String, String> {
         lines(from, to, '-'),
         lines(to, from, '+'),
     );
+    if found.mended.is_some() {
+        let _ = write!(page, "\nIt passes this, too:\n\n```rust\n{more}```\n");
+    }
     Ok(page)
+}
+
+/// The lines of this file between a marker and its end.
+fn own_text(marker: &str, name: &str) -> String {
+    let own = include_str!("found.rs");
+    let text = own.split(&format!("// {marker}: {name}\n")).nth(1);
+    let text = text.and_then(|rest| rest.split("    // end").next()).unwrap_or_default();
+    text.lines().map(|line| format!("{}\n", line.strip_prefix("    ").unwrap_or(line))).collect()
 }
 
 /// A message with the crate's files as they are in the crate.

@@ -250,6 +250,26 @@ pub fn nearest<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str>) -> O
         .map(|(_, _, name)| name)
 }
 
+/// BLAKE3 of a text of shaders, in hexadecimal. A line ends with `\n` or `\r\n`, as the checkout has it: the
+/// text is the same, and so is the hash.
+///
+/// ```
+/// use karat::diagnostic::text_hash;
+///
+/// assert_eq!(text_hash(b"const A = 1.0;\r\n"), text_hash(b"const A = 1.0;\n"));
+/// ```
+#[must_use]
+pub fn text_hash(text: &[u8]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for line in text.split_inclusive(|byte| *byte == b'\n') {
+        match line.strip_suffix(b"\r\n") {
+            Some(line) => hasher.update(line).update(b"\n"),
+            None => hasher.update(line),
+        };
+    }
+    hasher.finalize().to_hex().to_string()
+}
+
 /// A file that was read, with a hash of what was in it then.
 ///
 /// ```

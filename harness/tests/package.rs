@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use karat::Package;
+use karat::check::Failure;
 use karat::probe::{ProbeError, Probed};
+use karat::{Package, Ulp};
 
 fn error(package: &Package, function: &str) -> String {
     match Probed::new(package, function) {
@@ -64,6 +65,32 @@ fn imports_are_followed_through_modules_and_packages() {
     // Only the closure is linked.
     let kernel = Probed::new(&package, "inline::ball").expect("linked").kernel().to_owned();
     assert!(!kernel.contains("square"), "{kernel}");
+}
+
+/// A function is named as imports name it, and the package's own come first.
+#[test]
+fn a_function_agrees_with_one_of_another_package() {
+    let shaders = |factor: &str| {
+        let half = format!("fn half(x: f32) -> f32 {{ return {factor} * x; }}");
+        let f = "import package::math::half;\nfn f(x: f32) -> f32 { return half(x); }";
+        Package::from_modules("shaders", [("math", half), ("pbr", f.to_owned())])
+    };
+    let fast = ("fast", "fn fast(x: f32) -> f32 { return x - 0.5 * x; }");
+    let other = Package::from_modules("other", [fast]).depends_on("shaders", &shaders("0.5"));
+    let check = |package: &Package, reference: &str| {
+        let check = package.function("fast::fast").over(0.0..=1.0_f32);
+        check.try_agrees_with_function(reference, Ulp(0.0))
+    };
+    check(&other, "shaders::pbr::f").expect("they are the same");
+    let wrong = Package::from_modules("other", [fast]).depends_on("shaders", &shaders("0.25"));
+    assert!(matches!(check(&wrong, "shaders::pbr::f"), Err(Failure::Disagreement(_))));
+    let own = ("shaders::pbr", "fn f(x: f32) -> f32 { return 0.5 * x; }");
+    let own = Package::from_modules("other", [fast, own]).depends_on("shaders", &shaders("0.25"));
+    check(&own, "shaders::pbr::f").expect("its own");
+    let unknown = check(&other, "shaders::pbr::g").expect_err("there is none").to_string();
+    assert!(unknown.contains("`shaders::pbr::g`"), "{unknown}");
+    let unknown = check(&other, "math::half").expect_err("not its own").to_string();
+    assert!(unknown.contains("`math::half`"), "{unknown}");
 }
 
 #[test]

@@ -12,6 +12,7 @@ use super::plan::{Plan, Recording};
 use super::session::{Asserted, Session};
 use super::tolerances::Tolerances;
 use super::{Agreement, Check, Failure, Vacuous};
+use crate::diagnostic::text_hash;
 use crate::domain::{Domain, Dynamic, Numbering, Part, Stream};
 use crate::golden::{Column, Goldens, Made, Table, ValuesError, other_columns};
 use crate::path::Adapter;
@@ -244,7 +245,7 @@ impl Comparison<'_> {
         }
         let table = Table { columns: columns(called.function()), arguments: called.words, words };
         let program = &called.probed.program;
-        let shader = blake3::hash(program.text().as_bytes()).to_hex().to_string();
+        let shader = text_hash(program.text().as_bytes());
         let modules = program.modules().to_vec();
         let tolerance = self.tolerances.general.to_string();
         Ok(Made { table, adapter, shader, modules, tolerance })

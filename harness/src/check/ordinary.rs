@@ -114,7 +114,8 @@ where
     /// SHADERS.function("tone::fast").over(0.0..=16.0).agrees_with_function("tone::exact", Rel(1e-3));
     /// ```
     ///
-    /// A mistake that both functions share isn't seen.
+    /// A function of a package that this one [depends on](crate::Package::depends_on) is named as imports
+    /// name it: `shaders::tone::exact`. A mistake that both functions share isn't seen.
     ///
     /// # Panics
     /// With the [`Failure`], if a case disagrees, if the engine can't execute the other function, or if

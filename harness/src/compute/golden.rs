@@ -4,6 +4,7 @@ use std::panic::Location;
 
 use super::judge::{Assertion, Expected};
 use super::{After, ComputeAgreement, ComputeError, words};
+use crate::diagnostic::text_hash;
 use crate::dispatch::{DispatchError, Passes};
 use crate::executor::{self, Executor};
 use crate::golden::{Column, Goldens, Made, Table, other_columns};
@@ -141,11 +142,8 @@ impl After<'_> {
     }
 }
 
-/// blake3 of the linked WGSL of all passes.
+/// Hash of the linked WGSL of all passes.
 fn shader(passes: &Passes) -> String {
-    let mut hash = blake3::Hasher::new();
-    passes.passes.iter().for_each(|pass| {
-        hash.update(pass.program.text().as_bytes());
-    });
-    hash.finalize().to_hex().to_string()
+    let texts = passes.passes.iter().map(|pass| pass.program.text());
+    text_hash(texts.collect::<String>().as_bytes())
 }

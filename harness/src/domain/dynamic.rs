@@ -262,6 +262,17 @@ impl Part {
         })
     }
 
+    /// A unit vector with `z` of at least a cosine: [`Hemisphere::above`].
+    ///
+    /// ```
+    /// use karat::domain::Part;
+    ///
+    /// assert_eq!(Part::hemisphere_above(0.01).width(), 3);
+    /// ```
+    pub fn hemisphere_above(least: f32) -> Self {
+        Self::of(Hemisphere.above(least), format!("a unit vector with z of at least {least}"))
+    }
+
     /// The names of [`named`](Self::named).
     pub const NAMES: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
 

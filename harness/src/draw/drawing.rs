@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::request::{Draw, Geometry};
 use super::{Blend, DrawError, Format};
-use crate::diagnostic::FileRead;
+use crate::diagnostic::{FileRead, text_hash};
 use crate::fixture::{self, FixtureError, Fixtures};
 use crate::package::{LinkedModule, Package};
 use crate::reflect::{Binding, Overrides, Program, Stage};
@@ -414,11 +414,9 @@ impl Drawing<'_> {
     pub(crate) fn shader(&self) -> String {
         let text = self.program.text();
         match &*self.read.shaders {
-            [] => blake3::hash(text.as_bytes()),
-            others => blake3::hash([text, &*others.concat()].concat().as_bytes()),
+            [] => text_hash(text.as_bytes()),
+            others => text_hash([text, &*others.concat()].concat().as_bytes()),
         }
-        .to_hex()
-        .to_string()
     }
 
     /// The files that it depends on.

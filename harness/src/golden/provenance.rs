@@ -28,9 +28,9 @@ pub struct Provenance {
     pub schema: u32,
     /// Name of the golden.
     pub case: String,
-    /// blake3 of the linked WGSL.
+    /// [`text_hash`](crate::diagnostic::text_hash) of the linked WGSL.
     pub shader: String,
-    /// blake3 of each module that it was linked from, by its file from the project's root; a module
+    /// The same of each module that it was linked from, by its file from the project's root; a module
     /// that isn't in the project has its name instead. Goldens of older versions have none.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub modules: BTreeMap<String, String>,

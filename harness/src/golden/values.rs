@@ -15,7 +15,7 @@ use crate::path::Adapter;
 pub(crate) struct Made<'a> {
     pub(crate) table: Table,
     pub(crate) adapter: &'a Adapter,
-    /// blake3 of the linked WGSL.
+    /// Hash of the linked WGSL.
     pub(crate) shader: String,
     /// What it was linked from.
     pub(crate) modules: Vec<LinkedModule>,

@@ -464,3 +464,26 @@ impl Row {
         text.unwrap_or("it isn't known why").to_owned()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_row_is_told_once_and_in_order() {
+        let functions = |at: usize| format!("fn f{at}(x: f32) -> f32 {{ return x * {at}.0; }}\n");
+        // More than are run together.
+        let text: String = (0..TOGETHER + 3).map(functions).collect();
+        let package = Package::from_modules("m", [("a", text), ("b", "fn broken(".to_owned())]);
+        let told = Mutex::new(Vec::new());
+        let request = package.matrix().columns(["cpu".parse().expect("a column")]).cases(4);
+        let made = request.run_with(&|done, of| told.lock().expect("whole").push((done, of)));
+        // A module that can't be read is a row that takes no time.
+        assert_eq!(made.expect("made").rows.len(), TOGETHER + 4);
+        let all = TOGETHER + 3;
+        assert_eq!(
+            told.into_inner().expect("whole"),
+            (1..=all).map(|done| (done, all)).collect::<Vec<_>>()
+        );
+    }
+}

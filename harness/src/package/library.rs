@@ -19,7 +19,7 @@ use super::manifest::Manifest;
 use super::overlay::Overlay;
 use super::syntax::Module;
 use super::{Origin, Package, PackageError};
-use crate::diagnostic::{FileRead, SourceFile, nearest, shown};
+use crate::diagnostic::{FileRead, SourceFile, nearest, shown, text_hash};
 
 /// File extensions of modules, in the order in which they are looked for.
 pub(super) const EXTENSIONS: [&str; 2] = ["wgsl", "wesl"];
@@ -84,6 +84,20 @@ impl Library {
         library.manifest(0)?;
         library.expect_features()?;
         Ok(library)
+    }
+
+    /// The module of an author's path: one of the package that is linked, or `noise::value` of a package
+    /// that it depends on, as its modules import it.
+    pub(super) fn root(&self, module: &str) -> ModulePath {
+        let own = ModulePath::root(module);
+        let Some((name, rest)) = own.components.split_first() else { return own };
+        let of = self.package(0);
+        if self.has(&own) || !of.dependencies.iter().any(|(known, _)| known == name) {
+            return own;
+        }
+        let of_dependency = |package| ModulePath { package, components: rest.to_vec() };
+        let found = self.dependency(0, name).map(of_dependency);
+        found.ok().filter(|found| self.has(found)).unwrap_or(own)
     }
 
     /// The text of a module.
@@ -199,14 +213,17 @@ impl Library {
         let manifest = |at: usize| self.manifest(at).unwrap_or_default();
         let packages: Vec<_> =
             packages.enumerate().map(|(at, package)| ((*manifest(at)).clone(), package)).collect();
-        let file_of = |path: &ModulePath| match modules.get(path) {
-            Some(module) if path != root => module.file.read(),
-            _ => file.read(),
+        let source = |path: &ModulePath| match modules.get(path) {
+            Some(module) if path != root => &*module.file,
+            _ => file,
         };
-        let linked = texts.iter().map(|(path, hash)| LinkedModule {
-            name: self.shown(path),
-            file: file_of(path).map(|read| read.file),
-            hash: hash.to_hex().to_string(),
+        let linked = texts.keys().map(|path| {
+            let file = source(path);
+            LinkedModule {
+                name: self.shown(path),
+                file: file.read().map(|read| read.file),
+                hash: text_hash(file.text.as_bytes()),
+            }
         });
         let linked = linked.collect();
         files.extend(packages.iter().filter_map(|(manifest, _)| manifest.read.clone()));
@@ -324,7 +341,7 @@ pub(crate) struct LinkedModule {
     pub(crate) name: String,
     /// `None`: it is in memory.
     pub(crate) file: Option<PathBuf>,
-    /// BLAKE3 of its text, in hexadecimal: of a file, that of its bytes.
+    /// [`text_hash`] of its text.
     pub(crate) hash: String,
 }
 

@@ -25,8 +25,8 @@ impl Package {
 
     /// Links the closure of several declarations of one module.
     pub(crate) fn link_items(&self, module: &str, items: &[&str]) -> Result<Linked, PackageError> {
-        let root = ModulePath::root(module);
         let library = Library::open(self)?;
+        let root = library.root(module);
         let file = library.begin(&root).map_err(|error| match error {
             PackageError::UnknownModule { .. } if items.len() == 1 => {
                 self.unknown_function(module, items[0])

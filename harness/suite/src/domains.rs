@@ -3,7 +3,7 @@
 //! | for | is |
 //! |---|---|
 //! | a number | `"0..1"` (closed), `0.5`, `[0, 0.5, 1]` (each of them), `"any"` |
-//! | a vector or matrix | as for a number, for each component; or one of these for each component in a list; `"unit_vector"`, `"hemisphere"`, `"unit_rgb"` |
+//! | a vector or matrix | as for a number, for each component; or one of these for each component in a list; `"unit_vector"`, `"hemisphere"`, `"hemisphere above 0.01"` (`z` of at least 0.01), `"unit_rgb"` |
 //! | any of these | `{ one_of = [[0, 0, 1], [1, 0, 0]] }` |
 //! | a struct | a table of its members |
 //! | what varies from pixel to pixel, where the function takes derivatives | any of these; or `{ value = "0..1", dx = 0.1, dy = 0 }` |
@@ -59,7 +59,7 @@ pub(crate) fn parts(name: &str, shape: &Shape, value: Option<&Value>) -> Result<
         Shape::Scalar(scalar) => Ok(vec![number(*scalar, value).map_err(wrong)?]),
         _ => {
             if let Value::String(named) = value
-                && let Some(part) = Part::named(named)
+                && let Some(part) = vector(named).map_err(wrong)?
             {
                 let fits = matches!(shape, Shape::Vector { size: 3, scalar: Scalar::F32 });
                 return match fits {
@@ -120,6 +120,16 @@ fn varying(
     Ok(all)
 }
 
+/// The part of a vector that has a name; `None` if it is another domain.
+fn vector(text: &str) -> Result<Option<Part>, String> {
+    let Some(rest) = text.strip_prefix("hemisphere ") else { return Ok(Part::named(text)) };
+    let least = rest.trim().strip_prefix("above ").and_then(|least| least.trim().parse().ok());
+    let Some(least) = least.filter(|least| (0.0..=1.0_f32).contains(least)) else {
+        return Err(format!("`{text}`: write `hemisphere above 0.01`, a cosine from 0 to 1"));
+    };
+    Ok(Some(Part::hemisphere_above(least)))
+}
+
 /// The part of one number.
 fn number(scalar: Scalar, value: &Value) -> Result<Part, String> {
     match value {
@@ -128,7 +138,7 @@ fn number(scalar: Scalar, value: &Value) -> Result<Part, String> {
             Ok(Part::listed(vec![scalar], rows.collect::<Result<_, String>>()?))
         }
         Value::String(text) if text == "any" => Ok(Part::any(scalar)),
-        Value::String(text) if Part::named(text).is_some() => {
+        Value::String(text) if vector(text)?.is_some() => {
             Err(format!("`{text}` is a vec3<f32>, and this is a {}", name(scalar)))
         }
         Value::String(text) => {
@@ -278,6 +288,9 @@ pub(crate) fn over(name: &str, shape: &Shape, words: &[String]) -> Result<Vec<Pa
     let value = match (words, numbers) {
         ([], _) => return Err("`@over` is empty: `@over(0, 1)`".to_owned()),
         ([one], None) => Value::String(one.clone()),
+        ([name, least], None) if name == "hemisphere" => {
+            Value::String(format!("hemisphere above {}", least.trim_end_matches(['f', 'h'])))
+        }
         (_, None) => {
             return Err("`@over` takes numbers, or one name such as `unit_vector`".to_owned());
         }
@@ -317,6 +330,7 @@ mod tests {
         }
         for text in [
             "\"unit_vector\"",
+            "\"hemisphere above 0.01\"",
             "\"0..1\"",
             "[0, \"0..1\", [1, 2]]",
             "{ one_of = [[0, 0, 1], 0.5] }",
@@ -327,6 +341,20 @@ mod tests {
         let members = vec![("n".to_owned(), vector.clone()), ("k".to_owned(), count)];
         let own = Shape::Struct { name: "S".to_owned(), members };
         assert_eq!(of(&own, "{ k = 1 }"), Ok(4), "n comes from its name");
+    }
+
+    #[test]
+    fn a_hemisphere_may_begin_above_the_horizon() {
+        let vector = Shape::Vector { size: 3, scalar: Scalar::F32 };
+        let expected = "[Part(a unit vector with z of at least 0.25)]";
+        let table: toml::Table = "v = \"hemisphere above 0.25\"".parse().expect("TOML");
+        let declared = parts("v", &vector, Some(&table["v"])).expect("a domain");
+        assert_eq!(format!("{declared:?}"), expected);
+        let words = |least: &str| ["hemisphere", least].map(str::to_owned);
+        let in_wgsl = over("v", &vector, &words("0.25f")).expect("a domain");
+        assert_eq!(format!("{in_wgsl:?}"), expected);
+        let error = over("v", &vector, &words("a")).expect_err("no number");
+        assert!(error.contains("write `hemisphere above 0.01`"), "{error}");
     }
 
     #[test]
@@ -343,6 +371,11 @@ mod tests {
             (&count, "\"-1..1\"", "no range of u32"),
             (&count, "0.5", "no u32"),
             (&vector, "\"unit_vector\"", "is a vec3<f32>"),
+            (&vector, "\"hemisphere above 0.5\"", "is a vec3<f32>"),
+            (&float, "\"hemisphere above 0.5\"", "is a vec3<f32>, and this is a f32"),
+            (&float, "\"hemisphere over 0.5\"", "write `hemisphere above 0.01`"),
+            (&vector, "\"hemisphere above 1.5\"", "a cosine from 0 to 1"),
+            (&vector, "\"hemisphere above NaN\"", "a cosine from 0 to 1"),
             (&vector, "[1, 2, 3]", "each of 2 components"),
         ] {
             let error = of(shape, text).expect_err(text);

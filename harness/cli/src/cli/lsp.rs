@@ -75,23 +75,25 @@ pub(super) fn run(args: &Args, _: &mut dyn Write) -> Outcome {
     // Not the output of other commands, which shows control characters: a length is counted in bytes.
     let client = Client::new(Box::new(std::io::stdout()));
     let mut server = Server::new(client, paths, sender)?;
-    let mut waits_since: Option<Instant> = None;
+    let (mut waits_since, mut looked): (Option<Instant>, _) = (None, Instant::now());
     loop {
-        let patience =
-            waits_since.map_or(LOOK, |since| PAUSE.min(LONGEST.saturating_sub(since.elapsed())));
+        let patience = match waits_since {
+            Some(since) => PAUSE.min(LONGEST.saturating_sub(since.elapsed())),
+            None => LOOK.saturating_sub(looked.elapsed()),
+        };
         match events.recv_timeout(patience) {
             Ok(event) => {
                 if let Some(ended_well) = server.take(event) {
                     return Ok(if ended_well { Ending::Good } else { Ending::Bad });
                 }
             }
-            Err(RecvTimeoutError::Timeout) => {
-                if waits_since.is_none() {
-                    server.look();
-                }
-                server.settle();
-            }
+            Err(RecvTimeoutError::Timeout) => server.settle(),
             Err(RecvTimeoutError::Disconnected) => return Ok(Ending::Bad),
+        }
+        // An editor that always has a question keeps it from nothing.
+        if looked.elapsed() >= LOOK {
+            server.look();
+            looked = Instant::now();
         }
         if server.is_gone() {
             return Ok(Ending::Bad);

@@ -21,6 +21,8 @@ pub(super) struct Table {
     right: Vec<usize>,
     /// Columns that may be cut where the terminal is narrow.
     cut: Vec<usize>,
+    /// Columns that leave where it is narrower still, the first first.
+    leave: Vec<usize>,
 }
 
 /// Between columns.
@@ -36,13 +38,18 @@ impl Table {
     /// A table with a head; columns in `right` are aligned to the right.
     pub(super) fn new(head: &[&str], right: &[usize]) -> Self {
         let head = head.iter().map(ToString::to_string).collect();
-        Self { rows: vec![(HEAD, head)], right: right.to_vec(), cut: Vec::new() }
+        Self { rows: vec![(HEAD, head)], right: right.to_vec(), ..Self::default() }
     }
 
     /// The same, where cells in these columns are cut if the terminal is too narrow: their text is told in
     /// full elsewhere.
     pub(super) fn cutting(self, columns: &[usize]) -> Self {
         Self { cut: columns.to_vec(), ..self }
+    }
+
+    /// The same, where these columns leave one after the other, if cutting isn't enough.
+    pub(super) fn leaving(self, columns: &[usize]) -> Self {
+        Self { leave: columns.to_vec(), ..self }
     }
 
     pub(super) fn row(&mut self, style: Style, cells: Vec<String>) {
@@ -90,12 +97,9 @@ impl Table {
     }
 
     /// Makes columns narrower, until a line fits: first those that have no cell, which leave, then those that
-    /// may be cut, the widest first.
+    /// may be cut, the widest first. Where that isn't enough, a column leaves, and those that are left have its
+    /// place.
     fn narrow(&self, widths: &mut [usize], limit: usize) {
-        let line = |widths: &[usize]| {
-            let shown = widths.iter().filter(|width| **width > 0);
-            shown.map(|width| width + GAP.len()).sum::<usize>().saturating_sub(GAP.len())
-        };
         let cells = &self.rows[1..];
         let is_empty = |column: usize| {
             cells.iter().all(|(_, cells)| cells.get(column).is_none_or(String::is_empty))
@@ -105,16 +109,34 @@ impl Table {
                 widths[column] = 0;
             }
         }
+        let mut whole = widths.to_vec();
+        let mut leaving = self.leave.iter();
+        while !self.cut_to(widths, limit) {
+            let Some(column) = leaving.next() else { return };
+            whole[*column] = 0;
+            widths.copy_from_slice(&whole);
+        }
+    }
+
+    /// Cuts what may be cut. Whether a line fits then.
+    fn cut_to(&self, widths: &mut [usize], limit: usize) -> bool {
         while line(widths) > limit {
             let may = self
                 .cut
                 .iter()
                 .copied()
                 .filter(|column| widths.get(*column).is_some_and(|width| *width > KEPT));
-            let Some(widest) = may.max_by_key(|column| widths[*column]) else { return };
+            let Some(widest) = may.max_by_key(|column| widths[*column]) else { return false };
             widths[widest] -= 1;
         }
+        true
     }
+}
+
+/// How wide a line is.
+fn line(widths: &[usize]) -> usize {
+    let shown = widths.iter().filter(|width| **width > 0);
+    shown.map(|width| width + GAP.len()).sum::<usize>().saturating_sub(GAP.len())
 }
 
 /// A cell that is no wider than its column.
@@ -160,6 +182,23 @@ mod tests {
         table.write_within(Some(30), &mut line).expect("memory");
         let line = String::from_utf8(line).expect("UTF-8");
         assert!(!line.contains("WGSL") && line.ends_with("m::f      nothing is left\n"), "{line}");
+        // What leaves makes room for what is left.
+        let head = ["function", "path", "cases", "worst", "of bound", "asserted"];
+        let mut table = Table::new(&head, &[2, 4]).cutting(&[3, 5]).leaving(&[5, 2]);
+        let cells = ["module::function", "vulkan", "65536", "0.25 ulp", "6%", "4 ulp or abs 1e-30"];
+        table.row(PLAIN, cells.map(str::to_owned).to_vec());
+        let lines = |limit| {
+            let mut text = Vec::new();
+            table.write_within(Some(limit), &mut text).expect("memory");
+            let text = String::from_utf8(text).expect("UTF-8");
+            let (head, row) = text.split_once('\n').expect("a head");
+            assert!(row.trim_end().chars().count() <= limit, "{text}");
+            assert_eq!(head.contains("asserted"), limit > 60, "{head}");
+            row.to_owned()
+        };
+        assert!(lines(70).contains("4 ulp or abs 1e.."), "{}", lines(70));
+        assert!(lines(60).contains("65536  0.25 ulp"), "{}", lines(60));
+        assert!(lines(45).ends_with("vulkan  0.25 ulp        6%\n"), "{}", lines(45));
         // What nobody may cut stays: a name is what people copy.
         assert!(
             text(Some(20)).contains("a/frame_with_a_long_name  FAIL the.."),

@@ -4,8 +4,8 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use karat::diagnostic::text_hash;
 use karat::golden::Provenance;
-use karat::record::FileRead;
 use serde_json::{Value, json};
 
 use super::git;
@@ -41,7 +41,7 @@ fn difference(project: &Path, name: &str, old: &str, new: &str) -> Value {
     };
     let files = git::differences(project, &commit, &[git::literal(name)]).unwrap_or_default();
     let lines = files.into_iter().next().map(|(_, lines)| lines);
-    let edited = FileRead::now(&project.join(name)).hash != new;
+    let edited = !std::fs::read(project.join(name)).is_ok_and(|text| text_hash(&text) == new);
     let note = edited.then_some("it was edited again since the frame was drawn");
     json!({ "name": name, "diff": lines, "note": note })
 }
@@ -52,7 +52,7 @@ fn commit_with(project: &Path, name: &str, hash: &str) -> Option<String> {
     let commits = git::text(project, &arguments)?;
     let has = |commit: &&str| {
         let text = git::bytes(project, &["show", &format!("{commit}:./{name}")]);
-        text.is_some_and(|text| FileRead::of(Path::new(name), &text).hash == hash)
+        text.is_some_and(|text| text_hash(&text) == hash)
     };
     commits.lines().find(has).map(str::to_owned)
 }

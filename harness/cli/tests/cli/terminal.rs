@@ -14,7 +14,22 @@ fn shown(
     arguments: &[&str],
     env: &[(&str, &str)],
 ) -> (u32, Vec<String>) {
-    let rows = 60;
+    let (code, written) = written(folder, columns, arguments, env);
+    let mut screen = vt100::Parser::new(ROWS, columns, 0);
+    screen.process(&written);
+    (code, screen.screen().rows(0, columns).map(|row| row.trim_end().to_owned()).collect())
+}
+
+const ROWS: u16 = 60;
+
+/// All that a command writes to a terminal, and its exit code.
+fn written(
+    folder: &FilePath,
+    columns: u16,
+    arguments: &[&str],
+    env: &[(&str, &str)],
+) -> (u32, Vec<u8>) {
+    let rows = ROWS;
     let size = PtySize { rows, cols: columns, ..PtySize::default() };
     let pair = native_pty_system().openpty(size).expect("a terminal");
     let like = command(folder, &[]);
@@ -44,9 +59,7 @@ fn shown(
         all
     });
     let code = child.wait().expect("it ends").exit_code();
-    let mut screen = vt100::Parser::new(rows, columns, 0);
-    screen.process(&reader.join().expect("it only reads"));
-    (code, screen.screen().rows(0, columns).map(|row| row.trim_end().to_owned()).collect())
+    (code, reader.join().expect("it only reads"))
 }
 
 /// A project in which `cargo test` is this script.
@@ -104,6 +117,19 @@ fn tables_fit_a_narrow_terminal() {
             lines[row]
         );
     }
+    // Narrower still, columns leave: of 60 columns no row takes two lines.
+    let long = |at: usize| {
+        let line = function(&format!("tone::narrow_table_{at}"), "vulkan", "pass", None);
+        line.replace("7 ulp | more", "0.49999997 ulp")
+    };
+    let passing = scripted("", &[long(1), long(2), long(3)]);
+    let (_, lines) = shown(passing.path(), 60, &["test", "--all"], &run);
+    let rows: Vec<&String> = lines.iter().filter(|line| line.contains("narrow_table")).collect();
+    assert_eq!(rows.len(), 3, "{}", lines.join("\n"));
+    let at = lines.iter().position(|line| line == rows[0]).expect("it is there");
+    assert!(lines[at - 1].starts_with("function  "), "{}", lines.join("\n"));
+    assert!(lines[at + 1].starts_with("tone::narrow_table_2"), "{}", lines.join("\n"));
+    assert!(rows[0].contains("vulkan") && rows[0].contains("0.49999"), "{}", rows[0]);
     // Who reads a pipe has all of it.
     let ran = output(command(project.path(), &["test"]).env("CARGO", "/bin/sh"));
     assert!(ran.out.contains("largest FLIP tile 0.0010 of 0.01"), "{ran:?}");
@@ -111,4 +137,19 @@ fn tables_fit_a_narrow_terminal() {
     let (_, lines) =
         shown(project.path(), 80, &["test"], &[run[0], ("NO_COLOR", "1"), ("TERM", "dumb")]);
     assert!(lines.iter().any(|line| line.starts_with("1 check, 0 failed")), "{}", lines.join("\n"));
+}
+
+/// Rows are counted where somebody sees it, and nothing of that is left.
+#[test]
+fn the_matrix_counts_its_rows_on_a_terminal() {
+    let folder = translations::shaders();
+    let arguments = ["matrix", "--only", "maths", "--columns", "cpu", "--cases", "16"];
+    let (_, written) = written(folder.path(), 100, &arguments, &[]);
+    let written = String::from_utf8_lossy(&written);
+    assert!(written.contains("shaders: ") && written.contains(" of 3 rows"), "{written}");
+    let (_, lines) = shown(folder.path(), 100, &arguments, &[]);
+    assert!(lines.iter().any(|line| line.starts_with("maths::blend")), "{}", lines.join("\n"));
+    assert!(!lines.iter().any(|line| line.contains(" of 3 rows")), "{}", lines.join("\n"));
+    let ran = karat(folder.path(), &arguments);
+    assert!(!ran.err.contains(" of 3 rows"), "{ran:?}");
 }

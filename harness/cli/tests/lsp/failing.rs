@@ -42,6 +42,29 @@ fn tests_without_rust_run_after_each_save() {
     editor.wait_lens(TEST, 4, "karat: 1 check passes");
 }
 
+/// A test that an edit doesn't concern has the verdict that it had, at its new place.
+#[test]
+fn an_edit_elsewhere_leaves_verdicts_true() {
+    let folder = folder();
+    let wrong = CALC.replace("a + b", "a + 0.5 * b");
+    write(folder.path(), FILE, &wrong);
+    let mut editor = Editor::open(folder.path());
+    editor.open_file(FILE, &wrong);
+    editor.wait(FILE, |all| all.len() == 1);
+    editor.wait_lens(FILE, 1, "karat: 1 check passes");
+    editor.save(FILE, &wrong.replace("fn lonely", "// another line\nfn lonely"));
+    let shown = editor.wait(FILE, |all| all.len() == 1 && told(&all[0]).0 == 6);
+    assert!(told(&shown[0]).2.starts_with("`calc::sum` fails "), "{shown:?}");
+    editor.wait_lens(FILE, 1, "karat: 1 check passes");
+    editor.wait_lens(FILE, 6, "karat: 1 of 2 checks fail");
+    // Nor does another declared test.
+    let more = "[[test]]\nfunction = \"lonely\"\nover = { x = \"0..1\" }\nfinite = true\n";
+    write(folder.path(), "shaders/calc.test.toml", &format!("{DECLARED}{more}"));
+    editor.wait_lens(FILE, 4, "karat: 1 check passes");
+    editor.wait_lens(FILE, 6, "karat: 1 of 2 checks fail");
+    editor.wait(FILE, |all| all.len() == 1);
+}
+
 /// A save while tests still run is judged when they have: nothing is left between two verdicts.
 #[test]
 fn a_save_while_tests_run_is_judged_after_them() {

@@ -1,9 +1,10 @@
 //! Lenses beside functions, and what they run.
 
 use serde_json::json;
+use tempfile::TempDir;
 
 use super::editor::Editor;
-use super::{CALC, TESTS, folder, told, write};
+use super::{CALC, TESTS, folder, tested, told, write};
 
 const FILE: &str = "shaders/calc.wgsl";
 const TEST: &str = "shaders/calc_test.wgsl";
@@ -83,4 +84,120 @@ fn what_cannot_be_run_is_told() {
         let answer = editor.ask("workspace/executeCommand", wanted);
         assert_eq!(answer["error"]["code"], -32602, "{answer}");
     }
+}
+
+/// A Cargo project with two tests in Rust. They keep a record as karat's checks do, without building karat:
+/// what is tested here is who runs what.
+fn in_rust() -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(
+        folder.path(),
+        "Cargo.toml",
+        "[package]\nname = \"stub\"\nedition = \"2021\"\n[workspace]\n",
+    );
+    write(folder.path(), "src/lib.rs", "");
+    write(folder.path(), FILE, CALC);
+    let package = folder.path().canonicalize().expect("it is there").join("shaders");
+    let adapter = json!({ "path": "cpu", "name": "an engine", "driver": "1", "software": true });
+    for (test, function, line) in [("halves", "calc::half", 1), ("adds::up", "calc::sum", 5)] {
+        for (text, verdict) in [(CALC.to_owned(), "pass"), (wrong(), "fail")] {
+            let failed = verdict == "fail";
+            let head = "error: `calc::half` fails agrees_with: 4 ulp\non cpu: an engine, 1\n  replay: KARAT_CASE=x cargo test\n";
+            let record = json!({
+                "schema": 2, "test": test, "verdict": verdict, "message": failed.then_some(head),
+                "subject": {
+                    "kind": "function", "package": package, "function": function, "seed": 1,
+                    "check": "agrees_with", "assertion": "4 ulp",
+                    "location": format!("{FILE}:{line}:1"),
+                },
+                "paths": [{
+                    "adapter": adapter, "cases": 100, "failures": if failed { 7 } else { 0 },
+                    "worst": "2 ulp", "ratio": 0.5, "asserted": "4 ulp", "known_issue": null,
+                }],
+                "read": [{
+                    "file": package.join("calc.wgsl"),
+                    "hash": blake3::hash(text.as_bytes()).to_hex().to_string(),
+                }],
+                "started": "2026-01-31T12:00:00.000Z", "seconds": 1.0,
+            });
+            let name = format!("{}.{verdict}", test.replace("::", "_"));
+            write(folder.path(), &name, &format!("{record}\n"));
+        }
+    }
+    write(folder.path(), "tests/calc.rs", RUST);
+    folder
+}
+
+const RUST: &str = r#"fn keep(test: &str) {
+    let text = std::fs::read_to_string("shaders/calc.wgsl").unwrap();
+    let verdict = if text.contains("0.5 * x") { "pass" } else { "fail" };
+    let folder = std::env::var("KARAT_RECORD").expect("karat runs it");
+    std::fs::copy(format!("{test}.{verdict}"), format!("{folder}/{test}.jsonl")).unwrap();
+    assert_eq!(verdict, "pass");
+}
+#[test]
+fn halves() {
+    keep("halves");
+}
+mod adds {
+    #[test]
+    fn up() {
+        super::keep("adds_up");
+    }
+}
+"#;
+
+fn wrong() -> String {
+    CALC.replace("0.5 * x", "0.25 * x")
+}
+
+#[test]
+fn a_lens_runs_the_rust_tests_of_its_function() {
+    let folder = in_rust();
+    let mut editor = Editor::open(folder.path());
+    editor.open_file(FILE, CALC);
+    let run = |editor: &mut Editor, function: &str| {
+        editor.said.clear();
+        let wanted = json!({ "command": "karat.run", "arguments": [editor.uri(FILE), function] });
+        let answer = editor.ask("workspace/executeCommand", wanted);
+        assert!(answer["error"].is_null(), "{answer}");
+        editor.wait_said(&format!("`{function}`"))
+    };
+    // Which function a Rust test checks is known once it has run.
+    editor.wait_lens(FILE, 1, "karat: no test is known: `karat test` tells");
+    assert_eq!(
+        run(&mut editor, "calc::half"),
+        "karat: no test of `calc::half` is known: `karat test` tells"
+    );
+    let ran = tested(folder.path(), &[]);
+    assert!(ran.contains("2 checks"), "{ran}");
+    let passes = "karat: 1 check passes, worst 2 of 4 ulp on cpu, 100 cases";
+    editor.wait_lens(FILE, 1, passes);
+    editor.wait_lens(FILE, 1, "run");
+    editor.wait_lens(FILE, 3, "karat: no test");
+    // Its tests alone run, and of the others the last run tells.
+    editor.save(FILE, &wrong());
+    editor.wait_lens(FILE, 1, "karat: changed since it was tested");
+    assert_eq!(run(&mut editor, "calc::half"), "karat: `calc::half`: 1 check, 1 failed");
+    let shown = editor.wait(FILE, |all| all.len() == 1 && all[0]["code"].is_string());
+    assert_eq!(told(&shown[0]).0, 1);
+    editor.wait_lens(FILE, 1, "karat: 1 check fails");
+    editor.wait_lens(FILE, 5, "karat: changed since it was tested");
+    editor.save(FILE, CALC);
+    editor.wait(FILE, <[_]>::is_empty);
+    assert_eq!(run(&mut editor, "calc::half"), "karat: `calc::half`: 1 check, 0 failed");
+    editor.wait_lens(FILE, 1, passes);
+    assert_eq!(run(&mut editor, "calc::sum"), "karat: `calc::sum`: 1 check, 0 failed");
+    editor.wait_lens(FILE, 5, passes);
+    // What rustc refuses is told, and no verdict.
+    write(folder.path(), "tests/calc.rs", &RUST.replace("let text =", "let text: u32 ="));
+    let said = run(&mut editor, "calc::half");
+    assert_eq!(said, "karat: `calc::half`: error[E0308]: mismatched types");
+    // A test that is gone, too.
+    write(folder.path(), "tests/calc.rs", &RUST.replace("fn halves", "fn halved"));
+    let said = run(&mut editor, "calc::half");
+    assert_eq!(
+        said,
+        "karat: `calc::half`: error: no test ran a check; a run that compared nothing is no success"
+    );
 }

@@ -229,6 +229,12 @@ fn modules_that_changed_are_known_by_their_hashes() {
     assert!(told.contains("light.wgsl: it was edited again since the frame was drawn"), "{told}");
     assert!(told.contains("-const SUN = 2.0;"), "{told}");
     assert!(told.contains("other.wgsl: git has no version of it with the golden's hash"), "{told}");
+    // A checkout that ends lines otherwise has edited nothing.
+    project.put("shaders/light.wgsl", &lights[2].replace('\n', "\r\n"));
+    put(json!({ light: hash(lights[0]) }), json!({ light: hash(lights[2]) }));
+    let told = shown(&project);
+    assert!(told.contains("+const SUN = 3.0;") && !told.contains("edited"), "{told}");
+    project.put("shaders/light.wgsl", lights[2]);
     // The same modules: then something else made another program of them.
     put(json!({ light: hash(lights[0]) }), json!({ light: hash(lights[0]) }));
     let told = shown(&project);

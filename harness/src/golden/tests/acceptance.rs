@@ -1,6 +1,7 @@
 //! From a pending frame to a golden.
 
 use super::*;
+use crate::diagnostic::text_hash;
 use crate::package::Package;
 use crate::reflect::Program;
 
@@ -57,6 +58,27 @@ fn a_golden_has_the_hash_of_each_of_its_modules() {
     let beside = std::fs::read_to_string(old).expect("there");
     assert_eq!(toml::from_str::<Provenance>(&beside).expect("ours"), stored);
     project.check("vulkan", &changed, None, None).expect("its modules aren't compared");
+}
+
+/// A checkout on Windows may end lines with `\r\n`.
+#[test]
+fn ends_of_lines_make_no_other_module_or_program() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let program = |ends: &str| {
+        let text = "// The sun.\nconst SUN = 1.0;\n/* Two\nlines. */\nfn sun() -> f32 {\n    return SUN;\n}\n";
+        let shared =
+            "import package::light::sun;\n\nfn lit() -> f32 {\n    return 2.0 * sun();\n}\n";
+        for (name, text) in [("light.wgsl", text), ("scene.wgsl", shared)] {
+            std::fs::write(folder.path().join(name), text.replace('\n', ends)).expect("written");
+        }
+        let package = Package::open(folder.path()).expect("a folder");
+        let program = Program::of_function(&package, "scene::lit").expect("valid");
+        let modules = program.modules().iter().map(|module| module.hash.clone());
+        (modules.collect::<Vec<_>>(), text_hash(program.text().as_bytes()))
+    };
+    let (unix, windows) = (program("\n"), program("\r\n"));
+    assert_eq!(unix.0.len(), 2);
+    assert_eq!(unix, windows);
 }
 
 #[test]

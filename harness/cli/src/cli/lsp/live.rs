@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::Sender;
+use std::time::SystemTime;
 
 use karat::record::Record;
 use karat_suite::Suite;
@@ -20,6 +21,8 @@ pub(super) struct Lane {
     records: PathBuf,
     pub(super) busy: bool,
     again: bool,
+    /// When it was last asked.
+    asked: SystemTime,
     /// Whether all tests have had a verdict.
     pub(super) done: bool,
     tests: BTreeSet<String>,
@@ -75,6 +78,7 @@ impl Live {
                     records,
                     busy: false,
                     again: false,
+                    asked: SystemTime::now(),
                     done: false,
                     tests: BTreeSet::new(),
                     failing: BTreeMap::new(),
@@ -121,7 +125,7 @@ impl Lane {
             }
         };
         let first = self.failing.keys().cloned().collect();
-        self.busy = true;
+        (self.busy, self.asked) = (true, SystemTime::now());
         // If it has ended, its last words come.
         drop(worker.ask(&Request { first, ..Request::default() }));
         Ok(())
@@ -149,6 +153,11 @@ impl Lane {
             Said::Reported { .. } => {
                 self.busy = false;
                 self.verdicts = read(&self.report());
+                // A test that nothing concerned since has its verdict from this time, too.
+                let asked = humantime::format_rfc3339_millis(self.asked).to_string();
+                for time in self.verdicts.iter_mut().filter_map(|record| record.time.as_mut()) {
+                    time.started = asked.clone().max(std::mem::take(&mut time.started));
+                }
                 Told::Verdicts
             }
             Said::Ended { why } => {

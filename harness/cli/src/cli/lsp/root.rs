@@ -24,7 +24,7 @@ pub(super) struct Root {
     /// Those of the last run, whose failures `karat replay` knows.
     pub(super) last: Vec<Record>,
     /// Whether one of the runs had all tests, so that what isn't recorded isn't tested.
-    pub(super) whole: bool,
+    whole: bool,
     stamp: Option<Stamp>,
 }
 
@@ -61,6 +61,11 @@ impl Root {
         // One without a module is none, and what else is wrong with it is told when it is validated.
         self.packages = found.into_iter().filter(|package| package.modules().is_ok()).collect();
         Ok(())
+    }
+
+    /// Whether all tests are known. Without Cargo all of them are in the shaders.
+    pub(super) fn knows_all(&self) -> bool {
+        self.whole || !self.project.is_cargo()
     }
 
     /// The package that has a file, with the module's name in it.

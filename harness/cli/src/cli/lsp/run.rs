@@ -26,11 +26,12 @@ pub(super) struct Ended {
 }
 
 impl Runs {
-    /// Starts `karat test` for some tests.
+    /// Starts `karat test` for some tests. `whole` is whether these are all that there can be.
     pub(super) fn start(
         &mut self,
         function: &str,
         names: &BTreeSet<String>,
+        whole: bool,
         folder: PathBuf,
         client: &mut Client,
         sender: &Sender<Event>,
@@ -40,7 +41,11 @@ impl Runs {
             return client.tell(MessageType::WARNING, message);
         }
         if names.is_empty() {
-            return client.tell(MessageType::WARNING, format!("karat: `{function}` has no test"));
+            let message = match whole {
+                true => format!("karat: `{function}` has no test"),
+                false => format!("karat: no test of `{function}` is known: `karat test` tells"),
+            };
+            return client.tell(MessageType::WARNING, message);
         }
         self.running = Some(function.to_owned());
         self.count += 1;

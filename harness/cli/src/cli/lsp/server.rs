@@ -326,9 +326,7 @@ impl Server {
         let verdicts = self.verdicts(root, &Now::of(&self.documents));
         let lanes = self.live.lanes().filter(|lane| lane.package == package);
         let busy = lanes.into_iter().any(|lane| lane.busy);
-        // Without Cargo all tests are in the shaders, so that all are known.
-        let whole = root.whole || !root.project.is_cargo();
-        let known = Known { verdicts: &verdicts, busy, whole };
+        let known = Known { verdicts: &verdicts, busy, whole: root.knows_all() };
         subjects.lenses(&wanted.text_document.uri, &known)
     }
 
@@ -356,8 +354,8 @@ impl Server {
             return Ok(Value::Null);
         };
         let names = subjects.names(function, &self.verdicts(root, &Now::of(&self.documents)));
-        let folder = root.project.root().to_owned();
-        self.runs.start(function, &names, folder, &mut self.client, &self.sender);
+        let (folder, whole) = (root.project.root().to_owned(), root.knows_all());
+        self.runs.start(function, &names, whole, folder, &mut self.client, &self.sender);
         Ok(Value::Null)
     }
 }

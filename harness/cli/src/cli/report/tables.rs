@@ -77,8 +77,9 @@ fn write_folded(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> 
             }
         }
     }
-    let mut table =
-        Table::new(&["passed", "checks", "cases", "of bound", "paths"], &[1, 2, 3]).cutting(&[4]);
+    let mut table = Table::new(&["passed", "checks", "cases", "of bound", "paths"], &[1, 2, 3])
+        .cutting(&[4])
+        .leaving(&[2]);
     for ((_, module), folded) in modules {
         let closest = folded.closest.map_or_else(String::new, |(_, path)| share(path));
         let paths = folded.paths.into_iter().collect::<Vec<_>>().join(", ");
@@ -173,7 +174,7 @@ fn known_issues(records: &[Record]) -> String {
 fn write_functions(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<usize> {
     let head =
         ["function", "check", "path", "cases", "worst", "of bound", "WGSL allows", "asserted"];
-    let mut table = Table::new(&head, &[3, 5, 6]).cutting(&[4, 7]);
+    let mut table = Table::new(&head, &[3, 5, 6]).cutting(&[4, 7]).leaving(&[6, 3, 7, 5]);
     let mut failed = 0;
     for record in records {
         let Subject::Function { function, check, assertion, .. } = &record.subject else {
@@ -190,7 +191,7 @@ fn write_functions(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<u
 
 fn write_frames(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<usize> {
     let head = ["frame", "path", "pixels", "worst", "of bound", "asserted"];
-    let mut table = Table::new(&head, &[2, 4]).cutting(&[3, 5]);
+    let mut table = Table::new(&head, &[2, 4]).cutting(&[3, 5]).leaving(&[2, 5, 4]);
     let mut failed = 0;
     for record in records {
         let Subject::Frame { golden, .. } = &record.subject else { continue };

@@ -1,11 +1,11 @@
 //! The records of each test's last run, for a report whenever it is wanted.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fs::OpenOptions;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use karat::record::{self, Record};
+use karat::record::{self, FileRead, Record, Verdict};
 
 use super::super::watch::Said;
 
@@ -35,6 +35,34 @@ impl Latest {
         let file = Path::new(&folder).join(format!("{}.jsonl", std::process::id()));
         // It is appended to, so that it goes on at its start.
         drop(OpenOptions::new().write(true).open(file).and_then(|file| file.set_len(0)));
+    }
+
+    /// The files that the records depend on, as they are now.
+    pub(super) fn files(&self) -> HashMap<PathBuf, FileRead> {
+        let read = self.0.values().flatten().flat_map(|record| &record.read);
+        let mut files = HashMap::new();
+        for FileRead { file, .. } in read {
+            files.entry(file.clone()).or_insert_with(|| FileRead::now(file));
+        }
+        files
+    }
+
+    /// Whether the records of a test that wouldn't run otherwise now are true of these files. A pass is
+    /// made so. A failure says where it stands, and an edit elsewhere in its file moves that.
+    pub(super) fn renew(&mut self, test: &str, files: &HashMap<PathBuf, FileRead>) -> bool {
+        let Some(records) = self.0.get_mut(test) else { return true };
+        let changed = |read: &FileRead| files.get(&read.file).is_some_and(|now| now != read);
+        for record in records.iter_mut().filter(|record| record.read.iter().any(changed)) {
+            if !matches!(record.verdict, Verdict::Pass | Verdict::KnownIssue) {
+                return false;
+            }
+            for read in &mut record.read {
+                if let Some(now) = files.get(&read.file) {
+                    read.clone_from(now);
+                }
+            }
+        }
+        true
     }
 
     /// Writes the records of tests that are still there.

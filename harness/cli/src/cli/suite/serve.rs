@@ -2,9 +2,10 @@
 
 use std::collections::{BTreeSet, HashMap};
 use std::io::{BufRead, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
 
+use karat::record::FileRead;
 use karat::reflect::Dependence;
 use karat_suite::{Suite, Test};
 
@@ -21,12 +22,14 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
     Dependence::unwanted();
     let (mut known, mut latest) = (Known::new(), Latest::default());
     for request in requests(|| {}) {
+        // Before the tests are read: what is saved meanwhile is no text that they were judged by.
+        let files = latest.files();
         let done = match Suite::open(folder) {
             Ok(suite) if request.report.is_some() => {
                 let is_there = |name: &str| suite.tests.iter().any(|test| test.name == name);
                 latest.write(&request.report.unwrap_or_default(), is_there)
             }
-            Ok(suite) => answer(&suite, folder, &request, &mut known, &mut latest, out)?,
+            Ok(suite) => answer(&suite, folder, &request, &files, &mut known, &mut latest, out)?,
             Err(error) => {
                 known.clear();
                 Said::Done { tests: BTreeSet::new(), error: Some(error.to_string()) }
@@ -59,6 +62,7 @@ fn answer(
     suite: &Suite,
     folder: &Path,
     request: &Request,
+    files: &HashMap<PathBuf, FileRead>,
     known: &mut Known,
     latest: &mut Latest,
     out: &mut dyn Write,
@@ -76,7 +80,7 @@ fn answer(
     for test in tests {
         let essence = suite.essence(test);
         let same = essence.is_some() && known.get(&test.name) == Some(&essence);
-        if same && !request.all {
+        if same && !request.all && latest.renew(&test.name, files) {
             continue;
         }
         known.insert(test.name.clone(), essence);
