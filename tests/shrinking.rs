@@ -166,7 +166,7 @@ fn the_simplest_case_is_replayed() {
         Some(&("KARAT_INPUT", "00000000,00000000,3f800000,3f000000,00000005"))
     );
     let (passed, again) = kept(folder.path(), "", &environment);
-    assert!(!passed && again.contains("1 of 1 cases fail"), "{again}");
+    assert!(!passed && again.contains("1 of 1 case fails"), "{again}");
     assert_eq!(block(&text, title), block(&again, "worst (case "), "{again}");
     assert!(!again.contains(title) && !file(folder.path()).exists(), "{again}");
     assert_eq!(environment, replay(&again, "worst (case "), "a replay says how to repeat itself");
@@ -218,7 +218,7 @@ fn properties_and_integrals_are_reduced_replayed_and_remembered() {
         for (title, block_title) in [("worst (case ", "worst (case "), (title, "worst (case ")] {
             let environment = replay(&text, title);
             let (passed, again) = kept(folder.path(), fault, &environment);
-            assert!(!passed && again.contains("1 of 1 cases fail"), "{again}");
+            assert!(!passed && again.contains("1 of 1 case fails"), "{again}");
             assert_eq!(block(&text, title), block(&again, block_title), "{again}");
             assert_eq!(environment, replay(&again, "worst (case "));
         }
@@ -247,7 +247,7 @@ fn a_remembered_integral_fails_again() {
     assert_eq!(block(&text, "worst (remembered case 256)")[0], "        case = \"0.36\"");
     let environment = replay(&text, "worst (remembered");
     let (passed, again) = kept(folder.path(), "integral_rare", &environment);
-    assert!(!passed && again.contains("1 of 1 cases fail"), "{again}");
+    assert!(!passed && again.contains("1 of 1 case fails"), "{again}");
     let (passed, text) = kept(folder.path(), "integral_elsewhere", &[]);
     assert!(passed && text.contains("(case = \"0.36\") is ignored"), "{text}");
 }
@@ -289,7 +289,7 @@ fn a_remembered_input_fails_again() {
     assert!(text.contains("line 2 isn't a failure: ignored"), "{text}");
     let environment = replay(&text, "worst (remembered");
     let (passed, again) = kept(folder.path(), "rare", &environment);
-    assert!(!passed && again.contains("1 of 1 cases fail"), "{again}");
+    assert!(!passed && again.contains("1 of 1 case fails"), "{again}");
     let (passed, text) = kept(folder.path(), "rare", &[("KARAT_FAILURES", "off")]);
     assert!(passed, "{text}");
 }

@@ -262,7 +262,7 @@ fn a_project_of_its_own() {
         let replay = failing.out.lines().find_map(|line| line.trim().strip_prefix("replay: "));
         let replay = replay.expect("it was found above");
         let again = project.run(FilePath::new("sh"), &["-c", replay]);
-        again.says(101, &["test lambert ... FAILED", "  1 of 1 cases fail (100.000%)"]);
+        again.says(101, &["test lambert ... FAILED", "  1 of 1 case fails (100.000%)"]);
         assert!(!again.out.contains("schlick") && !again.err.contains("Compiling"), "{again:?}");
     }
 

@@ -102,9 +102,8 @@ pub enum FrameError {
     Aov(String, &'static str),
     /// The mean of a rectangle is off.
     #[error(
-        "on {adapter}\nthe mean of {rect} is {mean:?}, expected {expected:?}: {worst}, {} times what \
-         is allowed",
-        crate::tolerance::significant(worst.ratio)
+        "on {adapter}\nthe mean of {rect} is {mean:?}, expected {expected:?}: {worst}, {}",
+        crate::tolerance::times_allowed(worst.ratio)
     )]
     Mean {
         /// What rendered the frame.

@@ -226,6 +226,21 @@ impl fmt::Display for LaneError {
     }
 }
 
+/// How far an error is beyond its bound: `20 times what is allowed`.
+pub(crate) fn times_allowed(ratio: f64) -> String {
+    match ratio.is_infinite() {
+        // Of a bound of 0 no error is a multiple.
+        true => "and nothing is allowed".to_owned(),
+        false => format!("{} times what is allowed", significant(ratio)),
+    }
+}
+
+/// [`times_allowed`], with the error itself where it is no multiple of the bound.
+pub(crate) fn beyond(error: f64, ratio: f64) -> String {
+    let times = times_allowed(ratio);
+    if ratio.is_infinite() { format!("abs {}, {times}", significant(error.abs())) } else { times }
+}
+
 /// Three significant digits; an exponent where plain digits would be long.
 pub(crate) fn significant(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {

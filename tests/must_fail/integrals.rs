@@ -74,7 +74,7 @@ fn a_wrong_constant_in_an_integral() {
     let text = found.to_string();
     for part in [
         "error: `brdf::eval` fails integral.agrees_with: rel 1.2e-7",
-        "  1 of 1 cases fail (100.000%), 1 too high\n  worst (case 0)\n        \
+        "  1 of 1 case fails (100.000%), 1 too high\n  worst (case 0)\n        \
          case = Vec3(0.0, 0.0, 0.75)\n      albedo = (0, 0, 0.75)\n    integral = (0, 0, 0.785398",
         ")  over 256 nodes\n      actual = 0.785398",
         "  at .z\n    expected = 0.75\n       error = rel 0.0472 (1.20e-7 allowed), 593883 ulp, abs 0.0354\n  replay: KARAT",
@@ -259,7 +259,7 @@ fn an_integral_is_replayed_and_recorded() {
     let words = line.expect("a failure says how to replay it").split(' ');
     let environment: Vec<(&str, &str)> = words.map_while(|word| word.split_once('=')).collect();
     let (output, again) = planted(&["integral"], &environment);
-    assert!(!output.status.success() && again.contains("1 of 1 cases fail"), "{again}");
+    assert!(!output.status.success() && again.contains("1 of 1 case fails"), "{again}");
     let worst = |text: &str| {
         let from = text.find("  worst (case").expect("a failure shows the worst case");
         text[from..].lines().take(6).collect::<Vec<_>>().join("\n")

@@ -26,7 +26,8 @@ fn results_that_are_not_finite() {
     let over = |domain| inverse.function("f").over(domain);
     assert_eq!(over(0.5..=1.0).try_is_finite().expect("no pole is there").cases, 65_536);
     let found = disagreement(over(0.0..=1.0).try_is_finite());
-    assert_eq!(found.assertion, "is finite");
+    assert_eq!(found.check, "is_finite");
+    assert_eq!(found.assertion, "no result is NaN or infinite");
     let root = package("fn f(x: f32) -> f32 { return sqrt(x); }");
     disagreement(root.function("f").over(-1.0..=1.0).try_is_finite());
     let whole = package("fn f(x: u32) -> u32 { return x + 1u; }");
@@ -42,7 +43,7 @@ fn results_outside_of_their_range() {
     over().stays_within(0.0, f64::INFINITY);
     // One component, by one value of many.
     let found = disagreement(over().try_stays_within(0.0, 0.999_999));
-    assert_eq!(found.assertion, "lies in 0..=0.999999");
+    assert_eq!((found.check, &*found.assertion), ("stays_within", "lies in 0..=0.999999"));
     disagreement(over().try_stays_within(1e-6, 1.0));
     // What is meant by 2 pi is the float nearest to it, which is more.
     let turn = package("fn f(x: f32) -> f32 { return 6.2831855 + x; }");
@@ -73,7 +74,7 @@ fn vectors_of_another_length() {
     let found = disagreement(
         mean.function("f").over((Hemisphere.above(0.1), Hemisphere.above(0.1))).try_is_unit(),
     );
-    assert_eq!(found.assertion, "has length 1 to within 1e-5");
+    assert_eq!((found.check, &*found.assertion), ("is_unit", "has length 1 to within 1e-5"));
     let slightly = package("fn f(v: vec3f) -> vec3f { return 1.00002 * v; }");
     disagreement(slightly.function("f").over(UnitVector).try_is_unit());
     let scalar = package("fn f(x: f32) -> f32 { return 1.0; }");

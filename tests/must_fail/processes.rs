@@ -150,7 +150,7 @@ fn replay() {
     assert_eq!(environment.len(), 3, "path, seed and case: {environment:?}");
     let (output, again) = planted(&["too_large"], &environment);
     assert!(!output.status.success(), "{again}");
-    assert!(again.contains("1 of 1 cases fail"), "{again}");
+    assert!(again.contains("1 of 1 case fails"), "{again}");
     let worst = |text: &str| {
         let from = text.find("  worst (case").expect("a failure shows the worst case");
         text[from..].lines().take(6).collect::<Vec<_>>().join("\n")

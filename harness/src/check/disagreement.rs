@@ -495,7 +495,8 @@ impl fmt::Display for Disagreement {
             let Census { idle, remembered, .. } = path.census;
             writeln!(f, "\non {}{}", path.adapter, path.inputs.remark())?;
             let share = 100.0 * failures as f64 / cases as f64;
-            write!(f, "  {failures} of {cases} cases fail ({share:.3}%)")?;
+            let fail = if cases == 1 { "case fails" } else { "cases fail" };
+            write!(f, "  {failures} of {cases} {fail} ({share:.3}%)")?;
             if remembered > 0 {
                 write!(f, ", {remembered} of them from an earlier failure")?;
             }

@@ -189,7 +189,7 @@ impl Plan<'_> {
         demand: &Demand,
         recording: Recording,
     ) -> Result<Agreement, Failure> {
-        let statement = "is finite";
+        let statement = "no result is NaN or infinite";
         let suited =
             |function: Function| match function.result.lanes().iter().any(|lane| lane.is_float()) {
                 true => Ok(function),
@@ -198,10 +198,11 @@ impl Plan<'_> {
                 }
             };
         let begun = self.function().and_then(suited);
-        self.with(begun, ("satisfies", statement), (stream, demand), recording, |function| {
+        let asserted = ("is_finite", statement);
+        self.with(begun, asserted, (stream, demand), recording, |function| {
             // A result that isn't finite fails each statement.
             let holds = |_: &[u32], _: &[u32]| true;
-            self.satisfies(stream, demand, statement, (&function.result, &holds), recording)
+            self.states(stream, demand, asserted, (&function.result, &holds), recording)
         })
     }
 
@@ -223,7 +224,8 @@ impl Plan<'_> {
             Ok(function)
         };
         let begun = self.function().and_then(suited);
-        self.with(begun, ("satisfies", &statement), (stream, demand), recording, |function| {
+        let asserted = ("stays_within", &*statement);
+        self.with(begun, asserted, (stream, demand), recording, |function| {
             let lanes = function.result.lanes();
             // No `f32` is 2 pi: who writes it means the one nearest to it.
             #[expect(clippy::cast_possible_truncation, reason = "the nearest is meant")]
@@ -236,7 +238,7 @@ impl Plan<'_> {
                     false => (least..=most).contains(&lane.decode(*word)),
                 })
             };
-            self.satisfies(stream, demand, &statement, (&function.result, &holds), recording)
+            self.states(stream, demand, asserted, (&function.result, &holds), recording)
         })
     }
 
@@ -254,19 +256,14 @@ impl Plan<'_> {
             _ => Err(unsuited(&function, "which isn't a vector of floats")),
         };
         let begun = self.function().and_then(suited);
-        self.with(
-            begun,
-            ("satisfies", &statement),
-            (stream, demand),
-            recording,
-            |(function, scalar)| {
-                let holds = |_: &[u32], words: &[u32]| {
-                    let square = |word: &u32| scalar.decode(*word).powi(2);
-                    (words.iter().map(square).sum::<f64>().sqrt() - 1.0).abs() <= LENGTH
-                };
-                self.satisfies(stream, demand, &statement, (&function.result, &holds), recording)
-            },
-        )
+        let asserted = ("is_unit", &*statement);
+        self.with(begun, asserted, (stream, demand), recording, |(function, scalar)| {
+            let holds = |_: &[u32], words: &[u32]| {
+                let square = |word: &u32| scalar.decode(*word).powi(2);
+                (words.iter().map(square).sum::<f64>().sqrt() - 1.0).abs() <= LENGTH
+            };
+            self.states(stream, demand, asserted, (&function.result, &holds), recording)
+        })
     }
 
     pub(super) fn agrees_with_function(

@@ -77,10 +77,22 @@ impl Plan<'_> {
         stream: &dyn Stream,
         demand: &Demand,
         statement: &str,
+        said: (&Shape, Holds<'_>),
+        recording: Recording,
+    ) -> Result<Agreement, Failure> {
+        self.states(stream, demand, ("satisfies", statement), said, recording)
+    }
+
+    /// What a verb states of each case.
+    pub(super) fn states(
+        &self,
+        stream: &dyn Stream,
+        demand: &Demand,
+        (verb, statement): (&'static str, &str),
         (shape, holds): (&Shape, Holds<'_>),
         recording: Recording,
     ) -> Result<Agreement, Failure> {
-        let asserted = Asserted::new("satisfies", statement.to_owned());
+        let asserted = Asserted::new(verb, statement.to_owned());
         self.conclude(&asserted, stream, demand, recording, &mut |session| {
             tolerances::expect_none(&self.tolerance_on, session.asserted.check, &session.called)?;
             session.called.expect_result(shape, "the statement takes")?;

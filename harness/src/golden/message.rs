@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::compare::Deviation;
 use super::tolerance::{Criterion, CriterionMargin};
-use crate::tolerance::significant;
+use crate::tolerance::{beyond, significant};
 use crate::value::format_f32;
 
 impl Deviation {
@@ -55,13 +55,13 @@ impl fmt::Display for Deviation {
         if let Some(worst) = worst {
             write!(
                 f,
-                "\n  worst: pixel ({}, {}) {}: {} instead of {}, {} times what is allowed",
+                "\n  worst: pixel ({}, {}) {}: {} instead of {}, {}",
                 worst.x,
                 worst.y,
                 ["red", "green", "blue", "alpha"].get(worst.channel).unwrap_or(&"?"),
                 format_f32(worst.actual),
                 format_f32(worst.golden),
-                significant(f64::from(worst.ratio)),
+                beyond((worst.actual - worst.golden).into(), worst.ratio.into()),
             )?;
         }
         for margin in margins {

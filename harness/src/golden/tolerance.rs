@@ -309,6 +309,9 @@ impl fmt::Display for CriterionMargin {
         let (value, bound) = (significant(self.value), significant(self.bound));
         match self.criterion {
             Criterion::Finite => write!(f, "{value} {}", self.name)?,
+            Criterion::Gate if self.value.is_infinite() => {
+                write!(f, "{}: nothing is allowed", self.name)?;
+            }
             Criterion::Gate => write!(f, "{}: {value} times what is allowed", self.name)?,
             _ => write!(f, "{} {value} of {bound}", self.name)?,
         }

@@ -1,5 +1,6 @@
 //! `karat init`: a first test that passes, and what goes with it.
 
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -8,9 +9,10 @@ use anyhow::{Context, ensure};
 use karat::Package;
 use karat::package::FunctionItem;
 use karat::probe::Probed;
+use karat::record::Recorded;
 
 use super::doctor::profile::unoptimised;
-use super::list::callable;
+use super::list::{callable, tested_functions};
 use super::project::Project;
 use super::table::{DIM, GOOD, HEAD};
 use super::{Ending, Outcome, check};
@@ -64,8 +66,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if args.gitlab {
         keep(Path::new(".gitlab-ci.karat.yml"), &with_folder(GITLAB, &folder), out)?;
     }
-    writeln!(out)?;
-    let status = this()?.arg("test").arg(&folder).status().context("the tests don't run")?;
+    let good = run_tests(&folder, out)?;
     let folder = folder.display();
     writeln!(out, "\n{HEAD}what to do next{HEAD:#}")?;
     writeln!(
@@ -90,14 +91,32 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             "  karat init --github (or --gitlab)   the same tests in CI, on Mesa's lavapipe"
         )?;
     }
-    Ok(if status.success() { Ending::Good } else { Ending::Bad })
+    Ok(if good { Ending::Good } else { Ending::Bad })
+}
+
+/// Runs the folder's tests. In a project with a record of a run they add none: of its Rust tests nothing would
+/// be left in it.
+fn run_tests(folder: &Path, out: &mut dyn Write) -> anyhow::Result<bool> {
+    let suite = karat_suite::Suite::open(folder)?;
+    if suite.tests.is_empty() && suite.broken.is_empty() {
+        return Ok(true);
+    }
+    writeln!(out)?;
+    let project = Project::around(&folder.canonicalize()?)?;
+    let recorded = project.is_cargo() && Recorded::read(&project.record())?.is_some();
+    let status = this()?.arg(if recorded { "suite" } else { "test" }).arg(folder).status();
+    if recorded {
+        writeln!(out, "{DIM}the record of the last run stays: `karat test` runs all tests{DIM:#}")?;
+    }
+    Ok(status.context("the tests don't run")?.success())
 }
 
 fn this() -> anyhow::Result<Command> {
     Ok(Command::new(std::env::current_exe().context("this program isn't where it was")?))
 }
 
-/// Writes a test of the first function for which one passes, beside its module. `None` if there are tests.
+/// Writes a test of the first function for which one passes, beside its module. `None` if there are tests, or
+/// if each function has one in Rust.
 fn first_test(
     package: &Package,
     folder: &Path,
@@ -109,7 +128,7 @@ fn first_test(
         writeln!(out, "{DIM}there are tests already: none is written{DIM:#}")?;
         return Ok(None);
     }
-    // Functions with arguments show more.
+    let tested = tested(folder)?;
     let probed = |item: &FunctionItem| Probed::new(package, &item.name).ok();
     let mut found: Vec<(&FunctionItem, Probed)> =
         items.iter().filter_map(|item| Some((item, probed(item)?))).collect();
@@ -117,6 +136,13 @@ fn first_test(
         let function = probed.function();
         function.bindings.is_empty() && function.result.lanes().iter().all(|lane| lane.is_float())
     });
+    let testable = found.len();
+    found.retain(|(item, _)| !tested.is(&item.name));
+    if found.is_empty() && testable > 0 {
+        writeln!(out, "{DIM}each function has a test already: none is written{DIM:#}")?;
+        return Ok(None);
+    }
+    // Functions with arguments show more.
     found.sort_by_key(|(_, probed)| probed.function().parameters.is_empty());
     for (item, probed) in found.iter().take(TRIED) {
         let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
@@ -152,6 +178,42 @@ fn first_test(
         found.len(),
         folder.display()
     )
+}
+
+/// Functions that have tests: in the last run, or by their names in the Rust files of `tests`.
+struct Tested {
+    ran: BTreeSet<String>,
+    texts: Vec<String>,
+}
+
+impl Tested {
+    fn is(&self, function: &str) -> bool {
+        let named = format!("\"{function}\"");
+        self.ran.contains(function) || self.texts.iter().any(|text| text.contains(&named))
+    }
+}
+
+fn tested(folder: &Path) -> anyhow::Result<Tested> {
+    let folder = folder.canonicalize()?;
+    let project = Project::around(&folder)?;
+    let mut texts = Vec::new();
+    // In a workspace tests are in the member's folder.
+    for around in folder.ancestors().take_while(|around| around.starts_with(project.root())) {
+        read_rust(&around.join("tests"), &mut texts);
+    }
+    Ok(Tested { ran: tested_functions(&project)?, texts })
+}
+
+/// The Rust files below a folder. What can't be read says nothing.
+fn read_rust(folder: &Path, texts: &mut Vec<String>) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+            read_rust(&path, texts);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            texts.extend(std::fs::read_to_string(path));
+        }
+    }
 }
 
 /// Adds to `.gitignore` what runs leave behind.

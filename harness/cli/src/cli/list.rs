@@ -161,7 +161,8 @@ fn broken(package: &Package, module: String, error: &ReflectError) -> Entry {
 }
 
 /// The functions that the last `karat test` checked; none if there was no run.
-fn tested_functions(project: &Project) -> anyhow::Result<BTreeSet<String>> {
+/// The functions that the last run checked.
+pub(super) fn tested_functions(project: &Project) -> anyhow::Result<BTreeSet<String>> {
     let folder = project.output().join("record");
     let records = if folder.is_dir() { record::read(&folder)? } else { Vec::new() };
     let functions = records

@@ -70,6 +70,13 @@ fn bounds_decide_and_the_exit_code_says_so() {
 }
 
 #[test]
+fn what_exceeds_nothing_is_told_by_its_error() {
+    let folder = images();
+    let out = diff(&folder, &["a.exr", "near.exr", "--rel", "0"]).out;
+    assert!(out.contains(", and nothing is allowed\n") && !out.contains("inf"), "{out}");
+}
+
+#[test]
 fn the_report_says_how_many_where_and_how_far() {
     let folder = images();
     let out = diff(&folder, &["a.exr", "hole.exr"]).out;

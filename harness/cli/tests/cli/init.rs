@@ -80,6 +80,32 @@ fn a_first_test_is_written_and_passes() {
     assert!(!read("shaders/brdf.test.toml").contains("in_range"));
 }
 
+/// A project with Rust tests gets one of a function that they leave out, and keeps the record of its last run.
+#[test]
+fn what_rust_tests_check_is_left_to_them() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path();
+    let module = "fn f(u: f32) -> f32 { return 0.5 * u; }\nfn g(u: f32) -> f32 { return 0.5 + u; }\n\
+                  fn h(u: f32) -> f32 { return 0.5 - u; }\n";
+    write(path, "shaders/a.wgsl", module);
+    write(path, "Cargo.toml", "[package]\nname = \"a\"\n");
+    write(path, "tests/a.rs", "SHADERS.function(\"a::f\").over(0.0..=1.0).is_finite();\n");
+    let record = path.join("target/karat/record");
+    write(&record, "1.jsonl", &super::report::function("a::g", "cpu", "pass", None));
+    write(&record, "run.json", r#"{"schema":2,"selected":[],"passed":true}"#);
+    let ran = karat(path, &["init", "--github"]).good();
+    assert!(ran.contains("a test of `a::h`"), "{ran}");
+    assert!(ran.contains("2 passed") && ran.contains("the record of the last run stays"), "{ran}");
+    let report = karat(path, &["report"]).good();
+    assert!(report.contains("a::g") && !report.contains("a::h"), "{report}");
+    // With a test of each there is nothing to write, and nothing to run.
+    std::fs::remove_file(path.join("shaders/a.test.toml")).expect("it was written");
+    write(path, "tests/more/b.rs", "SHADERS.function(\"a::h\");\n");
+    let ran = karat(path, &["init"]).good();
+    assert!(ran.contains("each function has a test already: none is written"), "{ran}");
+    assert!(!path.join("shaders/a.test.toml").exists());
+}
+
 #[test]
 fn what_has_nothing_to_test_is_told() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -159,7 +159,7 @@ fn each_failing_expectation_is_told_with_its_place() {
         }
     }
     let again = output(&mut again);
-    assert!(again.code == Some(1) && again.out.contains("1 of 1 cases fail"), "{again:?}");
+    assert!(again.code == Some(1) && again.out.contains("1 of 1 case fails"), "{again:?}");
     // What it failed on is tried again.
     assert!(folder.path().join(".karat/failures/suite").is_dir());
 }

@@ -89,12 +89,16 @@ fn write_gate(gate: &GateResult, compared: usize, out: &mut dyn Write) -> io::Re
     writeln!(out)?;
     let Some(worst) = worst else { return Ok(()) };
     let (a, b) = (format_f32(worst.a), format_f32(worst.b));
-    let (x, y, ratio) = (worst.x, worst.y, short(f64::from(worst.ratio)));
-    let channel = worst.channel;
-    writeln!(
-        out,
-        "  worst: pixel ({x}, {y}) {channel}: {b} instead of {a}, {ratio} times what is allowed"
-    )?;
+    let (x, y, channel) = (worst.x, worst.y, worst.channel);
+    write!(out, "  worst: pixel ({x}, {y}) {channel}: {b} instead of {a}, ")?;
+    match f64::from(worst.ratio) {
+        // Of a bound of 0 no error is a multiple.
+        ratio if ratio.is_infinite() => {
+            let error = short(f64::from((worst.b - worst.a).abs()));
+            writeln!(out, "abs {error}, and nothing is allowed")?;
+        }
+        ratio => writeln!(out, "{} times what is allowed", short(ratio))?,
+    }
     let shares = [1.0, 10.0, 100.0, 1000.0].into_iter().zip(sweep);
     let shares: Vec<String> = shares
         .map(|(factor, share)| format!("{}: {share:.3}%", short(f64::from(relative * factor))))
