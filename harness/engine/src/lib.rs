@@ -89,7 +89,7 @@ mod lower;
 mod machine;
 mod observer;
 mod options;
-pub mod parallel;
+mod parallel;
 mod program;
 mod refusal;
 mod resources;

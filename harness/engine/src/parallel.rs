@@ -3,28 +3,13 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The next task; `None` when all are taken.
-pub type Next<'n> = &'n (dyn Fn() -> Option<usize> + Sync);
+pub(crate) type Next<'n> = &'n (dyn Fn() -> Option<usize> + Sync);
 
 /// Runs workers, here and on other cores, until they have taken all tasks; a worker may find none.
 ///
 /// A thread that only waited for as many workers as there are cores would leave them to the system's
 /// scheduler, which often wakes two of them on one core while another idles.
-///
-/// ```
-/// use std::sync::atomic::{AtomicUsize, Ordering};
-///
-/// let sum = AtomicUsize::new(0);
-/// karat_engine::parallel::run(100, &|next| {
-///     while let Some(task) = next() {
-///         sum.fetch_add(task, Ordering::Relaxed);
-///     }
-/// });
-/// assert_eq!(sum.into_inner(), 4950);
-/// ```
-///
-/// # Panics
-/// If a worker does.
-pub fn run(tasks: usize, worker: &(dyn Fn(Next<'_>) + Sync)) {
+pub(crate) fn run(tasks: usize, worker: &(dyn Fn(Next<'_>) + Sync)) {
     let taken = AtomicUsize::new(0);
     let next = || Some(taken.fetch_add(1, Ordering::Relaxed)).filter(|task| *task < tasks);
     let helpers = rayon::current_num_threads().min(tasks).saturating_sub(1);

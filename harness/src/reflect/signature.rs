@@ -501,14 +501,22 @@ impl Program {
 
     /// The bytes of a buffer, from the lanes of its value or of its elements.
     ///
+    /// ```
+    /// # use karat::Package;
+    /// # use karat::reflect::Program;
+    /// let text = "struct Light { at: vec3f, power: f32, spot: vec3f }
+    ///             @group(0) @binding(0) var<uniform> light: Light;
+    ///             fn power() -> f32 { return light.power; }";
+    /// let program = Program::of_function(&Package::from_source("m", text), "power")?;
+    /// let light = &program.function("power")?.bindings[0];
+    /// let bytes = program.bytes(light, &[0, 0, 0, 1.0_f32.to_bits(), 0, 0, 0])?;
+    /// assert_eq!((bytes.len(), &bytes[12..16]), (32, &1.0_f32.to_le_bytes()[..]));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// If the lanes aren't as many as the type has.
-    #[cfg(feature = "routes")]
-    pub(crate) fn bytes(
-        &self,
-        binding: &Binding,
-        lanes: &[u32],
-    ) -> Result<Vec<u8>, super::LayoutError> {
+    pub fn bytes(&self, binding: &Binding, lanes: &[u32]) -> Result<Vec<u8>, super::LayoutError> {
         super::bytes_of(&self.checked.module, &self.checked.layouter, binding.ty, lanes)
     }
 

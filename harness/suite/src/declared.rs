@@ -276,6 +276,16 @@ impl What {
     }
 }
 
+/// The parser's message of an unknown name, and the known one that it may have been meant to be.
+fn with_nearest(message: &str) -> String {
+    let mut names = message.split('`').skip(1).step_by(2);
+    let unknown = names.next().filter(|_| message.starts_with("unknown "));
+    match unknown.and_then(|unknown| nearest(unknown, names)) {
+        Some(near) => format!("{message}; did you mean `{near}`?"),
+        None => message.to_owned(),
+    }
+}
+
 /// Reads a file of declared tests. `root` is the package.
 pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, String> {
     let name = shown(file);
@@ -284,7 +294,7 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, String> {
     let at = |range: std::ops::Range<usize>| Span { file: Arc::clone(&source), range };
     let parsed: File = toml::from_str(&source.text).map_err(|error| {
         let place = at(error.span().unwrap_or(0..0));
-        Diagnostic::new(error.message().to_owned()).at(place, "").to_string()
+        Diagnostic::new(with_nearest(error.message())).at(place, "").to_string()
     })?;
     if parsed.tests.is_empty() && parsed.frames.is_empty() {
         let empty = "declares no test: write [[test]] or [[frame]]";

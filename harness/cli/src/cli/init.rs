@@ -10,6 +10,7 @@ use karat::Package;
 use karat::package::FunctionItem;
 use karat::probe::Probed;
 use karat::record::Recorded;
+use karat::value::Shape;
 
 use super::doctor::profile::unoptimised;
 use super::list::{callable, tested_functions};
@@ -31,6 +32,9 @@ pub(super) struct Args {
 
 /// Functions that are tried until a test of one passes.
 const TRIED: usize = 40;
+
+/// Where roughness and cosines leave out 0, at which lobes and divisions are infinite.
+const AWAY: &str = "0.01..1";
 
 /// What runs leave behind and nobody commits.
 const IGNORED: [&str; 4] = [".karat/run/", "*.new.exr", "*.new.csv", "*.new.png"];
@@ -57,7 +61,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
          value",
         folder.display()
     );
-    let written = first_test(&package, &folder, &items, out)?;
+    let written = first_test(&package, &folder, &items, out);
     ignore(out)?;
     optimise(&folder, out)?;
     if args.github {
@@ -66,6 +70,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if args.gitlab {
         keep(Path::new(".gitlab-ci.karat.yml"), &with_folder(GITLAB, &folder), out)?;
     }
+    // Without a test the rest is of use, too.
+    let written = written?;
     let good = run_tests(&folder, out)?;
     let folder = folder.display();
     writeln!(out, "\n{HEAD}what to do next{HEAD:#}")?;
@@ -144,32 +150,12 @@ fn first_test(
     }
     // Functions with arguments show more.
     found.sort_by_key(|(_, probed)| probed.function().parameters.is_empty());
-    for (item, probed) in found.iter().take(TRIED) {
-        let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
-        let mut file = folder.to_owned();
-        file.extend(module.split("::"));
-        let file = PathBuf::from(format!("{}.test.toml", file.display()));
-        if file.exists() {
-            continue;
-        }
-        for assertion in ["in_range = [0, 1]\n", ""] {
-            let signature = probed.function().to_string();
-            let text = format!(
-                "# {signature}\n[[test]]\nfunction = \"{name}\"\n# Where arguments come from; what isn't \
-                 named comes from its name and type:\n# over = {{ x = \"0..1\" }}\nfinite = \
-                 true\n{assertion}"
-            );
-            std::fs::write(&file, text).with_context(|| format!("`{}`", file.display()))?;
-            let mut command = this()?;
-            command.arg("suite").arg(folder).arg(&item.name).env("KARAT_PATHS", "cpu");
-            // What a test that is thrown away fails on isn't to be remembered.
-            command.env("KARAT_FAILURES", "off");
-            command.stdout(Stdio::null()).stderr(Stdio::null());
-            if command.status().is_ok_and(|status| status.success()) {
+    for away in [false, true] {
+        for (item, probed) in found.iter().take(TRIED) {
+            if let Some(file) = try_test(item, probed, away, folder)? {
                 writeln!(out, "{GOOD}wrote{GOOD:#} {}, a test of `{}`", file.display(), item.name)?;
                 return Ok(Some(file));
             }
-            std::fs::remove_file(&file).with_context(|| format!("`{}`", file.display()))?;
         }
     }
     anyhow::bail!(
@@ -178,6 +164,53 @@ fn first_test(
         found.len(),
         folder.display()
     )
+}
+
+/// Writes a test of a function beside its module, for arguments that their names suggest or only `away` from
+/// their ends. `None` if it doesn't pass.
+fn try_test(
+    item: &FunctionItem,
+    probed: &Probed,
+    away: bool,
+    folder: &Path,
+) -> anyhow::Result<Option<PathBuf>> {
+    let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
+    let mut file = folder.to_owned();
+    file.extend(module.split("::"));
+    let file = PathBuf::from(format!("{}.test.toml", file.display()));
+    let function = probed.function();
+    let float = |shape: &Shape| matches!(shape, Shape::Scalar(scalar) if scalar.is_float());
+    let numbers = function.parameters.iter().filter(|(_, shape)| float(shape));
+    let over: Vec<String> = numbers.map(|(name, _)| format!("{name} = \"{AWAY}\"")).collect();
+    if file.exists() || away && over.is_empty() {
+        return Ok(None);
+    }
+    let over = match away {
+        true => format!(
+            "# Where arguments come from; what isn't named comes from its name and type. Where names and \
+             types decide alone,\n# some results aren't finite.\nover = {{ {} }}",
+            over.join(", ")
+        ),
+        false => "# Where arguments come from; what isn't named comes from its name and type:\n\
+                  # over = { x = \"0..1\" }"
+            .to_owned(),
+    };
+    for assertion in ["in_range = [0, 1]\n", ""] {
+        let text = format!(
+            "# {function}\n[[test]]\nfunction = \"{name}\"\n{over}\nfinite = true\n{assertion}"
+        );
+        std::fs::write(&file, text).with_context(|| format!("`{}`", file.display()))?;
+        let mut command = this()?;
+        command.arg("suite").arg(folder).arg(&item.name).env("KARAT_PATHS", "cpu");
+        // What a test that is thrown away fails on isn't to be remembered.
+        command.env("KARAT_FAILURES", "off");
+        command.stdout(Stdio::null()).stderr(Stdio::null());
+        if command.status().is_ok_and(|status| status.success()) {
+            return Ok(Some(file));
+        }
+        std::fs::remove_file(&file).with_context(|| format!("`{}`", file.display()))?;
+    }
+    Ok(None)
 }
 
 /// Functions that have tests: in the last run, or by their names in the Rust files of `tests`.

@@ -95,7 +95,7 @@ fn what_rust_tests_check_is_left_to_them() {
     write(&record, "run.json", r#"{"schema":2,"selected":[],"passed":true}"#);
     let ran = karat(path, &["init", "--github"]).good();
     assert!(ran.contains("a test of `a::h`"), "{ran}");
-    assert!(ran.contains("2 passed") && ran.contains("the record of the last run stays"), "{ran}");
+    assert!(ran.contains("1 passed") && ran.contains("the record of the last run stays"), "{ran}");
     let report = karat(path, &["report"]).good();
     assert!(report.contains("a::g") && !report.contains("a::h"), "{report}");
     // With a test of each there is nothing to write, and nothing to run.
@@ -104,6 +104,21 @@ fn what_rust_tests_check_is_left_to_them() {
     let ran = karat(path, &["init"]).good();
     assert!(ran.contains("each function has a test already: none is written"), "{ran}");
     assert!(!path.join("shaders/a.test.toml").exists());
+}
+
+/// Lobes that are infinite where roughness or a cosine is 0 are tested away from it.
+#[test]
+fn a_pole_at_the_end_is_left_out() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let module =
+        "fn lobe(roughness: f32, n_dot_v: f32) -> f32 { return 0.25 / (roughness * n_dot_v); }\n";
+    write(folder.path(), "shaders/a.wgsl", module);
+    let ran = karat(folder.path(), &["init"]).good();
+    assert!(ran.contains("a test of `a::lobe`") && ran.contains("1 check, 0 failed"), "{ran}");
+    let test = std::fs::read_to_string(folder.path().join("shaders/a.test.toml"));
+    let test = test.expect("it was written");
+    let over = "\nover = { roughness = \"0.01..1\", n_dot_v = \"0.01..1\" }\nfinite = true\n";
+    assert!(test.ends_with(over), "{test}");
 }
 
 #[test]
@@ -115,6 +130,8 @@ fn what_has_nothing_to_test_is_told() {
     assert!(init().contains("no function of `.` can be called"), "{}", init());
     write(folder.path(), "a.wgsl", "fn f(x: f32) -> f32 { return sqrt(-1.0 - x * x); }\n");
     assert!(init().contains("karat hazards"), "{}", init());
+    // The rest is there.
+    assert!(folder.path().join(".gitignore").exists());
     let none = karat(folder.path(), &["init", "nowhere"]).error();
     assert!(none.contains("there is no folder `nowhere`"), "{none}");
 }

@@ -285,6 +285,11 @@ fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
         ),
         (
             "brdf.test.toml",
+            "[[test]]\nfunction = \"schlick\"\nsymmetric = [\"u\", \"f0\"]\n",
+            "did you mean `symmetric_in`?",
+        ),
+        (
+            "brdf.test.toml",
             "[[test]]\nfunction = \"schlick\"\nequals = 1\n",
             "a tolerance is missing",
         ),

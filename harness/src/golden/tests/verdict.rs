@@ -61,7 +61,10 @@ fn what_is_relative_to_nothing_is_told_in_absolute_numbers() {
     let exact = FrameTolerance::gate(0.0);
     let failed = project.check("vulkan", &spot(1.5), Some(&exact), None).expect_err("it differs");
     let text = project.text(&failed);
-    assert!(text.contains(", and nothing is allowed\n  fails  gate rel 0: nothing is allowed, at ("), "{text}");
+    assert!(
+        text.contains(", and nothing is allowed\n  fails  gate rel 0: nothing is allowed, at ("),
+        "{text}"
+    );
     assert!(text.contains(" instead of ") && text.contains(", abs 0."), "{text}");
     let worst = |relative| {
         let tolerance = FrameTolerance::gate(relative);
