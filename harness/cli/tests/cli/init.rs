@@ -1,5 +1,6 @@
 //! `karat init`
 
+use super::report::function;
 use super::*;
 
 /// In a project that depends on Karat what tests wait for is optimised; what somebody chose stays.
@@ -91,7 +92,7 @@ fn what_rust_tests_check_is_left_to_them() {
     write(path, "Cargo.toml", "[package]\nname = \"a\"\n");
     write(path, "tests/a.rs", "SHADERS.function(\"a::f\").over(0.0..=1.0).is_finite();\n");
     let record = path.join("target/karat/record");
-    write(&record, "1.jsonl", &super::report::function("a::g", "cpu", "pass", None));
+    write(&record, "1.jsonl", &function("a::g", "cpu", "pass", None));
     write(&record, "run.json", r#"{"schema":2,"selected":[],"passed":true}"#);
     let ran = karat(path, &["init", "--github"]).good();
     assert!(ran.contains("a test of `a::h`"), "{ran}");
