@@ -52,6 +52,8 @@ pub struct Frame<'a> {
     facts: BTreeMap<String, String>,
     aovs: Vec<(String, Self)>,
     known_issues: KnownIssues,
+    /// Where it is written, if that isn't where it is compared.
+    declared_at: Option<String>,
 }
 
 /// The paths on which a frame matches its golden.
@@ -223,6 +225,7 @@ impl Package {
             facts: BTreeMap::new(),
             aovs: Vec::new(),
             known_issues: KnownIssues::default(),
+            declared_at: None,
         }
     }
 }
@@ -638,6 +641,26 @@ impl<'a> Frame<'a> {
     pub fn fails_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
         self.known_issues.declare(on.into(), reason);
         self
+    }
+
+    /// Says where the frame is declared, as `file:line:column`, if that isn't in Rust. Reports and
+    /// annotations name that place instead of the call that compares it.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
+    /// let frame = SHADERS.frame("sky", 64, 64).fragment("fragment");
+    /// frame.declared_at("shaders/sky.scene:3:1").matches(&GOLDENS, "sky");
+    /// ```
+    #[must_use]
+    pub fn declared_at(mut self, place: &str) -> Self {
+        self.declared_at = Some(place.to_owned());
+        self
+    }
+
+    fn place(&self, caller: &std::panic::Location<'_>) -> String {
+        self.declared_at.clone().unwrap_or_else(|| caller.to_string())
     }
 
     /// Draws the frame on this executor instead of the environment's paths. Further calls add more

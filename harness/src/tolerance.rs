@@ -260,9 +260,15 @@ pub(crate) fn significant(value: f64) -> String {
     }
 }
 
+/// A number with its exponent: `1e-3`, and `0`.
+pub(crate) fn power(value: impl fmt::LowerExp) -> String {
+    let text = format!("{value:e}");
+    if text == "0e0" { "0".to_owned() } else { text }
+}
+
 /// A bound as its author would write it; three digits of one that was computed.
 fn exponent(bound: f64) -> String {
-    let exact = format!("{bound:e}");
+    let exact = power(bound);
     if exact.len() <= 7 { exact } else { format!("{bound:.2e}") }
 }
 

@@ -37,7 +37,7 @@ impl Frame<'_> {
             return FrameAgreement { case, paths, known_issues };
         }
         let reporter = Reporter::start();
-        let location = std::panic::Location::caller().to_string();
+        let location = self.place(std::panic::Location::caller());
         let (mut records, mut read) = (Vec::new(), Vec::new());
         let result = self.compare(goldens, case, &mut records, &mut read);
         let (golden, folder) = (case.to_owned(), goldens.folder().display().to_string());

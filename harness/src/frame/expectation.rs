@@ -59,7 +59,7 @@ impl Frame<'_> {
             return FrameMean { paths: Vec::new(), known_issues: Vec::new() };
         }
         let reporter = Reporter::start();
-        let location = std::panic::Location::caller().to_string();
+        let location = self.place(std::panic::Location::caller());
         let (mut records, mut read) = (Vec::new(), Vec::new());
         let result = self.mean(rect, expected, &tolerance.into(), &mut records, &mut read);
         let (golden, folder) = (format!("mean of {rect}"), String::new());

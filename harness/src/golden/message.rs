@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::compare::Deviation;
 use super::tolerance::{Criterion, CriterionMargin};
-use crate::tolerance::{beyond, significant};
+use crate::tolerance::{beyond, power, significant};
 use crate::value::format_f32;
 
 impl Deviation {
@@ -29,13 +29,13 @@ impl Deviation {
     /// What is off and where, in a line.
     pub(super) fn summary(&self) -> String {
         let Self { outliers, pixels, bounds, worst, gate, .. } = self;
-        let relative = gate.relative;
+        let relative = power(gate.relative);
         match worst {
             Some(_) => format!(
-                "{outliers} of {pixels} pixels are off by more than rel {relative:e}, within {bounds}"
+                "{outliers} of {pixels} pixels are off by more than rel {relative}, within {bounds}"
             ),
             None => {
-                format!("no pixel is off by more than rel {relative:e}, but other bounds fail")
+                format!("no pixel is off by more than rel {relative}, but other bounds fail")
             }
         }
     }
@@ -73,7 +73,8 @@ impl fmt::Display for Deviation {
             let pinned = if *pinned { ", as the golden has it" } else { "" };
             write!(f, "\n  FLIP looked at {exposures}{pinned}")?;
         }
-        if worst.is_some() {
+        // Multiples of nothing are nothing.
+        if worst.is_some() && gate.relative > 0.0 {
             write!(f, "\n  pixels off at a tolerance of")?;
             let shares = [1.0, 10.0, 100.0, 1000.0].into_iter().zip(sweep).enumerate();
             for (index, (factor, share)) in shares {

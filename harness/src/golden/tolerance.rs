@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::number;
 use crate::metric::{DEFAULT_RELATIVE, Flip, Gate, Measured, Metric, Pair, Rect};
-use crate::tolerance::significant;
+use crate::tolerance::{power, significant};
 
 /// The largest mean FLIP error of a tile, on the profile that the golden was made on. Half floats
 /// give .004, twenty scattered pixels of edges .02, and faults of shaders .09 and more.
@@ -188,9 +188,11 @@ impl From<Gate> for FrameTolerance {
 impl fmt::Display for FrameTolerance {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (parts, word) = match self {
-            Self::Gate(Gate { relative, absolute: None }) => return write!(f, "rel {relative:e}"),
+            Self::Gate(Gate { relative, absolute: None }) => {
+                return write!(f, "rel {}", power(*relative));
+            }
             Self::Gate(Gate { relative, absolute: Some(absolute) }) => {
-                return write!(f, "rel {relative:e} or abs {absolute:e}");
+                return write!(f, "rel {} or abs {}", power(*relative), power(*absolute));
             }
             Self::FlipTile(bound) => return write!(f, "FLIP tile {bound}"),
             Self::FlipMean(bound) => return write!(f, "mean FLIP {bound}"),

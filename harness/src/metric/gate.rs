@@ -7,6 +7,7 @@ use super::pair::{Pair, STRIP};
 use super::relative::{DARK, ratio};
 use super::{Measured, Metric};
 use crate::image::{Image, Precision};
+use crate::tolerance::power;
 
 /// Largest relative difference of a channel, unless a frame says otherwise: twice the step of the
 /// half floats that goldens are stored in.
@@ -243,8 +244,10 @@ fn largest(pair: &Pair<'_>, (relative, floor): (Vec4, Vec4)) -> Option<f32> {
 impl Metric for Gate {
     fn name(&self) -> String {
         match self.absolute {
-            None => format!("gate rel {:e}", self.relative),
-            Some(absolute) => format!("gate rel {:e} or abs {absolute:e}", self.relative),
+            None => format!("gate rel {}", power(self.relative)),
+            Some(absolute) => {
+                format!("gate rel {} or abs {}", power(self.relative), power(absolute))
+            }
         }
     }
 

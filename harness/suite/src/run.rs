@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use karat::check::{Agreement, DynamicCheck, Failure, Limit, Probe, TestGroup, WgslTest};
-use karat::diagnostic::Diagnostic;
+use karat::diagnostic::{Diagnostic, Span};
 use karat::domain::{Dynamic, Part};
 use karat::draw::Format;
 use karat::golden::FrameTolerance;
@@ -122,7 +122,7 @@ impl Suite {
                 let judged = function(&self.package, assertion).map_err(placed)?;
                 judged.map(drop).map_err(|error| declared_words(&error.to_string()))
             }
-            Kind::Frame(declared) => frame(&self.package, declared).map_err(|error| {
+            Kind::Frame(declared) => frame(&self.package, declared, &test.span).map_err(|error| {
                 let words = declared_words(&error);
                 // What is wrong with the shader, or on a path, has its place.
                 let has_place = words.starts_with("error") || words.starts_with("on ");
@@ -465,7 +465,7 @@ fn bound(
     Ok(all)
 }
 
-fn frame(package: &Package, declared: &Frame) -> Result<(), String> {
+fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<(), String> {
     let module = declared.module.as_deref().unwrap_or_default();
     let [width, height] = declared.size;
     let program = Program::of_module(package, module).map_err(|error| error.to_string())?;
@@ -498,6 +498,7 @@ fn frame(package: &Package, declared: &Frame) -> Result<(), String> {
         Some(vertex) => frame.fullscreen(vertex, &declared.fragment),
         None => frame.fragment(&declared.fragment),
     };
+    frame = frame.declared_at(&at.to_string());
     for (name, fixture) in bound(&program, &bindings, &declared.with, &declared.folder)? {
         frame = frame.with(&name, fixture);
     }

@@ -4,8 +4,9 @@ use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::{bail, ensure};
+use anyhow::bail;
 use karat::Goldens;
+use karat::diagnostic::shown;
 use karat::golden::{AcceptError, Acceptance, Pending, PendingFrames, Provenance, Unusable};
 use karat::output::{counted, tell};
 use serde::Serialize;
@@ -29,16 +30,28 @@ impl FolderArgs {
     }
 
     pub(super) fn path(&self) -> anyhow::Result<PathBuf> {
-        let folder = match &self.golden {
-            Some(folder) => folder.clone(),
-            None => Project::find()?.golden(),
+        let (folder, used) = match &self.golden {
+            Some(folder) => (folder.clone(), Vec::new()),
+            None => {
+                let project = Project::find()?;
+                (project.golden(), project.used_goldens())
+            }
         };
-        ensure!(
-            folder.is_dir(),
-            "there is no folder `{}`; name the folder of goldens with --golden DIR",
+        let others = others(&folder, used);
+        if folder.is_dir() {
+            for other in others.iter().filter(|other| has_pending(other)) {
+                tell(&format!("note: frames of `{other}` wait, too: name it with --golden"));
+            }
+            return Ok(folder);
+        }
+        let used = match others.join("`, `") {
+            none if none.is_empty() => String::new(),
+            others => format!(" (the last run used `{others}`)"),
+        };
+        bail!(
+            "there is no folder `{}`; name the folder of goldens with --golden DIR{used}",
             folder.display()
-        );
-        Ok(folder)
+        )
     }
 
     /// The folder, which accepting makes if it isn't there: a project has none before its first golden.
@@ -53,6 +66,17 @@ impl FolderArgs {
     pub(super) fn open(&self) -> anyhow::Result<Goldens> {
         Ok(Goldens::open(&self.path()?))
     }
+}
+
+/// Other folders of goldens than this one, as they are seen from here.
+fn others(folder: &Path, used: Vec<PathBuf>) -> Vec<String> {
+    let own = folder.canonicalize().ok();
+    used.into_iter().filter(|used| own.as_ref() != Some(used)).map(|used| shown(&used)).collect()
+}
+
+fn has_pending(folder: &str) -> bool {
+    let PendingFrames { frames, unusable } = Goldens::open(Path::new(folder)).pending();
+    !frames.is_empty() || !unusable.is_empty()
 }
 
 /// Where the pending frames are.

@@ -1,11 +1,11 @@
 //! Where a project keeps its shaders, goldens and records.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use karat::Package;
-use karat::record::{Record, Subject};
+use karat::record::{Record, Recorded, Subject};
 use serde::Deserialize;
 
 use super::PackageArgs;
@@ -36,10 +36,22 @@ pub(super) struct Project {
 
 impl Project {
     /// The Cargo workspace of the working directory, or else the nearest package, or else the
-    /// working directory itself.
+    /// working directory itself or its folder `shaders`.
     pub(super) fn find() -> anyhow::Result<Self> {
         let here = std::env::current_dir().context("the working directory is gone")?;
-        Self::around(&here)
+        Self::opened_at(&here)
+    }
+
+    /// The project around a folder. Without Cargo it is the folder `shaders` in there, as for `karat test`
+    /// and `karat init`, unless the folder itself was tested later.
+    pub(super) fn opened_at(folder: &Path) -> anyhow::Result<Self> {
+        let (own, shaders) = (Self::around(folder)?, folder.join("shaders"));
+        if own.cargo || !shaders.is_dir() {
+            return Ok(own);
+        }
+        let below = Self { root: shaders, settings: Settings::default(), cargo: false };
+        let ran = |project: &Self| Some(project.record().metadata().ok()?.modified().ok());
+        Ok(if ran(&own) > ran(&below) { own } else { below })
     }
 
     /// The project around a folder.
@@ -193,10 +205,35 @@ impl Project {
         Ok(packages.swap_remove(index))
     }
 
-    /// The folder of goldens.
+    /// The folder of goldens: the declared one, or `golden`, or else the only one that the last run used.
     pub(super) fn golden(&self) -> PathBuf {
-        let folder = self.settings.golden.clone();
-        self.root.join(folder.unwrap_or_else(|| PathBuf::from("golden")))
+        if let Some(folder) = &self.settings.golden {
+            return self.root.join(folder);
+        }
+        let folder = self.root.join("golden");
+        match &mut self.used_goldens()[..] {
+            [only] if !folder.is_dir() => std::mem::take(only),
+            _ => folder,
+        }
+    }
+
+    /// Folders of the project with goldens that the last run used. Of a record that can't be read none are
+    /// known.
+    pub(super) fn used_goldens(&self) -> Vec<PathBuf> {
+        let Some(recorded) = Recorded::read(&self.record()).ok().flatten() else {
+            return Vec::new();
+        };
+        let root = self.root.canonicalize().ok();
+        let mut folders = BTreeSet::new();
+        for record in &recorded.records {
+            if let Subject::Frame { folder, .. } = &record.subject
+                && let Ok(place) = Path::new(folder).canonicalize()
+                && root.as_ref().is_some_and(|root| place.starts_with(root))
+            {
+                folders.insert(place);
+            }
+        }
+        folders.into_iter().collect()
     }
 
     /// The cargo binary that is the project's gallery, if one is declared.

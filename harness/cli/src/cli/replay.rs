@@ -1,7 +1,7 @@
 //! `karat replay`: the case that a check of the last run failed on, by a short name.
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, ensure};
@@ -113,6 +113,20 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if status.success() { Ending::Good } else { Ending::Bad })
 }
 
+/// Where a recorded command runs: in the project's folder. `karat test FOLDER` was run in one that has FOLDER,
+/// which is in the project.
+fn start(project: &Path, arguments: &[&String]) -> PathBuf {
+    let named = match arguments {
+        [verb, folder, ..] if *verb == "test" && !folder.starts_with('-') => Path::new(folder),
+        _ => return project.to_owned(),
+    };
+    let root = project.canonicalize().unwrap_or_else(|_| project.to_owned());
+    let has = |from: &&Path| {
+        from.join(named).canonicalize().is_ok_and(|folder| folder.starts_with(&root))
+    };
+    root.ancestors().find(has).unwrap_or(project).to_owned()
+}
+
 /// A line for a shell as a command: variables, the program, its arguments.
 fn parsed(line: &str, folder: &Path) -> anyhow::Result<Command> {
     let words = shell_words::split(line).context("the record's command can't be read")?;
@@ -125,7 +139,8 @@ fn parsed(line: &str, folder: &Path) -> anyhow::Result<Command> {
         Some("cargo") => Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())),
         _ => Command::new(std::env::current_exe().context("this program isn't where it was")?),
     };
-    command.current_dir(folder).args(rest);
+    let arguments: Vec<&String> = rest.collect();
+    command.current_dir(start(folder, &arguments)).args(arguments);
     command.envs(variables.iter().filter_map(|word| word.split_once('=')));
     // What the last run was told doesn't choose this one's paths.
     command.env_remove("KARAT_REQUIRE");

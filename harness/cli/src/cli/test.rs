@@ -9,7 +9,7 @@ use std::process::Command;
 
 use anyhow::Context;
 use karat::Package;
-use karat::diagnostic::nearest;
+use karat::diagnostic::{nearest, shown};
 use karat::output::{Output, counted};
 use karat::record::{self, Record, Recorded, Run, Running};
 use karat::reflect::Invalid;
@@ -268,7 +268,7 @@ impl<'a> Asked<'a> {
             None if project.is_cargo() => project.packages_if_any(&self.args.package),
             // A folder of shaders, or one that has such a folder.
             None => match project.packages_if_any(&self.args.package)? {
-                none if none.is_empty() => Ok(vec![Package::open(".")?]),
+                none if none.is_empty() => Ok(vec![Package::open(shown(project.root()))?]),
                 some => Ok(some),
             },
         }

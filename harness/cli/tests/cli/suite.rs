@@ -509,6 +509,47 @@ fn a_runaway_test_is_stopped() {
 }
 
 /// Missing, it is pending; accepted, it passes; with another shader it fails.
+/// Whoever tests the folder `shaders` goes on without naming it: its record, its goldens, its failures.
+#[test]
+fn what_was_tested_below_is_known_above() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (path, shaders) = (folder.path(), folder.path().join("shaders"));
+    let module = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\
+                  @fragment fn fs() -> @location(0) vec4f { return vec4f(0.5); }\n";
+    write(&shaders, "a.wgsl", module);
+    let declared = "[[test]]\nfunction = \"half\"\nover = { x = \"0..1\" }\nin_range = [0, 1]\n\n\
+                    [[frame]]\nname = \"grey\"\nfragment = \"fs\"\nsize = [8, 8]\n";
+    write(&shaders, "a.test.toml", declared);
+    let ran = karat(path, &["test", "shaders", "--paths", "vulkan", "--github"]);
+    assert!(ran.code == Some(1) && ran.out.contains("frame `grey` has no golden"), "{ran:?}");
+    // The place of a frame is where it is declared.
+    let place = "file=a.test.toml,line=6,col=1,";
+    assert!(ran.out.contains(place), "{ran:?}");
+    let pending = karat(path, &["pending"]);
+    assert!(pending.code == Some(3) && pending.out.contains("grey"), "{pending:?}");
+    let accepted = karat(path, &["accept", "grey", "--because", "it is grey"]).good();
+    assert_eq!(accepted, "accepted grey\n");
+    karat(path, &["test", "--paths", "vulkan"]).good();
+    let listed = karat(path, &["list"]).good();
+    assert!(
+        listed.lines().any(|line| line.contains("a::half") && line.contains("yes")),
+        "{listed}"
+    );
+    assert!(karat(path, &["report"]).good().contains("a::half"));
+    // A failure is replayed from here and from there.
+    write(&shaders, "a.wgsl", &module.replace("0.5 * x", "1.5 * x"));
+    let ran = karat(path, &["test", "shaders", "half", "--paths", "cpu"]);
+    assert!(ran.code == Some(1), "{ran:?}");
+    for from in [path, &shaders] {
+        let again = karat(from, &["replay"]);
+        assert!(again.code == Some(1) && again.out.contains("1 of 1 case fails"), "{again:?}");
+    }
+    // The folder itself, tested later, is what commands are about.
+    write(path, "own.wgsl", "@test fn own() { karat::expect_true(true); }\n");
+    karat(path, &["test", ".", "own", "--paths", "cpu"]).good();
+    assert!(karat(path, &["report"]).good().contains("own::own"));
+}
+
 #[test]
 fn a_declared_frame_is_compared_with_its_golden() {
     let folder = tempfile::tempdir().expect("a temporary folder");

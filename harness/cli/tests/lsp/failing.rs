@@ -96,7 +96,7 @@ fn files_that_no_editor_has_open_are_followed() {
     write(folder.path(), declared, &DECLARED.replace("[0, 2]", "[0, 1]"));
     let shown = editor.wait(FILE, |all| all.len() == 1);
     let (line, _, message) = told(&shown[0]);
-    assert!(line == 5 && message.starts_with("`calc::sum` fails satisfies: "), "{message}");
+    assert!(line == 5 && message.starts_with("`calc::sum` fails stays_within: "), "{message}");
     write(folder.path(), declared, &DECLARED.replace("in_range", "in_rage"));
     let shown = editor.wait(declared, |all| all.len() == 1);
     let (line, _, message) = told(&shown[0]);

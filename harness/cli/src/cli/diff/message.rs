@@ -82,7 +82,8 @@ fn write_census(side: &Side, out: &mut dyn Write) -> io::Result<()> {
 
 fn write_gate(gate: &GateResult, compared: usize, out: &mut dyn Write) -> io::Result<()> {
     let GateResult { relative, off, bounds, worst, sweep } = gate;
-    write!(out, "gate: {off} of {compared} pixels are off by more than rel {relative:e}")?;
+    let allowed = if *relative == 0.0 { "0".to_owned() } else { format!("{relative:e}") };
+    write!(out, "gate: {off} of {compared} pixels are off by more than rel {allowed}")?;
     if let Some(bounds) = bounds {
         write!(out, ", within {bounds}")?;
     }
@@ -98,6 +99,10 @@ fn write_gate(gate: &GateResult, compared: usize, out: &mut dyn Write) -> io::Re
             writeln!(out, "abs {error}, and nothing is allowed")?;
         }
         ratio => writeln!(out, "{} times what is allowed", short(ratio))?,
+    }
+    // Multiples of nothing are nothing.
+    if *relative == 0.0 {
+        return Ok(());
     }
     let shares = [1.0, 10.0, 100.0, 1000.0].into_iter().zip(sweep);
     let shares: Vec<String> = shares

@@ -41,7 +41,7 @@ pub(super) struct Verdicts {
 
 impl Root {
     pub(super) fn open(folder: &Path) -> anyhow::Result<Self> {
-        let project = Project::around(folder)?;
+        let project = Project::opened_at(folder)?;
         let (packages, uses, records, last) = Default::default();
         let mut root = Self { project, packages, uses, records, last, whole: false, stamp: None };
         root.find_packages()?;
