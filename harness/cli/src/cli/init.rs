@@ -296,7 +296,11 @@ fn optimise(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
         if !text.ends_with('\n') {
             text.push('\n');
         }
-        text += &format!("\n[profile.dev.package.{}]\nopt-level = {}\n", one.name, one.recommended);
+        // With all that debuggers read the first build would take a third longer.
+        text += &format!(
+            "\n[profile.dev.package.{}]\nopt-level = {}\ndebug = \"line-tables-only\"\n",
+            one.name, one.recommended
+        );
         added.push(one.name);
     }
     // Tables may be written in a way that takes no more of them: then `karat doctor` says what is missing.
