@@ -103,7 +103,7 @@ pub(super) enum Event {
 enum Typing {
     Filter(String),
     /// Why these frames are right.
-    Reason(Vec<String>, String),
+    Reason(keys::Waiting, String),
 }
 
 impl Typing {
@@ -116,7 +116,10 @@ impl Typing {
     fn prompt(&self) -> String {
         match self {
             Self::Filter(text) => format!("only tests whose names contain: {text}_"),
-            Self::Reason(frames, text) => format!("accept {} because: {text}_", frames.join(", ")),
+            Self::Reason(frames, text) => {
+                let names: Vec<&str> = frames.values().flatten().map(String::as_str).collect();
+                format!("accept {} because: {text}_", names.join(", "))
+            }
         }
     }
 }
@@ -397,7 +400,7 @@ impl Watch {
             KeyCode::Char('q') => return Ok(false),
             KeyCode::Char('r') => return self.all_again(),
             KeyCode::Char('f') => self.typing = Some(Typing::Filter(String::new())),
-            KeyCode::Char('a') => match keys::pending(&self.project) {
+            KeyCode::Char('a') => match self.pending() {
                 none if none.is_empty() => {
                     self.notice = Some("no frame waits to be accepted".to_owned());
                 }
@@ -407,6 +410,14 @@ impl Watch {
             _ => {}
         }
         Ok(true)
+    }
+
+    fn pending(&self) -> keys::Waiting {
+        let shaders = self.lanes.iter().filter_map(|lane| match &lane.source {
+            Source::Shaders(folder) => Some(folder.clone()),
+            Source::Functions(_) | Source::Cargo(_) => None,
+        });
+        keys::pending(&self.project, shaders)
     }
 
     /// Asks each path for its records; when all have answered, the report opens.

@@ -179,6 +179,14 @@ fn a_pending_frame_is_accepted() {
     terminal.press("a new lamp\r");
     terminal.until("accepted scene");
     assert!(golden.join("scene.exr").is_file());
+    // Beside a test in a folder below there are goldens of its own.
+    let below = terminal.folder.path().join("shaders/sky/golden");
+    pending_frame(&below, "room/dusk", "llvmpipe (LLVM 15.0.6, 256 bits)");
+    terminal.press("a");
+    terminal.until("accept room/dusk because: _");
+    terminal.press("it is late\r");
+    terminal.until("accepted room/dusk");
+    assert!(below.join("room/dusk.exr").is_file());
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! What keys do besides running tests: accepting frames, and opening the report.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -10,24 +11,41 @@ use karat::record::Record;
 use super::super::project::Project;
 use super::super::report;
 
-/// Names of frames that wait to be accepted.
-pub(super) fn pending(project: &Project) -> Vec<String> {
-    let found = Goldens::open(&project.golden()).pending();
-    found.frames.iter().map(|frame| frame.case.clone()).collect()
+/// Frames that wait to be accepted: the names of each folder of goldens.
+pub(super) type Waiting = BTreeMap<PathBuf, Vec<String>>;
+
+/// What waits in the project's goldens and beside the tests in folders of shaders.
+pub(super) fn pending(project: &Project, shaders: impl Iterator<Item = PathBuf>) -> Waiting {
+    let mut waiting = Waiting::new();
+    for folder in std::iter::once(project.golden()).chain(shaders) {
+        for frame in Goldens::open(&folder).pending().frames {
+            // Below folders of shaders there may be several of goldens; the rest of the path is the name.
+            let mut above = frame.path.ancestors().skip(1 + frame.case.matches('/').count());
+            if let Some(goldens) = above.next() {
+                let names = waiting.entry(goldens.to_owned()).or_default();
+                if !names.contains(&frame.case) {
+                    names.push(frame.case);
+                }
+            }
+        }
+    }
+    waiting
 }
 
 /// Accepts frames as `karat accept` does; what it says.
-pub(super) fn accept(project: &Project, frames: &[String], because: &str) -> String {
-    let accepted = || -> anyhow::Result<String> {
+pub(super) fn accept(project: &Project, waiting: &Waiting, because: &str) -> String {
+    let accepted = |(folder, frames): (&PathBuf, &Vec<String>)| -> anyhow::Result<String> {
         let program = std::env::current_exe().context("this program isn't where it was")?;
         let mut command = Command::new(program);
         command.arg("accept").args(frames).args(["--because", because]);
+        command.arg("--golden").arg(folder);
         command.current_dir(project.root()).stdin(Stdio::null());
         let ran = command.output().context("can't run `karat accept`")?;
         let text = [ran.stdout, ran.stderr].concat();
         Ok(String::from_utf8_lossy(&text).trim().to_owned())
     };
-    accepted().unwrap_or_else(|error| format!("error: {error:#}"))
+    let said = |one| accepted(one).unwrap_or_else(|error| format!("error: {error:#}"));
+    waiting.iter().map(said).collect::<Vec<_>>().join("\n")
 }
 
 /// Writes the report of some files of records into one page, and opens it.
