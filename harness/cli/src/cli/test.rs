@@ -99,6 +99,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         ran = true;
     }
     passed &= suites_passed;
+    asked.write_beside(&project, told)?;
     if !ran {
         // What looked like a test may be no valid WGSL: `@tset`.
         let mut invalid = Vec::new();
@@ -272,6 +273,23 @@ impl<'a> Asked<'a> {
                 some => Ok(some),
             },
         }
+    }
+
+    /// Says which tests aren't run because the folder `shaders` alone is tested.
+    fn write_beside(&self, project: &Project, out: &mut dyn Write) -> anyhow::Result<()> {
+        if self.folder.is_some() || project.is_cargo() || !Path::new("shaders").is_dir() {
+            return Ok(());
+        }
+        let inside = |test: &&Test| Path::new(&test.span.file.name).starts_with("shaders");
+        let beside = Suite::open(Path::new("."))?.tests.iter().filter(|test| !inside(test)).count();
+        if beside > 0 {
+            let tests = counted(beside, "test");
+            writeln!(
+                out,
+                "{KNOWN}not run: {tests} outside of `shaders`; `karat test .` runs all{KNOWN:#}"
+            )?;
+        }
+        Ok(())
     }
 
     /// Whether somebody says which the packages are.

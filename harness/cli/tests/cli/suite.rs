@@ -546,6 +546,11 @@ fn what_was_tested_below_is_known_above() {
     }
     // The folder itself, tested later, is what commands are about.
     write(path, "own.wgsl", "@test fn own() { karat::expect_true(true); }\n");
+    let without = karat(path, &["test", "half", "--paths", "cpu"]);
+    assert!(
+        without.out.contains("not run: 1 test outside of `shaders`; `karat test .`"),
+        "{without:?}"
+    );
     karat(path, &["test", ".", "own", "--paths", "cpu"]).good();
     assert!(karat(path, &["report"]).good().contains("own::own"));
 }
