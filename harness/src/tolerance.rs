@@ -260,10 +260,10 @@ pub(crate) fn significant(value: f64) -> String {
     }
 }
 
-/// A number with its exponent: `1e-3`, and `0`.
+/// A number with its exponent, if that isn't 0: `1e-3`, and `2.5`.
 pub(crate) fn power(value: impl fmt::LowerExp) -> String {
     let text = format!("{value:e}");
-    if text == "0e0" { "0".to_owned() } else { text }
+    text.strip_suffix("e0").unwrap_or(&text).to_owned()
 }
 
 /// A bound as its author would write it; three digits of one that was computed.

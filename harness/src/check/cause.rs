@@ -87,7 +87,11 @@ pub(super) fn cause(
             best = Some((property, interval));
         }
     }
-    best.map(|(property, interval)| said(&property.name, &interval))
+    let (property, interval) = best?;
+    // A few of many cases find the property; where it begins and ends, all of them say.
+    let whole = Cases { failing: failing.to_vec(), passing, ..cases };
+    let interval = whole.split(&function.parameters, &property).unwrap_or(interval);
+    Some(said(&property.name, &interval))
 }
 
 fn thinned(cases: &[usize]) -> Vec<usize> {
@@ -296,6 +300,10 @@ mod tests {
         assert!(told_of.is_some_and(|told| told.starts_with("where dot(n, l) is at most -0.5")));
         let told_of = told("x: f32, i: u32", "i == 3u", (unit(), Integers(0..=7_u32)));
         assert_eq!(told_of.as_deref(), Some("where i is 3 (all that fails, nothing that passes)"));
+        // Of many cases none is left out where it ends.
+        let told_of = told("i: u32", "i != 0u", Integers(0..=u32::MAX));
+        let least = "where i is at least 1 (all that fails, nothing that passes)";
+        assert_eq!(told_of.as_deref(), Some(least));
     }
 
     #[test]

@@ -82,7 +82,8 @@ fn write_census(side: &Side, out: &mut dyn Write) -> io::Result<()> {
 
 fn write_gate(gate: &GateResult, compared: usize, out: &mut dyn Write) -> io::Result<()> {
     let GateResult { relative, off, bounds, worst, sweep } = gate;
-    let allowed = if *relative == 0.0 { "0".to_owned() } else { format!("{relative:e}") };
+    let allowed = format!("{relative:e}");
+    let allowed = allowed.strip_suffix("e0").unwrap_or(&allowed);
     write!(out, "gate: {off} of {compared} pixels are off by more than rel {allowed}")?;
     if let Some(bounds) = bounds {
         write!(out, ", within {bounds}")?;
