@@ -653,7 +653,6 @@ impl<'a> Frame<'a> {
     /// let frame = SHADERS.frame("sky", 64, 64).fragment("fragment");
     /// frame.declared_at("shaders/sky.scene:3:1").matches(&GOLDENS, "sky");
     /// ```
-    #[must_use]
     pub fn declared_at(mut self, place: &str) -> Self {
         self.declared_at = Some(place.to_owned());
         self

@@ -99,7 +99,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         ran = true;
     }
     passed &= suites_passed;
-    asked.write_beside(&project, told)?;
+    // Whoever names some tests knows that others don't run.
+    if asked.filter.is_none() || !ran {
+        asked.write_beside(&project, told)?;
+    }
     if !ran {
         // What looked like a test may be no valid WGSL: `@tset`.
         let mut invalid = Vec::new();
@@ -332,14 +335,22 @@ impl<'a> Asked<'a> {
         let suites = packages.iter().filter_map(|package| Suite::of(package.clone()).ok());
         let names: Vec<String> =
             suites.flat_map(|suite| suite.tests).map(|test| test.name).collect();
-        let near = nearest(filter, names.iter().map(String::as_str));
+        // What was meant may be a test, what several tests are of, or a folder.
+        let of = |name: &String| name.split(' ').next().unwrap_or_default().to_owned();
+        let mut known: Vec<String> = names.iter().cloned().chain(names.iter().map(of)).collect();
+        let here = std::fs::read_dir(".").into_iter().flatten().flatten();
+        let folders = here.filter(|entry| entry.path().is_dir());
+        known.extend(folders.map(|entry| entry.file_name().to_string_lossy().into_owned()));
+        let near = nearest(filter, known.iter().map(String::as_str));
         let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
         let is_so = if self.args.exact { "is called" } else { "has a name with" };
         NotThere(match (names.len(), self.folder.is_some()) {
             (0, true) => {
                 "there are no tests: no function with `@test`, and no `*.test.toml`".to_owned()
             }
-            (0, false) => format!("there is no folder or file `{filter}`, and there are no tests"),
+            (0, false) => {
+                format!("there is no folder or file `{filter}`{near}; and there are no tests")
+            }
             (count, _) => {
                 format!("none of {} {is_so} `{filter}`{near}", counted(count, "test"))
             }

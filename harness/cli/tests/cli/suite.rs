@@ -546,7 +546,11 @@ fn what_was_tested_below_is_known_above() {
     }
     // The folder itself, tested later, is what commands are about.
     write(path, "own.wgsl", "@test fn own() { karat::expect_true(true); }\n");
-    let without = karat(path, &["test", "half", "--paths", "cpu"]);
+    let misspelt = karat(path, &["test", "shader", "--paths", "cpu"]).err;
+    assert!(misspelt.contains("did you mean `shaders`?"), "{misspelt}");
+    let misspelt = karat(path, &["test", "a::halv", "--paths", "cpu"]).err;
+    assert!(misspelt.contains("did you mean `a::half`?"), "{misspelt}");
+    let without = karat(path, &["test", "--paths", "cpu"]);
     assert!(
         without.out.contains("not run: 1 test outside of `shaders`; `karat test .`"),
         "{without:?}"
