@@ -90,12 +90,14 @@ fn what_rust_tests_check_is_left_to_them() {
                   fn h(u: f32) -> f32 { return 0.5 - u; }\n";
     write(path, "shaders/a.wgsl", module);
     write(path, "Cargo.toml", "[package]\nname = \"a\"\n");
+    write(path, ".gitignore", "/target\n.karat/\n*.new.exr\n*.new.csv\n");
     write(path, "tests/a.rs", "SHADERS.function(\"a::f\").over(0.0..=1.0).is_finite();\n");
     let record = path.join("target/karat/record");
     write(&record, "1.jsonl", &function("a::g", "cpu", "pass", None));
     write(&record, "run.json", r#"{"schema":2,"selected":[],"passed":true}"#);
     let ran = karat(path, &["init", "--github"]).good();
     assert!(ran.contains("a test of `a::h`"), "{ran}");
+    assert!(ran.contains("added *.new.png to .gitignore"), "{ran}");
     assert!(ran.contains("1 passed") && ran.contains("the record of the last run stays"), "{ran}");
     let report = karat(path, &["report"]).good();
     assert!(report.contains("a::g") && !report.contains("a::h"), "{report}");

@@ -275,7 +275,7 @@ fn write_grants(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> 
     if wider > 0 {
         writeln!(
             out,
-            "{DIM}{wider} of {declared} checks have a tolerance below what WGSL allows: another driver \
+            "{DIM}tolerances of {wider} of {declared} checks are below what WGSL allows: another driver \
              may fail them{DIM:#}"
         )?;
     }
@@ -322,7 +322,7 @@ mod tests {
         records[0].paths[0].granted = Some(Grant { cases: 200, wider: 1, worst: None });
         write_grants(&records.iter().collect::<Vec<_>>(), &mut text).expect("memory");
         let text = String::from_utf8(text).expect("UTF-8");
-        assert!(text.contains("1 of 1 checks have a tolerance below what WGSL allows"), "{text}");
+        assert!(text.contains("tolerances of 1 of 1 checks are below what WGSL allows"), "{text}");
     }
 
     fn record(verdict: Verdict, failures: u64, known_issue: Option<&str>) -> Record {
