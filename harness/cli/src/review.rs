@@ -229,14 +229,17 @@ impl Review {
         entries
     }
 
-    /// The golden that the page shows the versions of; `None`: it is a table's or a function's, which
-    /// have no images.
-    fn golden_of(&self, entry: &Entry, pending: Option<&Pending>) -> Option<PathBuf> {
+    /// The golden that the page shows the versions of, and what its rows are compared with; `None`: a
+    /// function has none.
+    fn golden_of(&self, entry: &Entry, pending: Option<&Pending>) -> Option<(PathBuf, PathBuf)> {
         match entry {
             Entry::Pending(_) => {
-                pending.filter(|frame| !frame.is_table()).map(|frame| self.goldens.compared(frame))
+                pending.map(|pending| (self.goldens.compared(pending), pending.path.clone()))
             }
-            Entry::Golden(file) => (!golden_name(file).1).then(|| self.goldens.folder().join(file)),
+            Entry::Golden(file) => {
+                let file = self.goldens.folder().join(file);
+                Some((file.clone(), file))
+            }
             Entry::Failure(_) => None,
         }
     }
@@ -265,7 +268,7 @@ impl Review {
             };
             let room = MOST_BYTES.saturating_sub(script.len());
             let golden = self.golden_of(entry, frame);
-            let older = golden.map(|golden| older_versions(index, &golden, room));
+            let older = golden.map(|(golden, now)| older_versions(index, &golden, &now, room));
             let older = older.into_iter().flatten();
             for (name, script) in [(format!("{index}.js"), script)].into_iter().chain(older) {
                 put(&format!("data/{name}"), &script)?;
@@ -356,18 +359,38 @@ impl Review {
     }
 }
 
-/// An older version of a golden: what the page loads when it is looked at.
-fn version_script(index: usize, golden: &Path, commit: &str) -> String {
-    let image = history::image(golden, commit);
-    data::version(index, commit, image.as_ref().map_err(ToString::to_string))
+/// An older version of a golden: what the page loads when it is looked at. Of a table it is the rows in
+/// which what is there `now` differs.
+fn version_script(index: usize, golden: &Path, now: &Path, commit: &str) -> String {
+    let older = if is_table(golden) {
+        let now = Table::read(now).map_err(|error| error.to_string());
+        now.and_then(|(now, _)| {
+            let older = history::table(golden, commit).map_err(|error| error.to_string())?;
+            Ok(data::Older::Table(Rows::of(&now, now.changed_rows(Some(&older)))))
+        })
+    } else {
+        let image = history::image(golden, commit).map_err(|error| error.to_string());
+        image.map(data::Older::Image)
+    };
+    data::version(index, commit, older)
 }
 
 /// The latest versions of a golden whose scripts take no more than `room` bytes together, with the
 /// names of their files.
-fn older_versions(index: usize, golden: &Path, mut room: usize) -> Vec<(String, String)> {
-    // One that has the pixels of now is shown already.
-    let now = ExrFile::read(golden).ok().and_then(|golden| golden.parts.into_iter().next());
-    let mut seen = BTreeSet::from_iter(now.map(|part| part.image.hash()));
+fn older_versions(
+    index: usize,
+    golden: &Path,
+    now: &Path,
+    mut room: usize,
+) -> Vec<(String, String)> {
+    // One that has the content of the golden now is shown already.
+    let shown = if is_table(golden) {
+        Table::read(golden).ok().map(|(_, known)| known.pixels)
+    } else {
+        let golden = ExrFile::read(golden).ok();
+        golden.and_then(|golden| golden.parts.into_iter().next()).map(|part| part.image.hash())
+    };
+    let mut seen = BTreeSet::from_iter(shown);
     let mut kept = Vec::new();
     for version in history::versions(golden) {
         let text = |name: &str| version[name].as_str().unwrap_or_default().to_owned();
@@ -378,7 +401,7 @@ fn older_versions(index: usize, golden: &Path, mut room: usize) -> Vec<(String, 
         if seen.len() > MOST_VERSIONS + 1 || kept.len() >= MOST_VERSIONS {
             break;
         }
-        let script = version_script(index, golden, &commit);
+        let script = version_script(index, golden, now, &commit);
         if script.len() <= room {
             room -= script.len();
             kept.push((format!("{index}-{commit}.js"), script));
@@ -389,8 +412,12 @@ fn older_versions(index: usize, golden: &Path, mut room: usize) -> Vec<(String, 
 
 /// The name of a golden by its file, and whether it is a table.
 fn golden_name(file: &str) -> (&str, bool) {
-    let (name, ending) = file.rsplit_once('.').unwrap_or((file, ""));
-    (name, ending == "csv")
+    (file.rsplit_once('.').map_or(file, |(name, _)| name), is_table(file.as_ref()))
+}
+
+/// Whether a golden is a table, by its file.
+fn is_table(golden: &Path) -> bool {
+    golden.extension().is_some_and(|ending| ending == "csv")
 }
 
 /// Files of all goldens in a folder and those below it.

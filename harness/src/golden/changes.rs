@@ -52,6 +52,25 @@ impl Pending {
             Err(TableError::File(ImageError::Missing { .. })) => None,
             Err(error) => return Err(error.into()),
         };
+        Ok(actual.changed_rows(golden.as_ref()))
+    }
+}
+
+impl Table {
+    /// The rows that differ from those of a golden, the largest differences first; all rows if there is
+    /// no golden.
+    ///
+    /// ```no_run
+    /// use karat::golden::Table;
+    ///
+    /// let [(before, _), (now, _)] = [Table::read("before.csv".as_ref())?, Table::read("now.csv".as_ref())?];
+    /// for changed in now.changed_rows(Some(&before)) {
+    ///     println!("row {}: {:?} was {:?}", changed.row, changed.actual, changed.golden);
+    /// }
+    /// # Ok::<(), karat::golden::TableError>(())
+    /// ```
+    #[must_use]
+    pub fn changed_rows(&self, golden: Option<&Self>) -> Vec<ChangedRow> {
         let text = |table: &Table, columns: std::ops::Range<usize>, row: &[u32]| {
             let cells = table.columns[columns.clone()].iter().zip(&row[columns]);
             let shown = cells.map(|(column, word)| format_lane(column.scalar, *word));
@@ -61,34 +80,34 @@ impl Pending {
             let columns = table.arguments..table.columns.len();
             row.map_or_else(Vec::new, |row| text(table, columns, row))
         };
-        let old_rows: Vec<&[u32]> = golden.iter().flat_map(Table::rows).collect();
-        let new_rows: Vec<&[u32]> = actual.rows().collect();
+        let old_rows: Vec<&[u32]> = golden.iter().flat_map(|golden| golden.rows()).collect();
+        let new_rows: Vec<&[u32]> = self.rows().collect();
         let mut changed = Vec::new();
         for row in 0..old_rows.len().max(new_rows.len()) {
             let (old, new) = (old_rows.get(row).copied(), new_rows.get(row).copied());
-            let same = golden.as_ref().is_some_and(|golden| golden.columns == actual.columns);
+            let same = golden.is_some_and(|golden| golden.columns == self.columns);
             if same && old == new {
                 continue;
             }
             let relative = match (old, new) {
                 (Some(old), Some(new))
-                    if same && old[..actual.arguments] == new[..actual.arguments] =>
+                    if same && old[..self.arguments] == new[..self.arguments] =>
                 {
-                    relative(&actual, old, new)
+                    relative(self, old, new)
                 }
                 _ => f64::INFINITY,
             };
-            let arguments = match (new, old, &golden) {
-                (Some(new), ..) => text(&actual, 0..actual.arguments, new),
+            let arguments = match (new, old, golden) {
+                (Some(new), ..) => text(self, 0..self.arguments, new),
                 (None, Some(old), Some(golden)) => text(golden, 0..golden.arguments, old),
                 _ => Vec::new(),
             };
-            let golden = golden.as_ref().map_or_else(Vec::new, |golden| results(golden, old));
-            let actual = results(&actual, new);
+            let golden = golden.map_or_else(Vec::new, |golden| results(golden, old));
+            let actual = results(self, new);
             changed.push(ChangedRow { row, arguments, golden, actual, relative });
         }
         changed.sort_by(|a, b| b.relative.total_cmp(&a.relative));
-        Ok(changed)
+        changed
     }
 }
 

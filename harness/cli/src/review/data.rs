@@ -100,17 +100,27 @@ pub(super) fn golden_table(
         "pixels": "",
         "size": [table.columns.len(), table.len()],
         "versions": versions,
+        "golden_pixels": known.pixels,
         "facts": facts::table(None, known),
     }))
 }
 
 /// An older version of a golden, as it was at a commit.
-pub(super) fn version(index: usize, commit: &str, image: Result<&Image, String>) -> String {
-    let (image, error) = match image {
-        Ok(image) => (Some(packed::image(image, None)), None),
-        Err(error) => (None, Some(error)),
+pub(super) fn version(index: usize, commit: &str, older: Result<Older, String>) -> String {
+    let (key, stored) = match older {
+        Ok(Older::Image(image)) => ("image", packed::image(&image, None)),
+        Ok(Older::Table(rows)) => ("table", table(&rows)),
+        Err(error) => ("why", json!(error)),
     };
-    received(&json!({ "index": index, "version": commit, "image": image, "why": error }))
+    received(&json!({ "index": index, "version": commit, key: stored }))
+}
+
+/// What the page shows of an older version of a golden.
+pub(super) enum Older {
+    /// Its image.
+    Image(Image),
+    /// The rows that are others since.
+    Table(Rows),
 }
 
 /// A function that fails.

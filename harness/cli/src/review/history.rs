@@ -1,9 +1,11 @@
-//! What git has of a golden: its versions with their reasons, and their images.
+//! What git has of a golden: its versions with their reasons, and what was in them.
 
+use std::fmt::Display;
 use std::io::Write;
 use std::path::Path;
 
 use karat::Image;
+use karat::golden::Table;
 use karat::image::ExrFile;
 use serde_json::{Value, json};
 
@@ -17,7 +19,7 @@ pub(super) fn versions(golden: &Path) -> Vec<Value> {
     let (Some(folder), Some(name)) = (golden.parent(), golden.file_name()) else {
         return Vec::new();
     };
-    let is_table = golden.extension().is_some_and(|kind| kind == "csv");
+    let is_table = super::is_table(golden);
     let name = name.to_string_lossy();
     // A table has its facts within.
     let beside = golden.with_extension("toml");
@@ -59,6 +61,22 @@ pub(super) enum VersionError {
 
 /// The image that a golden was in one of its [`versions`].
 pub(super) fn image(golden: &Path, commit: &str) -> Result<Image, VersionError> {
+    let file = read(golden, commit, ExrFile::read)?;
+    let first = file.parts.into_iter().next();
+    first.map(|part| part.image).ok_or_else(|| VersionError::Absent(commit.to_owned()))
+}
+
+/// The table that a golden was in one of its [`versions`].
+pub(super) fn table(golden: &Path, commit: &str) -> Result<Table, VersionError> {
+    read(golden, commit, Table::read).map(|(table, _)| table)
+}
+
+/// What a golden's file was in one of its [`versions`].
+fn read<T, E: Display>(
+    golden: &Path,
+    commit: &str,
+    read: impl Fn(&Path) -> Result<T, E>,
+) -> Result<T, VersionError> {
     // A commit that comes from a browser becomes an argument only if git has listed it.
     let is_known = |version: &Value| version["commit"] == commit;
     let (Some(folder), Some(name)) = (golden.parent(), golden.file_name()) else {
@@ -72,10 +90,7 @@ pub(super) fn image(golden: &Path, commit: &str) -> Result<Image, VersionError> 
     let bytes = bytes.ok_or_else(|| VersionError::Absent(commit.to_owned()))?;
     let mut file = tempfile::NamedTempFile::new()?;
     file.write_all(&bytes)?;
-    let read = ExrFile::read(file.path());
     // The name of a temporary file says nothing to anybody.
     let unnamed = |error: String| error.replace(&karat::diagnostic::shown(file.path()), &place);
-    let read = read.map_err(|error| VersionError::Damaged(unnamed(error.to_string())))?;
-    let first = read.parts.into_iter().next();
-    first.map(|part| part.image).ok_or_else(|| VersionError::Absent(commit.to_owned()))
+    read(file.path()).map_err(|error| VersionError::Damaged(unnamed(error.to_string())))
 }

@@ -2,7 +2,7 @@
 
 use super::maps::maps;
 use super::{Case, Cause, MOST_ROWS, Part, Rows};
-use karat::golden::{AcceptError, COLOR, MASK, Pending, Provenance, Table, TableError};
+use karat::golden::{AcceptError, COLOR, ChangedRow, MASK, Pending, Provenance, Table, TableError};
 use karat::image::{self, ExrFile, ImageError};
 use karat::metric::{Mask, Pair};
 use karat::{Goldens, Image};
@@ -97,10 +97,7 @@ impl Case {
             (None, None) => "there is no golden yet".to_owned(),
         };
         let rows = if unreadable.is_some() { Vec::new() } else { pending.changed_rows(goldens)? };
-        let changed = rows.len();
-        let columns = actual.columns.iter().map(|column| column.name.clone()).collect();
-        let rows = rows.into_iter().take(MOST_ROWS).collect();
-        let table = Some(Rows { columns, arguments: actual.arguments, rows, changed });
+        let table = Some(Rows::of(&actual, rows));
         Ok(Self {
             name: pending.case.clone(),
             parts: Vec::new(),
@@ -112,6 +109,16 @@ impl Case {
             cause,
             table,
         })
+    }
+}
+
+impl Rows {
+    /// Rows of a table that aren't its golden's.
+    pub(super) fn of(table: &Table, mut rows: Vec<ChangedRow>) -> Self {
+        let changed = rows.len();
+        rows.truncate(MOST_ROWS);
+        let columns = table.columns.iter().map(|column| column.name.clone()).collect();
+        Self { columns, arguments: table.arguments, rows, changed }
     }
 }
 

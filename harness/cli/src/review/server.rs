@@ -200,7 +200,7 @@ impl Desk {
             (Some(commit), pending) => {
                 let pending = pending.and_then(Result::ok);
                 match self.review.golden_of(&entry, pending.as_ref()) {
-                    Some(golden) => version_script(number, &golden, commit),
+                    Some((golden, now)) => version_script(number, &golden, &now, commit),
                     None => return Answer::text(404, "there is no such version"),
                 }
             }

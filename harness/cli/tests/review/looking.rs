@@ -5,6 +5,7 @@ use karat::value::format_f32;
 
 use crate::browser::{Browser, Tab};
 use crate::project::{Project, provenance, tiny};
+use crate::shots::shoot;
 
 /// IEC 61966-2-1, as the page is to show it: clipped, exposed by `stops`.
 fn srgb([r, g, b, _]: [f32; 4], stops: f32) -> [u8; 3] {
@@ -539,6 +540,58 @@ fn values_that_are_accepted_stand_among_the_goldens() {
     browser.settle(&tab);
     assert_eq!(browser.text(&tab, "#name"), "tiny");
     assert_eq!(browser.value(&tab, "document.getElementById('table').hidden"), true);
+}
+
+#[test]
+fn older_versions_of_values_are_compared_row_by_row() {
+    let project = Project::new();
+    project.put("Cargo.lock", "");
+    let case = "review_of_older_values";
+    for gain in ["0.5", "(0.5 + select(0.0, 0.25, x == 1.0))"] {
+        left_values(&project, case, gain);
+        accept_values(&project, case);
+        project.commit(&format!("a gain of {gain}"));
+    }
+    let row = "[...document.querySelector('#table tbody').rows[0].cells].map(cell => cell.innerText)";
+    let button = "document.querySelector('#versions .version')";
+    let rows = "document.querySelector('#table tbody').rows.length";
+    let choose = |browser: &mut Browser, tab: &Tab| {
+        browser.wait(tab, &format!("{button}?.innerText.includes('differ')"));
+        browser.value(tab, &format!("{button}.click()"));
+        browser.settle(tab);
+    };
+
+    let server = project.serve_with(&["--goldens"]);
+    let mut browser = Browser::start();
+    let tab = browser.open(&server.url);
+    browser.settle(&tab);
+    assert_eq!(browser.value(&tab, rows), 24);
+    choose(&mut browser, &tab);
+    let history = browser.text(&tab, "#versions");
+    assert!(history.contains("as now") && history.contains("4 rows differ"), "{history}");
+    // The end of a range is drawn often.
+    assert_eq!(browser.value(&tab, rows), 4);
+    assert_eq!(browser.value(&tab, row), serde_json::json!(["1", "1", "0.5", "0.75", "0.5"]));
+    let count = browser.text(&tab, "#table-count");
+    assert!(count.ends_with("then the golden now"), "{count}");
+    assert_eq!(browser.value(&tab, &format!("{button}.ariaPressed")), "true");
+    shoot(&mut browser, &tab, "version-of-values");
+    browser.value(&tab, &format!("{button}.click()"));
+    browser.settle(&tab);
+    assert_eq!(browser.text(&tab, "#table-count"), "24 rows");
+    drop(server);
+
+    // With the values that wait beside it, and in a report of files alone.
+    left_values(&project, case, "(0.5 + select(0.0, 0.5, x <= 1.0))");
+    let report = project.folder().join("report");
+    let ran = project.karat(&["review", "--static"]).arg(&report).output().expect("it was built");
+    assert!(ran.status.success(), "{ran:?}");
+    let tab = browser.open(&format!("file://{}/index.html", report.display()));
+    browser.settle(&tab);
+    assert_eq!(browser.value(&tab, row), serde_json::json!(["1", "1", "0.75", "1", "0.333"]));
+    choose(&mut browser, &tab);
+    assert_eq!(browser.value(&tab, row), serde_json::json!(["1", "1", "0.5", "1", "1"]));
+    assert!(browser.text(&tab, "#table-count").ends_with("then actual"));
 }
 
 #[test]

@@ -6,7 +6,7 @@ use crate::browser::{Browser, Tab};
 use crate::looking::{accept_values, left_values};
 use crate::project::Project;
 
-fn shoot(browser: &mut Browser, tab: &Tab, name: &str) {
+pub(crate) fn shoot(browser: &mut Browser, tab: &Tab, name: &str) {
     browser.settle(tab);
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("../karat/review");
     browser.screen(tab, Some(&folder.join(format!("{name}.png"))));

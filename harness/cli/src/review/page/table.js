@@ -1,5 +1,5 @@
 // A table of values in place of images: the rows that differ, those that differ most first, or all rows
-// of a golden that nothing is pending for.
+// of a golden that nothing is pending for. An older version that is chosen takes the golden's place.
 
 (() => {
   const pane = byId("table");
@@ -31,22 +31,26 @@
 
   let shown = null;
   listeners.push(() => {
-    const table = selectedCase()?.table ? loaded()?.table : null;
+    const data = selectedCase()?.table ? loaded() : null;
+    const table = data?.older ?? data?.table;
     pane.hidden = !table;
     for (const id of ["tools", "inspector"]) byId(id).classList.toggle("unused", Boolean(selectedCase()?.table));
     if (table === shown || !table) return;
     shown = table;
     const names = table.columns.slice(table.arguments);
     const given = table.columns.slice(0, table.arguments).map((name) => head(name, "argument"));
+    const old = table.commit ? `golden of ${table.commit}` : "golden";
+    const sides = `${old}, then ${data.table.accepted ? "the golden now" : "actual"}`;
     const heads = table.accepted
       ? names.map((name) => head(name, "result"))
-      : [...names.map((name) => head(name, "golden, then actual", 2)),
+      : [...names.map((name) => head(name, sides, 2)),
         head("relative", "largest difference of a component, as a share of the golden")];
     pane.querySelector("thead tr").replaceChildren(head("row", "from 1"), ...given, ...heads);
     const made = table.accepted ? accepted : row;
     pane.querySelector("tbody").replaceChildren(...table.rows.map((entry) => made(entry, names.length)));
     const left = table.changed > table.rows.length;
     const more = left ? `; the ${table.accepted ? "first " : ""}${table.rows.length}${table.accepted ? "" : " that differ most"}` : "";
-    byId("table-count").textContent = `${table.changed} rows${table.accepted ? "" : " differ"}${more}`;
+    const count = table.accepted ? `${table.changed} rows` : `${table.changed} ${table.changed === 1 ? "row differs" : "rows differ"}`;
+    byId("table-count").textContent = `${count}${more}${table.commit ? `: ${sides}` : ""}`;
   });
 })();

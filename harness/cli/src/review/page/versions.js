@@ -1,12 +1,13 @@
-// Older versions of a golden, as its commits have them: thumbnails in its history, loaded when they are
-// seen, and the one that is chosen as a part of its own, beside what is there now.
+// Older versions of a golden, as its commits have them, loaded when they are seen: thumbnails in its
+// history, of a table how many rows differ. The one that is chosen stands beside what is there now, an
+// image as a part of its own.
 
 const versions = (() => {
   const body = byId("versions").querySelector(".body");
-  const known = new Map(); // by entry and commit: { thumb, error, loading, wanted }
+  const known = new Map(); // by entry and commit: { thumb, table, error, loading, wanted }
   const of = (entry, commit) => {
     const key = `${entry.index} ${commit}`;
-    if (!known.has(key)) known.set(key, { thumb: null, error: null, loading: false, wanted: false });
+    if (!known.has(key)) known.set(key, { thumb: null, table: null, error: null, loading: false, wanted: false });
     return known.get(key);
   };
 
@@ -25,9 +26,10 @@ const versions = (() => {
   };
 
   // What a data file hands over.
-  const received = async (entry, { version: commit, image: stored, why }) => {
+  const received = async (entry, { version: commit, image: stored, table, why }) => {
     const version = of(entry, commit);
-    Object.assign(version, { loading: false, error: why });
+    Object.assign(version, { loading: false, error: why, table });
+    if (table && version.wanted) chooseTable(entry, commit, table);
     if (stored) {
       const image = prepared(await numbers.image(stored));
       delete image.words;
@@ -59,7 +61,23 @@ const versions = (() => {
     change({ part: entry.data.parts.length - 1, sheet: false });
   };
 
+  // The rows of a table that differ since a commit, in place of what the entry shows.
+  const chooseTable = (entry, commit, table) => {
+    if (entry !== selectedCase() || !entry.data) return;
+    entry.data.older = commit && { ...table, commit };
+    change();
+  };
+
+  const chosen = (entry) => (entry?.table ? entry.data?.older?.commit : part()?.version);
+
   const choose = (entry, commit) => {
+    if (entry.table) {
+      const { table } = of(entry, commit);
+      if (chosen(entry) === commit) chooseTable(entry, null);
+      else if (table) chooseTable(entry, commit, table);
+      else of(entry, commit).wanted = true;
+      return;
+    }
     if (part()?.version === commit) {
       without(entry);
       change({ part: 0 });
@@ -80,23 +98,23 @@ const versions = (() => {
   });
 
   const picture = (entry, { commit, pixels }) => {
-    if (entry.table) return [];
     if (pixels && pixels === entry.data.golden_pixels) return [element("span", { className: "now" }, "as now")];
     // Facts may change alone: then a later version has this image already.
     const first = entry.data.versions.find((other) => pixels && other.pixels === pixels);
     if (first && first.commit !== commit) return [element("span", { className: "now" }, `as ${first.commit}`)];
-    const { thumb, error } = of(entry, commit);
+    const { thumb, table, error } = of(entry, commit);
     if (error) return [element("span", { className: "now" }, error)];
+    const rows = table ? `${table.changed} ${table.changed === 1 ? "row differs" : "rows differ"}` : "…";
     const button = element("button", { type: "button", className: "version", title: "Compare with this version; again: with the golden" },
-      thumbs.copy(thumb, "thumb"));
+      entry.table ? rows : thumbs.copy(thumb, "thumb"));
     button.setAttribute("aria-label", `Compare with the golden of ${commit}`);
-    button.setAttribute("aria-pressed", String(part()?.version === commit));
+    button.setAttribute("aria-pressed", String(chosen(entry) === commit));
     button.dataset.commit = commit;
     button.addEventListener("click", (event) => {
       choose(entry, commit);
       if (event.detail) button.blur();
     });
-    if (!thumb) {
+    if (!thumb && !table) {
       waiting.set(button, () => load(entry, commit));
       seen.observe(button);
     }
@@ -122,7 +140,7 @@ const versions = (() => {
 
   let shown = null;
   listeners.push(() => {
-    const now = [selectedCase(), loaded(), part()?.version];
+    const now = [selectedCase(), loaded(), chosen(selectedCase())];
     if (shown && now.every((value, at) => value === shown[at])) return;
     shown = now;
     fill();
