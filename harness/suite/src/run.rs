@@ -53,20 +53,24 @@ impl Suite {
     /// Tests that can run, and what is wrong with the others: a fault that many share is told once.
     #[must_use]
     pub fn sound<'t>(&self, tests: Vec<&'t Test>) -> (Vec<&'t Test>, Vec<Broken>) {
-        let threads = std::thread::available_parallelism().map_or(1, usize::from);
-        let size = tests.len().div_ceil(threads).max(1);
         let wrong = |test: &&Test| match &test.kind {
             Kind::Wgsl(test) => test.parameters().err(),
             Kind::Function(_) | Kind::Frame(_) => None,
         };
-        let wrong: Vec<Option<String>> = std::thread::scope(|scope| {
-            let part = |part| scope.spawn(move || part_of(part, wrong));
-            let parts: Vec<_> = tests.chunks(size).map(part).collect();
-            let join = |part: std::thread::ScopedJoinHandle<'_, Vec<_>>| {
-                part.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-            };
-            parts.into_iter().flat_map(join).collect()
-        });
+        let wrong: Vec<Option<String>> = match &*tests {
+            // Each thread that starts takes a moment, and with one test that is felt.
+            [test] => vec![wrong(test)],
+            tests => std::thread::scope(|scope| {
+                let threads = std::thread::available_parallelism().map_or(1, usize::from);
+                let size = tests.len().div_ceil(threads).max(1);
+                let part = |part| scope.spawn(move || part_of(part, wrong));
+                let parts: Vec<_> = tests.chunks(size).map(part).collect();
+                let join = |part: std::thread::ScopedJoinHandle<'_, Vec<_>>| {
+                    part.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+                };
+                parts.into_iter().flat_map(join).collect()
+            }),
+        };
         let (mut sound, mut broken) = (Vec::new(), Vec::<(String, String, usize)>::new());
         for (test, wrong) in tests.into_iter().zip(wrong) {
             match wrong {

@@ -112,8 +112,12 @@ type Heard<'h> = &'h mut dyn FnMut(&Test, Result<(), String>) -> std::io::Result
 fn each(suite: &Suite, tests: &[&Test], heard: Heard<'_>) -> std::io::Result<()> {
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let (sender, verdicts) = channel();
     let groups = &Suite::groups(tests);
+    // Each thread that starts takes a moment, and with one test that is felt.
+    if let [test] = tests {
+        return heard(test, suite.run_with(test, groups));
+    }
+    let (sender, verdicts) = channel();
     std::thread::scope(|scope| {
         for _ in 0..threads.min(tests.len()) {
             let (sender, next) = (sender.clone(), &next);

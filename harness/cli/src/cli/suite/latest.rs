@@ -1,6 +1,7 @@
 //! The records of each test's last run, for a report whenever it is wanted.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::ffi::OsStr;
 use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -37,12 +38,19 @@ impl Latest {
         drop(OpenOptions::new().write(true).open(file).and_then(|file| file.set_len(0)));
     }
 
-    /// The files that the records depend on, as they are now.
-    pub(super) fn files(&self) -> HashMap<PathBuf, FileRead> {
+    /// The files that the records depend on, as they are now: those that may be `changed`, by their names.
+    /// Of all others the records stay what they are.
+    pub(super) fn files(&self, changed: &[PathBuf]) -> HashMap<PathBuf, FileRead> {
+        let names: BTreeSet<&OsStr> = changed.iter().filter_map(|file| file.file_name()).collect();
+        // A folder that came or went has files that nobody names.
+        let all = !changed.iter().all(|file| file.is_file());
         let read = self.0.values().flatten().flat_map(|record| &record.read);
         let mut files = HashMap::new();
         for FileRead { file, .. } in read {
-            files.entry(file.clone()).or_insert_with(|| FileRead::now(file));
+            let may_differ = all || file.file_name().is_some_and(|name| names.contains(name));
+            if may_differ && !files.contains_key(file) {
+                files.insert(file.clone(), FileRead::now(file));
+            }
         }
         files
     }

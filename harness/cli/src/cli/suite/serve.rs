@@ -23,7 +23,7 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
     let (mut known, mut latest) = (Known::new(), Latest::default());
     for request in requests(|| {}) {
         // Before the tests are read: what is saved meanwhile is no text that they were judged by.
-        let files = latest.files();
+        let files = latest.files(&request.changed);
         let done = match Suite::open(folder) {
             Ok(suite) if request.report.is_some() => {
                 let is_there = |name: &str| suite.tests.iter().any(|test| test.name == name);

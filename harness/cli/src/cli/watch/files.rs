@@ -7,12 +7,16 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use notify::event::ModifyKind;
+use notify::event::{AccessKind, AccessMode, ModifyKind, RenameMode};
 use notify::{Event as Changed, EventKind, RecommendedWatcher, RecursiveMode, Watcher};
 use same_file::Handle;
 
 /// A burst is over when nothing comes for this long. One that goes on later runs the tests once more.
 const QUIET: Duration = Duration::from_millis(1);
+
+/// The same after a file was saved whole: only others may follow, as of a checkout, which writes one in about
+/// a tenth of a millisecond.
+const SAVED: Duration = Duration::from_micros(200);
 
 /// A burst that doesn't end is told all the same.
 const LONGEST: Duration = Duration::from_millis(100);
@@ -52,9 +56,11 @@ type Raw = Sender<notify::Result<Changed>>;
 
 fn started(folder: &Path, raw: &Raw) -> anyhow::Result<RecommendedWatcher> {
     let raw = raw.clone();
-    // What only reads is the tests' own doing.
     let changes = move |change: notify::Result<Changed>| {
-        if !matches!(&change, Ok(Changed { kind: EventKind::Access(_), .. })) {
+        // What only reads is the tests' own doing.
+        let only_reads =
+            |kind: &EventKind| matches!(kind, EventKind::Access(_)) && !is_whole(kind);
+        if !change.as_ref().is_ok_and(|change| only_reads(&change.kind)) {
             let _ = raw.send(change);
         }
     };
@@ -77,16 +83,21 @@ fn follow(
     let mut there = Handle::from_path(folder).ok();
     while !matches!(ended.try_recv(), Err(std::sync::mpsc::TryRecvError::Disconnected)) {
         let (mut files, mut folders) = (BTreeSet::new(), false);
-        match changes.recv_timeout(MISSING) {
-            Ok(change) => folders |= add(&mut files, folder, change),
-            Err(RecvTimeoutError::Timeout) => {}
+        let mut take = |change: notify::Result<Changed>| {
+            let is_saved = change.as_ref().is_ok_and(|change| is_whole(&change.kind));
+            folders |= add(&mut files, folder, change);
+            if is_saved { SAVED } else { QUIET }
+        };
+        let mut wait = match changes.recv_timeout(MISSING) {
+            Ok(change) => take(change),
+            Err(RecvTimeoutError::Timeout) => QUIET,
             Err(RecvTimeoutError::Disconnected) => return,
-        }
+        };
         let began = Instant::now();
         while began.elapsed() < LONGEST
-            && let Ok(change) = changes.recv_timeout(QUIET)
+            && let Ok(change) = changes.recv_timeout(wait)
         {
-            folders |= add(&mut files, folder, change);
+            wait = take(change);
         }
         // What was written into a new folder before it was watched.
         if look_again.as_ref().is_some_and(|(at, _)| at.elapsed() >= MISSING)
@@ -109,6 +120,12 @@ fn follow(
         }
     }
     drop(watcher);
+}
+
+/// Whether a file is whole with this change: who wrote it has closed it, or it was given its name.
+fn is_whole(kind: &EventKind) -> bool {
+    let closed = EventKind::Access(AccessKind::Close(AccessMode::Write));
+    *kind == closed || *kind == EventKind::Modify(ModifyKind::Name(RenameMode::To))
 }
 
 /// Adds what a change concerns; whether a folder came or went, in which more may have happened than was seen.
