@@ -37,7 +37,7 @@ use std::sync::Arc;
 
 pub use error::PackageError;
 pub use feature::Feature;
-pub use functions::FunctionItem;
+pub use functions::{FunctionItem, LeftOut};
 pub(crate) use lets::{LetStatement, let_statements};
 pub(crate) use library::LinkedModule;
 #[cfg(test)]

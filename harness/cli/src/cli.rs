@@ -313,6 +313,14 @@ struct PackageArgs {
     features: Vec<(String, Feature)>,
 }
 
+impl PackageArgs {
+    /// A package with the features that are given.
+    fn featured(&self, package: karat::Package) -> karat::Package {
+        let set = self.features.iter();
+        set.fold(package, |package, (name, value)| package.feature(name, *value))
+    }
+}
+
 /// `NAME`, `NAME=false`, `NAME=3`.
 fn feature(text: &str) -> Result<(String, Feature), String> {
     let (name, value) = text.split_once('=').unwrap_or((text, "true"));

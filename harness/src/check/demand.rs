@@ -1,6 +1,6 @@
 //! What a verb asks for, and how many cases a check gets.
 
-use super::vacuous::Vacuous;
+use super::vacuous::{MOST_CASES, Vacuous};
 use super::{Failure, Plan};
 use crate::domain::{Numbering, Stream};
 use crate::probe::{CONSTANTS, Inputs};
@@ -57,6 +57,7 @@ pub(super) fn number(
             Vacuous::Empty { argument, emptiness }
         }
         None if cases.count == 0 => Vacuous::NoCases,
+        None if cases.count > MOST_CASES => Vacuous::TooManyCases(cases.count),
         None => return Ok(cases),
     };
     Err(Failure::Domain { function: function.name.clone(), reason: Box::new(reason) })

@@ -6,6 +6,9 @@ use super::{Failure, Parameter};
 use crate::domain::Emptiness;
 use crate::output::counted;
 
+/// Cases of a check: as many as there are values of an `f32`, which take minutes.
+pub(super) const MOST_CASES: u64 = 1 << 32;
+
 /// Why nothing could be judged, or nothing could have failed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -21,6 +24,9 @@ pub enum Vacuous {
     /// `.cases(0)`
     #[error("is asked for 0 cases, so nothing would be checked")]
     NoCases,
+    /// More cases than anybody waits for.
+    #[error("is asked for {0} cases, more than the {MOST_CASES} that are run at most")]
+    TooManyCases(u64),
     /// A filter leaves next to nothing.
     #[error("rejects nearly everything that its filter sees: build the values with `map` instead")]
     Filtered,

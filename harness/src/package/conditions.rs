@@ -25,6 +25,8 @@ pub(super) struct Inactive {
     pub(super) condition: String,
     /// Where the condition stands.
     pub(super) range: Range<usize>,
+    /// Whether it is a function with `@test`.
+    pub(super) test: bool,
 }
 
 /// What conditions leave of a module.
@@ -161,7 +163,9 @@ impl Reader<'_> {
             let whole = start..end;
             found.removed.push(self.bytes(&whole));
             let text = self.file.text[self.bytes(&condition)].to_owned();
-            for token in at..end {
+            let mut marked = false;
+            for token in start..end {
+                marked |= self.is(token, b'@') && self.text(token + 1) == "test";
                 let name = match self.text(token) {
                     "fn" | "struct" | "alias" | "const" | "override" => token + 1,
                     // `var<storage, read> name`
@@ -177,6 +181,7 @@ impl Reader<'_> {
                         name: self.text(name).to_owned(),
                         condition: text.clone(),
                         range: self.bytes(&condition),
+                        test: std::mem::take(&mut marked) && self.text(token) == "fn",
                     });
                 }
             }

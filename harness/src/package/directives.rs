@@ -178,14 +178,16 @@ impl Reader<'_> {
             let condition = self.open.last().map(|open| open.shown.clone()).unwrap_or_default();
             let tokens = lex(text);
             let word = |index: usize| tokens.get(index).map_or("", |t: &Token| &text[t.range()]);
-            let mut inactive = Vec::new();
+            let (mut inactive, mut marked) = (Vec::new(), false);
             for index in 0..tokens.len() {
+                marked |= word(index) == "@" && word(index + 1) == "test";
                 let declares = matches!(word(index), "fn" | "struct" | "alias" | "const");
                 if declares && tokens.get(index + 1).is_some_and(|t| t.kind == Kind::Word) {
                     let range =
                         from + tokens[index].range().start..from + tokens[index].range().end;
                     let (name, condition) = (word(index + 1).to_owned(), condition.clone());
-                    inactive.push(Inactive { name, condition, range });
+                    let test = std::mem::take(&mut marked) && word(index) == "fn";
+                    inactive.push(Inactive { name, condition, range, test });
                 }
             }
             self.found.inactive.extend(inactive);

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::conditions::Inactive;
 use super::library::{Library, ModulePath};
 use super::syntax::{DeclarationKind, Module};
 use super::{Package, PackageError};
@@ -64,12 +65,57 @@ impl Package {
         Ok(functions_of(module, &*self.parsed(module)?))
     }
 
+    /// The tests of some modules that conditions leave out: functions with `@test` under an `@if` or
+    /// `#ifdef` that doesn't hold. Modules that can't be read have none.
+    ///
+    /// ```
+    /// use karat::Package;
+    ///
+    /// let package = Package::from_source("m", "@if(fast) @test fn is_fast() {}");
+    /// let left_out = package.tests_left_out(&package.modules()?);
+    /// assert_eq!((&*left_out[0].name, &*left_out[0].condition), ("is_fast", "@if(fast)"));
+    /// assert!(package.feature("fast", true).tests_left_out(&package.modules()?).is_empty());
+    /// # Ok::<(), karat::package::PackageError>(())
+    /// ```
+    #[must_use]
+    pub fn tests_left_out(&self, modules: &[String]) -> Vec<LeftOut> {
+        let mut all = Vec::new();
+        for name in modules {
+            let Ok(module) = self.parsed(name) else { continue };
+            let tests = module.inactive.iter().filter(|inactive| inactive.test);
+            all.extend(tests.map(|Inactive { name: item, condition, range, .. }| LeftOut {
+                name: if name.is_empty() { item.clone() } else { format!("{name}::{item}") },
+                condition: condition.clone(),
+                span: Span { file: Arc::clone(&module.file), range: range.clone() },
+            }));
+        }
+        all
+    }
+
     /// One module without what its conditions leave out.
     pub(super) fn parsed(&self, module: &str) -> Result<Arc<Module>, PackageError> {
         let (library, root) = (Library::open(self)?, ModulePath::root(module));
         library.begin(&root)?;
         library.module(&root)
     }
+}
+
+/// A test that isn't there because a condition doesn't hold.
+///
+/// ```
+/// # use karat::Package;
+/// let package = Package::from_source("m", "@if(fast) @test fn is_fast() {}");
+/// let test = package.tests_left_out(&[String::new()]).remove(0);
+/// assert_eq!(test.span.to_string(), "<m>:1:1");
+/// ```
+#[derive(Clone, Debug)]
+pub struct LeftOut {
+    /// `brdf_test::is_fast`
+    pub name: String,
+    /// As the author wrote it: `@if(fast)`.
+    pub condition: String,
+    /// Where the condition stands.
+    pub span: Span,
 }
 
 /// Those of one module, called `name`, without its tests.

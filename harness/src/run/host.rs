@@ -66,11 +66,16 @@ impl Host {
 
     /// The command that runs a test.
     pub(super) fn command(&self, test: &str) -> String {
-        let plain = |c: char| c.is_ascii_alphanumeric() || "_-:./".contains(c);
-        match test.chars().all(plain) {
-            true => format!("{} {test}", self.replay),
-            false => format!("{} '{}'", self.replay, test.replace('\'', "'\\''")),
-        }
+        format!("{} {}", self.replay, quoted(test))
+    }
+}
+
+/// A word as a shell reads it.
+pub(super) fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "_-:./@,".contains(c);
+    match word.chars().all(plain) {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', "'\\''")),
     }
 }
 

@@ -118,16 +118,18 @@ impl Identity {
     ) -> String {
         let Replayed { case, steps, input } = replayed;
         let path = path.map_or_else(String::new, |path| format!("KARAT_PATHS={path} "));
-        let mut environment =
-            format!("{path}KARAT_SEED={seed:#x} KARAT_CASE={function}/{check}/{case}");
+        let mut selected = format!("{function}/{check}/{case}");
         if !steps.is_empty() {
-            environment = format!("{environment}:{}", write_steps(steps));
+            selected = format!("{selected}:{}", write_steps(steps));
         }
+        let selected = host::quoted(&selected);
+        let mut environment = format!("{path}KARAT_SEED={seed:#x} KARAT_CASE={selected}");
         if let Some(input) = input {
             environment = format!("{environment} KARAT_INPUT={}", write_words(input));
         }
         if let Some(folder) = settings::overlay() {
-            environment = format!("KARAT_OVERLAY={} {environment}", folder.display());
+            let folder = host::quoted(&folder.display().to_string());
+            environment = format!("KARAT_OVERLAY={folder} {environment}");
         }
         if let Some(host) = host::current() {
             return format!("{environment} {}", host.command(&self.test));
@@ -136,7 +138,7 @@ impl Identity {
         // Cargo tells a test which package it belongs to; a test's thread has the test's name.
         let package = std::env::var("CARGO_PKG_NAME").ok().filter(|_| self.test != "main");
         match package {
-            None => format!("{environment} {}", exe.display()),
+            None => format!("{environment} {}", host::quoted(&exe.display().to_string())),
             Some(package) => {
                 let target = target(&exe, &package);
                 format!("{environment} cargo test -p {package} {target} -- --exact {}", self.test)

@@ -90,12 +90,48 @@ pub(crate) struct Declared {
     golden: Option<String>,
     equals: Option<Value>,
     finite: Option<bool>,
-    in_range: Option<[f64; 2]>,
-    symmetric_in: Option<[String; 2]>,
+    in_range: Option<Pair<f64>>,
+    symmetric_in: Option<Pair<String>>,
     monotone: Option<BTreeMap<String, Direction>>,
     limit: Option<BTreeMap<String, Value>>,
     integral: Option<Integral>,
     no_hazards: Option<bool>,
+}
+
+/// The largest relative difference of a pixel that passes: `1e-3`, or `"rel 1e-3"` as verdicts say it.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(try_from = "Value")]
+pub(crate) struct Relative(pub(crate) f32);
+
+impl TryFrom<Value> for Relative {
+    type Error = &'static str;
+
+    fn try_from(value: Value) -> Result<Self, Self::Error> {
+        let number = match &value {
+            #[expect(clippy::cast_possible_truncation, reason = "bounds of pixels are f32")]
+            Value::Float(number) => Some(*number as f32),
+            #[expect(clippy::cast_precision_loss, reason = "nobody allows so much")]
+            Value::Integer(number) => Some(*number as f32),
+            Value::String(text) => text.strip_prefix("rel ").and_then(|text| text.trim().parse().ok()),
+            _ => None,
+        };
+        let wanted = "a frame's tolerance is the largest relative difference of a pixel that passes: 1e-3, or \
+                      \"rel 1e-3\"";
+        number.map(Self).ok_or(wanted)
+    }
+}
+
+/// A list of two: serde reads an array to its length, and leaves the rest out without a word.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(try_from = "Vec<T>")]
+pub(crate) struct Pair<T>(pub(crate) [T; 2]);
+
+impl<T> TryFrom<Vec<T>> for Pair<T> {
+    type Error = String;
+
+    fn try_from(list: Vec<T>) -> Result<Self, String> {
+        list.try_into().map(Self).map_err(|list: Vec<T>| format!("a list of two is wanted, and this one has {}", list.len()))
+    }
 }
 
 /// A number, or `true` and `false`.
@@ -153,7 +189,7 @@ pub(crate) struct Frame {
     pub(crate) fragment: String,
     /// Samples a pixel.
     pub(crate) samples: Option<u32>,
-    pub(crate) size: [u32; 2],
+    pub(crate) size: Pair<u32>,
     /// Of each location: `rgba8unorm-srgb`; none: one of the most exact floats.
     #[serde(default)]
     pub(crate) formats: Vec<String>,
@@ -166,8 +202,7 @@ pub(crate) struct Frame {
     pub(crate) with: BTreeMap<String, Value>,
     #[serde(default, rename = "override")]
     pub(crate) overrides: BTreeMap<String, OverrideValue>,
-    /// Largest relative difference of a pixel that passes.
-    pub(crate) tolerance: Option<f32>,
+    pub(crate) tolerance: Option<Relative>,
     #[serde(default)]
     pub(crate) fails_on: BTreeMap<String, String>,
     /// Relative to the file.
@@ -243,9 +278,10 @@ impl Assertion {
 
     /// The tolerance, where one is needed.
     pub(crate) fn tolerance(&self) -> Result<&str, String> {
-        let missing = "a tolerance is missing, such as tolerance = \"4 ulp\"; the first time `spec` \
-                       says what WGSL allows";
-        self.test.tolerance.as_deref().ok_or_else(|| missing.to_owned())
+        let takes_spec = matches!(self.what, What::AgreesWith(_) | What::Table(_) | What::Equals(_));
+        let spec = if takes_spec { "; the first time `spec` says what WGSL allows" } else { "" };
+        let missing = || format!("a tolerance is missing, such as tolerance = \"4 ulp\"{spec}");
+        self.test.tolerance.as_deref().ok_or_else(missing)
     }
 }
 
@@ -397,8 +433,8 @@ fn whats(test: &Declared) -> Result<Vec<What>, String> {
             None => {}
         }
     }
-    all.extend(test.in_range.map(What::InRange));
-    all.extend(test.symmetric_in.clone().map(What::SymmetricIn));
+    all.extend(test.in_range.as_ref().map(|range| What::InRange(range.0)));
+    all.extend(test.symmetric_in.clone().map(|names| What::SymmetricIn(names.0)));
     let monotone = test.monotone.iter().flatten();
     all.extend(monotone.map(|(name, direction)| What::Monotone(name.clone(), *direction)));
     all.extend(test.limit.as_ref().map(limit).transpose()?);
@@ -486,6 +522,14 @@ mod tests {
             ("[[test]]\nfunction = \"f\"\nintegral = { over = \"sphere\" }\n", "either `is` or"),
             ("[[test]]\nfunction = \"f\"\nlimit = { alpha = 0 }\n", "a limit reads"),
             ("[[test]\n", "brdf.test.toml:1"),
+            ("[[test]]\nfunction = \"f\"\nin_range = [0, 1, 2]\n", "a list of two"),
+            ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "and this one has 1"),
+            ("[[test]]\nfunction = \"f\"\nsymmetric_in = [\"a\", \"b\", \"c\"]\n", "test.toml:3:16"),
+            ("[[frame]]\nname = \"f\"\nfragment = \"f\"\nsize = [8, 8, 1]\n", "test.toml:4:8"),
+            (
+                "[[frame]]\nname = \"f\"\nfragment = \"f\"\nsize = [8, 8]\ntolerance = \"1 %\"\n",
+                "or \"rel 1e-3\"",
+            ),
         ] {
             let error = read_text(text).expect_err(text);
             assert!(error.contains(part), "{text}: {error}");

@@ -15,7 +15,9 @@ use karat::value::{Scalar, Shape};
 use karat::{Directions, Goldens, Package, Tolerance, Trend};
 use toml::Value;
 
-use crate::declared::{Assertion, Direction, Frame, GOLDEN, Integral, OverrideValue, Region, What};
+use crate::declared::{
+    Assertion, Direction, Frame, GOLDEN, Integral, OverrideValue, Region, Relative, What,
+};
 use crate::domains::{lanes, no_such, over, parts};
 use crate::fixtures::fixture;
 use crate::table;
@@ -471,12 +473,16 @@ fn bound(
 
 fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<(), String> {
     let module = declared.module.as_deref().unwrap_or_default();
-    let [width, height] = declared.size;
+    let [width, height] = declared.size.0;
     let program = Program::of_module(package, module).map_err(|error| error.to_string())?;
     let mut bindings: Vec<Binding> = Vec::new();
     let vertex = declared.vertex.iter().map(|name| (Stage::Vertex, name));
+    let mut is_there = true;
     for (stage, name) in vertex.chain([(Stage::Fragment, &declared.fragment)]) {
-        bindings.extend(program.entry_point_bindings(stage, name).unwrap_or_default());
+        match program.entry_point_bindings(stage, name) {
+            Some(own) => bindings.extend(own),
+            None => is_there = false,
+        }
     }
     let mut frame = package.frame(module, width, height).samples(declared.samples.unwrap_or(1));
     if !declared.formats.is_empty() {
@@ -503,10 +509,13 @@ fn frame(package: &Package, declared: &Frame, at: &Span) -> Result<(), String> {
         None => frame.fragment(&declared.fragment),
     };
     frame = frame.declared_at(&at.to_string());
-    for (name, fixture) in bound(&program, &bindings, &declared.with, &declared.folder)? {
-        frame = frame.with(&name, fixture);
+    // Of a function that isn't there nobody knows what it reads, and drawing says what is meant.
+    if is_there {
+        for (name, fixture) in bound(&program, &bindings, &declared.with, &declared.folder)? {
+            frame = frame.with(&name, fixture);
+        }
     }
-    if let Some(relative) = declared.tolerance {
+    if let Some(Relative(relative)) = declared.tolerance {
         frame = frame.tolerance(FrameTolerance::gate(relative));
     }
     for (on, reason) in &declared.fails_on {

@@ -98,11 +98,7 @@ impl Project {
     /// The shader packages: the one given, or the project's.
     pub(super) fn packages(&self, args: &PackageArgs) -> anyhow::Result<Vec<Package>> {
         let packages = self.opened(args)?;
-        let with = |package: Package| {
-            let set = args.features.iter();
-            set.fold(package, |package, (name, value)| package.feature(name, *value))
-        };
-        Ok(packages.into_iter().map(with).collect())
+        Ok(packages.into_iter().map(|package| args.featured(package)).collect())
     }
 
     fn opened(&self, args: &PackageArgs) -> anyhow::Result<Vec<Package>> {

@@ -4,11 +4,13 @@
 //! it, and not whoever waits for the verdicts. It prints what Rust's test runner prints.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::channel;
 
+use karat::Package;
 use karat::output::counted;
+use karat::package::Feature;
 use karat::run::Host;
 use karat_suite::{Broken, Suite, Test};
 
@@ -39,16 +41,30 @@ pub(super) struct Args {
     /// Print the names, and run nothing
     #[arg(long)]
     list: bool,
+    /// Feature of conditions; may be repeated
+    #[arg(long = "feature", value_name = "NAME[=VALUE]", value_parser = super::feature)]
+    features: Vec<(String, Feature)>,
 }
 
 /// Who runs the tests of a suite: how one is run again, and where it remembers.
-pub(super) fn host(suite: &Suite, folder: &std::path::Path) -> Host {
+pub(super) fn host(suite: &Suite, folder: &Path, features: &[(String, Feature)]) -> Host {
+    let folder_name = karat::diagnostic::shown(folder);
+    let features = written(features).map(|feature| format!(" --feature {feature}"));
     Host {
-        replay: format!("karat test {} --exact", karat::diagnostic::shown(folder)),
+        replay: format!(
+            "karat test {}{} --exact",
+            shell_words::quote(&folder_name),
+            features.collect::<String>()
+        ),
         folder: suite.folder.clone(),
         target: "suite".to_owned(),
         output: folder.join(".karat").join("run"),
     }
+}
+
+/// Features as they are given to a program: `foo=true`.
+pub(super) fn written(features: &[(String, Feature)]) -> impl Iterator<Item = String> {
+    features.iter().map(|(name, value)| format!("{name}={value}"))
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
@@ -60,7 +76,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     // What a test panics with is its message, which is printed with its name.
     std::panic::set_hook(Box::new(|_| {}));
-    let suite = Suite::open(&args.folder)?;
+    let package = Package::open(&args.folder)?;
+    let set = args.features.iter();
+    let suite = Suite::of(set.fold(package, |own, (name, value)| own.feature(name, *value)))?;
     let wanted = |test: &Test| match &args.filter {
         Some(filter) if args.exact => test.name == *filter,
         Some(filter) => test.is_about(filter),
@@ -75,7 +93,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         }
         return Ok(Ending::Good);
     }
-    karat::run::host(host(&suite, &args.folder));
+    karat::run::host(host(&suite, &args.folder, &args.features));
     let (tests, unsound) = suite.sound(tests);
     // What is broken concerns all: nobody can say which tests it would have had.
     let broken: Vec<&Broken> = suite.broken.iter().chain(&unsound).collect();

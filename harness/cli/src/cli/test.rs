@@ -11,6 +11,7 @@ use anyhow::Context;
 use karat::Package;
 use karat::diagnostic::{nearest, shown};
 use karat::output::{Output, counted};
+use karat::package::LeftOut;
 use karat::record::{self, Record, Recorded, Run, Running};
 use karat::reflect::Invalid;
 use karat_suite::{Suite, Test};
@@ -20,7 +21,7 @@ use self::subjects::Subjects;
 use super::project::Project;
 use super::report::{OutputArgs, Tests, colour, is_failure, short, tables, untested};
 use super::table::{DIM, HEAD, KNOWN};
-use super::{Ending, NotThere, Outcome, PackageArgs, check, child};
+use super::{Ending, NotThere, Outcome, PackageArgs, check, child, suite};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -88,6 +89,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let (mut passed, mut ran) = (true, false);
     let mut progress = Progress::of(subjects.count().filter(|_| asked.is_whole()));
     if asked.folder.is_none() && project.is_cargo() {
+        if !args.package.features.is_empty() {
+            let theirs = "`--feature` is for the modules and their own tests: what a Rust test sets is in its \
+                          `package.feature(..)`";
+            writeln!(told, "{KNOWN}{theirs}{KNOWN:#}")?;
+        }
         passed = asked.run_cargo(&project, running.folder(), &mut progress, told)?;
         ran = true;
     }
@@ -103,6 +109,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if asked.filter.is_none() || !ran {
         asked.write_beside(&project, told)?;
     }
+    asked.write_left_out(&packages, told)?;
     if !ran {
         // What looked like a test may be no valid WGSL: `@tset`.
         let mut invalid = Vec::new();
@@ -268,11 +275,13 @@ impl<'a> Asked<'a> {
     /// The packages that are tested.
     fn packages(&self, project: &Project) -> anyhow::Result<Vec<Package>> {
         match &self.folder {
-            Some(folder) => Ok(vec![Package::open(folder)?]),
+            Some(folder) => Ok(vec![self.args.package.featured(Package::open(folder)?)]),
             None if project.is_cargo() => project.packages_if_any(&self.args.package),
             // A folder of shaders, or one that has such a folder.
             None => match project.packages_if_any(&self.args.package)? {
-                none if none.is_empty() => Ok(vec![Package::open(shown(project.root()))?]),
+                none if none.is_empty() => {
+                    Ok(vec![self.args.package.featured(Package::open(shown(project.root()))?)])
+                }
                 some => Ok(some),
             },
         }
@@ -292,6 +301,29 @@ impl<'a> Asked<'a> {
                 "{KNOWN}not run: {tests} outside of `shaders`; `karat test .` runs all{KNOWN:#}"
             )?;
         }
+        Ok(())
+    }
+
+    /// Says which tests aren't there because a condition doesn't hold.
+    fn write_left_out(&self, packages: &[Package], out: &mut dyn Write) -> anyhow::Result<()> {
+        /// More names are a list that nobody reads here.
+        const MOST: usize = 5;
+        let of = |package: &Package| package.tests_left_out(&package.modules().unwrap_or_default());
+        let is_wanted = |test: &LeftOut| self.filter.is_none_or(|filter| test.name.contains(filter));
+        let tests: Vec<LeftOut> = packages.iter().flat_map(of).filter(is_wanted).collect();
+        if tests.is_empty() || self.names.is_some() {
+            return Ok(());
+        }
+        let name = |test: &LeftOut| format!("{} {}", test.name, test.condition);
+        let mut names = tests.iter().take(MOST).map(name).collect::<Vec<_>>().join(", ");
+        if tests.len() > MOST {
+            names += &format!(" and {} more", tests.len() - MOST);
+        }
+        let tests = counted(tests.len(), "test");
+        writeln!(
+            out,
+            "{KNOWN}not run: {tests} whose condition doesn't hold, {names}; `--feature NAME` sets one{KNOWN:#}"
+        )?;
         Ok(())
     }
 
@@ -393,10 +425,13 @@ impl<'a> Asked<'a> {
             let mut command = Command::new(&program);
             command.arg("suite").arg(folder).args(filter).args(exact.then_some("--exact"));
             command.args(self.args.leaves_frames_out().then_some("--functions"));
+            for feature in suite::written(&self.args.package.features) {
+                command.args(["--feature", &feature]);
+            }
             self.run_tests(command, record, progress, out)
         };
         let Some(names) = &self.names else { return run(self.filter, self.args.exact) };
-        let suite = Suite::of(Package::open(folder)?)?;
+        let suite = Suite::of(self.args.package.featured(Package::open(folder)?))?;
         let has = |name: &&String| suite.tests.iter().any(|test| test.name == **name);
         let mut passed = true;
         for name in names.iter().filter(has) {

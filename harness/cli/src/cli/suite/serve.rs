@@ -67,7 +67,7 @@ fn answer(
     latest: &mut Latest,
     out: &mut dyn Write,
 ) -> anyhow::Result<Said> {
-    karat::run::host(host(suite, folder));
+    karat::run::host(host(suite, folder, &[]));
     let no_frames = std::env::var("KARAT_FRAMES").is_ok_and(|frames| frames == "off");
     let wanted = |test: &&Test| test.is_about(&request.filter) && !(no_frames && test.is_frame());
     let mut tests: Vec<&Test> = suite.tests.iter().filter(wanted).collect();
