@@ -124,8 +124,10 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// Tries what the test has failed on before, and remembers what it fails on.
+    /// Tries what the test has failed on before, and remembers what it fails on. Without arguments there is
+    /// one case, which runs anyway.
     pub(super) fn remembering(self, memory: Option<Memory>) -> Self {
+        let memory = memory.filter(|_| self.stream.width() > 0);
         Self { memory, ..self }
     }
 

@@ -44,6 +44,7 @@
 //! | `no_hazards = true` | nothing inside becomes NaN or infinite, or loses half its digits |
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -209,6 +210,26 @@ pub(crate) struct Frame {
     pub(crate) golden: Option<PathBuf>,
     #[serde(skip)]
     pub(crate) folder: PathBuf,
+    /// Where its keys are written.
+    #[serde(skip)]
+    pub(crate) keys: Keys,
+}
+
+/// Where the keys of a test are written. A test is no other one when they move, so that they aren't shown.
+#[derive(Clone, Default)]
+pub(crate) struct Keys(BTreeMap<String, Span>);
+
+impl fmt::Debug for Keys {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Keys")
+    }
+}
+
+impl Keys {
+    /// The place of the key that an error begins with.
+    pub(crate) fn place_of(&self, error: &str) -> Option<&Span> {
+        self.0.get(error.split([' ', ':']).next().unwrap_or_default())
+    }
 }
 
 /// What one test asserts of a function.
@@ -236,11 +257,15 @@ pub(crate) struct Assertion {
     pub(crate) what: What,
     /// The folder of the file: tables and images are relative to it.
     pub(crate) folder: PathBuf,
-    /// Where its keys are written.
-    pub(crate) keys: BTreeMap<String, Span>,
+    pub(crate) keys: Keys,
 }
 
 impl Frame {
+    /// Its functions, by their keys.
+    pub(crate) fn functions(&self) -> impl Iterator<Item = (&'static str, &String)> {
+        self.vertex.iter().map(|name| ("vertex", name)).chain([("fragment", &self.fragment)])
+    }
+
     /// Its golden.
     pub(crate) fn golden_file(&self) -> PathBuf {
         self.golden_folder().join(format!("{}.exr", self.name))
@@ -272,8 +297,21 @@ impl Assertion {
 
     /// The place of what is wrong: of the key that an error begins with, or of what is asserted.
     pub(crate) fn place_of(&self, error: &str) -> Option<&Span> {
-        let key = error.split([' ', ':']).next().unwrap_or_default();
-        self.keys.get(key).or_else(|| self.keys.get(self.what.key()))
+        self.keys.place_of(error).or_else(|| self.keys.0.get(self.what.key()))
+    }
+
+    /// The key that a check's error is about, which knows no file.
+    pub(crate) fn key_of(&self, error: &str) -> &'static str {
+        let test = &self.test;
+        let names = |paths: &BTreeMap<String, String>| paths.keys().any(|path| error.contains(&format!("`{path}`")));
+        match () {
+            () if error.contains(" cases, ") && test.cases.is_some() => "cases",
+            () if error.starts_with("the domain of ") && !test.over.is_empty() => "over",
+            () if error.contains("execution path") && names(&test.fails_on) => "fails_on",
+            () if error.contains("execution path") && names(&test.tolerance_on) => "tolerance_on",
+            () if error.contains("override `") => "override",
+            () => self.what.key(),
+        }
     }
 
     /// The tolerance, where one is needed.
@@ -339,7 +377,7 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, String> {
     let module = module_of(file, root);
     let folder = file.parent().unwrap_or(Path::new(".")).to_owned();
     let mut tests = Vec::new();
-    let mut keys = keys(&source).into_iter();
+    let [mut keys, mut frame_keys] = ["test", "frame"].map(|kind| keys(&source, kind).into_iter());
     for declared in parsed.tests {
         let keys = keys.next().unwrap_or_default();
         let span = at(declared.span());
@@ -371,6 +409,7 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, String> {
         let mut frame = frame.into_inner();
         frame.module.get_or_insert_with(|| module.clone());
         frame.folder.clone_from(&folder);
+        frame.keys = frame_keys.next().unwrap_or_default();
         if goldens.contains(&frame.golden_file()) {
             let twice =
                 format!("another frame is called `{}`, and they would share a golden", frame.name);
@@ -383,22 +422,22 @@ pub(crate) fn read(file: &Path, root: &Path) -> Result<Vec<Test>, String> {
     Ok(tests)
 }
 
-/// Where the keys of each `[[test]]` are written.
-fn keys(source: &Arc<SourceFile>) -> Vec<BTreeMap<String, Span>> {
+/// Where the keys of each `[[test]]`, or `[[frame]]`, are written.
+fn keys(source: &Arc<SourceFile>, kind: &str) -> Vec<Keys> {
     let Ok(table) = DeTable::parse(&source.text) else { return Vec::new() };
     let table = table.into_inner();
-    let Some(DeValue::Array(tests)) = table.get("test").map(Spanned::get_ref) else {
+    let Some(DeValue::Array(tests)) = table.get(kind).map(Spanned::get_ref) else {
         return Vec::new();
     };
     let keys = |test: &Spanned<DeValue<'_>>| match test.get_ref() {
-        DeValue::Table(table) => table
-            .keys()
-            .map(|key| {
+        DeValue::Table(table) => {
+            let spans = table.keys().map(|key| {
                 let span = Span { file: Arc::clone(source), range: key.span() };
                 (key.get_ref().to_string(), span)
-            })
-            .collect(),
-        _ => BTreeMap::new(),
+            });
+            Keys(spans.collect())
+        }
+        _ => Keys::default(),
     };
     tests.iter().map(keys).collect()
 }

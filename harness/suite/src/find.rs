@@ -77,10 +77,19 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
     Ok(Suite { package, folder, tests, broken, fingerprints: OnceLock::new() })
 }
 
-/// The module's name in a file's: `brdf` of `brdf.test.toml`, and of `brdf.tests.toml`, whose author meant it.
+/// The module's name in a file's: `brdf` of `brdf.test.toml`, and of what its author meant so, such as
+/// `brdf.tests.toml`, `brdf_test.toml`, `brdf.test.tml`, `BRDF.TEST.TOML`.
 fn stem_of(name: &str) -> Option<&str> {
-    let (stem, word) = name.strip_suffix(".toml")?.rsplit_once('.')?;
-    (nearest(word, ["test"]).is_some() || word == "tests").then_some(stem)
+    let lower = name.to_ascii_lowercase();
+    let (rest, ending) = lower.rsplit_once('.')?;
+    let (stem, word) = rest.rsplit_once(['.', '_', '-'])?;
+    let is_test = matches!(word, "test" | "tests");
+    let means_test = rest.as_bytes()[stem.len()] == b'.' && nearest(word, ["test"]).is_some();
+    let meant = match ending {
+        "toml" => is_test || means_test,
+        other => is_test && nearest(other, ["toml"]).is_some(),
+    };
+    (meant && !stem.is_empty()).then(|| &name[..stem.len()])
 }
 
 /// The files of declared tests in a folder and below, or those of one module.
@@ -110,4 +119,21 @@ fn sidecars(folder: &Path, root: &Path, files: &mut Vec<PathBuf>) -> Result<(), 
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_that_were_meant_as_tests_are_known() {
+        for name in [
+            "a.test.toml", "a.tests.toml", "a.tets.toml", "a_test.toml", "a-tests.toml", "a.test.tml", "A.TEST.TOML",
+        ] {
+            assert_eq!(stem_of(name).map(str::to_lowercase).as_deref(), Some("a"), "{name}");
+        }
+        for name in ["karat.toml", "a.wgsl", "a_test.wgsl", "a_text.toml", "latest.toml", "a.test.toml~", ".test.toml"] {
+            assert_eq!(stem_of(name), None, "{name}");
+        }
+    }
 }

@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use karat::check::{Agreement, DynamicCheck, Failure, Limit, Probe, TestGroup, WgslTest};
-use karat::diagnostic::{Diagnostic, Span};
+use karat::diagnostic::{Diagnostic, Span, shown};
 use karat::domain::{Dynamic, Part};
 use karat::draw::Format;
 use karat::golden::FrameTolerance;
@@ -123,19 +123,51 @@ impl Suite {
             Kind::Function(assertion) => {
                 let placed = |error: String| {
                     let span = assertion.place_of(&error).unwrap_or(&test.span);
-                    Diagnostic::new(error).at(span.clone(), "").to_string()
+                    // What is wrong in a table has its place.
+                    match error.contains("\n   --> ") {
+                        true => format!("error: {error}"),
+                        false => Diagnostic::new(error).at(span.clone(), "").to_string(),
+                    }
                 };
                 let judged = function(&self.package, assertion).map_err(placed)?;
-                judged.map(drop).map_err(|error| declared_words(&error.to_string()))
+                judged.map(drop).map_err(|error| {
+                    let words = declared_words(&error.to_string());
+                    // What is wrong with the shader has its place.
+                    match words.contains("\n  --> ") || words.contains("\n   --> ") {
+                        true => words + &row_of(&error, assertion).unwrap_or_default(),
+                        false => {
+                            let words = words.strip_prefix("error: ").unwrap_or(&words).to_owned();
+                            let key = assertion.key_of(&words);
+                            let span = assertion.place_of(key).unwrap_or(&test.span).clone();
+                            Diagnostic::new(words).at(span, "").to_string()
+                        }
+                    }
+                })
             }
             Kind::Frame(declared) => frame(&self.package, declared, &test.span).map_err(|error| {
                 let words = declared_words(&error);
                 // What is wrong with the shader, or on a path, has its place.
                 let has_place = words.starts_with("error") || words.starts_with("on ");
-                if has_place { words } else { placed(words) }
+                let unknown = |name: &str| words.contains(&format!("::{name}`"));
+                let key = declared.functions().find(|(_, name)| unknown(name));
+                let key = key.map_or(&*words, |(key, _)| key);
+                match declared.keys.place_of(key) {
+                    _ if has_place => words,
+                    Some(key) => Diagnostic::new(words).at(key.clone(), "").to_string(),
+                    None => placed(words),
+                }
             }),
         }
     }
+}
+
+/// Where the row of a table stands that the worst case is.
+fn row_of(failure: &Failure, Assertion { test, what, folder, .. }: &Assertion) -> Option<String> {
+    let (Failure::Disagreement(found), What::Table(file)) = (failure, what) else { return None };
+    // A row is a case where nobody asks for another number of them.
+    let worst = &found.paths.first().filter(|path| test.cases.is_none() && !path.worst.remembered)?.worst;
+    let file = folder.join(file);
+    Some(format!("  row of the worst case: {}:{}:1\n", shown(&file), table::line(&file, worst.case)?))
 }
 
 /// Tests that one kernel counts: see [`Suite::groups`].
@@ -257,19 +289,21 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
     let shapes: Vec<Shape> = parameters.iter().map(|(_, shape)| shape.clone()).collect();
     let domain = |count: usize| -> Result<Dynamic, String> {
         let own = parameters.iter().take(count);
-        let parts = own.map(|(name, shape)| parts(name, shape, test.over.get(name)));
+        let parts = own.map(|(name, shape)| {
+            parts(name, shape, test.over.get(name)).map_err(|error| format!("over: {error}"))
+        });
         Ok(Dynamic::new(&parameters[..count], parts.collect::<Result<_, _>>()?))
     };
     let all = shapes.len();
     match what {
         What::AgreesWith(reference) => {
             let reference = assertion.of_module(reference);
-            let criterion = criterion(assertion.tolerance()?)?;
+            let criterion = criterion(assertion.tolerance()?).map_err(of_tolerance)?;
             Ok(settled(probe.over_dynamic(domain(all)?), test)?
                 .agrees_with_function(&reference, criterion))
         }
         What::Table(file) => {
-            let criterion = criterion(assertion.tolerance()?)?;
+            let criterion = criterion(assertion.tolerance()?).map_err(of_tolerance)?;
             if !test.over.is_empty() {
                 return Err("a table has its arguments: leave `over` out".to_owned());
             }
@@ -291,12 +325,12 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
             Ok(check.agrees_with(&expect, criterion))
         }
         What::Golden(name) => {
-            let tolerance = tolerance(assertion.tolerance()?)?;
+            let tolerance = tolerance(assertion.tolerance()?).map_err(of_tolerance)?;
             let goldens = Goldens::open(&folder.join(GOLDEN));
             Ok(settled(probe.over_dynamic(domain(all)?), test)?.matches(&goldens, name, tolerance))
         }
         What::Equals(value) => {
-            let criterion = criterion(assertion.tolerance()?)?;
+            let criterion = criterion(assertion.tolerance()?).map_err(of_tolerance)?;
             let expected = wide(&result, value)?;
             let expect = |_: &[u32], lanes: &mut Vec<f64>| lanes.extend(&expected);
             Ok(settled(probe.over_dynamic(domain(all)?), test)?.agrees_with(&expect, criterion))
@@ -330,7 +364,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
                 }
                 out.extend(swapped);
             };
-            let tolerance = tolerance(test.tolerance.as_deref().unwrap_or("exact"))?;
+            let tolerance = tolerance(test.tolerance.as_deref().unwrap_or("exact")).map_err(of_tolerance)?;
             Ok(settled(probe.over_dynamic(domain(all)?), test)?.invariant_under(&swap, tolerance))
         }
         What::Monotone(argument, direction) => {
@@ -339,7 +373,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
                 Direction::Increasing => Trend::Increasing,
                 Direction::Decreasing => Trend::Decreasing,
             };
-            let tolerance = tolerance(test.tolerance.as_deref().unwrap_or("exact"))?;
+            let tolerance = tolerance(test.tolerance.as_deref().unwrap_or("exact")).map_err(of_tolerance)?;
             Ok(settled(probe.over_dynamic(domain(all)?), test)?.is_monotone_in(
                 &**argument,
                 trend,
@@ -354,7 +388,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
             let limit = Limit::toward(*toward as f32, steps);
             let expected = wide(&result, is)?;
             let expect = |_: &[u32], lanes: &mut Vec<f64>| lanes.extend(&expected);
-            let tolerance = tolerance(assertion.tolerance()?)?;
+            let tolerance = tolerance(assertion.tolerance()?).map_err(of_tolerance)?;
             Ok(settled(probe.over_dynamic(domain(all)?), test)?.at_limit(
                 &**argument,
                 &limit,
@@ -384,7 +418,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
             let expect = |_: &[u32], lanes: &mut Vec<f64>| lanes.extend(&expected);
             match is {
                 Some(_) => {
-                    let tolerance = tolerance(assertion.tolerance()?)?;
+                    let tolerance = tolerance(assertion.tolerance()?).map_err(of_tolerance)?;
                     Ok(check.integrates_to(directions, &expect, tolerance))
                 }
                 None => {
@@ -395,6 +429,11 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
         }
         What::NoHazards => Ok(settled(probe.over_dynamic(domain(all)?), test)?.has_no_hazards()),
     }
+}
+
+/// An error that begins with the key that it is about.
+fn of_tolerance(error: String) -> String {
+    format!("tolerance: {error}")
 }
 
 /// A check with what a test says of all of its assertions.

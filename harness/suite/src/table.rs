@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use karat::diagnostic::nearest;
+use karat::diagnostic::{nearest, shown};
 use karat::domain::Part;
 use karat::value::{Scalar, Shape};
 
@@ -29,11 +29,7 @@ pub(crate) fn read(
 ) -> Result<Table, String> {
     let name = file.display();
     let text = std::fs::read(file).map_err(|error| format!("`{name}`: {error}"))?;
-    let mut reader = csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        // A golden has its facts there.
-        .comment(Some(b'#'))
-        .from_reader(&*text);
+    let mut reader = reader(&text);
     let head = reader.headers().map_err(|error| format!("`{name}`: {error}"))?.clone();
     let argument = |(name, shape): &(String, Shape)| columns(name, shape);
     let arguments: Vec<(String, Scalar)> = parameters.iter().flat_map(argument).collect();
@@ -76,16 +72,17 @@ pub(crate) fn read(
     for record in reader.records() {
         let record = record.map_err(|error| format!("`{name}`: {error}"))?;
         let line = record.position().map_or(0, csv::Position::line);
+        let at = |message: String| format!("{message}\n   --> {}:{line}:1", shown(file));
         let wrong = |column: usize, what: &str| {
             let cell = record.get(column).unwrap_or_default();
             let column = head.get(column).unwrap_or_default();
-            format!("`{name}` line {line}, column `{column}`: `{cell}` {what}")
+            at(format!("column `{column}`: `{cell}` {what}"))
         };
         let mut words = Vec::with_capacity(arguments.len());
         for (column, scalar) in &arguments {
             let cell = record.get(*column).unwrap_or_default();
             let word = numbers::argument(*scalar, cell);
-            words.push(word.ok_or_else(|| wrong(*column, &format!("is no {}", shown(*scalar))))?);
+            words.push(word.ok_or_else(|| wrong(*column, &format!("is no {}", type_name(*scalar))))?);
         }
         let mut lanes = Vec::with_capacity(results.len());
         for (column, scalar) in &results {
@@ -96,9 +93,7 @@ pub(crate) fn read(
         if let Some(other) = expected.insert(words.clone(), lanes.clone())
             && other != lanes
         {
-            return Err(format!(
-                "`{name}` line {line}: the same arguments had another result above"
-            ));
+            return Err(at("the same arguments had another result above".to_owned()));
         }
         rows.push(words);
     }
@@ -122,7 +117,22 @@ fn columns(name: &str, shape: &Shape) -> Vec<(String, Scalar)> {
     lanes.map(|(lane, scalar)| (format!("{name}{lane}"), scalar)).collect()
 }
 
-fn shown(scalar: Scalar) -> String {
+/// The line of a row, from 0, of a table that was [read](read).
+pub(crate) fn line(file: &Path, row: u64) -> Option<u64> {
+    let text = std::fs::read(file).ok()?;
+    let record = reader(&text).into_records().nth(usize::try_from(row).ok()?)?.ok()?;
+    record.position().map(csv::Position::line)
+}
+
+fn reader(text: &[u8]) -> csv::Reader<&[u8]> {
+    csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        // A golden has its facts there.
+        .comment(Some(b'#'))
+        .from_reader(text)
+}
+
+fn type_name(scalar: Scalar) -> String {
     Shape::Scalar(scalar).to_string()
 }
 
@@ -163,6 +173,14 @@ mod tests {
     }
 
     #[test]
+    fn a_row_has_its_line() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("t.csv");
+        std::fs::write(&file, "# facts\nx,result\n1,2\n\n3,4\n").expect("a file");
+        assert_eq!([0, 1, 2].map(|row| line(&file, row)), [Some(3), Some(5), None]);
+    }
+
+    #[test]
     fn what_a_table_lacks_is_told() {
         for (text, part) in [
             ("a,v.x,v.y,result\n", "has no row"),
@@ -171,9 +189,10 @@ mod tests {
                 "a,v.x,v.y,resul\n1,2,3,4\n",
                 "the column `result` is missing; is it `resul`, misspelt?",
             ),
-            ("a,v.x,v.y,result\n1,2,x,4\n", "line 2, column `v.y`: `x` is no f32"),
+            ("a,v.x,v.y,result\n1,2,x,4\n", "column `v.y`: `x` is no f32"),
+            ("a,v.x,v.y,result\n1,2,x,4\n", "t.csv:2:1"),
             ("a,v.x,v.y,result\n1,2,3,nan\n", "no finite number"),
-            ("a,v.x,v.y,result\n1,2,3,4\n1,2,3,5\n", "line 3: the same arguments"),
+            ("a,v.x,v.y,result\n1,2,3,4\n1,2,3,5\n", "the same arguments had another result above"),
             ("a,v.x,v.y,result\n1,2,3\n", "CSV error"),
             ("a,v.x,v.y,result,result\n1,2,3,4,5\n", "two columns `result`"),
         ] {
