@@ -136,6 +136,8 @@ pub(super) struct Verdicts {
     pub(super) took: Duration,
     /// Whether tests run.
     pub(super) busy: bool,
+    /// Tests that this path can't judge.
+    pub(super) idle: usize,
     /// Why there is no verdict.
     pub(super) broken: Option<String>,
 }
@@ -271,10 +273,19 @@ impl Watch {
                     let Verdicts { broken, failing, count, .. } = &lane.verdicts;
                     broken.is_some() || !failing.is_empty() || *count == 0
                 };
-                let bad = self.lanes.iter().any(red);
+                let bad = self.lanes.iter().any(red) || self.is_unjudged();
                 return Ok(if bad { Ending::Bad } else { Ending::Good });
             }
         }
+    }
+
+    /// Whether there are tests that no path judges.
+    fn is_unjudged(&self) -> bool {
+        let of = |lane: &Lane| lane.source.folder().to_owned();
+        self.lanes.iter().any(|lane| {
+            let mut same = self.lanes.iter().filter(|other| of(other) == of(lane));
+            same.all(|other| other.verdicts.idle > 0)
+        })
     }
 
     fn view(&self) -> screen::View<'_> {
@@ -333,7 +344,8 @@ impl Watch {
                 }
                 return Ok(());
             }
-            Said::Done { tests, error } => {
+            Said::Done { tests, error, idle } => {
+                lane.verdicts.idle = idle;
                 lane.verdicts.busy = false;
                 lane.verdicts.took = lane.began.elapsed();
                 lane.verdicts.count = tests.len();

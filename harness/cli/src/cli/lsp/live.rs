@@ -140,7 +140,7 @@ impl Lane {
                 }
                 Told::Nothing
             }
-            Said::Done { tests, error } => {
+            Said::Done { tests, error, .. } => {
                 self.failing.retain(|name, _| tests.contains(name));
                 self.verdicts.retain(|record| tests.contains(&record.test));
                 (self.tests, self.broken, self.done) = (tests, error, true);

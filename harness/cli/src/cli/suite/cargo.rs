@@ -31,11 +31,14 @@ pub(super) fn run(root: &Path, out: &mut dyn Write) -> Outcome {
             continue;
         }
         let done = match tests.answer(&request, out) {
-            Ok(error) => Said::Done { tests: tests.names(&request.filter), error },
+            Ok(error) => {
+                let (tests, idle) = tests.judged(&request.filter);
+                Said::Done { tests, error, idle }
+            }
             Err(error) => {
                 // Who watches forgets all verdicts.
                 tests.ran.clear();
-                Said::Done { tests: BTreeSet::new(), error: Some(format!("{error:#}")) }
+                Said::Done { tests: BTreeSet::new(), error: Some(format!("{error:#}")), idle: 0 }
             }
         };
         say(&done, out)?;
@@ -89,6 +92,20 @@ impl Tests {
     fn names(&self, filter: &str) -> BTreeSet<String> {
         let all = self.programs.all().flat_map(TestProgram::shown);
         all.filter(|name| name.contains(filter)).collect()
+    }
+
+    /// [`names`](Self::names), and how many others have left no record where frames aren't drawn: of those
+    /// nobody knows whether they'd pass.
+    fn judged(&self, filter: &str) -> (BTreeSet<String>, usize) {
+        let names = self.names(filter);
+        let all = names.len();
+        if std::env::var_os("KARAT_FRAMES").is_none_or(|frames| frames != "off") {
+            return (names, 0);
+        }
+        let judged = |name: &String| !self.ran.contains(name) || self.latest.has(name);
+        let names: BTreeSet<String> = names.into_iter().filter(judged).collect();
+        let idle = all - names.len();
+        (names, idle)
     }
 
     /// Runs what a request asks for. What is wrong with the project, if it can't be built.

@@ -28,6 +28,11 @@ impl Latest {
         }
     }
 
+    /// Whether a test has recorded anything.
+    pub(super) fn has(&self, test: &str) -> bool {
+        self.0.contains_key(test)
+    }
+
     /// Takes what this process recorded since it was last asked, and empties its file.
     pub(super) fn take_own<'n>(&mut self, tests: impl Iterator<Item = &'n str>) {
         let Some(folder) = std::env::var_os("KARAT_RECORD") else { return };

@@ -32,7 +32,7 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
             Ok(suite) => answer(&suite, folder, &request, &files, &mut known, &mut latest, out)?,
             Err(error) => {
                 known.clear();
-                Said::Done { tests: BTreeSet::new(), error: Some(error.to_string()) }
+                Said::Done { tests: BTreeSet::new(), error: Some(error.to_string()), idle: 0 }
             }
         };
         say(&done, out)?;
@@ -69,8 +69,9 @@ fn answer(
 ) -> anyhow::Result<Said> {
     karat::run::host(host(suite, folder, &[]));
     let no_frames = std::env::var("KARAT_FRAMES").is_ok_and(|frames| frames == "off");
-    let wanted = |test: &&Test| test.is_about(&request.filter) && !(no_frames && test.is_frame());
-    let mut tests: Vec<&Test> = suite.tests.iter().filter(wanted).collect();
+    let wanted = suite.tests.iter().filter(|test| test.is_about(&request.filter));
+    let left_out = |test: &&Test| no_frames && test.is_frame();
+    let (idle, mut tests): (Vec<&Test>, Vec<&Test>) = wanted.partition(left_out);
     // What failed is of interest before all else.
     tests.sort_by_key(|test| !request.first.contains(&test.name));
     let all: BTreeSet<String> = tests.iter().map(|test| test.name.clone()).collect();
@@ -97,7 +98,8 @@ fn answer(
     latest.take_own(concerned.iter().map(|test| &*test.name));
     let error = suite.broken.iter().chain(&unsound).map(|broken| broken.message.as_str());
     let error = error.collect::<Vec<_>>().join("\n");
-    Ok(Said::Done { tests: all, error: Some(error).filter(|error| !error.is_empty()) })
+    let error = Some(error).filter(|error| !error.is_empty());
+    Ok(Said::Done { tests: all, error, idle: idle.len() })
 }
 
 pub(super) fn say(said: &Said, out: &mut dyn Write) -> std::io::Result<()> {

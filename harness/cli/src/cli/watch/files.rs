@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use notify::event::{AccessKind, AccessMode, ModifyKind, RenameMode};
+use notify::event::{AccessKind, AccessMode, ModifyKind, RemoveKind, RenameMode};
 use notify::{Event as Changed, EventKind, RecommendedWatcher, RecursiveMode, Watcher};
 use same_file::Handle;
 
@@ -82,10 +82,10 @@ fn follow(
     let mut look_again: Option<(Instant, BTreeSet<PathBuf>)> = None;
     let mut there = Handle::from_path(folder).ok();
     while !matches!(ended.try_recv(), Err(std::sync::mpsc::TryRecvError::Disconnected)) {
-        let (mut files, mut folders) = (BTreeSet::new(), false);
+        let mut seen = Seen::default();
         let mut take = |change: notify::Result<Changed>| {
             let is_saved = change.as_ref().is_ok_and(|change| is_whole(&change.kind));
-            folders |= add(&mut files, folder, change);
+            seen.add(folder, change);
             if is_saved { SAVED } else { QUIET }
         };
         let mut wait = match changes.recv_timeout(MISSING) {
@@ -99,13 +99,14 @@ fn follow(
         {
             wait = take(change);
         }
+        let Seen { mut files, folders } = seen;
         // What was written into a new folder before it was watched.
         if look_again.as_ref().is_some_and(|(at, _)| at.elapsed() >= MISSING)
             && let Some((_, seen)) = look_again.take()
         {
             files.extend(seen);
         }
-        if folders {
+        if !folders.is_empty() {
             look_again = Some((Instant::now(), files.clone()));
         }
         let now = Handle::from_path(folder).ok().filter(|_| folder.is_dir());
@@ -128,23 +129,54 @@ fn is_whole(kind: &EventKind) -> bool {
     *kind == closed || *kind == EventKind::Modify(ModifyKind::Name(RenameMode::To))
 }
 
-/// Adds what a change concerns; whether a folder came or went, in which more may have happened than was seen.
-fn add(files: &mut BTreeSet<PathBuf>, root: &Path, change: notify::Result<Changed>) -> bool {
-    let Ok(Changed { kind, paths, .. }) = change else { return false };
-    let mut folders = false;
-    for path in paths.into_iter().filter(|path| !is_ours(path, root)) {
-        let ending = path.extension().unwrap_or_default();
-        let known = ENDINGS.iter().any(|known| ending == *known);
-        // Of what is gone nobody knows whether it was a folder.
-        let gone = matches!(kind, EventKind::Remove(_) | EventKind::Modify(ModifyKind::Name(_)));
-        let folder = path.is_dir() || (gone && ending.is_empty() && !path.exists());
-        let created = !matches!(kind, EventKind::Modify(ModifyKind::Metadata(_)));
-        folders |= folder && created;
-        if known || (folder && created) {
-            files.insert(path);
+/// What a burst of changes concerns.
+#[derive(Default)]
+struct Seen {
+    files: BTreeSet<PathBuf>,
+    /// Folders that came or went, in which more may have happened than was seen.
+    folders: BTreeSet<PathBuf>,
+}
+
+impl Seen {
+    fn add(&mut self, root: &Path, change: notify::Result<Changed>) {
+        let Ok(Changed { kind, paths, .. }) = change else { return };
+        // Both names of what was renamed come once more, together.
+        if kind == EventKind::Modify(ModifyKind::Name(RenameMode::Both)) {
+            if let [from, to] = &*paths
+                && to.is_file()
+            {
+                self.folders.remove(from);
+                // Editors write beside a file, and give what they wrote its name.
+                if !is_known(from) {
+                    self.files.remove(from);
+                }
+            }
+            return;
+        }
+        for path in paths.into_iter().filter(|path| !is_ours(path, root)) {
+            // Of what was renamed nobody knows whether it was a folder.
+            let gone = match kind {
+                EventKind::Remove(kind) => kind != RemoveKind::File,
+                EventKind::Modify(ModifyKind::Name(_)) => true,
+                _ => false,
+            };
+            let no_ending = path.extension().is_none();
+            let folder = path.is_dir() || (gone && no_ending && !path.exists());
+            let created = !matches!(kind, EventKind::Modify(ModifyKind::Metadata(_)));
+            if folder && created {
+                self.folders.insert(path.clone());
+            }
+            if is_known(&path) || (folder && created) {
+                self.files.insert(path);
+            }
         }
     }
-    folders
+}
+
+/// Whether changes of a file concern tests.
+fn is_known(file: &Path) -> bool {
+    let ending = file.extension().unwrap_or_default();
+    ENDINGS.iter().any(|known| ending == *known)
 }
 
 /// Whether a path below the root is what tools keep, what they build, or what waits to be accepted.
@@ -180,6 +212,24 @@ mod tests {
         assert!(quiet());
         std::fs::write(&file, "fn f() {}").expect("a file");
         assert!(!quiet(), "a change is told");
+    }
+
+    /// An editor's own file, of any name, is neither a change nor a folder that went.
+    #[test]
+    fn a_save_by_rename_is_one_change() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let root = folder.path().canonicalize().expect("a folder");
+        let (told, changes) = channel();
+        let _watching = watch(&root, move |files| told.send(files).is_ok()).expect("it is watched");
+        let file = root.join("a.wgsl");
+        for text in ["fn f() {}", "fn g() {}"] {
+            std::fs::write(root.join("sedufvWVo"), text).expect("written");
+            std::fs::rename(root.join("sedufvWVo"), &file).expect("renamed");
+            let first = changes.recv_timeout(Duration::from_secs(20)).expect("it is told");
+            assert_eq!(first, [file.clone()]);
+            let again = changes.recv_timeout(3 * MISSING);
+            assert!(again.is_err(), "{again:?}");
+        }
     }
 
     #[test]

@@ -22,7 +22,9 @@ pub(super) fn pending(project: &Project, shaders: impl Iterator<Item = PathBuf>)
             // Below folders of shaders there may be several of goldens; the rest of the path is the name.
             let mut above = frame.path.ancestors().skip(1 + frame.case.matches('/').count());
             if let Some(goldens) = above.next() {
-                let names = waiting.entry(goldens.to_owned()).or_default();
+                // One folder may be named in two ways.
+                let goldens = goldens.canonicalize().unwrap_or_else(|_| goldens.to_owned());
+                let names = waiting.entry(goldens).or_default();
                 if !names.contains(&frame.case) {
                     names.push(frame.case);
                 }

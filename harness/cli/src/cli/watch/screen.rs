@@ -6,7 +6,7 @@ use std::path::Path;
 use crossterm::{cursor, execute, terminal};
 use karat::output::visible;
 
-use super::super::table::{BAD, DIM, GOOD, HEAD};
+use super::super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::{Lane, Verdicts};
 
 /// What there is to see.
@@ -118,6 +118,7 @@ impl Screen {
         }
         let keys = match &view.prompt {
             Some(prompt) => prompt.clone(),
+            None if columns < 50 => "r all  f filter  a accept  o open  q quit".to_owned(),
             None => "r run all   f filter   a accept   o report   q quit".to_owned(),
         };
         lines.truncate(rows.saturating_sub(1));
@@ -176,18 +177,23 @@ fn wrapped(text: &str, columns: usize) -> Vec<String> {
 }
 
 fn words(lane: &Lane) -> (karat::output::Style, String) {
-    let Verdicts { failing, count, ran, took, busy, broken } = &lane.verdicts;
+    let Verdicts { failing, count, ran, took, busy, idle, broken } = &lane.verdicts;
     let took = format!("{:.1} ms", took.as_secs_f64() * 1e3);
+    let (took, good) = match idle {
+        0 => (took, GOOD),
+        1 => (format!("{took}; 1 isn't judged here: a frame needs a driver"), KNOWN),
+        more => (format!("{took}; {more} aren't judged here: frames need a driver"), KNOWN),
+    };
     let path = &lane.name;
     let pass = if *count == 1 { "1 test passes".to_owned() } else { format!("{count} tests pass") };
     match (busy, broken, failing.len()) {
         (true, ..) => (DIM, format!("{path}: running, {ran} done")),
         (_, Some(_), _) => (BAD, format!("{path}: no verdict  {took}")),
-        (.., 0) if *count == 0 => (BAD, format!("{path}: there are no tests")),
+        (.., 0) if *count == 0 && *idle == 0 => (BAD, format!("{path}: there are no tests")),
         (.., 0) if *ran == 0 => {
-            (GOOD, format!("{path}: {pass}; nothing changed in meaning  {took}"))
+            (good, format!("{path}: {pass}; nothing changed in meaning  {took}"))
         }
-        (.., 0) => (GOOD, format!("{path}: {pass}; {ran} ran  {took}")),
+        (.., 0) => (good, format!("{path}: {pass}; {ran} ran  {took}")),
         (.., failed) => (BAD, format!("{path}: {failed} of {count} tests fail; {ran} ran  {took}")),
     }
 }

@@ -38,8 +38,14 @@ pub(in crate::cli) struct Request {
 pub(in crate::cli) enum Said {
     /// A test ran; `message` if it failed.
     Test { name: String, message: Option<String> },
-    /// All tests have a verdict: these are there. `error` if they can't be found.
-    Done { tests: BTreeSet<String>, error: Option<String> },
+    /// All tests have a verdict: these are there. `error` if they can't be found. `idle` ones have nothing
+    /// that this path judges.
+    Done {
+        tests: BTreeSet<String>,
+        error: Option<String>,
+        #[serde(default)]
+        idle: usize,
+    },
     /// The records were written, or weren't.
     Reported { error: Option<String> },
     /// The process ended.
@@ -70,11 +76,7 @@ impl Worker {
         // Each process has one path: one that is required would run in all of them.
         command.env_remove("KARAT_REQUIRE");
         // Frames need a driver.
-        let functions = match source {
-            Source::Cargo(_) => path == "cpu",
-            Source::Functions(_) => true,
-            Source::Shaders(_) => false,
-        };
+        let functions = path == "cpu" || matches!(source, Source::Functions(_));
         command.envs(functions.then_some(("KARAT_FRAMES", "off")));
         command.args(matches!(source, Source::Cargo(_)).then_some("--cargo"));
         if std::env::var_os("KARAT_DEADLINE").is_none() {
