@@ -80,6 +80,30 @@ impl Running {
         Ok(Self { records: records.to_owned(), folder, held, ended: false })
     }
 
+    /// Whether a run of a folder of records was killed, and none has begun since.
+    ///
+    /// ```
+    /// # let folder = tempfile::tempdir()?;
+    /// # let records = folder.path();
+    /// use karat::record::Running;
+    ///
+    /// let running = Running::begin(records)?;
+    /// assert!(!Running::was_killed(records), "it lives");
+    /// drop(running);
+    /// assert!(!Running::was_killed(records), "it gave up by itself");
+    /// # Ok::<(), std::io::Error>(())
+    /// ```
+    #[must_use]
+    pub fn was_killed(records: &Path) -> bool {
+        let last = last(records);
+        let entries = std::fs::read_dir(records).into_iter().flatten().flatten();
+        let mut runs = entries
+            .filter(|entry| entry.file_name().to_string_lossy().starts_with(RUN))
+            .map(|entry| entry.path());
+        // One that has ended holds nothing.
+        runs.any(|run| last.as_ref() != Some(&run) && run.join(RUNNING).exists() && is_dead(&run))
+    }
+
     /// The folder that its processes write records into (`KARAT_RECORD`).
     ///
     /// ```

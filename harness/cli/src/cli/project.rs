@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use anyhow::Context;
 use karat::Package;
@@ -25,6 +26,29 @@ struct Settings {
     gallery: Option<String>,
 }
 
+/// How far below the working directory a folder without Cargo is looked for that was tested.
+const DEPTH: usize = 3;
+
+/// Folders without Cargo that were tested, and when.
+fn tested_below(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBuf)>) {
+    let record = folder.join(".karat").join("run").join("record");
+    if let Ok(ran) = record.metadata().and_then(|record| record.modified()) {
+        found.push((ran, folder.to_owned()));
+    }
+    if depth == 0 {
+        return;
+    }
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        // What tools keep, and what they build.
+        let is_kept = name.to_string_lossy().starts_with('.') || name == "target" || name == "node_modules";
+        // Links aren't followed: they may lead in a circle.
+        if !is_kept && entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+            tested_below(&entry.path(), depth - 1, found);
+        }
+    }
+}
+
 /// The project around the working directory.
 #[derive(Debug)]
 pub(super) struct Project {
@@ -42,16 +66,19 @@ impl Project {
         Self::opened_at(&here)
     }
 
-    /// The project around a folder. Without Cargo it is the folder `shaders` in there, as for `karat test`
-    /// and `karat init`, unless the folder itself was tested later.
+    /// The project around a folder. Without Cargo it is the folder that was tested last, of this one and those
+    /// below it; where none was, it is the folder `shaders`, as for `karat test` and `karat init`.
     pub(super) fn opened_at(folder: &Path) -> anyhow::Result<Self> {
-        let (own, shaders) = (Self::around(folder)?, folder.join("shaders"));
-        if own.cargo || !shaders.is_dir() {
+        let own = Self::around(folder)?;
+        if own.cargo {
             return Ok(own);
         }
-        let below = Self { root: shaders, settings: Settings::default(), cargo: false };
-        let ran = |project: &Self| Some(project.record().metadata().ok()?.modified().ok());
-        Ok(if ran(&own) > ran(&below) { own } else { below })
+        let plain = |root| Self { root, settings: Settings::default(), cargo: false };
+        let mut tested = Vec::new();
+        tested_below(folder, DEPTH, &mut tested);
+        let shaders = folder.join("shaders");
+        let last = tested.into_iter().max_by_key(|(ran, _)| *ran).map(|(_, root)| plain(root));
+        Ok(last.unwrap_or_else(|| if shaders.is_dir() { plain(shaders) } else { own }))
     }
 
     /// The project around a folder.

@@ -19,7 +19,7 @@ use karat::Package;
 use karat::image::write_whole;
 use karat::output::{counted, visible};
 use karat::package::FunctionItem;
-use karat::record::{PathRecord, Record, Recorded, Run, SCHEMA, Subject};
+use karat::record::{PathRecord, Record, Recorded, Run, Running, SCHEMA, Subject};
 use karat_suite::{Suite, Test};
 
 use crate::review::{Failure, FrameRun, LastRun};
@@ -28,6 +28,7 @@ use self::html::Beside;
 pub(super) use self::tables::is_failure;
 use super::list::callable;
 use super::project::Project;
+use super::table::BAD;
 use super::{Ending, NotThere, Outcome, spare};
 
 /// What is written besides the tables.
@@ -95,6 +96,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let Recorded { folder, records, run } = match args.merge.as_slice() {
         [] => recorded(&folder)?,
         folders => {
+            let places = folders.iter().map(|folder| folder.canonicalize().ok());
+            let places: Vec<_> = places.collect();
+            for (at, folder) in folders.iter().enumerate() {
+                let twice = places[at].is_some() && places[..at].contains(&places[at]);
+                anyhow::ensure!(!twice, "`{}` is given twice: each part is merged once", folder.display());
+            }
             let parts: Vec<Recorded> =
                 folders.iter().map(|folder| recorded(folder)).collect::<anyhow::Result<_>>()?;
             for part in &parts {
@@ -115,6 +122,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if args.output.short {
         short::write(&records, &[], tests, project.root(), out)?;
     }
+    let of_project = args.merge.is_empty() && args.record.is_none();
+    let killed = of_project && Running::was_killed(&project.record());
+    if killed {
+        let why = "a later run was stopped before its end: this is the one before it";
+        writeln!(out, "{BAD}{why}{BAD:#}")?;
+    }
     if run.is_none() {
         writeln!(
             out,
@@ -122,7 +135,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         )?;
     }
     args.output.write(&records, run.as_ref(), &project, out)?;
-    Ok(if passed && failed == 0 { Ending::Good } else { Ending::Bad })
+    Ok(if passed && failed == 0 && !killed { Ending::Good } else { Ending::Bad })
 }
 
 /// Writes the page of records that were made path by path: their paths stand side by side.
@@ -396,14 +409,21 @@ fn place(record: &Record, root: &Path, workspace: &Path) -> Option<Place> {
 const WORKSPACES: [&str; 3] = ["GITHUB_WORKSPACE", "CI_PROJECT_DIR", "WORKSPACE"];
 
 /// The folder that files are relative to in what CI reads: the repository's, where CI says which it is and
-/// the project is in it; otherwise the project's.
+/// the project is in it, or git does; otherwise the project's, or the working directory around a folder of
+/// shaders.
 fn workspace(root: &Path) -> PathBuf {
     let whole = |folder: &Path| folder.canonicalize().ok();
     let named = WORKSPACES.iter().filter_map(std::env::var_os).filter(|folder| !folder.is_empty());
     let holds = |folder: &PathBuf| {
         whole(root).zip(whole(folder)).is_some_and(|(root, folder)| root.starts_with(folder))
     };
-    named.map(PathBuf::from).find(holds).unwrap_or_else(|| root.to_owned())
+    let of_git = || {
+        let root = whole(root)?;
+        root.ancestors().find(|folder| folder.join(".git").exists()).map(Path::to_owned)
+    };
+    let here = || std::env::current_dir().ok().filter(holds);
+    let found = named.map(PathBuf::from).find(holds).or_else(of_git).or_else(here);
+    found.unwrap_or_else(|| root.to_owned())
 }
 
 /// `file:line:column`, whose file may be relative to any folder above the package: tests run in

@@ -3,9 +3,10 @@
 mod progress;
 mod subjects;
 
+use std::collections::HashSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, ExitStatus};
 
 use anyhow::Context;
 use karat::Package;
@@ -20,7 +21,7 @@ use self::progress::Progress;
 use self::subjects::Subjects;
 use super::project::Project;
 use super::report::{OutputArgs, Tests, colour, is_failure, short, tables, untested};
-use super::table::{DIM, HEAD, KNOWN};
+use super::table::{BAD, DIM, HEAD, KNOWN};
 use super::{Ending, NotThere, Outcome, PackageArgs, check, child, suite};
 
 #[derive(clap::Args)]
@@ -120,6 +121,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let records = record::read(running.folder())?;
     subjects.add(&records, asked.is_whole().then(|| progress.done()), progress.failed());
     subjects.write(&project.record()).context("can't keep which tests check which functions")?;
+    if !passed && suites_passed && progress.done() == 0 {
+        anyhow::bail!("no test ran: they weren't built, or ended before the first, see above");
+    }
     // What can't run records nothing, and has been told.
     if suites_passed || !records.is_empty() {
         tables::expect_some(&records, asked.filter)?;
@@ -148,6 +152,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     tables::write_sum(&records, failed, tests, &folder, told)?;
     if args.leaves_frames_out() {
         writeln!(told, "{KNOWN}frames were left out{KNOWN:#}")?;
+    }
+    if asked.is_whole() {
+        write_silent(&records, progress.passed(), told)?;
     }
     if args.output.short {
         short::write(&records, &invalid, tests, project.root(), out)?;
@@ -258,9 +265,10 @@ impl<'a> Asked<'a> {
 
     /// Whether a test is among those that are asked for.
     fn wants(&self, test: &Test) -> bool {
-        match &self.names {
-            Some(names) => names.contains(&test.name),
-            None => self.filter.is_none_or(|filter| test.is_about(filter)),
+        match (&self.names, self.filter) {
+            (Some(names), _) => names.contains(&test.name),
+            (None, Some(name)) if self.args.exact => test.name == name,
+            (None, filter) => filter.is_none_or(|filter| test.is_about(filter)),
         }
     }
 
@@ -306,8 +314,6 @@ impl<'a> Asked<'a> {
 
     /// Says which tests aren't there because a condition doesn't hold.
     fn write_left_out(&self, packages: &[Package], out: &mut dyn Write) -> anyhow::Result<()> {
-        /// More names are a list that nobody reads here.
-        const MOST: usize = 5;
         let of = |package: &Package| package.tests_left_out(&package.modules().unwrap_or_default());
         let is_wanted = |test: &LeftOut| self.filter.is_none_or(|filter| test.name.contains(filter));
         let tests: Vec<LeftOut> = packages.iter().flat_map(of).filter(is_wanted).collect();
@@ -315,10 +321,8 @@ impl<'a> Asked<'a> {
             return Ok(());
         }
         let name = |test: &LeftOut| format!("{} {}", test.name, test.condition);
-        let mut names = tests.iter().take(MOST).map(name).collect::<Vec<_>>().join(", ");
-        if tests.len() > MOST {
-            names += &format!(" and {} more", tests.len() - MOST);
-        }
+        let names: Vec<String> = tests.iter().map(name).collect();
+        let names = some(&names.iter().map(String::as_str).collect::<Vec<_>>());
         let tests = counted(tests.len(), "test");
         writeln!(
             out,
@@ -421,17 +425,33 @@ impl<'a> Asked<'a> {
         out: &mut dyn Write,
     ) -> anyhow::Result<bool> {
         let program = std::env::current_exe().context("this program isn't where it was")?;
+        let suite = Suite::of(self.args.package.featured(Package::open(folder)?))?;
+        let no_frames = self.args.leaves_frames_out();
+        let asked: Vec<&Test> = suite
+            .tests
+            .iter()
+            .filter(|test| self.wants(test) && !(no_frames && test.is_frame()))
+            .collect();
         let mut run = |filter: Option<&str>, exact: bool| {
             let mut command = Command::new(&program);
             command.arg("suite").arg(folder).args(filter).args(exact.then_some("--exact"));
-            command.args(self.args.leaves_frames_out().then_some("--functions"));
+            command.args(no_frames.then_some("--functions"));
             for feature in suite::written(&self.args.package.features) {
                 command.args(["--feature", &feature]);
             }
-            self.run_tests(command, record, progress, out)
+            let status = self.run_tests(command, record, progress, out)?;
+            // A driver, the system or the deadline ended it.
+            if !matches!(status.code(), Some(0..=2)) {
+                let is_of_run = |test: &&&Test| !exact || filter == Some(&*test.name);
+                let names = asked.iter().filter(is_of_run).map(|test| test.name.clone());
+                let untold = progress.end_without(names);
+                let names: Vec<&str> = untold.iter().map(String::as_str).collect();
+                let before = if names.is_empty() { String::new() } else { format!(" before a verdict of {}", some(&names)) };
+                writeln!(out, "{BAD}error{BAD:#}: the process of the tests ended ({status}){before}")?;
+            }
+            Ok(status.success())
         };
         let Some(names) = &self.names else { return run(self.filter, self.args.exact) };
-        let suite = Suite::of(self.args.package.featured(Package::open(folder)?))?;
         let has = |name: &&String| suite.tests.iter().any(|test| test.name == **name);
         let mut passed = true;
         for name in names.iter().filter(has) {
@@ -493,17 +513,17 @@ impl<'a> Asked<'a> {
             }
             None => {}
         }
-        self.run_tests(command, record, progress, out)
+        Ok(self.run_tests(command, record, progress, out)?.success())
     }
 
-    /// Runs a program of tests; whether it succeeded. On a terminal a bar stands for tests that pass.
+    /// Runs a program of tests. On a terminal a bar stands for tests that pass.
     fn run_tests(
         &self,
         mut command: Command,
         record: &Path,
         progress: &mut Progress,
         out: &mut dyn Write,
-    ) -> anyhow::Result<bool> {
+    ) -> anyhow::Result<ExitStatus> {
         let args = self.args;
         command.env("KARAT_RECORD", record);
         command.envs(args.functions.then_some(("KARAT_FRAMES", "off")));
@@ -537,7 +557,30 @@ impl<'a> Asked<'a> {
             false => child::run(&mut command, &mut line)?,
         };
         progress.pause();
-        Ok(status.success())
+        Ok(status)
+    }
+}
+
+/// Says which tests passed and have compared nothing: their authors may have forgotten to.
+fn write_silent(records: &[Record], passed: &[String], out: &mut dyn Write) -> std::io::Result<()> {
+    let recorded: HashSet<&str> = records.iter().map(|record| &*record.test).collect();
+    let silent = passed.iter().map(String::as_str).filter(|name| !recorded.contains(name));
+    let silent: Vec<&str> = silent.collect();
+    if silent.is_empty() {
+        return Ok(());
+    }
+    let tests = counted(silent.len(), "test");
+    writeln!(out, "{DIM}{tests} passed without a check: {}{DIM:#}", some(&silent))
+}
+
+/// The first names of a list, and how many more there are.
+fn some(names: &[&str]) -> String {
+    /// More names are a list that nobody reads here.
+    const MOST: usize = 5;
+    let first = names[..names.len().min(MOST)].join(", ");
+    match names.len().saturating_sub(MOST) {
+        0 => first,
+        more => format!("{first} and {more} more"),
     }
 }
 

@@ -10,6 +10,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 pub(super) struct Progress {
     line: Line,
     done: u64,
+    passed: Vec<String>,
     failed: Vec<String>,
 }
 
@@ -55,14 +56,17 @@ impl Progress {
                 ProgressBar::new_spinner().with_style(style("{spinner} {pos} tests  {wide_msg}"))
             }
         };
-        Self { line: Line::of(bar), done: 0, failed: Vec::new() }
+        Self { line: Line::of(bar), done: 0, passed: Vec::new(), failed: Vec::new() }
     }
 
     /// A test has its verdict.
     pub(super) fn step(&mut self, name: &str, verdict: &str) {
         self.done += 1;
-        if verdict == "FAILED" {
-            self.failed.push(name.strip_suffix(" - should panic").unwrap_or(name).to_owned());
+        let own = name.strip_suffix(" - should panic").unwrap_or(name).to_owned();
+        match verdict {
+            "FAILED" => self.failed.push(own),
+            "ok" => self.passed.push(own),
+            _ => {}
         }
         let mut drawn = self.line.alone();
         let bar = &self.line.bar;
@@ -85,6 +89,19 @@ impl Progress {
         let mut drawn = self.line.alone();
         self.line.bar.finish_and_clear();
         *drawn = false;
+    }
+
+    /// Tests that passed.
+    pub(super) fn passed(&self) -> &[String] {
+        &self.passed
+    }
+
+    /// Tests whose program ended before they had a verdict: those of some that have none.
+    pub(super) fn end_without(&mut self, tests: impl Iterator<Item = String>) -> Vec<String> {
+        let untold = |name: &String| !self.passed.contains(name) && !self.failed.contains(name);
+        let untold: Vec<String> = tests.filter(untold).collect();
+        self.failed.extend(untold.iter().cloned());
+        untold
     }
 
     /// Tests that failed.
@@ -110,7 +127,7 @@ mod tests {
     fn the_share_that_is_done_never_shrinks() {
         let line = Line::of(ProgressBar::hidden());
         line.bar.set_length(3);
-        let mut progress = Progress { line, done: 0, failed: Vec::new() };
+        let mut progress = Progress { line, done: 0, passed: Vec::new(), failed: Vec::new() };
         let mut last = 0.0;
         for test in 0..5 {
             progress.step(&test.to_string(), if test == 2 { "FAILED" } else { "ok" });
