@@ -239,6 +239,7 @@ pub fn nearest<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str>) -> O
     let last = |name: &str| name.rsplit("::").next().unwrap_or_default().to_owned();
     known
         .into_iter()
+        .filter(|name| !name.is_empty())
         .map(|name| {
             let whole = strsim::damerau_levenshtein(unknown, name);
             let tail = strsim::damerau_levenshtein(&last(unknown), &last(name));

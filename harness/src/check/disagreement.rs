@@ -275,10 +275,20 @@ impl CaseFailure {
                     "the driver is less exact here than it was measured to be: its result is \
                      {error} outside"
                 ),
-                Unit::Conditioning => format!(
-                    "ill-conditioned here: results as far from the reference as {error} are allowed \
-                     ({bound} is needed)"
-                ),
+                Unit::Conditioning => {
+                    let expected = expected.and_then(|expected| expected.get(lane));
+                    // Some operations away from where subnormals begin.
+                    let flushed = expected.is_some_and(|value| value.abs() < 1e-36);
+                    let advice = if flushed {
+                        "; so near to 0 a driver may flush to 0: allow that with `Spec.or(Abs(1e-37))`"
+                    } else {
+                        ""
+                    };
+                    format!(
+                        "ill-conditioned here: WGSL allows results as far from the reference as rel {error} \
+                         ({bound} is needed){advice}"
+                    )
+                }
                 Unit::Unbounded => "unbounded here: any result is allowed".to_owned(),
                 unit => {
                     let actual = actual.get(lane).map(|word| scalar.decode(*word));

@@ -7,6 +7,7 @@ use super::request::{Draw, Geometry};
 use super::{Blend, DrawError, Format};
 use crate::diagnostic::{FileRead, text_hash};
 use crate::fixture::{self, FixtureError, Fixtures};
+use crate::output::counted;
 use crate::package::{LinkedModule, Package};
 use crate::reflect::{Binding, Overrides, Program, Stage};
 use crate::value::Shape;
@@ -161,7 +162,8 @@ impl Scene<'_> {
                 return unsound("it draws depth alone: add `.depth()`".to_owned());
             }
             Source::Target(target) if target >= targets => {
-                return unsound(format!("it has {targets} targets, and none is {target}"));
+                let has = counted(targets, "target");
+                return unsound(format!("it has {has}, from 0 on, and none is {target}"));
             }
             Source::Depth if self.samples > 1 => {
                 return unsound("depths of several samples aren't one image".to_owned());

@@ -84,7 +84,7 @@ struct Written {
     #[serde(default)]
     matrix: Vec<KnownRows>,
     #[serde(default)]
-    inputs: BTreeMap<String, [f64; 2]>,
+    inputs: BTreeMap<String, Vec<f64>>,
     #[serde(default, rename = "hazard")]
     hazards: Vec<AcceptedHazard>,
 }
@@ -146,8 +146,12 @@ impl Manifest {
                 return Err(error(reason.to_owned()));
             }
         }
-        let inputs = inputs.into_iter().map(|(name, [least, most])| (name, (least, most)));
-        let hazards = Hazards { inputs: inputs.collect(), accepted: hazards };
+        let range = |(name, range): (String, Vec<f64>)| match *range {
+            [least, most] => Ok((name, (least, most))),
+            _ => Err(error(format!("the input `{name}` has a range of two numbers, and this one has {}", range.len()))),
+        };
+        let inputs = inputs.into_iter().map(range).collect::<Result<_, _>>()?;
+        let hazards = Hazards { inputs, accepted: hazards };
         // A file alone is a package whose rows have no module.
         let own = match &package.origin {
             Origin::File { path, .. } => path.file_stem().map(|stem| stem.to_string_lossy()),

@@ -287,7 +287,12 @@ pub(super) fn partners(
                     Some(first) if tokens[first].is(wanted) => {
                         (partners[first], partners[index]) = (index, first);
                     }
-                    _ => {
+                    // Nearly always the inner one was forgotten.
+                    Some(first) => {
+                        let message = format!("this isn't closed: a `{}` comes first", char::from(symbol));
+                        return Err(syntax_error(file, tokens[first].range(), &message));
+                    }
+                    None => {
                         let message = format!("this `{}` closes nothing", char::from(symbol));
                         return Err(syntax_error(file, token.range(), &message));
                     }

@@ -8,6 +8,7 @@ use super::kernel::{Kernel, UNIFORM_WORDS, WORKGROUP};
 use super::poison::{self, Poison};
 use super::quads::Target;
 use super::{Inputs, ProbeError, Probed, Resource, borders, upload};
+use crate::diagnostic::Span;
 use crate::fixture::{self, Fixtures};
 use crate::path::{Device, Turn, guard};
 use crate::reflect::BindingKind;
@@ -37,6 +38,8 @@ pub(super) struct Dispatcher<'d> {
     /// What the words of a result are called: `""` of a scalar, `.x`.
     lane_names: Vec<String>,
     function: String,
+    /// Where it stands.
+    place: Span,
     /// The turn in which the fields above are released.
     last: Turn<'d>,
 }
@@ -143,6 +146,7 @@ impl<'d> Dispatcher<'d> {
             stride_out,
             lane_names: function.result.lane_names(),
             function: function.name.clone(),
+            place: function.span.clone(),
             last: None,
         })
     }
@@ -200,9 +204,12 @@ impl<'d> Dispatcher<'d> {
         assert!(cases <= self.capacity, "a batch is no larger than the runner's capacity");
         assert_eq!(arguments.len(), cases * self.words_in, "each case has all its arguments");
         let (path, function) = (self.device.path(), self.function.clone());
+        let place = self.place.clone();
         let _turn = self.device.turn();
         let deadline = guard(move || {
-            format!("the probe of `{function}` on path {path} ({cases} cases in one dispatch)")
+            format!(
+                "the probe of `{function}` ({place}) on path {path} ({cases} cases in one dispatch)"
+            )
         });
         let constants = match &self.bound {
             Some(_) => None,

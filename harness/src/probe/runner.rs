@@ -68,9 +68,10 @@ impl<'d> Runner<'d> {
             return Err(ProbeError::F16 { function, path });
         }
         let path = device.path();
-        let name = function.name.clone();
+        let (name, place) = (function.name.clone(), function.span.clone());
         let _turn = device.turn();
-        let _deadline = guard(move || format!("compiling the probe of `{name}` on path {path}"));
+        let what = move || format!("compiling the probe of `{name}` ({place}) on path {path}");
+        let _deadline = guard(what);
         let rounds = (kernel.apart && device.leaves_loops())
             .then(|| Rounds::new(device, probed, fixtures, cases))
             .transpose()?;

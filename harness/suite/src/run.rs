@@ -199,6 +199,7 @@ fn declared_words(message: &str) -> String {
         ("`Format::Rgba32Uint`", "`formats = [\"rgba32uint\"]`"),
         ("`Format::Float`", "`formats = [\"float\"]`"),
         ("`.depth()`", "`depth = true`"),
+        ("`Spec.or(Abs(1e-37))`", "`tolerance = \"spec or abs 1e-37\"`"),
         ("`.fullscreen(\"vertex\", \"fragment\")`", "`vertex = \"..\"`"),
     ] {
         message = message.replace(rust, declared);

@@ -61,7 +61,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
          value",
         folder.display()
     );
-    let written = first_test(&package, &folder, &items, out);
+    // Who has tests in Rust and asks for a workflow wants that alone.
+    let wanted = !(args.github || args.gitlab) || !tested(&folder)?.any();
+    let written =
+        if wanted { first_test(&package, &folder, &items, out) } else { Ok(None) };
     ignore(out)?;
     optimise(&folder, out)?;
     if args.github {
@@ -220,12 +223,18 @@ struct Tested {
 }
 
 impl Tested {
+    /// Whether there is a test of Karat's.
+    fn any(&self) -> bool {
+        !self.ran.is_empty() || self.texts.iter().any(|text| text.contains("karat"))
+    }
+
     fn is(&self, function: &str) -> bool {
         let named = format!("\"{function}\"");
         self.ran.contains(function) || self.texts.iter().any(|text| text.contains(&named))
     }
 }
 
+/// What Rust tests of the project check.
 fn tested(folder: &Path) -> anyhow::Result<Tested> {
     let folder = folder.canonicalize()?;
     let project = Project::around(&folder)?;

@@ -10,6 +10,7 @@ use karat::record::{self, Run, Running, SCHEMA};
 
 use super::project::Project;
 use super::report::{OutputArgs, Tests, short, tables};
+use super::test::unwritable;
 use super::{Ending, Outcome, child};
 
 #[derive(clap::Args)]
@@ -35,7 +36,7 @@ enum Place {
 impl Place {
     fn of(into: Option<&Path>, project: &Project) -> anyhow::Result<Self> {
         let Some(folder) = into else {
-            let running = Running::begin(&project.record()).context("can't keep a record")?;
+            let running = Running::begin(&project.record()).with_context(|| unwritable(&project))?;
             return Ok(Self::Project(running));
         };
         let name = || format!("`{}`", folder.display());

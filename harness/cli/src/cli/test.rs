@@ -86,7 +86,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut subjects = Subjects::read(&project.record());
     asked.write_unknown(&project, &subjects, told)?;
     // The record of the last run stays until there is another one.
-    let running = Running::begin(&project.record()).context("can't keep a record")?;
+    let running = Running::begin(&project.record()).with_context(|| unwritable(&project))?;
     let (mut passed, mut ran) = (true, false);
     let mut progress = Progress::of(subjects.count().filter(|_| asked.is_whole()));
     if asked.folder.is_none() && project.is_cargo() {
@@ -186,6 +186,14 @@ impl<'a> Asked<'a> {
                 let more = filter
                     .map_or("", |_| ": of two words the first is a folder, the second a filter");
                 anyhow::bail!("there is no folder or file `{what}`{more}")
+            }
+            (_, Some(file)) if file.extension().is_some_and(|ending| ending == "toml") => {
+                let of = file.to_string_lossy();
+                let of = of.strip_suffix(".test.toml").unwrap_or(&of);
+                anyhow::bail!(
+                    "`{}` declares tests and has no shader: name the module that it is of, such as `{of}.wgsl`",
+                    file.display()
+                )
             }
             (_, Some(folder)) => Ok(Self {
                 args,
@@ -558,6 +566,15 @@ impl<'a> Asked<'a> {
         };
         progress.pause();
         Ok(status)
+    }
+}
+
+/// That a run has no place for what it leaves.
+pub(super) fn unwritable(project: &Project) -> String {
+    let place = project.record();
+    match project.is_cargo() {
+        true => format!("can't keep a record in `{}`; CARGO_TARGET_DIR names another folder", place.display()),
+        false => format!("can't keep a record in `{}`: copy a folder that is read-only, and test that", place.display()),
     }
 }
 
