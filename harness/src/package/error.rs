@@ -64,7 +64,8 @@ pub enum PackageError {
     },
     /// An import names a package that isn't a dependency.
     #[error(
-        "package `{package}` has no dependency `{name}`{}; declare it with `depends_on`",
+        "package `{package}` has no dependency `{name}`{}; declare it with `depends_on`, or under \
+         `[dependencies]` in the package's `karat.toml`",
         did_you_mean(nearest)
     )]
     UnknownPackage {

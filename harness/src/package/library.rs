@@ -68,6 +68,7 @@ impl Library {
     pub(super) fn open(package: &Package) -> Result<Self, PackageError> {
         package.expect_distinct()?;
         let package = package.found()?.into_owned();
+        let package = Manifest::of(&package)?.depended(package)?;
         let overlay = Overlay::of(&package)?;
         let packages = RefCell::new(vec![(Rc::new(package), String::new())]);
         let library = Self {
@@ -278,6 +279,7 @@ impl Library {
                 nearest: nearest(name, own.chain(crates)).map(str::to_owned),
             });
         };
+        let found = Manifest::of(&found)?.depended(found)?;
         found.expect_distinct()?;
         let route = self.route(package);
         let mut packages = self.packages.borrow_mut();

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{LazyLock, Mutex, PoisonError};
@@ -24,6 +24,8 @@ pub(super) const NAME: &str = "karat.toml";
 pub(super) struct Manifest {
     /// The file, if there is one.
     pub(super) read: Option<FileRead>,
+    /// Other packages, by the names under which modules import from them.
+    dependencies: BTreeMap<String, Dependency>,
     /// Features that are set, unless a test or the command line sets them otherwise.
     pub(super) features: Features,
     /// A program with its arguments that prints a module as WGSL. The module's file is its last
@@ -34,6 +36,21 @@ pub(super) struct Manifest {
     /// Ranges of arguments by name, and hazards that are accepted.
     hazards: Hazards,
 }
+
+/// Another package, as it is written: `{ path = "../noise" }` or `{ crate = "lygia@1.4.0" }`.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Dependency {
+    /// Its folder, from the one of the file.
+    path: Option<PathBuf>,
+    #[serde(rename = "crate")]
+    krate: Option<String>,
+    /// The folder of the crate's modules, where it isn't found.
+    root: Option<String>,
+}
+
+/// Names that mean something else in an import.
+const TAKEN: [&str; 6] = ["karat", "wgsl_test", "package", "self", "super", "constants"];
 
 /// What is declared for the search for hazards.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -79,6 +96,8 @@ impl KnownRows {
 #[serde(deny_unknown_fields)]
 struct Written {
     #[serde(default)]
+    dependencies: BTreeMap<String, Dependency>,
+    #[serde(default)]
     features: BTreeMap<String, toml::Value>,
     preprocess: Option<Vec<String>>,
     #[serde(default)]
@@ -87,6 +106,21 @@ struct Written {
     inputs: BTreeMap<String, Vec<f64>>,
     #[serde(default, rename = "hazard")]
     hazards: Vec<AcceptedHazard>,
+}
+
+/// A path from a folder, without the folders that it leaves again: packages that name each other are two.
+fn joined(folder: &Path, path: &Path) -> PathBuf {
+    let mut joined = folder.to_owned();
+    for part in path.components() {
+        let leaves = part == Component::ParentDir
+            && matches!(joined.components().next_back(), Some(Component::Normal(_)));
+        match part {
+            Component::CurDir => {}
+            _ if leaves => drop(joined.pop()),
+            part => joined.push(part),
+        }
+    }
+    if joined.as_os_str().is_empty() { PathBuf::from(".") } else { joined }
 }
 
 /// What a program may print of one module: far more than any has.
@@ -125,8 +159,21 @@ impl Manifest {
 
     fn parsed(package: &Package, file: &Path, text: &str) -> Result<Self, PackageError> {
         let error = |reason: String| PackageError::Manifest { file: shown(file), reason };
-        let Written { features, preprocess, matrix, inputs, hazards } = toml::from_str(text)
-            .map_err(|reason| error(reason.to_string().trim_end().to_owned()))?;
+        let Written { dependencies, features, preprocess, matrix, inputs, hazards } =
+            toml::from_str(text)
+                .map_err(|reason| error(reason.to_string().trim_end().to_owned()))?;
+        for (name, dependency) in &dependencies {
+            if TAKEN.contains(&&**name) {
+                return Err(error(format!("no dependency can be called `{name}`")));
+            }
+            let has_root = dependency.path.is_some() && dependency.root.is_some();
+            if dependency.path.is_some() == dependency.krate.is_some() || has_root {
+                return Err(error(format!(
+                    "the dependency `{name}` is {{ path = \"..\" }}, or {{ crate = \"name@version\" }} with or \
+                     without `root`"
+                )));
+            }
+        }
         let feature = |(name, value): (String, toml::Value)| match value {
             toml::Value::Boolean(on) => Ok((name, Feature::Flag(on))),
             toml::Value::Integer(value) => Ok((name, Feature::Number(value))),
@@ -169,6 +216,7 @@ impl Manifest {
                 let read = Some(FileRead::of(file, text.as_bytes()));
                 Ok(Self {
                     read,
+                    dependencies,
                     features,
                     preprocess: command.unwrap_or_default(),
                     matrix,
@@ -188,6 +236,30 @@ impl Manifest {
     #[cfg(feature = "engine")]
     pub(super) fn hazards(self) -> Hazards {
         self.hazards
+    }
+
+    /// A package with what is declared that it depends on.
+    pub(super) fn depended(self, mut package: Package) -> Result<Package, PackageError> {
+        let Some(read) = &self.read else { return Ok(package) };
+        let folder = read.file.parent().unwrap_or(Path::new(""));
+        for (name, Dependency { path, krate, root }) in self.dependencies {
+            if package.dependencies.iter().any(|(known, _)| *known == name) {
+                continue;
+            }
+            let found = match (path, krate) {
+                (Some(path), _) => Package::open(joined(folder, &path)).map_err(|reason| {
+                    let reason = format!("dependency `{name}`: {reason}");
+                    PackageError::Manifest { file: shown(&read.file), reason }
+                })?,
+                (None, krate) => Package::of_origin(Origin::Crate {
+                    base: folder.to_string_lossy().into_owned().into(),
+                    name: krate.unwrap_or_default().into(),
+                    root: root.map(Into::into),
+                }),
+            };
+            package.dependencies.push((name, found));
+        }
+        Ok(package)
     }
 
     /// Whether modules are what a program prints.

@@ -152,5 +152,7 @@ fn worst<'p>(paths: impl Iterator<Item = &'p PathRecord>) -> Option<String> {
     let (error, unit) = worst.worst.rsplit_once(' ').unwrap_or((&*worst.worst, ""));
     // `0.42 of 4 ulp`: a unit is told once.
     let error = if worst.asserted.ends_with(unit) { error } else { &*worst.worst };
-    Some(format!(", worst {error} of {} on {}", worst.asserted, worst.adapter.path))
+    // Of a statement with a tolerance, `increasing in x, 4 ulp`, that is what the error is of.
+    let allowed = worst.asserted.rsplit(", ").next().unwrap_or_default();
+    Some(format!(", worst {error} of {allowed} on {}", worst.adapter.path))
 }

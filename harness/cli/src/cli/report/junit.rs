@@ -40,7 +40,7 @@ pub(super) fn text(records: &[Record], passed: bool, project: &Project) -> anyho
         let mut status = TestCaseStatus::non_success(NonSuccessKind::Error);
         status.set_message("a test failed outside of Karat's checks, or the run didn't end");
         let mut rest = TestSuite::new("tests");
-        rest.add_test_case(TestCase::new("cargo test", status));
+        rest.add_test_case(TestCase::new("karat test", status));
         report.add_test_suite(rest);
     }
     report.to_string().context("the report isn't XML")
