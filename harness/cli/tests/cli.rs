@@ -49,6 +49,8 @@ mod terminal;
 mod translations;
 #[path = "cli/unreferenced.rs"]
 mod unreferenced;
+#[path = "cli/untold.rs"]
+mod untold;
 #[path = "cli/watch.rs"]
 mod watch;
 #[path = "cli/watch_screen.rs"]

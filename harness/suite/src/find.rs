@@ -87,7 +87,8 @@ fn stem_of(name: &str) -> Option<&str> {
     let means_test = rest.as_bytes()[stem.len()] == b'.' && nearest(word, ["test"]).is_some();
     let meant = match ending {
         "toml" => is_test || means_test,
-        other => is_test && nearest(other, ["toml"]).is_some(),
+        // An editor's copy is none: `brdf.test.toml~`.
+        other => is_test && !other.ends_with('~') && nearest(other, ["toml"]).is_some(),
     };
     (meant && !stem.is_empty()).then(|| &name[..stem.len()])
 }

@@ -71,7 +71,7 @@ pub(crate) fn read(
     let (mut rows, mut expected) = (Vec::new(), HashMap::new());
     for record in reader.records() {
         let record = record.map_err(|error| format!("`{name}`: {error}"))?;
-        let line = record.position().map_or(0, csv::Position::line);
+        let line = line_of(&text, &record);
         let at = |message: String| format!("{message}\n   --> {}:{line}:1", shown(file));
         let wrong = |column: usize, what: &str| {
             let cell = record.get(column).unwrap_or_default();
@@ -118,10 +118,19 @@ fn columns(name: &str, shape: &Shape) -> Vec<(String, Scalar)> {
 }
 
 /// The line of a row, from 0, of a table that was [read](read).
-pub(crate) fn line(file: &Path, row: u64) -> Option<u64> {
+pub(crate) fn line(file: &Path, row: u64) -> Option<usize> {
     let text = std::fs::read(file).ok()?;
     let record = reader(&text).into_records().nth(usize::try_from(row).ok()?)?.ok()?;
-    record.position().map(csv::Position::line)
+    Some(line_of(&text, &record))
+}
+
+/// The line of a record, which begins where the one before it ends: blank lines and comments are skipped.
+fn line_of(text: &[u8], record: &csv::StringRecord) -> usize {
+    let begins = record.position().map_or(0, csv::Position::byte);
+    let (before, rest) = text.split_at(usize::try_from(begins).unwrap_or(0).min(text.len()));
+    let idle = |line: &&[u8]| line.trim_ascii().is_empty() || line.starts_with(b"#");
+    let skipped = rest.split(|byte| *byte == b'\n').take_while(idle).count();
+    1 + before.iter().filter(|byte| **byte == b'\n').count() + skipped
 }
 
 fn reader(text: &[u8]) -> csv::Reader<&[u8]> {

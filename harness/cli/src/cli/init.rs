@@ -62,9 +62,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         folder.display()
     );
     // Who has tests in Rust and asks for a workflow wants that alone.
-    let wanted = !(args.github || args.gitlab) || !tested(&folder)?.any();
-    let written =
-        if wanted { first_test(&package, &folder, &items, out) } else { Ok(None) };
+    let is_cargo = Project::around(&folder.canonicalize()?)?.is_cargo();
+    let written = if (args.github || args.gitlab) && is_cargo && tested(&folder)?.any() {
+        writeln!(out, "{DIM}there are tests in Rust: none is written{DIM:#}")?;
+        Ok(None)
+    } else {
+        first_test(&package, &folder, &items, out)
+    };
     ignore(out)?;
     optimise(&folder, out)?;
     if args.github {

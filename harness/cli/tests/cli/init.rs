@@ -95,7 +95,12 @@ fn what_rust_tests_check_is_left_to_them() {
     let record = path.join("target/karat/record");
     write(&record, "1.jsonl", &function("a::g", "cpu", "pass", None));
     write(&record, "run.json", r#"{"schema":2,"selected":[],"passed":true}"#);
+    // Who asks for a workflow wants that alone.
     let ran = karat(path, &["init", "--github"]).good();
+    assert!(ran.contains("there are tests in Rust: none is written"), "{ran}");
+    assert!(!path.join("shaders/a.test.toml").exists());
+    write(path, ".gitignore", "/target\n.karat/\n*.new.exr\n*.new.csv\n");
+    let ran = karat(path, &["init"]).good();
     assert!(ran.contains("a test of `a::h`"), "{ran}");
     assert!(ran.contains("added *.new.png to .gitignore"), "{ran}");
     assert!(ran.contains("1 passed") && ran.contains("the record of the last run stays"), "{ran}");

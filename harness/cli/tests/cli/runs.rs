@@ -136,7 +136,10 @@ fn a_run_that_is_killed_leaves_the_record_of_the_one_before() {
     let mut killed = runs.start("killed", "fail");
     killed.kill().expect("it runs");
     killed.wait().expect("it ends");
-    runs.assert_last("before", 0);
+    // It is the last that ended, and no verdict on what was begun later.
+    runs.assert_last("before", 1);
+    let report = karat(runs.project.path(), &["report"]).out;
+    assert!(report.contains("a later run was stopped before its end"), "{report}");
     // Another one runs while a third begins and ends, and clears what the killed one left.
     let live = runs.start("live", "pass");
     write(runs.project.path(), "go.killed", "");

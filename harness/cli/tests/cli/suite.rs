@@ -523,7 +523,7 @@ fn what_was_tested_below_is_known_above() {
     let ran = karat(path, &["test", "shaders", "--paths", "vulkan", "--github"]);
     assert!(ran.code == Some(1) && ran.out.contains("frame `grey` has no golden"), "{ran:?}");
     // The place of a frame is where it is declared.
-    let place = "file=a.test.toml,line=6,col=1,";
+    let place = "file=shaders/a.test.toml,line=6,col=1,";
     assert!(ran.out.contains(place), "{ran:?}");
     let pending = karat(path, &["pending"]);
     assert!(pending.code == Some(3) && pending.out.contains("grey"), "{pending:?}");

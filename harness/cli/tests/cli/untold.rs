@@ -1,0 +1,199 @@
+//! What a run leaves out, or couldn't do, is told: nothing is green in silence.
+
+use super::*;
+
+const CPU: [&str; 2] = ["--paths", "cpu"];
+
+fn test(folder: &FilePath, more: &[&str]) -> Ran {
+    karat(folder, &[&["test", "wgsl"], more, &CPU].concat())
+}
+
+/// A folder `wgsl` with one declared test.
+fn folder(shader: &str, declared: &str) -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "wgsl/a.wgsl", shader);
+    write(folder.path(), "wgsl/a.test.toml", declared);
+    folder
+}
+
+const CONDITION: &str = "@if(fast) fn f(x: f32) -> f32 { return -1.0; }\n\
+                         @else fn f(x: f32) -> f32 { return x; }\n";
+const IN_RANGE: &str =
+    "[[test]]\nfunction = \"f\"\nover = { x = \"0..1\" }\nin_range = [0, 1]\n";
+
+#[test]
+fn features_reach_the_tests_of_a_folder() {
+    let folder = folder(CONDITION, IN_RANGE);
+    let gated = "import karat::expect_true;\n@if(fast) @test fn gated() { expect_true(false); }\n\
+                 #ifdef SLOW\n@test fn slow() { expect_true(false); }\n#endif\n\
+                 @test fn free() { expect_true(true); }\n";
+    write(folder.path(), "wgsl/b_test.wgsl", &gated.replace("#ifdef SLOW\n", "").replace("#endif\n", ""));
+    let without = test(folder.path(), &["--feature", "fast=false"]);
+    let told = "not run: 1 test whose condition doesn't hold, b_test::gated @if(fast)";
+    assert!(without.out.contains(told), "{without:?}");
+    let with = test(folder.path(), &["--feature", "fast"]);
+    assert!(with.code == Some(1) && with.out.contains("4 checks, 3 failed"), "{with:?}");
+    // What is printed runs it again as it was.
+    assert!(with.out.contains("karat test wgsl --feature fast=true --exact"), "{with:?}");
+    let again = karat(folder.path(), &["replay", "--print", &replayed(&with.out)]).good();
+    assert!(again.contains("--feature fast=true"), "{again}");
+    let unknown = test(folder.path(), &["--feature", "fasd"]).error();
+    assert!(unknown.contains("asks about the feature `fasd`"), "{unknown}");
+}
+
+/// The first short name of a failure.
+fn replayed(out: &str) -> String {
+    let line = out.lines().find_map(|line| line.strip_prefix("karat replay "));
+    line.and_then(|line| line.split(' ').next()).expect("a failure is named").to_owned()
+}
+
+#[test]
+fn a_file_that_was_meant_as_a_test_is_red() {
+    let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);
+    test(folder.path(), &[]).good();
+    for name in ["wgsl/a_test.toml", "wgsl/a.test.tml", "wgsl/B.TEST.TOML"] {
+        write(folder.path(), name, IN_RANGE);
+        let ran = test(folder.path(), &[]);
+        let told = format!("`{name}` isn't read: declared tests are in `*.test.toml`");
+        assert!(ran.code == Some(1) && ran.out.contains(&told), "{ran:?}");
+        std::fs::remove_file(folder.path().join(name)).expect("it is there");
+    }
+    let declared = karat(folder.path(), &["test", "wgsl/a.test.toml"]).error();
+    assert!(declared.contains("name the module that it is of, such as `wgsl/a.wgsl`"), "{declared}");
+}
+
+/// Each error of a declared test is at the key that it is about, and a failing row at its line.
+#[test]
+fn declared_tests_have_places_of_their_own() {
+    let shader = "override GAIN = 1.0;\nfn f(x: f32) -> f32 { return x * GAIN; }\n\
+                  @fragment fn fs() -> @location(0) vec4f { return vec4f(0.5); }\n";
+    let f = "[[test]]\nfunction = \"f\"\n";
+    for (declared, place, part) in [
+        (format!("{f}finite = true\nover = {{ x = \"1..0\" }}\n"), "4:1", "starts at 1 and ends at 0"),
+        (format!("{f}finite = true\nover = {{ x = \"0,,1\" }}\n"), "4:1", "is no domain of a number"),
+        (format!("{f}finite = true\ncases = 0\n"), "4:1", "is asked for 0 cases"),
+        (format!("{f}finite = true\ncases = 100000000000\n"), "4:1", "4294967296 that are run at most"),
+        (format!("{f}finite = true\nfails_on = {{ vulcan = \"no\" }}\n"), "4:1", "did you mean `vulkan`?"),
+        (format!("{f}finite = true\noverride = {{ GAIM = 2 }}\n"), "4:1", "did you mean `GAIN`?"),
+        (format!("{f}equals = 1\ntolerance = \"abs nan\"\n"), "4:1", "bounds nothing"),
+        (format!("{f}tolerance = \"4 ulp\"\nequals = nan\n"), "4:1", "returned NaN"),
+        (format!("{f}tolerance = \"4 ulp\"\ngolden = \"../../evil\"\n"), "4:1", "can't name a golden"),
+        (format!("{f}in_range = [0, 1, 2]\n"), "3:12", "a list of two is wanted"),
+        (format!("{f}symmetric_in = [\"a\", \"b\", \"c\"]\n"), "3:16", "and this one has 3"),
+        (format!("{f}golden = \"f\"\n"), "3:1", "a tolerance is missing, such as tolerance = \"4 ulp\"\n"),
+        (
+            "[[frame]]\nname = \"a\"\nsize = [8, 8]\nformats = [\"rgba8\"]\nfragment = \"fs\"\n".to_owned(),
+            "4:1",
+            "there is no format `rgba8`",
+        ),
+        (
+            "[[frame]]\nname = \"a\"\nsize = [8, 8]\nfragment = \"fss\"\nwith = { g = 1 }\n".to_owned(),
+            "4:1",
+            "did you mean `a::fs`?",
+        ),
+    ] {
+        let folder = folder(shader, &declared);
+        let ran = test(folder.path(), &[]);
+        let place = format!("wgsl/a.test.toml:{place}");
+        assert!(ran.code == Some(1) && ran.out.contains(&place), "no {place}: {}", ran.out);
+        assert!(ran.out.contains(part), "no `{part}`: {}", ran.out);
+    }
+    let folder = folder(shader, &format!("{f}table = \"t.csv\"\ntolerance = \"2 ulp\"\n"));
+    write(folder.path(), "wgsl/t.csv", "# squares\nx,result\n1,1\n\n2,4\n");
+    let row = "row of the worst case: wgsl/t.csv:5:1";
+    assert!(test(folder.path(), &[]).out.contains(row));
+    write(folder.path(), "wgsl/t.csv", "x,result\n1,one\n");
+    assert!(test(folder.path(), &[]).out.contains("wgsl/t.csv:2:1"));
+}
+
+/// A process of tests that the system, a driver or the deadline ends.
+#[cfg(unix)]
+#[test]
+fn who_has_no_verdict_is_named() {
+    let folder = folder(
+        "fn f(x: f32) -> f32 { return x; }\n",
+        &format!("{IN_RANGE}cases = 400000000\n[[test]]\nfunction = \"f\"\nfinite = true\ncases = 10\n"),
+    );
+    let mut command = command(folder.path(), &["test", "wgsl", "--paths", "cpu"]);
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
+    let children = format!("/proc/{0}/task/{0}/children", child.id());
+    if !FilePath::new(&children).exists() {
+        return; // only Linux tells the children of a process
+    }
+    let began = std::time::Instant::now();
+    let suite = loop {
+        let text = std::fs::read_to_string(&children).unwrap_or_default();
+        if let Some(id) = text.split(' ').next().filter(|id| !id.is_empty()) {
+            break id.to_owned();
+        }
+        assert!(began.elapsed().as_secs() < 60, "it has no process for tests");
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    };
+    std::thread::sleep(std::time::Duration::from_millis(500));
+    let killed = std::process::Command::new("kill").args(["-9", &suite]).status();
+    assert!(killed.expect("it runs").success());
+    let ended = child.wait_with_output().expect("it ends");
+    let out = String::from_utf8_lossy(&ended.stdout);
+    assert_eq!(ended.status.code(), Some(1), "{out}");
+    assert!(out.contains("signal: 9"), "{out}");
+    assert!(out.contains("before a verdict of") && out.contains("a::f in_range"), "{out}");
+    let failed = test(folder.path(), &["--failed", "--list"]);
+    assert!(failed.code != Some(0), "{failed:?}");
+}
+
+/// Commands without a folder find what was tested last, whatever it is called, and name files from where one
+/// stands.
+#[test]
+fn a_folder_of_any_name_is_found_again() {
+    let folder = folder("fn f(x: f32) -> f32 { return x + 1.0; }\n", IN_RANGE);
+    let path = folder.path();
+    let nested = path.join("assets/with space");
+    write(&nested, "a.wgsl", "fn f(x: f32) -> f32 { return x + 2.0; }\n");
+    write(&nested, "a.test.toml", IN_RANGE);
+    let nested = "assets/with space";
+    for (tested, named) in [("wgsl", "wgsl"), (nested, "'assets/with space'")] {
+        let ran = karat(path, &["test", tested, "--paths", "cpu", "--github"]);
+        let place = format!("file={tested}/a.wgsl,line=1,");
+        assert!(ran.code == Some(1) && ran.out.contains(&place), "{ran:?}");
+        let later = karat(path, &["report", "--github"]);
+        assert!(later.code == Some(1) && later.out.contains(&place), "{later:?}");
+        let replay = karat(path, &["replay", "--print"]).good();
+        assert!(replay.contains(&format!("karat test {named} --exact")), "{replay}");
+        assert!(karat(path, &["replay"]).out.contains("1 of 1 case fails"));
+    }
+}
+
+#[test]
+fn exact_names_are_exact() {
+    let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);
+    test(folder.path(), &["a::f in_range", "--exact"]).good();
+    let near = test(folder.path(), &["in_range", "--exact"]).failure(3);
+    assert!(near.contains("none of 1 test is called `in_range`"), "{near}");
+}
+
+/// Values of a golden with other rows: no case is at fault, and the table says that it fails.
+#[test]
+fn a_failure_of_no_case_is_red_in_the_table() {
+    let golden = "[[test]]\nfunction = \"f\"\nover = { x = \"0..1\" }\ncases = 20\ngolden = \"f\"\n\
+                  tolerance = \"exact\"\n";
+    let folder = folder("fn f(x: f32) -> f32 { return x; }\n", golden);
+    assert_eq!(test(folder.path(), &[]).code, Some(1));
+    karat(folder.path(), &["accept", "f", "--golden", "wgsl/golden", "--because", "the first"]).good();
+    test(folder.path(), &[]).good();
+    write(folder.path(), "wgsl/a.test.toml", &golden.replace("0..1", "0..2"));
+    let ran = test(folder.path(), &[]);
+    let row = ran.out.lines().find(|line| line.starts_with("a::f ") && line.contains(" cpu "));
+    assert!(ran.code == Some(1) && row.is_some_and(|row| row.contains("FAIL")), "{ran:?}");
+}
+
+/// One case, which runs anyway, is remembered by nobody.
+#[test]
+fn a_test_without_arguments_fails_once() {
+    let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);
+    let red = "@test fn t() { karat::expect_true(false); }\n";
+    write(folder.path(), "wgsl/a_test.wgsl", red);
+    for _ in 0..2 {
+        let ran = test(folder.path(), &["a_test"]);
+        assert!(ran.out.contains("1 of 1 case fails"), "{ran:?}");
+    }
+}
