@@ -448,6 +448,25 @@ impl Recorded {
     }
 }
 
+/// Whether a run of a folder of records was killed, and none has begun since.
+///
+/// ```
+/// # let folder = tempfile::tempdir()?;
+/// # let records = folder.path();
+/// use karat::record::{Running, was_killed};
+///
+/// let running = Running::begin(records)?;
+/// assert!(!was_killed(records), "it lives");
+/// drop(running);
+/// assert!(!was_killed(records), "it gave up by itself");
+/// # Ok::<(), std::io::Error>(())
+/// ```
+#[must_use]
+pub fn was_killed(records: &Path) -> bool {
+    // One that has ended holds nothing.
+    folder::dead(records).iter().any(|run| run.join(folder::RUNNING).exists())
+}
+
 /// Reads the verdicts of a folder as [`Recorded::read`] does.
 ///
 /// ```no_run

@@ -195,7 +195,10 @@ impl Manifest {
         }
         let range = |(name, range): (String, Vec<f64>)| match *range {
             [least, most] => Ok((name, (least, most))),
-            _ => Err(error(format!("the input `{name}` has a range of two numbers, and this one has {}", range.len()))),
+            _ => Err(error(format!(
+                "the input `{name}` has a range of two numbers, and this one has {}",
+                range.len()
+            ))),
         };
         let inputs = inputs.into_iter().map(range).collect::<Result<_, _>>()?;
         let hazards = Hazards { inputs, accepted: hazards };

@@ -289,7 +289,8 @@ pub(super) fn partners(
                     }
                     // Nearly always the inner one was forgotten.
                     Some(first) => {
-                        let message = format!("this isn't closed: a `{}` comes first", char::from(symbol));
+                        let message =
+                            format!("this isn't closed: a `{}` comes first", char::from(symbol));
                         return Err(syntax_error(file, tokens[first].range(), &message));
                     }
                     None => {

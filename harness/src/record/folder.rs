@@ -15,7 +15,7 @@ const LAST: &str = "last";
 /// How folders of runs begin.
 const RUN: &str = "run-";
 /// Held by a run that lives.
-const RUNNING: &str = "running";
+pub(crate) const RUNNING: &str = "running";
 /// Held by whoever looks at all runs, or changes which are there.
 const LOCK: &str = "lock";
 /// How long a turn is waited for. It takes the time to read a record.
@@ -78,30 +78,6 @@ impl Running {
         let held = File::create(folder.join(RUNNING))?;
         let held = held.try_lock().is_ok().then_some(held);
         Ok(Self { records: records.to_owned(), folder, held, ended: false })
-    }
-
-    /// Whether a run of a folder of records was killed, and none has begun since.
-    ///
-    /// ```
-    /// # let folder = tempfile::tempdir()?;
-    /// # let records = folder.path();
-    /// use karat::record::Running;
-    ///
-    /// let running = Running::begin(records)?;
-    /// assert!(!Running::was_killed(records), "it lives");
-    /// drop(running);
-    /// assert!(!Running::was_killed(records), "it gave up by itself");
-    /// # Ok::<(), std::io::Error>(())
-    /// ```
-    #[must_use]
-    pub fn was_killed(records: &Path) -> bool {
-        let last = last(records);
-        let entries = std::fs::read_dir(records).into_iter().flatten().flatten();
-        let mut runs = entries
-            .filter(|entry| entry.file_name().to_string_lossy().starts_with(RUN))
-            .map(|entry| entry.path());
-        // One that has ended holds nothing.
-        runs.any(|run| last.as_ref() != Some(&run) && run.join(RUNNING).exists() && is_dead(&run))
     }
 
     /// The folder that its processes write records into (`KARAT_RECORD`).
@@ -212,17 +188,26 @@ impl Turn {
         if self.held.is_none() {
             return;
         }
-        let last = last(records);
-        for entry in std::fs::read_dir(records).into_iter().flatten().flatten() {
-            let folder = entry.path();
-            let is_run = entry.file_name().to_string_lossy().starts_with(RUN)
-                && entry.file_type().is_ok_and(|kind| kind.is_dir());
-            if is_run && last.as_ref() != Some(&folder) && is_dead(&folder) {
-                // What can't be removed is in nobody's way.
-                drop(std::fs::remove_dir_all(&folder));
-            }
+        for folder in dead(records) {
+            // What can't be removed is in nobody's way.
+            drop(std::fs::remove_dir_all(&folder));
         }
     }
+}
+
+/// The folders of runs that neither live nor are the last one.
+pub(crate) fn dead(records: &Path) -> Vec<PathBuf> {
+    let last = last(records);
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(records).into_iter().flatten().flatten() {
+        let folder = entry.path();
+        let is_run = entry.file_name().to_string_lossy().starts_with(RUN)
+            && entry.file_type().is_ok_and(|kind| kind.is_dir());
+        if is_run && last.as_ref() != Some(&folder) && is_dead(&folder) {
+            found.push(folder);
+        }
+    }
+    found
 }
 
 /// Whether the run of a folder has ended or was killed.

@@ -72,8 +72,9 @@ impl Host {
 
 /// A word as a shell reads it.
 pub(super) fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "_-:./@,".contains(c);
-    match word.chars().all(plain) {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "_-:./@,#+=".contains(c);
+    // A comment begins a word.
+    match word.chars().all(plain) && !word.starts_with('#') {
         true => word.to_owned(),
         false => format!("'{}'", word.replace('\'', "'\\''")),
     }

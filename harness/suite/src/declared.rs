@@ -113,7 +113,9 @@ impl TryFrom<Value> for Relative {
             Value::Float(number) => Some(*number as f32),
             #[expect(clippy::cast_precision_loss, reason = "nobody allows so much")]
             Value::Integer(number) => Some(*number as f32),
-            Value::String(text) => text.strip_prefix("rel ").and_then(|text| text.trim().parse().ok()),
+            Value::String(text) => {
+                text.strip_prefix("rel ").and_then(|text| text.trim().parse().ok())
+            }
             _ => None,
         };
         let wanted = "a frame's tolerance is the largest relative difference of a pixel that passes: 1e-3, or \
@@ -131,7 +133,9 @@ impl<T> TryFrom<Vec<T>> for Pair<T> {
     type Error = String;
 
     fn try_from(list: Vec<T>) -> Result<Self, String> {
-        list.try_into().map(Self).map_err(|list: Vec<T>| format!("a list of two is wanted, and this one has {}", list.len()))
+        list.try_into().map(Self).map_err(|list: Vec<T>| {
+            format!("a list of two is wanted, and this one has {}", list.len())
+        })
     }
 }
 
@@ -303,7 +307,9 @@ impl Assertion {
     /// The key that a check's error is about, which knows no file.
     pub(crate) fn key_of(&self, error: &str) -> &'static str {
         let test = &self.test;
-        let names = |paths: &BTreeMap<String, String>| paths.keys().any(|path| error.contains(&format!("`{path}`")));
+        let names = |paths: &BTreeMap<String, String>| {
+            paths.keys().any(|path| error.contains(&format!("`{path}`")))
+        };
         match () {
             () if error.contains(" cases, ") && test.cases.is_some() => "cases",
             () if error.starts_with("the domain of ") && !test.over.is_empty() => "over",
@@ -316,7 +322,8 @@ impl Assertion {
 
     /// The tolerance, where one is needed.
     pub(crate) fn tolerance(&self) -> Result<&str, String> {
-        let takes_spec = matches!(self.what, What::AgreesWith(_) | What::Table(_) | What::Equals(_));
+        let takes_spec =
+            matches!(self.what, What::AgreesWith(_) | What::Table(_) | What::Equals(_));
         let spec = if takes_spec { "; the first time `spec` says what WGSL allows" } else { "" };
         let missing = || format!("a tolerance is missing, such as tolerance = \"4 ulp\"{spec}");
         self.test.tolerance.as_deref().ok_or_else(missing)
@@ -563,7 +570,10 @@ mod tests {
             ("[[test]\n", "brdf.test.toml:1"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0, 1, 2]\n", "a list of two"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "and this one has 1"),
-            ("[[test]]\nfunction = \"f\"\nsymmetric_in = [\"a\", \"b\", \"c\"]\n", "test.toml:3:16"),
+            (
+                "[[test]]\nfunction = \"f\"\nsymmetric_in = [\"a\", \"b\", \"c\"]\n",
+                "test.toml:3:16",
+            ),
             ("[[frame]]\nname = \"f\"\nfragment = \"f\"\nsize = [8, 8, 1]\n", "test.toml:4:8"),
             (
                 "[[frame]]\nname = \"f\"\nfragment = \"f\"\nsize = [8, 8]\ntolerance = \"1 %\"\n",

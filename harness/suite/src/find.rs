@@ -129,11 +129,25 @@ mod tests {
     #[test]
     fn files_that_were_meant_as_tests_are_known() {
         for name in [
-            "a.test.toml", "a.tests.toml", "a.tets.toml", "a_test.toml", "a-tests.toml", "a.test.tml", "A.TEST.TOML",
+            "a.test.toml",
+            "a.tests.toml",
+            "a.tets.toml",
+            "a_test.toml",
+            "a-tests.toml",
+            "a.test.tml",
+            "A.TEST.TOML",
         ] {
             assert_eq!(stem_of(name).map(str::to_lowercase).as_deref(), Some("a"), "{name}");
         }
-        for name in ["karat.toml", "a.wgsl", "a_test.wgsl", "a_text.toml", "latest.toml", "a.test.toml~", ".test.toml"] {
+        for name in [
+            "karat.toml",
+            "a.wgsl",
+            "a_test.wgsl",
+            "a_text.toml",
+            "latest.toml",
+            "a.test.toml~",
+            ".test.toml",
+        ] {
             assert_eq!(stem_of(name), None, "{name}");
         }
     }

@@ -165,9 +165,14 @@ impl Suite {
 fn row_of(failure: &Failure, Assertion { test, what, folder, .. }: &Assertion) -> Option<String> {
     let (Failure::Disagreement(found), What::Table(file)) = (failure, what) else { return None };
     // A row is a case where nobody asks for another number of them.
-    let worst = &found.paths.first().filter(|path| test.cases.is_none() && !path.worst.remembered)?.worst;
+    let worst =
+        &found.paths.first().filter(|path| test.cases.is_none() && !path.worst.remembered)?.worst;
     let file = folder.join(file);
-    Some(format!("  row of the worst case: {}:{}:1\n", shown(&file), table::line(&file, worst.case)?))
+    Some(format!(
+        "  row of the worst case: {}:{}:1\n",
+        shown(&file),
+        table::line(&file, worst.case)?
+    ))
 }
 
 /// Tests that one kernel counts: see [`Suite::groups`].
@@ -365,7 +370,8 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
                 }
                 out.extend(swapped);
             };
-            let tolerance = tolerance(test.tolerance.as_deref().unwrap_or("exact")).map_err(of_tolerance)?;
+            let tolerance =
+                tolerance(test.tolerance.as_deref().unwrap_or("exact")).map_err(of_tolerance)?;
             Ok(settled(probe.over_dynamic(domain(all)?), test)?.invariant_under(&swap, tolerance))
         }
         What::Monotone(argument, direction) => {
@@ -374,7 +380,8 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
                 Direction::Increasing => Trend::Increasing,
                 Direction::Decreasing => Trend::Decreasing,
             };
-            let tolerance = tolerance(test.tolerance.as_deref().unwrap_or("exact")).map_err(of_tolerance)?;
+            let tolerance =
+                tolerance(test.tolerance.as_deref().unwrap_or("exact")).map_err(of_tolerance)?;
             Ok(settled(probe.over_dynamic(domain(all)?), test)?.is_monotone_in(
                 &**argument,
                 trend,

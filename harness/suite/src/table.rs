@@ -82,7 +82,9 @@ pub(crate) fn read(
         for (column, scalar) in &arguments {
             let cell = record.get(*column).unwrap_or_default();
             let word = numbers::argument(*scalar, cell);
-            words.push(word.ok_or_else(|| wrong(*column, &format!("is no {}", type_name(*scalar))))?);
+            words.push(
+                word.ok_or_else(|| wrong(*column, &format!("is no {}", type_name(*scalar))))?,
+            );
         }
         let mut lanes = Vec::with_capacity(results.len());
         for (column, scalar) in &results {

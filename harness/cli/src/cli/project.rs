@@ -41,7 +41,8 @@ fn tested_below(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBu
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name();
         // What tools keep, and what they build.
-        let is_kept = name.to_string_lossy().starts_with('.') || name == "target" || name == "node_modules";
+        let is_kept =
+            name.to_string_lossy().starts_with('.') || name == "target" || name == "node_modules";
         // Links aren't followed: they may lead in a circle.
         if !is_kept && entry.file_type().is_ok_and(|kind| kind.is_dir()) {
             tested_below(&entry.path(), depth - 1, found);

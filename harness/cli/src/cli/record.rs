@@ -36,7 +36,7 @@ enum Place {
 impl Place {
     fn of(into: Option<&Path>, project: &Project) -> anyhow::Result<Self> {
         let Some(folder) = into else {
-            let running = Running::begin(&project.record()).with_context(|| unwritable(&project))?;
+            let running = Running::begin(&project.record()).with_context(|| unwritable(project))?;
             return Ok(Self::Project(running));
         };
         let name = || format!("`{}`", folder.display());

@@ -19,7 +19,7 @@ use karat::Package;
 use karat::image::write_whole;
 use karat::output::{counted, visible};
 use karat::package::FunctionItem;
-use karat::record::{PathRecord, Record, Recorded, Run, Running, SCHEMA, Subject};
+use karat::record::{PathRecord, Record, Recorded, Run, SCHEMA, Subject, was_killed};
 use karat_suite::{Suite, Test};
 
 use crate::review::{Failure, FrameRun, LastRun};
@@ -100,7 +100,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             let places: Vec<_> = places.collect();
             for (at, folder) in folders.iter().enumerate() {
                 let twice = places[at].is_some() && places[..at].contains(&places[at]);
-                anyhow::ensure!(!twice, "`{}` is given twice: each part is merged once", folder.display());
+                anyhow::ensure!(
+                    !twice,
+                    "`{}` is given twice: each part is merged once",
+                    folder.display()
+                );
             }
             let parts: Vec<Recorded> =
                 folders.iter().map(|folder| recorded(folder)).collect::<anyhow::Result<_>>()?;
@@ -123,7 +127,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         short::write(&records, &[], tests, project.root(), out)?;
     }
     let of_project = args.merge.is_empty() && args.record.is_none();
-    let killed = of_project && Running::was_killed(&project.record());
+    let killed = of_project && was_killed(&project.record());
     if killed {
         let why = "a later run was stopped before its end: this is the one before it";
         writeln!(out, "{BAD}{why}{BAD:#}")?;

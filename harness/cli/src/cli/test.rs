@@ -323,7 +323,8 @@ impl<'a> Asked<'a> {
     /// Says which tests aren't there because a condition doesn't hold.
     fn write_left_out(&self, packages: &[Package], out: &mut dyn Write) -> anyhow::Result<()> {
         let of = |package: &Package| package.tests_left_out(&package.modules().unwrap_or_default());
-        let is_wanted = |test: &LeftOut| self.filter.is_none_or(|filter| test.name.contains(filter));
+        let is_wanted =
+            |test: &LeftOut| self.filter.is_none_or(|filter| test.name.contains(filter));
         let tests: Vec<LeftOut> = packages.iter().flat_map(of).filter(is_wanted).collect();
         if tests.is_empty() || self.names.is_some() {
             return Ok(());
@@ -454,8 +455,15 @@ impl<'a> Asked<'a> {
                 let names = asked.iter().filter(is_of_run).map(|test| test.name.clone());
                 let untold = progress.end_without(names);
                 let names: Vec<&str> = untold.iter().map(String::as_str).collect();
-                let before = if names.is_empty() { String::new() } else { format!(" before a verdict of {}", some(&names)) };
-                writeln!(out, "{BAD}error{BAD:#}: the process of the tests ended ({status}){before}")?;
+                let before = if names.is_empty() {
+                    String::new()
+                } else {
+                    format!(" before a verdict of {}", some(&names))
+                };
+                writeln!(
+                    out,
+                    "{BAD}error{BAD:#}: the process of the tests ended ({status}){before}"
+                )?;
             }
             Ok(status.success())
         };
@@ -573,8 +581,14 @@ impl<'a> Asked<'a> {
 pub(super) fn unwritable(project: &Project) -> String {
     let place = project.record();
     match project.is_cargo() {
-        true => format!("can't keep a record in `{}`; CARGO_TARGET_DIR names another folder", place.display()),
-        false => format!("can't keep a record in `{}`: copy a folder that is read-only, and test that", place.display()),
+        true => format!(
+            "can't keep a record in `{}`; CARGO_TARGET_DIR names another folder",
+            place.display()
+        ),
+        false => format!(
+            "can't keep a record in `{}`: copy a folder that is read-only, and test that",
+            place.display()
+        ),
     }
 }
 

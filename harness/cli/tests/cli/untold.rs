@@ -18,8 +18,7 @@ fn folder(shader: &str, declared: &str) -> TempDir {
 
 const CONDITION: &str = "@if(fast) fn f(x: f32) -> f32 { return -1.0; }\n\
                          @else fn f(x: f32) -> f32 { return x; }\n";
-const IN_RANGE: &str =
-    "[[test]]\nfunction = \"f\"\nover = { x = \"0..1\" }\nin_range = [0, 1]\n";
+const IN_RANGE: &str = "[[test]]\nfunction = \"f\"\nover = { x = \"0..1\" }\nin_range = [0, 1]\n";
 
 #[test]
 fn features_reach_the_tests_of_a_folder() {
@@ -27,7 +26,11 @@ fn features_reach_the_tests_of_a_folder() {
     let gated = "import karat::expect_true;\n@if(fast) @test fn gated() { expect_true(false); }\n\
                  #ifdef SLOW\n@test fn slow() { expect_true(false); }\n#endif\n\
                  @test fn free() { expect_true(true); }\n";
-    write(folder.path(), "wgsl/b_test.wgsl", &gated.replace("#ifdef SLOW\n", "").replace("#endif\n", ""));
+    write(
+        folder.path(),
+        "wgsl/b_test.wgsl",
+        &gated.replace("#ifdef SLOW\n", "").replace("#endif\n", ""),
+    );
     let without = test(folder.path(), &["--feature", "fast=false"]);
     let told = "not run: 1 test whose condition doesn't hold, b_test::gated @if(fast)";
     assert!(without.out.contains(told), "{without:?}");
@@ -59,7 +62,10 @@ fn a_file_that_was_meant_as_a_test_is_red() {
         std::fs::remove_file(folder.path().join(name)).expect("it is there");
     }
     let declared = karat(folder.path(), &["test", "wgsl/a.test.toml"]).error();
-    assert!(declared.contains("name the module that it is of, such as `wgsl/a.wgsl`"), "{declared}");
+    assert!(
+        declared.contains("name the module that it is of, such as `wgsl/a.wgsl`"),
+        "{declared}"
+    );
 }
 
 /// Each error of a declared test is at the key that it is about, and a failing row at its line.
@@ -69,25 +75,51 @@ fn declared_tests_have_places_of_their_own() {
                   @fragment fn fs() -> @location(0) vec4f { return vec4f(0.5); }\n";
     let f = "[[test]]\nfunction = \"f\"\n";
     for (declared, place, part) in [
-        (format!("{f}finite = true\nover = {{ x = \"1..0\" }}\n"), "4:1", "starts at 1 and ends at 0"),
-        (format!("{f}finite = true\nover = {{ x = \"0,,1\" }}\n"), "4:1", "is no domain of a number"),
+        (
+            format!("{f}finite = true\nover = {{ x = \"1..0\" }}\n"),
+            "4:1",
+            "starts at 1 and ends at 0",
+        ),
+        (
+            format!("{f}finite = true\nover = {{ x = \"0,,1\" }}\n"),
+            "4:1",
+            "is no domain of a number",
+        ),
         (format!("{f}finite = true\ncases = 0\n"), "4:1", "is asked for 0 cases"),
-        (format!("{f}finite = true\ncases = 100000000000\n"), "4:1", "4294967296 that are run at most"),
-        (format!("{f}finite = true\nfails_on = {{ vulcan = \"no\" }}\n"), "4:1", "did you mean `vulkan`?"),
+        (
+            format!("{f}finite = true\ncases = 100000000000\n"),
+            "4:1",
+            "4294967296 that are run at most",
+        ),
+        (
+            format!("{f}finite = true\nfails_on = {{ vulcan = \"no\" }}\n"),
+            "4:1",
+            "did you mean `vulkan`?",
+        ),
         (format!("{f}finite = true\noverride = {{ GAIM = 2 }}\n"), "4:1", "did you mean `GAIN`?"),
         (format!("{f}equals = 1\ntolerance = \"abs nan\"\n"), "4:1", "bounds nothing"),
         (format!("{f}tolerance = \"4 ulp\"\nequals = nan\n"), "4:1", "returned NaN"),
-        (format!("{f}tolerance = \"4 ulp\"\ngolden = \"../../evil\"\n"), "4:1", "can't name a golden"),
+        (
+            format!("{f}tolerance = \"4 ulp\"\ngolden = \"../../evil\"\n"),
+            "4:1",
+            "can't name a golden",
+        ),
         (format!("{f}in_range = [0, 1, 2]\n"), "3:12", "a list of two is wanted"),
         (format!("{f}symmetric_in = [\"a\", \"b\", \"c\"]\n"), "3:16", "and this one has 3"),
-        (format!("{f}golden = \"f\"\n"), "3:1", "a tolerance is missing, such as tolerance = \"4 ulp\"\n"),
         (
-            "[[frame]]\nname = \"a\"\nsize = [8, 8]\nformats = [\"rgba8\"]\nfragment = \"fs\"\n".to_owned(),
+            format!("{f}golden = \"f\"\n"),
+            "3:1",
+            "a tolerance is missing, such as tolerance = \"4 ulp\"\n",
+        ),
+        (
+            "[[frame]]\nname = \"a\"\nsize = [8, 8]\nformats = [\"rgba8\"]\nfragment = \"fs\"\n"
+                .to_owned(),
             "4:1",
             "there is no format `rgba8`",
         ),
         (
-            "[[frame]]\nname = \"a\"\nsize = [8, 8]\nfragment = \"fss\"\nwith = { g = 1 }\n".to_owned(),
+            "[[frame]]\nname = \"a\"\nsize = [8, 8]\nfragment = \"fss\"\nwith = { g = 1 }\n"
+                .to_owned(),
             "4:1",
             "did you mean `a::fs`?",
         ),
@@ -112,14 +144,16 @@ fn declared_tests_have_places_of_their_own() {
 fn who_has_no_verdict_is_named() {
     let folder = folder(
         "fn f(x: f32) -> f32 { return x; }\n",
-        &format!("{IN_RANGE}cases = 400000000\n[[test]]\nfunction = \"f\"\nfinite = true\ncases = 10\n"),
+        &format!(
+            "{IN_RANGE}cases = 400000000\n[[test]]\nfunction = \"f\"\nfinite = true\ncases = 10\n"
+        ),
     );
     let mut command = command(folder.path(), &["test", "wgsl", "--paths", "cpu"]);
-    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
-    let children = format!("/proc/{0}/task/{0}/children", child.id());
-    if !FilePath::new(&children).exists() {
+    if !FilePath::new("/proc/self/task").exists() {
         return; // only Linux tells the children of a process
     }
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
+    let children = format!("/proc/{0}/task/{0}/children", child.id());
     let began = std::time::Instant::now();
     let suite = loop {
         let text = std::fs::read_to_string(&children).unwrap_or_default();
@@ -130,7 +164,7 @@ fn who_has_no_verdict_is_named() {
         std::thread::sleep(std::time::Duration::from_millis(10));
     };
     std::thread::sleep(std::time::Duration::from_millis(500));
-    let killed = std::process::Command::new("kill").args(["-9", &suite]).status();
+    let killed = Command::new("kill").args(["-9", &suite]).status();
     assert!(killed.expect("it runs").success());
     let ended = child.wait_with_output().expect("it ends");
     let out = String::from_utf8_lossy(&ended.stdout);
@@ -178,7 +212,8 @@ fn a_failure_of_no_case_is_red_in_the_table() {
                   tolerance = \"exact\"\n";
     let folder = folder("fn f(x: f32) -> f32 { return x; }\n", golden);
     assert_eq!(test(folder.path(), &[]).code, Some(1));
-    karat(folder.path(), &["accept", "f", "--golden", "wgsl/golden", "--because", "the first"]).good();
+    karat(folder.path(), &["accept", "f", "--golden", "wgsl/golden", "--because", "the first"])
+        .good();
     test(folder.path(), &[]).good();
     write(folder.path(), "wgsl/a.test.toml", &golden.replace("0..1", "0..2"));
     let ran = test(folder.path(), &[]);

@@ -552,7 +552,8 @@ fn older_versions_of_values_are_compared_row_by_row() {
         accept_values(&project, case);
         project.commit(&format!("a gain of {gain}"));
     }
-    let row = "[...document.querySelector('#table tbody').rows[0].cells].map(cell => cell.innerText)";
+    let row =
+        "[...document.querySelector('#table tbody').rows[0].cells].map(cell => cell.innerText)";
     let button = "document.querySelector('#versions .version')";
     let rows = "document.querySelector('#table tbody').rows.length";
     let choose = |browser: &mut Browser, tab: &Tab| {

@@ -43,12 +43,12 @@ impl Latest {
         drop(OpenOptions::new().write(true).open(file).and_then(|file| file.set_len(0)));
     }
 
-    /// The files that the records depend on, as they are now: those that may be `changed`, by their names.
-    /// Of all others the records stay what they are.
+    /// The files that the records depend on, as they are now: those that may be `changed`, by their names, or
+    /// all if nobody says which. Of others the records stay what they are.
     pub(super) fn files(&self, changed: &[PathBuf]) -> HashMap<PathBuf, FileRead> {
         let names: BTreeSet<&OsStr> = changed.iter().filter_map(|file| file.file_name()).collect();
         // A folder that came or went has files that nobody names.
-        let all = !changed.iter().all(|file| file.is_file());
+        let all = changed.is_empty() || !changed.iter().all(|file| file.is_file());
         let read = self.0.values().flatten().flat_map(|record| &record.read);
         let mut files = HashMap::new();
         for FileRead { file, .. } in read {

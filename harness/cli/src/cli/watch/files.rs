@@ -58,8 +58,7 @@ fn started(folder: &Path, raw: &Raw) -> anyhow::Result<RecommendedWatcher> {
     let raw = raw.clone();
     let changes = move |change: notify::Result<Changed>| {
         // What only reads is the tests' own doing.
-        let only_reads =
-            |kind: &EventKind| matches!(kind, EventKind::Access(_)) && !is_whole(kind);
+        let only_reads = |kind: &EventKind| matches!(kind, EventKind::Access(_)) && !is_whole(kind);
         if !change.as_ref().is_ok_and(|change| only_reads(&change.kind)) {
             let _ = raw.send(change);
         }
@@ -226,7 +225,7 @@ mod tests {
             std::fs::write(root.join("sedufvWVo"), text).expect("written");
             std::fs::rename(root.join("sedufvWVo"), &file).expect("renamed");
             let first = changes.recv_timeout(Duration::from_secs(20)).expect("it is told");
-            assert_eq!(first, [file.clone()]);
+            assert_eq!(first, std::slice::from_ref(&file));
             let again = changes.recv_timeout(3 * MISSING);
             assert!(again.is_err(), "{again:?}");
         }
