@@ -93,7 +93,7 @@ pub enum ProvenanceError {
     #[error("it was written by a newer Karat (facts of version {0}, this one reads {max}): update Karat", max = Provenance::SCHEMA)]
     Newer(u32),
     /// They can't be parsed, or have control characters.
-    #[error("its metadata can't be read ({0}): make it again")]
+    #[error("its metadata can't be read ({0})")]
     Damaged(String),
 }
 

@@ -45,7 +45,7 @@ pub enum ValuesError {
     },
     /// The golden can't be used. It isn't overwritten.
     #[error("the golden of the values `{case}` can't be used: {source}{}",
-        if matches!(source, TableError::File(_)) { "" } else { "; restore it from version control" })]
+        if matches!(source, TableError::File(_)) { "" } else { "; restore it from version control, or remove it and accept what its test makes" })]
     Unreadable {
         /// The golden.
         case: String,

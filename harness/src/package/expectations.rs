@@ -540,6 +540,13 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
         }
     }
     let parameters = parameters(module, open, close);
+    if let (Some(_), Some([])) = (cases, parameters.as_deref()) {
+        let place =
+            attributes(module, test).into_iter().find(|attribute| attribute.name == "cases");
+        let place = place.map_or_else(|| span(&test.tokens), |attribute| span(&attribute.tokens));
+        let message = format!("the test `{own}` has no parameter, so that it is one case");
+        return Err(error(place, message, "leave `@cases` out"));
+    }
     Ok(TestItem { name, span: span(&test.tokens), cases, over, parameters })
 }
 

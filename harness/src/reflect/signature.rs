@@ -403,6 +403,41 @@ impl Program {
         found.and_then(of).unwrap_or(false)
     }
 
+    /// The signature of one of its functions, whose types have the names that their authors gave them.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// # use karat::reflect::Program;
+    /// let modules = [
+    ///     ("light", "struct Light { power: f32 }"),
+    ///     ("a", "import package::light::Light;\nfn power(light: Light) -> f32 { return light.power; }"),
+    /// ];
+    /// let program = Program::of_function(&Package::from_modules("m", modules), "a::power")?;
+    /// let function = program.function("a::power")?;
+    /// assert_eq!(program.signature(&function), "a::power(light: Light) -> f32");
+    /// # Ok::<(), karat::reflect::ReflectError>(())
+    /// ```
+    #[must_use]
+    pub fn signature(&self, function: &Function) -> String {
+        let (mut shown, text) = (String::new(), function.to_string());
+        // The function's own path is the author's.
+        let (path, types) = text.split_at(function.name.len().min(text.len()));
+        shown.push_str(path);
+        let is_part = |c: char| c.is_alphanumeric() || c == '_';
+        let mut word = String::new();
+        for c in types.chars().chain(['\0']) {
+            if is_part(c) {
+                word.push(c);
+                continue;
+            }
+            let own = self.author_path(&word).and_then(|path| path.rsplit("::").next());
+            shown.push_str(own.unwrap_or(&word));
+            word.clear();
+            shown.extend(Some(c).filter(|c| *c != '\0'));
+        }
+        shown
+    }
+
     /// The author's path of a declaration by its name in the linked text.
     pub(crate) fn author_path(&self, linked: &str) -> Option<&str> {
         self.linked.names.get(linked).map(String::as_str)

@@ -41,8 +41,9 @@ pub enum Invalid {
     #[error(transparent)]
     Package(#[from] PackageError),
     /// Some modules can't be linked, or naga rejects them. All of them are listed.
-    #[error("{} of {modules} modules of package `{package}` aren't valid:\n\n{}",
-        errors.len(), list(errors))]
+    #[error("{} of {} of package `{package}` {} valid:\n\n{}",
+        errors.len(), counted(*modules, "module"), if errors.len() == 1 { "isn't" } else { "aren't" },
+        list(errors))]
     Modules {
         /// The package.
         package: String,
@@ -60,7 +61,9 @@ pub enum Invalid {
 }
 
 fn list(errors: &[(String, ReflectError)]) -> String {
-    let texts: Vec<String> = errors.iter().map(|(_, error)| error.to_string()).collect();
+    let mut texts: Vec<String> = errors.iter().map(|(_, error)| error.to_string()).collect();
+    // What is wrong with the package is so for each.
+    texts.dedup();
     texts.join("\n\n")
 }
 

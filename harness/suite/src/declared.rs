@@ -506,7 +506,8 @@ fn limit(table: &BTreeMap<String, Value>) -> Result<What, String> {
     let form = "a limit reads { alpha = 0, through = [0.1, 0.01], is = 1 }";
     let mut arguments = table.iter().filter(|(name, _)| !OWN.contains(&name.as_str()));
     let (Some((argument, toward)), None) = (arguments.next(), arguments.next()) else {
-        let near = table.keys().find_map(|key| nearest(key, OWN)).filter(|_| table.len() == 3);
+        let unknown = || table.keys().filter(|key| !OWN.contains(&key.as_str()));
+        let near = unknown().find_map(|key| nearest(key, OWN)).filter(|_| table.len() == 3);
         let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
         return Err(format!("{form}{near}"));
     };

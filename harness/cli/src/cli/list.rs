@@ -6,7 +6,7 @@ use std::io::Write;
 use karat::Package;
 use karat::package::{FunctionItem, PackageError};
 use karat::record::{self, Subject};
-use karat::reflect::{Function, Program, ReflectError};
+use karat::reflect::{Program, ReflectError};
 use serde::Serialize;
 
 use super::project::Project;
@@ -105,19 +105,27 @@ fn entry(
     tested: &BTreeSet<String>,
 ) -> Entry {
     // One that takes textures has variables of its own in their place.
-    let alone = || Program::of_function(package, &item.name)?.function(&item.name);
-    let function = program.function(&item.name).or_else(|_| alone());
-    of_function(package, item, function, tested)
+    let whole = program.function(&item.name);
+    let whole = whole.map(|function| (program.signature(&function), function.doc));
+    let described = whole.or_else(|_: ReflectError| described_alone(package, &item.name));
+    of_function(package, item, described, tested)
+}
+
+/// The signature of a function and the comment above it, of what it needs alone.
+fn described_alone(package: &Package, name: &str) -> Result<(String, String), ReflectError> {
+    let program = Program::of_function(package, name)?;
+    let function = program.function(name)?;
+    Ok((program.signature(&function), function.doc))
 }
 
 fn of_function(
     package: &Package,
     item: FunctionItem,
-    function: Result<Function, ReflectError>,
+    described: Result<(String, String), ReflectError>,
     tested: &BTreeSet<String>,
 ) -> Entry {
-    let (signature, doc, error) = match function {
-        Ok(function) => (Some(function.to_string()), function.doc, None),
+    let (signature, doc, error) = match described {
+        Ok((signature, doc)) => (Some(signature), doc, None),
         Err(error) => (None, String::new(), Some(error.to_string())),
     };
     Entry {
@@ -140,9 +148,8 @@ fn sound(package: &Package, module: &str, tested: &BTreeSet<String>) -> Vec<Entr
         return Vec::new();
     }
     let alone = |item: FunctionItem| {
-        let program = Program::of_function(package, &item.name);
-        let function = program.and_then(|program| program.function(&item.name));
-        of_function(package, item, function, tested)
+        let described = described_alone(package, &item.name);
+        of_function(package, item, described, tested)
     };
     items.into_iter().map(alone).collect()
 }
