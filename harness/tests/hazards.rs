@@ -153,3 +153,16 @@ fn a_domain_is_checked_for_hazards() {
     let refused = Package::from_source("planted", "fn f(x: f32) -> f32 { return dpdx(x); }");
     assert!(refused.function("f").over(0.0..=1.0).try_has_no_hazards().is_err());
 }
+
+/// A check that ends in an error has a dispatch that nobody reads. Its driver must not be at work when the
+/// process ends: one in three such processes crashed.
+#[test]
+fn nothing_runs_when_the_process_ends() {
+    let program = std::env::current_exe().expect("it runs");
+    for _ in 0..8 {
+        let mut tests = std::process::Command::new(&program);
+        tests.args(["--skip", "nothing_runs_when_the_process_ends"]);
+        let ended = tests.output().expect("it starts");
+        assert!(ended.status.success(), "{}: {ended:?}", ended.status);
+    }
+}

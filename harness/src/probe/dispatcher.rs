@@ -2,6 +2,8 @@
 //!
 //! Poison and canaries show that each word was written once, by its case.
 
+use std::cell::Cell;
+
 use super::bound::{Bound, Compiled, Resources, bind, compile};
 use super::kept::Kept;
 use super::kernel::{Kernel, UNIFORM_WORDS, WORKGROUP};
@@ -52,7 +54,10 @@ impl Drop for Dispatcher<'_> {
 
 /// A dispatch whose results haven't been read.
 #[must_use]
-pub(crate) struct Dispatch {
+pub(crate) struct Dispatch<'d> {
+    device: &'d Device,
+    /// Whether somebody waited for it.
+    waited: Cell<bool>,
     cases: usize,
     canary: u32,
     /// Workgroups in a row, and rows.
@@ -60,6 +65,17 @@ pub(crate) struct Dispatch {
     /// The kernel with the arguments as constants, if they are.
     constants: Option<Bound>,
     _deadline: crate::path::Guard,
+}
+
+impl Drop for Dispatch<'_> {
+    /// A driver's threads may not outlive the process: it unloads what they run.
+    fn drop(&mut self) {
+        if !self.waited.get() {
+            let _turn = self.device.turn();
+            // Nobody wants its results, and whoever comes next is told what is wrong with the device.
+            drop(self.device.wait());
+        }
+    }
 }
 
 impl<'d> Dispatcher<'d> {
@@ -200,7 +216,7 @@ impl<'d> Dispatcher<'d> {
         arguments: &[u32],
         canary: u32,
         invocations: u32,
-    ) -> Result<Dispatch, ProbeError> {
+    ) -> Result<Dispatch<'d>, ProbeError> {
         assert!(cases <= self.capacity, "a batch is no larger than the runner's capacity");
         assert_eq!(arguments.len(), cases * self.words_in, "each case has all its arguments");
         let (path, function) = (self.device.path(), self.function.clone());
@@ -234,13 +250,15 @@ impl<'d> Dispatcher<'d> {
             }
         })?;
         let groups = (columns, rows);
-        let dispatch = Dispatch { cases, canary, groups, constants, _deadline: deadline };
+        let (device, waited) = (self.device, Cell::new(false));
+        let dispatch =
+            Dispatch { device, waited, cases, canary, groups, constants, _deadline: deadline };
         self.submit(&dispatch, &self.poison)?;
         Ok(dispatch)
     }
 
     /// Runs the kernel over results that are set to `poison`. The arguments are on the device.
-    fn submit(&self, dispatch: &Dispatch, poison: &Poison) -> Result<(), ProbeError> {
+    fn submit(&self, dispatch: &Dispatch<'_>, poison: &Poison) -> Result<(), ProbeError> {
         let bound = dispatch
             .constants
             .as_ref()
@@ -292,7 +310,7 @@ impl<'d> Dispatcher<'d> {
     /// result and one more. Each case's canary has been checked, and each word was written.
     pub(crate) fn read<T>(
         &self,
-        dispatch: Dispatch,
+        dispatch: Dispatch<'_>,
         read: impl FnOnce(&[u32]) -> T,
     ) -> Result<T, ProbeError> {
         let read = |words: &[u32]| match self.poisoned(words) {
@@ -329,7 +347,7 @@ impl<'d> Dispatcher<'d> {
 
     /// Waits for a dispatch whose cases run alone. For each case the words of what the function returns,
     /// of what its pointers point to and of the resources that it writes; and how many they are.
-    pub(super) fn rows(&self, dispatch: Dispatch) -> Result<(Vec<u32>, usize), ProbeError> {
+    pub(super) fn rows(&self, dispatch: Dispatch<'_>) -> Result<(Vec<u32>, usize), ProbeError> {
         let (cases, width) = (dispatch.cases, self.stride_out - 1);
         let words = self.read(dispatch, <[u32]>::to_vec)?;
         let kept = self.alone.iter().flat_map(|(_, kept)| kept);
@@ -361,10 +379,11 @@ impl<'d> Dispatcher<'d> {
     /// checked.
     fn read_checked<T>(
         &self,
-        dispatch: &Dispatch,
+        dispatch: &Dispatch<'_>,
         read: impl FnOnce(&[u32]) -> T,
     ) -> Result<T, ProbeError> {
         let Dispatch { cases, canary, .. } = *dispatch;
+        dispatch.waited.set(true);
         let value = self.device.read_back(&self.staging, self.bytes(cases), |bytes| {
             let words: &[u32] = bytemuck::cast_slice(bytes);
             let expected = cases * self.stride_out;

@@ -89,7 +89,7 @@ impl<'d> Runner<'d> {
         cases: usize,
         arguments: &[u32],
         canary: u32,
-    ) -> Result<Dispatch, ProbeError> {
+    ) -> Result<Dispatch<'d>, ProbeError> {
         let apart = match &self.rounds {
             Some(rounds) => rounds.apart(cases, arguments, canary)?,
             None => false,

@@ -449,7 +449,7 @@ fn what_no_device_draws_is_told() {
         (frame(), "draws nothing"),
         (frame().draw(red(all(0.5))).draw(depth()), "some of its draws draw depth alone"),
         (frame().draw(depth()), "add `.depth()`"),
-        (frame().draw(red(all(0.5))).target(1), "it has 1 targets, and none is 1"),
+        (frame().draw(red(all(0.5))).target(1), "it has 1 target, from 0 on, and none is 1"),
         (frame().draw(red(all(0.5)).write_mask(1, "r")), "names target 1, and the frame has 1"),
         (frame().draw(red(all(0.5))).depth().samples(4), "several samples"),
         (package.frame("", 2, 2).fragment("colored"), "at @location(1) that isn't a vec2f"),
