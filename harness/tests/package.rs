@@ -334,3 +334,58 @@ fn texts_that_are_not_saved_stand_in_for_their_files() {
     // What is no file of the package changes nothing.
     assert!(saved.unsaved(Path::new("nowhere.wgsl"), "no WGSL").try_is_valid().is_ok());
 }
+
+/// A folder without Rust says in `karat.toml` what its modules import from.
+#[test]
+fn a_folder_declares_its_dependencies() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let write = |name: &str, text: &str| {
+        let file = folder.path().join(name);
+        std::fs::create_dir_all(file.parent().expect("a folder")).expect("made");
+        std::fs::write(file, text).expect("written");
+    };
+    write(
+        "shaders/a.wgsl",
+        "import noise::value::hash;\nfn f(x: f32) -> f32 { return hash(x); }\n",
+    );
+    write(
+        "noise/value.wgsl",
+        "import own::gain::GAIN;\nfn hash(x: f32) -> f32 { return GAIN * x; }\n",
+    );
+    // Packages that name each other are two.
+    write(
+        "noise/karat.toml",
+        "[dependencies]\nown = { path = \"../own\" }\nback = { path = \"../shaders\" }\n",
+    );
+    write("own/gain.wgsl", "const GAIN = 0.5;\n");
+    let declared = |text: &str| write("shaders/karat.toml", text);
+    let package = Package::open(folder.path().join("shaders")).expect("a folder");
+    let ran = || {
+        package
+            .function("a::f")
+            .over(0.0..=1.0)
+            .cases(16)
+            .try_agrees_with(|x: f64| 0.5 * x, Ulp(1.0))
+    };
+    let told = |part: &str| {
+        let error = ran().expect_err(part).to_string();
+        assert!(error.contains(part), "no `{part}`: {error}");
+    };
+    told("`[dependencies]` in the package's `karat.toml`");
+    declared("[dependencies]\nnoise = { path = \"../noise\" }\n");
+    ran().expect("0.5 x");
+    package.function("noise::value::hash").over(0.0..=1.0).agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
+    // Another text of what it depends on is another program.
+    write("own/gain.wgsl", "const GAIN = 0.25;\n");
+    assert!(ran().is_err());
+    for (text, part) in [
+        ("noise = { path = \"../nose\" }", "dependency `noise`: the shader folder"),
+        ("noise = { path = \"../noise\", crate = \"noise\" }", "or { crate = \"name@version\" }"),
+        ("noise = {}", "the dependency `noise` is { path = \"..\" }"),
+        ("karat = { path = \"../noise\" }", "no dependency can be called `karat`"),
+        ("noise = { pat = \"../noise\" }", "unknown field `pat`"),
+    ] {
+        declared(&format!("[dependencies]\n{text}\n"));
+        told(part);
+    }
+}

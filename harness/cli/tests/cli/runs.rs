@@ -167,3 +167,27 @@ fn a_run_without_a_check_leaves_the_record_of_the_one_before() {
     runs.assert_last("before", 1);
     assert_eq!(runs.folders().len(), 1);
 }
+
+/// Rust tests that pass and compare nothing are named, and a build that fails is told as one.
+#[test]
+fn what_passes_without_a_check_is_told() {
+    let project = project();
+    let record = function("calc::f", "gl", "pass", None);
+    write(project.path(), "record", &record);
+    let script = "mkdir -p \"$KARAT_RECORD\"\n\
+                  if [ -e broken ]; then echo 'error: could not compile' >&2; exit 101; fi\n\
+                  cp record \"$KARAT_RECORD/1.jsonl\"\n\
+                  echo 'test tests::calc ... ok'\n\
+                  for name in a b c d e f g; do echo \"test silent::$name ... ok\"; done\n";
+    write(project.path(), "test", script);
+    let run = || output(command(project.path(), &["test"]).env("CARGO", "/bin/sh"));
+    let ran = run().good();
+    let told = "7 tests passed without a check: silent::a, silent::b, silent::c, silent::d, silent::e and 2 more";
+    assert!(ran.contains(told), "{ran}");
+    write(project.path(), "broken", "");
+    let error = run().error();
+    assert!(
+        error.contains("no test ran: they weren't built, or ended before the first"),
+        "{error}"
+    );
+}

@@ -178,6 +178,32 @@ fn another_folder_in_the_place_of_the_working_directory_is_watched() {
     watch.until("cpu: 2 tests pass");
 }
 
+/// What a path can't judge is told, and is no verdict.
+#[test]
+fn a_frame_on_cpu_is_neither_passed_nor_failed() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let shader =
+        format!("{SHADER}@fragment fn fs() -> @location(0) vec4f {{ return vec4f(0.5); }}\n");
+    write(folder.path(), "shaders/calc.wgsl", &shader);
+    write(folder.path(), "shaders/calc_test.wgsl", TESTS);
+    let frame = "[[frame]]\nname = \"grey\"\nfragment = \"fs\"\nsize = [8, 8]\n";
+    write(folder.path(), "shaders/calc.test.toml", frame);
+    let once = |paths: &str| {
+        karat(folder.path(), &["watch", "shaders", "--lines", "--once", "--paths", paths])
+    };
+    let cpu = once("cpu");
+    let told = "cpu: 2 tests pass; 2 ran";
+    assert!(cpu.out.contains(told), "{cpu:?}");
+    assert!(cpu.out.contains("1 isn't judged here: a frame needs a driver"), "{cpu:?}");
+    assert_eq!(cpu.code, Some(1), "nobody drew it: {cpu:?}");
+    let red = once("cpu,vulkan");
+    assert!(red.code == Some(1) && red.out.contains("vulkan: 1 of 3 tests fail"), "{red:?}");
+    let accept = ["accept", "grey", "--golden", "shaders/golden", "--because", "it is grey"];
+    karat(folder.path(), &accept).good();
+    let green = once("cpu,vulkan").good();
+    assert!(green.contains(told) && green.contains("vulkan: 3 tests pass"), "{green}");
+}
+
 #[cfg(unix)]
 #[test]
 fn it_ends_when_nobody_reads_it() {
