@@ -71,13 +71,27 @@ struct Known {
     modules: BTreeMap<ModulePath, Arc<Module>>,
     numbers: HashMap<Item, usize>,
     nodes: Vec<Node>,
+    /// How often it was looked through.
+    time: u64,
+    /// What wanted declarations came to.
+    wholes: HashMap<usize, Whole>,
 }
 
 /// A declaration.
 struct Node {
     item: Item,
-    /// What it is made of, and what it needs; `None`: not described yet.
+    /// What it is made of, and what it needs; `None`: not described yet, or its module has another text.
     made_of: Option<(Hash, Vec<usize>)>,
+    /// The same before, and when that was found.
+    before: Option<(Hash, Vec<usize>)>,
+    since: u64,
+}
+
+/// A declaration with all that it needs.
+struct Whole {
+    found: String,
+    nodes: Vec<usize>,
+    time: u64,
 }
 
 /// What was known when a package was looked through last.
@@ -193,14 +207,16 @@ impl Known {
             changed.insert(path.clone());
         }
         for node in self.nodes.iter_mut().filter(|node| changed.contains(&node.item.0)) {
-            node.made_of = None;
+            node.before = node.made_of.take().or(node.before.take());
         }
+        self.time += 1;
         true
     }
 
     fn number(&mut self, item: Item) -> usize {
         *self.numbers.entry(item).or_insert_with_key(|item| {
-            self.nodes.push(Node { item: item.clone(), made_of: None });
+            let item = item.clone();
+            self.nodes.push(Node { item, made_of: None, before: None, since: 0 });
             self.nodes.len() - 1
         })
     }
@@ -223,7 +239,11 @@ impl Known {
             if wanted.is_empty() {
                 return Ok(None);
             }
-            let mut hashes = self.reached(wanted, linker)?;
+            let only = wanted.first().copied().filter(|_| wanted.len() == 1);
+            if let Some(found) = only.map(|only| self.found(only, linker)).transpose()?.flatten() {
+                return Ok(Some(found));
+            }
+            let (nodes, mut hashes) = self.reached(wanted, linker)?;
             hashes.extend(own);
             // In whichever order they were reached.
             hashes.sort_unstable_by_key(|hash| *hash.as_bytes());
@@ -232,37 +252,70 @@ impl Known {
             for hash in &hashes {
                 all.update(hash.as_bytes());
             }
-            Ok(Some(all.finalize().to_hex().to_string()))
+            let found = all.finalize().to_hex().to_string();
+            if let Some(only) = only {
+                let whole = Whole { found: found.clone(), nodes, time: self.time };
+                self.wholes.insert(only, whole);
+            }
+            Ok(Some(found))
         };
         // What one needs and isn't there is told when that one is linked.
         Ok(items.iter().map(|item| one(item).ok().flatten()).collect())
     }
 
-    /// What some declarations and all that they need are made of, with the directives of their modules.
+    /// What a declaration came to before, if nothing that it needs is another now.
+    fn found(
+        &mut self,
+        only: usize,
+        linker: &mut Linker<'_>,
+    ) -> Result<Option<String>, PackageError> {
+        let Some(Whole { nodes, time, .. }) = self.wholes.get(&only) else { return Ok(None) };
+        let (nodes, time) = (nodes.clone(), *time);
+        for node in nodes {
+            self.describe(node, linker)?;
+            if self.nodes[node].since > time {
+                return Ok(None);
+            }
+        }
+        Ok(self.wholes.get(&only).map(|whole| whole.found.clone()))
+    }
+
+    /// Finds out what a declaration is made of and needs, with the directives of its module.
+    fn describe(&mut self, number: usize, linker: &mut Linker<'_>) -> Result<(), PackageError> {
+        if self.nodes[number].made_of.is_some() {
+            return Ok(());
+        }
+        let item = self.nodes[number].item.clone();
+        let needs = linker.needs(&item)?;
+        let needs = needs.into_iter().map(|item| self.number(item)).collect();
+        let mut own = Hasher::new();
+        linker.describe(&item, &mut own);
+        if let Some(directives) = linker.directives(&item.0) {
+            own.update(directives.as_bytes());
+        }
+        let (made_of, node) = (Some((own.finalize(), needs)), &mut self.nodes[number]);
+        if node.before != made_of {
+            node.since = self.time;
+        }
+        node.made_of = made_of;
+        Ok(())
+    }
+
+    /// Some declarations and all that they need, and what these are made of.
     fn reached(
         &mut self,
         mut queue: Vec<usize>,
         linker: &mut Linker<'_>,
-    ) -> Result<Vec<Hash>, PackageError> {
+    ) -> Result<(Vec<usize>, Vec<Hash>), PackageError> {
         let mut seen: BTreeSet<usize> = queue.iter().copied().collect();
         let mut hashes = Vec::new();
         while let Some(number) = queue.pop() {
-            if self.nodes[number].made_of.is_none() {
-                let item = self.nodes[number].item.clone();
-                let needs = linker.needs(&item)?;
-                let needs = needs.into_iter().map(|item| self.number(item)).collect();
-                let mut own = Hasher::new();
-                linker.describe(&item, &mut own);
-                if let Some(directives) = linker.directives(&item.0) {
-                    own.update(directives.as_bytes());
-                }
-                self.nodes[number].made_of = Some((own.finalize(), needs));
-            }
+            self.describe(number, linker)?;
             let Some((own, needs)) = &self.nodes[number].made_of else { continue };
             hashes.push(*own);
             queue.extend(needs.iter().copied().filter(|needed| seen.insert(*needed)));
         }
-        Ok(hashes)
+        Ok((seen.into_iter().collect(), hashes))
     }
 }
 
