@@ -379,7 +379,7 @@ fn a_folder_declares_its_dependencies() {
     write("own/gain.wgsl", "const GAIN = 0.25;\n");
     assert!(ran().is_err());
     for (text, part) in [
-        ("noise = { path = \"../nose\" }", "dependency `noise`: the shader folder"),
+        ("noise = { path = \"../nose\" }", "nose` (dependency `noise`)"),
         ("noise = { path = \"../noise\", crate = \"noise\" }", "or { crate = \"name@version\" }"),
         ("noise = {}", "the dependency `noise` is { path = \"..\" }"),
         ("karat = { path = \"../noise\" }", "no dependency can be called `karat`"),

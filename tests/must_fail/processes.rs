@@ -204,7 +204,7 @@ fn an_endless_loop() {
         let environment = [("KARAT_DEADLINE", "1.5"), ("KARAT_PATHS", path.name())];
         let (output, text) = planted(&["endless_loop"], &environment);
         assert!(!output.status.success(), "{text}");
-        assert!(text.contains(&format!("`endless` on path {path}")), "{text}");
+        assert!(text.contains(&format!("`endless` (<planted>:1:1) on path {path}")), "{text}");
         assert!(text.contains("did not finish within 1.5 s"), "{text}");
         // Collecting its output has waited for the process: it is gone, not a zombie.
         assert!(start.elapsed() < Duration::from_secs(30), "on {path}: {:?}", start.elapsed());

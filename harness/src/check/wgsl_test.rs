@@ -161,7 +161,7 @@ impl WgslTest {
         let names: Vec<&str> = typed.iter().map(|(name, _)| *name).collect();
         let (list, names) = (list.join(", "), names.join(", "));
         // A generated name can't be the author's: `karat_` is what kernels keep for themselves.
-        [("counts", 2), ("report", REPORT_WORDS)].map(|(report, words)| {
+        let texts = [("counts", 2), ("report", REPORT_WORDS)].map(|(report, words)| {
             let mut text = format!(
                 "import karat::{{begin as karat_begin, {report} as karat_report}};\nimport {TESTED}::{} as karat_test;\n",
                 self.name
@@ -175,10 +175,9 @@ impl WgslTest {
                  karat_test({names});\n    return karat_report();\n}}"
             )
             .expect("text takes text");
-            let name = self.package.name();
-            let generated = Package::from_modules(&name, [(self.module.as_str(), text)]);
-            generated.depends_on(TESTED, &self.package)
-        })
+            text
+        });
+        self.package.around(TESTED, &self.module, texts)
     }
 
     /// What it is made of, but for comments and blanks: its verdict changes with this alone. `None` if it
@@ -343,8 +342,7 @@ impl TestGroup {
         .expect("text takes text");
         let function =
             if module.is_empty() { "counted".to_owned() } else { format!("{module}::counted") };
-        let package =
-            Package::from_modules(&package.name(), [(module, text)]).depends_on(TESTED, package);
+        let [package] = package.around(TESTED, module, [text]);
         // What can't be linked together runs alone.
         Program::of_function(&package, &function)?;
         Ok(Self { package, function, shapes, words, members })

@@ -1,5 +1,7 @@
 //! What changed in values that wait, row by row, for whoever accepts or rejects them.
 
+use std::collections::HashMap;
+
 use super::table::{Table, TableError};
 use super::{AcceptError, Goldens, Pending};
 use crate::image::ImageError;
@@ -17,7 +19,7 @@ use crate::value::format_lane;
 /// ```
 #[derive(Clone, Debug)]
 pub struct ChangedRow {
-    /// The row, from 0.
+    /// The row, from 0; of one that is gone, the golden's.
     pub row: usize,
     /// Its arguments, as text.
     pub arguments: Vec<String>,
@@ -57,8 +59,8 @@ impl Pending {
 }
 
 impl Table {
-    /// The rows that differ from those of a golden, the largest differences first; all rows if there is
-    /// no golden.
+    /// The rows that differ from those of a golden with the same arguments, the largest differences first,
+    /// those among them that are new or gone; all rows if there is no golden, or one of other columns.
     ///
     /// ```no_run
     /// use karat::golden::Table;
@@ -76,35 +78,39 @@ impl Table {
             let shown = cells.map(|(column, word)| format_lane(column.scalar, *word));
             shown.collect::<Vec<String>>()
         };
-        let results = |table: &Table, row: Option<&[u32]>| {
-            let columns = table.arguments..table.columns.len();
-            row.map_or_else(Vec::new, |row| text(table, columns, row))
+        let (given, all) = (self.arguments, self.columns.len());
+        let row = |row: usize, old: Option<&[u32]>, new: Option<&[u32]>, relative: f64| {
+            let cells = |row: Option<&[u32]>, columns| {
+                row.map_or_else(Vec::new, |row| text(self, columns, row))
+            };
+            let arguments = cells(new.or(old), 0..given);
+            let (golden, actual) = (cells(old, given..all), cells(new, given..all));
+            ChangedRow { row, arguments, golden, actual, relative }
         };
+        // Rows of other columns aren't rows of these.
+        let golden = golden.filter(|golden| golden.columns == self.columns);
         let old_rows: Vec<&[u32]> = golden.iter().flat_map(|golden| golden.rows()).collect();
-        let new_rows: Vec<&[u32]> = self.rows().collect();
+        let mut by_arguments: HashMap<&[u32], Vec<usize>> = HashMap::new();
+        for (at, old) in old_rows.iter().enumerate().rev() {
+            by_arguments.entry(&old[..given]).or_default().push(at);
+        }
         let mut changed = Vec::new();
-        for row in 0..old_rows.len().max(new_rows.len()) {
-            let (old, new) = (old_rows.get(row).copied(), new_rows.get(row).copied());
-            let same = golden.is_some_and(|golden| golden.columns == self.columns);
-            if same && old == new {
-                continue;
-            }
-            let relative = match (old, new) {
-                (Some(old), Some(new))
-                    if same && old[..self.arguments] == new[..self.arguments] =>
-                {
-                    relative(self, old, new)
+        let mut gone = vec![true; old_rows.len()];
+        for (at, new) in self.rows().enumerate() {
+            // The same arguments, wherever they stood: of several the first that is left.
+            let old = by_arguments.get_mut(&new[..given]).and_then(Vec::pop);
+            match old.map(|old| (old, old_rows[old])) {
+                None => changed.push(row(at, None, Some(new), f64::INFINITY)),
+                Some((place, old)) => {
+                    gone[place] = false;
+                    if old != new {
+                        changed.push(row(at, Some(old), Some(new), relative(self, old, new)));
+                    }
                 }
-                _ => f64::INFINITY,
-            };
-            let arguments = match (new, old, golden) {
-                (Some(new), ..) => text(self, 0..self.arguments, new),
-                (None, Some(old), Some(golden)) => text(golden, 0..golden.arguments, old),
-                _ => Vec::new(),
-            };
-            let golden = golden.map_or_else(Vec::new, |golden| results(golden, old));
-            let actual = results(self, new);
-            changed.push(ChangedRow { row, arguments, golden, actual, relative });
+            }
+        }
+        for (at, old) in old_rows.iter().enumerate().filter(|(at, _)| gone[*at]) {
+            changed.push(row(at, Some(*old), None, f64::INFINITY));
         }
         changed.sort_by(|a, b| b.relative.total_cmp(&a.relative));
         changed
@@ -120,4 +126,45 @@ fn relative(table: &Table, old: &[u32], new: &[u32]) -> f64 {
         if difference == 0.0 { 0.0 } else { difference / old.abs() }
     });
     differences.fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::golden::Column;
+    use crate::value::Scalar;
+
+    fn table(names: &[&str], rows: &[[f32; 2]]) -> Table {
+        let column = |name: &&str| Column { name: (*name).to_owned(), scalar: Scalar::F32 };
+        let columns: Vec<Column> = names.iter().map(column).collect();
+        let words = rows.iter().flatten().map(|value| value.to_bits()).collect();
+        Table { columns, arguments: 1, words }
+    }
+
+    fn shown(now: &Table, before: Option<&Table>) -> Vec<String> {
+        let row = |row: ChangedRow| {
+            let ChangedRow { row, arguments, golden, actual, .. } = row;
+            format!("{row}: {} {}->{}", arguments.join(","), golden.join(","), actual.join(","))
+        };
+        now.changed_rows(before).into_iter().map(row).collect()
+    }
+
+    /// A result is compared with that of the same arguments, and with none of others.
+    #[test]
+    fn rows_are_paired_by_their_arguments() {
+        let names = ["x", "result"];
+        let before = table(&names, &[[0.0, 1.0], [0.5, 2.0], [0.5, 2.0], [1.0, 4.0]]);
+        assert!(shown(&before, Some(&before)).is_empty());
+        let moved = table(&names, &[[1.0, 4.0], [0.5, 2.0], [0.5, 2.0], [0.0, 1.0]]);
+        assert!(shown(&moved, Some(&before)).is_empty(), "an order is no difference");
+        let now = table(&names, &[[0.0, 1.5], [0.5, 2.0], [2.0, 8.0]]);
+        assert_eq!(
+            shown(&now, Some(&before)),
+            ["2: 2 ->8", "2: 0.5 2->", "3: 1 4->", "0: 0 1->1.5"]
+        );
+        // Values of other columns can't be compared.
+        let other = table(&["y", "result"], &[[0.0, 1.0]]);
+        assert_eq!(shown(&other, Some(&before)), ["0: 0 ->1"]);
+        assert_eq!(shown(&other, None), ["0: 0 ->1"]);
+    }
 }

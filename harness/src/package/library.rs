@@ -324,7 +324,7 @@ impl Library {
     }
 
     /// The features that hold in a package: its own, then those of the one that is linked.
-    fn features(&self, package: usize) -> Features {
+    pub(super) fn features(&self, package: usize) -> Features {
         let (own, linked) = (self.package(package), self.package(0));
         // Read before; what is wrong with it was said then.
         let declared =

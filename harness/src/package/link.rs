@@ -6,17 +6,44 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::feature::Feature;
 use super::functions::functions_of;
-use super::imports;
 use super::library::{Library, ModulePath};
 use super::linked::{Linked, author_path};
 use super::linker::Linker;
 use super::splice::Spliced;
 use super::syntax::{Module, asks_for_nothing};
-use super::{Package, PackageError};
+use super::{Package, PackageError, directives, imports};
 use crate::diagnostic::{SourceFile, nearest};
 
 impl Package {
+    /// Packages of one generated module each that depend on this one by a name. What is set here is set
+    /// there, as it is what is linked, and so is what the `module` of the same name defines.
+    pub(crate) fn around<const N: usize>(
+        &self,
+        name: &str,
+        module: &str,
+        texts: [String; N],
+    ) -> [Self; N] {
+        // What can't be read is told when it is linked.
+        let library = Library::open(self).ok();
+        let library = library.as_ref();
+        let features = library.map(|library| library.features(0)).unwrap_or_default();
+        let own = library.and_then(|library| library.read(&ModulePath::root(module)).ok());
+        let defined = own.map(|own| directives::defined(&own.text)).unwrap_or_default();
+        let defines = defined.iter().map(|(name, value)| match value {
+            Feature::Flag(true) => format!("#define {name}\n"),
+            value => format!("#define {name} {value}\n"),
+        });
+        let defines: String = defines.collect();
+        texts.map(|text| {
+            let modules = [(module, defines.clone() + &text)];
+            let mut generated = Self::from_modules(&self.name(), modules).depends_on(name, self);
+            generated.features.extend(features.clone());
+            generated
+        })
+    }
+
     /// Links the closure of one declaration: what it needs from any module, and nothing else.
     pub(crate) fn link(&self, path: &str) -> Result<Linked, PackageError> {
         let (module, item) = path.rsplit_once("::").unwrap_or(("", path));

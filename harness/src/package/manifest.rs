@@ -250,10 +250,17 @@ impl Manifest {
                 continue;
             }
             let found = match (path, krate) {
-                (Some(path), _) => Package::open(joined(folder, &path)).map_err(|reason| {
-                    let reason = format!("dependency `{name}`: {reason}");
-                    PackageError::Manifest { file: shown(&read.file), reason }
-                })?,
+                (Some(path), _) => {
+                    let path = joined(folder, &path);
+                    let missing = || PackageError::Manifest {
+                        file: shown(&read.file),
+                        reason: format!(
+                            "there is no folder `{}` (dependency `{name}`)",
+                            shown(&path)
+                        ),
+                    };
+                    Package::open(&path).map_err(|_| missing())?
+                }
                 (None, krate) => Package::of_origin(Origin::Crate {
                     base: folder.to_string_lossy().into_owned().into(),
                     name: krate.unwrap_or_default().into(),

@@ -93,6 +93,24 @@ fn stem_of(name: &str) -> Option<&str> {
     (meant && !stem.is_empty()).then(|| &name[..stem.len()])
 }
 
+/// Whether a file of another name, such as `tests.toml`, declares tests: its author meant it so.
+fn declares(file: &Path, name: &str) -> bool {
+    let lower = name.to_ascii_lowercase();
+    // Copies that editors and git leave, and what Cargo reads.
+    let is_other = lower.ends_with('~')
+        || [".bak", ".orig", ".rej", ".old", ".swp"].iter().any(|ending| lower.ends_with(ending))
+        || lower == "cargo.toml";
+    if is_other || !lower.contains(".toml") {
+        return false;
+    }
+    let text = std::fs::read_to_string(file).unwrap_or_default();
+    let has = |head: &str, key: &str| {
+        text.lines().any(|line| line.trim() == head)
+            && text.lines().any(|line| line.trim_start().starts_with(key))
+    };
+    has("[[test]]", "function") || has("[[frame]]", "fragment")
+}
+
 /// The files of declared tests in a folder and below, or those of one module.
 fn sidecars(folder: &Path, root: &Path, files: &mut Vec<PathBuf>) -> Result<(), FindError> {
     let failed = |reason| FindError::Folder { folder: folder.to_owned(), reason };
@@ -117,6 +135,8 @@ fn sidecars(folder: &Path, root: &Path, files: &mut Vec<PathBuf>) -> Result<(), 
             if !root.is_file() || own == stem {
                 files.push(path);
             }
+        } else if !root.is_file() && declares(&path, &name) {
+            files.push(path);
         }
     }
     Ok(())

@@ -70,7 +70,11 @@ pub(crate) fn read(
     let results = results.iter().map(place).collect::<Result<Vec<_>, String>>()?;
     let (mut rows, mut expected) = (Vec::new(), HashMap::new());
     for record in reader.records() {
-        let record = record.map_err(|error| format!("`{name}`: {error}"))?;
+        let record = record.map_err(|error| {
+            let line = error.position().map(csv::Position::line);
+            let place = line.map(|line| format!("\n   --> {}:{line}:1", shown(file)));
+            format!("`{name}`: {error}{}", place.unwrap_or_default())
+        })?;
         let line = line_of(&text, &record);
         let at = |message: String| format!("{message}\n   --> {}:{line}:1", shown(file));
         let wrong = |column: usize, what: &str| {

@@ -76,7 +76,10 @@ impl Project {
         }
         let plain = |root| Self { root, settings: Settings::default(), cargo: false };
         let mut tested = Vec::new();
-        tested_below(folder, DEPTH, &mut tested);
+        // What lies below a person's folder, or the whole disk, is no project of its own.
+        let is_home = std::env::home_dir().is_some_and(|home| home == folder);
+        let depth = if is_home || folder.parent().is_none() { 0 } else { DEPTH };
+        tested_below(folder, depth, &mut tested);
         let shaders = folder.join("shaders");
         let last = tested.into_iter().max_by_key(|(ran, _)| *ran).map(|(_, root)| plain(root));
         Ok(last.unwrap_or_else(|| if shaders.is_dir() { plain(shaders) } else { own }))

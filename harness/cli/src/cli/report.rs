@@ -396,7 +396,9 @@ pub(super) struct Place {
 /// The function in WGSL, or the golden's facts, or the test that has none. Files are relative to
 /// the workspace.
 fn place(record: &Record, root: &Path, workspace: &Path) -> Option<Place> {
-    let located = |location, package| located(location, package, workspace);
+    let located = |location: &str, package| {
+        located(location, package, workspace).or_else(|| of_read(location, record, workspace))
+    };
     match &record.subject {
         Subject::Function { location, package, .. } => located(location, Path::new(package)),
         Subject::Frame { golden, folder, location } => {
@@ -438,6 +440,14 @@ pub(super) fn located(location: &str, package: &Path, workspace: &Path) -> Optio
     let (line, column) = (line.parse().ok()?, column.parse().ok()?);
     let file = package.ancestors().map(|folder| folder.join(file)).find(|path| path.is_file())?;
     Some(Place { file: relative(&file, workspace), line, column })
+}
+
+/// [`located`], among the files that a record depends on: it may have been made in another folder.
+fn of_read(location: &str, record: &Record, workspace: &Path) -> Option<Place> {
+    let file = Path::new(location.rsplitn(3, ':').nth(2)?);
+    let read = record.read.iter().map(|read| &read.file).find(|read| read.ends_with(file))?;
+    let above = read.ancestors().nth(file.components().count())?;
+    located(location, above, workspace)
 }
 
 /// With `/`, as GitHub has it.

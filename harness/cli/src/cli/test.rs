@@ -120,7 +120,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     let records = record::read(running.folder())?;
     subjects.add(&records, asked.is_whole().then(|| progress.done()), progress.failed());
-    subjects.write(&project.record()).context("can't keep which tests check which functions")?;
+    // One case run again is no run: the record of all that failed stays.
+    let is_replay = std::env::var_os("KARAT_CASE").is_some_and(|case| !case.is_empty());
+    if !is_replay {
+        subjects
+            .write(&project.record())
+            .context("can't keep which tests check which functions")?;
+    }
     if !passed && suites_passed && progress.done() == 0 && records.is_empty() {
         anyhow::bail!("no test ran: they weren't built, or ended before the first, see above");
     }
@@ -140,7 +146,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let run =
         Run { schema: record::SCHEMA, selected: asked.selected(project.is_cargo()), passed: good };
     run.write(running.folder()).context("can't say how the run was made")?;
-    let folder = running.end().context("can't keep the record")?;
+    let (folder, _of_replay) = match is_replay {
+        true => (project.record(), Some(running)),
+        false => (running.end().context("can't keep the record")?, None),
+    };
     let failed = tables::write(&records, args.output.all, told)?;
     // With a filter most functions aren't tested on purpose.
     if asked.filter.is_none() && asked.names.is_none() {
@@ -365,6 +374,12 @@ impl<'a> Asked<'a> {
 
     /// That there is no test to run, and what was perhaps meant.
     fn nothing(&self, packages: &[Package]) -> NotThere {
+        let left_out =
+            |package: &Package| package.tests_left_out(&package.modules().unwrap_or_default());
+        if packages.iter().any(|package| !left_out(package).is_empty()) {
+            let none = "no test runs: the condition of each that is there doesn't hold";
+            return NotThere(none.to_owned());
+        }
         let Some(filter) = self.filter else {
             if let Some(folder) = &self.folder {
                 let none = format!(

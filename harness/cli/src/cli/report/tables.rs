@@ -229,7 +229,7 @@ fn add_rows(
     let passes = |path: &PathRecord| path.failures == 0 && path.cases > 0;
     // Such as values of a golden that has other rows: no case is at fault.
     let otherwise = is_failure(record)
-        && record.paths.iter().all(|path| passes(path) && path.known_issue.is_none());
+        && record.paths.iter().all(|path| passes(path) == path.known_issue.is_none());
     for path in &record.paths {
         if otherwise {
             let cells = [&*path.adapter.path, &path.cases.to_string(), "FAIL by no case", ""];
