@@ -408,7 +408,13 @@ impl Package {
             Origin::Memory { .. } => true,
             Origin::Crate { .. } => return self.found().map(drop),
         };
-        if there { Ok(()) } else { Err(PackageError::Missing(shown(&self.root()))) }
+        let root = shown(&self.root());
+        match &self.origin {
+            _ if there => Ok(()),
+            // Who opens a folder by its path has no manifest in mind.
+            Origin::Folder { base, .. } if base.is_empty() => Err(PackageError::NoFolder(root)),
+            _ => Err(PackageError::Missing(root)),
+        }
     }
 
     /// What `karat.toml` declares of hazards.

@@ -52,6 +52,16 @@ fn each_is_found_where_it_is_born() {
     let cancels = "fn f(theta: f32) -> f32 { return 1.0 - cos(theta); }";
     at(cancels, Kind::LostDigits, "1.0 - cos(theta)");
 
+    // All of its digits: 1 - cos(1e-4) is 0 in f32, and the result 0 where it should be a half.
+    let all = "fn f(x: f32) -> f32 { return (1.0 - cos(x)) / (x * x); }";
+    let package = Package::from_source("planted", all);
+    let lost = package.function("f").over(1e-6..=1e-4).cases(500).try_has_no_hazards();
+    let told = lost.expect_err("0 is no half").to_string();
+    assert!(told.contains("digits lost at `1.0 - cos(x)`"), "{told}");
+    // Of a result that is rounding itself nothing is lost.
+    let rounding = Package::from_source("planted", "fn f(x: f32) -> f32 { return 1.0 - cos(x); }");
+    rounding.function("f").over(1e-6..=1e-5).cases(500).has_no_hazards();
+
     let index = "fn f(i: u32) -> f32 { var a = array(1.0, 2.0, 3.0); return a[i]; }";
     at(index, Kind::OutOfRange, "a[i]");
 

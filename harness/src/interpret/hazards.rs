@@ -306,7 +306,31 @@ impl Interpreted {
         double: &[Event<f64>],
         lane: usize,
         finite: bool,
-        lost: bool,
+        lost: Option<f64>,
+    ) -> Vec<Found> {
+        let found = self.born_of(single, double, lane, finite, &|event, twin| {
+            lost.is_some() && loses(event, twin, lane)
+        });
+        let Some(size) = lost.filter(|_| found.iter().all(|one| one.kind != Kind::LostDigits))
+        else {
+            return found;
+        };
+        // A difference that is nothing but rounding is at fault where the result is more than that.
+        let more = self.born_of(single, double, lane, finite, &|event, twin| {
+            loses_all(event, twin, lane, size)
+        });
+        let lost = more.into_iter().filter(|one| one.kind == Kind::LostDigits);
+        found.into_iter().chain(lost).collect()
+    }
+
+    /// [`born`](Self::born), with what tells lost digits.
+    fn born_of(
+        &self,
+        single: &[Event<f32>],
+        double: &[Event<f64>],
+        lane: usize,
+        finite: bool,
+        loses: &dyn Fn(&Event<f32>, &Event<f64>) -> bool,
     ) -> Vec<Found> {
         let twins = Twins::of(double, lane);
         let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
@@ -324,7 +348,7 @@ impl Interpreted {
                     continue;
                 }
                 if nan { Kind::Nan } else { Kind::Infinite }
-            } else if lost && twin.is_some_and(|twin| loses(event, twin, lane)) {
+            } else if twin.is_some_and(|twin| loses(event, twin)) {
                 Kind::LostDigits
             } else {
                 continue;
@@ -354,12 +378,16 @@ impl Interpreted {
 
 /// Whether an operation loses more than half of the digits that its operands have.
 fn loses(event: &Event<f32>, twin: &Event<f64>, lane: usize) -> bool {
+    loses_all(event, twin, lane, twin.values[lane].abs())
+}
+
+/// The same, of one whose value becomes a part of a result of this `size`.
+fn loses_all(event: &Event<f32>, twin: &Event<f64>, lane: usize, size: f64) -> bool {
     let error = |x: f32, y: f64| (f64::from(x) - y).abs() / y.abs();
     let (value, shadow) = (event.values[lane], twin.values[lane]);
     let largest = twin.operands.iter().map(|o| o[lane].abs()).fold(0.0, f64::max);
-    let means_something = shadow.is_finite()
-        && shadow.abs() > NOISE * largest
-        && shadow.abs() > f64::from(f32::MIN_POSITIVE);
+    let means_something =
+        shadow.is_finite() && size > NOISE * largest && shadow.abs() > f64::from(f32::MIN_POSITIVE);
     let precise = |(x, y): (&Vec<f32>, &Vec<f64>)| {
         x[lane] == 0.0 && y[lane] == 0.0 || error(x[lane], y[lane]) <= PRECISE
     };
@@ -385,17 +413,19 @@ fn scales(shadows: &Results<F64>, cases: usize) -> Vec<f64> {
     scales
 }
 
-/// Whether a result has lost half of its digits itself, and that matters.
-fn differ(result: &[LaneOf<F32>], shadow: &[LaneOf<F64>], scales: &[f64]) -> bool {
+/// The largest component of a result that has lost half of its digits itself where that matters; `None` if
+/// none has.
+fn differ(result: &[LaneOf<F32>], shadow: &[LaneOf<F64>], scales: &[f64]) -> Option<f64> {
     let lost = |((x, y), scale): ((&LaneOf<F32>, &LaneOf<F64>), &f64)| match (x, y) {
         (Lane::Float(x), Lane::Float(y)) => {
             let error = (f64::from(*x) - y).abs();
             let size = y.abs().max(SMALL * scale);
-            y.is_finite()
+            let is_lost = y.is_finite()
                 && error > f64::from(f32::MIN_POSITIVE)
-                && (error > LOST * size || error > WRONG * y.abs())
+                && (error > LOST * size || error > WRONG * y.abs());
+            is_lost.then_some(y.abs())
         }
-        _ => false,
+        _ => None,
     };
-    result.iter().zip(shadow).zip(scales).any(lost)
+    result.iter().zip(shadow).zip(scales).filter_map(lost).reduce(f64::max)
 }

@@ -7,6 +7,9 @@ use crate::diagnostic::Diagnostic;
 #[non_exhaustive]
 pub enum PackageError {
     /// The folder or file isn't there.
+    #[error("there is no folder or file `{0}`")]
+    NoFolder(String),
+    /// The folder of a package doesn't exist, which a test names.
     #[error(
         "the shader folder `{0}` doesn't exist; `karat::package!` takes a path relative to Cargo.toml"
     )]

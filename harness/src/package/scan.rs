@@ -20,6 +20,11 @@ pub(super) fn scan(
     for entry in std::fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
         let no_module = |reason| PackageError::NoModule { file: shown(&path), reason };
+        // Hidden files are nobody's modules: an editor locks a file by one, as a link to nothing.
+        let is_hidden = |name: &std::ffi::OsStr| name.to_string_lossy().starts_with('.');
+        if path.file_name().is_some_and(is_hidden) {
+            continue;
+        }
         let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
         let is_shader = library::EXTENSIONS.iter().any(|known| extension == *known);
         if !prefix.is_empty() && path.file_name().is_some_and(|name| name == manifest::NAME) {
@@ -36,9 +41,9 @@ pub(super) fn scan(
         };
         let name = if prefix.is_empty() { part.to_owned() } else { format!("{prefix}::{part}") };
         if path.is_dir() {
-            // Cargo's output and hidden folders hold no modules of the author.
+            // Cargo's output holds no modules of the author.
             let is_output = part == "target" && path.join("CACHEDIR.TAG").is_file();
-            if !part.starts_with('.') && !is_output {
+            if !is_output {
                 scan(&path, &name, entered, found)?;
             }
         } else if is_shader {

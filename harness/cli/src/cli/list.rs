@@ -7,6 +7,7 @@ use karat::Package;
 use karat::package::{FunctionItem, PackageError};
 use karat::record::{self, Subject};
 use karat::reflect::{Program, ReflectError};
+use karat_suite::{Suite, Test};
 use serde::Serialize;
 
 use super::project::Project;
@@ -40,10 +41,11 @@ struct Entry {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
-    let tested = tested_functions(&project)?;
+    let ran = tested_functions(&project)?;
     let mut entries = Vec::new();
     let mut valid = true;
     for package in project.packages(&args.package)? {
+        let tested = with_called(&package, &ran);
         for module in package.modules()? {
             // A module that isn't valid hides no other.
             match Program::of_module(&package, &module) {
@@ -169,6 +171,14 @@ fn broken(package: &Package, module: String, error: &ReflectError) -> Entry {
 
 /// The functions that the last `karat test` checked; none if there was no run.
 /// The functions that the last run checked.
+/// Functions that have tests, with those that tests in WGSL call.
+fn with_called(package: &Package, ran: &BTreeSet<String>) -> BTreeSet<String> {
+    let suite = Suite::of(package.clone()).ok();
+    let tests = suite.iter().flat_map(|suite| &suite.tests);
+    let tests = tests.filter(|test| ran.contains(&test.name));
+    tests.flat_map(Test::calls).map(str::to_owned).chain(ran.iter().cloned()).collect()
+}
+
 pub(super) fn tested_functions(project: &Project) -> anyhow::Result<BTreeSet<String>> {
     let folder = project.output().join("record");
     let records = if folder.is_dir() { record::read(&folder)? } else { Vec::new() };

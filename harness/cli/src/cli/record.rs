@@ -87,7 +87,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     run.write(place.folder()).context("can't say how the run was made")?;
     let folder = place.end().context("can't keep the record")?;
     let failed = tables::write(&records, args.output.all, told)?;
-    let tests = Tests { failed: &[], passed };
+    let tests = Tests { failed: &[], passed, told: true };
     tables::write_sum(&records, failed, tests, &folder, told)?;
     if args.output.short {
         short::write(&records, &[], tests, project.root(), out)?;

@@ -121,12 +121,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let failed = tables::write(&records, args.output.all, told)?;
     // Of a run that didn't end nobody knows.
     let passed = run.as_ref().is_some_and(|run| run.passed);
-    let tests = Tests { failed: &[], passed: passed || run.is_none() };
+    // Without a record of their own they are known by their names.
+    let of_project = args.merge.is_empty() && args.record.is_none();
+    let failing = if of_project { super::test::failed(&project) } else { Vec::new() };
+    let tests = Tests { failed: &failing, passed: passed || run.is_none(), told: false };
     tables::write_sum(&records, failed, tests, &folder, told)?;
     if args.output.short {
         short::write(&records, &[], tests, project.root(), out)?;
     }
-    let of_project = args.merge.is_empty() && args.record.is_none();
     let killed = of_project && was_killed(&project.record());
     if killed {
         let why = "a later run was stopped before its end: this is the one before it";
@@ -304,7 +306,7 @@ fn outside<'t>(records: &[Record], failed: &'t [String]) -> Vec<&'t str> {
 const OUTSIDE: usize = 4;
 
 /// A line on the tests that failed outside of checks; `None` where there are none.
-fn told_outside(records: &[Record], Tests { failed, passed }: Tests<'_>) -> Option<String> {
+fn told_outside(records: &[Record], Tests { failed, passed, .. }: Tests<'_>) -> Option<String> {
     let outside = outside(records, failed);
     if outside.is_empty() {
         let unexplained = !passed && !records.iter().any(is_failure);
@@ -323,6 +325,8 @@ pub(super) struct Tests<'t> {
     pub(super) failed: &'t [String],
     /// Whether all passed.
     pub(super) passed: bool,
+    /// Whether their own messages stand above.
+    pub(super) told: bool,
 }
 
 /// A message, beginning with the line that says what is wrong. That of a frame begins with what

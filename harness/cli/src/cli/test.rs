@@ -157,13 +157,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         write_untested(&records, tested, &invalid, told)?;
     }
     check::write(&invalid, told)?;
-    let tests = Tests { failed: progress.failed(), passed };
+    let tests = Tests { failed: progress.failed(), passed, told: true };
     tables::write_sum(&records, failed, tests, &folder, told)?;
     if args.leaves_frames_out() {
         writeln!(told, "{KNOWN}frames were left out{KNOWN:#}")?;
     }
     if asked.is_whole() {
-        write_silent(&records, progress.passed(), told)?;
+        write_silent(&records, progress.passed(), args.output.all, told)?;
     }
     if args.output.short {
         short::write(&records, &invalid, tests, project.root(), out)?;
@@ -340,7 +340,8 @@ impl<'a> Asked<'a> {
         }
         let name = |test: &LeftOut| format!("{} {}", test.name, test.condition);
         let names: Vec<String> = tests.iter().map(name).collect();
-        let names = some(&names.iter().map(String::as_str).collect::<Vec<_>>());
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let names = some_of(&names, self.args.output.all);
         let tests = counted(tests.len(), "test");
         writeln!(
             out,
@@ -592,6 +593,11 @@ impl<'a> Asked<'a> {
     }
 }
 
+/// Tests that failed in the last run, with or without a record.
+pub(super) fn failed(project: &Project) -> Vec<String> {
+    Subjects::read(&project.record()).failed().to_vec()
+}
+
 /// That a run has no place for what it leaves.
 pub(super) fn unwritable(project: &Project) -> String {
     let place = project.record();
@@ -608,7 +614,12 @@ pub(super) fn unwritable(project: &Project) -> String {
 }
 
 /// Says which tests passed and have compared nothing: their authors may have forgotten to.
-fn write_silent(records: &[Record], passed: &[String], out: &mut dyn Write) -> std::io::Result<()> {
+fn write_silent(
+    records: &[Record],
+    passed: &[String],
+    all: bool,
+    out: &mut dyn Write,
+) -> std::io::Result<()> {
     let recorded: HashSet<&str> = records.iter().map(|record| &*record.test).collect();
     let silent = passed.iter().map(String::as_str).filter(|name| !recorded.contains(name));
     let silent: Vec<&str> = silent.collect();
@@ -616,15 +627,22 @@ fn write_silent(records: &[Record], passed: &[String], out: &mut dyn Write) -> s
         return Ok(());
     }
     let tests = counted(silent.len(), "test");
-    writeln!(out, "{DIM}{tests} passed without a check: {}{DIM:#}", some(&silent))
+    writeln!(out, "{DIM}{tests} passed without a check: {}{DIM:#}", some_of(&silent, all))
 }
+
+/// More names are a list that nobody reads unless asked for.
+const MOST_NAMES: usize = 5;
 
 /// The first names of a list, and how many more there are.
 fn some(names: &[&str]) -> String {
-    /// More names are a list that nobody reads here.
-    const MOST: usize = 5;
-    let first = names[..names.len().min(MOST)].join(", ");
-    match names.len().saturating_sub(MOST) {
+    some_of(names, false)
+}
+
+/// [`some`], or all.
+fn some_of(names: &[&str], all: bool) -> String {
+    let most = if all { names.len() } else { MOST_NAMES };
+    let first = names[..names.len().min(most)].join(", ");
+    match names.len().saturating_sub(most) {
         0 => first,
         more => format!("{first} and {more} more"),
     }

@@ -232,3 +232,104 @@ fn a_test_without_arguments_fails_once() {
         assert!(ran.out.contains("1 of 1 case fails"), "{ran:?}");
     }
 }
+
+/// What is set of a folder holds in all that its tests in WGSL reach, as in its declared tests.
+#[test]
+fn features_reach_what_a_test_in_wgsl_imports() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path();
+    write(path, "noise/v.wgsl", "@if(hard) const GAIN = 7.0;\n@else const GAIN = 3.0;\n");
+    let settings =
+        "[dependencies]\nnoise = { path = \"../noise\" }\n[features]\nhard = true\nSAMPLES = 4\n";
+    write(path, "wgsl/karat.toml", settings);
+    let module = "import noise::v::GAIN;\nimport constants::SAMPLES;\nfn f(x: f32) -> f32 { return GAIN * x; }\n\
+                  fn k() -> i32 { return SAMPLES; }\n";
+    write(path, "wgsl/a.wgsl", module);
+    let tests = "import package::a::{f, k};\nimport karat::{expect_near, expect_true};\n\
+                 @test fn gain() { expect_near(f(1.0), 7.0, 0.0); }\n\
+                 @test fn count(@over(0, 1) x: f32) { expect_true(k() == 4); }\n";
+    write(path, "wgsl/a_test.wgsl", tests);
+    let defined = "#define GAIN 5\nimport karat::expect_true;\nfn q() -> i32 { return #{GAIN}; }\n\
+                   @test fn defined() { expect_true(q() == 5); }\n";
+    write(path, "wgsl/b_test.wgsl", defined);
+    test(path, &[]).good();
+    let soft = test(path, &["--feature", "hard=false"]);
+    assert!(soft.code == Some(1) && soft.out.contains("saw 3, expected 7"), "{soft:?}");
+    let samples = test(path, &["--feature", "SAMPLES=5"]);
+    assert!(samples.code == Some(1) && samples.out.contains("3 checks, 1 failed"), "{samples:?}");
+}
+
+/// One case run again leaves the record of all that failed.
+#[test]
+fn a_replay_is_no_run() {
+    let folder = folder(
+        "fn f(x: f32) -> f32 { return x + 1.0; }\nfn g(x: f32) -> f32 { return x + 2.0; }\n",
+        "",
+    );
+    let both = format!("{IN_RANGE}{}", IN_RANGE.replace("\"f\"", "\"g\""));
+    write(folder.path(), "wgsl/a.test.toml", &both);
+    let names = |out: &str| -> Vec<String> {
+        let lines = out.lines().filter_map(|line| line.strip_prefix("karat replay "));
+        lines.map(|line| line.split(' ').next().unwrap_or_default().to_owned()).collect()
+    };
+    let failed = names(&test(folder.path(), &[]).out);
+    assert_eq!(failed.len(), 2);
+    for name in failed.iter().chain(&failed) {
+        let again = karat(folder.path(), &["replay", name]);
+        assert!(again.code == Some(1) && again.out.contains("1 of 1 case fails"), "{again:?}");
+    }
+    assert_eq!(names(&karat(folder.path(), &["report"]).out), failed);
+    let failed = karat(folder.path(), &["test", "wgsl", "--failed", "--paths", "cpu"]);
+    assert!(failed.out.contains("2 checks, 2 failed"), "{failed:?}");
+}
+
+#[test]
+fn what_declares_tests_under_another_name_is_red() {
+    let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);
+    for name in ["wgsl/tests.toml", "wgsl/test.toml", "wgsl/mtest.toml", "wgsl/a.test.toml.txt"] {
+        write(folder.path(), name, IN_RANGE);
+        let ran = test(folder.path(), &[]);
+        let told = format!("`{name}` isn't read");
+        assert!(ran.code == Some(1) && ran.out.contains(&told), "{ran:?}");
+        std::fs::remove_file(folder.path().join(name)).expect("it is there");
+    }
+    // Copies that editors leave, Cargo's targets, other settings, and hidden files.
+    for name in ["wgsl/a.test.toml~", "wgsl/a.test.toml.orig", "wgsl/Cargo.toml"] {
+        write(folder.path(), name, &IN_RANGE.replace("[0, 1]", "[2, 3]"));
+    }
+    std::fs::remove_file(folder.path().join("wgsl/Cargo.toml")).expect("it is there");
+    write(folder.path(), "wgsl/taplo.toml", "[formatting]\n");
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("nowhere", folder.path().join("wgsl/.#a.wgsl")).expect("a link");
+    test(folder.path(), &[]).good();
+}
+
+#[test]
+fn a_folder_whose_tests_all_have_a_condition_says_so() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let text = "@if(fast) @test fn t() { karat::expect_true(true); }\n";
+    write(folder.path(), "wgsl/a.wgsl", "fn f(x: f32) -> f32 { return x; }\n");
+    write(folder.path(), "wgsl/a_test.wgsl", text);
+    let error = test(folder.path(), &[]).failure(3);
+    assert!(error.contains("the condition of each that is there doesn't hold"), "{error}");
+    test(folder.path(), &["--feature", "fast"]).good();
+}
+
+/// A record that was made from above has its places from within, too.
+#[test]
+fn places_are_found_from_within() {
+    let folder = folder("fn f(x: f32) -> f32 { return x + 1.0; }\n", IN_RANGE);
+    assert_eq!(test(folder.path(), &[]).code, Some(1));
+    let within = karat(&folder.path().join("wgsl"), &["report", "--github"]);
+    assert!(within.out.contains("file=a.wgsl,line=1,col=1,"), "{within:?}");
+    // What a test in WGSL calls is tested.
+    write(
+        folder.path(),
+        "wgsl/a_test.wgsl",
+        "import package::a::f;\n@test fn t() { karat::expect_true(f(1.0) == 2.0); }\n",
+    );
+    std::fs::remove_file(folder.path().join("wgsl/a.test.toml")).expect("it is there");
+    test(folder.path(), &[]).good();
+    let listed = karat(folder.path(), &["list"]).good();
+    assert!(listed.lines().any(|line| line.contains("a::f") && line.contains("yes")), "{listed}");
+}

@@ -124,7 +124,7 @@ pub(in crate::cli) fn write_sum(
         writeln!(out, "{BAD}with KARAT_OVERLAY={overlay}: not the modules of the packages{BAD:#}")?;
     }
     if let Some(outside) = told_outside(records, tests) {
-        writeln!(out, "{BAD}{outside}, see above{BAD:#}")?;
+        writeln!(out, "{BAD}{outside}{}{BAD:#}", if tests.told { ", see above" } else { "" })?;
     }
     Ok(())
 }
@@ -232,7 +232,8 @@ fn add_rows(
         && record.paths.iter().all(|path| passes(path) == path.known_issue.is_none());
     for path in &record.paths {
         if otherwise {
-            let cells = [&*path.adapter.path, &path.cases.to_string(), "FAIL by no case", ""];
+            let cells =
+                [&*path.adapter.path, &path.cases.to_string(), "FAIL (see its message)", ""];
             row(BAD, cells, path.granted.as_ref(), &path.asserted);
             continue;
         }

@@ -182,6 +182,10 @@ fn is_known(file: &Path) -> bool {
 fn is_ours(path: &Path, root: &Path) -> bool {
     let below = path.strip_prefix(root).unwrap_or(path);
     let name = path.file_name().unwrap_or_default().to_string_lossy();
+    // An editor's lock, `.#brdf.wgsl`, and what a system keeps beside files.
+    if name.starts_with('.') {
+        return true;
+    }
     let mut at = root.to_owned();
     let kept = below.iter().any(|part| {
         // A module may lie in a folder of this name, where Cargo builds nothing.
@@ -246,6 +250,7 @@ mod tests {
             ("golden/a.new.exr", true),
             ("golden/a.exr", false),
             ("4913", true),
+            (".#lib.wgsl", true),
             ("lib2", false),
         ] {
             assert_eq!(is_ours(&root.join(path), &root), ours, "{path}");
