@@ -368,6 +368,14 @@ fn edits_are_followed(karat: &FilePath, project: &Project) {
     assert!(watching.until("--> tests/brdf.rs:").contains("error: "), "{broken}");
     project.write("tests/brdf.rs", &TESTS.replace("fn lambert()", "fn diffuse()"));
     watching.until("cpu: 2 tests pass; 2 ran");
+    // A frame isn't judged on this path, and what fails without a check fails.
+    let more = "#[test]\nfn drawn() {\n    let goldens = karat::goldens!(\"golden\");\n    \
+                SHADERS.frame(\"brdf\", 8, 8).fragment(\"fs\").matches(&goldens, \"drawn\");\n}\n\
+                #[test]\nfn panics() {\n    panic!(\"before its check\");\n}\n\
+                #[test]\nfn silent() {}\n";
+    project.write("tests/brdf.rs", &format!("{TESTS}{more}"));
+    let red = watching.until("cpu: 1 of 4 tests fail; 5 ran");
+    assert!(red.contains("1 isn't judged here: a frame needs a driver"), "{red}");
 }
 
 #[test]

@@ -8,6 +8,7 @@
 mod errors;
 mod folder;
 
+use std::collections::BTreeSet;
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -365,6 +366,48 @@ pub(crate) fn write(record: &Record) {
     if let Err(error) = file.write_all(line.as_bytes()) {
         panic!("can't write the record in `{}`: {error}", folder.display());
     }
+}
+
+/// How files end that have the tests whose frames are left out.
+const LEFT_OUT: &str = "left-out";
+
+/// Notes that a test has a frame that isn't drawn, if a run is being recorded.
+///
+/// # Panics
+/// As [`write`].
+pub(crate) fn leave_out(test: &str) {
+    let Some(folder) = crate::settings::record() else { return };
+    let path = folder.join(format!("{}.{LEFT_OUT}", std::process::id()));
+    let noted = std::fs::create_dir_all(&folder)
+        .and_then(|()| OpenOptions::new().create(true).append(true).open(&path))
+        // In one piece: threads write at once.
+        .and_then(|mut file| file.write_all(format!("{test}\n").as_bytes()));
+    if let Err(error) = noted {
+        panic!("can't write the record `{}`: {error}", path.display());
+    }
+}
+
+/// The tests of a folder of records whose frames were left out (`KARAT_FRAMES=off`).
+///
+/// ```
+/// # let folder = tempfile::tempdir()?;
+/// # let record = folder.path();
+/// std::fs::write(record.join("7.left-out"), "sky\n")?; // as a process of tests does
+/// assert!(karat::record::left_out(record)?.contains("sky"));
+/// # Ok::<(), std::io::Error>(())
+/// ```
+///
+/// # Errors
+/// If a file can't be read.
+pub fn left_out(folder: &Path) -> std::io::Result<BTreeSet<String>> {
+    let mut tests = BTreeSet::new();
+    for entry in std::fs::read_dir(folder)? {
+        let file = entry?.path();
+        if file.extension().is_some_and(|ending| ending == LEFT_OUT) {
+            tests.extend(std::fs::read_to_string(&file)?.lines().map(str::to_owned));
+        }
+    }
+    Ok(tests)
 }
 
 /// Why a record can't be read.

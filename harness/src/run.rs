@@ -9,7 +9,7 @@ pub(crate) mod replay;
 mod reporter;
 
 pub use host::{Host, host};
-pub(crate) use identity::{Identity, NotBegun, Replayed, with_inputs};
+pub(crate) use identity::{Identity, NotBegun, Replayed, leave_frame_out, with_inputs};
 pub use known_issue::KnownIssue;
 pub(crate) use known_issue::{KnownIssues, Passes, Seen};
 pub(crate) use memory::{Descent, Entry, Memory};

@@ -7,7 +7,7 @@ use crate::image::Image;
 use crate::metric::{MaskError, Rect};
 use crate::path::Adapter;
 use crate::record::{PathRecord, Subject};
-use crate::run::{KnownIssue, Reporter, Seen, or_panic, replay};
+use crate::run::{KnownIssue, Reporter, Seen, leave_frame_out, or_panic, replay};
 use crate::settings;
 use crate::tolerance::{LaneError, Tolerance};
 
@@ -56,6 +56,7 @@ impl Frame<'_> {
         tolerance: impl Into<Tolerance>,
     ) -> FrameMean {
         if settings::leaves_frames_out() {
+            leave_frame_out();
             return FrameMean { paths: Vec::new(), known_issues: Vec::new() };
         }
         let reporter = Reporter::start();

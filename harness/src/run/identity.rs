@@ -175,6 +175,11 @@ pub(crate) fn cargo_package() -> String {
     }
 }
 
+/// Notes that the running test has a frame that isn't drawn.
+pub(crate) fn leave_frame_out() {
+    crate::record::leave_out(&test());
+}
+
 /// The running test. The test runner names each test's thread; a program that isn't a test runs on
 /// `main`.
 pub(crate) fn test() -> String {

@@ -375,9 +375,15 @@ impl<'a> Asked<'a> {
 
     /// That there is no test to run, and what was perhaps meant.
     fn nothing(&self, packages: &[Package]) -> NotThere {
-        let left_out =
-            |package: &Package| package.tests_left_out(&package.modules().unwrap_or_default());
-        if packages.iter().any(|package| !left_out(package).is_empty()) {
+        if let Some(names) = &self.names {
+            let names = some(&names.iter().map(String::as_str).collect::<Vec<_>>());
+            return NotThere(format!("none of the tests that are asked for is there: {names}"));
+        }
+        let left_out = |package: &Package| {
+            let tests = package.tests_left_out(&package.modules().unwrap_or_default());
+            tests.iter().any(|test| self.filter.is_none_or(|filter| test.name.contains(filter)))
+        };
+        if packages.iter().any(left_out) {
             let none = "no test runs: the condition of each that is there doesn't hold";
             return NotThere(none.to_owned());
         }
@@ -401,6 +407,7 @@ impl<'a> Asked<'a> {
         let mut known: Vec<String> = names.iter().cloned().chain(names.iter().map(of)).collect();
         let here = std::fs::read_dir(".").into_iter().flatten().flatten();
         let folders = here.filter(|entry| entry.path().is_dir());
+        let folders = folders.filter(|_| !self.args.exact);
         known.extend(folders.map(|entry| entry.file_name().to_string_lossy().into_owned()));
         let near = nearest(filter, known.iter().map(String::as_str));
         let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));

@@ -82,6 +82,8 @@ struct Tests {
     /// By their names in front of people.
     made: HashMap<String, Made>,
     ran: HashSet<String>,
+    /// Those that have a frame which isn't drawn here, and whether they passed.
+    left_out: HashMap<String, bool>,
     latest: Latest,
     /// Files that changed and that no test is known to read, as they were then.
     unread: HashMap<PathBuf, FileRead>,
@@ -94,18 +96,14 @@ impl Tests {
         all.filter(|name| name.contains(filter)).collect()
     }
 
-    /// [`names`](Self::names), and how many others have left no record where frames aren't drawn: of those
-    /// nobody knows whether they'd pass.
+    /// [`names`](Self::names) but for those that pass because nothing of them was judged, and how many have
+    /// a frame that isn't.
     fn judged(&self, filter: &str) -> (BTreeSet<String>, usize) {
         let names = self.names(filter);
-        let all = names.len();
-        if std::env::var_os("KARAT_FRAMES").is_none_or(|frames| frames != "off") {
-            return (names, 0);
-        }
-        let judged = |name: &String| !self.ran.contains(name) || self.latest.has(name);
-        let names: BTreeSet<String> = names.into_iter().filter(judged).collect();
-        let idle = all - names.len();
-        (names, idle)
+        let idle = names.iter().filter(|name| self.left_out.contains_key(*name)).count();
+        let is_judged =
+            |name: &String| self.left_out.get(name) != Some(&true) || self.latest.has(name);
+        (names.into_iter().filter(is_judged).collect(), idle)
     }
 
     /// Runs what a request asks for. What is wrong with the project, if it can't be built.
@@ -191,9 +189,21 @@ impl Tests {
                 continue;
             }
             let folder = tempfile::tempdir()?;
+            let mut failed = HashSet::new();
             libtest::run(program, &own, folder.path(), &mut |test, message| {
+                if message.is_some() {
+                    failed.insert(test.to_owned());
+                }
                 say(&Said::Test { name: program.show(test), message }, out)
             })?;
+            let left_out = record::left_out(folder.path()).unwrap_or_default();
+            for test in &own {
+                let name = program.show(test);
+                match left_out.contains(*test) {
+                    true => drop(self.left_out.insert(name, !failed.contains(*test))),
+                    false => drop(self.left_out.remove(&name)),
+                }
+            }
             let shown: Vec<String> = own.iter().map(|test| program.show(test)).collect();
             let records = record::read(folder.path()).unwrap_or_default();
             let mut made = made(folder.path(), &records);
