@@ -123,6 +123,23 @@ fn joined(folder: &Path, path: &Path) -> PathBuf {
     if joined.as_os_str().is_empty() { PathBuf::from(".") } else { joined }
 }
 
+type Printed = HashMap<(PathBuf, blake3::Hash, Vec<String>), String>;
+
+/// What programs have printed of modules.
+static PRINTED: LazyLock<Mutex<Printed>> = LazyLock::new(Mutex::default);
+
+impl Package {
+    /// Forgets what programs have printed of modules (`preprocess` in `karat.toml`): whoever lives on between
+    /// edits doesn't know what else they read.
+    ///
+    /// ```
+    /// karat::Package::forget_printed();
+    /// ```
+    pub fn forget_printed() {
+        PRINTED.lock().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+}
+
 /// What a program may print of one module: far more than any has.
 const MOST_BYTES: u64 = 16 << 20;
 
@@ -277,17 +294,16 @@ impl Manifest {
         !self.preprocess.is_empty()
     }
 
-    /// A module as it is, or as the package's program prints it; once in a process for the same text.
+    /// A module as it is, or as the package's program prints it; once in a process for the same text, until
+    /// it is [forgotten](Package::forget_printed).
     pub(super) fn expanded(
         &self,
         root: &Path,
         path: &Path,
         source: SourceFile,
     ) -> Result<SourceFile, PackageError> {
-        type Known = HashMap<(PathBuf, blake3::Hash, Vec<String>), String>;
-        static KNOWN: LazyLock<Mutex<Known>> = LazyLock::new(Mutex::default);
         let [program, arguments @ ..] = &*self.preprocess else { return Ok(source) };
-        let lock = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+        let lock = || PRINTED.lock().unwrap_or_else(PoisonError::into_inner);
         let hash = blake3::hash(source.text.as_bytes());
         let key = (path.to_owned(), hash, self.preprocess.clone());
         // In brackets, as texts are that are in no file.

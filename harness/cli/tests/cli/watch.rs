@@ -204,6 +204,28 @@ fn a_frame_on_cpu_is_neither_passed_nor_failed() {
     assert!(green.contains(told) && green.contains("vulkan: 3 tests pass"), "{green}");
 }
 
+/// What a program prints of a module may be another text after any edit.
+#[cfg(unix)]
+#[test]
+fn an_edit_of_what_expands_modules_counts() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let script = "cat \"$1\"\ncat more.txt\n";
+    write(folder.path(), "shaders/expand.sh", script);
+    write(folder.path(), "shaders/more.txt", "const GAIN = 0.5;\n");
+    write(folder.path(), "shaders/karat.toml", "preprocess = [\"/bin/sh\", \"expand.sh\"]\n");
+    let text = "import karat::expect_near;\nfn half(x: f32) -> f32 { return GAIN * x; }\n\
+                @test fn halves() { expect_near(half(3.0), 1.5, 0.0); }\n";
+    write(folder.path(), "shaders/calc.wgsl", text);
+    let watch = Watching::at(folder, "shaders", &["."]);
+    watch.until("cpu: 1 test passes; 1 ran");
+    watch.edit("more.txt", "const GAIN = 0.25;\n");
+    watch.until("cpu: 1 of 1 tests fail; 1 ran");
+    watch.edit("more.txt", "const GAIN = 0.5;\n");
+    watch.until("cpu: 1 test passes; 1 ran");
+    watch.edit("expand.sh", &format!("{script}echo 'const OTHER = 1;'\n"));
+    watch.until("cpu: 1 test passes; nothing changed in meaning");
+}
+
 #[cfg(unix)]
 #[test]
 fn it_ends_when_nobody_reads_it() {

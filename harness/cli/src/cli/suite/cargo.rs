@@ -12,6 +12,7 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use karat::Package;
 use karat::diagnostic::FileRead;
 use karat::record::{self, Record};
 use karat::reflect::Dependence;
@@ -25,6 +26,7 @@ use super::serve::{requests, say};
 pub(super) fn run(root: &Path, out: &mut dyn Write) -> Outcome {
     let mut tests = Tests { programs: Programs::of(root), ..Tests::default() };
     for request in requests(libtest::end_all) {
+        Package::forget_printed();
         if let Some(file) = &request.report {
             let there = tests.names("");
             say(&tests.latest.write(file, |name| there.contains(name)), out)?;

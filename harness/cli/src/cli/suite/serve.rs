@@ -5,6 +5,7 @@ use std::io::{BufRead, Write};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
 
+use karat::Package;
 use karat::record::FileRead;
 use karat::reflect::Dependence;
 use karat_suite::{Suite, Test};
@@ -22,6 +23,7 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
     Dependence::unwanted();
     let (mut known, mut latest) = (Known::new(), Latest::default());
     for request in requests(|| {}) {
+        Package::forget_printed();
         // Before the tests are read: what is saved meanwhile is no text that they were judged by.
         let files = latest.files(&request.changed);
         let done = match Suite::open(folder) {
