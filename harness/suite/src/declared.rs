@@ -265,9 +265,21 @@ pub(crate) struct Assertion {
 }
 
 impl Frame {
-    /// Its functions, by their keys.
-    pub(crate) fn functions(&self) -> impl Iterator<Item = (&'static str, &String)> {
-        self.vertex.iter().map(|name| ("vertex", name)).chain([("fragment", &self.fragment)])
+    /// The key that an error of a frame is about, which knows no file.
+    pub(crate) fn key_of(&self, error: &str) -> Option<&'static str> {
+        let functions = self.vertex.iter().map(|name| ("vertex", name));
+        let mut functions = functions.chain([("fragment", &self.fragment)]);
+        let unknown = |name: &str| error.contains(&format!("::{name}`"));
+        let words = [
+            ("the tolerance of", "tolerance"),
+            ("samples a pixel", "samples"),
+            (" target", "target"),
+            ("has no module", "module"),
+            ("pixels a side", "size"),
+            ("execution path", "fails_on"),
+        ];
+        let said = words.into_iter().find(|(words, _)| error.contains(words)).map(|(_, key)| key);
+        functions.find(|(_, name)| unknown(name)).map(|(key, _)| key).or(said)
     }
 
     /// Its golden.

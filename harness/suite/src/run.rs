@@ -146,16 +146,18 @@ impl Suite {
             }
             Kind::Frame(declared) => frame(&self.package, declared, &test.span).map_err(|error| {
                 let words = declared_words(&error);
-                // What is wrong with the shader, or on a path, has its place.
-                let has_place = words.starts_with("error") || words.starts_with("on ");
-                let unknown = |name: &str| words.contains(&format!("::{name}`"));
-                let key = declared.functions().find(|(_, name)| unknown(name));
-                let key = key.map_or(&*words, |(key, _)| key);
-                match declared.keys.place_of(key) {
-                    _ if has_place => words,
-                    Some(key) => Diagnostic::new(words).at(key.clone(), "").to_string(),
-                    None => placed(words),
-                }
+                // As a frame in Rust says where it is declared.
+                let whole = format!("\n   --> {}", test.span);
+                let own = words.strip_prefix("error: ").map(str::trim_end);
+                let message = match own.and_then(|own| own.strip_suffix(&whole)) {
+                    Some(message) => message,
+                    // What is wrong with the shader, or on a path, has its place.
+                    None if own.is_some() || words.starts_with("on ") => return words,
+                    None => &words,
+                };
+                let key = declared.key_of(message).unwrap_or(message);
+                let place = declared.keys.place_of(key).unwrap_or(&test.span);
+                Diagnostic::new(message).at(place.clone(), "").to_string()
             }),
         }
     }

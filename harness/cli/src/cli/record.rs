@@ -92,6 +92,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if args.output.short {
         short::write(&records, &[], tests, project.root(), out)?;
     }
-    args.output.write(&records, Some(&run), &project, out)?;
+    args.output.write(&records, Some(&run), &[], &project, out)?;
     Ok(if passed && failed == 0 { Ending::Good } else { Ending::Bad })
 }

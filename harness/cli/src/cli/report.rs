@@ -140,7 +140,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             "the record doesn't say that its run ended: `karat test` does, and `karat record` for another runner"
         )?;
     }
-    args.output.write(&records, run.as_ref(), &project, out)?;
+    args.output.write(&records, run.as_ref(), &failing, &project, out)?;
     Ok(if passed && failed == 0 && !killed { Ending::Good } else { Ending::Bad })
 }
 
@@ -204,10 +204,12 @@ impl OutputArgs {
         &self,
         records: &[Record],
         run: Option<&Run>,
+        failed: &[String],
         project: &Project,
         out: &mut dyn Write,
     ) -> anyhow::Result<()> {
         let passed = run.is_some_and(|run| run.passed);
+        let tests = Tests { failed, passed, told: false };
         let write = |file: &Path, text: &str| {
             write_whole(file, visible(text).as_bytes())
                 .with_context(|| format!("can't write `{}`", file.display()))
@@ -233,7 +235,7 @@ impl OutputArgs {
         }
         // Behind GitHub's, which clears pictures that this one names.
         if let Some(file) = &self.junit {
-            write(file, &junit::text(records, passed, project)?)?;
+            write(file, &junit::text(records, tests, project)?)?;
         }
         Ok(())
     }

@@ -168,7 +168,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if args.output.short {
         short::write(&records, &invalid, tests, project.root(), out)?;
     }
-    args.output.write(&records, Some(&run), &project, out)?;
+    args.output.write(&records, Some(&run), progress.failed(), &project, out)?;
     Ok(if good && failed == 0 { Ending::Good } else { Ending::Bad })
 }
 

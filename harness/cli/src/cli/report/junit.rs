@@ -7,13 +7,17 @@ use anyhow::Context;
 use karat::record::{PathRecord, Record, Subject, Verdict};
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite, XmlString};
 
-use super::{failing, pictures, place, relative, workspace};
+use super::{Tests, failing, outside, pictures, place, relative, workspace};
 use crate::cli::project::Project;
 
 /// The file. Times are of each check, and their sums: checks run beside each other, so a run takes
 /// less. A test that failed outside of Karat's checks is a case of its own, so that no reader
 /// takes the run for a success.
-pub(super) fn text(records: &[Record], passed: bool, project: &Project) -> anyhow::Result<String> {
+pub(super) fn text(
+    records: &[Record],
+    Tests { failed: names, passed, .. }: Tests<'_>,
+    project: &Project,
+) -> anyhow::Result<String> {
     let mut report = Report::new("karat");
     let mut functions = TestSuite::new("functions");
     let mut frames = TestSuite::new("frames");
@@ -36,11 +40,17 @@ pub(super) fn text(records: &[Record], passed: bool, project: &Project) -> anyho
     report.time =
         report.test_suites.iter().filter_map(|suite| suite.time).reduce(Duration::saturating_add);
     let failed = records.iter().any(super::tables::is_failure);
-    if !passed && !failed {
+    let mut outside = outside(records, names);
+    if outside.is_empty() && !passed && !failed {
+        outside.push("karat test");
+    }
+    let mut rest = TestSuite::new("tests");
+    for name in outside {
         let mut status = TestCaseStatus::non_success(NonSuccessKind::Error);
-        status.set_message("a test failed outside of Karat's checks, or the run didn't end");
-        let mut rest = TestSuite::new("tests");
-        rest.add_test_case(TestCase::new("karat test", status));
+        status.set_message("it failed outside of Karat's checks, or didn't end");
+        rest.add_test_case(TestCase::new(name, status));
+    }
+    if !rest.test_cases.is_empty() {
         report.add_test_suite(rest);
     }
     report.to_string().context("the report isn't XML")
