@@ -37,6 +37,7 @@ use std::sync::Arc;
 
 pub use error::PackageError;
 pub use feature::Feature;
+pub(crate) use feature::Features;
 pub use functions::{FunctionItem, LeftOut};
 pub(crate) use lets::{LetStatement, let_statements};
 pub(crate) use library::LinkedModule;

@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 use super::{Probe, Together};
 use crate::diagnostic::Span;
 use crate::package::expectations::{REPORT_WORDS, TestItem};
-use crate::package::{Package, PackageError};
+use crate::package::{Features, Package, PackageError};
 use crate::reflect::{Program, ReflectError};
 use crate::value::{Scalar, Shape};
 
@@ -44,6 +44,8 @@ pub struct WgslTest {
     written: Option<Vec<(String, String)>>,
     package: Package,
     module: String,
+    /// Features that are set of the package.
+    features: Arc<Features>,
     /// What is known of it when it is linked.
     made: Arc<OnceLock<Result<Made, String>>>,
 }
@@ -79,7 +81,8 @@ impl Package {
         &self,
         modules: &[String],
     ) -> Result<Vec<Result<Vec<WgslTest>, ReflectError>>, PackageError> {
-        let found = self.test_items(modules)?.into_iter().zip(modules);
+        let (found, features) = self.test_items(modules)?;
+        let (found, features) = (found.into_iter().zip(modules), Arc::new(features));
         let new = |module: &str, item: TestItem, essence: Option<String>| {
             // Of which parameter each is counts, too.
             let over: Vec<_> = item.over.iter().map(|over| over.as_ref().map(|o| &o.0)).collect();
@@ -92,6 +95,7 @@ impl Package {
                 written: item.parameters,
                 package: self.clone(),
                 module: module.to_owned(),
+                features: Arc::clone(&features),
                 made: Arc::default(),
             }
         };
@@ -177,7 +181,8 @@ impl WgslTest {
             .expect("text takes text");
             text
         });
-        self.package.around(TESTED, &self.module, texts)
+        let module = (&*self.module, &*self.span.file.text);
+        self.package.around(TESTED, module, &self.features, texts)
     }
 
     /// What it is made of, but for comments and blanks: its verdict changes with this alone. `None` if it
@@ -342,7 +347,8 @@ impl TestGroup {
         .expect("text takes text");
         let function =
             if module.is_empty() { "counted".to_owned() } else { format!("{module}::counted") };
-        let [package] = package.around(TESTED, module, [text]);
+        let module = (module, &*tests[0].span.file.text);
+        let [package] = package.around(TESTED, module, &tests[0].features, [text]);
         // What can't be linked together runs alone.
         Program::of_function(&package, &function)?;
         Ok(Self { package, function, shapes, words, members })

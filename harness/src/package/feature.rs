@@ -49,7 +49,7 @@ impl fmt::Display for Feature {
 }
 
 /// Which features are set; those that aren't named are off.
-pub(super) type Features = BTreeMap<String, Feature>;
+pub(crate) type Features = BTreeMap<String, Feature>;
 
 /// Whether a feature is on.
 pub(super) fn is_on(features: &Features, name: &str) -> bool {

@@ -12,6 +12,7 @@ use blake3::{Hash, Hasher};
 
 use super::directives;
 use super::expectations::TestItem;
+use super::feature::Features;
 use super::imports;
 use super::library::{Library, ModulePath};
 use super::linked::Item;
@@ -52,13 +53,17 @@ impl Package {
         all
     }
 
-    /// The tests of each module of all, in the order of lines, with their fingerprints.
-    pub(crate) fn test_items(&self, modules: &[String]) -> Result<Vec<TestItems>, PackageError> {
+    /// The tests of each module of all, in the order of lines, with their fingerprints; and the features
+    /// that are set.
+    pub(crate) fn test_items(
+        &self,
+        modules: &[String],
+    ) -> Result<(Vec<TestItems>, Features), PackageError> {
         let library = Library::open(self)?;
         let mut described = Described::new(self, &library, modules);
         let found = modules.iter().map(|module| described.tests(module)).collect();
         described.keep(modules);
-        Ok(found)
+        Ok((found, library.features(0)))
     }
 }
 

@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::feature::Feature;
+use super::feature::{Feature, Features};
 use super::functions::functions_of;
 use super::library::{Library, ModulePath};
 use super::linked::{Linked, author_path};
@@ -17,21 +17,16 @@ use super::{Package, PackageError, directives, imports};
 use crate::diagnostic::{SourceFile, nearest};
 
 impl Package {
-    /// Packages of one generated module each that depend on this one by a name. What is set here is set
-    /// there, as it is what is linked, and so is what the `module` of the same name defines.
+    /// Packages of one generated module each that depend on this one by a name. What is `set` here is set
+    /// there, as it is what is linked, and so is what the module of the same name defines in its `text`.
     pub(crate) fn around<const N: usize>(
         &self,
         name: &str,
-        module: &str,
+        (module, text): (&str, &str),
+        set: &Features,
         texts: [String; N],
     ) -> [Self; N] {
-        // What can't be read is told when it is linked.
-        let library = Library::open(self).ok();
-        let library = library.as_ref();
-        let features = library.map(|library| library.features(0)).unwrap_or_default();
-        let own = library.and_then(|library| library.read(&ModulePath::root(module)).ok());
-        let defined = own.map(|own| directives::defined(&own.text)).unwrap_or_default();
-        let defines = defined.iter().map(|(name, value)| match value {
+        let defines = directives::defined(text).into_iter().map(|(name, value)| match value {
             Feature::Flag(true) => format!("#define {name}\n"),
             value => format!("#define {name} {value}\n"),
         });
@@ -39,7 +34,7 @@ impl Package {
         texts.map(|text| {
             let modules = [(module, defines.clone() + &text)];
             let mut generated = Self::from_modules(&self.name(), modules).depends_on(name, self);
-            generated.features.extend(features.clone());
+            generated.features.extend(set.iter().map(|(name, value)| (name.clone(), *value)));
             generated
         })
     }
