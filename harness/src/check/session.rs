@@ -124,10 +124,11 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// Tries what the test has failed on before, and remembers what it fails on. Without arguments there is
-    /// one case, which runs anyway.
+    /// Tries what the test has failed on before, and remembers what it fails on. Where there is one case,
+    /// without arguments, it runs anyway.
     pub(super) fn remembering(self, memory: Option<Memory>) -> Self {
-        let memory = memory.filter(|_| self.stream.width() > 0);
+        // Cases of integrals needn't be made of lanes.
+        let memory = memory.filter(|_| self.stream.width() > 0 || self.count() > 1);
         Self { memory, ..self }
     }
 
