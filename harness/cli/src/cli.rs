@@ -316,9 +316,13 @@ struct PackageArgs {
 impl PackageArgs {
     /// A package with the features that are given.
     fn featured(&self, package: karat::Package) -> karat::Package {
-        let set = self.features.iter();
-        set.fold(package, |package, (name, value)| package.feature(name, *value))
+        featured(package, &self.features)
     }
+}
+
+/// A package with some features.
+fn featured(package: karat::Package, features: &[(String, Feature)]) -> karat::Package {
+    features.iter().fold(package, |package, (name, value)| package.feature(name, *value))
 }
 
 /// `NAME`, `NAME=false`, `NAME=3`.

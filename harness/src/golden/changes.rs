@@ -1,6 +1,7 @@
 //! What changed in values that wait, row by row, for whoever accepts or rejects them.
 
 use std::collections::HashMap;
+use std::ops::Range;
 
 use super::table::{Table, TableError};
 use super::{AcceptError, Goldens, Pending};
@@ -73,15 +74,12 @@ impl Table {
     /// ```
     #[must_use]
     pub fn changed_rows(&self, golden: Option<&Self>) -> Vec<ChangedRow> {
-        let text = |table: &Table, columns: std::ops::Range<usize>, row: &[u32]| {
-            let cells = table.columns[columns.clone()].iter().zip(&row[columns]);
-            let shown = cells.map(|(column, word)| format_lane(column.scalar, *word));
-            shown.collect::<Vec<String>>()
-        };
         let (given, all) = (self.arguments, self.columns.len());
         let row = |row: usize, old: Option<&[u32]>, new: Option<&[u32]>, relative: f64| {
-            let cells = |row: Option<&[u32]>, columns| {
-                row.map_or_else(Vec::new, |row| text(self, columns, row))
+            let cells = |row: Option<&[u32]>, columns: Range<usize>| -> Vec<String> {
+                let words = row.into_iter().flat_map(|row| &row[columns.clone()]);
+                let cells = self.columns[columns.clone()].iter().zip(words);
+                cells.map(|(column, word)| format_lane(column.scalar, *word)).collect()
             };
             let arguments = cells(new.or(old), 0..given);
             let (golden, actual) = (cells(old, given..all), cells(new, given..all));

@@ -23,8 +23,8 @@
 //!
 //! A frame is drawn by `fragment` alone, or with a `vertex` function that makes a triangle. It may say
 //! `samples`, `formats` (one for each location, such as `"float"` and `"rgba8unorm-srgb"`), which of them is
-//! compared (`target = 1`, or `depth = true`), `tolerance` (a relative difference, `1e-3`), `fails_on`, `module`, and in which folder its
-//! `golden` lies.
+//! compared (`target = 1`, or `depth = true`), `tolerance` (a relative difference, `1e-3`), `fails_on`, `module`, and
+//! in which folder its `golden` lies.
 //!
 //! A test binds what its function reads by `with = { exposure = 2, albedo = "wood.png" }`, and gives
 //! `override = { GAIN = 2 }`.

@@ -303,15 +303,19 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
         Ok(Dynamic::new(&parameters[..count], parts.collect::<Result<_, _>>()?))
     };
     let all = shapes.len();
+    let of_key = |error: String| format!("tolerance: {error}");
+    let required = || tolerance(assertion.tolerance()?).map_err(of_key);
+    let or_exact = || tolerance(test.tolerance.as_deref().unwrap_or("exact")).map_err(of_key);
+    let wanted = || criterion(assertion.tolerance()?).map_err(of_key);
     match what {
         What::AgreesWith(reference) => {
             let reference = assertion.of_module(reference);
-            let criterion = criterion(assertion.tolerance()?).map_err(of_tolerance)?;
+            let criterion = wanted()?;
             Ok(settled(probe.over_dynamic(domain(all)?), test)?
                 .agrees_with_function(&reference, criterion))
         }
         What::Table(file) => {
-            let criterion = criterion(assertion.tolerance()?).map_err(of_tolerance)?;
+            let criterion = wanted()?;
             if !test.over.is_empty() {
                 return Err("a table has its arguments: leave `over` out".to_owned());
             }
@@ -333,12 +337,12 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
             Ok(check.agrees_with(&expect, criterion))
         }
         What::Golden(name) => {
-            let tolerance = tolerance(assertion.tolerance()?).map_err(of_tolerance)?;
+            let tolerance = required()?;
             let goldens = Goldens::open(&folder.join(GOLDEN));
             Ok(settled(probe.over_dynamic(domain(all)?), test)?.matches(&goldens, name, tolerance))
         }
         What::Equals(value) => {
-            let criterion = criterion(assertion.tolerance()?).map_err(of_tolerance)?;
+            let criterion = wanted()?;
             let expected = wide(&result, value)?;
             let expect = |_: &[u32], lanes: &mut Vec<f64>| lanes.extend(&expected);
             Ok(settled(probe.over_dynamic(domain(all)?), test)?.agrees_with(&expect, criterion))
@@ -372,8 +376,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
                 }
                 out.extend(swapped);
             };
-            let tolerance =
-                tolerance(test.tolerance.as_deref().unwrap_or("exact")).map_err(of_tolerance)?;
+            let tolerance = or_exact()?;
             Ok(settled(probe.over_dynamic(domain(all)?), test)?.invariant_under(&swap, tolerance))
         }
         What::Monotone(argument, direction) => {
@@ -382,8 +385,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
                 Direction::Increasing => Trend::Increasing,
                 Direction::Decreasing => Trend::Decreasing,
             };
-            let tolerance =
-                tolerance(test.tolerance.as_deref().unwrap_or("exact")).map_err(of_tolerance)?;
+            let tolerance = or_exact()?;
             Ok(settled(probe.over_dynamic(domain(all)?), test)?.is_monotone_in(
                 &**argument,
                 trend,
@@ -398,7 +400,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
             let limit = Limit::toward(*toward as f32, steps);
             let expected = wide(&result, is)?;
             let expect = |_: &[u32], lanes: &mut Vec<f64>| lanes.extend(&expected);
-            let tolerance = tolerance(assertion.tolerance()?).map_err(of_tolerance)?;
+            let tolerance = required()?;
             Ok(settled(probe.over_dynamic(domain(all)?), test)?.at_limit(
                 &**argument,
                 &limit,
@@ -428,7 +430,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
             let expect = |_: &[u32], lanes: &mut Vec<f64>| lanes.extend(&expected);
             match is {
                 Some(_) => {
-                    let tolerance = tolerance(assertion.tolerance()?).map_err(of_tolerance)?;
+                    let tolerance = required()?;
                     Ok(check.integrates_to(directions, &expect, tolerance))
                 }
                 None => {
@@ -439,11 +441,6 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
         }
         What::NoHazards => Ok(settled(probe.over_dynamic(domain(all)?), test)?.has_no_hazards()),
     }
-}
-
-/// An error that begins with the key that it is about.
-fn of_tolerance(error: String) -> String {
-    format!("tolerance: {error}")
 }
 
 /// A check with what a test says of all of its assertions.

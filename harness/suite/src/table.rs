@@ -71,11 +71,10 @@ pub(crate) fn read(
     let (mut rows, mut expected) = (Vec::new(), HashMap::new());
     for record in reader.records() {
         let record = record.map_err(|error| {
-            let line = error.position().map(csv::Position::line);
-            let place = line.map(|line| format!("\n   --> {}:{line}:1", shown(file)));
-            format!("`{name}`: {error}{}", place.unwrap_or_default())
+            let line = line_of(&text, error.position());
+            format!("`{name}`: {error}\n   --> {}:{line}:1", shown(file))
         })?;
-        let line = line_of(&text, &record);
+        let line = line_of(&text, record.position());
         let at = |message: String| format!("{message}\n   --> {}:{line}:1", shown(file));
         let wrong = |column: usize, what: &str| {
             let cell = record.get(column).unwrap_or_default();
@@ -123,16 +122,16 @@ fn columns(name: &str, shape: &Shape) -> Vec<(String, Scalar)> {
     lanes.map(|(lane, scalar)| (format!("{name}{lane}"), scalar)).collect()
 }
 
-/// The line of a row, from 0, of a table that was [read](read).
+/// The line of a row, from 0, of a table that can be [`read`].
 pub(crate) fn line(file: &Path, row: u64) -> Option<usize> {
     let text = std::fs::read(file).ok()?;
     let record = reader(&text).into_records().nth(usize::try_from(row).ok()?)?.ok()?;
-    Some(line_of(&text, &record))
+    Some(line_of(&text, record.position()))
 }
 
 /// The line of a record, which begins where the one before it ends: blank lines and comments are skipped.
-fn line_of(text: &[u8], record: &csv::StringRecord) -> usize {
-    let begins = record.position().map_or(0, csv::Position::byte);
+fn line_of(text: &[u8], position: Option<&csv::Position>) -> usize {
+    let begins = position.map_or(0, csv::Position::byte);
     let (before, rest) = text.split_at(usize::try_from(begins).unwrap_or(0).min(text.len()));
     let idle = |line: &&[u8]| line.trim_ascii().is_empty() || line.starts_with(b"#");
     let skipped = rest.split(|byte| *byte == b'\n').take_while(idle).count();
@@ -209,6 +208,7 @@ mod tests {
             ("a,v.x,v.y,result\n1,2,3,nan\n", "no finite number"),
             ("a,v.x,v.y,result\n1,2,3,4\n1,2,3,5\n", "the same arguments had another result above"),
             ("a,v.x,v.y,result\n1,2,3\n", "CSV error"),
+            ("a,v.x,v.y,result\n\n1,2,3\n", "t.csv:3:1"),
             ("a,v.x,v.y,result,result\n1,2,3,4,5\n", "two columns `result`"),
         ] {
             let error = of(text).expect_err(text);

@@ -169,8 +169,6 @@ fn broken(package: &Package, module: String, error: &ReflectError) -> Entry {
     }
 }
 
-/// The functions that the last `karat test` checked; none if there was no run.
-/// The functions that the last run checked.
 /// Functions that have tests, with those that tests in WGSL call.
 fn with_called(package: &Package, ran: &BTreeSet<String>) -> BTreeSet<String> {
     let suite = Suite::of(package.clone()).ok();
@@ -179,6 +177,7 @@ fn with_called(package: &Package, ran: &BTreeSet<String>) -> BTreeSet<String> {
     tests.flat_map(Test::calls).map(str::to_owned).chain(ran.iter().cloned()).collect()
 }
 
+/// The functions that the last run checked; none if there was no run.
 pub(super) fn tested_functions(project: &Project) -> anyhow::Result<BTreeSet<String>> {
     let folder = project.output().join("record");
     let records = if folder.is_dir() { record::read(&folder)? } else { Vec::new() };

@@ -14,7 +14,7 @@ use karat::package::Feature;
 use karat::run::Host;
 use karat_suite::{Broken, Suite, Test};
 
-use super::{Ending, Outcome};
+use super::{Ending, Outcome, featured};
 
 mod cargo;
 mod latest;
@@ -76,9 +76,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     // What a test panics with is its message, which is printed with its name.
     std::panic::set_hook(Box::new(|_| {}));
-    let package = Package::open(&args.folder)?;
-    let set = args.features.iter();
-    let suite = Suite::of(set.fold(package, |own, (name, value)| own.feature(name, *value)))?;
+    let suite = Suite::of(featured(Package::open(&args.folder)?, &args.features))?;
     let wanted = |test: &Test| match &args.filter {
         Some(filter) if args.exact => test.name == *filter,
         Some(filter) => test.is_about(filter),

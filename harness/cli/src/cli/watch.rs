@@ -53,8 +53,6 @@ pub(super) struct Args {
 pub(super) enum Source {
     /// In shaders.
     Shaders(PathBuf),
-    /// In shaders, without frames, which need a driver.
-    Functions(PathBuf),
     /// In Rust, of a Cargo project.
     Cargo(PathBuf),
 }
@@ -62,7 +60,7 @@ pub(super) enum Source {
 impl Source {
     pub(super) fn folder(&self) -> &Path {
         match self {
-            Self::Shaders(folder) | Self::Functions(folder) | Self::Cargo(folder) => folder,
+            Self::Shaders(folder) | Self::Cargo(folder) => folder,
         }
     }
 
@@ -189,7 +187,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             let of = match source {
                 _ if sources.len() == 1 => String::new(),
                 Source::Cargo(_) => " (Rust)".to_owned(),
-                Source::Shaders(shaders) | Source::Functions(shaders) => {
+                Source::Shaders(shaders) => {
                     format!(" ({})", shown(shaders, &whole))
                 }
             };
@@ -270,8 +268,8 @@ impl Watch {
             self.screen.draw(&self.view(), out)?;
             if once && self.lanes.iter().all(|lane| !lane.verdicts.busy) {
                 let red = |lane: &Lane| {
-                    let Verdicts { broken, failing, count, .. } = &lane.verdicts;
-                    broken.is_some() || !failing.is_empty() || *count == 0
+                    let Verdicts { broken, failing, count, idle, .. } = &lane.verdicts;
+                    broken.is_some() || !failing.is_empty() || count + idle == 0
                 };
                 let bad = self.lanes.iter().any(red) || self.is_unjudged();
                 return Ok(if bad { Ending::Bad } else { Ending::Good });
@@ -427,7 +425,7 @@ impl Watch {
     fn pending(&self) -> keys::Waiting {
         let shaders = self.lanes.iter().filter_map(|lane| match &lane.source {
             Source::Shaders(folder) => Some(folder.clone()),
-            Source::Functions(_) | Source::Cargo(_) => None,
+            Source::Cargo(_) => None,
         });
         keys::pending(&self.project, shaders)
     }

@@ -789,6 +789,8 @@ fn parts_of_another_runner_are_its_whole() {
     record("p4", &["table"]);
     assert_eq!(table(&["--merge", "p3", "p1", "p4", "p2"]), whole);
     assert_ne!(table(&["--merge", "p1", "p2"]), whole);
+    let same = karat(folder.path(), &["report", "--merge", "p1", "p2", "./p1"]).error();
+    assert!(same.contains("`./p1` is given twice"), "{same}");
     let twice = recorded(folder.path(), &["--into", "p1"], &["schlick"]);
     assert!(twice.code == Some(2) && twice.err.contains("`p1` isn't empty"), "{twice:?}");
 }

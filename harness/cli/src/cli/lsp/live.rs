@@ -117,10 +117,7 @@ impl Lane {
             none => {
                 let sender = sender.clone();
                 let tell = move |said| sender.send(Event::Worker(index, said)).is_ok();
-                let source = match &*self.path {
-                    "cpu" => Source::Functions(self.package.clone()),
-                    _ => Source::Shaders(self.package.clone()),
-                };
+                let source = Source::Shaders(self.package.clone());
                 none.insert(Worker::start(&self.path, &source, &self.records, tell)?)
             }
         };

@@ -76,8 +76,7 @@ impl Worker {
         // Each process has one path: one that is required would run in all of them.
         command.env_remove("KARAT_REQUIRE");
         // Frames need a driver.
-        let functions = path == "cpu" || matches!(source, Source::Functions(_));
-        command.envs(functions.then_some(("KARAT_FRAMES", "off")));
+        command.envs((path == "cpu").then_some(("KARAT_FRAMES", "off")));
         command.args(matches!(source, Source::Cargo(_)).then_some("--cargo"));
         if std::env::var_os("KARAT_DEADLINE").is_none() {
             command.env("KARAT_DEADLINE", DEADLINE);
