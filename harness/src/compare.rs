@@ -20,14 +20,14 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::check::arguments;
-use crate::domain::{Dynamic, Numbering, Stream};
+use crate::domain::Stream;
 use crate::executor;
 use crate::fixture::Fixtures;
-use crate::hazards::suggested;
+use crate::made_up::{self, Arguments, Drawn, Ranges, Resources, VARIANTS};
 use crate::package::{Package, PackageError};
 use crate::path::Path;
-use crate::probe::{Call, Prepared, ProbeError, Probed, made_up};
-use crate::reflect::{Function, Program};
+use crate::probe::{Call, Prepared, ProbeError, Probed};
+use crate::reflect::{Binding, Function, Program};
 use crate::tolerance::ulp_distance;
 use crate::value::{Scalar, Shape, format_lane};
 
@@ -84,6 +84,13 @@ pub struct Compared {
     /// What the edit did.
     #[serde(flatten)]
     pub change: Change,
+    /// What a host has to supply in another way, a sentence each: another `@binding`, another place of a
+    /// buffer's member.
+    pub interface: Vec<String>,
+    /// The ranges that arguments and members were drawn from; empty where nothing was run.
+    pub drawn: Drawn,
+    /// Inputs that weren't run, because they make a loop count to more than some thousands.
+    pub cut: usize,
 }
 
 /// What an edit did to a function.
@@ -108,8 +115,6 @@ pub enum Change {
     Same {
         /// Inputs that were tried on each path.
         cases: usize,
-        /// Where they come from: `x: f32 from -4 to 4, ...`; empty if there is nothing to choose.
-        domain: String,
     },
     /// Some results changed.
     Changed {
@@ -165,6 +170,13 @@ pub struct PathChange {
     pub before: String,
     /// And after it.
     pub after: String,
+}
+
+impl Compared {
+    fn of(function: &str, change: Change) -> Self {
+        let (location, interface, drawn) = Default::default();
+        Self { function: function.to_owned(), location, change, interface, drawn, cut: 0 }
+    }
 }
 
 impl Request {
@@ -251,29 +263,28 @@ impl Request {
         };
         let (before, after) = (names(&self.before)?, names(&self.after)?);
         let all: Vec<&String> = before.union(&after).collect();
-        let compared = all.into_par_iter().map(|name| {
-            let (location, change) = match (before.contains(name), after.contains(name)) {
+        let compared =
+            all.into_par_iter().map(|name| match (before.contains(name), after.contains(name)) {
                 (true, true) => self.compare(name),
-                (true, false) => (String::new(), Change::Removed),
-                _ => (String::new(), Change::Added),
-            };
-            Compared { function: name.clone(), location, change }
-        });
+                (true, false) => Compared::of(name, Change::Removed),
+                _ => Compared::of(name, Change::Added),
+            });
         Ok(compared.collect())
     }
 
-    fn compare(&self, name: &str) -> (String, Change) {
+    fn compare(&self, name: &str) -> Compared {
+        let compared = |change| Compared::of(name, change);
         let unjudged = |error: &dyn std::fmt::Display| {
             let reason = error.to_string().replacen("error: ", "", 1);
             let reason = reason.lines().next().unwrap_or_default().to_owned();
-            (String::new(), Change::Unjudged { reason })
+            compared(Change::Unjudged { reason })
         };
         // What can't be called may be untouched all the same.
         let linked = |package: &Package| Program::of_function(package, name);
         if let (Ok(before), Ok(after)) = (linked(&self.before), linked(&self.after))
             && before.essence() == after.essence()
         {
-            return (String::new(), Change::Untouched);
+            return compared(Change::Untouched);
         }
         let probed = |package: &Package| Probed::new(package, name).and_then(made_up::fitted);
         let (before, after) = match (probed(&self.before), probed(&self.after)) {
@@ -295,46 +306,111 @@ impl Request {
         };
         if shapes(&before.function) != shapes(&after.function) {
             let (before, after) = (before.function.to_string(), after.function.to_string());
-            return (location, Change::Signature { before, after });
+            return Compared { location, ..compared(Change::Signature { before, after }) };
         }
-        let change = self.run_both(&before, &after).unwrap_or_else(|reason| {
+        let mut ran = Ran::default();
+        let change = self.run_both(&before, &after, &mut ran).unwrap_or_else(|reason| {
             let reason = reason.lines().next().unwrap_or_default().to_owned();
             Change::Unjudged { reason }
         });
-        (location, change)
+        let Ran { drawn, cut } = ran;
+        Compared { location, interface: interface(&before, &after), drawn, cut, ..compared(change) }
     }
 
-    fn run_both(&self, before: &Probed, after: &Probed) -> Result<Change, String> {
-        let function = &after.function;
-        let parts = function.parameters.iter().map(|(name, shape)| suggested(name, shape));
-        let domain = Dynamic::new(&function.parameters, parts.collect());
-        let numbering = Numbering::of(&domain, SEED, self.cases as u64, self.cases as u64);
-        let mut rows = Vec::new();
-        let count = domain.rows(&numbering, 0..numbering.count, &mut rows);
-        let count = usize::try_from(count).unwrap_or_default();
+    /// Runs both on each path, over each content of buffers.
+    fn run_both(&self, before: &Probed, after: &Probed, ran: &mut Ran) -> Result<Change, String> {
+        let ranges = Ranges::of(&self.after).map_err(|error| error.to_string())?;
+        let arguments = Arguments::of(&after.function, &ranges)?;
+        ran.drawn = arguments.drawn();
+        let (count, rows) = arguments.rows(SEED, self.cases);
         if count == 0 {
             return Err("no arguments can be made up for it".to_owned());
         }
-        // What one of them reads and the other doesn't is made up for whoever reads it.
-        let fixtures = (made_up::own_fixtures(before)?, made_up::own_fixtures(after)?);
-        let mut paths = Vec::new();
-        for path in &self.paths {
-            let ready = |probed, fixtures| Ready::new(probed, fixtures, *path, count);
-            let old = ready(before, &fixtures.0).map_err(|error| error.to_string())?;
-            let new = ready(after, &fixtures.1).map_err(|error| error.to_string())?;
-            let change = changed(&old, &new, &domain, &rows, count, function);
-            paths.extend(change.map_err(|error| error.to_string())?);
+        let mut paths: Vec<PathChange> = Vec::new();
+        let mut cases = 0;
+        for variant in 0..VARIANTS {
+            // What one of them reads and the other doesn't is made up for the one that reads it.
+            let old = Resources::of(before, &ranges, variant)?;
+            let new = Resources::of(after, &ranges, variant)?;
+            ran.drawn.merge(new.drawn);
+            for path in &self.paths {
+                let both = || -> Result<_, ProbeError> {
+                    let old = Ready::new(before, &old.fixtures, *path, count)?;
+                    Ok((old, Ready::new(after, &new.fixtures, *path, count)?))
+                };
+                let (old, new) = both().map_err(|error| error.to_string())?;
+                let mut tried = count;
+                let change = match changed(&old, &new, &arguments, &rows, count) {
+                    // A loop that counts to a large number ends, but not here.
+                    Err(ProbeError::Rounds { .. }) => {
+                        let few = arguments.few(&rows);
+                        tried = few.len() / (rows.len() / count).max(1);
+                        ran.cut += count - tried;
+                        changed(&old, &new, &arguments, &few, tried)
+                    }
+                    other => other,
+                };
+                cases += tried;
+                let Some(change) = change.map_err(|error| error.to_string())? else { continue };
+                match paths.iter_mut().find(|known| known.path == change.path) {
+                    Some(known) => known.add(&change),
+                    None => paths.push(change),
+                }
+            }
+            if !(old.varies || new.varies) {
+                break;
+            }
         }
         Ok(match paths.is_empty() {
-            true => Change::Same { cases: count, domain: domain.described() },
+            true => Change::Same { cases: cases / self.paths.len().max(1) },
             false => Change::Changed { paths },
         })
+    }
+}
+
+/// What a comparison ran over.
+#[derive(Default)]
+struct Ran {
+    drawn: Drawn,
+    cut: usize,
+}
+
+/// How the host has to supply resources in another way after an edit: bindings and places of members.
+fn interface(before: &Probed, after: &Probed) -> Vec<String> {
+    let mut all = Vec::new();
+    for new in &after.function.bindings {
+        let old = before.function.bindings.iter().find(|old| old.path == new.path);
+        let Some(old) = old else { continue };
+        let name = new.name();
+        let at =
+            |binding: &Binding| format!("@group({}) @binding({})", binding.group, binding.binding);
+        if (old.group, old.binding) != (new.group, new.binding) {
+            all.push(format!("`{name}` is bound at {}, and was at {}", at(new), at(old)));
+        }
+        let (was, is) = (before.program.places(old), after.program.places(new));
+        let moved = is.iter().find_map(|(path, place)| {
+            let (_, old) = was.iter().find(|(known, _)| known == path)?;
+            (old != place).then(|| format!("`{name}{path}` lies at byte {place}, and was at {old}"))
+        });
+        all.extend(moved);
+    }
+    all
+}
+
+impl PathChange {
+    /// Adds what the same edit did over other contents of buffers.
+    fn add(&mut self, other: &Self) {
+        self.cases.0 += other.cases.0;
+        self.cases.1 += other.cases.1;
+        self.ulp = self.ulp.zip(other.ulp).map(|(own, more)| own.max(more));
+        self.relative = self.relative.zip(other.relative).map(|(own, more)| own.max(more));
     }
 }
 
 /// A function on a path.
 struct Ready<'p> {
     prepared: Box<dyn Prepared + 'p>,
+    function: &'p Function,
     path: Path,
     width: usize,
 }
@@ -347,7 +423,8 @@ impl<'p> Ready<'p> {
         cases: usize,
     ) -> Result<Self, ProbeError> {
         let prepared = executor::of(path)?.prepare(&Call { probed, fixtures, cases })?;
-        Ok(Self { prepared, path, width: probed.function.result.lanes().len() })
+        let function = &probed.function;
+        Ok(Self { prepared, function, path, width: function.result.lanes().len() })
     }
 
     fn call(&self, rows: &[u32], cases: usize) -> Result<Vec<u32>, ProbeError> {
@@ -370,11 +447,11 @@ impl<'p> Ready<'p> {
 fn changed(
     old: &Ready<'_>,
     new: &Ready<'_>,
-    domain: &Dynamic,
+    drawn: &Arguments,
     rows: &[u32],
     count: usize,
-    function: &Function,
 ) -> Result<Option<PathChange>, ProbeError> {
+    let function = new.function;
     let scalars = function.result.lanes();
     let (was, is) = (old.call(rows, count)?, new.call(rows, count)?);
     let width = rows.len() / count.max(1);
@@ -402,7 +479,7 @@ fn changed(
     }
     let mut row = rows[first * width..][..width].to_vec();
     for _ in 0..ROUNDS {
-        let simpler = domain.shrink(&row);
+        let simpler = drawn.domain.shrink(&row);
         let all = simpler.concat();
         if simpler.is_empty() || width == 0 {
             break;

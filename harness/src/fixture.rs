@@ -27,7 +27,6 @@ pub use texture::{Texel, Texture};
 use crate::diagnostic::FileRead;
 use crate::reflect::{Binding, BindingKind, Dimension, Program, Texels, TextureKind};
 #[cfg(any(feature = "engine", feature = "routes"))]
-use crate::value::Shape;
 
 /// What a test binds to a resource variable.
 ///
@@ -84,15 +83,6 @@ impl Fixture {
             }
         };
         words.to_owned()
-    }
-
-    /// A buffer of these lanes: of one value, or of the elements of an array without a length.
-    #[cfg(any(feature = "engine", feature = "routes"))]
-    pub(crate) fn of_lanes(shape: Shape, lanes: Vec<u32>, elements: bool) -> Self {
-        match elements {
-            true => Storage::of_lanes(shape, lanes).into(),
-            false => Uniform::of_lanes(shape, lanes).into(),
-        }
     }
 
     /// The files that it was made of.

@@ -2,8 +2,8 @@
 //! digits that are lost, indices that leave their array, and operations that WGSL doesn't bound.
 //!
 //! Karat's engine runs each function of a package in `f32`, in `f64` and in intervals, over arguments
-//! that names and types suggest: unit vectors, numbers from 0 to 1, colours, edges first. A hazard is
-//! told where it is born: at the operation whose operands were still good.
+//! that declarations, names and types suggest (see [`made_up`](mod@crate::made_up)). A hazard is reported
+//! where it is born: at the operation whose operands were still good.
 //!
 //! ```no_run
 //! use karat::prelude::*;
@@ -17,9 +17,7 @@
 //! }
 //! ```
 
-mod inputs;
-
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::{Mutex, PoisonError};
 
@@ -31,12 +29,11 @@ use crate::diagnostic::{Diagnostic, nearest};
 use crate::interpret::Interpreted;
 use crate::interpret::hazards::Found;
 pub use crate::interpret::hazards::Kind;
+use crate::made_up::{Arguments, Drawn, Ranges, Resources, VARIANTS};
 use crate::output::counted;
 use crate::package::{AcceptedHazard, Package, PackageError};
-use crate::probe::{ProbeError, Probed, made_up};
+use crate::probe::{ProbeError, Probed};
 use crate::value::format_f32;
-use inputs::Declared;
-pub use inputs::suggested;
 
 /// Inputs of each function. With three arguments of six edges each, that leaves 800 draws.
 const CASES: usize = 1024;
@@ -58,7 +55,7 @@ pub struct Request {
     package: Package,
     only: Vec<String>,
     cases: usize,
-    inputs: Declared,
+    inputs: Vec<(String, f64, f64)>,
     with_accepted: bool,
 }
 
@@ -124,11 +121,16 @@ pub struct Hazards {
     pub skipped: Vec<(String, String)>,
     /// The worst first; one a line and kind.
     pub found: Vec<Hazard>,
-    /// What happens in less than one case of a hundred, with arguments that nobody declared: too rarely
-    /// to be sure.
+    /// Hazards of fewer than one case in a hundred, whose arguments were drawn by their types alone and are
+    /// neither 0, 1, -1 nor an end of their range.
     pub rare: Vec<Hazard>,
     /// How many were left out, as `karat.toml` accepts them with a reason.
     pub accepted: usize,
+    /// The ranges that arguments and members were drawn from.
+    pub drawn: Drawn,
+    /// Inputs that weren't looked at, because they make a loop count to more than some thousands, and the
+    /// functions that have such inputs.
+    pub cut: (usize, usize),
 }
 
 /// Why nothing could be looked for.
@@ -227,7 +229,8 @@ impl Request {
     /// ```
     #[must_use]
     pub fn input(mut self, name: &str, range: std::ops::RangeInclusive<f64>) -> Self {
-        self.inputs.insert(name.to_owned(), range.into_inner());
+        let (least, most) = range.into_inner();
+        self.inputs.push((name.to_owned(), least, most));
         self
     }
 
@@ -262,14 +265,9 @@ impl Request {
         progress: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<Hazards, HazardError> {
         let declared = self.package.declared_hazards()?;
-        let mut inputs = declared.inputs.clone();
-        inputs.extend(self.inputs.clone());
-        for (name, (least, most)) in &inputs {
-            if !(least <= most && least.is_finite() && most.is_finite()) {
-                let text =
-                    format!("the input `{name}` is declared from {least} to {most}: no range");
-                return Err(HazardError::Declaration(text));
-            }
+        let mut inputs = Ranges::of(&self.package)?;
+        for (name, least, most) in &self.inputs {
+            inputs.declare(name, *least, *most).map_err(HazardError::Declaration)?;
         }
         let wanted = |name: &str| {
             self.only.is_empty() || self.only.iter().any(|part| name.contains(part.as_str()))
@@ -278,11 +276,15 @@ impl Request {
         let mut skipped = Vec::new();
         for module in self.package.modules()? {
             match self.package.functions_in(&module) {
-                Ok(items) => names.extend(items.into_iter().filter(|item| !item.entry_point)),
+                Ok(items) => names.extend(items),
                 Err(error) => skipped.push((module, first_line(&error.to_string()))),
             }
         }
         names.retain(|item| wanted(&item.name));
+        let (entries, names): (Vec<_>, Vec<_>) =
+            names.into_iter().partition(|item| item.entry_point);
+        let why = "it is an entry point: hazards are looked for in functions";
+        skipped.extend(entries.into_iter().map(|item| (item.name, why.to_owned())));
         let done = Mutex::new(0);
         let all = names.len();
         let each: Vec<(String, Result<Seen, String>)> = names
@@ -299,16 +301,19 @@ impl Request {
         let mut functions = 0;
         let mut found: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
         let mut rare: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
-        let mut used: BTreeSet<String> = BTreeSet::new();
+        let mut drawn = Drawn::default();
+        let (mut inputs_cut, mut functions_cut) = (0, 0);
         for (name, seen) in each {
             match seen {
                 Err(why) => skipped.push((name, why)),
-                Ok(Seen { hazards, rare: own, names }) => {
+                Ok(Seen { hazards, rare: own, drawn: from, cut }) => {
                     functions += 1;
+                    inputs_cut += cut;
+                    functions_cut += usize::from(cut > 0);
                     for hazard in own {
                         add(&mut rare, hazard);
                     }
-                    used.extend(names);
+                    drawn.merge(from);
                     for hazard in hazards {
                         add(&mut found, hazard);
                     }
@@ -320,7 +325,7 @@ impl Request {
             return Err(HazardError::Nothing { package, skipped });
         }
         if self.only.is_empty() {
-            expect_names(&inputs, &used)?;
+            expect_names(&inputs, &drawn)?;
         }
         let mut found: Vec<Hazard> = found.into_values().collect();
         let mut rare: Vec<Hazard> = rare.into_values().collect();
@@ -345,14 +350,14 @@ impl Request {
             order.then_with(|| a.location.cmp(&b.location))
         });
         rare.sort_by(|a, b| (a.kind, &a.location).cmp(&(b.kind, &b.location)));
-        Ok(Hazards { package, functions, skipped, found, rare, accepted })
+        let cut = (inputs_cut, functions_cut);
+        Ok(Hazards { package, functions, skipped, found, rare, accepted, drawn, cut })
     }
 
-    /// What goes wrong in a function, and the names of its arguments.
-    fn look(&self, name: &str, inputs: &Declared) -> Result<Seen, String> {
+    /// What goes wrong in a function.
+    fn look(&self, name: &str, ranges: &Ranges) -> Result<Seen, String> {
         let text = |error: &dyn fmt::Display| first_line(&error.to_string());
         let probed = Probed::new(&self.package, name).map_err(|error| text(&error))?;
-        let fixtures = made_up::fixtures(&probed)?;
         let form = &probed.function.form;
         if form.fragment {
             return Err("it takes derivatives: hazards are looked for pixel by pixel".to_owned());
@@ -362,86 +367,168 @@ impl Request {
                         that only return"
                 .to_owned());
         }
-        let engine = Interpreted::new(&probed, &fixtures).map_err(|error| text(&error))?;
-        let rows = inputs::rows(&probed, inputs, self.cases);
-        let function = probed.function();
-        let cases = match engine.hazards(self.cases, &rows) {
-            Ok(cases) => cases,
-            Err(ProbeError::Rounds { case, diagnostic })
-                if probed.program.most_rounds().is_none() =>
-            {
-                return Ok(endless(&probed, case, &diagnostic, &rows, self.cases));
+        let arguments = Arguments::of(probed.function(), ranges)?;
+        let (count, rows) = arguments.rows(SEED, self.cases);
+        let seen = Seen { drawn: arguments.drawn(), ..Seen::default() };
+        let mut look = Look { name, probed: &probed, arguments: &arguments, seen };
+        let mut found = BTreeMap::new();
+        let mut cases = 0;
+        for variant in 0..VARIANTS {
+            let resources = Resources::of(&probed, ranges, variant)?;
+            let varies = resources.varies;
+            // Other contents of buffers are met by a part of the arguments.
+            let part = match variant {
+                0 => rows.clone(),
+                _ => look.part(&rows, count, variant),
+            };
+            cases += look.variant(resources, &part, &mut found).map_err(|error| text(&error))?;
+            if !varies {
+                break;
             }
-            Err(error) => return Err(text(&error)),
+        }
+        let Look { mut seen, .. } = look;
+        let guessed = arguments.are_guessed();
+        for (hazard, plain) in found.into_values() {
+            let hazard = Hazard { cases: (hazard.cases.0, cases), guessed, ..hazard };
+            // Numbers that are drawn by type alone may break anything once: then it has to happen more often,
+            // or for an input that a caller may well give.
+            match !guessed || plain || hazard.cases.0 * RARE >= hazard.cases.1 {
+                true => seen.hazards.push(hazard),
+                false => seen.rare.push(hazard),
+            }
+        }
+        match cases {
+            0 if seen.hazards.is_empty() => Err("no arguments can be made up for it".to_owned()),
+            _ => Ok(seen),
+        }
+    }
+}
+
+/// The same rows for each function of one signature, on every machine.
+const SEED: u64 = 0x6861_7a61_7264; // "hazard"
+
+/// One row in so many meets each other content of buffers.
+const SHARE: usize = 4;
+
+/// What was seen of a function.
+#[derive(Default)]
+struct Seen {
+    hazards: Vec<Hazard>,
+    /// What made-up arguments cause now and then.
+    rare: Vec<Hazard>,
+    drawn: Drawn,
+    /// Inputs whose loops were too long to be looked at.
+    cut: usize,
+}
+
+/// A function that is looked at.
+struct Look<'l> {
+    name: &'l str,
+    probed: &'l Probed,
+    arguments: &'l Arguments,
+    seen: Seen,
+}
+
+/// Hazards by place and kind, each with whether a plain input causes it.
+type ByPlace = BTreeMap<(String, Kind), (Hazard, bool)>;
+
+impl Look<'_> {
+    /// The rows that meet a variant of the resources.
+    fn part(&self, rows: &[u32], count: usize, variant: usize) -> Vec<u32> {
+        let width = self.arguments.width();
+        let at = (0..count).filter(|at| at % SHARE == variant % SHARE);
+        at.flat_map(|at| &rows[at * width..][..width]).copied().collect()
+    }
+
+    /// Looks at some rows over one content of the buffers. Returns how many were looked at.
+    fn variant(
+        &mut self,
+        resources: Resources,
+        rows: &[u32],
+        found: &mut ByPlace,
+    ) -> Result<usize, ProbeError> {
+        let function = self.probed.function();
+        let width = self.arguments.width();
+        let Resources { fixtures, members, drawn, .. } = resources;
+        self.seen.drawn.merge(drawn);
+        let engine = Interpreted::new(self.probed, &fixtures)?;
+        let all = if width == 0 { 1 } else { rows.len() / width };
+        let bounded = self.probed.program.most_rounds().is_some();
+        let mut rows = std::borrow::Cow::Borrowed(rows);
+        let mut count = all;
+        let cases = match engine.hazards(count, &rows) {
+            Err(ProbeError::Rounds { .. }) if !bounded => {
+                // A loop that counts to a large number ends, but not here.
+                rows = self.arguments.few(&rows).into();
+                count = if width == 0 { 1 } else { rows.len() / width };
+                match engine.hazards(count, &rows) {
+                    Err(ProbeError::Rounds { case, diagnostic }) => {
+                        let row = rows.get(case * width..(case + 1) * width).unwrap_or_default();
+                        let hazard = endless(self.probed, &diagnostic, row, count);
+                        found.insert((hazard.location.clone(), hazard.kind), (hazard, true));
+                        return Ok(0);
+                    }
+                    other => other?,
+                }
+            }
+            other => other?,
         };
-        let lanes = |case: usize| {
-            let width: usize = function.parameters.iter().map(|(_, s)| s.lanes().len()).sum();
-            &rows[case * width..][..width]
+        self.seen.cut += all - count;
+        let described = |case: usize| {
+            let mut named = arguments(function, &rows[case * width..][..width]);
+            named.extend(members.iter().take(MEMBERS).cloned());
+            named
         };
-        let guessed = inputs::are_guessed(&probed, inputs);
-        let mut found: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
         for (case, hazards) in cases.iter().enumerate() {
+            let plain = self.arguments.is_plain(&rows[case * width..][..width]);
             for one in hazards {
                 let location = one.span.to_string();
-                let hazard = found.entry((location.clone(), one.kind)).or_insert_with(|| Hazard {
-                    kind: one.kind,
-                    location,
-                    text: one_line(&one.text),
-                    function: name.to_owned(),
-                    arguments: arguments(function, lanes(case)),
-                    cases: (0, cases.len()),
-                    hidden: one.hidden,
-                    values: shown(one),
-                    operands: operands(one),
-                    guessed,
-                    accepted: None,
-                    also: Vec::new(),
-                });
+                let (hazard, is_plain) =
+                    found.entry((location.clone(), one.kind)).or_insert_with(|| {
+                        let hazard = Hazard {
+                            kind: one.kind,
+                            location,
+                            text: one_line(&one.text),
+                            function: self.name.to_owned(),
+                            arguments: described(case),
+                            cases: (0, 0),
+                            hidden: one.hidden,
+                            values: shown(one),
+                            operands: operands(one),
+                            guessed: false,
+                            accepted: None,
+                            also: Vec::new(),
+                        };
+                        (hazard, false)
+                    });
                 hazard.cases.0 += 1;
+                *is_plain |= plain;
                 // That it shows in one case is worse than that it is hidden in others.
                 if hazard.hidden && !one.hidden {
-                    hazard.arguments = arguments(function, lanes(case));
+                    hazard.arguments = described(case);
                     hazard.operands = operands(one);
                     hazard.hidden = false;
                 }
             }
         }
-        let names = function.parameters.iter().map(|(name, _)| name.clone()).collect();
-        // Numbers that nobody means may break anything once: then it has to happen more often.
-        let sure = |hazard: &Hazard| !guessed || hazard.cases.0 * RARE >= hazard.cases.1;
-        let (hazards, rare) = found.into_values().partition(sure);
-        Ok(Seen { hazards, rare, names })
+        Ok(count)
     }
 }
 
-/// What was seen of a function.
-struct Seen {
-    hazards: Vec<Hazard>,
-    /// What made-up arguments cause now and then.
-    rare: Vec<Hazard>,
-    names: Vec<String>,
-}
+/// Members of buffers that are shown with the arguments.
+const MEMBERS: usize = 6;
 
 /// A function with a loop that was stopped.
-fn endless(
-    probed: &Probed,
-    case: usize,
-    diagnostic: &Diagnostic,
-    rows: &[u32],
-    cases: usize,
-) -> Seen {
+fn endless(probed: &Probed, diagnostic: &Diagnostic, row: &[u32], cases: usize) -> Hazard {
     let function = probed.function();
-    let width: usize = function.parameters.iter().map(|(_, s)| s.lanes().len()).sum();
     let at = diagnostic.location().unwrap_or(&function.span);
     let text = at.file.text.get(at.range.clone()).unwrap_or_default();
-    let hazard = Hazard {
+    Hazard {
         kind: Kind::Endless,
         location: at.to_string(),
         text: one_line(text),
         function: function.name.clone(),
-        arguments: rows
-            .get(case * width..(case + 1) * width)
-            .map_or_else(Vec::new, |row| arguments(function, row)),
+        arguments: if row.is_empty() { Vec::new() } else { arguments(function, row) },
         cases: (1, cases),
         hidden: false,
         values: None,
@@ -449,9 +536,7 @@ fn endless(
         guessed: true,
         accepted: None,
         also: Vec::new(),
-    };
-    let names = function.parameters.iter().map(|(name, _)| name.clone()).collect();
-    Seen { hazards: vec![hazard], rare: Vec::new(), names }
+    }
 }
 
 /// Adds a hazard to those of other functions. The function that has the operation is preferred.
@@ -475,13 +560,18 @@ fn add(found: &mut BTreeMap<(String, Kind), Hazard>, hazard: Hazard) {
     }
 }
 
-/// Refuses a declared input that is nobody's.
-fn expect_names(inputs: &Declared, used: &BTreeSet<String>) -> Result<(), HazardError> {
-    let Some(name) = inputs.keys().find(|name| !used.contains(*name)) else { return Ok(()) };
-    let near = nearest(name, used.iter().map(String::as_str));
+/// Refuses a declared input that no function has.
+fn expect_names(inputs: &Ranges, drawn: &Drawn) -> Result<(), HazardError> {
+    let used = drawn.names();
+    let Some(name) = inputs.names().find(|name| !used.contains(name.as_str())) else {
+        return Ok(());
+    };
+    let near = nearest(name, used.iter().copied());
     let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-    let text =
-        format!("the input `{name}` is declared, and no function has such an argument{near}");
+    let text = format!(
+        "the input `{name}` is declared, and no function that is looked at has such an argument or reads \
+         such a member{near}"
+    );
     Err(HazardError::Declaration(text))
 }
 

@@ -419,7 +419,7 @@ impl Package {
     }
 
     /// What `karat.toml` declares of hazards.
-    #[cfg(feature = "engine")]
+    #[cfg(any(feature = "engine", feature = "routes"))]
     pub(crate) fn declared_hazards(&self) -> Result<DeclaredHazards, PackageError> {
         Ok(manifest::Manifest::of(self)?.hazards())
     }

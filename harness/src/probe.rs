@@ -14,8 +14,6 @@ mod inputs;
 mod kept;
 mod kernel;
 mod lets;
-#[cfg(any(feature = "engine", feature = "routes"))]
-pub(crate) mod made_up;
 mod painted;
 mod poison;
 mod prepared;

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use syn::visit::{self, Visit};
 
 /// The modules of the library from the bottom up: a module uses only those before it.
-const ORDER: [&str; 28] = [
+const ORDER: [&str; 29] = [
     "output",
     "diagnostic",
     "settings",
@@ -24,6 +24,7 @@ const ORDER: [&str; 28] = [
     "path",
     "fixture",
     "probe",
+    "made_up",
     "dispatch",
     "interpret",
     "draw",

@@ -103,7 +103,7 @@ pub use arithmetic::{Arithmetic, F32, F64, Intervals};
 pub use code::Site;
 pub use interval::{Interval, Range, Truth};
 pub use lower::{Overrides, Settings};
-pub use observer::{Lanes, Observer, OutOfRange};
+pub use observer::{Fault, Faulty, Lanes, Observer};
 pub use options::Options;
 pub use program::Program;
 pub use refusal::{Refusal, Stop};

@@ -13,9 +13,9 @@ use crate::accuracy::Accuracy;
 use crate::arithmetic::sealed::Rules;
 use crate::code::{Code, Instruction, Op, Site};
 use crate::columns::Columns;
-use crate::observer::{Lanes, Observer, OutOfRange};
+use crate::observer::{Fault, Faulty, Lanes, Observer};
 use crate::options::Options;
-use crate::rules::FloatRule;
+use crate::rules::{Edges, FloatRule, ToInt};
 use crate::scalar::{File, Scalar};
 use masks::Masks;
 pub(crate) use memory::{Buffer, Memory};
@@ -62,6 +62,8 @@ pub(crate) struct Machine<'p, A: Rules> {
     lost: Vec<Option<u32>>,
     /// The site of the operation that runs.
     site: u32,
+    /// The lanes whose index left its array in the operation that runs.
+    outside: Vec<usize>,
     width: usize,
 }
 
@@ -81,6 +83,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             undecided: vec![0; width],
             lost: vec![None; width],
             site: 0,
+            outside: Vec::new(),
             width,
         };
         for &(register, constant) in &code.constants {
@@ -174,6 +177,9 @@ impl<'p, A: Rules> Machine<'p, A> {
             let registers = &code.pool[start..start + instruction.count as usize];
             match instruction.op {
                 Op::Float(rule) => {
+                    if O::ACTIVE {
+                        self.report_order(observer, instruction, case, rule, registers);
+                    }
                     match self.options.accuracy.as_deref() {
                         Some(accuracy) if A::UNDECIDED && Accuracy::knows(rule) => {
                             self.run_measured(accuracy, rule, registers);
@@ -189,12 +195,18 @@ impl<'p, A: Rules> Machine<'p, A> {
                 }
                 Op::Integer(rule) => {
                     if O::ACTIVE && rule.divides() {
-                        self.report_zeros(observer, instruction, case, registers[2]);
+                        let (zero, divisor) = (A::int(0, false), self.ints.get(registers[2]));
+                        self.report_where(observer, instruction, case, Fault::Division, |lane| {
+                            A::possible(A::int_equal(divisor[lane], zero))
+                        });
                     }
                     rule.run::<A>(&mut self.ints, registers);
                     self.show_other(observer, instruction, case, File::Int, registers[0]);
                 }
                 Op::ToInt(rule) => {
+                    if O::ACTIVE {
+                        self.report_conversion(observer, instruction, case, rule, registers);
+                    }
                     rule.run::<A>(&self.floats, &mut self.ints, registers);
                     self.show_other(observer, instruction, case, File::Int, registers[0]);
                 }
@@ -239,40 +251,43 @@ impl<'p, A: Rules> Machine<'p, A> {
                 Op::Move(File::Bool) => self.bools.copy(registers[0], registers[1]),
                 Op::Store(file) => self.store(file, registers),
                 Op::Gather(file, walk) => {
-                    let outs = self.gather(file, walk, registers);
-                    self.report(observer, instruction, case, outs);
+                    self.gather(file, walk, registers);
+                    self.report(observer, instruction, case);
                 }
                 Op::Scatter(file, walk) => {
-                    let outs = self.scatter(file, walk, registers);
-                    self.report(observer, instruction, case, outs);
+                    self.scatter(file, walk, registers);
+                    self.report(observer, instruction, case);
                 }
                 Op::Pick(file, count, signed) => {
-                    let outs = self.pick(file, count, signed, registers);
-                    self.report(observer, instruction, case, outs);
+                    self.pick(file, count, signed, registers);
+                    self.report(observer, instruction, case);
                 }
                 Op::Table(file, table) => {
-                    let outs = self.table(file, table, registers);
-                    self.report(observer, instruction, case, outs);
+                    self.table(file, table, registers);
+                    self.report(observer, instruction, case);
                 }
                 Op::Load(scalar, walk) => {
-                    let outs = self.load(scalar, walk, registers, memory);
+                    self.load(scalar, walk, registers, memory);
                     if A::NOTES && scalar.file() == File::Float {
                         self.after_floats(instruction, &registers[..1], (0, 1));
                     }
-                    self.report(observer, instruction, case, outs);
+                    self.report(observer, instruction, case);
                 }
                 Op::Write(scalar, walk) => {
-                    let outs = self.write(scalar, walk, registers, memory);
-                    self.report(observer, instruction, case, outs);
+                    self.write(scalar, walk, registers, memory);
+                    self.report(observer, instruction, case);
                 }
                 Op::ArrayLength(walk) => self.array_length(walk, registers[0], memory),
-                Op::Atomic(walk) => self.atomic(walk, registers, memory),
+                Op::Atomic(walk) => {
+                    self.atomic(walk, registers, memory);
+                    self.report(observer, instruction, case);
+                }
                 Op::ImageStore(image) => {
-                    let outs = self.image_store(image, registers, memory);
-                    self.report(observer, instruction, case, outs);
+                    self.image_store(image, registers, memory);
+                    self.report(observer, instruction, case);
                 }
                 Op::Image(image) => {
-                    let outs = self.image(image, registers, memory);
+                    self.image(image, registers, memory);
                     let shape = code.shape(instruction.op);
                     let [floats, from] = [shape.outs[0], shape.ins[0]].map(|n| n as usize);
                     if floats > 0 {
@@ -281,7 +296,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                             self.show(observer, instruction, case, (&registers[..floats], &[]));
                         }
                     }
-                    self.report(observer, instruction, case, outs);
+                    self.report(observer, instruction, case);
                 }
                 Op::Round => self.round(instruction)?,
                 Op::If
@@ -452,38 +467,78 @@ impl<'p, A: Rules> Machine<'p, A> {
         &self.code.sites[instruction.site as usize]
     }
 
-    fn report<O: Observer<A>>(
+    /// Reports each lane whose index left its array.
+    #[inline]
+    fn report<O: Observer<A>>(&mut self, observer: &O, instruction: &Instruction, case: usize)
+    where
+        A: crate::arithmetic::Arithmetic,
+    {
+        if O::ACTIVE {
+            let site = self.site(instruction);
+            for &lane in &self.outside {
+                observer.fault(&Faulty { fault: Fault::Index, site, case: case + lane });
+            }
+        }
+        self.outside.clear();
+    }
+
+    /// Reports each active lane in which something may go wrong.
+    fn report_where<O: Observer<A>>(
         &self,
         observer: &O,
         instruction: &Instruction,
         case: usize,
-        lane: Option<usize>,
+        fault: Fault,
+        wrong: impl Fn(usize) -> bool,
     ) where
         A: crate::arithmetic::Arithmetic,
     {
-        if let (true, Some(lane)) = (O::ACTIVE, lane) {
-            observer.out_of_range(&OutOfRange { site: self.site(instruction), case: case + lane });
+        let site = self.site(instruction);
+        let active = self.active().iter().enumerate();
+        let here = active.filter(|(_, active)| A::possible(**active)).map(|(lane, _)| lane);
+        for lane in here.filter(|lane| wrong(*lane)) {
+            observer.fault(&Faulty { fault, site, case: case + lane });
         }
     }
 
-    /// Tells of the first lane whose divisor may be zero.
-    fn report_zeros<O: Observer<A>>(
+    /// Reports lanes in which an operation on floats has its edges in the wrong order.
+    fn report_order<O: Observer<A>>(
         &self,
         observer: &O,
         instruction: &Instruction,
         case: usize,
-        divisor: u32,
+        rule: FloatRule,
+        registers: &[u32],
     ) where
         A: crate::arithmetic::Arithmetic,
     {
-        let zero = A::int(0, false);
-        let by_zero = |(x, active): (&A::Int, &A::Bool)| {
-            A::possible(*active) && A::possible(A::int_equal(*x, zero))
-        };
-        let lanes = self.ints.get(divisor).iter().zip(self.active());
-        for (lane, _) in lanes.enumerate().filter(|(_, lane)| by_zero(*lane)) {
-            observer.by_zero(&OutOfRange { site: self.site(instruction), case: case + lane });
-        }
+        let Some(Edges { low, high, distinct }) = rule.edges() else { return };
+        let outs = rule.arity().1;
+        let [low, high] = [low, high].map(|at| self.floats.get(registers[outs + at]));
+        self.report_where(observer, instruction, case, Fault::Order, |lane| {
+            let (low, high) = (low[lane], high[lane]);
+            A::possible(A::float_less(high, low))
+                || distinct && A::possible(A::float_equal(high, low))
+        });
+    }
+
+    /// Reports lanes whose float the integer type can't hold.
+    fn report_conversion<O: Observer<A>>(
+        &self,
+        observer: &O,
+        instruction: &Instruction,
+        case: usize,
+        rule: ToInt,
+        registers: &[u32],
+    ) where
+        A: crate::arithmetic::Arithmetic,
+    {
+        let Some((least, most)) = rule.holds() else { return };
+        let x = self.floats.get(registers[1]);
+        self.report_where(observer, instruction, case, Fault::Conversion, |lane| {
+            let whole = A::coordinate(x[lane]).trunc();
+            whole < least || whole > most
+        });
     }
 
     /// What lanes returned that are lost is anything at all.

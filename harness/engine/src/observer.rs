@@ -22,12 +22,28 @@ pub struct Lanes<'a, A: Arithmetic> {
     pub active: &'a [A::Bool],
 }
 
-/// An index that left its array, and was clamped; or a divisor that is zero.
+/// An operation whose operands are such that implementations of WGSL give different results, or that
+/// WGSL defines in a way that authors seldom mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Fault {
+    /// An index leaves its array or texture, and was clamped.
+    Index,
+    /// An integer is divided by zero, or its remainder taken.
+    Division,
+    /// A float is converted to an integer type that doesn't reach so far, and saturates.
+    Conversion,
+    /// The low edge of `clamp` is above the high one, or that of `smoothstep` isn't below it.
+    Order,
+}
+
+/// A [`Fault`] in one case.
 #[derive(Debug)]
-pub struct OutOfRange<'a> {
-    /// Where the author wrote it.
+pub struct Faulty<'a> {
+    /// The kind of fault.
+    pub fault: Fault,
+    /// Where the author wrote the operation.
     pub site: &'a Site,
-    /// The case in which it did; of indices, the first one of a chunk.
+    /// The case.
     pub case: usize,
 }
 
@@ -54,14 +70,9 @@ pub trait Observer<A: Arithmetic>: Sync {
         let _ = lanes;
     }
 
-    /// An index was clamped into its array.
-    fn out_of_range(&self, index: &OutOfRange<'_>) {
-        let _ = index;
-    }
-
-    /// An integer was divided by zero, or its remainder taken: called for each such case.
-    fn by_zero(&self, division: &OutOfRange<'_>) {
-        let _ = division;
+    /// An operation has operands that are a fault: called for each case of each such operation.
+    fn fault(&self, fault: &Faulty<'_>) {
+        let _ = fault;
     }
 }
 
@@ -78,10 +89,8 @@ pub trait Watch<A: Arithmetic>: Sync {
     fn others(&self, lanes: &Lanes<'_, A>);
     /// See [`Observer::named`].
     fn named(&self, lanes: &Lanes<'_, A>);
-    /// See [`Observer::out_of_range`].
-    fn out_of_range(&self, index: &OutOfRange<'_>);
-    /// See [`Observer::by_zero`].
-    fn by_zero(&self, division: &OutOfRange<'_>);
+    /// See [`Observer::fault`].
+    fn fault(&self, fault: &Faulty<'_>);
 }
 
 impl<A: Arithmetic, O: Observer<A>> Watch<A> for O {
@@ -97,12 +106,8 @@ impl<A: Arithmetic, O: Observer<A>> Watch<A> for O {
         Observer::named(self, lanes);
     }
 
-    fn out_of_range(&self, index: &OutOfRange<'_>) {
-        Observer::out_of_range(self, index);
-    }
-
-    fn by_zero(&self, division: &OutOfRange<'_>) {
-        Observer::by_zero(self, division);
+    fn fault(&self, fault: &Faulty<'_>) {
+        Observer::fault(self, fault);
     }
 }
 
@@ -127,11 +132,7 @@ impl<A: Arithmetic> Observer<A> for Watched<'_, A> {
         self.0.named(lanes);
     }
 
-    fn out_of_range(&self, index: &OutOfRange<'_>) {
-        self.0.out_of_range(index);
-    }
-
-    fn by_zero(&self, division: &OutOfRange<'_>) {
-        self.0.by_zero(division);
+    fn fault(&self, fault: &Faulty<'_>) {
+        self.0.fault(fault);
     }
 }

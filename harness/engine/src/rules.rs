@@ -156,7 +156,27 @@ pub(crate) enum FloatRule {
     Trigonometry(Trigonometry),
 }
 
+/// Which operands of an operation are its edges, the low one first.
+pub(crate) struct Edges {
+    pub(crate) low: usize,
+    pub(crate) high: usize,
+    /// Whether equal edges are a fault, too.
+    pub(crate) distinct: bool,
+}
+
 impl FloatRule {
+    /// The operands that have an order, of what has such operands. WGSL 17.5 lets `clamp` of floats be
+    /// "either min(max(e, low), high), or the median of the three values", which differ where low is above
+    /// high. `smoothstep` divides by high - low, and the languages below WGSL leave it undefined unless low is
+    /// below high.
+    pub(crate) fn edges(self) -> Option<Edges> {
+        match self {
+            Self::Basic(Basic::Clamp) => Some(Edges { low: 1, high: 2, distinct: false }),
+            Self::Basic(Basic::SmoothStep) => Some(Edges { low: 0, high: 1, distinct: true }),
+            _ => None,
+        }
+    }
+
     pub(crate) fn arity(self) -> (usize, usize) {
         match self {
             Self::Basic(rule) => rule.arity(),

@@ -79,7 +79,12 @@ fn class(kind: Kind) -> Class {
         Kind::Nan => Class::Nan,
         Kind::Infinite => Class::Infinite,
         Kind::Unbounded => Class::Unbounded,
-        Kind::OutOfRange | Kind::ByZero | Kind::LostDigits | Kind::Endless => Class::Other,
+        Kind::OutOfRange
+        | Kind::ByZero
+        | Kind::Saturated
+        | Kind::EdgesReversed
+        | Kind::LostDigits
+        | Kind::Endless => Class::Other,
     }
 }
 

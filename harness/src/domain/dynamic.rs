@@ -3,10 +3,11 @@
 //! A part draws the words of one number or vector; the parts of all parameters stand side by side. As in
 //! tuples of Rust types, one draw in eight ties two parts of the same type.
 
+use std::collections::HashSet;
 use std::fmt::Debug;
 use std::ops::RangeInclusive;
 
-use super::plausible::{self, Plausible};
+use super::plausible::{self, Plausible, STEEPEST, Slopes};
 use super::{
     AnyF32, Domain, Emptiness, Held, Hemisphere, Integers, Just, OneOf, Origin, Shrinkable, Source,
     Stream, UnitRgb, UnitVector, complexity,
@@ -15,6 +16,19 @@ use crate::value::{Scalar, Shape, Shareable, format_lane};
 
 /// Draws of a tuple of which one ties two parts.
 const TIES: u64 = 8;
+
+/// A float within four times 2^-20 of another one: what subtracts them, as variances and gradients do,
+/// cancels there alone. Of an integer it is the next one or the same.
+fn nearly(word: u32, source: &mut Source) -> u32 {
+    let like = f32::from_bits(word);
+    #[expect(clippy::cast_precision_loss, reason = "a number below 9")]
+    let steps = source.below(9) as f32 - 4.0;
+    match like.is_normal() {
+        true => (like * (1.0 + steps / 1_048_576.0)).to_bits(),
+        // The bits of small integers are those of subnormal floats.
+        false => word.saturating_add(u32::from(steps > 0.0)),
+    }
+}
 
 /// Combinations of edges that are tried first.
 const COMBINATIONS: usize = 1024;
@@ -160,7 +174,15 @@ impl Part {
     pub fn range(scalar: Scalar, range: RangeInclusive<f64>) -> Option<Self> {
         let (low, high) = range.into_inner();
         let whole = low.fract() == 0.0 && high.fract() == 0.0;
-        let text = format!("from {low} to {high}");
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "ends of floats are rounded to the type"
+        )]
+        let text = match scalar {
+            // As the type has them.
+            Scalar::F32 | Scalar::F16 => format!("from {} to {}", low as f32, high as f32),
+            _ => format!("from {low} to {high}"),
+        };
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -275,6 +297,49 @@ impl Part {
 
     /// The names of [`named`](Self::named).
     pub const NAMES: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
+
+    /// What a number changes from pixel to pixel: up to a half, on every scale, as levels of textures follow
+    /// the logarithm.
+    ///
+    /// ```
+    /// use karat::domain::Part;
+    /// use karat::value::Scalar;
+    ///
+    /// assert_eq!(Part::slope(Scalar::F32).width(), 1);
+    /// ```
+    pub fn slope(scalar: Scalar) -> Self {
+        match scalar {
+            Scalar::F32 | Scalar::F16 => {
+                Self::of(Slopes, format!("from -{STEEPEST} to {STEEPEST}"))
+            }
+            _ => Self::just(scalar, 0),
+        }
+    }
+
+    /// The words that a message has for its values.
+    ///
+    /// ```
+    /// use karat::domain::Part;
+    /// use karat::value::Scalar;
+    ///
+    /// let part = Part::range(Scalar::U32, 1.0..=8.0).expect("whole numbers");
+    /// assert_eq!(part.described(), "from 1 to 8");
+    /// ```
+    #[must_use]
+    pub fn described(&self) -> &str {
+        &self.described
+    }
+
+    /// Whether a number of which nothing is known is 0, 1, -1 or an end of its range.
+    pub(crate) fn is_plain(scalar: Scalar, word: u32) -> bool {
+        plausible::is_plain(scalar, word)
+    }
+
+    /// Value `index` of those that are tried first, or a draw where there are fewer.
+    pub(crate) fn value(&self, index: Option<usize>, source: &mut Source) -> Option<Vec<u32>> {
+        let edge = index.and_then(|index| self.words.edges().get(index).cloned());
+        edge.or_else(|| self.words.draw(source))
+    }
 
     /// How many words it draws.
     ///
@@ -397,9 +462,10 @@ impl Dynamic {
             let (from, to) = (source.below(count), source.below(count));
             #[expect(clippy::cast_possible_truncation, reason = "fewer than a usize")]
             let (from, to) = (from as usize, to as usize);
-            let tied = match source.below(2) {
+            let tied = match source.below(3) {
                 0 => rows[from].clone(),
-                _ => rows[from].iter().map(|word| word ^ 0x8000_0000).collect(),
+                1 => rows[from].iter().map(|word| word ^ 0x8000_0000).collect(),
+                _ => rows[from].iter().map(|word| nearly(*word, source)).collect(),
             };
             if self.parts[to].words.admits(&tied) == Some(true) && rows[to].len() == tied.len() {
                 rows[to] = tied;
@@ -469,8 +535,8 @@ impl Debug for Shown {
     }
 }
 
-/// Rows of edges: all combinations of the first edges of each part, then each other edge with those
-/// of the other parts in turn.
+/// Rows of edges: each edge of each part once, so that few cases have them all; then all combinations of the
+/// first edges of each part, then each other edge with those of the other parts in turn.
 fn combined(edges: &[Vec<Vec<u32>>]) -> Vec<Vec<u32>> {
     if edges.iter().any(Vec::is_empty) {
         return Vec::new();
@@ -499,7 +565,17 @@ fn combined(edges: &[Vec<Vec<u32>>]) -> Vec<Vec<u32>> {
             row.collect::<Vec<_>>().concat()
         })
     });
-    firsts.chain(left).collect()
+    let each = (0..longest).map(|at| {
+        edges.iter().map(|own| own[at % own.len()].as_slice()).collect::<Vec<_>>().concat()
+    });
+    let mut rows: Vec<Vec<u32>> = Vec::new();
+    let mut seen = HashSet::new();
+    for row in each.chain(firsts).chain(left) {
+        if seen.insert(row.clone()) {
+            rows.push(row);
+        }
+    }
+    rows
 }
 
 impl Stream for Dynamic {

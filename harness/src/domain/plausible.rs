@@ -28,9 +28,48 @@ pub(super) fn described(scalar: Scalar) -> String {
     }
 }
 
+/// Whether a number of which nothing is known is 0, 1, -1 or an end of its range.
+pub(super) fn is_plain(scalar: Scalar, word: u32) -> bool {
+    match scalar {
+        Scalar::F32 | Scalar::F16 => [0.0, 1.0, LARGEST].contains(&f32::from_bits(word).abs()),
+        Scalar::I32 => [0, 1, -1, i32::MAX, i32::MIN].contains(&word.cast_signed()),
+        Scalar::U32 => [0, 1, u32::MAX].contains(&word),
+        Scalar::Bool => true,
+    }
+}
+
+/// The steepest slope from pixel to pixel.
+pub(super) const STEEPEST: f32 = 0.5;
+
+/// Floats to either side of 0, each size as likely as every other.
+#[derive(Clone, Debug)]
+pub(super) struct Slopes;
+
+impl Domain for Slopes {
+    type Value = f32;
+
+    fn draw(&self, source: &mut Source) -> Option<f32> {
+        #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
+        let size = source.log_distance() as f32 * STEEPEST;
+        Some(if source.bits() & 1 == 0 { size } else { -size })
+    }
+
+    fn edges(&self) -> Vec<f32> {
+        vec![0.0, STEEPEST, -STEEPEST, 1.0 / 16.0]
+    }
+
+    fn admits(&self, value: &f32) -> Option<bool> {
+        Some(value.abs() <= STEEPEST)
+    }
+
+    fn shrink(&self, value: &f32) -> Vec<f32> {
+        shrink::floats(*value, &self.edges(), |value| value.abs() <= STEEPEST)
+    }
+}
+
 impl Plausible<f32> {
     pub(super) fn floats() -> Self {
-        let positive = [1.0, 0.5, 2.0, 1e-3, SMALL, 1000.0, LARGEST];
+        let positive = [1.0, LARGEST, 0.5, 2.0, 1e-3, SMALL, 1000.0];
         let signed = positive.into_iter().flat_map(|x| [x, -x]);
         Self([0.0].into_iter().chain(signed).chain([-0.0]).collect())
     }
@@ -106,14 +145,14 @@ const SIGNED: i32 = FEW as i32;
 integer!(
     u32,
     u32,
-    vec![0, 1, 2, 3, FEW - 1, FEW, 255, 65_535, 1 << 31, u32::MAX],
+    vec![0, 1, u32::MAX, 2, 3, FEW - 1, FEW, 255, 65_535, 1 << 31, u32::MAX - 1],
     0..=FEW - 1,
     |source| source.bits()
 );
 integer!(
     i32,
     i32,
-    vec![0, 1, -1, 2, -2, SIGNED - 1, 255, 65_535, i32::MAX, i32::MIN],
+    vec![0, 1, -1, i32::MAX, i32::MIN, 2, -2, SIGNED - 1, 255, 65_535, i32::MAX - 1],
     1 - SIGNED..=SIGNED - 1,
     |source| source.bits().cast_signed()
 );

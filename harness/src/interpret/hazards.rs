@@ -5,11 +5,11 @@
 //! operands. What is wrong already in an operand isn't this operation's fault, so each hazard is told
 //! where it is born.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
 
 use karat_engine::{
-    F32, F64, Interval, Intervals, Lane, LaneOf, Lanes, Observer, OutOfRange, Results, Truth,
+    F32, F64, Fault, Faulty, Interval, Intervals, Lane, LaneOf, Lanes, Observer, Results, Truth,
 };
 
 use super::{Interpreted, Options};
@@ -34,6 +34,10 @@ pub enum Kind {
     ByZero,
     /// It is infinite.
     Infinite,
+    /// A float is beyond the integer type that it is converted to.
+    Saturated,
+    /// The low edge of `clamp` or `smoothstep` isn't below the high one.
+    EdgesReversed,
     /// More than half of its digits are rounding errors.
     LostDigits,
     /// WGSL allows any result.
@@ -57,6 +61,8 @@ impl Kind {
             Self::OutOfRange => "out of range",
             Self::ByZero => "by zero",
             Self::Infinite => "infinite",
+            Self::Saturated => "saturated",
+            Self::EdgesReversed => "edges reversed",
             Self::LostDigits => "digits lost",
             Self::Unbounded => "unbounded by WGSL",
             Self::Endless => "may not end",
@@ -75,6 +81,12 @@ impl Kind {
             Self::OutOfRange => "the index leaves its array: WGSL allows any element, or zero",
             Self::ByZero => "an integer is divided by zero: in WGSL x / 0 is x, and x % 0 is 0",
             Self::Infinite => "it overflows, or divides by zero",
+            Self::Saturated => {
+                "the integer type doesn't reach so far: WGSL takes its nearest value, GLSL any"
+            }
+            Self::EdgesReversed => {
+                "the low edge isn't below the high one: implementations differ in what comes of that"
+            }
             Self::LostDigits => "more than half of its digits are rounding errors",
             Self::Unbounded => "WGSL bounds no error here: drivers may return anything",
             Self::Endless => {
@@ -146,8 +158,8 @@ struct Event<F> {
 /// Keeps what operations give.
 struct Recorder<F> {
     events: Mutex<Vec<Event<F>>>,
-    /// What goes wrong with integers: the kind, the operation and the case.
-    wrong: Mutex<Vec<(Kind, usize, usize)>>,
+    /// Operations whose operands are a fault: the case, the kind and the operation.
+    wrong: Mutex<BTreeSet<(usize, Kind, usize)>>,
 }
 
 impl<F> Default for Recorder<F> {
@@ -174,12 +186,15 @@ macro_rules! recorder {
                 }
             }
 
-            fn out_of_range(&self, index: &OutOfRange<'_>) {
-                self.note(Kind::OutOfRange, index);
-            }
-
-            fn by_zero(&self, division: &OutOfRange<'_>) {
-                self.note(Kind::ByZero, division);
+            fn fault(&self, one: &Faulty<'_>) {
+                let kind = match one.fault {
+                    Fault::Index => Kind::OutOfRange,
+                    Fault::Division => Kind::ByZero,
+                    Fault::Conversion => Kind::Saturated,
+                    Fault::Order => Kind::EdgesReversed,
+                };
+                let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
+                wrong.insert((one.case, kind, std::ptr::from_ref(one.site).addr()));
             }
         }
     };
@@ -216,14 +231,6 @@ impl Observer<Intervals> for Anything {
 }
 
 impl<F> Recorder<F> {
-    fn note(&self, kind: Kind, what: &OutOfRange<'_>) {
-        let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
-        // A loop may divide by zero in each round.
-        if wrong.len() < MOST_EVENTS {
-            wrong.push((kind, std::ptr::from_ref(what.site).addr(), what.case));
-        }
-    }
-
     fn events(self) -> Vec<Event<F>> {
         self.events.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
@@ -288,8 +295,8 @@ impl Interpreted {
                 result.iter().all(|lane| !matches!(lane, Lane::Float(x) if !x.is_finite()));
             let lost = differ(&result, &shadow, &scales);
             let mut found = self.born(&single, &double, lane, finite, lost);
-            let own = wrong.iter().filter(|(_, _, case)| *case == lane);
-            found.extend(own.filter_map(|(kind, site, _)| self.found(*kind, *site, finite)));
+            let own = wrong.range((lane, Kind::Nan, 0)..(lane + 1, Kind::Nan, 0));
+            found.extend(own.filter_map(|(_, kind, site)| self.found(*kind, *site, finite)));
             // What isn't finite is told already, and WGSL bounds nothing that comes of it.
             if let (Some((site, true)), true) = (anything.get(&lane), found.is_empty()) {
                 found.extend(self.found(Kind::Unbounded, *site, finite));

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use karat_engine::{F32, F64, Interval, Intervals, Lanes, Observer, OutOfRange, Range, Truth};
+use karat_engine::{F32, F64, Fault, Faulty, Interval, Intervals, Lanes, Observer, Range, Truth};
 
 use super::Interpreted;
 use crate::diagnostic::Span;
@@ -110,8 +110,10 @@ macro_rules! values {
                 values.extend(seen.map(|seen| (site, seen)));
             }
 
-            fn out_of_range(&self, _: &OutOfRange<'_>) {
-                self.lost.store(true, Ordering::Relaxed);
+            fn fault(&self, one: &Faulty<'_>) {
+                if one.fault == Fault::Index {
+                    self.lost.store(true, Ordering::Relaxed);
+                }
             }
         }
     };

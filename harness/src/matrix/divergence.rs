@@ -6,7 +6,8 @@ use super::Request;
 use super::excerpt::definition_line;
 use super::execute::{Judge, Ran, Runs, shown};
 use super::reduce::Pair;
-use crate::probe::{Let, Probed, lets, made_up};
+use crate::made_up;
+use crate::probe::{Let, Probed, lets};
 use crate::value::Scalar;
 
 /// Two columns that differ.

@@ -8,8 +8,9 @@ use super::execute::{Comparison, Judge, Ran, Runs, not_run};
 use super::subject::{About, Ready};
 use super::{Allowed, Cell, Request, Row, Status, Stop};
 use crate::fixture::Fixtures;
+use crate::made_up;
 use crate::path::Path;
-use crate::probe::{ProbeError, Probed, made_up};
+use crate::probe::{ProbeError, Probed};
 
 /// Runs a row on the columns whose cells got so far, and compares the results.
 pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row {

@@ -3,9 +3,10 @@
 use karat_translate::{Shader, Target, TranslateError, Translation};
 
 use super::{Column, Request, Row, Source};
+use crate::made_up;
 use crate::package::FunctionItem;
 use crate::path::Via;
-use crate::probe::{ProbeError, Probed, made_up};
+use crate::probe::{ProbeError, Probed};
 use crate::reflect::{Program, ReflectError};
 
 /// A function or an entry point with its translations; or its row, if it has none.

@@ -129,16 +129,6 @@ impl Program {
         self.resolve(at..at + "fn ".len() + name.len())
     }
 
-    /// The bytes of a buffer whose type has no shape that a host could fill: zeros, with room for
-    /// `elements` more where it ends in an array without a length.
-    #[cfg(any(feature = "engine", feature = "routes"))]
-    pub(crate) fn zeros(&self, binding: &Binding, elements: usize) -> Vec<u8> {
-        /// The largest alignment of an element that isn't an array or a structure.
-        const ELEMENT: usize = 16;
-        let size = self.layouter()[binding.ty].size as usize + elements * ELEMENT;
-        vec![0; size.next_multiple_of(ELEMENT)]
-    }
-
     /// The bytes that a buffer's type takes, with one element of an array without a length.
     pub(crate) fn least_bytes(&self, binding: &Binding) -> usize {
         let inner = &self.checked.module.types[binding.ty].inner;

@@ -95,6 +95,26 @@ fn read(module: &Module, ty: Handle<Type>, bytes: &[u8], lanes: &mut Vec<u32>) -
     }
 }
 
+/// The byte at which each member of a value begins, by its path (`.light.power`, `[].power`), and the strides
+/// of arrays (`.lights[]`).
+pub(super) fn places(module: &Module, ty: Handle<Type>, path: &str, at: u32) -> Vec<(String, u32)> {
+    match &module.types[ty].inner {
+        TypeInner::Struct { members, .. } => {
+            let own = |member: &naga::StructMember| {
+                let path = format!("{path}.{}", member.name.as_deref().unwrap_or_default());
+                places(module, member.ty, &path, at + member.offset)
+            };
+            members.iter().flat_map(own).collect()
+        }
+        TypeInner::Array { base, stride, .. } => {
+            let path = format!("{path}[]");
+            let elements = places(module, *base, &path, at);
+            std::iter::once((format!("{path}, the second,"), at + stride)).chain(elements).collect()
+        }
+        _ => vec![(path.to_owned(), at)],
+    }
+}
+
 /// Whether a type is an array without a length, or a structure that ends in one.
 pub(super) fn dynamic(module: &Module, ty: Handle<Type>) -> bool {
     match &module.types[ty].inner {

@@ -534,6 +534,12 @@ impl Program {
         self.memory_shape(binding.ty, bytes.unwrap_or_default())
     }
 
+    /// The byte at which each member of a buffer lies, by its path in the variable.
+    #[cfg(feature = "engine")]
+    pub(crate) fn places(&self, binding: &Binding) -> Vec<(String, u32)> {
+        super::layout::places(&self.checked.module, binding.ty, "", 0)
+    }
+
     /// The bytes of a buffer, from the lanes of its value or of its elements.
     ///
     /// ```
@@ -553,17 +559,6 @@ impl Program {
     /// If the lanes aren't as many as the type has.
     pub fn bytes(&self, binding: &Binding, lanes: &[u32]) -> Result<Vec<u8>, super::LayoutError> {
         super::bytes_of(&self.checked.module, &self.checked.layouter, binding.ty, lanes)
-    }
-
-    /// The shape of the data of a buffer, or of an element of it where its array has no length; and
-    /// which of the two it is. `None` if it isn't a buffer whose type has a shape.
-    #[cfg(any(feature = "engine", feature = "routes"))]
-    pub(crate) fn buffer_data(&self, binding: &Binding) -> Option<(Shape, bool)> {
-        let endless = matches!(
-            &self.checked.module.types[binding.ty].inner,
-            naga::TypeInner::Array { size: naga::ArraySize::Dynamic, .. }
-        );
-        Some((self.buffer_shape(binding.ty)?, endless))
     }
 
     pub(super) fn function_span(&self, handle: naga::Handle<naga::Function>) -> Span {

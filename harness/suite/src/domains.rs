@@ -8,17 +8,23 @@
 //! | a struct | a table of its members |
 //! | what varies from pixel to pixel, where the function takes derivatives | any of these; or `{ value = "0..1", dx = 0.1, dy = 0 }` |
 //!
-//! What isn't named comes from its name and type, as in `karat hazards`: `n` is a unit vector, `roughness`
-//! is from 0 to 1.
+//! What isn't named comes from `[inputs]` of `karat.toml`, or from its name and type, as in `karat hazards`:
+//! `n` is a unit vector, `roughness` is from 0 to 1.
 
 use karat::diagnostic::nearest;
 use karat::domain::Part;
+use karat::made_up::{Ranges, suggested};
 use karat::value::{Scalar, Shape};
 use toml::Value;
 
 /// The parts of a parameter. `name` is for what isn't said.
-pub(crate) fn parts(name: &str, shape: &Shape, value: Option<&Value>) -> Result<Vec<Part>, String> {
-    let Some(value) = value else { return Ok(karat::hazards::suggested(name, shape)) };
+pub(crate) fn parts(
+    name: &str,
+    shape: &Shape,
+    value: Option<&Value>,
+    ranges: &Ranges,
+) -> Result<Vec<Part>, String> {
+    let Some(value) = value else { return suggested(name, shape, ranges) };
     let wrong = |reason: String| format!("`{name}`: {reason}");
     if let (Value::Table(table), Some(list)) = (value, value.get("one_of"))
         && !matches!(shape, Shape::Struct { .. })
@@ -33,7 +39,7 @@ pub(crate) fn parts(name: &str, shape: &Shape, value: Option<&Value>) -> Result<
         return Ok(vec![Part::listed(shape.lanes(), rows.map_err(wrong)?)]);
     }
     if let Some(at_pixel) = shape.quad() {
-        return varying(name, shape, at_pixel, value);
+        return varying(name, shape, at_pixel, value, ranges);
     }
     match shape {
         Shape::Struct { members, .. } => {
@@ -45,7 +51,8 @@ pub(crate) fn parts(name: &str, shape: &Shape, value: Option<&Value>) -> Result<
             {
                 return Err(wrong(no_such("member", unknown, known())));
             }
-            let parts = members.iter().map(|(name, shape)| parts(name, shape, table.get(name)));
+            let parts =
+                members.iter().map(|(name, shape)| parts(name, shape, table.get(name), ranges));
             Ok(parts.collect::<Result<Vec<_>, _>>().map_err(wrong)?.into_iter().flatten().collect())
         }
         Shape::Array { element, length } => {
@@ -53,7 +60,7 @@ pub(crate) fn parts(name: &str, shape: &Shape, value: Option<&Value>) -> Result<
                 Value::Array(list) if list.len() == *length as usize => &list[at as usize],
                 other => other,
             };
-            let parts = (0..*length).map(|at| parts(name, element, Some(of(at))));
+            let parts = (0..*length).map(|at| parts(name, element, Some(of(at)), ranges));
             Ok(parts.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
         }
         Shape::Scalar(scalar) => Ok(vec![number(*scalar, value).map_err(wrong)?]),
@@ -92,6 +99,7 @@ fn varying(
     shape: &Shape,
     at_pixel: &Shape,
     value: &Value,
+    ranges: &Ranges,
 ) -> Result<Vec<Part>, String> {
     const MEMBERS: [&str; 3] = ["value", "dx", "dy"];
     let table = value.as_table();
@@ -106,14 +114,14 @@ fn varying(
         return Err(format!("`{name}`: {}", no_such("member", unknown, MEMBERS)));
     }
     let mut all = Vec::new();
-    let mut made_up = karat::hazards::suggested(name, shape).into_iter();
+    let mut made_up = suggested(name, shape, ranges)?.into_iter();
     for member in MEMBERS {
         let mut own: Vec<Part> = Vec::new();
         while own.iter().map(Part::width).sum::<usize>() < at_pixel.lanes().len() {
             own.extend(made_up.next());
         }
         all.extend(match said(member) {
-            Some(value) => parts(name, at_pixel, Some(value))?,
+            Some(value) => parts(name, at_pixel, Some(value), ranges)?,
             None => own,
         });
     }
@@ -304,7 +312,7 @@ pub(crate) fn over(name: &str, shape: &Shape, words: &[String]) -> Result<Vec<Pa
             _ => return Err("`@over` lists values of numbers only".to_owned()),
         },
     };
-    parts(name, shape, Some(&value))
+    parts(name, shape, Some(&value), &Ranges::default())
 }
 
 #[cfg(test)]
@@ -313,7 +321,7 @@ mod tests {
 
     fn of(shape: &Shape, text: &str) -> Result<usize, String> {
         let table: toml::Table = format!("x = {text}").parse().expect("TOML");
-        Ok(parts("x", shape, Some(&table["x"]))?.iter().map(Part::width).sum())
+        Ok(parts("x", shape, Some(&table["x"]), &Ranges::default())?.iter().map(Part::width).sum())
     }
 
     #[test]
@@ -348,7 +356,8 @@ mod tests {
         let vector = Shape::Vector { size: 3, scalar: Scalar::F32 };
         let expected = "[Part(a unit vector with z of at least 0.25)]";
         let table: toml::Table = "v = \"hemisphere above 0.25\"".parse().expect("TOML");
-        let declared = parts("v", &vector, Some(&table["v"])).expect("a domain");
+        let declared =
+            parts("v", &vector, Some(&table["v"]), &Ranges::default()).expect("a domain");
         assert_eq!(format!("{declared:?}"), expected);
         let words = |least: &str| ["hemisphere", least].map(str::to_owned);
         let in_wgsl = over("v", &vector, &words("0.25f")).expect("a domain");

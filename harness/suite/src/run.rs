@@ -9,6 +9,7 @@ use karat::diagnostic::{Diagnostic, Span, shown};
 use karat::domain::{Dynamic, Part};
 use karat::draw::Format;
 use karat::golden::FrameTolerance;
+use karat::made_up::Ranges;
 use karat::probe::Probed;
 use karat::reflect::{Binding, Program, Stage};
 use karat::value::{Scalar, Shape};
@@ -114,7 +115,7 @@ impl Suite {
                     Some(together) => together,
                     None => test.probe()?,
                 };
-                let judged = wgsl(test, probe).map_err(placed)?;
+                let judged = wgsl(&self.package, test, probe).map_err(placed)?;
                 judged.map(drop).map_err(|error| match unbound(&error.to_string()) {
                     Some(unbound) => placed(unbound),
                     None => error.to_string(),
@@ -233,7 +234,8 @@ fn reworded(message: String, first: &str, last: &str, word: impl Fn(&str) -> Str
 /// What a check concluded, or why it could not begin.
 type Judged = Result<Result<Agreement, Failure>, String>;
 
-fn wgsl(test: &WgslTest, probe: Probe<'_>) -> Judged {
+fn wgsl(package: &Package, test: &WgslTest, probe: Probe<'_>) -> Judged {
+    let ranges = Ranges::of(package).map_err(|error| error.to_string())?;
     let mut all = Vec::new();
     let parameters = test.parameters()?;
     for (index, (name, shape)) in parameters.iter().enumerate() {
@@ -242,7 +244,7 @@ fn wgsl(test: &WgslTest, probe: Probe<'_>) -> Judged {
             Some((words, place)) => {
                 over(name, shape, words).map_err(|error| format!("{error} ({place})"))?
             }
-            None => parts(name, shape, None)?,
+            None => parts(name, shape, None, &ranges)?,
         });
     }
     let check = probe.over_dynamic(Dynamic::new(parameters, all));
@@ -295,10 +297,12 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
     }
     let result = probed.function().result.clone();
     let shapes: Vec<Shape> = parameters.iter().map(|(_, shape)| shape.clone()).collect();
+    let ranges = Ranges::of(package).map_err(|error| error.to_string())?;
     let domain = |count: usize| -> Result<Dynamic, String> {
         let own = parameters.iter().take(count);
         let parts = own.map(|(name, shape)| {
-            parts(name, shape, test.over.get(name)).map_err(|error| format!("over: {error}"))
+            parts(name, shape, test.over.get(name), &ranges)
+                .map_err(|error| format!("over: {error}"))
         });
         Ok(Dynamic::new(&parameters[..count], parts.collect::<Result<_, _>>()?))
     };

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, bail, ensure};
 use karat::Package;
 use karat::compare::{Change, Compared, PathChange, Request};
-use karat::output::visible;
+use karat::output::{counted, visible};
 
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
@@ -59,7 +59,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         true => write_json(&all, out)?,
         false => write_text(&all, args.all, out)?,
     }
-    let good = |one: &Compared| matches!(one.change, Change::Untouched | Change::Same { .. });
+    let good = |one: &Compared| {
+        one.interface.is_empty() && matches!(one.change, Change::Untouched | Change::Same { .. })
+    };
     Ok(if all.iter().all(good) { Ending::Good } else { Ending::Bad })
 }
 
@@ -105,7 +107,9 @@ fn at_revision(revision: &str, root: &Path, folder: &Path) -> anyhow::Result<Pac
 
 fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     let (mut changed, mut unjudged, mut same, mut quiet) = (0, 0, 0, 0);
-    for Compared { function, location, change } in all {
+    let (mut cut, mut moved) = (0, 0);
+    for Compared { function, location, change, interface, drawn, cut: own } in all {
+        cut += own;
         match change {
             Change::Untouched => {
                 quiet += 1;
@@ -113,11 +117,10 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
                     writeln!(out, "{DIM}untouched  {function}{DIM:#}")?;
                 }
             }
-            Change::Same { cases, domain } => {
+            Change::Same { cases } => {
                 same += 1;
                 writeln!(out, "{GOOD}same{GOOD:#}       {function}  {DIM}{location}{DIM:#}")?;
-                let over = if domain.is_empty() { String::new() } else { format!(": {domain}") };
-                writeln!(out, "    {DIM}{cases} inputs{over}{DIM:#}")?;
+                writeln!(out, "    {DIM}{cases} inputs{DIM:#}")?;
             }
             Change::Changed { paths } => {
                 changed += 1;
@@ -142,13 +145,27 @@ fn write_text(all: &[Compared], untouched: bool, out: &mut dyn Write) -> anyhow:
             }
             other => writeln!(out, "{function}: {other:?}")?,
         }
+        for line in drawn.lines(usize::MAX) {
+            writeln!(out, "    {DIM}drawn {line}{DIM:#}")?;
+        }
+        moved += usize::from(!interface.is_empty());
+        for sentence in interface {
+            writeln!(out, "    {BAD}the host supplies it otherwise{BAD:#}: {sentence}")?;
+        }
     }
-    let style = if changed + unjudged == 0 { GOOD } else { BAD };
+    let style = if changed + unjudged + moved == 0 { GOOD } else { BAD };
     write!(out, "{style}{changed} changed{style:#}, ")?;
+    if moved > 0 {
+        write!(out, "{moved} with other bindings or layouts, ")?;
+    }
     if unjudged > 0 {
         write!(out, "{unjudged} edited and not judged, ")?;
     }
-    writeln!(out, "{same} edited with the same results, {quiet} untouched")?;
+    write!(out, "{same} edited with the same results, {quiet} untouched")?;
+    if cut > 0 {
+        write!(out, "; {} not run: their loops are too long", counted(cut, "input"))?;
+    }
+    writeln!(out)?;
     Ok(())
 }
 

@@ -6,6 +6,7 @@ use std::ops::RangeInclusive;
 use anyhow::ensure;
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::hazards::{Hazard, Hazards, Kind};
+use karat::made_up::Drawn;
 use karat::output::counted;
 
 use super::project::Project;
@@ -88,7 +89,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 }
 
 fn write_text(hazards: &Hazards, all: bool, out: &mut dyn Write) -> anyhow::Result<()> {
-    let Hazards { package, functions, skipped, found, rare, accepted } = hazards;
+    let Hazards { package, functions, skipped, found, rare, accepted, drawn, cut } = hazards;
     let shown = if all { found.len() } else { found.len().min(terminal::size().rows / LINES) };
     for hazard in &found[..shown] {
         write_one(hazard, out)?;
@@ -106,9 +107,22 @@ fn write_text(hazards: &Hazards, all: bool, out: &mut dyn Write) -> anyhow::Resu
     } else {
         write_reasons(skipped, out)?;
     }
+    write_drawn(drawn, all, out)?;
+    if !rare.is_empty() {
+        let shown = if all { "above" } else { "--all shows them" };
+        writeln!(
+            out,
+            "{DIM}{} in fewer than 1 of 100 inputs, with arguments that were drawn by their types alone: \
+             {shown}; --input NAME=LEAST..MOST says what they are{DIM:#}",
+            counted(rare.len(), "rarer hazard")
+        )?;
+    }
     let open = found.iter().filter(|hazard| hazard.accepted.is_none()).count();
     let style = if open == 0 { GOOD } else { BAD };
     write!(out, "{style}{package}: {}{style:#}", counted(open, "hazard"))?;
+    if !rare.is_empty() {
+        write!(out, " and {}", counted(rare.len(), "rarer one"))?;
+    }
     write!(out, " in {}", counted(*functions, "function"))?;
     if *accepted > 0 {
         write!(out, ", {accepted} accepted in karat.toml")?;
@@ -116,15 +130,26 @@ fn write_text(hazards: &Hazards, all: bool, out: &mut dyn Write) -> anyhow::Resu
     if !skipped.is_empty() {
         write!(out, ", {} not looked at", counted(skipped.len(), "function"))?;
     }
-    writeln!(out)?;
-    if !rare.is_empty() {
-        let shown = if all { "above" } else { "--all shows them" };
-        writeln!(
+    let (inputs, of) = cut;
+    if *inputs > 0 {
+        let functions = counted(*of, "function");
+        write!(
             out,
-            "{DIM}{} with arguments that nobody declared, in fewer than 1 of 100 inputs: {shown}; \
-             --input NAME=LEAST..MOST says what they are{DIM:#}",
-            counted(rare.len(), "rarer hazard")
+            ", {} of {functions} not looked at: loops are too long",
+            counted(*inputs, "input")
         )?;
+    }
+    writeln!(out)?;
+    Ok(())
+}
+
+/// Names of a line that says what arguments were drawn from.
+const NAMES: usize = 12;
+
+/// Prints what arguments were drawn from.
+fn write_drawn(drawn: &Drawn, all: bool, out: &mut dyn Write) -> anyhow::Result<()> {
+    for line in drawn.lines(if all { usize::MAX } else { NAMES }) {
+        writeln!(out, "{DIM}drawn {line}{DIM:#}")?;
     }
     Ok(())
 }

@@ -13,13 +13,7 @@ struct Operands<'a> {
 }
 
 impl<A: Rules> Machine<'_, A> {
-    /// Returns the first active lane whose index was clamped.
-    pub(super) fn image(
-        &mut self,
-        image: u32,
-        registers: &[u32],
-        memory: &Memory<'_, A>,
-    ) -> Option<usize> {
+    pub(super) fn image(&mut self, image: u32, registers: &[u32], memory: &Memory<'_, A>) {
         let op = &self.code.images[image as usize];
         let texture: &Texture = &memory.textures[op.texture as usize];
         let outs = op.outs.iter().sum::<u32>() as usize;
@@ -34,15 +28,14 @@ impl<A: Rules> Machine<'_, A> {
                 let faces = if texture.dimension() == Dimension::Cube { 6 } else { 1 };
                 self.uniform(outs[0], texture.size()[2] / faces);
             }
-            ImageKind::Size => return self.size(op, texture, &operands),
-            ImageKind::Load { .. } => return self.load_texels(op, texture, &operands),
+            ImageKind::Size => self.size(op, texture, &operands),
+            ImageKind::Load { .. } => self.load_texels(op, texture, &operands),
             ImageKind::Sample { .. } => {
                 if let Some(&sampler) = memory.samplers.get(op.sampler as usize) {
-                    return self.sample(op, texture, sampler, &operands);
+                    self.sample(op, texture, sampler, &operands);
                 }
             }
         }
-        None
     }
 
     /// Writes texels; what is outside of the texture is left out, as WebGPU has it.
@@ -51,14 +44,13 @@ impl<A: Rules> Machine<'_, A> {
         image: u32,
         registers: &[u32],
         memory: &mut Memory<'_, A>,
-    ) -> Option<usize> {
+    ) {
         let op = &self.code.images[image as usize];
-        let ImageKind::Store(format) = op.kind else { return None };
+        let ImageKind::Store(format) = op.kind else { return };
         let (floats, ints) = registers.split_at(op.ins[0] as usize);
         let texture = memory.textures[op.texture as usize].to_mut();
         let size = texture.level_size(0);
         let coordinates = op.coordinates as usize;
-        let mut first = None;
         for lane in 0..self.width {
             if !A::possible(self.active()[lane]) {
                 continue;
@@ -73,7 +65,7 @@ impl<A: Rules> Machine<'_, A> {
                 at[axis] = index.at;
             }
             if outside {
-                first = first.or(Some(lane));
+                self.outside.push(lane);
                 continue;
             }
             let values = &ints[coordinates + usize::from(op.arrayed)..];
@@ -86,7 +78,6 @@ impl<A: Rules> Machine<'_, A> {
                 texture.put(at, words);
             }
         }
-        first
     }
 
     fn uniform(&mut self, out: u32, word: u32) {
@@ -101,15 +92,14 @@ impl<A: Rules> Machine<'_, A> {
         Index { at: inside(lo), one: inside(lo) == inside(hi), clamped }
     }
 
-    fn size(&mut self, op: &ImageOp, texture: &Texture, operands: &Operands<'_>) -> Option<usize> {
-        let mut first = None;
+    fn size(&mut self, op: &ImageOp, texture: &Texture, operands: &Operands<'_>) {
         for lane in 0..self.width {
             let mut level = 0;
             if let Some(&register) = operands.ints.first() {
                 let index = self.index(op, register, 0, lane, texture.levels() - 1);
                 level = index.at;
                 if index.clamped && A::possible(self.active()[lane]) {
-                    first = first.or(Some(lane));
+                    self.outside.push(lane);
                 }
             }
             let size = texture.level_size(level);
@@ -117,17 +107,10 @@ impl<A: Rules> Machine<'_, A> {
                 self.ints.get_mut(out)[lane] = A::int(n, false);
             }
         }
-        first
     }
 
-    fn load_texels(
-        &mut self,
-        op: &ImageOp,
-        texture: &Texture,
-        operands: &Operands<'_>,
-    ) -> Option<usize> {
-        let ImageKind::Load { level, sample, signed } = op.kind else { return None };
-        let mut first = None;
+    fn load_texels(&mut self, op: &ImageOp, texture: &Texture, operands: &Operands<'_>) {
+        let ImageKind::Load { level, sample, signed } = op.kind else { return };
         for lane in 0..self.width {
             // In order: coordinates, layer, sample, level.
             let n = operands.ints.len();
@@ -155,7 +138,6 @@ impl<A: Rules> Machine<'_, A> {
                 0
             };
             if clamped && A::possible(self.active()[lane]) {
-                first = first.or(Some(lane));
                 self.leave(lane);
             }
             let words = texture.texel(level, at, sample);
@@ -171,7 +153,6 @@ impl<A: Rules> Machine<'_, A> {
                 }
             }
         }
-        first
     }
 
     fn sample(
@@ -180,10 +161,9 @@ impl<A: Rules> Machine<'_, A> {
         texture: &Texture,
         sampler: &Sampler,
         operands: &Operands<'_>,
-    ) -> Option<usize> {
-        let ImageKind::Sample { detail, compare, gather, clamp } = op.kind else { return None };
+    ) {
+        let ImageKind::Sample { detail, compare, gather, clamp } = op.kind else { return };
         let coordinates = op.coordinates as usize;
-        let mut first = None;
         // Room for one sample after the other.
         let (mut footprint, mut texels, mut values) =
             (Footprint::default(), Vec::new(), Vec::new());
@@ -213,7 +193,7 @@ impl<A: Rules> Machine<'_, A> {
                 place.layer = index.at;
                 next_int = 1;
                 if index.clamped && A::possible(self.active()[lane]) {
-                    first = first.or(Some(lane));
+                    self.outside.push(lane);
                 }
             }
             for (k, &register) in operands.ints[next_int..].iter().enumerate().take(3) {
@@ -268,7 +248,6 @@ impl<A: Rules> Machine<'_, A> {
                 self.floats.get_mut(out)[lane] = x;
             }
         }
-        first
     }
 }
 

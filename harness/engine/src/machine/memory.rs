@@ -113,10 +113,9 @@ fn walk_lane<A: Rules>(
     clamped
 }
 
-/// Gathers from `columns` into a register. Returns the first active lane whose index was clamped.
+/// Gathers from `columns` into a register.
 macro_rules! gathered {
     ($self:ident, $columns:ident, $select:path, $registers:ident, $base:expr, $indices:expr, $walk:ident) => {{
-        let mut first = None;
         let (base, indices) = ($base, $indices);
         for lane in 0..$self.width {
             let mut value = None;
@@ -128,20 +127,17 @@ macro_rules! gathered {
                 });
             });
             if clamped && A::possible($self.active()[lane]) {
-                first = first.or(Some(lane));
                 $self.leave(lane);
             }
             if let Some(value) = value {
                 $self.$columns.get_mut($registers[0])[lane] = value;
             }
         }
-        first
     }};
 }
 
 macro_rules! scattered {
     ($self:ident, $columns:ident, $select:path, $base:expr, $value:expr, $indices:expr, $walk:ident) => {{
-        let mut first = None;
         let (base, from, indices) = ($base, $value, $indices);
         for lane in 0..$self.width {
             let mask = $self.active()[lane];
@@ -153,7 +149,6 @@ macro_rules! scattered {
             let clamped =
                 walk_lane::<A>($walk, indices, &$self.ints, lane, 0, |at| places.push(at as u32));
             if clamped {
-                first = first.or(Some(lane));
                 $self.leave(lane);
             }
             let mask = if places.len() > 1 { A::and(mask, A::undecided()) } else { mask };
@@ -162,20 +157,20 @@ macro_rules! scattered {
                 *place = $select(mask, value, *place);
             }
         }
-        first
     }};
 }
 
 impl<A: Rules> Machine<'_, A> {
-    /// In intervals, what comes of an index that leaves its array is anything: the specification lets
-    /// an implementation read any element, or zero, and write any.
+    /// Notes that the index of a lane leaves its array. In intervals, what comes of that is anything: the
+    /// specification lets an implementation read any element, or zero, and write any.
     pub(super) fn leave(&mut self, lane: usize) {
+        self.outside.push(lane);
         if A::UNDECIDED {
             self.lost[lane] = self.lost[lane].or(Some(self.site));
         }
     }
 
-    pub(super) fn gather(&mut self, file: File, walk: u32, registers: &[u32]) -> Option<usize> {
+    pub(super) fn gather(&mut self, file: File, walk: u32, registers: &[u32]) {
         let walk = &self.code.walks[walk as usize];
         let n = walk.steps.len();
         match file {
@@ -207,7 +202,7 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    pub(super) fn scatter(&mut self, file: File, walk: u32, registers: &[u32]) -> Option<usize> {
+    pub(super) fn scatter(&mut self, file: File, walk: u32, registers: &[u32]) {
         let walk = &self.code.walks[walk as usize];
         let n = walk.steps.len();
         let base = registers[0];
@@ -240,23 +235,15 @@ impl<A: Rules> Machine<'_, A> {
         (lo.clamp(0, last) as usize, hi.clamp(0, last) as usize, clamped)
     }
 
-    pub(super) fn pick(
-        &mut self,
-        file: File,
-        count: u32,
-        signed: bool,
-        registers: &[u32],
-    ) -> Option<usize> {
+    pub(super) fn pick(&mut self, file: File, count: u32, signed: bool, registers: &[u32]) {
         let count = count as usize;
         let (index, candidates) = match file {
             File::Bool => (registers[1], &registers[2..]),
             _ => (registers[1 + count], &registers[1..=count]),
         };
-        let mut first = None;
         for lane in 0..self.width {
             let (lo, hi, clamped) = self.chosen(index, signed, count, lane);
             if clamped {
-                first = first.or(Some(lane));
                 self.leave(lane);
             }
             macro_rules! picked {
@@ -274,16 +261,13 @@ impl<A: Rules> Machine<'_, A> {
                 File::Bool => picked!(bools, A::select_bool),
             }
         }
-        first
     }
 
-    pub(super) fn table(&mut self, file: File, table: u32, registers: &[u32]) -> Option<usize> {
+    pub(super) fn table(&mut self, file: File, table: u32, registers: &[u32]) {
         let (table, signed) = &self.code.tables[table as usize];
-        let mut first = None;
         for lane in 0..self.width {
             let (lo, hi, clamped) = self.chosen(registers[1], *signed, table.len(), lane);
             if clamped {
-                first = first.or(Some(lane));
                 self.leave(lane);
             }
             let entries = &table[lo..=hi];
@@ -312,7 +296,6 @@ impl<A: Rules> Machine<'_, A> {
                 }
             }
         }
-        first
     }
 
     pub(super) fn load(
@@ -321,11 +304,10 @@ impl<A: Rules> Machine<'_, A> {
         walk: u32,
         registers: &[u32],
         memory: &Memory<'_, A>,
-    ) -> Option<usize> {
+    ) {
         let walk = &self.code.walks[walk as usize];
         let buffer = &memory.buffers[walk.buffer as usize];
         let length = buffer.bytes.len();
-        let mut first = None;
         // Without an index, each lane loads the same.
         let lanes = if walk.steps.is_empty() { 1 } else { self.width };
         for lane in 0..lanes {
@@ -334,7 +316,6 @@ impl<A: Rules> Machine<'_, A> {
                 places.push(at);
             });
             if clamped && A::possible(self.active()[lane]) {
-                first = first.or(Some(lane));
                 self.leave(lane);
             }
             let join = A::undecided();
@@ -371,7 +352,6 @@ impl<A: Rules> Machine<'_, A> {
                 File::Bool => fill(self.bools.get_mut(registers[0])),
             }
         }
-        first
     }
 
     pub(super) fn write(
@@ -380,7 +360,7 @@ impl<A: Rules> Machine<'_, A> {
         walk: u32,
         registers: &[u32],
         memory: &mut Memory<'_, A>,
-    ) -> Option<usize> {
+    ) {
         let walk = &self.code.walks[walk as usize];
         let n = walk.steps.len();
         let (value, indices) = match scalar {
@@ -389,14 +369,12 @@ impl<A: Rules> Machine<'_, A> {
         };
         let buffer = &mut memory.buffers[walk.buffer as usize];
         let length = buffer.bytes.len();
-        let mut first = None;
         for lane in 0..self.width {
             if !A::possible(self.active()[lane]) {
                 continue;
             }
             let mut at = 0;
             if walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to) {
-                first = first.or(Some(lane));
                 self.leave(lane);
             }
             match scalar {
@@ -417,7 +395,6 @@ impl<A: Rules> Machine<'_, A> {
                 Scalar::Bool => buffer.put(at, &[A::bool_word(self.bools.get(value)[lane]) as u8]),
             }
         }
-        first
     }
 
     pub(super) fn array_length(&mut self, walk: u32, out: u32, memory: &Memory<'_, A>) {
@@ -443,7 +420,9 @@ impl<A: Rules> Machine<'_, A> {
                 continue;
             }
             let mut at = 0;
-            walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to);
+            if walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to) {
+                self.leave(lane);
+            }
             let old = buffer.word(at);
             let x = A::int_word(self.ints.get(operand)[lane]);
             let order = |less: bool| {

@@ -285,6 +285,17 @@ impl Scale {
 
 /// WGSL converts to the nearest value of the type that a float has, so that 2^31 becomes the
 /// greatest f32 below it, 2147483520, as naga's back ends clamp.
+impl ToInt {
+    /// The least and the greatest whole number that the integer holds, of what converts by value.
+    pub(crate) fn holds(self) -> Option<(f64, f64)> {
+        match self {
+            Self::Signed => Some((f64::from(i32::MIN), f64::from(i32::MAX))),
+            Self::Unsigned => Some((0.0, f64::from(u32::MAX))),
+            _ => None,
+        }
+    }
+}
+
 fn saturate_signed(x: f64) -> i32 {
     x.clamp(-2_147_483_648.0, 2_147_483_520.0) as i32
 }

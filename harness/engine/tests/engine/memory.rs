@@ -4,8 +4,8 @@ use std::sync::Mutex;
 
 use crate::common::{doubles, floats, intervals, module, program, words};
 use karat_engine::{
-    F32, F64, Intervals, Lane, Observer, Options, OutOfRange, Program, Resources, Scalar, Settings,
-    Stop,
+    F32, F64, Fault, Faulty, Intervals, Lane, Observer, Options, Program, Resources, Scalar,
+    Settings, Stop,
 };
 
 #[test]
@@ -50,8 +50,9 @@ fn dynamic_indices_into_everything() {
 struct Outside(Mutex<Vec<(usize, String)>>);
 
 impl Observer<F32> for Outside {
-    fn out_of_range(&self, index: &OutOfRange<'_>) {
-        self.0.lock().expect("no test panics here").push((index.case, index.site.function.clone()));
+    fn fault(&self, one: &Faulty<'_>) {
+        assert_eq!(one.fault, Fault::Index);
+        self.0.lock().expect("no test panics here").push((one.case, one.site.function.clone()));
     }
 }
 
@@ -68,7 +69,8 @@ fn indices_are_clamped_and_reported() {
     let found: Vec<f32> = found.into_iter().map(f32::from_bits).collect();
     // i32::MAX isn't looked up at all.
     assert_eq!(found, [2.0, 1.0, 3.0, 0.0, 1.0]);
-    assert_eq!(*observer.0.lock().unwrap(), [(1, "look".to_owned())]);
+    let each = [1, 2, 4].map(|case| (case, "look".to_owned()));
+    assert_eq!(*observer.0.lock().unwrap(), each, "each lane is reported");
     assert_eq!(intervals_of(source), (1.0, 3.0));
 }
 

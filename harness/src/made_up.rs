@@ -1,0 +1,315 @@
+//! Arguments and resources for functions of which no test says what they are: one description of them for
+//! [`hazards`](mod@crate::hazards), [`compare`](mod@crate::compare), the matrix of translations and tests
+//! without Rust.
+//!
+//! A number is described by the range that [`Ranges`] declares for its name, else by its name (`n_dot_l`,
+//! `NoV`, `worldNormal`, `perceptualRoughness`), else by its type. Both ends of each range are drawn, and 0
+//! and 1 where they lie in it. Members of structures and of buffers have names, too.
+
+mod meaning;
+mod resources;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::domain::{Dynamic, Numbering, Part, Stream};
+use crate::package::{Package, PackageError};
+use crate::reflect::Function;
+use crate::value::{Scalar, Shape};
+use meaning::Meaning;
+pub(crate) use resources::fitted;
+#[cfg(feature = "routes")]
+pub(crate) use resources::{INVOCATIONS, data, fixtures, rows};
+#[cfg(feature = "engine")]
+pub(crate) use resources::{Resources, VARIANTS};
+
+/// Ranges of arguments and members by name, as `karat.toml` declares them under `[inputs]` and
+/// `karat hazards --input` does.
+///
+/// A name is that of an argument (`roughness`), of a member (`groups`), or of a member of a variable or an
+/// argument (`params.groups`), which comes first.
+///
+/// ```
+/// use karat::made_up::Ranges;
+///
+/// let mut ranges = Ranges::default();
+/// ranges.declare("roughness", 0.05, 1.0).expect("it is a range");
+/// assert!(ranges.declare("ior", 2.0, 1.0).is_err());
+/// ```
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Ranges(BTreeMap<String, (f64, f64)>);
+
+impl Ranges {
+    /// Those that a package's `karat.toml` declares.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// use karat::made_up::Ranges;
+    ///
+    /// let package = Package::from_source("m", "fn f() -> f32 { return 1.0; }");
+    /// assert_eq!(Ranges::of(&package)?, Ranges::default());
+    /// # Ok::<(), karat::package::PackageError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If `karat.toml` can't be read.
+    pub fn of(package: &Package) -> Result<Self, PackageError> {
+        Ok(Self(package.declared_hazards()?.inputs))
+    }
+
+    /// Declares what a name's numbers are, from `least` to `most`; a range that it had is replaced.
+    ///
+    /// ```
+    /// # use karat::made_up::Ranges;
+    /// let mut ranges = Ranges::default();
+    /// ranges.declare("eta", 1.0, 2.5).expect("it is a range");
+    /// ```
+    ///
+    /// # Errors
+    /// If an end isn't finite or the first is above the second, in a sentence.
+    pub fn declare(&mut self, name: &str, least: f64, most: f64) -> Result<(), String> {
+        if !(least <= most && least.is_finite() && most.is_finite()) {
+            return Err(format!("the input `{name}` is declared from {least} to {most}: no range"));
+        }
+        self.0.insert(name.to_owned(), (least, most));
+        Ok(())
+    }
+
+    pub(crate) fn names(&self) -> impl Iterator<Item = &String> {
+        self.0.keys()
+    }
+
+    /// The range of a path such as `params.groups`.
+    fn get(&self, path: &str) -> Option<(f64, f64)> {
+        let own = path.rsplit('.').next().unwrap_or(path);
+        self.0.get(path).or_else(|| self.0.get(own)).copied()
+    }
+}
+
+/// The parts of a [`Dynamic`] domain for an argument of which the name and the type are known.
+///
+/// ```
+/// use karat::domain::Dynamic;
+/// use karat::made_up::{Ranges, suggested};
+/// use karat::value::{Scalar, Shape};
+///
+/// let roughness = ("perceptualRoughness".to_owned(), Shape::Scalar(Scalar::F32));
+/// let parts = suggested(&roughness.0, &roughness.1, &Ranges::default())?;
+/// let domain = Dynamic::new(&[roughness], vec![parts]);
+/// assert_eq!(domain.described(), "perceptualRoughness from 0 to 1");
+/// # Ok::<(), String>(())
+/// ```
+///
+/// # Errors
+/// If a declared range has no value of the argument's type, in a sentence.
+pub fn suggested(name: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<Part>, String> {
+    Ok(described(name, shape, ranges)?.into_iter().map(|one| one.part).collect())
+}
+
+/// One number or direction of an argument or a resource.
+struct Described {
+    path: String,
+    part: Part,
+    /// Neither a declaration nor the name says what it is.
+    guessed: bool,
+    scalars: Vec<Scalar>,
+}
+
+/// The numbers of an argument, in the order of its lanes.
+fn described(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<Described>, String> {
+    if let Some(value) = shape.quad() {
+        let mut all = described(path, value, ranges)?;
+        let slopes = [0, 1].iter().flat_map(|_| value.lanes());
+        all.extend(slopes.map(|scalar| Described {
+            path: path.to_owned(),
+            part: Part::slope(scalar),
+            guessed: false,
+            scalars: vec![scalar],
+        }));
+        return Ok(all);
+    }
+    match shape {
+        Shape::Struct { members, .. } => {
+            let own = |(name, member): &(String, Shape)| {
+                described(&format!("{path}.{name}"), member, ranges)
+            };
+            let all = members.iter().map(own).collect::<Result<Vec<_>, _>>()?;
+            Ok(all.into_iter().flatten().collect())
+        }
+        Shape::Array { element, length } => {
+            let all = (0..*length).map(|_| described(path, element, ranges));
+            Ok(all.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
+        }
+        other => described_numbers(path, other, ranges),
+    }
+}
+
+fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<Described>, String> {
+    let own = path.rsplit('.').next().unwrap_or(path);
+    let declared = ranges.get(path);
+    let meaning = match declared {
+        Some((least, most)) => Meaning::Range(least, most),
+        None => Meaning::of(own, shape),
+    };
+    let one = |part, scalars| Described {
+        path: path.to_owned(),
+        part,
+        guessed: meaning == Meaning::Any,
+        scalars,
+    };
+    if meaning == Meaning::Direction {
+        return Ok(Part::named("unit_vector")
+            .map(|part| one(part, shape.lanes()))
+            .into_iter()
+            .collect());
+    }
+    let part = |scalar: Scalar| {
+        let part = meaning.part(scalar).ok_or_else(|| {
+            let (least, most) = declared.unwrap_or_default();
+            format!(
+                "`{path}` is declared from {least} to {most}, and no {} lies there",
+                Shape::Scalar(scalar)
+            )
+        })?;
+        Ok(one(part, vec![scalar]))
+    };
+    shape.lanes().into_iter().map(part).collect()
+}
+
+/// The arguments of a function.
+pub(crate) struct Arguments {
+    pub(crate) domain: Dynamic,
+    described: Vec<Described>,
+}
+
+impl Arguments {
+    pub(crate) fn of(function: &Function, ranges: &Ranges) -> Result<Self, String> {
+        let mut parts = Vec::new();
+        let mut all = Vec::new();
+        for (name, shape) in &function.parameters {
+            parts.push(suggested(name, shape, ranges)?);
+            all.extend(described(name, shape, ranges)?);
+        }
+        Ok(Self { domain: Dynamic::new(&function.parameters, parts), described: all })
+    }
+
+    /// How many rows there are, at most `cases`, and their words: edges first, at most half of them.
+    /// A domain that has fewer values gives each of them once.
+    pub(crate) fn rows(&self, seed: u64, cases: usize) -> (usize, Vec<u32>) {
+        let numbering = Numbering::of(&self.domain, seed, cases as u64, cases as u64);
+        let mut rows = Vec::new();
+        let count = self.domain.rows(&numbering, 0..numbering.count, &mut rows);
+        (usize::try_from(count).unwrap_or_default(), rows)
+    }
+
+    /// Words of a row.
+    pub(crate) fn width(&self) -> usize {
+        self.domain.width()
+    }
+
+    /// Whether some number is drawn by its type alone.
+    pub(crate) fn are_guessed(&self) -> bool {
+        self.described.iter().any(|one| one.guessed)
+    }
+
+    /// Whether each number of a row that is drawn by its type alone is 0, 1, -1 or an end of its range: an
+    /// input that a caller may well give.
+    pub(crate) fn is_plain(&self, row: &[u32]) -> bool {
+        let mut rest = row;
+        self.described.iter().all(|one| {
+            let (own, others) = rest.split_at(one.scalars.len().min(rest.len()));
+            rest = others;
+            let plain = |(scalar, word): (&Scalar, &u32)| Part::is_plain(*scalar, *word);
+            !one.guessed || one.scalars.iter().zip(own).all(plain)
+        })
+    }
+
+    /// The rows in which each integer that is drawn by its type alone is small enough for a loop to count to.
+    pub(crate) fn few(&self, rows: &[u32]) -> Vec<u32> {
+        let few = rows.chunks_exact(self.width().max(1)).filter(|row| self.counts_little(row));
+        few.flatten().copied().collect()
+    }
+
+    fn counts_little(&self, row: &[u32]) -> bool {
+        /// Loops that are nested twice make as many rounds as fit into the patience of the engine.
+        const MOST: u32 = 64;
+        let scalars = self.described.iter().flat_map(|one| {
+            one.scalars.iter().map(|scalar| (one.guessed, *scalar)).collect::<Vec<_>>()
+        });
+        scalars.zip(row).all(|((guessed, scalar), word)| match scalar {
+            Scalar::I32 => !guessed || word.cast_signed().unsigned_abs() <= MOST,
+            Scalar::U32 => !guessed || *word <= MOST,
+            _ => true,
+        })
+    }
+
+    /// The range of each number.
+    pub(crate) fn drawn(&self) -> Drawn {
+        let mut drawn = Drawn::default();
+        self.described.iter().for_each(|one| drawn.note(one));
+        drawn
+    }
+}
+
+/// What names were drawn from: for a report.
+///
+/// ```
+/// # use karat::prelude::*;
+/// let package = Package::from_source("m", "fn inverse(x: f32, alpha: f32) -> f32 { return alpha / x; }");
+/// let drawn = package.hazards().run()?.drawn.to_string();
+/// assert!(drawn.starts_with("from 0 to 1: alpha"), "{drawn}");
+/// # Ok::<(), karat::hazards::HazardError>(())
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+#[serde(transparent)]
+pub struct Drawn {
+    /// Names by what they are drawn from.
+    by: BTreeMap<String, BTreeSet<String>>,
+}
+
+impl Drawn {
+    fn note(&mut self, one: &Described) {
+        self.by.entry(one.part.described().to_owned()).or_default().insert(one.path.clone());
+    }
+
+    pub(crate) fn merge(&mut self, other: Self) {
+        for (key, names) in other.by {
+            self.by.entry(key).or_default().extend(names);
+        }
+    }
+
+    /// All names, with their paths.
+    pub(crate) fn names(&self) -> BTreeSet<&str> {
+        let all = self.by.values().flatten();
+        all.flat_map(|path| [path.as_str(), path.rsplit('.').next().unwrap_or(path)]).collect()
+    }
+}
+
+impl Drawn {
+    /// A line for each kind of number: what it is drawn from, and at most so many of the names that are.
+    ///
+    /// ```
+    /// # use karat::prelude::*;
+    /// let package = Package::from_source("m", "fn f(u: f32, t: f32, n: vec3f) -> f32 { return u * t; }");
+    /// let lines = package.hazards().run()?.drawn.lines(1);
+    /// assert_eq!(lines, ["a unit vector: n", "from 0 to 1: t and 1 more"]);
+    /// # Ok::<(), karat::hazards::HazardError>(())
+    /// ```
+    #[must_use]
+    pub fn lines(&self, most: usize) -> Vec<String> {
+        let line = |(text, names): (&String, &BTreeSet<String>)| {
+            let shown: Vec<&str> = names.iter().take(most).map(String::as_str).collect();
+            let more = match names.len().saturating_sub(most) {
+                0 => String::new(),
+                more => format!(" and {more} more"),
+            };
+            format!("{text}: {}{more}", shown.join(", "))
+        };
+        self.by.iter().map(line).collect()
+    }
+}
+
+impl std::fmt::Display for Drawn {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.lines(usize::MAX).join("\n"))
+    }
+}

@@ -1,0 +1,274 @@
+//! The meaning of numbers by their names.
+
+use crate::domain::Part;
+use crate::value::{Scalar, Shape};
+
+/// The numbers that a name stands for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Meaning {
+    /// From the first to the second, with both ends.
+    Range(f64, f64),
+    /// Components of a direction.
+    Direction,
+    /// A whole number from 1.
+    Count,
+    /// A whole number from 0 that counts few things, such as levels of a texture.
+    Index,
+    /// The name doesn't say.
+    Any,
+}
+
+/// Refractive indices reach from that of the vacuum to that of germanium in the infrared.
+const MOST_REFRACTION: f64 = 4.0;
+
+/// Dot products of unit vectors round to this, one step above 1.
+const COSINE: f64 = 1.0 + f32::EPSILON as f64;
+
+/// Letters of the vectors whose cosines names such as `NoV` stand for.
+const VECTORS: &[u8] = b"NVLHTB";
+
+/// Words of names that mean a direction, for vectors of three components.
+const DIRECTIONS: [&str; 26] = [
+    "n",
+    "v",
+    "l",
+    "h",
+    "r",
+    "d",
+    "w",
+    "i",
+    "o",
+    "wi",
+    "wo",
+    "wh",
+    "wm",
+    "normal",
+    "view",
+    "light",
+    "half",
+    "halfway",
+    "direction",
+    "dir",
+    "axis",
+    "tangent",
+    "bitangent",
+    "incoming",
+    "outgoing",
+    "reflected",
+];
+
+/// Words of names that mean a number from 0 to 1.
+const UNIT: [&str; 44] = [
+    "alpha",
+    "roughness",
+    "metallic",
+    "metalness",
+    "f0",
+    "f90",
+    "albedo",
+    "color",
+    "colour",
+    "rgb",
+    "base",
+    "reflectance",
+    "specular",
+    "diffuse",
+    "coverage",
+    "opacity",
+    "transmittance",
+    "occlusion",
+    "ao",
+    "visibility",
+    "weight",
+    "blend",
+    "factor",
+    "mask",
+    "intensity",
+    "luminance",
+    "saturation",
+    "u",
+    "u1",
+    "u2",
+    "uv",
+    "xi",
+    "rand",
+    "random",
+    "noise",
+    "sample",
+    "t",
+    "fraction",
+    "ratio",
+    "sheen",
+    "clearcoat",
+    "strength",
+    "tint",
+    "gray",
+];
+
+/// Words of names that mean a whole number from 1, of integers.
+const COUNTS: [&str; 20] = [
+    "samples",
+    "sample",
+    "count",
+    "size",
+    "steps",
+    "step",
+    "levels",
+    "width",
+    "height",
+    "length",
+    "num",
+    "n",
+    "resolution",
+    "dimensions",
+    "rays",
+    "bins",
+    "groups",
+    "workgroups",
+    "elements",
+    "total",
+];
+
+/// Words of names that mean a small whole number, of integers: loops to a large one never end.
+const INDICES: [&str; 18] = [
+    "i",
+    "j",
+    "k",
+    "index",
+    "idx",
+    "level",
+    "mip",
+    "lod",
+    "face",
+    "layer",
+    "channel",
+    "octaves",
+    "octave",
+    "iterations",
+    "iteration",
+    "rounds",
+    "shift",
+    "depth",
+];
+
+/// The words of a name in lower case: of `world_normal`, `worldNormal` and `WorldNormal` they are the same.
+fn words(name: &str) -> Vec<String> {
+    let mut words = vec![String::new()];
+    let mut before = '_';
+    for (at, c) in name.char_indices() {
+        let next = name[at + c.len_utf8()..].chars().next();
+        // `RGBColor` is `rgb` and `color`.
+        let last_capital = before.is_uppercase() && next.is_some_and(char::is_lowercase);
+        if c == '_' || c.is_uppercase() && (!before.is_uppercase() || last_capital) {
+            words.push(String::new());
+        }
+        if let (true, Some(word)) = (c != '_', words.last_mut()) {
+            word.extend(c.to_lowercase());
+        }
+        before = c;
+    }
+    words.retain(|word| !word.is_empty());
+    words
+}
+
+/// Whether a name has a part such as `NoV`: the cosine between two vectors.
+fn is_cosine_of_two(name: &str) -> bool {
+    name.as_bytes().windows(3).any(|part| match part {
+        [from, b'o', to] => VECTORS.contains(from) && VECTORS.contains(to),
+        _ => false,
+    })
+}
+
+impl Meaning {
+    /// The meaning of an argument's or a member's own name.
+    pub(super) fn of(name: &str, shape: &Shape) -> Self {
+        let words = words(name);
+        let has = |list: &[&str]| words.iter().any(|word| list.contains(&word.as_str()));
+        let direction = matches!(shape, Shape::Vector { size: 3, scalar: Scalar::F32 });
+        let whole = matches!(shape.lanes().first(), Some(Scalar::U32 | Scalar::I32));
+        let whole_name = name.to_lowercase();
+        match () {
+            () if direction && has(&DIRECTIONS) && !has(&UNIT[..10]) => Self::Direction,
+            // `n_dot_l`, `NdotL`, `NoL`, `cos_theta`: of a surface's own side.
+            () if whole_name.contains("dot")
+                || is_cosine_of_two(name)
+                || has(&["cos", "cosine", "mu"])
+                || whole_name.starts_with("cos") =>
+            {
+                Self::Range(0.0, COSINE)
+            }
+            () if has(&["theta", "phi", "angle", "azimuth", "rotation"]) => {
+                Self::Range(-std::f64::consts::PI, std::f64::consts::PI)
+            }
+            () if has(&["ior"]) => Self::Range(1.0, MOST_REFRACTION),
+            // Light enters the denser medium, or leaves it.
+            () if has(&["eta"]) => Self::Range(1.0 / MOST_REFRACTION, MOST_REFRACTION),
+            () if whole && has(&COUNTS) => Self::Count,
+            () if whole && has(&INDICES) => Self::Index,
+            () if has(&UNIT) => Self::Range(0.0, 1.0),
+            () => Self::Any,
+        }
+    }
+
+    /// The numbers of a scalar; `None` if no value of its type is among them.
+    pub(super) fn part(self, scalar: Scalar) -> Option<Part> {
+        match (self, scalar) {
+            (Self::Range(least, most), Scalar::F32 | Scalar::F16) => {
+                Part::range(scalar, least..=most)
+            }
+            // Whole numbers of a range are those between its ends.
+            (Self::Range(least, most), Scalar::I32 | Scalar::U32) => {
+                let (first, last) = match scalar {
+                    Scalar::I32 => (f64::from(i32::MIN), f64::from(i32::MAX)),
+                    _ => (0.0, f64::from(u32::MAX)),
+                };
+                let (least, most) = (least.ceil().max(first), most.floor().min(last));
+                (least <= most).then(|| Part::range(scalar, least..=most)).flatten()
+            }
+            (Self::Range(..), Scalar::Bool) => None,
+            (Self::Count, Scalar::I32 | Scalar::U32) => Part::range(scalar, 1.0..=64.0),
+            (Self::Index, Scalar::I32 | Scalar::U32) => Part::range(scalar, 0.0..=15.0),
+            _ => Some(Part::plausible(scalar)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_say_what_arguments_mean() {
+        let vec3 = Shape::Vector { size: 3, scalar: Scalar::F32 };
+        let float = Shape::Scalar(Scalar::F32);
+        for name in
+            ["n", "V", "light_direction", "normal", "half_vector", "worldNormal", "WorldNormal"]
+        {
+            assert_eq!(Meaning::of(name, &vec3), Meaning::Direction, "{name}");
+        }
+        for name in ["base_color", "f0", "albedo", "baseColor", "RGBColor"] {
+            assert_eq!(Meaning::of(name, &vec3), Meaning::Range(0.0, 1.0), "{name}");
+        }
+        for name in ["alpha", "perceptual_roughness", "perceptualRoughness", "u"] {
+            assert_eq!(Meaning::of(name, &float), Meaning::Range(0.0, 1.0), "{name}");
+        }
+        for name in ["n_dot_l", "NdotV", "cosTheta", "NoV", "NoL", "VdotH", "clampedLoH"] {
+            assert_eq!(Meaning::of(name, &float), Meaning::Range(0.0, COSINE), "{name}");
+        }
+        assert_eq!(Meaning::of("ior", &float), Meaning::Range(1.0, 4.0));
+        assert_eq!(Meaning::of("eta", &float), Meaning::Range(0.25, 4.0));
+        for name in ["x", "n", "distance", "world_position", "Node", "editor"] {
+            assert_eq!(Meaning::of(name, &float), Meaning::Any, "{name}");
+        }
+    }
+
+    #[test]
+    fn a_range_has_the_whole_numbers_between_its_ends() {
+        let part = |range: (f64, f64), scalar| Meaning::Range(range.0, range.1).part(scalar);
+        let described = |range, scalar| part(range, scalar).map(|part| part.described().to_owned());
+        assert_eq!(described((-1.5, 7.9), Scalar::U32).as_deref(), Some("from 0 to 7"));
+        assert_eq!(described((-1.5, 7.9), Scalar::I32).as_deref(), Some("from -1 to 7"));
+        assert_eq!(described((0.2, 0.8), Scalar::U32), None);
+        assert_eq!(described((0.0, 1.0), Scalar::Bool), None);
+    }
+}

@@ -1,0 +1,339 @@
+//! Contents of the buffers and textures, and the samplers, that a function asks for.
+
+use super::{Drawn, Ranges, described};
+use crate::domain::Source;
+use crate::fixture::{Buffer, Compare, CubeMap, Fixture, Fixtures, Sampler, Texel, Texture};
+#[cfg(feature = "routes")]
+use crate::probe::Data;
+use crate::probe::{ProbeError, Probed};
+use crate::reflect::{Binding, BindingKind, Dimension, Program, Texels};
+use crate::value::Shape;
+
+/// Small whole numbers, of textures.
+const MOST: u64 = 16;
+
+/// The same contents for each variable of one name, on every machine.
+const SEED: u64 = 0x6d61_7472_6978; // "matrix"
+
+/// The arguments of so many cases, one row each. Where there are fewer values they come again.
+#[cfg(feature = "routes")]
+pub(crate) fn rows(probed: &Probed, cases: usize) -> Vec<u32> {
+    let Ok(arguments) = super::Arguments::of(probed.function(), &Ranges::default()) else {
+        return Vec::new();
+    };
+    let (_, rows) = arguments.rows(SEED, cases);
+    let width = arguments.width();
+    rows.iter().copied().cycle().take(if rows.is_empty() { 0 } else { cases * width }).collect()
+}
+
+/// A function that takes note of how long its made-up resources are, if there are such. Where it takes
+/// derivatives its arguments have some.
+pub(crate) fn fitted(probed: Probed) -> Result<Probed, ProbeError> {
+    let mut probed = probed.with_varying();
+    if let Ok(made) = Resources::made_of(&probed, &Ranges::default(), 0, Content::Own) {
+        probed.fit(&made.fixtures)?;
+    }
+    Ok(probed)
+}
+
+/// Contents of buffers that are tried: draws; then the first of the numbers that are tried first, in each
+/// member, the second, and so on. Ends of ranges, 0 and 1 are among these.
+pub(crate) const VARIANTS: usize = 6;
+
+/// Something for each resource that a function reads.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Resources {
+    pub(crate) fixtures: Fixtures,
+    /// The members of buffers that aren't elements of arrays, with their values.
+    pub(crate) members: Vec<(String, String)>,
+    pub(crate) drawn: Drawn,
+    /// Whether it has a buffer, so that another variant has other numbers.
+    pub(crate) varies: bool,
+}
+
+impl Resources {
+    /// What textures and samplers a function reads differ from each other, so that one that is taken for
+    /// another is seen. An error names the resource that there is nothing for, or the declared range without a
+    /// value.
+    #[cfg_attr(not(feature = "engine"), expect(dead_code, reason = "what asks needs the engine"))]
+    pub(crate) fn of(probed: &Probed, ranges: &Ranges, variant: usize) -> Result<Self, String> {
+        Self::made_of(probed, ranges, variant, Content::Own)
+    }
+
+    fn made_of(
+        probed: &Probed,
+        ranges: &Ranges,
+        variant: usize,
+        content: Content,
+    ) -> Result<Self, String> {
+        let mut all = Self::default();
+        let mut named = Vec::new();
+        for binding in &probed.function().bindings {
+            let fixture = match binding.kind {
+                BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate => {
+                    all.varies = true;
+                    Some(
+                        Buffer::of_bytes(all.buffer(&probed.program, binding, ranges, variant)?)
+                            .into(),
+                    )
+                }
+                _ => texture_or_sampler(binding, content),
+            };
+            let fixture = fixture.ok_or_else(|| {
+                format!(
+                    "it reads `{}`, a {}, for which no data is made up",
+                    binding.path, binding.kind
+                )
+            })?;
+            named.push((binding.path.clone(), fixture));
+        }
+        Ok(Self { fixtures: named.into_iter().collect(), ..all })
+    }
+
+    /// The bytes of a buffer.
+    fn buffer(
+        &mut self,
+        program: &Program,
+        binding: &Binding,
+        ranges: &Ranges,
+        variant: usize,
+    ) -> Result<Vec<u8>, String> {
+        let shape = program.buffer_of(binding, ELEMENTS);
+        let shape = shape.ok_or_else(|| format!("`{}` has no layout", binding.path))?;
+        let mut source = source_of(binding);
+        let mut lanes = Vec::new();
+        let name = binding.name();
+        self.fill((name, &shape), ranges, variant.checked_sub(1), &mut source, &mut lanes)?;
+        program.bytes(binding, &lanes).map_err(|error| error.to_string())
+    }
+
+    /// Draws the lanes of a value. Elements of an array take the numbers that are tried first in turn.
+    fn fill(
+        &mut self,
+        (path, shape): (&str, &Shape),
+        ranges: &Ranges,
+        index: Option<usize>,
+        source: &mut Source,
+        lanes: &mut Vec<u32>,
+    ) -> Result<(), String> {
+        match shape {
+            Shape::Struct { members, .. } => members.iter().try_for_each(|(member, shape)| {
+                self.fill((&format!("{path}.{member}"), shape), ranges, index, source, lanes)
+            }),
+            Shape::Array { element, length } => {
+                // Elements have no place in a line of a report.
+                let shown = self.members.len();
+                (0..*length as usize).try_for_each(|at| {
+                    let index = index.map(|index| index + at);
+                    self.fill((path, element), ranges, index, source, lanes)
+                })?;
+                self.members.truncate(shown);
+                Ok(())
+            }
+            other => {
+                let start = lanes.len();
+                for one in described(path, other, ranges)? {
+                    self.drawn.note(&one);
+                    lanes.extend(one.part.value(index, source).unwrap_or_default());
+                }
+                self.members.push((path.to_owned(), other.format(&lanes[start..])));
+                Ok(())
+            }
+        }
+    }
+}
+
+/// What textures and samplers are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Content {
+    /// Equal ones, on which drivers agree.
+    #[cfg_attr(
+        not(feature = "routes"),
+        expect(dead_code, reason = "several drivers are the matrix'")
+    )]
+    Plain,
+    /// Those of each variable are its own, so that one that is taken for another is seen.
+    Own,
+}
+
+/// Something for each resource that the function reads, on which drivers agree; or the one that there is
+/// nothing for.
+#[cfg(feature = "routes")]
+pub(crate) fn fixtures(probed: &Probed) -> Result<Fixtures, String> {
+    Ok(Resources::made_of(probed, &Ranges::default(), 0, Content::Plain)?.fixtures)
+}
+
+/// Data for each buffer of an entry point, the same on each column; or the resource that there is
+/// none for.
+#[cfg(feature = "routes")]
+pub(crate) fn data(program: &Program, bindings: &[Binding]) -> Result<Vec<Data>, String> {
+    let one = |binding: &Binding| {
+        let Binding { group, binding: number, kind, .. } = *binding;
+        if !matches!(kind, BindingKind::Uniform | BindingKind::Storage { .. }) {
+            return Err(format!(
+                "it uses `{}`, a {kind}, and entry points are run with buffers alone",
+                binding.path
+            ));
+        }
+        let bytes = Resources::default().buffer(program, binding, &Ranges::default(), 0)?;
+        if bytes.len() > MOST_BYTES {
+            return Err(format!(
+                "it uses `{}` of {} bytes, and entry points are run with at most {MOST_BYTES} a buffer",
+                binding.path,
+                bytes.len()
+            ));
+        }
+        Ok(Data { group, binding: number, kind, bytes })
+    };
+    bindings.iter().map(one).collect()
+}
+
+/// Invocations of an entry point, at least.
+#[cfg(feature = "routes")]
+pub(crate) const INVOCATIONS: u32 = 64;
+
+/// A buffer of an entry point, at most. Mesa's GL takes minutes to compile a shader whose arrays have a
+/// million elements.
+#[cfg(feature = "routes")]
+const MOST_BYTES: usize = 1 << 20;
+
+/// Texels along a side of a texture: powers of two, so that each level is half as large as the one before.
+const SIDES: [u32; 4] = [16, 8, 32, 4];
+
+/// Elements of an array whose length the shader doesn't say.
+const ELEMENTS: usize = 64;
+
+/// Numbers for a variable, by its name: where it is bound changes nothing of what it holds.
+fn source_of(binding: &Binding) -> Source {
+    let hash = blake3::hash(binding.path.as_bytes());
+    let stream = hash.as_bytes().iter().take(8).fold(0, |all, byte| all << 8 | u64::from(*byte));
+    Source::new(SEED, stream)
+}
+
+/// Texels along each side of a variable's textures: each has another shape, so that a size that is asked of
+/// another one is seen.
+fn sides(source: &mut Source) -> [u32; 2] {
+    let mut side = || SIDES[source.below(SIDES.len() as u64) as usize];
+    [side(), side()]
+}
+
+fn texture_or_sampler(binding: &Binding, content: Content) -> Option<Fixture> {
+    let mut source = source_of(binding);
+    let is_own = content == Content::Own;
+    let sides = sides(&mut source);
+    Some(match binding.kind {
+        BindingKind::TEXTURE_CUBE => {
+            // A power of two of its own: it is told from another one, and loses no digit by it.
+            let own = if is_own { (source.below(9) as f32 - 4.0).exp2() } else { 1.0 };
+            CubeMap::from_fn(sides[0], |d| own * (d * 0.5 + glam::Vec3::ONE)).with_mips().into()
+        }
+        BindingKind::Texture(kind) => {
+            let samples = if kind.multisampled { 4 } else { 1 };
+            let own = is_own.then_some(&mut source);
+            texture((kind.dimension, kind.arrayed), sides, kind.texels, samples, own).into()
+        }
+        BindingKind::StorageTexture { dimension, arrayed, format, .. } => {
+            let texels = format.texels();
+            let own = is_own.then_some(&mut source);
+            texture((dimension, arrayed), sides, texels, 1, own).without_mips().into()
+        }
+        BindingKind::Sampler { comparison: false } if !is_own => Sampler::Linear.into(),
+        BindingKind::Sampler { comparison: true } if !is_own => {
+            Sampler::Linear.compare(Compare::LessEqual).into()
+        }
+        BindingKind::Sampler { comparison: false } => {
+            // Textures are smooth: another least level is seen in the last bits, and is no jump.
+            let least = source.unit() as f32;
+            let sampler = Sampler::Linear.lod(least, 32.0);
+            if source.below(2) == 0 { sampler.into() } else { sampler.mirror().into() }
+        }
+        BindingKind::Sampler { comparison: true } => {
+            let ways = [Compare::LessEqual, Compare::Less, Compare::GreaterEqual, Compare::Greater];
+            Sampler::Linear.compare(ways[source.below(4) as usize]).into()
+        }
+        BindingKind::Uniform
+        | BindingKind::Storage { .. }
+        | BindingKind::Immediate
+        | BindingKind::Other => return None,
+    })
+}
+
+/// Smooth texels, so that a filter's few bits of weight don't matter much. A variable's `own` ones are
+/// curved, too, so that levels differ.
+fn texture(
+    (dimension, arrayed): (Dimension, bool),
+    sides: [u32; 2],
+    texels: Texels,
+    samples: u32,
+    own: Option<&mut Source>,
+) -> Texture {
+    let (own, whole) = own.map_or((0.0, 0), |source| {
+        let whole = u32::try_from(source.below(MOST)).unwrap_or_default();
+        (source.unit() as f32, whole)
+    });
+    let wave = |x: u32, y: u32, z: u32| {
+        let [x, y] = [(x, sides[0]), (y, sides[1])].map(|(n, side)| n as f32 / side as f32);
+        let z = z as f32 / LAYERS as f32;
+        let (x, y) = (x + 0.25 * own * x * x, y - 0.25 * own * y * y);
+        glam::Vec4::new(x + own, y, 0.5 * (x + y) + 0.25 * z, 1.0)
+    };
+    match texels {
+        Texels::Float => {
+            let texture = made(dimension, arrayed, sides, samples, wave);
+            // Lines have one level, and so have textures of several samples.
+            let levels = samples == 1 && dimension != Dimension::D1;
+            if levels { texture.with_mips() } else { texture }
+        }
+        Texels::Depth => made(dimension, arrayed, sides, samples, |x, y, z| {
+            0.5 * own + 0.5 * (x + y + z) as f32 / (sides[0] + sides[1] + LAYERS) as f32
+        }),
+        Texels::Sint => made(dimension, arrayed, sides, samples, |x, y, z| {
+            (x + y + z + whole).cast_signed() - 4
+        }),
+        Texels::Uint => made(dimension, arrayed, sides, samples, |x, y, z| x + y + z + whole),
+    }
+}
+
+/// A texture whose values are made of columns, rows, and slices, layers or samples.
+fn made<T: Texel>(
+    dimension: Dimension,
+    arrayed: bool,
+    [width, height]: [u32; 2],
+    samples: u32,
+    value: impl Fn(u32, u32, u32) -> T,
+) -> Texture {
+    let layer = |z: u32| Texture::from_fn(width, height, |x, y| value(x, y, z));
+    let face = |z: u32| Texture::from_fn(width, width, |x, y| value(x, y, z));
+    match (dimension, arrayed) {
+        (Dimension::D1, _) => Texture::line(width, |x| value(x, 0, 0)),
+        (Dimension::D2, false) if samples > 1 => {
+            Texture::multisampled(width, height, samples, value)
+        }
+        (Dimension::D2, false) => layer(0),
+        (Dimension::D2, true) => Texture::array((0..LAYERS).map(layer)),
+        (Dimension::D3, _) => Texture::volume([width, height, LAYERS], value),
+        (Dimension::Cube, false) => Texture::cube((0..6).map(face)),
+        (Dimension::Cube, true) => Texture::cubes((0..12).map(face)),
+    }
+}
+
+/// Layers and slices.
+const LAYERS: u32 = 4;
+
+#[cfg(all(test, feature = "routes"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_differentiated_varies() {
+        let text = "fn f(a: f32, k: u32, v: vec2f) -> f32 { return dpdx(a) + dpdy(v.x) + f32(k); }";
+        let probed = Probed::new(&crate::Package::from_source("p", text), "f").and_then(fitted);
+        let rows = rows(&probed.expect("it is called"), 64);
+        // a, its dx and dy; k; v, its dx and dy
+        let cases = || rows.chunks_exact(3 + 1 + 6).skip(32);
+        for slope in [1, 2, 6, 8] {
+            let varying = cases().filter(|row| f32::from_bits(row[slope]) != 0.0).count();
+            assert!(2 * varying > cases().count(), "{varying} cases have slope {slope}");
+        }
+    }
+}
