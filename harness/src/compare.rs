@@ -329,6 +329,7 @@ impl Request {
         let mut paths: Vec<PathChange> = Vec::new();
         let mut cases = 0;
         for variant in 0..VARIANTS {
+            let (count, rows) = arguments.part(&rows, count, variant);
             // What one of them reads and the other doesn't is made up for the one that reads it.
             let old = Resources::of(before, &ranges, variant)?;
             let new = Resources::of(after, &ranges, variant)?;
@@ -666,12 +667,92 @@ mod tests {
         }
     }
 
+    /// The results are the same, and the host has to supply its resources otherwise.
     #[test]
-    fn where_a_variable_is_bound_changes_nothing() {
-        let before = "@group(0) @binding(4) var<storage> d: array<f32>;\n\
+    fn other_bindings_and_layouts_are_told() {
+        let package = |text: &str| Package::from_source("p", text);
+        let interface = |before: &str, from: &str, to: &str| {
+            let request = Request::new(package(before), package(&before.replace(from, to)));
+            let all = request.run().expect("it reads");
+            let one = all.into_iter().next_back().expect("a function");
+            assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
+            one.interface
+        };
+        let buffer = "@group(0) @binding(4) var<storage> d: array<f32>;\n\
                       fn read(i: u32) -> f32 { return d[i]; }\n";
-        let all = changes(before, &before.replace("binding(4)", "binding(5)"));
-        assert!(matches!(all[0].1, Change::Same { .. }), "{all:?}");
+        let moved = interface(buffer, "binding(4)", "binding(5)");
+        assert_eq!(
+            moved,
+            ["`d` is bound at @group(0) @binding(5), and was at @group(0) @binding(4)"]
+        );
+        let textures = "@group(0) @binding(0) var a: texture_2d<f32>;\n\
+                        @group(0) @binding(1) var b: texture_2d<f32>;\n\
+                        fn f(i: u32) -> vec4f { return textureLoad(a, vec2u(i % 4u), 0)\n\
+                        - textureLoad(b, vec2u(i % 4u), 0); }\n";
+        let swapped = textures.replace("(1) var b", "(0) var b").replace("(0) var a", "(1) var a");
+        assert_eq!(interface(textures, textures, &swapped).len(), 2);
+        let aligned = "struct P { x: f32, y: f32 }\n@group(0) @binding(0) var<uniform> p: P;\n\
+                       fn f(x: f32) -> f32 { return x * p.y; }\n";
+        let moved = interface(aligned, "y: f32", "@align(16) y: f32");
+        assert_eq!(moved, ["`p.y` lies at byte 16, and was at 4"]);
+    }
+
+    /// Textures differ in size and levels, numbers are those that `karat.toml` declares, and cosines round
+    /// above 1.
+    #[test]
+    fn what_is_made_up_tells_edits_apart() {
+        let textures = "@group(0) @binding(0) var t: texture_2d<f32>;\n\
+                        @group(0) @binding(1) var u: texture_2d<f32>;\n\
+                        fn f(i: u32) -> vec2u { return textureDimensions(t); }\n\
+                        fn g(l: u32) -> u32 { return textureNumLevels(t); }\n\
+                        fn h(l: u32) -> vec2u { return textureDimensions(t, 0); }\n";
+        for (from, to) in [
+            ("textureDimensions(t)", "textureDimensions(u)"),
+            ("textureNumLevels(t)", "textureNumLevels(u)"),
+            ("textureDimensions(t, 0)", "textureDimensions(t, 1)"),
+        ] {
+            let all = changes(textures, &textures.replace(from, to));
+            let changed = all.iter().filter(|(_, one)| matches!(one, Change::Changed { .. }));
+            assert_eq!(changed.count(), 1, "{from} to {to}: {all:?}");
+        }
+        for (before, from, to) in [
+            (
+                "fn f(n_dot_l: f32) -> f32 { return n_dot_l; }",
+                "return n_dot_l",
+                "return min(n_dot_l, 1.0)",
+            ),
+            ("fn f(NoV: f32) -> f32 { return NoV; }", "return NoV", "return min(NoV, 1.0)"),
+            ("fn f(count: u32) -> u32 { return count; }", "return count", "return min(count, 60u)"),
+            (
+                "struct P { k: u32 }\n@group(0) @binding(0) var<uniform> p: P;\n\
+              fn f(x: u32) -> u32 { return p.k; }",
+                "return p.k",
+                "return max(p.k, 1u)",
+            ),
+            (
+                "@group(0) @binding(0) var<storage> p: array<f32>;\n\
+              fn f(x: u32) -> f32 { return p[x % 4u]; }",
+                "return p[x % 4u]",
+                "return min(p[x % 4u], 4.0)",
+            ),
+        ] {
+            let all = changes(before, &before.replace(from, to));
+            assert!(matches!(all[0].1, Change::Changed { .. }), "{to}: {all:?}");
+        }
+        let folder = |text: &str| {
+            let folder = tempfile::tempdir().expect("a folder");
+            std::fs::write(folder.path().join("m.wgsl"), text).expect("it is ours");
+            std::fs::write(folder.path().join("karat.toml"), "[inputs]\nx = [1, 2]\n")
+                .expect("ours");
+            folder
+        };
+        let text = "fn f(x: f32) -> f32 { return x; }";
+        let (before, after) =
+            (folder(text), folder(&text.replace("return x", "return max(x, 1.0)")));
+        let open = |folder: &tempfile::TempDir| Package::open(folder.path()).expect("it is there");
+        let compared = Request::new(open(&before), open(&after)).run().expect("it reads").remove(0);
+        assert!(matches!(compared.change, Change::Same { .. }), "{compared:?}");
+        assert_eq!(compared.drawn.to_string(), "from 1 to 2: x");
     }
 
     #[test]

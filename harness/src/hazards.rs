@@ -128,9 +128,26 @@ pub struct Hazards {
     pub accepted: usize,
     /// The ranges that arguments and members were drawn from.
     pub drawn: Drawn,
-    /// Inputs that weren't looked at, because they make a loop count to more than some thousands, and the
-    /// functions that have such inputs.
-    pub cut: (usize, usize),
+    /// The parts of these functions that weren't looked at.
+    pub unseen: Unseen,
+}
+
+/// Parts of functions that weren't looked at.
+///
+/// ```
+/// # use karat::prelude::*;
+/// let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+/// assert_eq!(package.hazards().run()?.unseen, Default::default());
+/// # Ok::<(), karat::hazards::HazardError>(())
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Unseen {
+    /// Inputs that make a loop count to more than some thousands.
+    pub inputs: usize,
+    /// Functions that have such inputs.
+    pub functions: usize,
+    /// Functions with more operations than are kept: 4,096 of 256 inputs together.
+    pub in_part: usize,
 }
 
 /// Why nothing could be looked for.
@@ -302,14 +319,15 @@ impl Request {
         let mut found: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
         let mut rare: BTreeMap<(String, Kind), Hazard> = BTreeMap::new();
         let mut drawn = Drawn::default();
-        let (mut inputs_cut, mut functions_cut) = (0, 0);
+        let mut unseen = Unseen::default();
         for (name, seen) in each {
             match seen {
                 Err(why) => skipped.push((name, why)),
-                Ok(Seen { hazards, rare: own, drawn: from, cut }) => {
+                Ok(Seen { hazards, rare: own, drawn: from, cut, in_part }) => {
                     functions += 1;
-                    inputs_cut += cut;
-                    functions_cut += usize::from(cut > 0);
+                    unseen.inputs += cut;
+                    unseen.functions += usize::from(cut > 0);
+                    unseen.in_part += usize::from(in_part);
                     for hazard in own {
                         add(&mut rare, hazard);
                     }
@@ -350,8 +368,7 @@ impl Request {
             order.then_with(|| a.location.cmp(&b.location))
         });
         rare.sort_by(|a, b| (a.kind, &a.location).cmp(&(b.kind, &b.location)));
-        let cut = (inputs_cut, functions_cut);
-        Ok(Hazards { package, functions, skipped, found, rare, accepted, drawn, cut })
+        Ok(Hazards { package, functions, skipped, found, rare, accepted, drawn, unseen })
     }
 
     /// What goes wrong in a function.
@@ -376,12 +393,10 @@ impl Request {
         for variant in 0..VARIANTS {
             let resources = Resources::of(&probed, ranges, variant)?;
             let varies = resources.varies;
-            // Other contents of buffers are met by a part of the arguments.
-            let part = match variant {
-                0 => rows.clone(),
-                _ => look.part(&rows, count, variant),
-            };
-            cases += look.variant(resources, &part, &mut found).map_err(|error| text(&error))?;
+            let (count, part) = arguments.part(&rows, count, variant);
+            cases += look
+                .variant(resources, (count, &part), &mut found)
+                .map_err(|error| text(&error))?;
             if !varies {
                 break;
             }
@@ -407,9 +422,6 @@ impl Request {
 /// The same rows for each function of one signature, on every machine.
 const SEED: u64 = 0x6861_7a61_7264; // "hazard"
 
-/// One row in so many meets each other content of buffers.
-const SHARE: usize = 4;
-
 /// What was seen of a function.
 #[derive(Default)]
 struct Seen {
@@ -419,6 +431,8 @@ struct Seen {
     drawn: Drawn,
     /// Inputs whose loops were too long to be looked at.
     cut: usize,
+    /// Whether it has more operations than are kept.
+    in_part: bool,
 }
 
 /// A function that is looked at.
@@ -433,18 +447,11 @@ struct Look<'l> {
 type ByPlace = BTreeMap<(String, Kind), (Hazard, bool)>;
 
 impl Look<'_> {
-    /// The rows that meet a variant of the resources.
-    fn part(&self, rows: &[u32], count: usize, variant: usize) -> Vec<u32> {
-        let width = self.arguments.width();
-        let at = (0..count).filter(|at| at % SHARE == variant % SHARE);
-        at.flat_map(|at| &rows[at * width..][..width]).copied().collect()
-    }
-
     /// Looks at some rows over one content of the buffers. Returns how many were looked at.
     fn variant(
         &mut self,
         resources: Resources,
-        rows: &[u32],
+        (all, rows): (usize, &[u32]),
         found: &mut ByPlace,
     ) -> Result<usize, ProbeError> {
         let function = self.probed.function();
@@ -452,11 +459,10 @@ impl Look<'_> {
         let Resources { fixtures, members, drawn, .. } = resources;
         self.seen.drawn.merge(drawn);
         let engine = Interpreted::new(self.probed, &fixtures)?;
-        let all = if width == 0 { 1 } else { rows.len() / width };
         let bounded = self.probed.program.most_rounds().is_some();
         let mut rows = std::borrow::Cow::Borrowed(rows);
         let mut count = all;
-        let cases = match engine.hazards(count, &rows) {
+        let seen = match engine.hazards(count, &rows) {
             Err(ProbeError::Rounds { .. }) if !bounded => {
                 // A loop that counts to a large number ends, but not here.
                 rows = self.arguments.few(&rows).into();
@@ -473,13 +479,14 @@ impl Look<'_> {
             }
             other => other?,
         };
+        self.seen.in_part |= seen.cut;
         self.seen.cut += all - count;
         let described = |case: usize| {
             let mut named = arguments(function, &rows[case * width..][..width]);
             named.extend(members.iter().take(MEMBERS).cloned());
             named
         };
-        for (case, hazards) in cases.iter().enumerate() {
+        for (case, hazards) in seen.cases.iter().enumerate() {
             let plain = self.arguments.is_plain(&rows[case * width..][..width]);
             for one in hazards {
                 let location = one.span.to_string();

@@ -105,12 +105,16 @@ pub fn suggested(name: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<Part>
     Ok(described(name, shape, ranges)?.into_iter().map(|one| one.part).collect())
 }
 
+/// The most that a number changes from pixel to pixel.
+const STEEPEST: f64 = 0.5;
+
 /// One number or direction of an argument or a resource.
 struct Described {
     path: String,
     part: Part,
     /// Neither a declaration nor the name says what it is.
     guessed: bool,
+    declared: bool,
     scalars: Vec<Scalar>,
 }
 
@@ -118,13 +122,16 @@ struct Described {
 fn described(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<Described>, String> {
     if let Some(value) = shape.quad() {
         let mut all = described(path, value, ranges)?;
-        let slopes = [0, 1].iter().flat_map(|_| value.lanes());
-        all.extend(slopes.map(|scalar| Described {
+        // Levels of textures follow the logarithm of a slope, so small ones are common.
+        let slope = |scalar: Scalar| Described {
             path: path.to_owned(),
-            part: Part::slope(scalar),
+            part: Part::range_and_zero(scalar, -STEEPEST..=STEEPEST)
+                .unwrap_or_else(|| Part::just(scalar, 0)),
             guessed: false,
+            declared: false,
             scalars: vec![scalar],
-        }));
+        };
+        all.extend([0, 1].iter().flat_map(|_| value.lanes()).map(slope));
         return Ok(all);
     }
     match shape {
@@ -154,6 +161,7 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
         path: path.to_owned(),
         part,
         guessed: meaning == Meaning::Any,
+        declared: declared.is_some(),
         scalars,
     };
     if meaning == Meaning::Direction {
@@ -201,6 +209,19 @@ impl Arguments {
         (usize::try_from(count).unwrap_or_default(), rows)
     }
 
+    /// The rows that meet a variant of the resources: all of them meet the first, a part each other one.
+    #[cfg(feature = "engine")]
+    pub(crate) fn part(&self, rows: &[u32], count: usize, variant: usize) -> (usize, Vec<u32>) {
+        /// One row in so many.
+        const SHARE: usize = 4;
+        let width = self.width();
+        if variant == 0 || count < SHARE {
+            return (count, rows.to_vec());
+        }
+        let at: Vec<usize> = (0..count).filter(|at| at % SHARE == variant % SHARE).collect();
+        (at.len(), at.iter().flat_map(|at| &rows[at * width..][..width]).copied().collect())
+    }
+
     /// Words of a row.
     pub(crate) fn width(&self) -> usize {
         self.domain.width()
@@ -223,23 +244,24 @@ impl Arguments {
         })
     }
 
-    /// The rows in which each integer that is drawn by its type alone is small enough for a loop to count to.
+    /// The rows in which each integer that isn't declared is small enough for loops to count to.
     pub(crate) fn few(&self, rows: &[u32]) -> Vec<u32> {
-        let few = rows.chunks_exact(self.width().max(1)).filter(|row| self.counts_little(row));
-        few.flatten().copied().collect()
-    }
-
-    fn counts_little(&self, row: &[u32]) -> bool {
-        /// Loops that are nested twice make as many rounds as fit into the patience of the engine.
-        const MOST: u32 = 64;
-        let scalars = self.described.iter().flat_map(|one| {
-            one.scalars.iter().map(|scalar| (one.guessed, *scalar)).collect::<Vec<_>>()
-        });
-        scalars.zip(row).all(|((guessed, scalar), word)| match scalar {
-            Scalar::I32 => !guessed || word.cast_signed().unsigned_abs() <= MOST,
-            Scalar::U32 => !guessed || *word <= MOST,
+        /// Loops of three in each other make as many rounds as fit into the engine's patience.
+        const MOST: u32 = 8;
+        let counts: Vec<Option<Scalar>> = self
+            .described
+            .iter()
+            .flat_map(|one| {
+                one.scalars.iter().map(|scalar| Some(*scalar).filter(|_| !one.declared))
+            })
+            .collect();
+        let little = |(scalar, word): (&Option<Scalar>, &u32)| match scalar {
+            Some(Scalar::I32) => word.cast_signed().unsigned_abs() <= MOST,
+            Some(Scalar::U32) => *word <= MOST,
             _ => true,
-        })
+        };
+        let few = rows.chunks_exact(self.width().max(1));
+        few.filter(|row| counts.iter().zip(*row).all(little)).flatten().copied().collect()
     }
 
     /// The range of each number.

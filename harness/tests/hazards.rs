@@ -74,6 +74,198 @@ fn each_is_found_where_it_is_born() {
     at(sum, Kind::Infinite, "1.0 / t");
 }
 
+/// The hazard of a kind, wherever it is, with the package's other hazards.
+fn of_kind(hazards: &karat::hazards::Hazards, kind: Kind) -> Hazard {
+    let one = hazards.found.iter().find(|hazard| hazard.kind == kind);
+    one.unwrap_or_else(|| panic!("no {kind:?}: {hazards:#?}")).clone()
+}
+
+fn look(text: &str) -> karat::hazards::Hazards {
+    Package::from_source("planted", text).hazards().run().expect("it is looked at")
+}
+
+/// An engine that reports one lane of 256 makes `always` look like `rarely`.
+#[test]
+fn each_input_of_a_hazard_counts() {
+    let always =
+        look("fn f(s: f32) -> f32 { var a = array<f32, 3>(); var i = 3u; return a[i] * s; }");
+    let hazard = of_kind(&always, Kind::OutOfRange);
+    assert_eq!(hazard.cases.0, hazard.cases.1, "{hazard:?}");
+    for (text, kind, share) in [
+        (
+            "fn f(i: i32) -> f32 { var a = array(1.0, 2.0); return a[i & 7]; }",
+            Kind::OutOfRange,
+            0.5,
+        ),
+        ("fn f(x: f32) -> u32 { return 7u / (u32(abs(x)) & 1u); }", Kind::ByZero, 0.3),
+        (
+            "@group(0) @binding(0) var t: texture_2d<f32>;\n\
+          fn f(i: u32) -> vec4f { return textureLoad(t, vec2u(i, 99u), 0); }",
+            Kind::OutOfRange,
+            1.0,
+        ),
+        (
+            "var<private> a: array<f32, 4>;\nfn f(i: u32) -> f32 { a[i | 4u] = 1.0; return a[0]; }",
+            Kind::OutOfRange,
+            1.0,
+        ),
+        (
+            "@group(0) @binding(0) var<storage> a: array<f32, 4>;\n\
+          fn f(i: u32) -> f32 { return a[i | 4u]; }",
+            Kind::OutOfRange,
+            1.0,
+        ),
+        (
+            "fn f(i: u32) -> f32 { return vec4f(1.0, 2.0, 3.0, 4.0)[i | 4u]; }",
+            Kind::OutOfRange,
+            1.0,
+        ),
+    ] {
+        let (cases, of) = of_kind(&look(text), kind).cases;
+        assert!(cases as f64 >= share * of as f64, "{cases} of {of}: {text}");
+    }
+    let package = Package::from_source(
+        "planted",
+        "fn f(x: f32) -> f32 { var a = array(0.0, 1.0); return a[u32(x * 20.0)]; }",
+    );
+    let failure = package.function("f").over(0.0..=1.0).cases(4096).try_has_no_hazards();
+    let text = failure.expect_err("most indices are outside").to_string();
+    let share =
+        text.lines().find_map(|line| line.trim().split_once(" cases fail (")?.1.split_once('%'));
+    let share: f64 = share.and_then(|(share, _)| share.parse().ok()).expect("a share of the cases");
+    assert!(share > 75.0, "{text}");
+}
+
+/// Integers are declared as floats are, and their types' ends are drawn.
+#[test]
+fn integers_are_declared_and_reach_the_ends_of_their_types() {
+    let text = "fn g(count: u32) -> u32 { return 100u / (50u - count); }";
+    let package = Package::from_source("planted", text);
+    let declared = |least: f64, most: f64| package.hazards().input("count", least..=most).run();
+    let one = declared(50.0, 50.0).expect("it is looked at");
+    assert_eq!(of_kind(&one, Kind::ByZero).arguments, [("count".to_owned(), "50".to_owned())]);
+    assert_eq!(declared(0.0, 49.0).expect("it is looked at").found, []);
+    let error = declared(0.25, 0.75).expect_err("no whole number lies there").to_string();
+    assert!(
+        error.contains("`count` is declared from 0.25 to 0.75, and no u32 lies there"),
+        "{error}"
+    );
+    for text in [
+        "fn f(bits: u32) -> u32 { return 7u / (4294967295u - bits); }",
+        "fn f(bits: i32) -> i32 { return 7 / (bits - 2147483647); }",
+        "fn f(bits: i32) -> i32 { return 7 / (bits + 2147483647 + 1); }",
+        "fn f(x: f32) -> u32 { return 7u / u32(abs(x - 1048576.0)); }",
+    ] {
+        of_kind(&look(text), Kind::ByZero);
+    }
+}
+
+/// A report says what it tried, and numbers of which nothing is known are tried as tests try them.
+#[test]
+fn a_report_says_what_was_drawn() {
+    let hazards =
+        look("fn h(x: f32, worldNormal: vec3f) -> f32 { return exp(x) + sqrt(100.0 - x); }");
+    let kinds: Vec<Kind> = hazards.found.iter().map(|hazard| hazard.kind).collect();
+    assert_eq!(kinds, [Kind::Nan, Kind::Infinite]);
+    let drawn =
+        "a unit vector: worldNormal\nfrom -1048576 to 1048576, half of them from -4 to 4: x";
+    assert_eq!(hazards.drawn.to_string(), drawn);
+}
+
+/// A caller gives 0 more often than any other number.
+#[test]
+fn what_fails_at_plain_numbers_is_not_rare() {
+    let hazards = look("fn f(a: f32, b: f32) -> f32 { return a / (a + b); }");
+    let nan = of_kind(&hazards, Kind::Nan);
+    assert!(nan.cases.0 * 100 < nan.cases.1, "fewer than 1 in 100: {nan:?}");
+    assert_eq!(nan.arguments.iter().map(|(_, value)| &**value).collect::<Vec<_>>(), ["0", "0"]);
+    // Where no number is plain it stays rare.
+    let rare = look("fn f(a: f32) -> f32 { return sqrt(abs(a - 3.25) - 0.02); }");
+    assert_eq!((rare.found.len(), rare.rare.len()), (0, 1), "{rare:?}");
+}
+
+#[test]
+fn edges_in_the_wrong_order_and_numbers_beyond_a_type_are_hazards() {
+    for (text, kind) in [
+        ("fn f(t: f32) -> f32 { return clamp(t, 1.0, 0.0); }", Kind::EdgesReversed),
+        ("fn f(a: vec2f, b: vec2f) -> vec2f { return clamp(a, b, b.yx); }", Kind::EdgesReversed),
+        ("fn f(t: f32) -> f32 { return smoothstep(1.0, 0.0, t); }", Kind::EdgesReversed),
+        (
+            "fn f(t: f32, w: f32) -> f32 { return smoothstep(0.5, 0.5 + w, t); }",
+            Kind::EdgesReversed,
+        ),
+        ("fn f(x: f32) -> i32 { return i32(x * 1e20); }", Kind::Saturated),
+        ("fn f(x: f32) -> u32 { return u32(x); }", Kind::Saturated),
+        ("fn f(x: vec3f) -> vec3i { return vec3i(x * 1e4); }", Kind::Saturated),
+    ] {
+        let hazard = of_kind(&look(text), kind);
+        assert!(!hazard.hidden && hazard.location.contains(":1:"), "{text}: {hazard:?}");
+    }
+    for text in [
+        "fn f(t: f32) -> f32 { return clamp(t, 0.0, 0.0) + smoothstep(0.0, 1.0, t); }",
+        "fn f(u: f32) -> u32 { return u32(u * 255.0 - 0.5) + u32(-u * 0.5); }",
+        "fn f(i: i32) -> i32 { return clamp(i, 3, 1); }", // of integers WGSL defines it
+    ] {
+        assert_eq!(look(text).found, [], "{text}");
+    }
+}
+
+/// Members of buffers have names, ranges and several contents.
+#[test]
+fn members_of_buffers_are_drawn_and_declared() {
+    let text = "struct P { groups: u32, other: u32, gain: f32, seeds: array<u32, 3> }\n\
+                @group(0) @binding(0) var<storage> p: P;\n\
+                fn f(id: u32) -> u32 { return (id + 1u) % p.groups; }\n\
+                fn g(id: u32) -> u32 { return id / p.other; }\n\
+                fn h(x: f32) -> f32 { return x / p.gain; }\n\
+                fn k(id: u32) -> u32 { return id / p.seeds[1]; }\n";
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("m.wgsl"), text).expect("it is ours");
+    let package = Package::open(folder.path()).expect("it is there");
+    let found = |only: &str| {
+        let hazards = package.hazards().only([only]).run().expect("it is looked at");
+        hazards.found.into_iter().map(|one| (one.kind, one.arguments)).collect::<Vec<_>>()
+    };
+    assert_eq!(found("::f"), [], "groups are counted from 1");
+    let by_zero = found("::g");
+    assert_eq!(by_zero[0].0, Kind::ByZero);
+    assert!(by_zero[0].1.contains(&("p.other".to_owned(), "0".to_owned())), "{by_zero:?}");
+    assert!(found("::h").iter().any(|(kind, _)| *kind == Kind::Nan), "0 / 0");
+    assert_eq!(found("::k")[0].0, Kind::ByZero, "elements of arrays take each number in turn");
+    let declare = |text: &str| std::fs::write(folder.path().join("karat.toml"), text);
+    for ranges in [
+        "[inputs]\n\"p.other\" = [1, 9]\ngain = [1, 2]\nseeds = [3, 3]\n",
+        "[inputs]\np.other = [1, 9]\np.gain = [1, 2]\np.seeds = [3, 3]\n",
+    ] {
+        declare(ranges).expect("it is ours");
+        assert_eq!([found("::g"), found("::h"), found("::k")].concat(), [], "{ranges}");
+    }
+    let drawn = package.hazards().run().expect("it is looked at").drawn.to_string();
+    assert!(drawn.contains("from 1 to 9: p.other"), "{drawn}");
+    declare("[inputs]\np.others = [1, 9]\n").expect("it is ours");
+    let error = package.hazards().run().expect_err("there is no such member").to_string();
+    assert!(error.contains("did you mean `p.other`?"), "{error}");
+}
+
+/// Parts that weren't looked at are counted.
+#[test]
+fn what_was_not_looked_at_is_counted() {
+    let text = "fn f(m: u32) -> f32 { var s = 0.0; for (var i = 0u; i < m; i++) { s += 1.0 / f32(i + 1u); }\n\
+                return s; }\n\
+                @compute @workgroup_size(1) fn main() {}\n";
+    let hazards = look(text);
+    assert_eq!(hazards.functions, 1);
+    assert!(hazards.unseen.inputs > 100 && hazards.unseen.functions == 1, "{:?}", hazards.unseen);
+    assert!(
+        hazards.skipped.iter().any(|(name, why)| name == "main" && why.contains("entry point"))
+    );
+    let long = look(
+        "fn f(x: f32) -> f32 { var s = x; for (var i = 0; i < 3000; i++) { s = s * 0.5 + x; }\n\
+                     return s; }",
+    );
+    assert_eq!(long.unseen.in_part, 1);
+}
+
 /// One thread may be told of a count while another one tells the next.
 #[test]
 fn progress_never_goes_backwards() {
@@ -171,7 +363,7 @@ fn nothing_runs_when_the_process_ends() {
     let program = std::env::current_exe().expect("it runs");
     for _ in 0..8 {
         let mut tests = std::process::Command::new(&program);
-        tests.args(["--skip", "nothing_runs_when_the_process_ends"]);
+        tests.arg("a_domain_is_checked_for_hazards");
         let ended = tests.output().expect("it starts");
         assert!(ended.status.success(), "{}: {ended:?}", ended.status);
     }

@@ -60,7 +60,7 @@ impl Plan<'_> {
             tolerances::expect_none(&self.tolerance_on, "has_no_hazards", &session.called)?;
             let witness = session.witness()?;
             session.run(&mut |batch: &Batch, dispatches| {
-                let found = witness.hazards(batch.cases, &batch.lanes())?;
+                let found = witness.hazards(batch.cases, &batch.lanes())?.cases;
                 let judge = |_: usize| {
                     |case: usize, _: &[u32]| Judged {
                         measure: LaneError::statement(found[case].is_empty()),
@@ -92,7 +92,7 @@ impl Session<'_> {
     /// What goes wrong for a row, each a name with its text.
     pub(super) fn hazards_of(&self, row: &[u32]) -> Vec<(&'static str, String)> {
         let found = self.witness().and_then(|witness| witness.hazards(1, row));
-        let found = found.ok().and_then(|mut found| found.pop()).unwrap_or_default();
+        let found = found.ok().and_then(|mut found| found.cases.pop()).unwrap_or_default();
         let shown = |one: &Found| {
             let text = one.text.split_whitespace().collect::<Vec<_>>().join(" ");
             let hidden = if one.hidden { "; a later operation hides it" } else { "" };

@@ -7,7 +7,7 @@ use std::collections::HashSet;
 use std::fmt::Debug;
 use std::ops::RangeInclusive;
 
-use super::plausible::{self, Plausible, STEEPEST, Slopes};
+use super::plausible::{self, Often, Plausible, Straddling};
 use super::{
     AnyF32, Domain, Emptiness, Held, Hemisphere, Integers, Just, OneOf, Origin, Shrinkable, Source,
     Stream, UnitRgb, UnitVector, complexity,
@@ -298,22 +298,37 @@ impl Part {
     /// The names of [`named`](Self::named).
     pub const NAMES: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
 
-    /// What a number changes from pixel to pixel: up to a half, on every scale, as levels of textures follow
-    /// the logarithm.
-    ///
-    /// ```
-    /// use karat::domain::Part;
-    /// use karat::value::Scalar;
-    ///
-    /// assert_eq!(Part::slope(Scalar::F32).width(), 1);
-    /// ```
-    pub fn slope(scalar: Scalar) -> Self {
-        match scalar {
-            Scalar::F32 | Scalar::F16 => {
-                Self::of(Slopes, format!("from -{STEEPEST} to {STEEPEST}"))
+    /// A [`range`](Self::range) of floats of which those near 0 are drawn often, on every scale, where 0 lies
+    /// inside of it.
+    pub(crate) fn range_and_zero(scalar: Scalar, range: RangeInclusive<f64>) -> Option<Self> {
+        let inside = *range.start() < 0.0 && *range.end() > 0.0 && scalar.is_float();
+        #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
+        let straddling = Straddling(*range.start() as f32..=*range.end() as f32);
+        let plain = Self::range(scalar, range)?;
+        Some(match inside {
+            true => Self::of(straddling, plain.described),
+            false => plain,
+        })
+    }
+
+    /// Whole numbers from 1 that loops count to: half of them few. `None` of what isn't an integer.
+    pub(crate) fn counts(scalar: Scalar) -> Option<Self> {
+        /// Rounds that each case may well make.
+        const FEW: u8 = 8;
+        /// Samples of a pixel, taps of a filter: more are made of such loops by authors who know.
+        const MOST: u8 = 64;
+        let described = format!("from 1 to {MOST}, half of them at most {FEW}");
+        let (most, few) = (u32::from(MOST), u32::from(FEW));
+        Some(match scalar {
+            Scalar::U32 => {
+                Self::of(Often { all: Integers(1..=most), often: Integers(1..=few) }, described)
             }
-            _ => Self::just(scalar, 0),
-        }
+            Scalar::I32 => {
+                let (most, few) = (i32::from(MOST), i32::from(FEW));
+                Self::of(Often { all: Integers(1..=most), often: Integers(1..=few) }, described)
+            }
+            _ => return None,
+        })
     }
 
     /// The words that a message has for its values.

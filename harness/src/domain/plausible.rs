@@ -1,6 +1,8 @@
 //! Numbers of which nothing is known but their type.
 
-use super::{Domain, Edges, Integers, Source, shrink};
+use std::ops::RangeInclusive;
+
+use super::{Domain, Edges, Emptiness, Integers, Source, shrink};
 use crate::value::Scalar;
 
 /// Half of the draws are small, as most numbers of shaders are; the others have any size.
@@ -38,32 +40,80 @@ pub(super) fn is_plain(scalar: Scalar, word: u32) -> bool {
     }
 }
 
-/// The steepest slope from pixel to pixel.
-pub(super) const STEEPEST: f32 = 0.5;
-
-/// Floats to either side of 0, each size as likely as every other.
+/// A finite domain of which some values are drawn more often: every other draw is one of these.
 #[derive(Clone, Debug)]
-pub(super) struct Slopes;
+pub(super) struct Often<T> {
+    pub(super) all: Integers<T>,
+    pub(super) often: Integers<T>,
+}
 
-impl Domain for Slopes {
+impl<T> Domain for Often<T>
+where
+    Integers<T>: Domain<Value = T>,
+    T: Clone + std::fmt::Debug + Send + Sync + 'static,
+{
+    type Value = T;
+
+    fn draw(&self, source: &mut Source) -> Option<T> {
+        if source.below(2) == 0 { self.often.draw(source) } else { self.all.draw(source) }
+    }
+
+    fn edges(&self) -> Vec<T> {
+        self.all.edges()
+    }
+
+    fn emptiness(&self) -> Option<Emptiness> {
+        self.all.emptiness()
+    }
+
+    fn size(&self) -> Option<u64> {
+        self.all.size()
+    }
+
+    fn nth(&self, index: u64) -> Option<T> {
+        self.all.nth(index)
+    }
+
+    fn admits(&self, value: &T) -> Option<bool> {
+        self.all.admits(value)
+    }
+
+    fn shrink(&self, value: &T) -> Vec<T> {
+        self.all.shrink(value)
+    }
+}
+
+/// A range with 0 inside, which is an end of what lies to either side of it: one draw in four is close to it,
+/// on every scale.
+#[derive(Clone, Debug)]
+pub(super) struct Straddling(pub(super) RangeInclusive<f32>);
+
+impl Domain for Straddling {
     type Value = f32;
 
     fn draw(&self, source: &mut Source) -> Option<f32> {
+        if source.below(4) > 0 {
+            return self.0.draw(source);
+        }
+        let end = if source.bits() & 1 == 0 { self.0.start() } else { self.0.end() };
         #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
-        let size = source.log_distance() as f32 * STEEPEST;
-        Some(if source.bits() & 1 == 0 { size } else { -size })
+        Some(source.log_distance() as f32 * end)
+    }
+
+    fn emptiness(&self) -> Option<Emptiness> {
+        self.0.emptiness()
     }
 
     fn edges(&self) -> Vec<f32> {
-        vec![0.0, STEEPEST, -STEEPEST, 1.0 / 16.0]
+        self.0.edges()
     }
 
     fn admits(&self, value: &f32) -> Option<bool> {
-        Some(value.abs() <= STEEPEST)
+        self.0.admits(value)
     }
 
     fn shrink(&self, value: &f32) -> Vec<f32> {
-        shrink::floats(*value, &self.edges(), |value| value.abs() <= STEEPEST)
+        self.0.shrink(value)
     }
 }
 

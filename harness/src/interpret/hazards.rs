@@ -111,6 +111,14 @@ pub(crate) struct Found {
     pub(crate) operands: Vec<f32>,
 }
 
+/// What was found in each case.
+pub(crate) struct Hazards {
+    /// Of each kind the first, case by case.
+    pub(crate) cases: Vec<Vec<Found>>,
+    /// Whether there were more operations than are kept.
+    pub(crate) cut: bool,
+}
+
 /// Cases that run together: a chunk of the engine's, so that its operations come in one order.
 const TOGETHER: usize = 256;
 
@@ -257,23 +265,21 @@ impl Twins {
 
 impl Interpreted {
     /// What goes wrong in each of some cases: of each kind the first.
-    pub(crate) fn hazards(
-        &self,
-        cases: usize,
-        rows: &[u32],
-    ) -> Result<Vec<Vec<Found>>, ProbeError> {
+    pub(crate) fn hazards(&self, cases: usize, rows: &[u32]) -> Result<Hazards, ProbeError> {
         self.expect_one_pixel()?;
         let width = self.arguments.len();
-        let mut found = Vec::with_capacity(cases);
+        let mut found = Hazards { cases: Vec::with_capacity(cases), cut: false };
         for first in (0..cases).step_by(TOGETHER) {
             let count = TOGETHER.min(cases - first);
             let part = &rows[first * width..][..count * width];
-            found.extend(self.hazards_of_chunk(count, part)?);
+            let part = self.hazards_of_chunk(count, part)?;
+            found.cases.extend(part.cases);
+            found.cut |= part.cut;
         }
         Ok(found)
     }
 
-    fn hazards_of_chunk(&self, cases: usize, rows: &[u32]) -> Result<Vec<Vec<Found>>, ProbeError> {
+    fn hazards_of_chunk(&self, cases: usize, rows: &[u32]) -> Result<Hazards, ProbeError> {
         let (single, double) = (Recorder::<f32>::default(), Recorder::<f64>::default());
         // What has a bound ends: it may be as long as is still quick to run.
         let fuel = match self.program.most_rounds() {
@@ -303,7 +309,7 @@ impl Interpreted {
             }
             found
         });
-        Ok(each.collect())
+        Ok(Hazards { cases: each.collect(), cut: single.len() >= MOST_EVENTS })
     }
 
     /// Of each kind the first operation of a lane that is at fault.

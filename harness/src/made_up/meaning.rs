@@ -214,7 +214,7 @@ impl Meaning {
     pub(super) fn part(self, scalar: Scalar) -> Option<Part> {
         match (self, scalar) {
             (Self::Range(least, most), Scalar::F32 | Scalar::F16) => {
-                Part::range(scalar, least..=most)
+                Part::range_and_zero(scalar, least..=most)
             }
             // Whole numbers of a range are those between its ends.
             (Self::Range(least, most), Scalar::I32 | Scalar::U32) => {
@@ -226,7 +226,7 @@ impl Meaning {
                 (least <= most).then(|| Part::range(scalar, least..=most)).flatten()
             }
             (Self::Range(..), Scalar::Bool) => None,
-            (Self::Count, Scalar::I32 | Scalar::U32) => Part::range(scalar, 1.0..=64.0),
+            (Self::Count, Scalar::I32 | Scalar::U32) => Part::counts(scalar),
             (Self::Index, Scalar::I32 | Scalar::U32) => Part::range(scalar, 0.0..=15.0),
             _ => Some(Part::plausible(scalar)),
         }

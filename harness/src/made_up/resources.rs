@@ -37,7 +37,7 @@ pub(crate) fn fitted(probed: Probed) -> Result<Probed, ProbeError> {
 }
 
 /// Contents of buffers that are tried: draws; then the first of the numbers that are tried first, in each
-/// member, the second, and so on. Ends of ranges, 0 and 1 are among these.
+/// member, the second, and so on. Ends of ranges, 0 and 1 are among these. Textures have other sizes in each.
 pub(crate) const VARIANTS: usize = 6;
 
 /// Something for each resource that a function reads.
@@ -47,7 +47,7 @@ pub(crate) struct Resources {
     /// The members of buffers that aren't elements of arrays, with their values.
     pub(crate) members: Vec<(String, String)>,
     pub(crate) drawn: Drawn,
-    /// Whether it has a buffer, so that another variant has other numbers.
+    /// Whether there is any, so that another variant has other contents.
     pub(crate) varies: bool,
 }
 
@@ -66,18 +66,18 @@ impl Resources {
         variant: usize,
         content: Content,
     ) -> Result<Self, String> {
-        let mut all = Self::default();
+        let varies = !probed.function().bindings.is_empty();
+        let mut all = Self { varies, ..Self::default() };
         let mut named = Vec::new();
         for binding in &probed.function().bindings {
             let fixture = match binding.kind {
                 BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate => {
-                    all.varies = true;
                     Some(
                         Buffer::of_bytes(all.buffer(&probed.program, binding, ranges, variant)?)
                             .into(),
                     )
                 }
-                _ => texture_or_sampler(binding, content),
+                _ => texture_or_sampler(binding, content, variant),
             };
             let fixture = fixture.ok_or_else(|| {
                 format!(
@@ -100,7 +100,7 @@ impl Resources {
     ) -> Result<Vec<u8>, String> {
         let shape = program.buffer_of(binding, ELEMENTS);
         let shape = shape.ok_or_else(|| format!("`{}` has no layout", binding.path))?;
-        let mut source = source_of(binding);
+        let mut source = source_of(binding, variant);
         let mut lanes = Vec::new();
         let name = binding.name();
         self.fill((name, &shape), ranges, variant.checked_sub(1), &mut source, &mut lanes)?;
@@ -198,16 +198,16 @@ pub(crate) const INVOCATIONS: u32 = 64;
 const MOST_BYTES: usize = 1 << 20;
 
 /// Texels along a side of a texture: powers of two, so that each level is half as large as the one before.
-const SIDES: [u32; 4] = [16, 8, 32, 4];
+const SIDES: [u32; 5] = [16, 8, 32, 4, 64];
 
 /// Elements of an array whose length the shader doesn't say.
 const ELEMENTS: usize = 64;
 
 /// Numbers for a variable, by its name: where it is bound changes nothing of what it holds.
-fn source_of(binding: &Binding) -> Source {
+fn source_of(binding: &Binding, variant: usize) -> Source {
     let hash = blake3::hash(binding.path.as_bytes());
     let stream = hash.as_bytes().iter().take(8).fold(0, |all, byte| all << 8 | u64::from(*byte));
-    Source::new(SEED, stream)
+    Source::new(SEED + variant as u64, stream)
 }
 
 /// Texels along each side of a variable's textures: each has another shape, so that a size that is asked of
@@ -217,8 +217,8 @@ fn sides(source: &mut Source) -> [u32; 2] {
     [side(), side()]
 }
 
-fn texture_or_sampler(binding: &Binding, content: Content) -> Option<Fixture> {
-    let mut source = source_of(binding);
+fn texture_or_sampler(binding: &Binding, content: Content, variant: usize) -> Option<Fixture> {
+    let mut source = source_of(binding, variant);
     let is_own = content == Content::Own;
     let sides = sides(&mut source);
     Some(match binding.kind {

@@ -91,6 +91,27 @@ impl KnownRows {
     }
 }
 
+/// A range, or the ranges of members: `groups = [1, 8]`, `params.groups = [1, 8]`.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Input {
+    Range(Vec<f64>),
+    Members(BTreeMap<String, Input>),
+}
+
+impl Input {
+    /// The ranges by their paths.
+    fn flat(self, path: String) -> Vec<(String, Vec<f64>)> {
+        match self {
+            Self::Range(range) => vec![(path, range)],
+            Self::Members(all) => {
+                let one = |(name, own): (String, Self)| own.flat(format!("{path}.{name}"));
+                all.into_iter().flat_map(one).collect()
+            }
+        }
+    }
+}
+
 /// As it is written.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -103,7 +124,7 @@ struct Written {
     #[serde(default)]
     matrix: Vec<KnownRows>,
     #[serde(default)]
-    inputs: BTreeMap<String, Vec<f64>>,
+    inputs: BTreeMap<String, Input>,
     #[serde(default, rename = "hazard")]
     hazards: Vec<AcceptedHazard>,
 }
@@ -217,7 +238,8 @@ impl Manifest {
                 range.len()
             ))),
         };
-        let inputs = inputs.into_iter().map(range).collect::<Result<_, _>>()?;
+        let inputs = inputs.into_iter().flat_map(|(name, input)| input.flat(name));
+        let inputs = inputs.map(range).collect::<Result<_, _>>()?;
         let hazards = Hazards { inputs, accepted: hazards };
         // A file alone is a package whose rows have no module.
         let own = match &package.origin {

@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 
 use anyhow::ensure;
 use indicatif::{ProgressBar, ProgressStyle};
-use karat::hazards::{Hazard, Hazards, Kind};
+use karat::hazards::{Hazard, Hazards, Kind, Unseen};
 use karat::made_up::Drawn;
 use karat::output::counted;
 
@@ -89,7 +89,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 }
 
 fn write_text(hazards: &Hazards, all: bool, out: &mut dyn Write) -> anyhow::Result<()> {
-    let Hazards { package, functions, skipped, found, rare, accepted, drawn, cut } = hazards;
+    let Hazards { package, functions, skipped, found, rare, accepted, drawn, unseen } = hazards;
     let shown = if all { found.len() } else { found.len().min(terminal::size().rows / LINES) };
     for hazard in &found[..shown] {
         write_one(hazard, out)?;
@@ -130,14 +130,13 @@ fn write_text(hazards: &Hazards, all: bool, out: &mut dyn Write) -> anyhow::Resu
     if !skipped.is_empty() {
         write!(out, ", {} not looked at", counted(skipped.len(), "function"))?;
     }
-    let (inputs, of) = cut;
-    if *inputs > 0 {
-        let functions = counted(*of, "function");
-        write!(
-            out,
-            ", {} of {functions} not looked at: loops are too long",
-            counted(*inputs, "input")
-        )?;
+    let Unseen { inputs, functions, in_part } = *unseen;
+    if inputs > 0 {
+        let of = counted(functions, "function");
+        write!(out, ", {} of {of} not looked at: loops are too long", counted(inputs, "input"))?;
+    }
+    if in_part > 0 {
+        write!(out, ", the first operations alone of {}", counted(in_part, "function"))?;
     }
     writeln!(out)?;
     Ok(())
