@@ -26,7 +26,6 @@ pub use texture::{Texel, Texture};
 
 use crate::diagnostic::FileRead;
 use crate::reflect::{Binding, BindingKind, Dimension, Program, Texels, TextureKind};
-#[cfg(any(feature = "engine", feature = "routes"))]
 
 /// What a test binds to a resource variable.
 ///

@@ -466,7 +466,7 @@ impl Look<'_> {
             Err(ProbeError::Rounds { .. }) if !bounded => {
                 // A loop that counts to a large number ends, but not here.
                 rows = self.arguments.few(&rows).into();
-                count = if width == 0 { 1 } else { rows.len() / width };
+                count = rows.len().checked_div(width).unwrap_or(1);
                 match engine.hazards(count, &rows) {
                     Err(ProbeError::Rounds { case, diagnostic }) => {
                         let row = rows.get(case * width..(case + 1) * width).unwrap_or_default();

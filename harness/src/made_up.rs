@@ -278,7 +278,7 @@ impl Arguments {
 /// # use karat::prelude::*;
 /// let package = Package::from_source("m", "fn inverse(x: f32, alpha: f32) -> f32 { return alpha / x; }");
 /// let drawn = package.hazards().run()?.drawn.to_string();
-/// assert!(drawn.starts_with("from 0 to 1: alpha"), "{drawn}");
+/// assert!(drawn.ends_with("from 0 to 1: alpha"), "{drawn}");
 /// # Ok::<(), karat::hazards::HazardError>(())
 /// ```
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]

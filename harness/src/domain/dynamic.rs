@@ -17,16 +17,18 @@ use crate::value::{Scalar, Shape, Shareable, format_lane};
 /// Draws of a tuple of which one ties two parts.
 const TIES: u64 = 8;
 
-/// A float within four times 2^-20 of another one: what subtracts them, as variances and gradients do,
-/// cancels there alone. Of an integer it is the next one or the same.
+/// A float close to another one, from 2^-8 to 2^-23 of it away: what subtracts them, as variances and gradients
+/// do, cancels there alone. Of an integer it is the next one or the same.
 fn nearly(word: u32, source: &mut Source) -> u32 {
     let like = f32::from_bits(word);
-    #[expect(clippy::cast_precision_loss, reason = "a number below 9")]
-    let steps = source.below(9) as f32 - 4.0;
+    let bits = source.bits();
     match like.is_normal() {
-        true => (like * (1.0 + steps / 1_048_576.0)).to_bits(),
+        true => {
+            let step = like * (1.0 / 256.0) / f32::from(1_u16 << (bits >> 1 & 15));
+            (if bits & 1 == 0 { like + step } else { like - step }).to_bits()
+        }
         // The bits of small integers are those of subnormal floats.
-        false => word.saturating_add(u32::from(steps > 0.0)),
+        false => word.saturating_add(bits & 1),
     }
 }
 
@@ -477,13 +479,23 @@ impl Dynamic {
             let (from, to) = (source.below(count), source.below(count));
             #[expect(clippy::cast_possible_truncation, reason = "fewer than a usize")]
             let (from, to) = (from as usize, to as usize);
-            let tied = match source.below(3) {
-                0 => rows[from].clone(),
-                1 => rows[from].iter().map(|word| word ^ 0x8000_0000).collect(),
-                _ => rows[from].iter().map(|word| nearly(*word, source)).collect(),
+            let like = rows[from].clone();
+            let tied = |source: &mut Source, how: u64| -> Vec<u32> {
+                match how {
+                    0 => like.clone(),
+                    1 => like.iter().map(|word| word ^ 0x8000_0000).collect(),
+                    _ => like.iter().map(|word| nearly(*word, source)).collect(),
+                }
             };
-            if self.parts[to].words.admits(&tied) == Some(true) && rows[to].len() == tied.len() {
-                rows[to] = tied;
+            let how = source.below(4);
+            // Means and variances of several numbers cancel where all of them are nearly equal.
+            let to = if how == 3 { 0..rows.len() } else { to..to + 1 };
+            for to in to.filter(|to| *to != from) {
+                let tied = tied(source, how);
+                if rows[to].len() == tied.len() && self.parts[to].words.admits(&tied) == Some(true)
+                {
+                    rows[to] = tied;
+                }
             }
         }
         Some(rows.concat())
