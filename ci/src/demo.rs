@@ -27,10 +27,22 @@ pub(crate) fn set_up() -> ExitCode {
     steps.finish()
 }
 
-/// Builds for the whole workspace, as the tests are: for fewer packages Cargo would choose other
-/// features of shared dependencies, and compile them twice.
+/// What the demo runs, built by one command for the whole workspace: for fewer packages, or without tests,
+/// Cargo would choose other features of shared dependencies, and compile them twice.
+pub(crate) const BUILD: &[&str] = &[
+    "build",
+    "--workspace",
+    "--locked",
+    "--bin",
+    "karat",
+    "--test",
+    "library",
+    "--test",
+    "golden",
+];
+
 pub(crate) fn build() -> anyhow::Result<()> {
-    command::run(&mut command::cargo(&["build", "--workspace", "--locked", "--bin", "karat"]))
+    command::run(&mut command::cargo(BUILD))
 }
 
 /// The programs of `tests/` that test shaders: modules one by one, and frames.

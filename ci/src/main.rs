@@ -18,6 +18,7 @@ mod lint;
 mod matrix;
 mod mutants;
 mod nextest;
+mod once;
 mod packages;
 #[path = "../../harness/src/record/folder.rs"]
 #[expect(unreachable_pub, reason = "it is public in the harness, which is compiled later")]

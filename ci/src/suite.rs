@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use crate::record::Running;
 use crate::setup::{self, PATHS};
 use crate::step::Steps;
-use crate::{command, lint, swiftshader};
+use crate::{command, lint, once, swiftshader};
 
 /// Runs every step, whatever became of those before it. What comes after the tests prints to stderr,
 /// so that the test runner's closing lines are the last thing on stdout; but GitHub's annotations
@@ -23,6 +23,7 @@ pub(crate) fn run() -> ExitCode {
     };
     steps.beside(packages, lint::steps);
     steps.run("build", build);
+    steps.run("compiled once", once::check);
     steps.run("paths", open_paths);
     // Before the tests, whose last lines on stdout are those that readers of a log want.
     if swiftshader::manifest().is_some() {
@@ -35,12 +36,13 @@ pub(crate) fn run() -> ExitCode {
 }
 
 /// Builds with the features that `cargo test` will ask for: with `--package karat` some
-/// dependencies would lack features that other members turn on, and be compiled twice.
+/// dependencies would lack features that other members turn on, and be compiled twice. Not `--bins`: this
+/// program runs, and Windows doesn't replace what runs.
+pub(crate) const BUILD: &[&str] =
+    &["build", "--workspace", "--locked", "--bin", "karat", "--bin", "planted", "--tests"];
+
 fn build() -> Result<()> {
-    // Not `--bins`: this program runs, and Windows doesn't replace what runs.
-    let build =
-        ["build", "--workspace", "--locked", "--bin", "karat", "--bin", "planted", "--tests"];
-    command::run(&mut command::cargo(&build))
+    command::run(&mut command::cargo(BUILD))
 }
 
 /// Opens the paths for real, where `setup` only saw that their libraries are there.

@@ -1,0 +1,180 @@
+//! Whether code is compiled once: no dependency or library with two sets of features.
+//!
+//! Cargo compiles a crate again for each set of its features, and which it chooses depends on the packages
+//! and targets that a command names. The commands below are those that `cargo ci demo` and
+//! `cargo ci test` run, so that what one compiles the next ones find.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use anyhow::{Context, Result, bail};
+use cargo_metadata::{Artifact, Message, Metadata, MetadataCommand, PackageId, TargetKind};
+
+use crate::command;
+
+/// The commands that compile to code, as they are run; `--no-run` stands for running the tests.
+const COMMANDS: [&[&str]; 5] = [
+    // `cargo ci` itself, by its alias.
+    &["build", "--bin", "ci"],
+    crate::demo::BUILD,
+    &["test", "--test", "library", "--test", "golden", "--no-run"],
+    crate::suite::BUILD,
+    &["test", "--workspace", "--locked", "--no-run"],
+];
+
+/// A library as it was compiled: its package, and the features of each time.
+type Compiled = BTreeMap<String, BTreeSet<Vec<String>>>;
+
+/// Reads Cargo's build messages of each command, and names what was compiled to code more than once.
+pub(crate) fn check() -> Result<()> {
+    let metadata = MetadataCommand::new().current_dir(command::root()).exec();
+    let hosts = hosts(&metadata.context("can't read the workspace")?);
+    let mut compiled = Compiled::new();
+    for arguments in COMMANDS {
+        let mut cargo = command::cargo(arguments);
+        cargo.arg("--message-format=json");
+        let output = cargo.stderr(std::process::Stdio::inherit()).output();
+        let output = output.context("cargo doesn't run")?;
+        if !output.status.success() {
+            bail!("`cargo {}` failed", arguments.join(" "));
+        }
+        note(&output.stdout[..], &hosts, &mut compiled)?;
+    }
+    if compiled.is_empty() {
+        bail!("Cargo's build messages name no library");
+    }
+    let twice = twice(&compiled);
+    if !twice.is_empty() {
+        bail!("compiled with two sets of features:\n{}", twice.join("\n"));
+    }
+    eprintln!("{} libraries, each compiled with one set of features", compiled.len());
+    Ok(())
+}
+
+/// Packages that build scripts and macros use, which run on the host and have features of their own there.
+fn hosts(metadata: &Metadata) -> BTreeSet<PackageId> {
+    use cargo_metadata::DependencyKind;
+    let Some(resolve) = &metadata.resolve else { return BTreeSet::new() };
+    let node = |id: &PackageId| resolve.nodes.iter().find(|node| node.id == *id);
+    let is_macro = |id: &PackageId| {
+        let package = metadata.packages.iter().find(|package| package.id == *id);
+        package.is_some_and(|package| package.targets.iter().any(|target| target.is_proc_macro()))
+    };
+    let mut open: Vec<PackageId> = Vec::new();
+    for one in &resolve.nodes {
+        for dependency in &one.deps {
+            let build = dependency.dep_kinds.iter().any(|kind| kind.kind == DependencyKind::Build);
+            if build || is_macro(&dependency.pkg) {
+                open.push(dependency.pkg.clone());
+            }
+        }
+    }
+    let mut hosts = BTreeSet::new();
+    while let Some(id) = open.pop() {
+        if !hosts.insert(id.clone()) {
+            continue;
+        }
+        let own = node(&id).into_iter().flat_map(|node| &node.deps);
+        let normal = own.filter(|dependency| {
+            dependency.dep_kinds.iter().any(|kind| kind.kind != DependencyKind::Development)
+        });
+        open.extend(normal.map(|dependency| dependency.pkg.clone()));
+    }
+    hosts
+}
+
+/// Adds the libraries of a command's messages.
+fn note(
+    messages: impl std::io::BufRead,
+    hosts: &BTreeSet<PackageId>,
+    compiled: &mut Compiled,
+) -> Result<()> {
+    for message in Message::parse_stream(messages) {
+        let Message::CompilerArtifact(artifact) = message.context("cargo's messages")? else {
+            continue;
+        };
+        if is_code(&artifact) && !is_for_host(&artifact, hosts) {
+            let mut features = artifact.features.clone();
+            features.sort();
+            compiled.entry(artifact.package_id.to_string()).or_default().insert(features);
+        }
+    }
+    Ok(())
+}
+
+/// Whether it is a library that was compiled to code, and not a test harness of it.
+fn is_code(artifact: &Artifact) -> bool {
+    let library =
+        artifact.target.kind.iter().any(|kind| matches!(kind, TargetKind::Lib | TargetKind::RLib));
+    let code = artifact.filenames.iter().any(|name| name.extension() == Some("rlib"));
+    library && code && !artifact.profile.test
+}
+
+/// Whether it was compiled for build scripts and macros: `[profile.dev.build-override]` has level 0.
+fn is_for_host(artifact: &Artifact, hosts: &BTreeSet<PackageId>) -> bool {
+    hosts.contains(&artifact.package_id) && artifact.profile.opt_level == "0"
+}
+
+/// A line for each library with more than one set of features: what the sets differ in.
+fn twice(compiled: &Compiled) -> Vec<String> {
+    let several = compiled.iter().filter(|(_, sets)| sets.len() > 1);
+    let line = |(package, sets): (&String, &BTreeSet<Vec<String>>)| {
+        let all: BTreeSet<&String> = sets.iter().flatten().collect();
+        let differs = all.into_iter().filter(|one| !sets.iter().all(|set| set.contains(one)));
+        let differs: Vec<&str> = differs.map(String::as_str).collect();
+        format!("  {package}: not always with {}", differs.join(", "))
+    };
+    several.map(line).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn artifact(
+        package: &str,
+        kind: &str,
+        file: &str,
+        features: &[&str],
+        level: &str,
+        test: bool,
+    ) -> String {
+        serde_json::json!({
+            "reason": "compiler-artifact",
+            "package_id": package,
+            "manifest_path": "/p/Cargo.toml",
+            "target": {
+                "kind": [kind], "crate_types": [kind], "name": "p", "src_path": "/p/src/lib.rs",
+                "edition": "2024", "doc": true, "doctest": true, "test": true
+            },
+            "profile": {
+                "opt_level": level, "debuginfo": 0, "debug_assertions": true,
+                "overflow_checks": true, "test": test
+            },
+            "features": features,
+            "filenames": [file],
+            "executable": null,
+            "fresh": true
+        })
+        .to_string()
+    }
+
+    #[test]
+    fn a_library_with_two_sets_of_features_is_named() {
+        let messages = [
+            artifact("wgpu", "lib", "/t/libwgpu-1.rlib", &["vulkan"], "1", false),
+            artifact("wgpu", "lib", "/t/libwgpu-2.rlib", &["vulkan", "gles"], "1", false),
+            artifact("naga", "lib", "/t/libnaga-1.rlib", &["wgsl-in"], "1", false),
+            artifact("naga", "lib", "/t/libnaga-1.rlib", &["wgsl-in"], "1", false),
+            // Metadata alone, a test harness, and what runs on the host.
+            artifact("naga", "lib", "/t/libnaga-3.rmeta", &[], "1", false),
+            artifact("naga", "lib", "/t/naga-4.rlib", &[], "1", true),
+            artifact("syn", "lib", "/t/libsyn-1.rlib", &["full"], "0", false),
+            artifact("syn", "lib", "/t/libsyn-2.rlib", &["full", "visit"], "1", false),
+        ];
+        let hosts = BTreeSet::from([PackageId { repr: "syn".to_owned() }]);
+        let mut compiled = Compiled::new();
+        note(messages.join("\n").as_bytes(), &hosts, &mut compiled).expect("they are messages");
+        assert_eq!(twice(&compiled), ["  wgpu: not always with gles"]);
+        assert_eq!(compiled.len(), 3);
+    }
+}
