@@ -69,6 +69,8 @@ enum Task {
     Test,
     /// Formatting, Clippy, documentation and licences: CI without the tests.
     Lint,
+    /// Check that the README's two commands compile nothing to code with two sets of features.
+    Once,
     /// Run the checks that find faults of released shaders
     ///
     /// Each has to fail as its crate was released, and to pass with the change that mends it. The pages
@@ -128,6 +130,7 @@ fn main() -> ExitCode {
         Task::Demo => demo::run(),
         Task::Test => suite::run(),
         Task::Lint => lint::run(),
+        Task::Once => step::verdict(once::check()),
         Task::Found => step::verdict(corpus::run_found()),
         Task::Corpus { list, routes: false, json } => step::verdict(corpus::run(list, json)),
         Task::Corpus { list, routes: true, json } => step::verdict(corpus::run_routes(list, json)),

@@ -16,7 +16,7 @@ const COMMANDS: [&[&str]; 5] = [
     // `cargo ci` itself, by its alias.
     &["build", "--bin", "ci"],
     crate::demo::BUILD,
-    &["test", "--test", "library", "--test", "golden", "--no-run"],
+    &["test", "--workspace", "--test", "library", "--test", "golden", "--no-run"],
     crate::suite::BUILD,
     &["test", "--workspace", "--locked", "--no-run"],
 ];
