@@ -16,6 +16,7 @@ mod excerpt;
 mod execute;
 mod judge;
 mod known;
+mod leeway;
 mod markdown;
 mod reduce;
 mod reference;
@@ -116,6 +117,8 @@ impl fmt::Display for Status {
 pub enum Stop {
     /// naga doesn't write it; its words.
     Unsupported(String),
+    /// naga panics as it writes it; the panic's words.
+    Panicked(String),
     /// A validator rejects it: which one, and its words.
     Rejected(String),
     /// A validator has no verdict: it crashed, didn't end or can't be run.
@@ -145,6 +148,7 @@ impl Stop {
     pub fn text(&self) -> &str {
         match self {
             Self::Unsupported(text)
+            | Self::Panicked(text)
             | Self::Rejected(text)
             | Self::Broke(text)
             | Self::NoValidator(text)
@@ -166,7 +170,8 @@ impl Stop {
     /// ```
     #[must_use]
     pub fn is_wrong(&self) -> bool {
-        matches!(self, Self::Differs(_) | Self::Rejected(_) | Self::Broke(_))
+        use Stop::{Broke, Differs, Panicked, Rejected};
+        matches!(self, Differs(_) | Rejected(_) | Broke(_) | Panicked(_))
     }
 }
 
@@ -195,10 +200,14 @@ pub struct Cell {
     pub validators: Vec<Said>,
     /// The column that it was compared with.
     pub against: Option<String>,
-    /// Cases that were compared with another column.
+    /// Cases that were compared with another column; of an entry point, words of its buffers.
     pub compared: usize,
-    /// Cases in which the results differ by more than the tolerance.
+    /// Cases in which the results differ by more than the tolerance, and not both are what WGSL allows; of
+    /// an entry point, words.
     pub differing: usize,
+    /// Cases, or words of an entry point, that differ where WGSL leaves the result open: an index leaves
+    /// its array, a float isn't finite, or both results are within its bounds.
+    pub open: usize,
     /// The largest distance, in `f32` steps, of all components that were compared.
     pub worst_ulp: Option<u64>,
     /// Where the results differ, the simplest input and the first value that differs.

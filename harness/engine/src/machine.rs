@@ -60,6 +60,8 @@ pub(crate) struct Machine<'p, A: Rules> {
     /// Where a lane's results became anything, as a site: a loop whose exit stayed undecided, or an index
     /// that left its array.
     lost: Vec<Option<u32>>,
+    /// The lanes whose index has left its array in the operation that runs; see [`Options::outside`].
+    strayed: Vec<usize>,
     /// The site of the operation that runs.
     site: u32,
     width: usize,
@@ -80,6 +82,7 @@ impl<'p, A: Rules> Machine<'p, A> {
             rounds: 0,
             undecided: vec![0; width],
             lost: vec![None; width],
+            strayed: Vec::new(),
             site: 0,
             width,
         };
@@ -240,6 +243,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                 Op::Store(file) => self.store(file, registers),
                 Op::Gather(file, walk) => {
                     let outs = self.gather(file, walk, registers);
+                    self.estrange(instruction, registers);
                     self.report(observer, instruction, case, outs);
                 }
                 Op::Scatter(file, walk) => {
@@ -248,14 +252,17 @@ impl<'p, A: Rules> Machine<'p, A> {
                 }
                 Op::Pick(file, count, signed) => {
                     let outs = self.pick(file, count, signed, registers);
+                    self.estrange(instruction, registers);
                     self.report(observer, instruction, case, outs);
                 }
                 Op::Table(file, table) => {
                     let outs = self.table(file, table, registers);
+                    self.estrange(instruction, registers);
                     self.report(observer, instruction, case, outs);
                 }
                 Op::Load(scalar, walk) => {
                     let outs = self.load(scalar, walk, registers, memory);
+                    self.estrange(instruction, registers);
                     if A::NOTES && scalar.file() == File::Float {
                         self.after_floats(instruction, &registers[..1], (0, 1));
                     }
@@ -273,6 +280,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                 }
                 Op::Image(image) => {
                     let outs = self.image(image, registers, memory);
+                    self.estrange(instruction, registers);
                     let shape = code.shape(instruction.op);
                     let [floats, from] = [shape.outs[0], shape.ins[0]].map(|n| n as usize);
                     if floats > 0 {
@@ -483,6 +491,24 @@ impl<'p, A: Rules> Machine<'p, A> {
         let lanes = self.ints.get(divisor).iter().zip(self.active());
         for (lane, _) in lanes.enumerate().filter(|(_, lane)| by_zero(*lane)) {
             observer.by_zero(&OutOfRange { site: self.site(instruction), case: case + lane });
+        }
+    }
+
+    /// Gives what was read outside of an array or texture the number that stands for it.
+    #[inline]
+    fn estrange(&mut self, instruction: &Instruction, registers: &[u32]) {
+        let Some(number) = self.options.outside else { return };
+        let [floats, ints, bools] = self.code.shape(instruction.op).outs.map(|n| n as usize);
+        for lane in self.strayed.drain(..) {
+            for &out in &registers[..floats] {
+                self.floats.get_mut(out)[lane] = A::float(f32::from(number));
+            }
+            for &out in &registers[floats..floats + ints] {
+                self.ints.get_mut(out)[lane] = A::int(u32::from(number), false);
+            }
+            for &out in &registers[floats + ints..floats + ints + bools] {
+                self.bools.get_mut(out)[lane] = A::bool(number != 0);
+            }
         }
     }
 

@@ -25,6 +25,7 @@ impl Cell {
             (_, Some(Stop::Differs(_))) => "DIFFERS",
             (_, Some(Stop::Rejected(_))) => "INVALID",
             (_, Some(Stop::Broke(_))) => "NO VERDICT",
+            (_, Some(Stop::Panicked(_))) => "PANICS",
             (None, _) => "unsupported",
             (Some(status), _) => status.name(),
         }

@@ -147,9 +147,14 @@ fn made_of(probed: &Probed, content: Content) -> Result<Fixtures, String> {
 }
 
 /// Data for each buffer of an entry point, the same on each column; or the resource that there is
-/// none for.
+/// none for. An array whose length the shader doesn't say has an element for each invocation.
 #[cfg(feature = "routes")]
-pub(crate) fn data(program: &Program, bindings: &[Binding]) -> Result<Vec<Data>, String> {
+pub(crate) fn data(
+    program: &Program,
+    bindings: &[Binding],
+    invocations: usize,
+) -> Result<Vec<Data>, String> {
+    let elements = invocations.max(ELEMENTS);
     let one = |binding: &Binding| {
         let Binding { group, binding: number, kind, .. } = *binding;
         let mut source = source_of(binding);
@@ -162,12 +167,12 @@ pub(crate) fn data(program: &Program, bindings: &[Binding]) -> Result<Vec<Data>,
         let bytes = match program.buffer_data(binding) {
             Some((shape, endless)) => {
                 let mut lanes = Vec::new();
-                let count = if endless { ELEMENTS } else { 1 };
+                let count = if endless { elements } else { 1 };
                 (0..count).for_each(|_| draw(&shape, &mut source, &mut lanes));
                 program.bytes(binding, &lanes).map_err(|error| error.to_string())?
             }
             // Atomics, and structures that end in an array.
-            None => program.zeros(binding, ELEMENTS),
+            None => program.zeros(binding, elements),
         };
         if bytes.len() > MOST_BYTES {
             return Err(format!(
@@ -268,7 +273,8 @@ fn texture(
     match texels {
         Texels::Float => {
             let texture = made(dimension, arrayed, samples, wave);
-            if samples > 1 { texture } else { texture.with_mips() }
+            // Neither textures of one dimension nor those with several samples have more levels.
+            if samples > 1 || dimension == Dimension::D1 { texture } else { texture.with_mips() }
         }
         Texels::Depth => made(dimension, arrayed, samples, |x, y, z| {
             0.5 * own + 0.5 * (x + y + z) as f32 / (3 * SIDE) as f32

@@ -108,8 +108,11 @@ impl<A: Rules> Machine<'_, A> {
             if let Some(&register) = operands.ints.first() {
                 let index = self.index(op, register, 0, lane, texture.levels() - 1);
                 level = index.at;
+                // "If `level` is outside the range `[0, textureNumLevels(t))` then an indeterminate
+                // value for the return type may be returned" (17.7.1).
                 if index.clamped && A::possible(self.active()[lane]) {
                     first = first.or(Some(lane));
+                    self.leave(lane);
                 }
             }
             let size = texture.level_size(level);

@@ -154,7 +154,9 @@ macro_rules! scattered {
                 walk_lane::<A>($walk, indices, &$self.ints, lane, 0, |at| places.push(at as u32));
             if clamped {
                 first = first.or(Some(lane));
-                $self.leave(lane);
+                if $self.leave_unwritten(lane) {
+                    continue;
+                }
             }
             let mask = if places.len() > 1 { A::and(mask, A::undecided()) } else { mask };
             for at in places {
@@ -173,6 +175,16 @@ impl<A: Rules> Machine<'_, A> {
         if A::UNDECIDED {
             self.lost[lane] = self.lost[lane].or(Some(self.site));
         }
+        if self.options.outside.is_some() {
+            self.strayed.push(lane);
+        }
+    }
+
+    /// The same of a write. Whether it is left out.
+    fn leave_unwritten(&mut self, lane: usize) -> bool {
+        self.leave(lane);
+        self.strayed.clear();
+        self.options.outside.is_some()
     }
 
     pub(super) fn gather(&mut self, file: File, walk: u32, registers: &[u32]) -> Option<usize> {
@@ -397,7 +409,9 @@ impl<A: Rules> Machine<'_, A> {
             let mut at = 0;
             if walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to) {
                 first = first.or(Some(lane));
-                self.leave(lane);
+                if self.leave_unwritten(lane) {
+                    continue;
+                }
             }
             match scalar {
                 Scalar::F32 => {
@@ -443,7 +457,17 @@ impl<A: Rules> Machine<'_, A> {
                 continue;
             }
             let mut at = 0;
-            walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to);
+            if walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to)
+                && let Some(number) = self.options.outside
+            {
+                if atomic.result {
+                    self.ints.get_mut(registers[0])[lane] = A::int(u32::from(number), signed);
+                    if compared {
+                        self.bools.get_mut(registers[1])[lane] = A::bool(number != 0);
+                    }
+                }
+                continue;
+            }
             let old = buffer.word(at);
             let x = A::int_word(self.ints.get(operand)[lane]);
             let order = |less: bool| {
