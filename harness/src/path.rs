@@ -29,6 +29,8 @@ mod selector;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, OnceLock};
 
+#[cfg(feature = "routes")]
+pub(crate) use deadline::on_deadline;
 pub(crate) use deadline::{Guard, guard};
 pub(crate) use device::{Device, MOST_ROUNDS, Pipeline, Turn};
 pub use driver::Adapter;

@@ -86,7 +86,7 @@ impl Device {
         if !exists(path) {
             return Err(unavailable("this platform doesn't have it".to_owned()));
         }
-        let _deadline = guard(move || format!("opening path {path}"));
+        let _deadline = guard(path, move || format!("opening path {path}"));
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
             backends: backends(path),
             // Validation layers cost more than the test; wgpu's own validation stays on.

@@ -69,7 +69,7 @@ fn execute(
 ) -> Result<Vec<Vec<u32>>, ProbeError> {
     let (path, of) = (device.path(), name.to_owned());
     let _turn = device.turn();
-    let _deadline = guard(move || format!("the entry point `{of}` on path {path}"));
+    let _deadline = guard(path, move || format!("the entry point `{of}` on path {path}"));
     let pipeline = device
         .pipeline_of_ir(program.module().clone(), name)
         .map_err(|error| ProbeError::Compile { function: name.to_owned(), error })?;
