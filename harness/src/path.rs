@@ -31,7 +31,7 @@ use std::sync::{Mutex, OnceLock};
 
 #[cfg(feature = "routes")]
 pub(crate) use deadline::on_deadline;
-pub(crate) use deadline::{Guard, guard};
+pub(crate) use deadline::{Guard, guard, guard_opening};
 pub(crate) use device::{Device, MOST_ROUNDS, Pipeline, Turn};
 pub use driver::Adapter;
 pub use name::{Api, Path, Via};

@@ -3,9 +3,9 @@
 use super::execute::{Comparison, not_run};
 use super::row::conclude;
 use super::{Buffer, Cell, Request, Status, Stop};
+use crate::interpret::strays;
 use crate::path::{Device, Path};
 use crate::probe::{Data, ProbeError, run_entry_point};
-use crate::interpret::strays;
 use crate::reflect::{BindingKind, Program};
 use crate::tolerance::Tolerance;
 use crate::value::Scalar;
@@ -65,9 +65,8 @@ pub(super) fn run_entry_point_on_each(
         return;
     }
     let Some(((first, expected), others)) = ran.split_first() else { return };
-    let differs = |at: &usize, actual: &[u32]| {
-        !same_word(expected[*at], actual[*at], &request.within)
-    };
+    let differs =
+        |at: &usize, actual: &[u32]| !same_word(expected[*at], actual[*at], &request.within);
     // The same buffers were read back on each. Only where they differ is it asked what may.
     let all = 0..expected.len();
     let differ = others.iter().any(|(_, actual)| all.clone().any(|at| differs(&at, actual)));
@@ -163,7 +162,8 @@ fn open(
 
 /// Which of these words are known to be floats. It isn't known of structures that end in an array.
 fn floats(program: &Program, name: &str, data: &[Data]) -> Vec<bool> {
-    let bindings = program.compute_entry_point(name).map_or_else(Vec::new, |(bindings, _)| bindings);
+    let bindings =
+        program.compute_entry_point(name).map_or_else(Vec::new, |(bindings, _)| bindings);
     let of_buffer = |data: &Data| {
         let binding = bindings.iter().find(|b| (b.group, b.binding) == (data.group, data.binding));
         let shape = binding.and_then(|binding| Some((binding, program.buffer_data(binding)?.0)));

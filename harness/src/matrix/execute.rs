@@ -37,6 +37,11 @@ impl<'p> Runs<'p> {
         Ok(Self { prepared, path, words_in, words_out: function.result.lanes().len() })
     }
 
+    #[cfg(test)]
+    pub(super) fn of_one_word(prepared: impl Prepared + 'p) -> Self {
+        Self { prepared: Box::new(prepared), path: Path::VULKAN, words_in: 1, words_out: 1 }
+    }
+
     pub(super) fn path(&self) -> Path {
         self.path
     }
@@ -148,9 +153,8 @@ impl<'j> Judge<'j> {
         let mut seen = Seen::default();
         for (lane, scalar) in self.scalars.iter().enumerate() {
             let (wanted, found) = (expected[lane], actual[lane]);
-            let freedom = latitude.map_or(Freedom::Unknown, |case| {
-                case.freedom(lane, *scalar, [wanted, found])
-            });
+            let freedom = latitude
+                .map_or(Freedom::Unknown, |case| case.freedom(lane, *scalar, [wanted, found]));
             let is_open = match freedom {
                 Freedom::Any => true,
                 Freedom::Unknown => scalar.is_float() && !finite,

@@ -7,6 +7,7 @@ use crate::value::Scalar;
 
 /// A function in Karat's engine, which knows what WGSL leaves open; nothing is known of one that the
 /// engine doesn't execute.
+#[derive(Default)]
 pub(super) struct Leeway(Option<Interpreted>);
 
 /// What is left open of some cases.
@@ -79,6 +80,55 @@ impl OfCase<'_> {
             _ if is_any => Freedom::Any,
             true => Freedom::Both,
             false => Freedom::NotBoth,
+        }
+    }
+}
+
+#[cfg(all(test, feature = "engine"))]
+mod tests {
+    use super::*;
+    use crate::Package;
+
+    #[test]
+    fn what_an_index_reads_outside_is_open_and_nothing_beside_it() {
+        let text = "fn f(i: u32, x: f32) -> vec2f {
+                        var a = array<f32, 3>(1.0, 2.0, 3.0);
+                        return vec2f(a[i], x / 3.0);
+                    }
+                    fn g(i: u32, n: i32) -> vec2i {
+                        var a = array<i32, 3>();
+                        a[i] = 5;
+                        return vec2i(a[2], 7 / n);
+                    }";
+        let package = Package::from_source("p", text);
+        let freedom = |name: &str, row: [u32; 2], scalar: Scalar, results: [[u32; 2]; 2]| {
+            let probed = Probed::new(&package, name).expect("it is called");
+            let fixtures = Fixtures::new();
+            let latitude = Leeway::of(&probed, &fixtures).at(&row, 1).expect("it is known");
+            [0, 1].map(|lane| latitude.case(0, 2).freedom(lane, scalar, results[lane]))
+        };
+        let [two, three, one] = [2.0_f32, 3.0, 1.0].map(f32::to_bits);
+        // a[1] is 2, and 3 / 3 is 1.
+        let f = |i: u32, lane| freedom("f", [i, three], Scalar::F32, [[two, lane], [one, one]]);
+        assert_eq!(f(1, two), [Freedom::Both, Freedom::Both]);
+        assert_eq!(f(1, three), [Freedom::NotBoth, Freedom::Both]);
+        assert_eq!(f(7, three), [Freedom::Any, Freedom::Unknown]);
+        // What is written outside may be seen in any element; a division by zero is defined.
+        let g = |i: u32, n: u32| freedom("g", [i, n], Scalar::I32, [[0, 0], [7, 0]]);
+        assert_eq!(g(1, 0), [Freedom::Both, Freedom::NotBoth]);
+        assert_eq!(g(9, 0), [Freedom::Any, Freedom::Unknown]);
+    }
+
+    #[test]
+    fn what_is_not_a_number_is_open() {
+        let package = Package::from_source("p", "fn f(x: f32) -> f32 { return sqrt(x) / x; }");
+        let probed = Probed::new(&package, "f").expect("it is called");
+        let leeway = Leeway::of(&probed, &Fixtures::new());
+        for (x, open) in [(-1.0_f32, true), (0.0, true), (4.0, false)] {
+            let latitude = leeway.at(&[x.to_bits()], 1).expect("it is known");
+            let half = 0.5_f32.to_bits();
+            let seen = latitude.case(0, 1).freedom(0, Scalar::F32, [half, half]);
+            assert_eq!(seen == Freedom::Any, open, "{x}");
         }
     }
 }

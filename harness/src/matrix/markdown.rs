@@ -199,7 +199,8 @@ impl Matrix {
         for (_, why, rows) in self.ranked_reasons().into_iter().filter(|reason| !whole(reason)) {
             let why = why.split_whitespace().collect::<Vec<_>>().join(" ");
             writeln!(text, "- {}: {why}", counted(rows.len(), "row"))?;
-            let few: Vec<String> = rows.iter().take(MOST_NAMES).map(|row| format!("`{row}`")).collect();
+            let few: Vec<String> =
+                rows.iter().take(MOST_NAMES).map(|row| format!("`{row}`")).collect();
             let more = rows.len().saturating_sub(few.len());
             let more = if more > 0 { format!(" and {more} more") } else { String::new() };
             writeln!(text, "  ({}{more})", few.join(", "))?;

@@ -137,7 +137,8 @@ mod tests {
         let mut cells = [cell.clone(), cell.clone(), cell];
         assert!(!read().is_suspected("slow"), "there is no file yet");
         for (times, package) in [(1, "p"), (1, "other"), (2, "p")] {
-            let [package, row, column, why] = [package, "slow", "vulkan", "it hangs"].map(str::to_owned);
+            let [package, row, column, why] =
+                [package, "slow", "vulkan", "it hangs"].map(str::to_owned);
             Note { package, row, column, why }.write(&file).expect("written");
             assert!(read().is_suspected("slow") && !read().is_suspected("fast"));
             assert_eq!(read().ends("slow", &columns, &mut cells), times == 2);

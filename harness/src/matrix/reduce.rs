@@ -109,6 +109,8 @@ fn digits(value: f32) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::probe::{Prepared, ProbeError, Started};
+    use crate::tolerance::{Abs, Tolerance};
 
     /// Each step leads to something simpler, so that steps end.
     #[test]
@@ -125,5 +127,47 @@ mod tests {
             }
         }
         assert!(simpler_words(Scalar::F32, 0).is_empty());
+    }
+
+    /// Makes results of all arguments together.
+    struct By(fn(&[u32]) -> Vec<u32>);
+
+    impl Prepared for By {
+        fn capacity(&self) -> usize {
+            64
+        }
+
+        fn start<'p>(&'p self, _: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError> {
+            let results = (self.0)(arguments);
+            Ok(Box::new(move |read| {
+                read(&results, 1);
+                Ok(())
+            }))
+        }
+    }
+
+    /// Some drivers take one invocation's value for those of all that run together.
+    #[test]
+    fn what_differs_among_others_alone_is_not_made_simpler() {
+        let squares = |all: &[u32]| all.iter().map(|own| own * own).collect();
+        let mixed = |all: &[u32]| vec![all[0] * all[0]; all.len()];
+        let wrong = |all: &[u32]| all.iter().map(|own| own * own + 100).collect();
+        let scalars = [Scalar::U32];
+        let within = Tolerance::from(Abs(0.0));
+        let judge = Judge::new(&scalars, &within, &[0]);
+        let reduced = |actual: fn(&[u32]) -> Vec<u32>| {
+            let pair = Pair {
+                expected: &Runs::of_one_word(By(squares)),
+                actual: &Runs::of_one_word(By(actual)),
+                arguments: &scalars,
+                results: &scalars,
+                judge: &judge,
+                leeway: &Leeway::default(),
+            };
+            pair.reduce(&Case { row: vec![9], expected: vec![81], actual: vec![4] })
+        };
+        assert_eq!(reduced(mixed), None, "alone it is right");
+        let simplest = Case { row: vec![0], expected: vec![0], actual: vec![100] };
+        assert_eq!(reduced(wrong), Some(simplest), "with its own results");
     }
 }

@@ -131,15 +131,8 @@ fn compare_all(
             cell.stopped = Some(Stop::NothingToCompare(none.to_owned()));
         } else if let Some(case) = seen.differing.first() {
             let text = cell.text().zip(cell.text_lines);
-            let found = divergence(
-                request,
-                probed,
-                rows,
-                (first, other),
-                *case,
-                (&judge, leeway),
-                text,
-            );
+            let found =
+                divergence(request, probed, rows, (first, other), *case, (&judge, leeway), text);
             let (count, compared) = (seen.differing.len(), seen.compared);
             cell.stopped = Some(Stop::Differs(format!(
                 "{count} of {compared} cases differ from `{baseline}`: {}",

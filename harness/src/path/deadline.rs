@@ -7,6 +7,7 @@ use std::cell::RefCell;
 use std::io::Write;
 use std::sync::Arc;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::time::Duration;
 
 use super::Path;
 use crate::output::visible;
@@ -44,10 +45,18 @@ pub(crate) fn on_deadline<T>(note: OnDeadline, work: impl FnOnce() -> T) -> T {
 /// Ends the process unless the guard is dropped within the deadline. `what` says what was running
 /// on a path, and how to run it again.
 pub(crate) fn guard(path: Path, what: impl FnOnce() -> String + Send + 'static) -> Guard {
+    within(settings::deadline(), path, what)
+}
+
+/// The same while a path opens, which runs no shader: its deadline isn't one for shaders alone.
+pub(crate) fn guard_opening(path: Path) -> Guard {
+    let limit = settings::deadline().max(Duration::from_secs_f64(settings::DEADLINE_SECONDS));
+    within(limit, path, move || format!("opening path {path}"))
+}
+
+fn within(limit: Duration, path: Path, what: impl FnOnce() -> String + Send + 'static) -> Guard {
     let note = ON_DEADLINE.with_borrow(Clone::clone);
     let (done, wait) = channel::<()>();
-    let settings = settings::current().expect("no path opens with settings that aren't right");
-    let limit = settings.deadline;
     std::thread::spawn(move || {
         if wait.recv_timeout(limit) == Err(RecvTimeoutError::Timeout) {
             // Written past the test runner's capture, which dies with the process.

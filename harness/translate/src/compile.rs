@@ -269,10 +269,11 @@ pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
         message: error.to_string(),
     };
     let compiled = run(program, &arguments, translation).map_err(unrunnable)?;
-    let compiled = match target == Target::Hlsl && compiled.words.as_deref().is_some_and(counts_words) {
-        true => run(program, &arguments, &with_bytes(translation)).map_err(unrunnable)?,
-        false => compiled,
-    };
+    let compiled =
+        match target == Target::Hlsl && compiled.words.as_deref().is_some_and(counts_words) {
+            true => run(program, &arguments, &with_bytes(translation)).map_err(unrunnable)?,
+            false => compiled,
+        };
     let message = || compiled.ran.output.clone();
     let broke = |how: String| {
         let command = command.clone();
@@ -291,5 +292,24 @@ pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
     match layout::fault(&translation.uniforms, &words).filter(|_| is_hlsl) {
         Some(message) => Err(CompileError::Layout { command, message }),
         None => Ok(words),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A length that is multiplied is one in bytes: a later glslang may do that itself.
+    #[test]
+    fn lengths_in_words_are_told_from_those_in_bytes() {
+        let head = [MAGIC, 0x0001_0300, 0, 20, 0];
+        let length = [5 << 16 | 68, 1, 7, 2, 0];
+        let load = [4 << 16 | 61, 1, 8, 7];
+        let (multiplied, shifted) = ([5 << 16 | 132, 1, 8, 7, 9], [5 << 16 | 196, 1, 8, 7, 9]);
+        let module = |instructions: &[&[u32]]| [&head[..], &instructions.concat()].concat();
+        assert!(counts_words(&module(&[&length, &load])));
+        assert!(!counts_words(&module(&[&length, &multiplied])));
+        assert!(!counts_words(&module(&[&length, &shifted])));
+        assert!(!counts_words(&module(&[&load])), "no length is asked for");
     }
 }
