@@ -205,11 +205,11 @@ pub struct Cell {
     pub against: Option<String>,
     /// Cases that were compared with another column; of an entry point, words of its buffers.
     pub compared: usize,
-    /// Cases in which the results differ by more than the tolerance, and not both are what WGSL allows; of
+    /// Cases in which the results differ by more than the tolerance, and WGSL doesn't leave them open; of
     /// an entry point, words.
     pub differing: usize,
     /// Cases, or words of an entry point, that differ where WGSL leaves the result open: an index leaves
-    /// its array, a float isn't finite, or both results are within its bounds.
+    /// its array, or a float isn't finite.
     pub open: usize,
     /// The largest distance, in `f32` steps, of all components that were compared.
     pub worst_ulp: Option<u64>,

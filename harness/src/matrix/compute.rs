@@ -74,15 +74,14 @@ pub(super) fn run_entry_point_on_each(
         Ok(data) if differ => open(program, name, data, expected),
         _ => vec![false; expected.len()],
     };
-    let compared = open.iter().filter(|open| !**open).count();
     let mut agreeing = None;
     for (index, actual) in others {
         let (baseline, cell) = (request.columns[*first], &mut cells[*index]);
-        cell.compared = compared;
         cell.against = Some(baseline.to_string());
         let (left_open, places): (Vec<usize>, Vec<usize>) =
             all.clone().filter(|at| differs(at, actual)).partition(|at| open[*at]);
-        (cell.differing, cell.open) = (places.len(), left_open.len());
+        let compared = expected.len() - left_open.len();
+        (cell.compared, cell.differing, cell.open) = (compared, places.len(), left_open.len());
         if let Some(place) = places.first() {
             cell.stopped = Some(Stop::Differs(format!(
                 "{} of {compared} words of its buffers differ from `{baseline}`: word {place} is \

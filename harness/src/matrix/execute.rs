@@ -82,6 +82,8 @@ pub(super) struct Comparison {
     pub(super) compared: usize,
     /// The cases that differ.
     pub(super) differing: Vec<usize>,
+    /// How many of these differ within what WGSL allows, as far as intervals show that.
+    pub(super) allowed: usize,
     /// Cases with a lane that differs where WGSL leaves open what it is.
     pub(super) open: usize,
     pub(super) worst_ulp: Option<u64>,
@@ -134,15 +136,16 @@ impl<'j> Judge<'j> {
             comparison.compared += usize::from(seen.compared);
             if seen.differs {
                 comparison.differing.push(index);
+                comparison.allowed += usize::from(!seen.forbidden);
             }
         }
         comparison
     }
 
-    /// Compares one case, lane by lane. Where WGSL bounds a lane, results that differ may both be right.
-    /// Where that isn't known, and a float of the first result isn't finite, the floats of this case
-    /// are left out: WGSL lets implementations assume that there is none, so what is computed along
-    /// with it isn't determined, either.
+    /// Compares one case, lane by lane. Where WGSL allows a lane to be anything, results that differ are
+    /// both right. Where that isn't known, and a float of the first result isn't finite, the floats of
+    /// this case are left out: WGSL lets implementations assume that there is none, so what is
+    /// computed along with it isn't determined, either.
     pub(super) fn case(
         &self,
         expected: &[u32],
@@ -155,26 +158,23 @@ impl<'j> Judge<'j> {
             let (wanted, found) = (expected[lane], actual[lane]);
             let freedom = latitude
                 .map_or(Freedom::Unknown, |case| case.freedom(lane, *scalar, [wanted, found]));
-            let is_open = match freedom {
-                Freedom::Any => true,
-                Freedom::Unknown => scalar.is_float() && !finite,
-                Freedom::Both | Freedom::NotBoth => false,
-            };
-            if is_open {
-                seen.open |= freedom == Freedom::Any && wanted != found;
-                continue;
+            let agrees = self.agree(lane, wanted, found);
+            // What isn't a number agrees with nothing, and shows nothing where any value is allowed.
+            let is_number = scalar.decode(wanted).is_finite();
+            match freedom {
+                Freedom::Any if !(agrees && is_number) => {
+                    seen.open |= wanted != found;
+                    continue;
+                }
+                Freedom::Unknown if scalar.is_float() && !finite => continue,
+                _ => {}
             }
             seen.compared = true;
-            if scalar.decode(wanted).is_finite() {
+            if is_number {
                 seen.worst_ulp = seen.worst_ulp.max(distance((scalar, (&wanted, &found))));
             }
-            if self.agree(lane, wanted, found) {
-                continue;
-            }
-            match freedom {
-                Freedom::Both => seen.open = true,
-                _ => seen.differs = true,
-            }
+            seen.differs |= !agrees;
+            seen.forbidden |= !agrees && freedom != Freedom::Both;
         }
         seen
     }
@@ -196,8 +196,10 @@ impl<'j> Judge<'j> {
 pub(super) struct Seen {
     /// A lane was compared.
     pub(super) compared: bool,
-    /// A lane differs, and not both results are allowed.
+    /// A lane differs.
     pub(super) differs: bool,
+    /// A lane differs of which it isn't known that WGSL allows both results.
+    forbidden: bool,
     /// A lane differs where WGSL leaves open what it is.
     pub(super) open: bool,
     worst_ulp: Option<u64>,

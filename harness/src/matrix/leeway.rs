@@ -28,9 +28,10 @@ pub(super) struct OfCase<'l> {
 /// What may be said of two results of a lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Freedom {
-    /// Any value is allowed, so there is nothing to compare.
+    /// Any value is allowed: results that differ are both right.
     Any,
-    /// Both results are allowed, though they may differ.
+    /// Both results are within bounds. These may be wider than what WGSL allows: those of a texture hold
+    /// all of its texels.
     Both,
     /// One of them isn't allowed.
     NotBoth,

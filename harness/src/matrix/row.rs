@@ -134,8 +134,12 @@ fn compare_all(
             let found =
                 divergence(request, probed, rows, (first, other), *case, (&judge, leeway), text);
             let (count, compared) = (seen.differing.len(), seen.compared);
+            let within = match seen.allowed {
+                0 => String::new(),
+                allowed => format!(" ({allowed} of them within WGSL's bounds)"),
+            };
             cell.stopped = Some(Stop::Differs(format!(
-                "{count} of {compared} cases differ from `{baseline}`: {}",
+                "{count} of {compared} cases differ from `{baseline}`{within}: {}",
                 found.sentence(&request.columns[other.column].to_string())
             )));
             cell.divergence = Some(found);
