@@ -81,7 +81,7 @@ impl Judged {
             // Only naga, whose IR the engine runs, has a say in the author's own text.
             let tools: Vec<&Tool> = match written {
                 Written::ByAuthor => vec![Tool::naga()],
-                Written::ByNaga(target) => Tool::of(target).into_iter().collect(),
+                Written::ByNaga(target) => Tool::of(target).collect(),
             };
             for tool in tools {
                 for ((row, _), said) in made.iter().zip(ask(tool, &translations)) {

@@ -24,9 +24,9 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
         About::EntryPoint { program, name } => {
             let data = match program.compute_entry_point(name) {
                 Some((bindings, size)) => {
-                    let size = size.iter().product::<u32>().max(1);
+                    let size = size.iter().fold(1, |all: u32, n| all.saturating_mul(*n)).max(1);
                     let workgroups = made_up::INVOCATIONS.div_ceil(size);
-                    let invocations = (workgroups * size) as usize;
+                    let invocations = workgroups.saturating_mul(size) as usize;
                     made_up::data(program, &bindings, invocations).map(|data| (data, workgroups))
                 }
                 None => {

@@ -154,7 +154,8 @@ pub(crate) fn data(
     bindings: &[Binding],
     invocations: usize,
 ) -> Result<Vec<Data>, String> {
-    let elements = invocations.max(ELEMENTS);
+    // More words than a buffer may have are refused below.
+    let elements = invocations.clamp(ELEMENTS, MOST_BYTES / 4 + 1);
     let one = |binding: &Binding| {
         let Binding { group, binding: number, kind, .. } = *binding;
         let mut source = source_of(binding);
