@@ -1,6 +1,7 @@
 //! `cargo ci bench`: the harness's benchmarks.
 
 use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
@@ -19,6 +20,8 @@ pub(crate) fn run(arguments: &[String], page: bool) -> Result<()> {
     let mut bench = command::cargo(&karat);
     // With it wgpu takes a backtrace wherever it locks something, in this profile.
     bench.env_remove("RUST_BACKTRACE");
+    let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
+    bench.env("MESA_SHADER_CACHE_DIR", empty_cache(&command::root().join(target))?);
     if !arguments.is_empty() {
         bench.arg("--").args(arguments);
     }
@@ -46,6 +49,18 @@ pub(crate) fn run(arguments: &[String], page: bool) -> Result<()> {
     );
     std::fs::write(command::root().join(PAGE), page)
         .with_context(|| format!("can't write `{PAGE}`"))
+}
+
+/// An empty folder for what drivers compile. The user's own has the shaders of earlier runs, whose edits
+/// are the same.
+fn empty_cache(target: &Path) -> Result<PathBuf> {
+    let folder = target.join("bench-driver-cache");
+    let shown = folder.display();
+    if folder.exists() {
+        std::fs::remove_dir_all(&folder).with_context(|| format!("can't empty `{shown}`"))?;
+    }
+    std::fs::create_dir_all(&folder).with_context(|| format!("can't make `{shown}`"))?;
+    Ok(folder)
 }
 
 /// What it was measured on.
@@ -77,10 +92,26 @@ fn machine() -> String {
         ("System", Some(format!("{} {}", std::env::consts::OS, std::env::consts::ARCH))),
         ("Rust", rust),
         ("Vulkan", Some(vulkan.join("; "))),
+        ("Driver cache", Some("a folder of the benchmark's own, empty when it begins".to_owned())),
     ];
     let known = facts.into_iter().filter_map(|(name, fact)| {
         let fact = fact.filter(|fact| !fact.trim().is_empty())?;
         Some(format!("- {name}: {}", fact.trim()))
     });
     known.collect::<Vec<_>>().join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_benchmark_begins_with_an_empty_driver_cache_of_its_own() {
+        let target = tempfile::tempdir().expect("a folder");
+        let cache = empty_cache(target.path()).expect("it is made");
+        assert!(cache.starts_with(target.path()), "{}", cache.display());
+        std::fs::write(cache.join("of an earlier run"), "a shader").expect("written");
+        assert_eq!(empty_cache(target.path()).expect("again"), cache);
+        assert_eq!(std::fs::read_dir(&cache).expect("it is there").count(), 0);
+    }
 }

@@ -2,16 +2,18 @@
 //!
 //! `cargo run --features routes --example corpus_matrix -- LIST.toml [--json FOLDER]` makes the matrix of
 //! each crate and folder of a list (see `corpus.rs`), and prints a table. `cargo ci corpus --routes`
-//! runs it over `ci/corpus.toml`. A panic is a fault; whatever else goes wrong is a row.
+//! runs it over `ci/corpus.toml`. A panic is a fault; whatever else goes wrong is a row. A row that passes
+//! the deadline ends the process, which begins again without it: `--overdue FILE` is where that is noted.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::panic::catch_unwind;
-use std::process::ExitCode;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
 use std::time::{Duration, Instant};
 
-use karat::matrix::{Column, Matrix, Status, Stop};
+use karat::matrix::{Column, Matrix, Status, Stop, restarted};
 
 #[path = "corpus/list.rs"]
 mod list;
@@ -22,7 +24,7 @@ use list::{List, Wanted};
 const CASES: usize = 64;
 
 /// Words of a cell that are findings, behind those of the statuses.
-const WRONG: [&str; 3] = ["DIFFERS", "INVALID", "unsupported"];
+const WRONG: [&str; 4] = ["DIFFERS", "INVALID", "PANICS", "unsupported"];
 
 /// All crates together.
 #[derive(Default)]
@@ -38,7 +40,11 @@ struct All {
 }
 
 fn main() -> ExitCode {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let mut arguments: Vec<String> = std::env::args().skip(1).collect();
+    let Some(at) = arguments.iter().position(|argument| argument == "--overdue") else {
+        return supervise(&arguments);
+    };
+    let overdue = PathBuf::from(arguments.drain(at..).nth(1).unwrap_or_default());
     let (list, folder) = match &*arguments {
         [list] => (list, None),
         [list, json, folder] if json == "--json" => (list, Some(folder)),
@@ -60,7 +66,7 @@ fn main() -> ExitCode {
     );
     for wanted in &wanted {
         let (name, began) = (wanted.name(), Instant::now());
-        match catch_unwind(|| make(wanted)) {
+        match catch_unwind(|| make(wanted, &overdue)) {
             Ok(Ok(matrix)) => {
                 let line = all.add(&name, &matrix, began.elapsed());
                 eprint!("{line}");
@@ -91,14 +97,34 @@ fn main() -> ExitCode {
     }
 }
 
-fn make(wanted: &Wanted) -> Result<Matrix, String> {
+/// Runs this program in a process of its own, again as often as a row passes the deadline.
+fn supervise(arguments: &[String]) -> ExitCode {
+    let run = || {
+        let folder = tempfile::tempdir()?;
+        let file = folder.path().join("overdue.jsonl");
+        let mut program = Command::new(std::env::current_exe()?);
+        restarted(&file, program.args(arguments).arg("--overdue").arg(&file))
+    };
+    match run() {
+        Ok(status) => {
+            let code = status.code().and_then(|code| u8::try_from(code).ok());
+            code.map_or(ExitCode::FAILURE, ExitCode::from)
+        }
+        Err(error) => {
+            eprintln!("error: this program can't be run again: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn make(wanted: &Wanted, overdue: &Path) -> Result<Matrix, String> {
     let package = wanted.open().map_err(|error| error.to_string())?;
     let with = |package: karat::Package, (module, features): (&String, &Vec<String>)| {
         let features: Vec<&str> = features.iter().map(String::as_str).collect();
         package.validated_with(module, &features)
     };
     let package = wanted.with.iter().fold(package, with);
-    let request = package.matrix().columns(Column::usual()).cases(CASES);
+    let request = package.matrix().columns(Column::usual()).cases(CASES).overdue(overdue);
     request.run().map_err(|error| error.to_string())
 }
 
@@ -122,6 +148,7 @@ impl All {
                     stop @ (Stop::Differs(_)
                     | Stop::Rejected(_)
                     | Stop::Broke(_)
+                    | Stop::Panicked(_)
                     | Stop::Unsupported(_)),
                 ) = &cell.stopped
                 {
@@ -129,7 +156,8 @@ impl All {
                     let word = match stop {
                         Stop::Differs(_) => WRONG[0],
                         Stop::Rejected(_) | Stop::Broke(_) => WRONG[1],
-                        _ => WRONG[2],
+                        Stop::Panicked(_) => WRONG[2],
+                        _ => WRONG[3],
                     };
                     *counts.entry(word).or_default() += 1;
                     let known = self.reasons.entry(reason(&head.name, stop));

@@ -149,7 +149,11 @@ impl Interpreted {
 
     /// Results of some cases, in the words that a driver would write.
     pub(crate) fn words(&self, cases: usize, arguments: &[u32]) -> Result<Vec<u32>, ProbeError> {
-        let mut words = self.call::<F32>(cases, arguments)?.words();
+        self.words_of(self.call::<F32>(cases, arguments)?)
+    }
+
+    fn words_of(&self, results: Results<F32>) -> Result<Vec<u32>, ProbeError> {
+        let mut words = results.words();
         if self.quads.is_some() {
             let width = self.results.len();
             words = words.chunks(width).step_by(quads::PIXELS).flatten().copied().collect();
@@ -160,6 +164,16 @@ impl Interpreted {
         };
         each_half(&self.results, || &mut words, whole);
         Ok(words)
+    }
+
+    /// Which lanes of the results depend on what is read outside of an array or a texture, or on what is
+    /// written there: WGSL leaves open what that is.
+    #[cfg(feature = "routes")]
+    pub(crate) fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
+        differing(|outside| {
+            let options = Options { outside, ..self.options() };
+            self.words_of(self.call_with::<F32>(cases, arguments, &options)?)
+        })
     }
 
     /// What WGSL allows each lane of the results of some cases to be. Constants stand for the decimals
@@ -326,7 +340,54 @@ pub(crate) fn run_entry_point(
     name: &str,
     workgroups: u32,
     data: &[Data],
-) -> Result<Vec<Vec<u32>>, ProbeError> {
+) -> Result<Vec<u32>, ProbeError> {
+    dispatched(program, name, workgroups, data, &Options::default())
+}
+
+/// Which of these words depend on what an entry point reads or writes outside of an array: WGSL leaves
+/// open what that is.
+#[cfg(feature = "routes")]
+pub(crate) fn strays(
+    program: &Program,
+    name: &str,
+    workgroups: u32,
+    data: &[Data],
+) -> Result<Vec<bool>, ProbeError> {
+    differing(|outside| {
+        let deadline = Instant::now().checked_add(settings::deadline());
+        let options = Options { outside, deadline, ..Options::default() };
+        dispatched(program, name, workgroups, data, &options)
+    })
+}
+
+/// Numbers that stand for what is read outside. Drivers read 0 there, or the nearest element; a result
+/// that is the same with all three doesn't depend on it.
+#[cfg(feature = "routes")]
+const OUTSIDE: [u8; 2] = [0, 47];
+
+/// Which words of runs differ with what is read outside of arrays.
+#[cfg(feature = "routes")]
+fn differing(
+    run: impl Fn(Option<u8>) -> Result<Vec<u32>, ProbeError>,
+) -> Result<Vec<bool>, ProbeError> {
+    let usual = run(None)?;
+    let mut differs = vec![false; usual.len()];
+    for number in OUTSIDE {
+        let other = run(Some(number))?;
+        let words = usual.iter().zip(&other);
+        differs.iter_mut().zip(words).for_each(|(differs, (a, b))| *differs |= a != b);
+    }
+    Ok(differs)
+}
+
+#[cfg(feature = "routes")]
+fn dispatched(
+    program: &Program,
+    name: &str,
+    workgroups: u32,
+    data: &[Data],
+    options: &Options,
+) -> Result<Vec<u32>, ProbeError> {
     let settings = Settings::default();
     let lowered = Lowered::entry_point(program.module(), program.info(), name, &settings)
         .map_err(|refusal| refused(program, &refusal))?;
@@ -335,14 +396,14 @@ pub(crate) fn run_entry_point(
         resources.set_buffer(one.group, one.binding, one.bytes.clone());
     }
     lowered
-        .dispatch::<F32>([workgroups, 1, 1], &mut resources, &Options::default(), &())
+        .dispatch::<F32>([workgroups, 1, 1], &mut resources, options, &())
         .map_err(|stop| stopped(program, name, &stop))?;
     let written = data.iter().filter(|one| one.kind == BindingKind::Storage { writable: true });
-    let words = |one: &Data| {
+    let words = |one: &Data| -> Vec<u32> {
         let bytes = resources.buffer(one.group, one.binding).unwrap_or_default();
         bytemuck::pod_collect_to_vec(bytes)
     };
-    Ok(written.map(words).collect())
+    Ok(written.flat_map(words).collect())
 }
 
 /// The text of an expression. Of a call of a built-in function naga keeps the place of its name alone.

@@ -16,7 +16,9 @@ mod excerpt;
 mod execute;
 mod judge;
 mod known;
+mod leeway;
 mod markdown;
+mod overdue;
 mod reduce;
 mod reference;
 mod row;
@@ -24,6 +26,7 @@ mod subject;
 mod table;
 
 use std::fmt;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::Serialize;
@@ -34,6 +37,7 @@ pub use divergence::{Divergence, Intermediate};
 pub use judge::{Outcome, Said};
 pub use karat_translate::Code;
 pub use known::{Finding, Known};
+pub use overdue::restarted;
 pub use reference::Reference;
 pub use table::{Head, Matrix, MatrixError, Missed};
 
@@ -116,9 +120,11 @@ impl fmt::Display for Status {
 pub enum Stop {
     /// naga doesn't write it; its words.
     Unsupported(String),
+    /// naga panics as it writes it; the panic's words.
+    Panicked(String),
     /// A validator rejects it: which one, and its words.
     Rejected(String),
-    /// A validator has no verdict: it crashed, didn't end or can't be run.
+    /// A validator or a driver has no verdict: it crashed, didn't end or can't be run.
     Broke(String),
     /// No validator of the language is here.
     NoValidator(String),
@@ -145,6 +151,7 @@ impl Stop {
     pub fn text(&self) -> &str {
         match self {
             Self::Unsupported(text)
+            | Self::Panicked(text)
             | Self::Rejected(text)
             | Self::Broke(text)
             | Self::NoValidator(text)
@@ -166,7 +173,8 @@ impl Stop {
     /// ```
     #[must_use]
     pub fn is_wrong(&self) -> bool {
-        matches!(self, Self::Differs(_) | Self::Rejected(_) | Self::Broke(_))
+        use Stop::{Broke, Differs, Panicked, Rejected};
+        matches!(self, Differs(_) | Rejected(_) | Broke(_) | Panicked(_))
     }
 }
 
@@ -195,10 +203,14 @@ pub struct Cell {
     pub validators: Vec<Said>,
     /// The column that it was compared with.
     pub against: Option<String>,
-    /// Cases that were compared with another column.
+    /// Cases that were compared with another column; of an entry point, words of its buffers.
     pub compared: usize,
-    /// Cases in which the results differ by more than the tolerance.
+    /// Cases in which the results differ by more than the tolerance, and WGSL doesn't leave them open; of
+    /// an entry point, words.
     pub differing: usize,
+    /// Cases, or words of an entry point, that differ where WGSL leaves the result open: an index leaves
+    /// its array, or a float isn't finite.
+    pub open: usize,
     /// The largest distance, in `f32` steps, of all components that were compared.
     pub worst_ulp: Option<u64>,
     /// Where the results differ, the simplest input and the first value that differs.
@@ -341,6 +353,7 @@ pub struct Request {
     within: Tolerance,
     only: Vec<String>,
     known: Vec<Known>,
+    overdue: Option<PathBuf>,
 }
 
 /// Cases that each function is called with. They are there to tell translations apart, not to find
@@ -373,6 +386,7 @@ impl Package {
             within: Rel(WITHIN).or(Abs(WITHIN)),
             only: Vec::new(),
             known: Vec::new(),
+            overdue: None,
         }
     }
 }
@@ -460,6 +474,24 @@ impl Request {
         self
     }
 
+    /// Notes in a file which row was running when the deadline ended the process, as nothing else can
+    /// be done about a driver that hangs. A row that is noted there runs alone, and if it is noted once
+    /// more it isn't run: its cells say why. [`restarted`] runs a program that does this.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// # let folder = tempfile::tempdir()?;
+    /// let file = folder.path().join("overdue.jsonl");
+    /// let matrix = package.matrix().columns(["cpu".parse()?]).overdue(&file).run()?;
+    /// assert!(!file.exists(), "each row ended in time");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    #[must_use]
+    pub fn overdue(self, file: &Path) -> Self {
+        Self { overdue: Some(file.to_owned()), ..self }
+    }
+
     /// Makes the matrix.
     ///
     /// ```
@@ -474,7 +506,8 @@ impl Request {
     /// ```
     ///
     /// # Errors
-    /// If the package can't be read, has no function and no entry point, or a setting is wrong.
+    /// If the package can't be read, has no function and no entry point, a setting is wrong, or the
+    /// file of [`overdue`](Self::overdue) isn't one.
     pub fn run(&self) -> Result<Matrix, MatrixError> {
         self.run_with(&|_, _| {})
     }

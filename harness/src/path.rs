@@ -29,7 +29,9 @@ mod selector;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, OnceLock};
 
-pub(crate) use deadline::{Guard, guard};
+#[cfg(feature = "routes")]
+pub(crate) use deadline::on_deadline;
+pub(crate) use deadline::{Guard, guard, guard_opening};
 pub(crate) use device::{Device, MOST_ROUNDS, Pipeline, Turn};
 pub use driver::Adapter;
 pub use name::{Api, Path, Via};

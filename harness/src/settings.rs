@@ -65,7 +65,7 @@ const BROWSER: &str = "KARAT_BROWSER";
 const FUEL_ROUNDS: u64 = 1 << 20;
 
 /// Long enough for any shader that a test should run on a software rasteriser.
-const DEADLINE_SECONDS: f64 = 60.0;
+pub(crate) const DEADLINE_SECONDS: f64 = 60.0;
 
 /// What the environment asks for.
 #[derive(Clone, Debug, PartialEq)]
@@ -197,7 +197,6 @@ pub(crate) fn fuel() -> u64 {
 }
 
 /// How long a shader may take.
-#[cfg_attr(not(feature = "engine"), expect(dead_code, reason = "it is the engine's"))]
 pub(crate) fn deadline() -> Duration {
     let usual = Duration::from_secs_f64(DEADLINE_SECONDS);
     current().map_or(usual, |settings| settings.deadline)

@@ -11,7 +11,7 @@ use naga::Span;
 
 use crate::accuracy::Accuracy;
 use crate::arithmetic::sealed::Rules;
-use crate::code::{Code, Instruction, Op, Site};
+use crate::code::{Code, ImageKind, Instruction, Op, Site};
 use crate::columns::Columns;
 use crate::observer::{Fault, Faulty, Lanes, Observer};
 use crate::options::Options;
@@ -60,10 +60,10 @@ pub(crate) struct Machine<'p, A: Rules> {
     /// Where a lane's results became anything, as a site: a loop whose exit stayed undecided, or an index
     /// that left its array.
     lost: Vec<Option<u32>>,
+    /// The lanes whose index has left its array in the operation that runs.
+    strayed: Vec<usize>,
     /// The site of the operation that runs.
     site: u32,
-    /// The lanes whose index left its array in the operation that runs.
-    outside: Vec<usize>,
     width: usize,
 }
 
@@ -82,8 +82,8 @@ impl<'p, A: Rules> Machine<'p, A> {
             rounds: 0,
             undecided: vec![0; width],
             lost: vec![None; width],
+            strayed: Vec::new(),
             site: 0,
-            outside: Vec::new(),
             width,
         };
         for &(register, constant) in &code.constants {
@@ -252,6 +252,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                 Op::Store(file) => self.store(file, registers),
                 Op::Gather(file, walk) => {
                     self.gather(file, walk, registers);
+                    self.estrange(instruction, registers);
                     self.report(observer, instruction, case);
                 }
                 Op::Scatter(file, walk) => {
@@ -260,14 +261,17 @@ impl<'p, A: Rules> Machine<'p, A> {
                 }
                 Op::Pick(file, count, signed) => {
                     self.pick(file, count, signed, registers);
+                    self.estrange(instruction, registers);
                     self.report(observer, instruction, case);
                 }
                 Op::Table(file, table) => {
                     self.table(file, table, registers);
+                    self.estrange(instruction, registers);
                     self.report(observer, instruction, case);
                 }
                 Op::Load(scalar, walk) => {
                     self.load(scalar, walk, registers, memory);
+                    self.estrange(instruction, registers);
                     if A::NOTES && scalar.file() == File::Float {
                         self.after_floats(instruction, &registers[..1], (0, 1));
                     }
@@ -288,6 +292,10 @@ impl<'p, A: Rules> Machine<'p, A> {
                 }
                 Op::Image(image) => {
                     self.image(image, registers, memory);
+                    // A sample's layer that isn't there is the last one.
+                    if !matches!(code.images[image as usize].kind, ImageKind::Sample { .. }) {
+                        self.estrange(instruction, registers);
+                    }
                     let shape = code.shape(instruction.op);
                     let [floats, from] = [shape.outs[0], shape.ins[0]].map(|n| n as usize);
                     if floats > 0 {
@@ -475,11 +483,11 @@ impl<'p, A: Rules> Machine<'p, A> {
     {
         if O::ACTIVE {
             let site = self.site(instruction);
-            for &lane in &self.outside {
+            for &lane in &self.strayed {
                 observer.fault(&Faulty { fault: Fault::Index, site, case: case + lane });
             }
         }
-        self.outside.clear();
+        self.strayed.clear();
     }
 
     /// Reports each active lane in which something may go wrong.
@@ -539,6 +547,24 @@ impl<'p, A: Rules> Machine<'p, A> {
             let whole = A::coordinate(x[lane]).trunc();
             whole < least || whole > most
         });
+    }
+
+    /// Gives what was read outside of an array or texture the number that stands for it.
+    #[inline]
+    fn estrange(&mut self, instruction: &Instruction, registers: &[u32]) {
+        let Some(number) = self.options.outside else { return };
+        let [floats, ints, bools] = self.code.shape(instruction.op).outs.map(|n| n as usize);
+        for &lane in &self.strayed {
+            for &out in &registers[..floats] {
+                self.floats.get_mut(out)[lane] = A::float(f32::from(number));
+            }
+            for &out in &registers[floats..floats + ints] {
+                self.ints.get_mut(out)[lane] = A::int(u32::from(number), false);
+            }
+            for &out in &registers[floats + ints..floats + ints + bools] {
+                self.bools.get_mut(out)[lane] = A::bool(number != 0);
+            }
+        }
     }
 
     /// What lanes returned that are lost is anything at all.

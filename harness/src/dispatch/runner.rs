@@ -19,7 +19,7 @@ impl Device {
     pub(crate) fn dispatch(&self, passes: &Passes) -> Result<Afterwards, DispatchError> {
         let (path, of) = (self.path(), passes.passes[0].name.clone());
         let _turn = self.turn();
-        let _deadline = guard(move || format!("the dispatch of `{of}` on path {path}"));
+        let _deadline = guard(path, move || format!("the dispatch of `{of}` on path {path}"));
         if self.leaves_loops() {
             self.expect_whole_loops(passes)?;
         }

@@ -34,7 +34,7 @@ impl Device {
         }
 
         let (module, path) = (scene.module.clone(), self.path());
-        let _deadline = guard(move || {
+        let _deadline = guard(path, move || {
             format!("the {width} x {height} frame of module `{module}` on path {path}")
         });
         let unbounded = program.most_rounds().is_none_or(|rounds| rounds >= MOST_ROUNDS);

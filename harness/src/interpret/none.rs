@@ -23,6 +23,17 @@ pub(crate) fn missing() -> ProbeError {
     PathError::Route { path, message }.into()
 }
 
+/// Nothing is known of an entry point, either.
+#[cfg(feature = "routes")]
+pub(crate) fn strays(
+    _: &crate::reflect::Program,
+    _: &str,
+    _: u32,
+    _: &[crate::probe::Data],
+) -> Result<Vec<bool>, ProbeError> {
+    Err(missing())
+}
+
 /// What WGSL allows a lane to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Bound {}
@@ -40,6 +51,11 @@ impl Bound {
 impl Interpreted {
     pub(crate) fn new(_: &Probed, _: &Fixtures) -> Result<Self, ProbeError> {
         Err(missing())
+    }
+
+    #[cfg(feature = "routes")]
+    pub(crate) fn strays(&self, _: usize, _: &[u32]) -> Result<Vec<bool>, ProbeError> {
+        match *self {}
     }
 
     pub(crate) fn bounds(&self, _: usize, _: &[u32]) -> Result<Vec<Bound>, ProbeError> {

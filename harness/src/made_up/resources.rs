@@ -73,8 +73,12 @@ impl Resources {
             let fixture = match binding.kind {
                 BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate => {
                     Some(
-                        Buffer::of_bytes(all.buffer(&probed.program, binding, ranges, variant)?)
-                            .into(),
+                        Buffer::of_bytes(all.buffer(
+                            (&probed.program, binding, ELEMENTS),
+                            ranges,
+                            variant,
+                        )?)
+                        .into(),
                     )
                 }
                 _ => texture_or_sampler(binding, content, variant),
@@ -93,12 +97,11 @@ impl Resources {
     /// The bytes of a buffer.
     fn buffer(
         &mut self,
-        program: &Program,
-        binding: &Binding,
+        (program, binding, elements): (&Program, &Binding, usize),
         ranges: &Ranges,
         variant: usize,
     ) -> Result<Vec<u8>, String> {
-        let shape = program.buffer_of(binding, ELEMENTS);
+        let shape = program.buffer_of(binding, elements);
         let shape = shape.ok_or_else(|| format!("`{}` has no layout", binding.path))?;
         let mut source = source_of(binding, variant);
         let mut lanes = Vec::new();
@@ -123,10 +126,23 @@ impl Resources {
             Shape::Array { element, length } => {
                 // Elements have no place in a line of a report.
                 let shown = self.members.len();
-                (0..*length as usize).try_for_each(|at| {
-                    let index = index.map(|index| index + at);
-                    self.fill((path, element), ranges, index, source, lanes)
-                })?;
+                let each = (0..*length as usize).map(|at| index.map(|index| index + at));
+                match **element {
+                    Shape::Struct { .. } | Shape::Array { .. } => {
+                        for index in each {
+                            self.fill((path, element), ranges, index, source, lanes)?;
+                        }
+                    }
+                    // Described once: there may be a million.
+                    _ => {
+                        let parts = described(path, element, ranges)?;
+                        parts.iter().for_each(|one| self.drawn.note(one));
+                        for index in each {
+                            let values = parts.iter().map(|one| one.part.value(index, source));
+                            lanes.extend(values.flatten().flatten());
+                        }
+                    }
+                }
                 self.members.truncate(shown);
                 Ok(())
             }
@@ -164,9 +180,15 @@ pub(crate) fn fixtures(probed: &Probed) -> Result<Fixtures, String> {
 }
 
 /// Data for each buffer of an entry point, the same on each column; or the resource that there is
-/// none for.
+/// none for. An array whose length the shader doesn't say has an element for each invocation.
 #[cfg(feature = "routes")]
-pub(crate) fn data(program: &Program, bindings: &[Binding]) -> Result<Vec<Data>, String> {
+pub(crate) fn data(
+    program: &Program,
+    bindings: &[Binding],
+    invocations: usize,
+) -> Result<Vec<Data>, String> {
+    // More words than a buffer may have are refused below.
+    let elements = invocations.clamp(ELEMENTS, MOST_BYTES / 4 + 1);
     let one = |binding: &Binding| {
         let Binding { group, binding: number, kind, .. } = *binding;
         if !matches!(kind, BindingKind::Uniform | BindingKind::Storage { .. }) {
@@ -175,7 +197,8 @@ pub(crate) fn data(program: &Program, bindings: &[Binding]) -> Result<Vec<Data>,
                 binding.path
             ));
         }
-        let bytes = Resources::default().buffer(program, binding, &Ranges::default(), 0)?;
+        let bytes =
+            Resources::default().buffer((program, binding, elements), &Ranges::default(), 0)?;
         if bytes.len() > MOST_BYTES {
             return Err(format!(
                 "it uses `{}` of {} bytes, and entry points are run with at most {MOST_BYTES} a buffer",

@@ -4,8 +4,7 @@ use serde::Serialize;
 
 use super::Row;
 use super::execute::shown;
-use crate::fixture::Fixtures;
-use crate::interpret::{Bound, Interpreted};
+use crate::interpret::Bound;
 use crate::probe::Probed;
 use crate::value::Scalar;
 
@@ -27,16 +26,6 @@ pub struct Allowed {
     pub outside: usize,
     /// The first of these: the arguments, what WGSL allows, and the result.
     pub first: Option<String>,
-}
-
-/// What WGSL allows the cases of a function; `None` if the engine doesn't execute it.
-pub(super) fn bounds(
-    probed: &Probed,
-    fixtures: &Fixtures,
-    cases: usize,
-    rows: &[u32],
-) -> Option<Vec<Bound>> {
-    Interpreted::new(probed, fixtures).ok()?.bounds(cases, rows).ok()
 }
 
 impl Allowed {

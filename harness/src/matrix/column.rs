@@ -22,6 +22,15 @@ pub struct Column {
     pub(super) path: Option<Path>,
 }
 
+/// The text that a column stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Written {
+    /// A translation.
+    ByNaga(Target),
+    /// What the author wrote, as the engine executes it.
+    ByAuthor,
+}
+
 impl Column {
     /// What every machine can have: the APIs with their languages, the routes on Vulkan, two languages
     /// that no path of ours runs, and the engine (feature `engine`).
@@ -60,7 +69,7 @@ impl Column {
             (Via::HlslDxc, _) => Target::Hlsl6,
             (Via::Direct, Api::Metal) | (Via::Msl, _) => Target::Msl,
             (Via::Wgsl, _) => Target::Wgsl,
-            // The engine runs naga's IR. What it reads is what naga's WGSL writes again.
+            // The engine runs naga's IR of the author's own text.
             (Via::Direct, Api::Cpu) if cfg!(feature = "engine") => Target::Wgsl,
             (Via::Direct, Api::Cpu) => return None,
         };
@@ -81,9 +90,12 @@ impl Column {
         self.target.name()
     }
 
-    /// Whether what runs is naga's IR, and no translation of it.
-    pub(super) fn runs_ir(self) -> bool {
-        self.path.is_some_and(|path| path.api() == Api::Cpu)
+    /// The text that runs or is judged.
+    pub(super) fn written(self) -> Written {
+        match self.path.is_some_and(|path| path.api() == Api::Cpu) {
+            true => Written::ByAuthor,
+            false => Written::ByNaga(self.target),
+        }
     }
 
     /// The path that runs it.

@@ -3,10 +3,12 @@
 use super::execute::{Comparison, not_run};
 use super::row::conclude;
 use super::{Buffer, Cell, Request, Status, Stop};
+use crate::interpret::strays;
 use crate::path::{Device, Path};
 use crate::probe::{Data, ProbeError, run_entry_point};
 use crate::reflect::{BindingKind, Program};
 use crate::tolerance::Tolerance;
+use crate::value::Scalar;
 
 /// Runs a compute entry point on each column that got so far, and compares what it wrote.
 pub(super) fn run_entry_point_on_each(
@@ -48,7 +50,7 @@ pub(super) fn run_entry_point_on_each(
         match words {
             Ok(words) => {
                 cell.status = Some(Status::Executed);
-                ran.push((index, words.concat()));
+                ran.push((index, words));
             }
             Err(stop) => cell.stopped = Some(stop),
         }
@@ -63,27 +65,37 @@ pub(super) fn run_entry_point_on_each(
         return;
     }
     let Some(((first, expected), others)) = ran.split_first() else { return };
+    let differs =
+        |at: &usize, actual: &[u32]| !same_word(expected[*at], actual[*at], &request.within);
+    // The same buffers were read back on each. Only where they differ is it asked what may.
+    let all = 0..expected.len();
+    let differ = others.iter().any(|(_, actual)| all.clone().any(|at| differs(&at, actual)));
+    let open = match data {
+        Ok(data) if differ => open(program, name, data, expected),
+        _ => vec![false; expected.len()],
+    };
     let mut agreeing = None;
     for (index, actual) in others {
         let (baseline, cell) = (request.columns[*first], &mut cells[*index]);
-        cell.compared = expected.len();
         cell.against = Some(baseline.to_string());
-        // The same buffers were read back on each.
-        let differs = |at: &usize| !same_word(expected[*at], actual[*at], &request.within);
-        let places: Vec<usize> = (0..expected.len()).filter(differs).collect();
-        cell.differing = places.len();
+        let (left_open, places): (Vec<usize>, Vec<usize>) =
+            all.clone().filter(|at| differs(at, actual)).partition(|at| open[*at]);
+        let compared = expected.len() - left_open.len();
+        (cell.compared, cell.differing, cell.open) = (compared, places.len(), left_open.len());
         if let Some(place) = places.first() {
             cell.stopped = Some(Stop::Differs(format!(
-                "{} of {} words of its buffers differ from `{baseline}`: word {place} is {:#010x}, \
-                 there {:#010x}",
+                "{} of {compared} words of its buffers differ from `{baseline}`: word {place} is \
+                 {:#010x}, there {:#010x}",
                 places.len(),
-                expected.len(),
                 actual[*place],
                 expected[*place]
             )));
+        } else if compared == 0 {
+            let none = "WGSL leaves open what each word of its buffers is".to_owned();
+            cell.stopped = Some(Stop::NothingToCompare(none));
         } else {
             cell.status = Some(Status::Agrees);
-            agreeing = Some(expected.len());
+            agreeing = Some(compared);
         }
     }
     let agreeing = agreeing.map(|compared| Comparison { compared, ..Comparison::default() });
@@ -102,7 +114,7 @@ fn written(
     program: &Program,
     name: &str,
     (data, workgroups): &(Vec<Data>, u32),
-) -> Result<Vec<Vec<u32>>, Unwritten> {
+) -> Result<Vec<u32>, Unwritten> {
     #[cfg(feature = "engine")]
     if path == Path::CPU {
         let run = crate::interpret::run_entry_point(program, name, *workgroups, data);
@@ -127,6 +139,44 @@ fn initial(data: &[Data]) -> Vec<u32> {
     let writable = |data: &&Data| data.kind == BindingKind::Storage { writable: true };
     let words = |data: &Data| bytemuck::pod_collect_to_vec::<u8, u32>(&data.bytes);
     data.iter().filter(writable).flat_map(words).collect()
+}
+
+/// Which words of the buffers that may be written WGSL leaves open, of those that the first column wrote:
+/// they depend on what is read or written outside of an array, or are floats that aren't finite.
+fn open(
+    program: &Program,
+    name: &str,
+    (data, workgroups): &(Vec<Data>, u32),
+    expected: &[u32],
+) -> Vec<bool> {
+    let mut open = strays(program, name, *workgroups, data).unwrap_or_default();
+    open.resize(expected.len(), false);
+    let floats = floats(program, name, data);
+    let words = open.iter_mut().zip(expected).zip(floats);
+    for ((open, word), is_float) in words {
+        *open |= is_float && !f32::from_bits(*word).is_finite();
+    }
+    open
+}
+
+/// Which of these words are known to be floats. It isn't known of structures that end in an array.
+fn floats(program: &Program, name: &str, data: &[Data]) -> Vec<bool> {
+    let bindings =
+        program.compute_entry_point(name).map_or_else(Vec::new, |(bindings, _)| bindings);
+    let of_buffer = |data: &Data| {
+        let binding = bindings.iter().find(|b| (b.group, b.binding) == (data.group, data.binding));
+        let shape = binding.and_then(|binding| Some((binding, program.buffer_data(binding)?.0)));
+        let marked = shape.and_then(|(binding, shape)| {
+            let marks = shape.lanes().into_iter().map(|s| u32::from(s == Scalar::F32) * u32::MAX);
+            let lanes: Vec<u32> = marks.cycle().take(data.bytes.len() / 4).collect();
+            program.bytes(binding, &lanes).ok()
+        });
+        let mut words: Vec<u32> = bytemuck::pod_collect_to_vec(&marked.unwrap_or_default());
+        words.resize(data.bytes.len() / 4, 0);
+        words.into_iter().map(|word| word == u32::MAX)
+    };
+    let writable = |data: &&Data| data.kind == BindingKind::Storage { writable: true };
+    data.iter().filter(writable).flat_map(of_buffer).collect()
 }
 
 /// Whether a driver wouldn't compile a module's entry points in time. llvmpipe makes a coroutine of

@@ -5,7 +5,8 @@ use serde::Serialize;
 use super::Request;
 use super::excerpt::definition_line;
 use super::execute::{Judge, Ran, Runs, shown};
-use super::reduce::Pair;
+use super::leeway::Leeway;
+use super::reduce::{Case, Pair};
 use crate::made_up;
 use crate::probe::{Let, Probed, lets};
 use crate::value::Scalar;
@@ -36,6 +37,10 @@ pub struct Divergence {
     pub words: Vec<u32>,
     /// The results' words: of this column and of the baseline.
     pub results: (Vec<u32>, Vec<u32>),
+    /// Whether the columns differ, too, where this input is the only one. If not, a result depends on the
+    /// inputs that run beside it: some drivers take one invocation's level of a texture for those of
+    /// all.
+    pub alone: bool,
     /// The first let-binding of the function whose value differs; `None` if each agrees, so that the
     /// difference is in the result's own expression or in what isn't bound by `let`.
     pub first: Option<Intermediate>,
@@ -65,6 +70,7 @@ pub struct Divergence {
 /// #     there: "3.2e7".to_owned(),
 /// #     words: vec![0x38d1_b717],
 /// #     results: (vec![0x7f80_0000], vec![0x4bf4_2400]),
+/// #     alone: true,
 /// #     first: Some(first),
 /// #     unseen: Vec::new(),
 /// # };
@@ -102,6 +108,7 @@ impl Divergence {
     ///     there: "0.25".to_owned(),
     ///     words: vec![0x3f00_0000],
     ///     results: (vec![0x3f80_0000], vec![0x3e80_0000]),
+    ///     alone: true,
     ///     first: None,
     ///     unseen: Vec::new(),
     /// };
@@ -114,6 +121,10 @@ impl Divergence {
         let Self { baseline, here, there, .. } = self;
         let at = if named.is_empty() { String::new() } else { format!("at {} ", named.join("; ")) };
         let mut text = format!("{at}`{column}` returns {here}, `{baseline}` {there}");
+        if !self.alone {
+            text += "; run alone, this input gives the same on both: a driver mixes the inputs that \
+                     run together";
+        }
         if let Some(Intermediate { name, location, here, there, in_loop, .. }) = &self.first {
             let place = location.as_ref().map_or_else(String::new, |at| format!(" ({at})"));
             let last = if *in_loop { ", by its last value in a loop" } else { "" };
@@ -134,7 +145,7 @@ pub(super) fn divergence(
     rows: &[u32],
     (first, other): (&Ran<'_>, &Ran<'_>),
     case: usize,
-    judge: &Judge<'_>,
+    (judge, leeway): (&Judge<'_>, &Leeway),
     text: Option<(&str, (usize, usize))>,
 ) -> Divergence {
     let function = probed.function();
@@ -147,11 +158,17 @@ pub(super) fn divergence(
         arguments: &arguments,
         results: &results,
         judge,
+        leeway,
     };
-    let row = rows[case * arguments.len()..][..arguments.len()].to_vec();
-    let of = |ran: &Ran<'_>| ran.results[case * results.len()..][..results.len()].to_vec();
-    let (row, expected, actual) =
-        pair.reduce(row.clone()).unwrap_or_else(|| (row, of(first), of(other)));
+    let of = |words: &[u32], width: usize| words[case * width..][..width].to_vec();
+    let seen = Case {
+        row: of(rows, arguments.len()),
+        expected: of(&first.results, results.len()),
+        actual: of(&other.results, results.len()),
+    };
+    let reduced = pair.reduce(&seen);
+    let alone = reduced.is_some();
+    let Case { row, expected, actual } = reduced.unwrap_or(seen);
     let mut at = 0;
     let named = function.parameters.iter().map(|(name, shape)| {
         let count = shape.lanes().len();
@@ -160,7 +177,8 @@ pub(super) fn divergence(
     });
     let named = named.collect();
     let (mut found, mut unseen) = (None, Vec::new());
-    for one in lets(probed) {
+    // Bindings are looked at alone.
+    for one in if alone { lets(probed) } else { Vec::new() } {
         match differing(request, &one, &row, (&first.runs, &other.runs), text) {
             Ok(None) => {}
             Ok(Some(differing)) => {
@@ -177,6 +195,7 @@ pub(super) fn divergence(
         there: shown(&results, &expected),
         words: row,
         results: (actual, expected),
+        alone,
         first: found,
         unseen,
     }
@@ -202,11 +221,13 @@ fn differing(
     let (there, here) = (value(first)?, value(other)?);
     let scalars = probed.function().result.lanes();
     let judge = Judge::new(&scalars, &request.within, &there);
-    if there == here || (judge.is_compared(&there) && judge.agree(&there, &here)) {
+    let latitude = Leeway::of(probed, &fixtures).at(row, 1);
+    let seen = judge.case(&there, &here, latitude.as_ref().map(|all| all.case(0, scalars.len())));
+    if there == here || (seen.compared && !seen.differs) {
         return Ok(None);
     }
-    if !judge.is_compared(&there) {
-        // NaN and infinity are nothing that a column has to repeat.
+    if !seen.compared {
+        // What WGSL leaves open is nothing that a column has to repeat.
         return Err(Unseen);
     }
     let line = one.span.as_ref().map(|span| span.file.line_column(span.range.start).0);

@@ -1,5 +1,6 @@
 //! Running a function on a column's path, and comparing it with another one's results.
 
+use super::leeway::{Freedom, Latitude, OfCase};
 use crate::executor;
 use crate::fixture::Fixtures;
 use crate::path::Path;
@@ -34,6 +35,11 @@ impl<'p> Runs<'p> {
         let function = probed.function();
         let words_in = function.parameters.iter().map(|(_, shape)| shape.lanes().len()).sum();
         Ok(Self { prepared, path, words_in, words_out: function.result.lanes().len() })
+    }
+
+    #[cfg(test)]
+    pub(super) fn of_one_word(prepared: impl Prepared + 'p) -> Self {
+        Self { prepared: Box::new(prepared), path: Path::VULKAN, words_in: 1, words_out: 1 }
     }
 
     pub(super) fn path(&self) -> Path {
@@ -76,6 +82,10 @@ pub(super) struct Comparison {
     pub(super) compared: usize,
     /// The cases that differ.
     pub(super) differing: Vec<usize>,
+    /// How many of these differ within what WGSL allows, as far as intervals show that.
+    pub(super) allowed: usize,
+    /// Cases with a lane that differs where WGSL leaves open what it is.
+    pub(super) open: usize,
     pub(super) worst_ulp: Option<u64>,
 }
 
@@ -109,53 +119,90 @@ impl<'j> Judge<'j> {
         Self { scalars, within, scales: scales.into_iter().map(one).collect() }
     }
 
-    /// Compares results case by case. Where a float of the first result isn't finite, the floats of
-    /// this case are left out: WGSL lets implementations assume that there is none, so what
-    /// is computed along with it isn't determined, either.
-    pub(super) fn compare(&self, expected: &[u32], actual: &[u32]) -> Comparison {
+    /// Compares results case by case.
+    pub(super) fn compare(
+        &self,
+        expected: &[u32],
+        actual: &[u32],
+        latitude: Option<&Latitude>,
+    ) -> Comparison {
         let width = self.scalars.len();
         let mut comparison = Comparison::default();
         let cases = expected.chunks_exact(width).zip(actual.chunks_exact(width));
         for (index, (expected, actual)) in cases.enumerate() {
-            if !self.is_compared(expected) {
-                continue;
-            }
-            comparison.compared += 1;
-            if self.is_finite(expected) {
-                let lanes = self.scalars.iter().zip(expected.iter().zip(actual));
-                let worst = lanes.filter_map(distance).max();
-                comparison.worst_ulp = comparison.worst_ulp.max(worst);
-            }
-            if !self.agree(expected, actual) {
+            let seen = self.case(expected, actual, latitude.map(|all| all.case(index, width)));
+            comparison.open += usize::from(seen.open);
+            comparison.worst_ulp = comparison.worst_ulp.max(seen.worst_ulp);
+            comparison.compared += usize::from(seen.compared);
+            if seen.differs {
                 comparison.differing.push(index);
+                comparison.allowed += usize::from(!seen.forbidden);
             }
         }
         comparison
     }
 
-    /// Whether a case has a component that is compared.
-    pub(super) fn is_compared(&self, expected: &[u32]) -> bool {
-        self.is_finite(expected) || self.scalars.iter().any(|scalar| !scalar.is_float())
-    }
-
-    fn is_finite(&self, expected: &[u32]) -> bool {
-        self.scalars.iter().zip(expected).all(|(s, word)| s.decode(*word).is_finite())
-    }
-
-    /// Whether one case agrees.
-    pub(super) fn agree(&self, expected: &[u32], actual: &[u32]) -> bool {
-        let finite = self.is_finite(expected);
-        let lanes = self.scalars.iter().zip(&self.scales).zip(expected.iter().zip(actual));
-        lanes.into_iter().all(|((scalar, scale), (expected, actual))| {
-            let wanted = scalar.decode(*expected);
-            if !scalar.is_float() {
-                return expected == actual;
+    /// Compares one case, lane by lane. Where WGSL allows a lane to be anything, results that differ are
+    /// both right. Where that isn't known, and a float of the first result isn't finite, the floats of
+    /// this case are left out: WGSL lets implementations assume that there is none, so what is
+    /// computed along with it isn't determined, either.
+    pub(super) fn case(
+        &self,
+        expected: &[u32],
+        actual: &[u32],
+        latitude: Option<OfCase<'_>>,
+    ) -> Seen {
+        let finite = self.scalars.iter().zip(expected).all(|(s, word)| s.decode(*word).is_finite());
+        let mut seen = Seen::default();
+        for (lane, scalar) in self.scalars.iter().enumerate() {
+            let (wanted, found) = (expected[lane], actual[lane]);
+            let freedom = latitude
+                .map_or(Freedom::Unknown, |case| case.freedom(lane, *scalar, [wanted, found]));
+            let agrees = self.agree(lane, wanted, found);
+            // What isn't a number agrees with nothing, and shows nothing where any value is allowed.
+            let is_number = scalar.decode(wanted).is_finite();
+            match freedom {
+                Freedom::Any if !(agrees && is_number) => {
+                    seen.open |= wanted != found;
+                    continue;
+                }
+                Freedom::Unknown if scalar.is_float() && !finite => continue,
+                _ => {}
             }
-            // Both in the unit of the largest result, so that an absolute bound is one of that.
-            let found = scalar.decode(*actual) / scale;
-            !finite || self.within.measure_sum(0, found, wanted / scale).passes()
-        })
+            seen.compared = true;
+            if is_number {
+                seen.worst_ulp = seen.worst_ulp.max(distance((scalar, (&wanted, &found))));
+            }
+            seen.differs |= !agrees;
+            seen.forbidden |= !agrees && freedom != Freedom::Both;
+        }
+        seen
     }
+
+    /// Whether two results of a lane are equal within the tolerance.
+    fn agree(&self, lane: usize, expected: u32, actual: u32) -> bool {
+        let (scalar, scale) = (self.scalars[lane], self.scales[lane]);
+        if expected == actual || !scalar.is_float() {
+            return expected == actual;
+        }
+        // Both in the unit of the largest result, so that an absolute bound is one of that.
+        let (found, wanted) = (scalar.decode(actual) / scale, scalar.decode(expected) / scale);
+        self.within.measure_sum(0, found, wanted).passes()
+    }
+}
+
+/// How two results of a case compare.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Seen {
+    /// A lane was compared.
+    pub(super) compared: bool,
+    /// A lane differs.
+    pub(super) differs: bool,
+    /// A lane differs of which it isn't known that WGSL allows both results.
+    forbidden: bool,
+    /// A lane differs where WGSL leaves open what it is.
+    pub(super) open: bool,
+    worst_ulp: Option<u64>,
 }
 
 /// Steps of `f32` between two components; what may be flushed to 0 is 0.
@@ -191,16 +238,16 @@ mod tests {
         let within = Rel(1e-3).or(Abs(1e-3));
         let expected: Vec<u32> = (0..65_536_u32).flat_map(|i| [(i as f32).to_bits(), i]).collect();
         let judge = Judge::new(&scalars, &within, &expected);
-        let same = judge.compare(&expected, &expected);
+        let same = judge.compare(&expected, &expected, None);
         assert_eq!((same.compared, same.differing.len(), same.worst_ulp), (65_536, 0, Some(0)));
         for bit in [30, 22, 15] {
             let mut actual = expected.clone();
             actual[2 * 40_000] ^= 1 << bit;
-            assert_eq!(judge.compare(&expected, &actual).differing, [40_000], "{bit}");
+            assert_eq!(judge.compare(&expected, &actual, None).differing, [40_000], "{bit}");
         }
         let mut actual = expected.clone();
         actual[2 * 7 + 1] ^= 1;
-        assert_eq!(judge.compare(&expected, &actual).differing, [7], "of an integer");
+        assert_eq!(judge.compare(&expected, &actual, None).differing, [7], "of an integer");
     }
 
     #[test]
@@ -209,13 +256,14 @@ mod tests {
         let words = |values: [f32; 3], number: u32| values.map(|v| [v.to_bits(), number]).concat();
         let expected = words([f32::NAN, 1.0, f32::INFINITY], 7);
         let judge = Judge::new(&scalars, &within, &expected);
-        assert!(judge.compare(&expected, &expected).differing.is_empty());
-        let seen = judge.compare(&expected, &words([1.0, f32::NAN, 1.0], 7));
+        assert!(judge.compare(&expected, &expected, None).differing.is_empty());
+        let seen = judge.compare(&expected, &words([1.0, f32::NAN, 1.0], 7), None);
         assert_eq!((seen.compared, &*seen.differing), (3, &[1][..]));
         // The other component is compared all the same.
-        assert_eq!(judge.compare(&expected, &words([1.0, 1.0, 1.0], 8)).differing, [0, 1, 2]);
+        let other = words([1.0, 1.0, 1.0], 8);
+        assert_eq!(judge.compare(&expected, &other, None).differing, [0, 1, 2]);
         let alone = Judge::new(&scalars[..1], &within, &expected);
-        assert_eq!(alone.compare(&[f32::NAN.to_bits()], &[0]).compared, 0);
+        assert_eq!(alone.compare(&[f32::NAN.to_bits()], &[0], None).compared, 0);
     }
 
     #[test]
@@ -224,7 +272,7 @@ mod tests {
         let words = |values: [f32; 3]| values.map(f32::to_bits);
         let expected = words([0.0, 1e-5, -1e-5]);
         let judge = Judge::new(&scalars, &within, &expected);
-        assert_eq!(judge.compare(&expected, &words([0.0, -1e-5, -1e-5])).differing, [1]);
-        assert!(judge.compare(&expected, &words([1e-9, 1e-5, -1e-5])).differing.is_empty());
+        assert_eq!(judge.compare(&expected, &words([0.0, -1e-5, -1e-5]), None).differing, [1]);
+        assert!(judge.compare(&expected, &words([1e-9, 1e-5, -1e-5]), None).differing.is_empty());
     }
 }

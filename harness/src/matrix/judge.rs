@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use karat_translate::{Target, Tool, Translation, Validation, Verdict};
+use karat_translate::{Target, Tool, TranslateError, Translation, Validation, Verdict};
 use serde::Serialize;
 
+use super::column::Written;
 use super::subject::{Ready, is_read_back};
 use super::{Cell, Column, Status, Stop};
 
@@ -54,31 +55,37 @@ pub enum Outcome {
     Broke,
 }
 
-/// What the validators say of each translation of some rows: by row and language, in the tools' order.
-pub(super) struct Judged(BTreeMap<(usize, Target), Vec<Said>>);
+/// What the validators say of each translation of some rows: by row and what is judged, in the tools'
+/// order.
+pub(super) struct Judged(BTreeMap<(usize, Written), Vec<Said>>);
 
 impl Judged {
     /// Asks each validator about all translations of a language together.
     pub(super) fn of(rows: &[&Ready], columns: &[Column]) -> Self {
         let mut judged = BTreeMap::new();
-        let mut targets: Vec<Target> = columns.iter().map(|column| column.target).collect();
-        targets.sort_unstable();
-        targets.dedup();
-        for target in targets {
+        let mut written: Vec<Written> = columns.iter().map(|column| column.written()).collect();
+        written.sort_unstable();
+        written.dedup();
+        for written in written {
             let made: Vec<(usize, &Translation)> = rows
                 .iter()
                 .enumerate()
                 .flat_map(|(row, ready)| ready.made.iter().map(move |made| (row, made)))
-                .filter(|(_, made)| made.target == target)
+                .filter(|(_, made)| made.written == written)
                 .filter_map(|(row, made)| Some((row, made.translation.as_ref().ok()?)))
                 .collect();
             let translations: Vec<&Translation> = made.iter().map(|(_, one)| *one).collect();
             for (row, _) in &made {
-                judged.insert((*row, target), Vec::new());
+                judged.insert((*row, written), Vec::new());
             }
-            for tool in Tool::of(target) {
+            // Only naga, whose IR the engine runs, has a say in the author's own text.
+            let tools: Vec<&Tool> = match written {
+                Written::ByAuthor => vec![Tool::naga()],
+                Written::ByNaga(target) => Tool::of(target).collect(),
+            };
+            for tool in tools {
                 for ((row, _), said) in made.iter().zip(ask(tool, &translations)) {
-                    judged.entry((*row, target)).or_default().push(said);
+                    judged.entry((*row, written)).or_default().push(said);
                 }
             }
         }
@@ -92,16 +99,17 @@ impl Judged {
         let translation = match &made.translation {
             Ok(translation) => translation,
             Err(error) => {
-                let stopped = Some(Stop::Unsupported(error.to_string()));
-                return Cell { stopped, ..nothing };
+                let stop = match error {
+                    TranslateError::Panicked { .. } => Stop::Panicked,
+                    _ => Stop::Unsupported,
+                };
+                return Cell { stopped: Some(stop(error.to_string())), ..nothing };
             }
         };
-        let own = self.0.get(&(row, made.target)).map_or(&[][..], Vec::as_slice);
-        // The engine runs the IR itself: only naga, which validates that, has a say in it.
-        let asked = |said: &&Said| !column.runs_ir() || said.command.starts_with("naga ");
-        let mut validators: Vec<Said> = own.iter().filter(asked).cloned().collect();
-        let own = validators.clone();
-        let (status, stopped) = match rejection(&own) {
+        let target = column.target;
+        let own = self.0.get(&(row, made.written)).map_or(&[][..], Vec::as_slice);
+        let mut validators: Vec<Said> = own.to_vec();
+        let (status, stopped) = match rejection(own) {
             Some(said) => {
                 let text = format!("`{}`: {}", said.command, said.verdict);
                 let stop = match said.outcome {
@@ -111,10 +119,10 @@ impl Judged {
                 (Status::Translated, Some(stop))
             }
             None if own.is_empty() => {
-                (Status::Translated, Some(Stop::NoValidator(no_validator(made.target))))
+                (Status::Translated, Some(Stop::NoValidator(no_validator(target))))
             }
             // naga reads a part of SPIR-V only: what it says is no verdict on what it wrote.
-            None if is_read_back(column) && !Tool::naga().targets().contains(&made.target) => {
+            None if is_read_back(column) && !Tool::naga().targets().contains(&target) => {
                 let said = said(Tool::naga(), Tool::naga().validate(translation));
                 let text = format!("naga doesn't read it back: {}", said.verdict);
                 let valid = said.outcome == Outcome::Valid;

@@ -124,7 +124,13 @@ impl Cell {
     pub fn fails_as_declared(&self) -> Option<&Known> {
         let seen = matches!(
             self.stopped,
-            Some(Stop::Rejected(_) | Stop::Differs(_) | Stop::Unsupported(_) | Stop::NotRun(_))
+            Some(
+                Stop::Rejected(_)
+                    | Stop::Differs(_)
+                    | Stop::Unsupported(_)
+                    | Stop::Panicked(_)
+                    | Stop::NotRun(_)
+            )
         );
         self.known.as_ref().filter(|known| seen && self.misses() == Some(known.status))
     }
@@ -178,7 +184,7 @@ impl fmt::Display for Finding {
 }
 
 impl Matrix {
-    /// Rows that a validator rejects or has no verdict on and rows whose results differ, if that isn't
+    /// Rows as which naga panics, that a validator rejects or has no verdict on, and whose results differ, if that isn't
     /// declared; and rows that are declared to fail and don't.
     ///
     /// ```

@@ -25,6 +25,7 @@ impl Cell {
             (_, Some(Stop::Differs(_))) => "DIFFERS",
             (_, Some(Stop::Rejected(_))) => "INVALID",
             (_, Some(Stop::Broke(_))) => "NO VERDICT",
+            (_, Some(Stop::Panicked(_))) => "PANICS",
             (None, _) => "unsupported",
             (Some(status), _) => status.name(),
         }
@@ -56,6 +57,9 @@ enum Weight {
     /// A validator or a path isn't here.
     Absent,
 }
+
+/// Rows that are named where there may be many.
+const MOST_NAMES: usize = 6;
 
 /// A text in a cell of a table: `|` would end it.
 fn cell(text: &str) -> String {
@@ -114,6 +118,37 @@ impl Matrix {
         reasons.into_iter().map(shown).collect()
     }
 
+    /// How many results differ where WGSL leaves them open, which is no finding; `None` if none does.
+    ///
+    /// ```
+    /// # use karat::Package;
+    /// # let package = Package::from_source("m", "fn half(x: f32) -> f32 { return 0.5 * x; }");
+    /// let matrix = package.matrix().columns(["cpu".parse()?]).run()?;
+    /// assert_eq!(matrix.open(), None); // there is nothing to differ from
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    #[must_use]
+    pub fn open(&self) -> Option<String> {
+        let open = |cell: &&Cell| cell.open > 0;
+        let cells: Vec<&Cell> = self.rows.iter().flat_map(|row| &row.cells).filter(open).collect();
+        let rows = self.rows.iter().filter(|row| row.cells.iter().any(|cell| cell.open > 0));
+        let rows: Vec<String> = rows.map(|row| format!("`{}`", row.name)).collect();
+        if rows.is_empty() {
+            return None;
+        }
+        let results = counted(cells.iter().map(|cell| cell.open).sum::<usize>(), "result");
+        let more = rows.len().saturating_sub(MOST_NAMES);
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        Some(format!(
+            "{results} in {} where WGSL leaves open what it is, which is no finding: {}{more}",
+            match cells.len() {
+                1 => "1 cell differ".to_owned(),
+                count => format!("{count} cells differ"),
+            },
+            rows[..rows.len().min(MOST_NAMES)].join(", ")
+        ))
+    }
+
     /// The matrix as a page of Markdown: what ran, how many rows got how far, each row, and why rows
     /// stop.
     ///
@@ -153,6 +188,9 @@ impl Matrix {
             let cells: Vec<&str> = row.cells.iter().map(Cell::word).collect();
             writeln!(text, "| {} ({}) | {} |", cell(&row.name), row.kind, cells.join(" | "))?;
         }
+        if let Some(open) = self.open() {
+            writeln!(text, "\n{open}.")?;
+        }
         writeln!(text, "\n## Why rows stop\n")?;
         // What isn't here at all is said at the column's head.
         let whole = |(weight, _, rows): &(Weight, String, Vec<String>)| {
@@ -161,7 +199,8 @@ impl Matrix {
         for (_, why, rows) in self.ranked_reasons().into_iter().filter(|reason| !whole(reason)) {
             let why = why.split_whitespace().collect::<Vec<_>>().join(" ");
             writeln!(text, "- {}: {why}", counted(rows.len(), "row"))?;
-            let few: Vec<String> = rows.iter().take(6).map(|row| format!("`{row}`")).collect();
+            let few: Vec<String> =
+                rows.iter().take(MOST_NAMES).map(|row| format!("`{row}`")).collect();
             let more = rows.len().saturating_sub(few.len());
             let more = if more > 0 { format!(" and {more} more") } else { String::new() };
             writeln!(text, "  ({}{more})", few.join(", "))?;

@@ -1,6 +1,7 @@
 //! The simplest input on which two columns differ.
 
 use super::execute::{Judge, Runs};
+use super::leeway::Leeway;
 use crate::value::Scalar;
 
 /// Rounds of simplification: each makes one component simpler.
@@ -13,39 +14,48 @@ pub(super) struct Pair<'r, 'p> {
     pub(super) arguments: &'r [Scalar],
     pub(super) results: &'r [Scalar],
     pub(super) judge: &'r Judge<'r>,
+    pub(super) leeway: &'r Leeway,
+}
+
+/// An input on which two columns differ, with the results that do.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Case {
+    pub(super) row: Vec<u32>,
+    pub(super) expected: Vec<u32>,
+    pub(super) actual: Vec<u32>,
 }
 
 impl Pair<'_, '_> {
-    /// Makes the arguments simpler as long as the columns differ, with the results of both.
-    pub(super) fn reduce(&self, mut row: Vec<u32>) -> Option<(Vec<u32>, Vec<u32>, Vec<u32>)> {
+    /// Makes the arguments of a case simpler as long as the columns differ when it runs alone. `None`:
+    /// alone they agree, so that what differs depends on the cases that run beside it.
+    pub(super) fn reduce(&self, found: &Case) -> Option<Case> {
+        let mut simplest = found.row.clone();
         for _ in 0..ROUNDS {
-            let simpler = self.simpler(&row);
-            let found = self.first_that_differs(&simpler)?;
-            match found {
-                Some(index) => row.clone_from(&simpler[index]),
+            let simpler = self.simpler(&simplest);
+            match self.first_that_differs(&simpler) {
+                Some(case) => simplest = case.row,
                 None => break,
             }
         }
-        let results = |ready: &Runs<'_>| ready.results(&row, 1).ok();
-        let (expected, actual) = (results(self.expected)?, results(self.actual)?);
-        Some((row, expected, actual))
+        // What was found among others is looked at alone.
+        self.first_that_differs(&[simplest])
+            .or_else(|| self.first_that_differs(std::slice::from_ref(&found.row)))
     }
 
-    /// Of these rows, the first on which the columns differ; `None` outside: one can't be run.
-    fn first_that_differs(&self, rows: &[Vec<u32>]) -> Option<Option<usize>> {
+    /// Of these rows, the first on which the columns differ. None if one of them can't be run.
+    fn first_that_differs(&self, rows: &[Vec<u32>]) -> Option<Case> {
         if rows.is_empty() {
-            return Some(None);
+            return None;
         }
         let words = rows.concat();
         let expected = self.expected.results(&words, rows.len()).ok()?;
         let actual = self.actual.results(&words, rows.len()).ok()?;
+        let latitude = self.leeway.at(&words, rows.len());
+        let found = self.judge.compare(&expected, &actual, latitude.as_ref());
+        let index = *found.differing.first()?;
         let width = self.results.len();
-        let differs = |index: &usize| {
-            let of = |results: &[u32]| results[index * width..][..width].to_vec();
-            let (expected, actual) = (of(&expected), of(&actual));
-            self.judge.is_compared(&expected) && !self.judge.agree(&expected, &actual)
-        };
-        Some((0..rows.len()).find(differs))
+        let of = |results: &[u32]| results[index * width..][..width].to_vec();
+        Some(Case { row: rows[index].clone(), expected: of(&expected), actual: of(&actual) })
     }
 
     /// The same row with one component simpler, in each way.
@@ -99,6 +109,8 @@ fn digits(value: f32) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::probe::{Prepared, ProbeError, Started};
+    use crate::tolerance::{Abs, Tolerance};
 
     /// Each step leads to something simpler, so that steps end.
     #[test]
@@ -115,5 +127,47 @@ mod tests {
             }
         }
         assert!(simpler_words(Scalar::F32, 0).is_empty());
+    }
+
+    /// Makes results of all arguments together.
+    struct By(fn(&[u32]) -> Vec<u32>);
+
+    impl Prepared for By {
+        fn capacity(&self) -> usize {
+            64
+        }
+
+        fn start<'p>(&'p self, _: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError> {
+            let results = (self.0)(arguments);
+            Ok(Box::new(move |read| {
+                read(&results, 1);
+                Ok(())
+            }))
+        }
+    }
+
+    /// Some drivers take one invocation's value for those of all that run together.
+    #[test]
+    fn what_differs_among_others_alone_is_not_made_simpler() {
+        let squares = |all: &[u32]| all.iter().map(|own| own * own).collect();
+        let mixed = |all: &[u32]| vec![all[0] * all[0]; all.len()];
+        let wrong = |all: &[u32]| all.iter().map(|own| own * own + 100).collect();
+        let scalars = [Scalar::U32];
+        let within = Tolerance::from(Abs(0.0));
+        let judge = Judge::new(&scalars, &within, &[0]);
+        let reduced = |actual: fn(&[u32]) -> Vec<u32>| {
+            let pair = Pair {
+                expected: &Runs::of_one_word(By(squares)),
+                actual: &Runs::of_one_word(By(actual)),
+                arguments: &scalars,
+                results: &scalars,
+                judge: &judge,
+                leeway: &Leeway::default(),
+            };
+            pair.reduce(&Case { row: vec![9], expected: vec![81], actual: vec![4] })
+        };
+        assert_eq!(reduced(mixed), None, "alone it is right");
+        let simplest = Case { row: vec![0], expected: vec![0], actual: vec![100] };
+        assert_eq!(reduced(wrong), Some(simplest), "with its own results");
     }
 }

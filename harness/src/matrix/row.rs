@@ -1,10 +1,10 @@
 //! One row: executed on each column's path, and compared.
 
-use super::allowed::bounds;
 use super::compute::run_entry_point_on_each;
 use super::divergence::divergence;
 use super::excerpt::function_lines;
 use super::execute::{Comparison, Judge, Ran, Runs, not_run};
+use super::leeway::{Latitude, Leeway};
 use super::subject::{About, Ready};
 use super::{Allowed, Cell, Request, Row, Status, Stop};
 use crate::fixture::Fixtures;
@@ -25,9 +25,10 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
         About::EntryPoint { program, name } => {
             let data = match program.compute_entry_point(name) {
                 Some((bindings, size)) => {
-                    let workgroups =
-                        made_up::INVOCATIONS.div_ceil(size.iter().product::<u32>().max(1));
-                    made_up::data(program, &bindings).map(|data| (data, workgroups))
+                    let size = size.iter().fold(1, |all: u32, n| all.saturating_mul(*n)).max(1);
+                    let workgroups = made_up::INVOCATIONS.div_ceil(size);
+                    let invocations = workgroups.saturating_mul(size) as usize;
+                    made_up::data(program, &bindings, invocations).map(|data| (data, workgroups))
                 }
                 None => {
                     let stage = &ready.row.kind;
@@ -70,14 +71,15 @@ fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
             Err(stop) => cell.stopped = Some(stop),
         }
     }
-    if let (Ok(fixtures), false) = (&fixtures, ran.is_empty())
-        && let Some(bounds) = bounds(probed, fixtures, request.cases, &rows)
-    {
+    let (Ok(fixtures), false) = (&fixtures, ran.is_empty()) else { return };
+    let leeway = Leeway::of(probed, fixtures);
+    let latitude = leeway.at(&rows, request.cases);
+    if let Some(bounds) = latitude.as_ref().and_then(|latitude| latitude.bounds.as_ref()) {
         for ran in &ran {
-            cells[ran.column].allowed = Some(Allowed::of(probed, &rows, &bounds, &ran.results));
+            cells[ran.column].allowed = Some(Allowed::of(probed, &rows, bounds, &ran.results));
         }
     }
-    compare_all(request, probed, &rows, &ran, cells);
+    compare_all(request, probed, &rows, &ran, (&leeway, latitude.as_ref()), cells);
 }
 
 fn results<'p>(
@@ -107,6 +109,7 @@ fn compare_all(
     probed: &Probed,
     rows: &[u32],
     ran: &[Ran<'_>],
+    (leeway, latitude): (&Leeway, Option<&Latitude>),
     cells: &mut [Cell],
 ) {
     let scalars = probed.function().result.lanes();
@@ -114,21 +117,30 @@ fn compare_all(
     let judge = Judge::new(&scalars, &request.within, &first.results);
     let mut agreeing: Option<Comparison> = None;
     for other in others {
-        let seen = judge.compare(&first.results, &other.results);
+        let seen = judge.compare(&first.results, &other.results, latitude);
         let baseline = request.columns[first.column];
         let cell = &mut cells[other.column];
         cell.against = Some(baseline.to_string());
         (cell.compared, cell.differing, cell.worst_ulp) =
             (seen.compared, seen.differing.len(), seen.worst_ulp);
+        cell.open = seen.open;
         if seen.compared == 0 {
-            let none = "no case has a finite result".to_owned();
-            cell.stopped = Some(Stop::NothingToCompare(none));
+            let none = match latitude {
+                Some(_) => "WGSL leaves open what each case returns",
+                None => "no case has a finite result",
+            };
+            cell.stopped = Some(Stop::NothingToCompare(none.to_owned()));
         } else if let Some(case) = seen.differing.first() {
             let text = cell.text().zip(cell.text_lines);
-            let found = divergence(request, probed, rows, (first, other), *case, &judge, text);
+            let found =
+                divergence(request, probed, rows, (first, other), *case, (&judge, leeway), text);
             let (count, compared) = (seen.differing.len(), seen.compared);
+            let within = match seen.allowed {
+                0 => String::new(),
+                allowed => format!(" ({allowed} of them within WGSL's bounds)"),
+            };
             cell.stopped = Some(Stop::Differs(format!(
-                "{count} of {compared} cases differ from `{baseline}`: {}",
+                "{count} of {compared} cases differ from `{baseline}`{within}: {}",
                 found.sentence(&request.columns[other.column].to_string())
             )));
             cell.divergence = Some(found);

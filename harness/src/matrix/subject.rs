@@ -1,7 +1,8 @@
 //! What a row is about, and its translations.
 
-use karat_translate::{Shader, Target, TranslateError, Translation};
+use karat_translate::{Shader, TranslateError, Translation};
 
+use super::column::Written;
 use super::{Column, Request, Row, Source};
 use crate::made_up;
 use crate::package::FunctionItem;
@@ -29,9 +30,9 @@ pub(super) enum About {
     EntryPoint { program: std::sync::Arc<Program>, name: String },
 }
 
-/// A translation into a language.
+/// A translation into a language, or the author's own text.
 pub(super) struct Made {
-    pub(super) target: Target,
+    pub(super) written: Written,
     pub(super) translation: Result<Translation, TranslateError>,
 }
 
@@ -47,8 +48,8 @@ impl Subject {
 impl Ready {
     /// The translation that a column runs or judges.
     pub(super) fn of(&self, column: Column) -> &Made {
-        let made = self.made.iter().find(|made| made.target == column.target);
-        made.expect("each column's language is written")
+        let made = self.made.iter().find(|made| made.written == column.written());
+        made.expect("each column's text is made")
     }
 
     /// The row with these cells.
@@ -99,7 +100,7 @@ pub(super) fn prepare(request: &Request, item: &FunctionItem) -> Subject {
     if item.entry_point {
         return match entry_point(request, item) {
             Ok((shader, program, name, kind)) => {
-                let made = translated(request, &shader, &name);
+                let made = translated(request, &shader, program.text(), &name);
                 let about = About::EntryPoint { program, name };
                 Subject::Ready(Box::new(Ready { row: row(&kind, None), about, made }))
             }
@@ -109,7 +110,7 @@ pub(super) fn prepare(request: &Request, item: &FunctionItem) -> Subject {
     match Probed::new(&request.package, &item.name).and_then(made_up::fitted) {
         Ok(probed) => match Shader::parse(probed.kernel()) {
             Ok(shader) => {
-                let made = translated(request, &shader, Probed::ENTRY_POINT);
+                let made = translated(request, &shader, probed.kernel(), Probed::ENTRY_POINT);
                 let about = About::Function(Box::new(probed));
                 Subject::Ready(Box::new(Ready { row: row("function", None), about, made }))
             }
@@ -136,13 +137,16 @@ fn entry_point(request: &Request, item: &FunctionItem) -> Result<EntryPoint, Str
     Ok((shader, program, name, stage.to_string()))
 }
 
-fn translated(request: &Request, shader: &Shader, entry_point: &str) -> Vec<Made> {
+fn translated(request: &Request, shader: &Shader, text: &str, entry_point: &str) -> Vec<Made> {
     let mut made: Vec<Made> = Vec::new();
     for column in &request.columns {
-        let target = column.target;
-        if made.iter().all(|made| made.target != target) {
-            let translation = shader.translate(target, Some(entry_point));
-            made.push(Made { target, translation });
+        let written = column.written();
+        if made.iter().all(|made| made.written != written) {
+            let translation = match written {
+                Written::ByNaga(target) => shader.translate(target, Some(entry_point)),
+                Written::ByAuthor => shader.as_it_is(text, entry_point),
+            };
+            made.push(Made { written, translation });
         }
     }
     made

@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::judge::Judged;
 use super::known::{Known, declare};
+use super::overdue::Overdue;
 use super::subject::{Ready, Subject, prepare};
 use super::{Cell, Column, Request, Row, Source, Status, row};
 use crate::diagnostic::nearest;
@@ -104,6 +105,14 @@ pub enum MatrixError {
         /// What is possible.
         most: usize,
     },
+    /// Rows that have passed the deadline are noted in a file that can't be read.
+    #[error("can't read `{file}`, where rows that passed the deadline are noted: {why}")]
+    Overdue {
+        /// The file.
+        file: String,
+        /// Why.
+        why: String,
+    },
     /// A declaration of what doesn't work can't be true.
     #[error("row `{row}` is declared not to work on `{column}`: {why}")]
     Known {
@@ -155,11 +164,21 @@ pub(super) fn make(
     if items.is_empty() && unread.is_empty() {
         return Err(MatrixError::Nothing { package, only: request.only.clone() });
     }
+    let overdue = Overdue::read(request.overdue.as_deref(), &package).map_err(|error| {
+        let file = request.overdue.as_ref().map_or_else(String::new, |f| f.display().to_string());
+        MatrixError::Overdue { file, why: error.to_string() }
+    })?;
     let all = items.len();
+    let order: BTreeMap<String, usize> =
+        items.iter().enumerate().map(|(index, item)| (item.name.clone(), index)).collect();
+    // Last, each alone.
+    let suspected: Vec<FunctionItem> =
+        items.extract_if(.., |item| overdue.is_suspected(&item.name)).collect();
     // Devices are opened before the rows need them, one after the other.
     let columns = request.columns.iter().map(head).collect();
     let done = Mutex::new(0);
-    let rows = items.chunks(TOGETHER).flat_map(|items| {
+    let together = items.chunks(TOGETHER).chain(suspected.chunks(1));
+    let rows = together.flat_map(|items| {
         let subjects: Vec<Subject> = items.par_iter().map(|item| prepare(request, item)).collect();
         let ready: Vec<&Ready> = subjects.iter().filter_map(Subject::ready).collect();
         let judged = Judged::of(&ready, &request.columns);
@@ -172,7 +191,13 @@ pub(super) fn make(
             subjects.iter().map(|subject| subject.ready().map(&mut of)).collect();
         let one = |(subject, cells): (Subject, Option<Vec<Cell>>)| {
             let row = match (subject, cells) {
-                (Subject::Ready(ready), Some(cells)) => row::run(request, *ready, cells),
+                (Subject::Ready(ready), Some(mut cells)) => {
+                    let name = ready.row.name.clone();
+                    match overdue.ends(&name, &request.columns, &mut cells) {
+                        true => ready.row(cells),
+                        false => overdue.watched(&name, || row::run(request, *ready, cells)),
+                    }
+                }
                 (Subject::Ready(ready), None) => ready.row(Vec::new()),
                 (Subject::Row(row), _) => *row,
             };
@@ -184,7 +209,9 @@ pub(super) fn make(
         };
         subjects.into_par_iter().zip(cells).map(one).collect::<Vec<Row>>()
     });
-    let mut rows: Vec<Row> = rows.chain(unread).collect();
+    let mut rows: Vec<Row> = rows.collect();
+    rows.sort_by_key(|row| order.get(&row.name));
+    rows.extend(unread);
     let undecided = declare(&known, &request.columns, &mut rows);
     let here = Tool::all().iter().filter_map(|tool| tool.as_ref().ok());
     let validators = here.map(|tool| (tool.name().to_owned(), tool.version().to_owned())).collect();

@@ -3,12 +3,15 @@
 //! A time-out can't be an error that the caller handles: some drivers run a shader inside the call
 //! that submits it, and a hung queue can't be torn down. So the process says what hung, and ends.
 
+use std::cell::RefCell;
 use std::io::Write;
+use std::sync::Arc;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::time::Duration;
 
-use crate::settings;
-
+use super::Path;
 use crate::output::visible;
+use crate::settings;
 
 /// While it lives, the deadline runs.
 #[must_use]
@@ -17,21 +20,56 @@ pub(crate) struct Guard {
     _done: Sender<()>,
 }
 
+/// Is given the path and a sentence on what didn't finish, before the process ends.
+pub(crate) type OnDeadline = Arc<dyn Fn(Path, &str) + Send + Sync>;
+
+thread_local! {
+    /// For guards that this thread makes.
+    static ON_DEADLINE: RefCell<Option<OnDeadline>> = const { RefCell::new(None) };
+}
+
+/// Does work, of whose guards `note` is told that the deadline passed.
+#[cfg(feature = "routes")]
+pub(crate) fn on_deadline<T>(note: OnDeadline, work: impl FnOnce() -> T) -> T {
+    /// Puts back what was there, also where the work panics.
+    struct Before(Option<OnDeadline>);
+    impl Drop for Before {
+        fn drop(&mut self) {
+            ON_DEADLINE.set(self.0.take());
+        }
+    }
+    let _before = Before(ON_DEADLINE.replace(Some(note)));
+    work()
+}
+
 /// Ends the process unless the guard is dropped within the deadline. `what` says what was running
-/// and how to run it again.
-pub(crate) fn guard(what: impl FnOnce() -> String + Send + 'static) -> Guard {
+/// on a path, and how to run it again.
+pub(crate) fn guard(path: Path, what: impl FnOnce() -> String + Send + 'static) -> Guard {
+    within(settings::deadline(), path, what)
+}
+
+/// The same while a path opens, which runs no shader: its deadline isn't one for shaders alone.
+pub(crate) fn guard_opening(path: Path) -> Guard {
+    let limit = settings::deadline().max(Duration::from_secs_f64(settings::DEADLINE_SECONDS));
+    within(limit, path, move || format!("opening path {path}"))
+}
+
+fn within(limit: Duration, path: Path, what: impl FnOnce() -> String + Send + 'static) -> Guard {
+    let note = ON_DEADLINE.with_borrow(Clone::clone);
     let (done, wait) = channel::<()>();
-    let settings = settings::current().expect("no path opens with settings that aren't right");
-    let limit = settings.deadline;
     std::thread::spawn(move || {
         if wait.recv_timeout(limit) == Err(RecvTimeoutError::Timeout) {
             // Written past the test runner's capture, which dies with the process.
-            let message = format!(
-                "\nerror: {} did not finish within {} s: an endless loop, or a deadline too short \
-                 for this adapter (KARAT_DEADLINE=seconds)\n",
+            let why = format!(
+                "{} did not finish within {} s: an endless loop, or a deadline too short for this \
+                 adapter (KARAT_DEADLINE=seconds)",
                 what(),
                 limit.as_secs_f64()
             );
+            if let Some(note) = note {
+                note(path, &why);
+            }
+            let message = format!("\nerror: {why}\n");
             let mut stderr = std::io::stderr();
             let written =
                 stderr.write_all(visible(&message).as_bytes()).and_then(|()| stderr.flush());

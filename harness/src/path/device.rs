@@ -12,7 +12,7 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::reflect::{self, Ir, Overrides};
 
 use super::route::{self, Foreign, Routed};
-use super::{Adapter, Api, Path, PathError, driver, guard};
+use super::{Adapter, Api, Path, PathError, driver, guard_opening};
 use crate::settings;
 
 /// Rounds of all loops of an invocation together after which Mesa's llvmpipe leaves them
@@ -86,7 +86,7 @@ impl Device {
         if !exists(path) {
             return Err(unavailable("this platform doesn't have it".to_owned()));
         }
-        let _deadline = guard(move || format!("opening path {path}"));
+        let _deadline = guard_opening(path);
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
             backends: backends(path),
             // Validation layers cost more than the test; wgpu's own validation stays on.

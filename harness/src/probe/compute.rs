@@ -20,7 +20,7 @@ pub(crate) struct Data {
 const PATIENCE: u32 = 4096;
 
 /// Runs an entry point, by its name in the program's text, over one row of workgroups. The words of
-/// the buffers that it may write, in the order of `data`.
+/// the buffers that it may write, in the order of `data`, one buffer after the other.
 ///
 /// Whose loops have no bound that naga's IR shows runs first in a copy whose loops are left after
 /// [`PATIENCE`] rounds: what doesn't end with these data would hang a driver.
@@ -30,7 +30,7 @@ pub(crate) fn run_entry_point(
     name: &str,
     workgroups: u32,
     data: &[Data],
-) -> Result<Vec<Vec<u32>>, ProbeError> {
+) -> Result<Vec<u32>, ProbeError> {
     if program.most_rounds().is_none_or(|rounds| rounds >= u64::from(PATIENCE)) {
         let binding = program.free_binding();
         let Watched { program, loops } = program.watching_rounds(binding, PATIENCE, true);
@@ -45,7 +45,7 @@ pub(crate) fn run_entry_point(
             expect_ends(&loops, written.last().map_or(&[][..], Vec::as_slice))?;
         }
     }
-    execute(device, program, name, workgroups, data)
+    Ok(execute(device, program, name, workgroups, data)?.concat())
 }
 
 /// Refuses what has made too many rounds, with the loop that was left most often.
@@ -69,7 +69,7 @@ fn execute(
 ) -> Result<Vec<Vec<u32>>, ProbeError> {
     let (path, of) = (device.path(), name.to_owned());
     let _turn = device.turn();
-    let _deadline = guard(move || format!("the entry point `{of}` on path {path}"));
+    let _deadline = guard(path, move || format!("the entry point `{of}` on path {path}"));
     let pipeline = device
         .pipeline_of_ir(program.module().clone(), name)
         .map_err(|error| ProbeError::Compile { function: name.to_owned(), error })?;

@@ -222,7 +222,7 @@ impl<'d> Dispatcher<'d> {
         let (path, function) = (self.device.path(), self.function.clone());
         let place = self.place.clone();
         let _turn = self.device.turn();
-        let deadline = guard(move || {
+        let deadline = guard(path, move || {
             format!(
                 "the probe of `{function}` ({place}) on path {path} ({cases} cases in one dispatch)"
             )

@@ -7,7 +7,7 @@ use std::process::Command;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::child::{self, End, Ran};
-use crate::{EntryPoint, Stage, Target, Translation, layout, tool};
+use crate::{Code, EntryPoint, Stage, Target, Translation, layout, tool};
 
 /// Why there is no SPIR-V.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -214,6 +214,36 @@ fn rejected(words: &[u32]) -> io::Result<Option<String>> {
     })
 }
 
+/// Whether glslang's SPIR-V takes the number of a buffer's words for that of its bytes, which HLSL's
+/// `ByteAddressBuffer.GetDimensions` gives: nothing multiplies it.
+fn counts_words(words: &[u32]) -> bool {
+    // Numbers of the specification.
+    const OP_ARRAY_LENGTH: u32 = 68;
+    const OP_I_MUL: u32 = 132;
+    const OP_SHIFT_LEFT_LOGICAL: u32 = 196;
+    let all = || layout::instructions(words);
+    let lengths = all().filter_map(|(operation, instruction)| match instruction {
+        [_, _, length, ..] if operation == OP_ARRAY_LENGTH => Some(*length),
+        _ => None,
+    });
+    let multiplied = |length: u32| {
+        all().any(|(operation, instruction)| {
+            matches!(operation, OP_I_MUL | OP_SHIFT_LEFT_LOGICAL)
+                && instruction.iter().skip(3).any(|operand| *operand == length)
+        })
+    };
+    lengths.into_iter().any(|length| !multiplied(length))
+}
+
+/// naga's HLSL for a compiler that [counts words](counts_words): the length that naga's own function asks
+/// for is made that of the bytes.
+fn with_bytes(translation: &Translation) -> Translation {
+    const ASKED: &str = "buffer.GetDimensions(ret);";
+    let text = translation.code.text().unwrap_or_default();
+    let code = Code::Text(text.replace(ASKED, &format!("{ASKED} ret *= 4;")));
+    Translation { code, ..translation.clone() }
+}
+
 /// SPIR-V 1.3 for Vulkan 1.1 of a translation with one entry point, by a compiler that isn't naga.
 /// Its bindings are those of the translation.
 ///
@@ -239,6 +269,11 @@ pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
         message: error.to_string(),
     };
     let compiled = run(program, &arguments, translation).map_err(unrunnable)?;
+    let compiled =
+        match target == Target::Hlsl && compiled.words.as_deref().is_some_and(counts_words) {
+            true => run(program, &arguments, &with_bytes(translation)).map_err(unrunnable)?,
+            false => compiled,
+        };
     let message = || compiled.ran.output.clone();
     let broke = |how: String| {
         let command = command.clone();
@@ -257,5 +292,24 @@ pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
     match layout::fault(&translation.uniforms, &words).filter(|_| is_hlsl) {
         Some(message) => Err(CompileError::Layout { command, message }),
         None => Ok(words),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A length that is multiplied is one in bytes: a later glslang may do that itself.
+    #[test]
+    fn lengths_in_words_are_told_from_those_in_bytes() {
+        let head = [MAGIC, 0x0001_0300, 0, 20, 0];
+        let length = [5 << 16 | 68, 1, 7, 2, 0];
+        let load = [4 << 16 | 61, 1, 8, 7];
+        let (multiplied, shifted) = ([5 << 16 | 132, 1, 8, 7, 9], [5 << 16 | 196, 1, 8, 7, 9]);
+        let module = |instructions: &[&[u32]]| [&head[..], &instructions.concat()].concat();
+        assert!(counts_words(&module(&[&length, &load])));
+        assert!(!counts_words(&module(&[&length, &multiplied])));
+        assert!(!counts_words(&module(&[&length, &shifted])));
+        assert!(!counts_words(&module(&[&load])), "no length is asked for");
     }
 }

@@ -78,19 +78,27 @@ pub(crate) fn fault(structures: &[Members], words: &[u32]) -> Option<String> {
     None
 }
 
+/// The instructions of SPIR-V: their operations, and all their words.
+pub(crate) fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, &[u32])> {
+    /// Words before the first instruction.
+    const HEADER: usize = 5;
+    let mut rest = words.get(HEADER..).unwrap_or_default();
+    std::iter::from_fn(move || {
+        let first = rest.first()?;
+        let instruction = rest.get(..((first >> 16) as usize).max(1))?;
+        rest = &rest[instruction.len()..];
+        Some((first & 0xffff, instruction))
+    })
+}
+
 /// The structures of SPIR-V with their members' names and offsets, without naga's padding.
 fn structures_of(words: &[u32]) -> Vec<Members> {
     // Numbers of the specification: instructions, and the decoration `Offset`.
     const OP_MEMBER_NAME: u32 = 6;
     const OP_MEMBER_DECORATE: u32 = 72;
     const OFFSET: u32 = 35;
-    /// Words before the first instruction.
-    const HEADER: usize = 5;
     let mut members: BTreeMap<(u32, u32), (String, Option<u32>)> = BTreeMap::new();
-    let mut rest = words.get(HEADER..).unwrap_or_default();
-    while let Some((first, _)) = rest.split_first() {
-        let (length, operation) = ((first >> 16) as usize, first & 0xffff);
-        let Some(instruction) = rest.get(..length.max(1)) else { break };
+    for (operation, instruction) in instructions(words) {
         match instruction {
             [_, structure, member, name @ ..] if operation == OP_MEMBER_NAME => {
                 let bytes: Vec<u8> = name.iter().flat_map(|word| word.to_le_bytes()).collect();
@@ -103,7 +111,6 @@ fn structures_of(words: &[u32]) -> Vec<Members> {
             }
             _ => {}
         }
-        rest = &rest[length.max(1)..];
     }
     let mut structures: BTreeMap<u32, Members> = BTreeMap::new();
     for ((structure, _), (name, offset)) in members {

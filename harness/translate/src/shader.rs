@@ -8,7 +8,7 @@ use std::sync::Once;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{Module, ShaderStage};
 
-use crate::{Target, Translation, write};
+use crate::{Bindings, Code, Target, Translation, write};
 
 /// Why there is no translation.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -189,6 +189,26 @@ impl Shader {
             Ok(Err(message)) => Err(TranslateError::Unsupported { target, message }),
             Err(message) => Err(TranslateError::Panicked { target, message }),
         }
+    }
+}
+
+impl Shader {
+    /// The text that the shader was [parsed](Self::parse) from, for who executes naga's IR of it: nothing
+    /// is translated.
+    ///
+    /// # Errors
+    /// If there is no such entry point.
+    pub fn as_it_is(&self, text: &str, entry_point: &str) -> Result<Translation, TranslateError> {
+        let one = self.entry_points().into_iter().find(|one| one.name == entry_point);
+        let one = one.ok_or_else(|| TranslateError::NoEntryPoint(entry_point.to_owned()))?;
+        Ok(Translation {
+            target: Target::Wgsl,
+            code: Code::Text(text.to_owned()),
+            entry_points: vec![one],
+            bindings: Bindings::default(),
+            options: "the author's text, which nothing translates".to_owned(),
+            uniforms: Vec::new(),
+        })
     }
 }
 

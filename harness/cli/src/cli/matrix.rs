@@ -5,18 +5,21 @@ mod junit;
 mod reproduce;
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::image::write_whole;
-use karat::matrix::{Cell, Column, Finding, Matrix, Row, Status, Stop};
+use karat::matrix::{Cell, Column, Finding, Matrix, Row, Status, Stop, restarted};
 use karat::record::{Record, Recorded};
 use karat::tolerance::{Abs, Rel};
 
 use super::project::Project;
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
-use super::{Ending, Outcome, PackageArgs, is_in_package, resolved, spare_shaders, write_json};
+use super::{
+    Ending, Outcome, PackageArgs, Reported, is_in_package, resolved, spare_shaders, write_json,
+};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -55,6 +58,9 @@ pub(super) struct Args {
     /// Judge functions by what their tests found on the same paths, in the record of the last run
     #[arg(long)]
     tests: bool,
+    /// Note in this file which row passed the deadline, which ends the process
+    #[arg(long, hide = true)]
+    overdue: Option<PathBuf>,
     #[command(flatten)]
     package: PackageArgs,
 }
@@ -74,6 +80,31 @@ fn bound(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    match &args.overdue {
+        Some(file) => make(args, file, out),
+        None => supervise(),
+    }
+}
+
+/// Runs this command in a process of its own, which the deadline may end: then it begins again without
+/// the row that passed it.
+fn supervise() -> Outcome {
+    let folder = tempfile::tempdir().context("can't make a temporary folder")?;
+    let file = folder.path().join("overdue.jsonl");
+    let program = std::env::current_exe().context("this program isn't where it was")?;
+    let mut command = Command::new(program);
+    command.args(std::env::args_os().skip(1)).arg("--overdue").arg(&file);
+    let status = restarted(&file, &mut command).context("can't run this program again")?;
+    match status.code() {
+        Some(0) => Ok(Ending::Good),
+        Some(1) => Ok(Ending::Bad),
+        Some(3) => Ok(Ending::Missing),
+        Some(_) => Err(Reported.into()),
+        None => bail!("the process that makes the matrix ended: {status}"),
+    }
+}
+
+fn make(args: &Args, overdue: &Path, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
     let packages = project.packages(&args.package)?;
     ensure!(!packages.is_empty(), "`metadata.karat` lists no shader package");
@@ -96,7 +127,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             .columns(columns.iter().copied())
             .cases(args.cases)
             .within(Rel(args.within).or(Abs(args.within)))
-            .only(args.only.iter().map(String::as_str));
+            .only(args.only.iter().map(String::as_str))
+            .overdue(overdue);
         let matrix = request.run_with(&|done, of| {
             bar.set_length(of as u64);
             bar.set_position(done as u64);
@@ -320,12 +352,17 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A cell's word; and how many cases stand behind it, where most have no finite result.
+/// A cell's word; how many cases stand behind it, where WGSL leaves most of them open; and how many of
+/// those differ.
 fn shown(cell: &Cell, row: &Row, cases: usize) -> String {
     let few = row.kind == "function" && cell.compared * 2 < cases;
-    match cell.status {
+    let word = match cell.status {
         Some(Status::Agrees) if few => format!("{} in {}", cell.word(), cell.compared),
         _ => cell.word().to_owned(),
+    };
+    match cell.open {
+        0 => word,
+        open => format!("{word}, {open} open"),
     }
 }
 
@@ -343,5 +380,7 @@ fn summary(matrix: &Matrix) -> String {
     });
     let lines: Vec<String> = lines.collect();
     let skipped = matrix.rows.len() - judged;
-    format!("of {} rows ({skipped} more that nothing can call):\n{}", judged, lines.join("\n"))
+    let open = matrix.open().map_or_else(String::new, |text| format!("\n{text}"));
+    let lines = lines.join("\n");
+    format!("of {judged} rows ({skipped} more that nothing can call):\n{lines}{open}")
 }

@@ -223,6 +223,187 @@ fn compute_entry_points_with_buffers_are_run() {
     assert_eq!(nothing["stopped"]["why"], "nothing_to_compare", "{nothing}");
 }
 
+/// The matrix of one file on some columns: its JSON, and what else it says.
+#[cfg(target_os = "linux")]
+fn matrix_of(text: &str, columns: &str) -> (serde_json::Value, Ran) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "shader.wgsl", text);
+    let common = ["matrix", "--package", "shader.wgsl", "--cases", "128", "--columns", columns];
+    let ran = karat(folder.path(), &common);
+    let again = karat(folder.path(), &[&common[..], &["--json"]].concat());
+    assert_eq!(again.code, ran.code, "{again:?}");
+    (json(&again.out), ran)
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_panic_of_naga_is_a_finding() {
+    let atomics = "struct B { a: array<atomic<u32>, 4> } struct C { b: B }\n\
+                   @group(0) @binding(0) var<storage, read_write> c: C;\n\
+                   @compute @workgroup_size(1) fn m() { let w = c; }\n";
+    // No other validator has a say in this column.
+    let (matrix, ran) = matrix_of(atomics, "hlsl6");
+    let cell = &row(&matrix, "m")["hlsl6"];
+    assert_eq!(cell["stopped"]["why"], "panicked", "{cell}");
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert!(ran.out.contains("PANICS") && ran.out.contains("naga panics as it writes"), "{ran:?}");
+    assert!(ran.err.contains("one cell of the matrix is wrong"), "{ran:?}");
+}
+
+/// Elements outside of arrays, vectors and textures: drivers clamp, read 0, or something else.
+#[cfg(target_os = "linux")]
+const OUTSIDE: &str = "@group(0) @binding(0) var p: texture_2d<f32>;\n\
+    fn element(c: u32) -> f32 { var a = array<f32, 3>(1.0, 2.0, 3.0); return a[c % 4u]; }\n\
+    fn lane(v: vec3f, i: i32) -> f32 { return v[i]; }\n\
+    fn texel(at: vec2i) -> vec4f { return textureLoad(p, at, 0); }\n\
+    fn root(x: f32) -> f32 { return sqrt(x) / x; }\n";
+
+#[cfg(target_os = "linux")]
+#[test]
+fn what_wgsl_leaves_open_is_counted_and_is_no_finding() {
+    let (matrix, ran) = matrix_of(OUTSIDE, "vulkan,gl,cpu");
+    assert_eq!(ran.code, Some(0), "{ran:?}");
+    let mut open = 0;
+    for name in ["element", "lane", "texel", "root"] {
+        for (column, cell) in row(&matrix, name) {
+            assert_eq!(cell["status"], "agrees", "{name} on {column}: {cell}");
+            assert_eq!(cell["differing"], 0, "{name} on {column}: {cell}");
+            open += cell["open"].as_u64().expect("a count");
+        }
+    }
+    assert!(open > 0, "drivers do the same now: nothing is shown here");
+    let last = format!("{open} results in ");
+    assert!(ran.out.lines().any(|line| line.starts_with(&last)), "{last}: {}", ran.out);
+    assert!(ran.out.contains(" open"), "{}", ran.out);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn what_wgsl_defines_is_a_finding_beside_what_it_leaves_open() {
+    // x / 0 is x, and x % 0 is 0. In the last two an element is outside in each case, or in some.
+    let text = "fn quotient(a: i32, b: i32) -> i32 { return a / b; }\n\
+                fn rest(a: i32, b: i32) -> i32 { return a % b; }\n\
+                fn beside(c: u32, b: i32) -> vec2i {\n    \
+                    var a = array<i32, 3>(4, 5, 6);\n    \
+                    return vec2i(a[c + 3u], 7 / b);\n}\n\
+                fn between(c: u32, b: i32) -> vec2i {\n    \
+                    var a = array<i32, 3>(4, 5, 6);\n    \
+                    return vec2i(a[c % 4u], 7 / b);\n}\n";
+    let (matrix, ran) = matrix_of(text, "vulkan,gl,vulkan:glsl,cpu");
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    for name in ["quotient", "rest", "beside", "between"] {
+        let cells = row(&matrix, name);
+        assert_eq!(cells["cpu"]["status"], "agrees", "{name}: {}", cells["cpu"]);
+        for column in ["gl", "vulkan:glsl"] {
+            let cell = &cells[column];
+            assert_eq!(cell["stopped"]["why"], "differs", "{name} on {column}: {cell}");
+        }
+    }
+}
+
+/// A buffer has an element for each invocation, and a texture of one dimension has one level.
+#[cfg(target_os = "linux")]
+#[test]
+fn made_up_data_is_what_an_author_could_bind() {
+    let text = "@group(0) @binding(0) var<storage, read_write> o: array<u32>;\n\
+                @group(0) @binding(1) var line: texture_1d<f32>;\n\
+                @compute @workgroup_size(256) fn each(@builtin(global_invocation_id) id: vec3u) {\n    \
+                    o[id.x] = id.x + 1u;\n}\n\
+                fn texel(i: u32) -> vec4f { return textureLoad(line, i % 16u, 0); }\n";
+    let (matrix, ran) = matrix_of(text, "vulkan,vulkan:spirv,cpu");
+    assert_eq!(ran.code, Some(0), "{ran:?}");
+    for (column, cell) in row(&matrix, "each") {
+        assert_eq!((&cell["status"], &cell["open"]), (&json("\"agrees\""), &json("0")), "{cell}");
+        assert_eq!(cell["compared"], 256, "{column}: {cell}");
+    }
+    for (column, cell) in row(&matrix, "texel") {
+        assert_eq!(cell["status"], "agrees", "{column}: {cell}");
+    }
+}
+
+/// naga's WGSL has no `@align`, and the engine doesn't read that.
+#[cfg(target_os = "linux")]
+#[test]
+fn the_engine_runs_what_the_author_wrote() {
+    let text = "struct I { a: f32, b: f32 }\n\
+                struct P { x: f32, @align(16) i: I }\n\
+                @group(0) @binding(0) var<uniform> p: P;\n\
+                fn f(x: f32) -> f32 { return p.i.b * x; }\n";
+    let (matrix, _) = matrix_of(text, "vulkan,cpu");
+    let cells = row(&matrix, "f");
+    assert_eq!(cells["cpu"]["status"], "agrees", "{}", cells["cpu"]);
+    let options = cells["cpu"]["options"].as_str().expect("options");
+    assert!(options.contains("the author's text"), "{options}");
+    let judges = cells["cpu"]["validators"].as_array().expect("validators");
+    assert!(
+        judges.iter().all(|said| said["verdict"] == "valid") && judges.len() == 1,
+        "{judges:?}"
+    );
+}
+
+/// glslang gives the words of HLSL's buffers where Direct3D gives their bytes.
+#[cfg(target_os = "linux")]
+#[test]
+fn buffers_are_as_long_on_each_route() {
+    let text = "@group(0) @binding(0) var<storage> a: array<f32>;\n\
+                @group(0) @binding(1) var<storage> b: array<vec4f>;\n\
+                struct S { n: u32, e: array<vec2u> }\n\
+                @group(0) @binding(2) var<storage, read_write> s: S;\n\
+                fn f(x: u32) -> u32 { return arrayLength(&a) + x; }\n\
+                fn g(x: u32) -> u32 { return arrayLength(&b) + x; }\n\
+                @compute @workgroup_size(1) fn m() { s.n = arrayLength(&s.e); }\n";
+    let (matrix, ran) = matrix_of(text, "vulkan,vulkan:hlsl,cpu");
+    assert_eq!(ran.code, Some(0), "{ran:?}");
+    for name in ["f", "g", "m"] {
+        for (column, cell) in row(&matrix, name) {
+            assert_eq!(cell["status"], "agrees", "{name} on {column}: {cell}");
+        }
+    }
+}
+
+/// An entry point that takes minutes on a software driver, beside three that take no time.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_deadline_ends_one_row_of_the_matrix() {
+    let terms: String = (0..300)
+        .map(|i| format!("x = pow(abs(sin(x * 1.{i}) + cos(x + {i}.0)), 1.{i});\n"))
+        .collect();
+    let mut text = format!(
+        "@group(0) @binding(0) var<storage, read_write> o: array<f32>;\n\
+         @compute @workgroup_size(256) fn slow(@builtin(global_invocation_id) id: vec3u) {{\n\
+         var x = f32(id.x);\n\
+         for (var i = 0u; i < 63u; i++) {{ for (var j = 0u; j < 63u; j++) {{\n{terms}}} }}\n\
+         o[id.x] = x;\n}}\n"
+    );
+    for (name, number) in [("one", 1), ("two", 2), ("three", 3)] {
+        text += &format!(
+            "@compute @workgroup_size(64) fn {name}(@builtin(global_invocation_id) id: vec3u) \
+             {{ o[id.x] = f32(id.x) + {number}.0; }}\n"
+        );
+    }
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "shader.wgsl", &text);
+    let columns = ["--columns", "vulkan,vulkan:wgsl", "--json"];
+    let arguments = [&["matrix", "--package", "shader.wgsl"], &columns[..]].concat();
+    let mut command = command(folder.path(), &arguments);
+    let output = command.env("KARAT_DEADLINE", "1").output().expect("it runs");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    let matrix = json(&String::from_utf8_lossy(&output.stdout));
+    let names = matrix[0]["rows"].as_array().expect("rows").iter().map(|row| &row["name"]);
+    assert!(names.eq(["slow", "one", "two", "three"]), "in the author's order");
+    let slow = row(&matrix, "slow");
+    let hangs = &slow["vulkan"]["stopped"];
+    assert_eq!(hangs["why"], "broke", "{hangs}");
+    assert!(hangs["says"].as_str().is_some_and(|says| says.contains("`slow`")), "{hangs}");
+    assert_eq!(slow["vulkan:wgsl"]["stopped"]["why"], "not_run");
+    for name in ["one", "two", "three"] {
+        for (column, cell) in row(&matrix, name) {
+            assert_eq!(cell["status"], "agrees", "{name} on {column}: {cell}");
+        }
+    }
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn what_is_required_of_the_matrix_decides() {

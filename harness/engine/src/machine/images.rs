@@ -65,7 +65,7 @@ impl<A: Rules> Machine<'_, A> {
                 at[axis] = index.at;
             }
             if outside {
-                self.outside.push(lane);
+                self.strayed.push(lane);
                 continue;
             }
             let values = &ints[coordinates + usize::from(op.arrayed)..];
@@ -98,8 +98,10 @@ impl<A: Rules> Machine<'_, A> {
             if let Some(&register) = operands.ints.first() {
                 let index = self.index(op, register, 0, lane, texture.levels() - 1);
                 level = index.at;
+                // "If `level` is outside the range `[0, textureNumLevels(t))` then an indeterminate
+                // value for the return type may be returned" (17.7.1).
                 if index.clamped && A::possible(self.active()[lane]) {
-                    self.outside.push(lane);
+                    self.leave(lane);
                 }
             }
             let size = texture.level_size(level);
@@ -193,7 +195,7 @@ impl<A: Rules> Machine<'_, A> {
                 place.layer = index.at;
                 next_int = 1;
                 if index.clamped && A::possible(self.active()[lane]) {
-                    self.outside.push(lane);
+                    self.strayed.push(lane);
                 }
             }
             for (k, &register) in operands.ints[next_int..].iter().enumerate().take(3) {

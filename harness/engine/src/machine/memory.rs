@@ -149,7 +149,9 @@ macro_rules! scattered {
             let clamped =
                 walk_lane::<A>($walk, indices, &$self.ints, lane, 0, |at| places.push(at as u32));
             if clamped {
-                $self.leave(lane);
+                if $self.leave_unwritten(lane) {
+                    continue;
+                }
             }
             let mask = if places.len() > 1 { A::and(mask, A::undecided()) } else { mask };
             for at in places {
@@ -164,10 +166,16 @@ impl<A: Rules> Machine<'_, A> {
     /// Notes that the index of a lane leaves its array. In intervals, what comes of that is anything: the
     /// specification lets an implementation read any element, or zero, and write any.
     pub(super) fn leave(&mut self, lane: usize) {
-        self.outside.push(lane);
+        self.strayed.push(lane);
         if A::UNDECIDED {
             self.lost[lane] = self.lost[lane].or(Some(self.site));
         }
+    }
+
+    /// The same of a write. Whether it is left out.
+    fn leave_unwritten(&mut self, lane: usize) -> bool {
+        self.leave(lane);
+        self.options.outside.is_some()
     }
 
     pub(super) fn gather(&mut self, file: File, walk: u32, registers: &[u32]) {
@@ -375,7 +383,9 @@ impl<A: Rules> Machine<'_, A> {
             }
             let mut at = 0;
             if walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to) {
-                self.leave(lane);
+                if self.leave_unwritten(lane) {
+                    continue;
+                }
             }
             match scalar {
                 Scalar::F32 => {
@@ -422,6 +432,15 @@ impl<A: Rules> Machine<'_, A> {
             let mut at = 0;
             if walk_lane::<A>(walk, indices, &self.ints, lane, length, |to| at = to) {
                 self.leave(lane);
+                if let Some(number) = self.options.outside {
+                    if atomic.result {
+                        self.ints.get_mut(registers[0])[lane] = A::int(u32::from(number), signed);
+                        if compared {
+                            self.bools.get_mut(registers[1])[lane] = A::bool(number != 0);
+                        }
+                    }
+                    continue;
+                }
             }
             let old = buffer.word(at);
             let x = A::int_word(self.ints.get(operand)[lane]);

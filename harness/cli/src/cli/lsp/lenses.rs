@@ -1,6 +1,6 @@
 //! A line beside each function: what is known of it, and a way to run its tests.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use karat::Package;
@@ -13,7 +13,7 @@ use serde_json::json;
 
 use super::super::report::is_failure;
 use super::findings::file_of;
-use super::place::{range, resolved};
+use super::place::{Lines, resolved};
 use super::root::Verdicts;
 
 /// The command of lenses that run tests: the URI of a file, and the name of a function in it.
@@ -22,9 +22,68 @@ pub(super) const RUN: &str = "karat.run";
 /// Whoever has a lens: a function, or a test in WGSL.
 pub(super) struct Subjects {
     package: String,
-    suite: Option<Suite>,
+    tests: Tests,
     /// Names, and where they stand.
     pub(super) all: Vec<(String, Span)>,
+}
+
+/// The tests of the shaders, by the functions that they are about, call or are.
+#[derive(Default)]
+struct Tests(BTreeMap<String, BTreeSet<String>>);
+
+impl Tests {
+    fn of(tests: &[Test]) -> Self {
+        let mut by_function: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        for test in tests {
+            // A declared test is called `brdf::schlick is symmetric`.
+            let spaces = test.name.match_indices(' ').map(|(space, _)| &test.name[..space]);
+            for function in spaces.chain([&*test.name]).chain(test.calls()) {
+                let own = by_function.entry(function.to_owned()).or_default();
+                own.insert(test.name.clone());
+            }
+        }
+        Self(by_function)
+    }
+
+    fn about(&self, function: &str) -> &BTreeSet<String> {
+        static NONE: BTreeSet<String> = BTreeSet::new();
+        self.0.get(function).unwrap_or(&NONE)
+    }
+}
+
+/// Records of functions of a package, by the function and by the test.
+struct Records<'r> {
+    all: Vec<&'r Record>,
+    by_function: BTreeMap<&'r str, Vec<usize>>,
+    by_test: BTreeMap<&'r str, Vec<usize>>,
+}
+
+impl<'r> Records<'r> {
+    fn of(package: &str, records: &'r [Record]) -> Self {
+        let mut found =
+            Self { all: Vec::new(), by_function: BTreeMap::new(), by_test: BTreeMap::new() };
+        for record in records {
+            let Subject::Function { function, package: own, .. } = &record.subject else {
+                continue;
+            };
+            if own != package {
+                continue;
+            }
+            let index = found.all.len();
+            found.by_function.entry(function).or_default().push(index);
+            found.by_test.entry(&record.test).or_default().push(index);
+            found.all.push(record);
+        }
+        found
+    }
+
+    /// Those that are about a function, or about one of the tests that call it, in their order.
+    fn about(&self, function: &str, tests: &BTreeSet<String>) -> Vec<&'r Record> {
+        let of_tests = tests.iter().filter_map(|test| self.by_test.get(&**test));
+        let of_function = self.by_function.get(function);
+        let all: BTreeSet<usize> = of_tests.chain(of_function).flatten().copied().collect();
+        all.into_iter().map(|index| self.all[index]).collect()
+    }
 }
 
 /// What else is known of the package.
@@ -43,64 +102,42 @@ impl Subjects {
         let functions = functions.into_iter().filter(|item| !item.entry_point);
         let mut all: Vec<(String, Span)> = functions.map(|item| (item.name, item.span)).collect();
         let suite = Suite::of(package.clone()).ok();
-        let tests = suite.iter().flat_map(|suite| &suite.tests);
-        let here = tests.filter(|test| file_of(&test.span).is_some_and(|own| own == file));
+        let known = suite.iter().flat_map(|suite| &suite.tests);
+        let here = known.filter(|test| file_of(&test.span).is_some_and(|own| own == file));
         all.extend(here.map(|test| (test.name.clone(), test.span.clone())));
         all.sort_by_key(|(_, span)| span.range.start);
         let package = resolved(&package.root()).display().to_string();
-        Self { package, suite, all }
-    }
-
-    /// The tests of the shaders that are about a function, call it, or are it.
-    fn tests(&self, function: &str) -> BTreeSet<&str> {
-        let is_about = |test: &&Test| {
-            let declared = test.name.strip_prefix(function);
-            test.name == function
-                || declared.is_some_and(|rest| rest.starts_with(' '))
-                || test.calls().any(|called| called == function)
-        };
-        let tests = self.suite.iter().flat_map(|suite| &suite.tests);
-        tests.filter(is_about).map(|test| &*test.name).collect()
-    }
-
-    /// The records that are about a function, or about a test that calls it.
-    fn about<'r>(
-        &self,
-        function: &str,
-        tests: &BTreeSet<&str>,
-        records: &'r [Record],
-    ) -> Vec<&'r Record> {
-        let is_about = |record: &&Record| match &record.subject {
-            Subject::Function { function: own, package, .. } => {
-                *package == self.package && (own == function || tests.contains(&*record.test))
-            }
-            Subject::Frame { .. } => false,
-        };
-        records.iter().filter(is_about).collect()
+        let tests = suite.map_or_else(Tests::default, |suite| Tests::of(&suite.tests));
+        Self { package, tests, all }
     }
 
     /// The names of all tests of a function.
     pub(super) fn names(&self, function: &str, verdicts: &Verdicts) -> BTreeSet<String> {
-        let tests = self.tests(function);
+        let tests = self.tests.about(function);
         let records = [&verdicts.current, &verdicts.stale];
-        let recorded = records.into_iter().flat_map(|all| self.about(function, &tests, all));
+        let records = records.map(|all| Records::of(&self.package, all));
+        let recorded = records.iter().flat_map(|all| all.about(function, tests));
         let names = recorded.map(|record| record.test.clone());
-        names.chain(tests.iter().map(ToString::to_string)).collect()
+        names.chain(tests.iter().cloned()).collect()
     }
 
     /// Two lenses for each: what is known, and one that runs its tests if there are some.
     pub(super) fn lenses(&self, uri: &Uri, known: &Known<'_>) -> Vec<CodeLens> {
         let mut lenses = Vec::new();
+        let current = Records::of(&self.package, &known.verdicts.current);
+        let stale = Records::of(&self.package, &known.verdicts.stale);
+        let mut texts: BTreeMap<&str, Lines<'_>> = BTreeMap::new();
         for (name, span) in &self.all {
-            let range = range(&span.file.text, &span.range);
+            let lines = texts.entry(&span.file.name);
+            let range = lines.or_insert_with(|| Lines::of(&span.file.text)).range(&span.range);
             let mut lens = |title: String, command: &str| {
                 let arguments = Some(vec![json!(uri), json!(name)]);
                 let command = Some(Command { title, command: command.to_owned(), arguments });
                 lenses.push(CodeLens { range, command, data: None });
             };
-            let tests = self.tests(name);
-            let current = self.about(name, &tests, &known.verdicts.current);
-            let is_stale = !self.about(name, &tests, &known.verdicts.stale).is_empty();
+            let tests = self.tests.about(name);
+            let current = current.about(name, tests);
+            let is_stale = !stale.about(name, tests).is_empty();
             let untested = current.is_empty() && !is_stale && tests.is_empty();
             // An empty command is text.
             lens(format!("karat: {}", title(&current, is_stale, !untested, known)), "");

@@ -62,16 +62,60 @@ pub(super) fn uri(file: &Path) -> Option<Uri> {
     Uri::from_str(&text).ok()
 }
 
-/// The place of bytes in a text.
+/// The place of bytes in a text, of which one is asked for; see [`Lines`] for many.
 pub(super) fn range(text: &str, bytes: &Bytes<usize>) -> Range {
-    let position = |offset: usize| {
-        let before = &text[..text.floor_char_boundary(offset)];
-        let line = before.bytes().filter(|byte| *byte == b'\n').count();
-        let start = before.rfind('\n').map_or(0, |newline| newline + 1);
-        let column = before[start..].encode_utf16().count();
-        Position { line: number(line), character: number(column) }
-    };
-    Range { start: position(bytes.start), end: position(bytes.end.max(bytes.start)) }
+    Lines::of(text).range(bytes)
+}
+
+/// A text in which places are found without reading all that stands before them.
+pub(super) struct Lines<'t> {
+    text: &'t str,
+    /// Some offsets with their places, a few characters apart.
+    marks: Vec<(usize, Position)>,
+}
+
+/// Bytes between two marks, and the bytes of one character more at most.
+const STEP: usize = 64;
+
+impl<'t> Lines<'t> {
+    pub(super) fn of(text: &'t str) -> Self {
+        let mut at = Position::default();
+        let mut marks = vec![(0, at)];
+        for (offset, c) in text.char_indices() {
+            if marks.last().is_none_or(|(last, _)| offset - last >= STEP) {
+                marks.push((offset, at));
+            }
+            advance(&mut at, c);
+        }
+        Self { text, marks }
+    }
+
+    /// The place of bytes; behind the text's end it is that end.
+    pub(super) fn range(&self, bytes: &Bytes<usize>) -> Range {
+        let place = |offset: usize| {
+            let (mut at, read) = self.before(offset);
+            read.chars().for_each(|c| advance(&mut at, c));
+            at
+        };
+        Range { start: place(bytes.start), end: place(bytes.end.max(bytes.start)) }
+    }
+
+    /// The last mark before an offset, and the text between them.
+    fn before(&self, offset: usize) -> (Position, &'t str) {
+        let offset = self.text.floor_char_boundary(offset);
+        let behind = self.marks.partition_point(|(mark, _)| *mark <= offset);
+        let (mark, at) = self.marks[behind.saturating_sub(1)];
+        (at, &self.text[mark..offset])
+    }
+}
+
+/// Goes on behind a character.
+fn advance(at: &mut Position, c: char) {
+    if c == '\n' {
+        *at = Position { line: at.line.saturating_add(1), character: 0 };
+    } else {
+        at.character = at.character.saturating_add(number(c.len_utf16()));
+    }
 }
 
 /// The rest of a line, from a column that counts characters; both count from 1. A line that the text
@@ -123,7 +167,31 @@ mod tests {
         assert_eq!((found.start.line, found.start.character, found.end.character), (1, 2, 3));
         let rest = rest_of_line(text, 2, 2);
         assert_eq!((rest.start.line, rest.start.character, rest.end.character), (1, 2, 5));
+        let behind = range(text, &(90..99));
+        assert_eq!((behind.start, behind.end.line), (behind.end, 2));
         let none = rest_of_line(text, 9, 9);
         assert_eq!((none.start.line, none.start.character, none.end.character), (8, 0, 0));
+    }
+
+    /// However much stands before a place, as little of it is read.
+    #[test]
+    fn places_of_a_long_text_take_as_little_as_those_of_a_short_one() {
+        let many = 20_000;
+        let lines = "fn f(x: f32) -> f32 { return x; }\n".repeat(many);
+        let one_line = "fn \u{1f980}() {} ".repeat(many);
+        for text in [&lines, &one_line] {
+            let found = Lines::of(text);
+            let mut read = 0;
+            for (offset, _) in text.match_indices("fn ") {
+                read += found.before(offset).1.len();
+            }
+            assert!(read <= many * (STEP + 4), "{read} bytes for {many} places");
+            let (last, _) = text.rmatch_indices("fn ").next().expect("many");
+            let line = text[..last].matches('\n').count();
+            let start = text[..last].rfind('\n').map_or(0, |newline| newline + 1);
+            let column = text[start..last].encode_utf16().count();
+            let place = found.range(&(last..last)).start;
+            assert_eq!((place.line as usize, place.character as usize), (line, column));
+        }
     }
 }

@@ -119,6 +119,7 @@ fn cell(cell: &Cell, texts: &mut Texts) -> Value {
         "validators": cell.validators,
         "compared": cell.compared,
         "differing": cell.differing,
+        "open": cell.open,
         "worst_ulp": cell.worst_ulp,
         "text": cell.text().map(|text| texts.index(text)),
         "text_lines": cell.text_lines,

@@ -67,6 +67,9 @@ fn evidence(cell: &Cell) -> String {
     if cell.compared > 0 {
         lines.push(format!("{} cases compared, {} differ", cell.compared, cell.differing));
     }
+    if cell.open > 0 {
+        lines.push(format!("{} differ where WGSL leaves open what they are", cell.open));
+    }
     lines.extend(cell.known.as_ref().map(|known| format!("known: {}", known.reason)));
     lines.join("\n")
 }

@@ -113,6 +113,7 @@ fn readme(
     let verb = match cell.stopped {
         Some(Stop::Differs(_)) => "differs",
         Some(Stop::Rejected(_)) => "is rejected",
+        Some(Stop::Panicked(_)) => "makes naga panic",
         _ => "gets no verdict",
     };
     writeln!(text, "# `{}` {verb} on `{}`\n", row.name, head.name)?;
@@ -158,7 +159,8 @@ fn fenced(language: &str, text: &str) -> String {
 }
 
 fn write_divergence(text: &mut String, head: &Head, found: &Divergence) -> std::fmt::Result {
-    writeln!(text, "\n## The simplest input\n\n| argument | value |\n|---|---|")?;
+    let title = if found.alone { "The simplest input" } else { "An input" };
+    writeln!(text, "\n## {title}\n\n| argument | value |\n|---|---|")?;
     for (name, value) in &found.arguments {
         writeln!(text, "| `{name}` | {value} |")?;
     }
@@ -167,6 +169,15 @@ fn write_divergence(text: &mut String, head: &Head, found: &Divergence) -> std::
     let (here, there) = (hex(&found.results.0).join(" "), hex(&found.results.1).join(" "));
     writeln!(text, "| `{}` | {} | {here} |", head.name, found.here)?;
     writeln!(text, "| `{}` | {} | {there} |", found.baseline, found.there)?;
+    if !found.alone {
+        writeln!(
+            text,
+            "\nRun alone, this input gives the same on both: a result depends on the inputs that run \
+             beside it. These are the results among the inputs that Karat makes up, which are the same \
+             each time."
+        )?;
+        return Ok(());
+    }
     match &found.first {
         Some(first) => {
             let place = first.location.as_ref().map_or_else(String::new, |at| format!(" at {at}"));

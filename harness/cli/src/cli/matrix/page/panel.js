@@ -35,9 +35,10 @@ function divergence(found, column, go) {
   const table = element("table", { className: "values" },
     element("tbody", {}, ...(found.arguments ?? []).map(([name, value]) => pair(plain(name), plain(value)))),
     element("tbody", {}, pair(`${plain(column.name)} returns`, here), pair(`${plain(found.baseline)} returns`, there)));
-  const made = section("The simplest input found on which they differ", table);
+  const made = section(found.alone ? "The simplest input found on which they differ" : "An input on which they differ", table);
   const { first } = found;
-  if (first) {
+  if (!found.alone) made.append(element("p", {}, "Run alone, this input gives the same on both: a result depends on the inputs that run beside it."));
+  else if (first) {
     const [a, b] = apart(first.here, first.there);
     made.append(element("p", {}, first.name === "return" ? "The first value that differs is what " : "The first value that differs is ",
       element("code", {}, first.name === "return" ? "return" : plain(first.name)), first.name === "return" ? " gives, in " : ", in ",
@@ -160,7 +161,7 @@ function factsOf(entry, judged, column, go) {
   if (cell.known) facts.append(section("Known", element("p", {}, plain(cell.known)), element("p", { className: "dim" }, "It is declared to fail here, and it does. It isn't counted as a finding.")));
   if (cell.divergence) facts.append(divergence(cell.divergence, column, go));
   if (cell.stopped) {
-    const why = cell.status === null ? "naga doesn't write it" : WHY.get(cell.stopped.why) ?? "It gets no further";
+    const why = cell.status === null && cell.stopped.why === "unsupported" ? "naga doesn't write it" : WHY.get(cell.stopped.why) ?? "It gets no further";
     const said = section(why, element("pre", {}, plain(cell.stopped.says).trim()));
     const lines = [...new Set(accused(cell))].slice(0, 6);
     if (lines.length && Number.isInteger(cell.text)) said.append(element("p", {}, ...lines.flatMap((n, i) => [i ? ", " : "In the translation: ", link(`line ${n}`, () => go("text", n))])));
@@ -170,6 +171,7 @@ function factsOf(entry, judged, column, go) {
     const worst = Number.isFinite(cell.worst_ulp) ? ` The largest distance is ${many(cell.worst_ulp, "step", "steps")} of an f32 (ulp).` : "";
     facts.append(section("Results", element("p", {}, `${many(cell.compared, "case is", "cases are")} compared, and ${cell.differing ? `${cell.differing.toLocaleString("en")} of them ${cell.differing === 1 ? "differs" : "differ"} by more than the tolerance` : "none differs by more than the tolerance"}.${worst}`)));
   }
+  if (cell.open > 0) facts.append(section("Left open", element("p", {}, `${many(cell.open, "result differs", "results differ")} where WGSL leaves open what it is.`)));
   if (cell.allowed) {
     const { bounded, outside, first } = cell.allowed;
     const all = `WGSL bounds the results of ${many(bounded, "case", "cases")}.`;

@@ -31,7 +31,7 @@ function badge(sort, word = SORTS.get(sort).word ?? sort) {
 }
 
 function reasonOf(reason) {
-  const sort = ["differs", "invalid", "broke", "unsupported", "known"].find((name) => reason.classes.has(name));
+  const sort = ["differs", "invalid", "panics", "broke", "unsupported", "known"].find((name) => reason.classes.has(name));
   const rows = [...reason.rows];
   const open = ([entry, column]) => link(plain(entry.row.name), () => change({ row: entry.row.name, column: column?.name ?? null }, { step: true }));
   const where = element("div", { className: "where" },

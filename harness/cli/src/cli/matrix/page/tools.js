@@ -3,6 +3,7 @@
 const SHOWS = new Map(Object.entries({
   differs: { label: "DIFFERS" },
   invalid: { label: "INVALID" },
+  panics: { label: "PANICS" },
   broke: { label: "NO VERDICT" },
   unsupported: { label: "unsupported" },
   reference: { label: "reference fails" },

@@ -9,15 +9,17 @@ const SORTS = new Map(Object.entries({
   translated: { sign: "○", about: "naga writes it" },
   differs: { sign: "≠", word: "DIFFERS", about: "it ran, and its results are other than those of the column it is compared with" },
   invalid: { sign: "✗", word: "INVALID", about: "a validator rejects what naga wrote" },
-  broke: { sign: "?", word: "NO VERDICT", about: "a validator crashed, didn't end or can't be run" },
+  panics: { sign: "!", word: "PANICS", about: "naga panics as it writes it" },
+  broke: { sign: "?", word: "NO VERDICT", about: "a validator or a driver crashed, didn't end or can't be run" },
   unsupported: { sign: "⊘", about: "naga doesn't write it; behind another word: naga wrote it, but can't take it further on this route" },
   known: { sign: "≡", word: "known", about: "the package declares that this fails, and it does; it isn't counted as a finding" },
 }));
-const FINDINGS = ["differs", "invalid", "broke", "unsupported", "reference"];
+const FINDINGS = ["differs", "invalid", "panics", "broke", "unsupported", "reference"];
 const WHY = new Map(Object.entries({
   unsupported: "naga can't take it further",
   rejected: "A validator rejects it",
-  broke: "A validator has no verdict",
+  panicked: "naga panics",
+  broke: "A validator or driver has no verdict",
   no_validator: "No validator of the language is here",
   unavailable: "Nothing here runs it",
   not_run: "It isn't run",
@@ -31,6 +33,7 @@ function wordOf(cell) {
   if (why === "differs") return "DIFFERS";
   if (why === "rejected") return "INVALID";
   if (why === "broke") return "NO VERDICT";
+  if (why === "panicked") return "PANICS";
   return STATUSES.includes(cell.status) ? cell.status : "unsupported";
 }
 
@@ -41,7 +44,7 @@ function judge(cell, head) {
   const blocked = cell.stopped?.why === "unsupported" && word !== "unsupported";
   const failed = cell.reference?.passed === false;
   if (cell.known) return { word, blocked, failed, sort: "known", classes: ["known"] };
-  const found = { DIFFERS: "differs", INVALID: "invalid", "NO VERDICT": "broke", unsupported: "unsupported" }[word];
+  const found = { DIFFERS: "differs", INVALID: "invalid", "NO VERDICT": "broke", PANICS: "panics", unsupported: "unsupported" }[word];
   const classes = [found ?? (blocked ? "unsupported" : word === "agrees" ? "agrees" : head.adapter ? "open" : "idle")];
   if (failed) classes.push("reference");
   return { word, blocked, failed, sort: found ?? word, classes };

@@ -1,0 +1,135 @@
+//! What WGSL leaves open of a function's results: there, two columns that differ are both right.
+
+use crate::fixture::Fixtures;
+use crate::interpret::{Bound, Interpreted};
+use crate::probe::Probed;
+use crate::value::Scalar;
+
+/// A function in Karat's engine, which knows what WGSL leaves open; nothing is known of one that the
+/// engine doesn't execute.
+#[derive(Default)]
+pub(super) struct Leeway(Option<Interpreted>);
+
+/// What is left open of some cases.
+pub(super) struct Latitude {
+    /// What WGSL allows each lane to be; `None`: it isn't known, as of derivatives.
+    pub(super) bounds: Option<Vec<Bound>>,
+    /// The lanes that depend on what an index reads or writes outside of its array.
+    strays: Vec<bool>,
+}
+
+/// What is left open of one case.
+#[derive(Clone, Copy)]
+pub(super) struct OfCase<'l> {
+    bounds: Option<&'l [Bound]>,
+    strays: &'l [bool],
+}
+
+/// What may be said of two results of a lane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Freedom {
+    /// Any value is allowed: results that differ are both right.
+    Any,
+    /// Both results are within bounds. These may be wider than what WGSL allows: those of a texture hold
+    /// all of its texels.
+    Both,
+    /// One of them isn't allowed.
+    NotBoth,
+    /// It isn't known what is allowed.
+    Unknown,
+}
+
+impl Leeway {
+    pub(super) fn of(probed: &Probed, fixtures: &Fixtures) -> Self {
+        Self(Interpreted::new(probed, fixtures).ok())
+    }
+
+    /// What is left open of these cases; `None`: nothing is known of them.
+    pub(super) fn at(&self, rows: &[u32], cases: usize) -> Option<Latitude> {
+        let interpreted = self.0.as_ref()?;
+        let strays = interpreted.strays(cases, rows).ok()?;
+        Some(Latitude { bounds: interpreted.bounds(cases, rows).ok(), strays })
+    }
+}
+
+impl Latitude {
+    /// Of one case, whose result has so many lanes.
+    pub(super) fn case(&self, case: usize, width: usize) -> OfCase<'_> {
+        let lanes = case * width..(case + 1) * width;
+        let bounds = self.bounds.as_ref().and_then(|bounds| bounds.get(lanes.clone()));
+        OfCase { bounds, strays: self.strays.get(lanes).unwrap_or_default() }
+    }
+}
+
+impl OfCase<'_> {
+    /// What may be said of a lane's results.
+    pub(super) fn freedom(&self, lane: usize, scalar: Scalar, results: [u32; 2]) -> Freedom {
+        if self.strays.get(lane) == Some(&true) {
+            return Freedom::Any;
+        }
+        // Where an index leaves its array in one lane, bounds of the others are lost with it.
+        let Some(bounds) = self.bounds.filter(|_| !self.strays.contains(&true)) else {
+            return Freedom::Unknown;
+        };
+        let Some(bound) = bounds.get(lane) else { return Freedom::Unknown };
+        let is_any = bound.ends().is_none_or(|(least, most)| match scalar {
+            Scalar::I32 | Scalar::U32 => most - least >= f64::from(u32::MAX),
+            Scalar::Bool => least < most,
+            Scalar::F32 | Scalar::F16 => false,
+        });
+        match results.iter().all(|word| bound.allows(scalar.decode(*word))) {
+            _ if is_any => Freedom::Any,
+            true => Freedom::Both,
+            false => Freedom::NotBoth,
+        }
+    }
+}
+
+#[cfg(all(test, feature = "engine"))]
+mod tests {
+    use super::*;
+    use crate::Package;
+
+    #[test]
+    fn what_an_index_reads_outside_is_open_and_nothing_beside_it() {
+        let text = "fn f(i: u32, x: f32) -> vec2f {
+                        var a = array<f32, 3>(1.0, 2.0, 3.0);
+                        return vec2f(a[i], x / 3.0);
+                    }
+                    fn g(i: u32, n: i32) -> vec2i {
+                        var a = array<i32, 3>();
+                        a[i] = 5;
+                        return vec2i(a[2], 7 / n);
+                    }";
+        let package = Package::from_source("p", text);
+        let freedom = |name: &str, row: [u32; 2], scalar: Scalar, results: [[u32; 2]; 2]| {
+            let probed = Probed::new(&package, name).expect("it is called");
+            let fixtures = Fixtures::new();
+            let latitude = Leeway::of(&probed, &fixtures).at(&row, 1).expect("it is known");
+            [0, 1].map(|lane| latitude.case(0, 2).freedom(lane, scalar, results[lane]))
+        };
+        let [two, three, one] = [2.0_f32, 3.0, 1.0].map(f32::to_bits);
+        // a[1] is 2, and 3 / 3 is 1.
+        let f = |i: u32, lane| freedom("f", [i, three], Scalar::F32, [[two, lane], [one, one]]);
+        assert_eq!(f(1, two), [Freedom::Both, Freedom::Both]);
+        assert_eq!(f(1, three), [Freedom::NotBoth, Freedom::Both]);
+        assert_eq!(f(7, three), [Freedom::Any, Freedom::Unknown]);
+        // What is written outside may be seen in any element; a division by zero is defined.
+        let g = |i: u32, n: u32| freedom("g", [i, n], Scalar::I32, [[0, 0], [7, 0]]);
+        assert_eq!(g(1, 0), [Freedom::Both, Freedom::NotBoth]);
+        assert_eq!(g(9, 0), [Freedom::Any, Freedom::Unknown]);
+    }
+
+    #[test]
+    fn what_is_not_a_number_is_open() {
+        let package = Package::from_source("p", "fn f(x: f32) -> f32 { return sqrt(x) / x; }");
+        let probed = Probed::new(&package, "f").expect("it is called");
+        let leeway = Leeway::of(&probed, &Fixtures::new());
+        for (x, open) in [(-1.0_f32, true), (0.0, true), (4.0, false)] {
+            let latitude = leeway.at(&[x.to_bits()], 1).expect("it is known");
+            let half = 0.5_f32.to_bits();
+            let seen = latitude.case(0, 1).freedom(0, Scalar::F32, [half, half]);
+            assert_eq!(seen == Freedom::Any, open, "{x}");
+        }
+    }
+}
