@@ -293,16 +293,9 @@ impl Bound {
         }
     }
 
-    /// Whether WGSL allows a result. An implementation may reassociate sums and products, which bounds
-    /// don't follow: what that moves is 2 ulp at most of what isn't exact, but for sums that cancel.
-    /// Below the least normal number each operation may be flushed.
+    /// Whether WGSL allows a result.
     pub(crate) fn allows(&self, value: f64) -> bool {
-        let Some((least, most)) = self.ends() else { return true };
-        let exact = least == most || !matches!(self, Self::Float(_));
-        let size = value.abs().min(f64::from(f32::MAX));
-        let margin = 2.0 * f64::from(f32::EPSILON) * size + f64::from(f32::MIN_POSITIVE);
-        let margin = if exact { 0.0 } else { margin };
-        least - margin <= value && value <= most + margin
+        self.ends().is_none_or(|(least, most)| least <= value && value <= most)
     }
 
     /// The least and the largest; `None`: anything at all.

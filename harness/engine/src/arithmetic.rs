@@ -543,8 +543,10 @@ impl Rules for Intervals {
         if x.is_bounded() {
             return x;
         }
-        let cause = inputs.filter_map(Interval::cause).next();
-        x.caused_by(cause.unwrap_or(site))
+        match inputs.filter_map(|input| input.cause().map(|_| input)).next() {
+            Some(input) => x.caused_as(input),
+            None => x.caused_by(site),
+        }
     }
     fn unknown_float(site: u32) -> Option<Interval> {
         Some(Interval::UNBOUNDED.caused_by(site))
