@@ -298,6 +298,11 @@ impl Bound {
         self.ends().is_none_or(|(least, most)| least <= value && value <= most)
     }
 
+    /// Whether it is unbounded only because its operations may be evaluated in another order.
+    pub(crate) fn is_reordered(&self) -> bool {
+        matches!(self, Self::Float(x) if x.is_reordered())
+    }
+
     /// The least and the largest; `None`: anything at all.
     pub(crate) fn ends(&self) -> Option<(f64, f64)> {
         match self {

@@ -39,8 +39,8 @@ fn share(package: &Package, name: &str) -> Option<(usize, usize)> {
     Some((all(|bound| bound.ends().is_some()), all(is_narrow)))
 }
 
-/// Measured where bounds didn't follow another order of operations: 95.0 % bounded, 80.0 % as near as
-/// is needed.
+/// 99.0 % were bounded, and 80.4 % as near as is needed, before bounds followed each order of operations.
+/// They may fall by 3 %.
 #[test]
 fn most_of_the_library_is_bounded() {
     let library = Package::relative(env!("CARGO_MANIFEST_DIR"), "../shaders");
@@ -58,5 +58,5 @@ fn most_of_the_library_is_bounded() {
     let bounded = per_cent(shares.iter().map(|(_, bounded, _)| bounded).sum());
     let narrow = per_cent(shares.iter().map(|(_, _, narrow)| narrow).sum());
     let found = format!("{bounded:.1} % bounded, {narrow:.1} % narrow, of {}: {shares:?}", shares.len());
-    assert!(shares.len() > 150 && bounded > 95.0 && narrow > 101.0, "{found}");
+    assert!(shares.len() > 150 && bounded > 96.0 && narrow > 77.4, "{found}");
 }

@@ -32,6 +32,10 @@ impl Bound {
         match *self {}
     }
 
+    pub(crate) fn is_reordered(&self) -> bool {
+        match *self {}
+    }
+
     pub(crate) fn ends(&self) -> Option<(f64, f64)> {
         match *self {}
     }
