@@ -41,21 +41,37 @@ pub(crate) fn argument(scalar: Scalar, cell: &str) -> Option<u32> {
 /// exactly. Any other number is what it says, with all its digits.
 #[must_use]
 pub fn expected(scalar: Scalar, cell: &str) -> Option<f64> {
-    let value = match cell {
-        "true" => return Some(1.0),
-        "false" => return Some(0.0),
+    match cell {
+        "true" => Some(1.0),
+        "false" => Some(0.0),
         cell => match hexadecimal(cell) {
-            Some(value) => return Some(value),
-            None => cell.parse().ok().filter(|value: &f64| value.is_finite())?,
+            Some(value) => Some(value),
+            None => Some(meant(scalar, cell.parse().ok().filter(|value: &f64| value.is_finite())?)),
         },
-    };
-    if !scalar.is_float() {
-        return Some(value);
     }
-    #[expect(clippy::cast_possible_truncation, reason = "it is compared")]
+}
+
+/// The number that an author's decimal stands for, beside results of this type: in a table, as `equals`,
+/// as `is`, as an end of `in_range`.
+///
+/// `0.3` is the `f32` that WGSL makes of it, as it is of `return 0.3;`: a decimal with no more digits than
+/// tell one `f32` from the others. One with more digits, such as `0.3333333333333333`, is what it says:
+/// it is the exact value that a tolerance is about.
+pub(crate) fn meant(scalar: Scalar, value: f64) -> f64 {
+    if !scalar.is_float() {
+        return value;
+    }
+    let single = nearest(scalar, value);
+    let printed = format_f32(single as f32).parse() == Ok(value);
+    if printed && single.is_finite() { single } else { value }
+}
+
+/// The nearest number of the type that results have: what a decimal of any length is where it has to be
+/// equal, as no other can be.
+pub(crate) fn nearest(scalar: Scalar, value: f64) -> f64 {
+    #[expect(clippy::cast_possible_truncation, reason = "that is what it is for")]
     let single = value as f32;
-    let printed = format_f32(single).parse() == Ok(value);
-    Some(if printed && single.is_finite() { single.into() } else { value })
+    if scalar.is_float() { single.into() } else { value }
 }
 
 #[cfg(test)]

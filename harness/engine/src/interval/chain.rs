@@ -349,8 +349,7 @@ impl Product {
     }
 
     /// `count` factors need `count - 1` operations in any order. Each rounds by less than 2^-23 of its
-    /// result, a quotient by 2.5 times that, and not at all where a power of two multiplies. What falls
-    /// below the least normal number on the way may be flushed, and grows with the factors that follow.
+    /// result, a quotient by 2.5 times that, and not at all where a power of two multiplies.
     fn in_any_order(self) -> Interval {
         const ROUNDED: f64 = 1.0 / 8_388_608.0; // 2^-23
         let operations = self.dividends.saturating_add(self.divisors).saturating_sub(1);
@@ -374,13 +373,24 @@ impl Product {
         };
         let (lo, hi) = self.exact;
         let (less, more) = (error(-1.0), error(1.0));
-        let tiny = match f64::from(self.least) < LEAST_DIVISOR * rounded && (lo, hi) != (0.0, 0.0) {
-            true => f64::from(operations - 1) * LEAST_DIVISOR * f64::from(self.most),
+        // What falls below the least normal number on the way is 0, or off by 2.5 of the least steps, which
+        // grow with the factors that follow.
+        let underflows = f64::from(self.least) < LEAST_DIVISOR * rounded && (lo, hi) != (0.0, 0.0);
+        let tiny = match underflows {
+            true => f64::from(operations) * 2.5 * power(LEAST_STEP) * f64::from(self.most),
             false => 0.0,
         };
         // Neither rounding nor flushing changes a sign.
-        let below = if lo >= 0.0 { (lo * less - tiny).max(0.0) } else { lo * more - tiny };
-        let above = if hi <= 0.0 { (hi * less + tiny).min(0.0) } else { hi * more + tiny };
+        let below = match lo {
+            _ if lo > 0.0 && underflows => 0.0,
+            _ if lo >= 0.0 => lo * less,
+            _ => lo * more - tiny,
+        };
+        let above = match hi {
+            _ if hi < 0.0 && underflows => 0.0,
+            _ if hi <= 0.0 => hi * less,
+            _ => hi * more + tiny,
+        };
         Interval::outwards(below, above)
     }
 }
