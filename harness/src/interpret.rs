@@ -165,10 +165,17 @@ impl Interpreted {
     /// What WGSL allows each lane of the results of some cases to be. Constants stand for the decimals
     /// that are rounded to them, as a reference has those.
     pub(crate) fn bounds(&self, cases: usize, arguments: &[u32]) -> Result<Vec<Bound>, ProbeError> {
-        self.expect_bounds()?;
-        let options = Options { decimals: true, ..self.options() };
-        let results = self.call_with::<Intervals>(cases, arguments, &options)?;
-        Ok((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect())
+        self.bounded(cases, arguments, &Options { decimals: true, ..self.options() })
+    }
+
+    /// What WGSL allows a driver to return, whose constants are those of the shader: within
+    /// [`bounds`](Self::bounds).
+    pub(crate) fn driver_bounds(
+        &self,
+        cases: usize,
+        arguments: &[u32],
+    ) -> Result<Vec<Bound>, ProbeError> {
+        self.bounded(cases, arguments, &self.options())
     }
 
     /// [`bounds`](Self::bounds) of an adapter that was measured: never wider.
@@ -178,10 +185,19 @@ impl Interpreted {
         arguments: &[u32],
         accuracy: &Arc<Accuracy>,
     ) -> Result<Vec<Bound>, ProbeError> {
-        self.expect_bounds()?;
         let accuracy = Some(Arc::clone(accuracy));
         let options = Options { decimals: true, accuracy, ..self.options() };
-        let results = self.call_with::<Intervals>(cases, arguments, &options)?;
+        self.bounded(cases, arguments, &options)
+    }
+
+    fn bounded(
+        &self,
+        cases: usize,
+        arguments: &[u32],
+        options: &Options,
+    ) -> Result<Vec<Bound>, ProbeError> {
+        self.expect_bounds()?;
+        let results = self.call_with::<Intervals>(cases, arguments, options)?;
         Ok((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect())
     }
 

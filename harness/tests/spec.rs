@@ -325,3 +325,24 @@ fn a_function_agrees_with_itself_in_any_order() {
     let reference = |a: f64, b: f64, s: f64| a * b % 289.0 + s;
     wrapped.function("f").over(over).agrees_with(reference, Spec.or(Abs(300.0)));
 }
+
+/// Equal texels don't make a filter exact, nor is an integer over 255: on the paths that the environment
+/// selects.
+#[test]
+fn texels_are_as_exact_as_formats_and_filters() {
+    let sampled = package(
+        "@group(0) @binding(0) var sky: texture_cube<f32>;
+         @group(0) @binding(1) var linear: sampler;
+         fn f(d: vec3f) -> f32 { return textureSampleLevel(sky, linear, d, 0.0).w; }",
+    );
+    let white = CubeMap::constant(glam::Vec3::ONE);
+    let check = sampled.function("f").with("sky", white).with("linear", Sampler::Linear);
+    check.over(UnitVector).cases(4096).agrees_with(|_: glam::DVec3| 1.0, Spec);
+    let stored = package(
+        "@group(0) @binding(0) var kept: texture_storage_2d<rgba8unorm, read>;
+         fn f(x: u32) -> f32 { return textureLoad(kept, vec2u(x, 0u)).x; }",
+    );
+    let shades = Texture::from_fn(256, 1, |x, _| [x as f32 / 255.0, 0.0, 0.0, 1.0]);
+    let check = stored.function("f").with("kept", shades).over(Integers(0..=255_u32));
+    check.agrees_with(|x: u32| f64::from(x) / 255.0, Spec);
+}

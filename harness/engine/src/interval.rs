@@ -275,6 +275,16 @@ impl Interval {
         self.both(other, f32::max)
     }
 
+    /// What an integer of a normalised format reads as: 3 ulp about the exact quotient, which is the bound
+    /// of `unpack4x8unorm` and its like (15.7.4). 0 has nothing to be rounded.
+    pub(crate) fn normalized(exact: f64) -> Self {
+        let error = 3.0 * ulp(exact);
+        match exact == 0.0 {
+            true => Self::point(0.0),
+            false => Self::outwards(exact - error, exact + error),
+        }
+    }
+
     fn both(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
         if !self.is_bounded() || !other.is_bounded() {
             return Self::UNBOUNDED;

@@ -50,6 +50,10 @@ impl Interpreted {
         match *self {}
     }
 
+    pub(crate) fn driver_bounds(&self, _: usize, _: &[u32]) -> Result<Vec<Bound>, ProbeError> {
+        match *self {}
+    }
+
     pub(crate) fn measured_bounds(
         &self,
         _: usize,
