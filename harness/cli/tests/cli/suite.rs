@@ -835,6 +835,7 @@ fn integers_have_no_tolerance() {
 fn decimals_are_what_the_shader_has() {
     const TEXT: &str = "fn third() -> f32 { return 0.3; }\n\
         fn same(x: f32) -> f32 { return 0.3 + x; }\n\
+        fn stepped(x: f32) -> f32 { return select(0.3, 0.5, abs(x) > 0.05); }\n\
         fn turn() -> f32 { return 3.14159265358979; }\n\
         fn both() -> vec2f { return vec2f(0.3, 0.1); }\n\
         fn glow(n: vec3f) -> f32 { return 0.3 + 0.0 * n.x; }\n";
@@ -843,7 +844,7 @@ fn decimals_are_what_the_shader_has() {
         [[test]]\nfunction = \"turn\"\nequals = 3.14159265358979\ntolerance = \"exact\"\n\
         [[test]]\nname = \"ends\"\nfunction = \"third\"\nin_range = [0.3, 0.3]\n\
         [[test]]\nname = \"rows\"\nfunction = \"same\"\ntable = \"rows.csv\"\ntolerance = \"exact\"\n\
-        [[test]]\nname = \"near\"\nfunction = \"same\"\ntolerance = \"exact\"\n\
+        [[test]]\nname = \"near\"\nfunction = \"stepped\"\ntolerance = \"exact\"\n\
         limit = { x = 0, through = [0.1, 0.01], is = 0.3 }\n\
         [[test]]\nname = \"light\"\nfunction = \"glow\"\ntolerance = \"1 ulp\"\n\
         integral = { over = \"sphere\", is = 3.7699113 }\n";

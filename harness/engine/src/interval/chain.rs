@@ -234,7 +234,7 @@ impl Sum {
     fn in_any_order(self) -> Interval {
         let reach = f64::from(self.most.max(-self.least));
         let count = f64::from(self.count);
-        if reach <= power(self.step.saturating_add(24)) {
+        if reach <= power(self.step.saturating_add(24)).min(f64::from(f32::MAX)) {
             // No sum of terms is rounded.
             return Interval::outwards(self.exact.0, self.exact.1);
         }
@@ -353,6 +353,10 @@ impl Product {
     fn in_any_order(self) -> Interval {
         const ROUNDED: f64 = 1.0 / 8_388_608.0; // 2^-23
         let operations = self.dividends.saturating_add(self.divisors).saturating_sub(1);
+        if operations >= u16::MAX - 1 {
+            // They aren't counted any further.
+            return Interval::UNBOUNDED;
+        }
         let divisions = self.divisions.min(operations);
         let greatest = if divisions > 0 { 1.0 / LEAST_DIVISOR } else { f64::from(f32::MAX) };
         let rounded = 1.0 + f64::from(operations) / 2_097_152.0; // 2^-21

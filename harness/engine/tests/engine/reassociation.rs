@@ -312,3 +312,39 @@ fn every_order_of_a_random_program_is_within_the_bounds() {
     // 93.1 % and 91.1 % where bounds didn't follow another order.
     assert!(bounded > 90.1 && narrow > 88.1, "{bounded:.1} % bounded, {narrow:.1} % narrow");
 }
+
+fn one(result: &str, row: [f32; 4]) -> Interval {
+    intervals(&source("", result), &row)[0]
+}
+
+/// What overflows in another order has no bound, and that it is the order is known.
+#[test]
+fn an_order_that_overflows_has_no_bound() {
+    let large = [3e38, -3e38, 3e38, -3e38];
+    for (result, row) in [
+        ("x + y + z + w", large),
+        ("x + y + z", large),
+        ("x * y * z", [1e-30, 1e30, 1e30, 0.0]),
+        ("x * y / z", [1e30, 1e-30, 1e-30, 0.0]),
+        ("x / y / z", [1.0, 1e-30, 1e-30, 0.0]),
+    ] {
+        let found = one(result, row);
+        assert!(!found.is_bounded() && found.is_reordered(), "{result}: {found:?}");
+    }
+    let written = one("x + z", large);
+    assert!(!written.is_bounded() && !written.is_reordered(), "in the only order");
+    assert_eq!(one("x + y + z + w", [3.0, -4.0, 5.0, -6.0]), Interval::point(-2.0));
+    assert_eq!(one("x * y * z * w", [3.0, -4.0, 5.0, 0.5]), Interval::point(-30.0));
+}
+
+/// A product isn't distributed over a sum, and what isn't a sum or a product keeps its order.
+#[test]
+fn only_sums_and_products_have_several_orders() {
+    let row = [16_777_216.0, 1.0, -16_777_216.0, 1.0];
+    assert_eq!(one("(x + y) + z", row), Interval::between(0.0, 2.0));
+    assert_eq!(one("(x + y) * w + z * w", row), Interval::between(0.0, 2.0));
+    assert_eq!(one("max(x + y, x) + z", row), Interval::between(0.0, 2.0));
+    assert_eq!(one("(y * 0.1 + w * 0.1) * 0.0", row), Interval::point(0.0));
+    let factored = one("x * y + x * z", [1e30, 1e20, -1e20, 0.0]);
+    assert!(!factored.is_bounded() && !factored.is_reordered(), "each product overflows");
+}
