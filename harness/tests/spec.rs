@@ -293,8 +293,14 @@ fn an_order_that_overflows_is_named() {
     let census = found.paths[0].census;
     assert!(census.unbounded > 4000 && census.driver == 0, "{census:?}");
     let message = found.to_string();
-    assert!(message.contains("(<spec>:2:12) is bounded in the order in which it is written"), "{message}");
-    assert!(message.contains("any result is allowed") && !message.contains("is wrong"), "{message}");
+    assert!(
+        message.contains("(<spec>:2:12) is bounded in the order in which it is written"),
+        "{message}"
+    );
+    assert!(
+        message.contains("any result is allowed") && !message.contains("is wrong"),
+        "{message}"
+    );
 }
 
 /// On the paths that the environment selects: each is the function itself, and Mesa's compilers evaluate

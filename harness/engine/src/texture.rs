@@ -102,7 +102,8 @@ impl Texture {
         if levels.len() > 32 {
             return Err(TextureError::Shape("a texture of more than 32 levels"));
         }
-        let mut texture = Self { dimension, size, samples, levels, hull: [(0.0, 0.0); 4], normalized: false };
+        let mut texture =
+            Self { dimension, size, samples, levels, hull: [(0.0, 0.0); 4], normalized: false };
         for (level, texels) in texture.levels.iter().enumerate() {
             let [w, h, d] = texture.level_size(level as u32).map(u64::from);
             let needed = w

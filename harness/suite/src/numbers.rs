@@ -101,7 +101,8 @@ mod tests {
         let third = expected(Scalar::F32, "0.3333333333333333").expect("a number");
         assert!((third - 1.0 / 3.0).abs() < 1e-16 && third != f64::from(third as f32));
         // What has to be equal is the nearest f32, however many digits it has.
-        let third = super::expected(Scalar::F32, "0.3333333333333333", Wanted::from(&Ulp(0.0).into()));
+        let third =
+            super::expected(Scalar::F32, "0.3333333333333333", Wanted::from(&Ulp(0.0).into()));
         assert_eq!(third, Some(f64::from(1.0_f32 / 3.0)));
         assert_eq!(meant(Scalar::F32, 1e39, Wanted::Equal), 1e39, "no f32 is as large");
         assert_eq!(meant(Scalar::I32, 16_777_217.0, Wanted::Equal), 16_777_217.0);

@@ -478,11 +478,7 @@ fn place(parameters: &[(String, Shape)], name: &str) -> Result<(usize, usize), S
 }
 
 /// The lanes of an expected value in `f64`. A number stands for each component.
-fn wide(
-    shape: &Shape,
-    value: &Value,
-    wanted: Wanted,
-) -> Result<Vec<f64>, String> {
+fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f64>, String> {
     let scalars = shape.lanes();
     let meant = |(scalar, value): (&Scalar, f64)| numbers::meant(*scalar, value, wanted);
     let number = |value: &Value| match value {

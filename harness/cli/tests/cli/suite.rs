@@ -856,5 +856,9 @@ fn decimals_are_what_the_shader_has() {
     assert!(ran.out.contains("0 failed"), "{ran:?}");
     write(folder.path(), "own.wgsl", &TEXT.replace("0.3", "0.30000004"));
     let ran = cpu(folder.path(), &[]);
-    assert_eq!(ran.out.matches("... FAILED").count(), 6, "all but `turn`, which has no 0.3: {ran:?}");
+    assert_eq!(
+        ran.out.matches("... FAILED").count(),
+        6,
+        "all but `turn`, which has no 0.3: {ran:?}"
+    );
 }

@@ -207,10 +207,7 @@ impl Sum {
 
     fn and(self, other: Self) -> Self {
         Self {
-            exact: (
-                lower_sum(self.exact.0, other.exact.0),
-                upper_sum(self.exact.1, other.exact.1),
-            ),
+            exact: (lower_sum(self.exact.0, other.exact.0), upper_sum(self.exact.1, other.exact.1)),
             least: below(f64::from(self.least) + f64::from(other.least)),
             most: above(f64::from(self.most) + f64::from(other.most)),
             count: self.count.saturating_add(other.count),
@@ -239,7 +236,7 @@ impl Sum {
             return Interval::outwards(self.exact.0, self.exact.1);
         }
         // Rounding may add to a sum of terms.
-        let reach = reach * (count / 4_194_304.0 /* 2^22 */).exp();
+        let reach = reach * (count / 4_194_304.0/* 2^22 */).exp();
         if !(reach <= f64::from(f32::MAX)) {
             return Interval::UNBOUNDED;
         }
@@ -289,7 +286,9 @@ impl Product {
         let (rounding, digits) = match ends.0 == ends.1 {
             true if least == 0.0 => (0, 0),
             true => {
-                let digits = 32 - significand(least).0.trailing_zeros() - significand(least).0.leading_zeros();
+                let digits = 32
+                    - significand(least).0.trailing_zeros()
+                    - significand(least).0.leading_zeros();
                 if digits == 1 { (0, 0) } else { (1, digits as u16) }
             }
             false => (1, 24),
@@ -313,11 +312,15 @@ impl Product {
         let products = [a.0 * b.0, a.0 * b.1, a.1 * b.0, a.1 * b.1];
         let lo = if same { size(a).0 * size(a).0 } else { least(&products) };
         let hi = greatest(&products);
-        // Of more than two factors a product isn't exact in f64.
-        let exact = (if lo == 0.0 { 0.0 } else { lo.next_down() }, if hi == 0.0 { 0.0 } else { hi.next_up() });
-        let two = self.dividends + self.divisors == 1 && other.dividends + other.divisors == 1;
+        let digits = self.digits.saturating_add(other.digits);
+        // What has at most the digits of an f64 is exact in it, and so is zero.
+        let is_exact = digits <= 53 && self.divisors == 0 && other.divisors == 0;
+        let exact = (
+            if is_exact || lo == 0.0 { lo } else { lo.next_down() },
+            if is_exact || hi == 0.0 { hi } else { hi.next_up() },
+        );
         Self {
-            exact: if two { (lo, hi) } else { exact },
+            exact,
             least: below(f64::from(self.least) * f64::from(other.least)),
             most: above(f64::from(self.most) * f64::from(other.most)),
             divisor: above(f64::from(self.divisor) * f64::from(other.divisor)),
@@ -326,7 +329,7 @@ impl Product {
             dividends: self.dividends.saturating_add(other.dividends),
             divisions: self.divisions.saturating_add(other.divisions),
             rounding: self.rounding.saturating_add(other.rounding),
-            digits: self.digits.saturating_add(other.digits),
+            digits,
         }
     }
 
@@ -373,7 +376,8 @@ impl Product {
             _ => (i32::from(multiplications), i32::from(divisions)),
         };
         let error = |by: f64| {
-            (1.0 + by * ROUNDED).powi(exponents.0.max(0)) * (1.0 + 2.5 * by * ROUNDED).powi(exponents.1)
+            (1.0 + by * ROUNDED).powi(exponents.0.max(0))
+                * (1.0 + 2.5 * by * ROUNDED).powi(exponents.1)
         };
         let (lo, hi) = self.exact;
         let (less, more) = (error(-1.0), error(1.0));

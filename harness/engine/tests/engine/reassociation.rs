@@ -57,7 +57,14 @@ impl Random {
             other => other,
         };
         let two = Box::new([first, self.tree(depth - 1)]);
-        let two = if self.below(2) == 0 { two } else { { let [a, b] = *two; Box::new([b, a]) } };
+        let two = if self.below(2) == 0 {
+            two
+        } else {
+            {
+                let [a, b] = *two;
+                Box::new([b, a])
+            }
+        };
         match self.below(16) {
             0..=4 => Tree::Add(two),
             5..=7 => Tree::Subtract(two),
@@ -184,7 +191,8 @@ impl Random {
             Tree::Negate(x) => format!("(-{})", self.expression(x, body, named)),
             Tree::Call(name, x) => format!("{name}({})", self.expression(x, body, named)),
             Tree::Mix(three) => {
-                let of: Vec<String> = three.iter().map(|x| self.expression(x, body, named)).collect();
+                let of: Vec<String> =
+                    three.iter().map(|x| self.expression(x, body, named)).collect();
                 format!("mix({})", of.join(", "))
             }
             Tree::Add(two)
@@ -309,8 +317,8 @@ fn every_order_of_a_random_program_is_within_the_bounds() {
     let per_cent = |of: usize| 100.0 * of as f64 / (PROGRAMS * CASES) as f64;
     let (bounded, narrow) = (per_cent(bounded), per_cent(narrow));
     assert!(compared > 50_000, "{compared}");
-    // 93.1 % and 91.1 % where bounds didn't follow another order.
-    assert!(bounded > 90.1 && narrow > 88.1, "{bounded:.1} % bounded, {narrow:.1} % narrow");
+    // 93.5 % and 91.7 % where bounds didn't follow another order.
+    assert!(bounded > 90.5 && narrow > 88.7, "{bounded:.1} % bounded, {narrow:.1} % narrow");
 }
 
 fn one(result: &str, row: [f32; 4]) -> Interval {
@@ -326,7 +334,7 @@ fn an_order_that_overflows_has_no_bound() {
         ("x + y + z", large),
         ("x * y * z", [1e-30, 1e30, 1e30, 0.0]),
         ("x * y / z", [1e30, 1e-30, 1e-30, 0.0]),
-        ("x / y / z", [1.0, 1e-30, 1e-30, 0.0]),
+        ("x / y / z", [1e-30, 1e-30, 1e-30, 0.0]),
     ] {
         let found = one(result, row);
         assert!(!found.is_bounded() && found.is_reordered(), "{result}: {found:?}");

@@ -314,9 +314,8 @@ fn bounds(source: &str, texture: Texture) -> Vec<(f32, f32)> {
     let mut resources = Resources::new();
     resources.set_texture(0, 0, texture);
     resources.set_sampler(0, 1, linear(Address::ClampToEdge));
-    let found = program
-        .call::<Intervals>(1, &[0], &resources, &Options::default(), &())
-        .expect("it runs");
+    let found =
+        program.call::<Intervals>(1, &[0], &resources, &Options::default(), &()).expect("it runs");
     let ends = |lane| match lane {
         Lane::Float(x) => (karat_engine::Interval::lo(x), x.hi()),
         other => panic!("{other:?}"),

@@ -336,7 +336,8 @@ mod tests {
         let mut text = Vec::new();
         write_grants(&records.iter().collect::<Vec<_>>(), &mut text).expect("memory");
         assert!(text.is_empty(), "nothing is known");
-        records[0].paths[0].granted = Some(Grant { cases: 200, wider: 1, worst: None, unbounded: 1 });
+        records[0].paths[0].granted =
+            Some(Grant { cases: 200, wider: 1, worst: None, unbounded: 1 });
         write_grants(&records.iter().collect::<Vec<_>>(), &mut text).expect("memory");
         let text = String::from_utf8(text).expect("UTF-8");
         assert!(text.contains("tolerances of 1 of 1 checks are below what WGSL allows"), "{text}");
