@@ -7,6 +7,8 @@ mod cpu;
 #[cfg(feature = "engine")]
 mod endless;
 #[cfg(all(test, feature = "engine"))]
+mod share;
+#[cfg(all(test, feature = "engine"))]
 mod soundness;
 
 use std::fmt::Debug;

@@ -179,10 +179,17 @@ impl Interpreted {
     /// What WGSL allows each lane of the results of some cases to be. Constants stand for the decimals
     /// that are rounded to them, as a reference has those.
     pub(crate) fn bounds(&self, cases: usize, arguments: &[u32]) -> Result<Vec<Bound>, ProbeError> {
-        self.expect_bounds()?;
-        let options = Options { decimals: true, ..self.options() };
-        let results = self.call_with::<Intervals>(cases, arguments, &options)?;
-        Ok((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect())
+        self.bounded(cases, arguments, &Options { decimals: true, ..self.options() })
+    }
+
+    /// What WGSL allows a driver to return, whose constants are those of the shader: within
+    /// [`bounds`](Self::bounds).
+    pub(crate) fn driver_bounds(
+        &self,
+        cases: usize,
+        arguments: &[u32],
+    ) -> Result<Vec<Bound>, ProbeError> {
+        self.bounded(cases, arguments, &self.options())
     }
 
     /// [`bounds`](Self::bounds) of an adapter that was measured: never wider.
@@ -192,10 +199,19 @@ impl Interpreted {
         arguments: &[u32],
         accuracy: &Arc<Accuracy>,
     ) -> Result<Vec<Bound>, ProbeError> {
-        self.expect_bounds()?;
         let accuracy = Some(Arc::clone(accuracy));
         let options = Options { decimals: true, accuracy, ..self.options() };
-        let results = self.call_with::<Intervals>(cases, arguments, &options)?;
+        self.bounded(cases, arguments, &options)
+    }
+
+    fn bounded(
+        &self,
+        cases: usize,
+        arguments: &[u32],
+        options: &Options,
+    ) -> Result<Vec<Bound>, ProbeError> {
+        self.expect_bounds()?;
+        let results = self.call_with::<Intervals>(cases, arguments, options)?;
         Ok((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect())
     }
 
@@ -307,16 +323,14 @@ impl Bound {
         }
     }
 
-    /// Whether WGSL allows a result. An implementation may reassociate sums and products, which bounds
-    /// don't follow: what that moves is 2 ulp at most of what isn't exact, but for sums that cancel.
-    /// Below the least normal number each operation may be flushed.
+    /// Whether WGSL allows a result.
     pub(crate) fn allows(&self, value: f64) -> bool {
-        let Some((least, most)) = self.ends() else { return true };
-        let exact = least == most || !matches!(self, Self::Float(_));
-        let size = value.abs().min(f64::from(f32::MAX));
-        let margin = 2.0 * f64::from(f32::EPSILON) * size + f64::from(f32::MIN_POSITIVE);
-        let margin = if exact { 0.0 } else { margin };
-        least - margin <= value && value <= most + margin
+        self.ends().is_none_or(|(least, most)| least <= value && value <= most)
+    }
+
+    /// Whether it is unbounded only because its operations may be evaluated in another order.
+    pub(crate) fn is_reordered(&self) -> bool {
+        matches!(self, Self::Float(x) if x.is_reordered())
     }
 
     /// The least and the largest; `None`: anything at all.

@@ -240,8 +240,12 @@ pub struct Grant {
     pub cases: u64,
     /// In how many of them it allows a larger error than the tolerance.
     pub wider: u64,
-    /// The largest error that it allows, divided by the tolerance; `None` if it allows anything.
+    /// The largest error that it allows, divided by the tolerance; `None` if that is no number: it allows
+    /// anything, or an error where the tolerance allows none.
     pub worst: Option<f64>,
+    /// In how many cases it allows anything; 0 in records of older versions.
+    #[serde(default)]
+    pub unbounded: u64,
 }
 
 /// How a run was made: `run.json`, beside its records. If it is missing, the run didn't end, so the
@@ -334,7 +338,12 @@ impl Grant {
     /// With other cases of the check.
     pub(crate) fn merge(self, other: Self) -> Self {
         let worst = self.worst.zip(other.worst).map(|(a, b)| a.max(b));
-        Self { cases: self.cases + other.cases, wider: self.wider + other.wider, worst }
+        Self {
+            cases: self.cases + other.cases,
+            wider: self.wider + other.wider,
+            worst,
+            unbounded: self.unbounded + other.unbounded,
+        }
     }
 }
 

@@ -21,7 +21,7 @@ fn check(
 }
 
 fn check_on(
-    driver: &Driver,
+    driver: &dyn Executor,
     text: &str,
     reference: impl Fn(f64) -> f64 + Sync,
     criterion: impl Into<Criterion>,
@@ -207,4 +207,148 @@ fn the_first_binding_that_leaves_what_is_allowed_is_blamed() {
     let unbounded = "fn f(x: f32) -> f32 { return 8.0 * x * x + 0.0 * pow(x - 1.0, 5.0); }";
     let text = disagreement(check(unbounded, |x| 9.1 * x * x, Rel(1e-4))).to_string();
     assert!(text.contains("allows anything: it doesn't bound `pow(x - 1.0, 5.0)`"), "{text}");
+}
+
+/// A driver that returns a number of its own.
+#[derive(Debug)]
+struct Returns(f32);
+
+impl Executor for Returns {
+    fn path(&self) -> Path {
+        "cpu@fake".parse().expect("a name")
+    }
+
+    fn adapter(&self) -> Adapter {
+        Driver { factor: 1.0 }.adapter()
+    }
+
+    fn prepare<'e>(&'e self, _: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
+        Ok(Box::new(Self(self.0)))
+    }
+}
+
+impl Prepared for Returns {
+    fn capacity(&self) -> usize {
+        4096
+    }
+
+    fn start<'p>(&'p self, cases: usize, _: &[u32]) -> Result<Started<'p>, ProbeError> {
+        let words = vec![self.0.to_bits(); cases];
+        Ok(Box::new(move |read| {
+            read(&words, 1);
+            Ok(())
+        }))
+    }
+}
+
+/// The neighbours of an exact sum of two, between which an implementation may choose.
+fn rounded(exact: f64) -> [f32; 2] {
+    let nearest = exact as f32;
+    match f64::from(nearest).partial_cmp(&exact) {
+        Some(std::cmp::Ordering::Less) => [nearest, nearest.next_up()],
+        Some(std::cmp::Ordering::Greater) => [nearest.next_down(), nearest],
+        _ => [nearest; 2],
+    }
+}
+
+/// Each order of three terms passes, and a step beyond all of them doesn't.
+#[test]
+fn a_sum_of_three_is_what_some_order_gives() {
+    let numbers = [0.1_f32, 1.0, -1.0, 3.3, 1e-3, -7.25, 16_777_216.0, 1e-7, -0.99];
+    let package = package("fn f(x: f32, y: f32, z: f32) -> f32 { return (x + y) + z; }");
+    let mut beyond = 0;
+    for (k, x) in numbers.into_iter().enumerate() {
+        let (y, z) = (numbers[(k * 2 + 1) % 9], numbers[(k * 5 + 3) % 9]);
+        let mut orders = Vec::new();
+        for (a, b, c) in [(x, y, z), (x, z, y), (y, z, x)] {
+            for inner in rounded(f64::from(a) + f64::from(b)) {
+                orders.extend(rounded(f64::from(inner) + f64::from(c)));
+            }
+        }
+        let least = orders.iter().copied().fold(f32::INFINITY, f32::min);
+        let most = orders.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+        let returns = |value: f32| {
+            let driver = Returns(value);
+            let check = package.function("f").on(&driver).over((Just(x), Just(y), Just(z)));
+            // Numbers of 16,777,216 are 2 apart.
+            check.try_agrees_with(|x: f64, y: f64, z: f64| x + y + z, Spec.needing(Abs(16.0)))
+        };
+        for value in orders {
+            returns(value).expect("an order gives it");
+        }
+        for value in [least.next_down(), most.next_up()] {
+            let census = census(returns(value));
+            assert!(census.driver > 0 && census.driver == census.failures, "{census:?}");
+            beyond += 1;
+        }
+    }
+    assert_eq!(beyond, 18);
+}
+
+/// Where another order overflows, any result is allowed, no driver is wrong, and the message says so.
+#[test]
+fn an_order_that_overflows_is_named() {
+    let text = "fn f(x: f32) -> f32 {\n    return x * 1e-30 * 1e25 * 1e20;\n}\n";
+    let found = disagreement(check_on(&Returns(1.0), text, |x| x * 1e15, Spec));
+    let census = found.paths[0].census;
+    assert!(census.unbounded > 4000 && census.driver == 0, "{census:?}");
+    let message = found.to_string();
+    assert!(
+        message.contains("(<spec>:2:12) is bounded in the order in which it is written"),
+        "{message}"
+    );
+    assert!(
+        message.contains("any result is allowed") && !message.contains("is wrong"),
+        "{message}"
+    );
+}
+
+/// On the paths that the environment selects: each is the function itself, and Mesa's compilers evaluate
+/// some of them in another order.
+#[test]
+fn a_function_agrees_with_itself_in_any_order() {
+    let one = |text: &str, reference: fn(f64) -> f64| {
+        let package = package(&format!("fn f(y: f32) -> f32 {{ {text} }}"));
+        let spec = Spec.or(Abs(1e-5));
+        package.function("f").over(0.0..=1.0).cases(4096).agrees_with(reference, spec);
+    };
+    one("return (y + y) - 3.0;", |y| y + y - 3.0);
+    one("let twice = y + y; var s = twice; s -= 3.0; return s;", |y| y + y - 3.0);
+    let two = package("fn f(x: f32, y: f32) -> f32 { return (x - y) + 1.0; }");
+    let over = (0.0..=1.0, 0.0..=1.0);
+    let spec = Spec.or(Abs(1e-5));
+    two.function("f").over(over).agrees_with(|x: f64, y: f64| x - y + 1.0, spec);
+    let four = package(
+        "fn blended(x: f32, y: f32, t: f32) -> f32 { return mix(x, y, t); }
+         fn f(x: f32, y: f32, t: f32, z: f32) -> f32 { return blended(x, y, t) + z; }",
+    );
+    let over = (1.0..=4.0, 1.0..=4.0, 0.0..=4.0, 1e-3..=1.0);
+    let sum = |x: f64, y: f64, t: f64, z: f64| x * (1.0 - t) + y * t + z;
+    four.function("f").over(over).agrees_with(sum, Spec.or(Abs(1e-4)));
+    // `x % y` is "inherited from x - y * trunc(x / y)": a product, and a sum of three with `s`.
+    let wrapped = package("fn f(a: f32, b: f32, s: f32) -> f32 { return a * b % 289.0 + s; }");
+    let over = (1.0..=300.0, 1.0..=300.0, 0.0..=1.0);
+    let reference = |a: f64, b: f64, s: f64| a * b % 289.0 + s;
+    wrapped.function("f").over(over).agrees_with(reference, Spec.or(Abs(300.0)));
+}
+
+/// Equal texels don't make a filter exact, nor is an integer over 255: on the paths that the environment
+/// selects.
+#[test]
+fn texels_are_as_exact_as_formats_and_filters() {
+    let sampled = package(
+        "@group(0) @binding(0) var sky: texture_cube<f32>;
+         @group(0) @binding(1) var linear: sampler;
+         fn f(d: vec3f) -> f32 { return textureSampleLevel(sky, linear, d, 0.0).w; }",
+    );
+    let white = CubeMap::constant(glam::Vec3::ONE);
+    let check = sampled.function("f").with("sky", white).with("linear", Sampler::Linear);
+    check.over(UnitVector).cases(4096).agrees_with(|_: glam::DVec3| 1.0, Spec);
+    let stored = package(
+        "@group(0) @binding(0) var kept: texture_storage_2d<rgba8unorm, read>;
+         fn f(x: u32) -> f32 { return textureLoad(kept, vec2u(x, 0u)).x; }",
+    );
+    let shades = Texture::from_fn(256, 1, |x, _| [x as f32 / 255.0, 0.0, 0.0, 1.0]);
+    let check = stored.function("f").with("kept", shades).over(Integers(0..=255_u32));
+    check.agrees_with(|x: u32| f64::from(x) / 255.0, Spec);
 }

@@ -202,6 +202,10 @@ pub(crate) mod sealed {
         /// What a filter makes of texels: the sum of `weights` times `values`, which each lie in
         /// `hull`.
         fn filtered(texels: &[(f64, f32)], hull: (f32, f32)) -> Self::Float;
+        /// A channel of a normalised format, which was an integer.
+        fn normalized(x: f32) -> Self::Float {
+            Self::float(x)
+        }
         /// The coordinate as filters compute with it.
         fn coordinate(x: Self::Float) -> f64;
     }
@@ -543,8 +547,10 @@ impl Rules for Intervals {
         if x.is_bounded() {
             return x;
         }
-        let cause = inputs.filter_map(Interval::cause).next();
-        x.caused_by(cause.unwrap_or(site))
+        match inputs.filter_map(|input| input.cause().map(|_| input)).next() {
+            Some(input) => x.caused_as(input),
+            None => x.caused_by(site),
+        }
     }
     fn unknown_float(site: u32) -> Option<Interval> {
         Some(Interval::UNBOUNDED.caused_by(site))
@@ -562,9 +568,20 @@ impl Rules for Intervals {
         x.lo() as u32
     }
     fn filtered(_: &[(f64, f32)], hull: (f32, f32)) -> Interval {
-        // The specification bounds no filter. Each is a weighted mean of texels, whatever its
-        // weights are, so that it lies between the least and the greatest.
-        Interval::between(hull.0, hull.1)
+        /// At most 16 texels (eight of each of two levels) are weighted by products of four numbers and
+        /// added: that is 20 roundings of less than 2^-23 of the largest texel each.
+        const SLACK: f64 = 1.0 / 262_144.0; // 2^-18
+        // Neither WGSL nor WebGPU says how exact a filter is. Each is a weighted mean of texels, whatever
+        // its weights are, so that it lies between the least and the greatest; but weights are rounded,
+        // and add up to a little more or less than 1. No mean of what has one sign has the other.
+        let [lo, hi] = [hull.0, hull.1].map(f64::from);
+        let size = lo.abs().max(hi.abs());
+        let below = if lo >= 0.0 { lo } else { size };
+        let above = if hi <= 0.0 { -hi } else { size };
+        Interval::outwards(lo - SLACK * below, hi + SLACK * above)
+    }
+    fn normalized(x: f32) -> Interval {
+        Interval::normalized(f64::from(x))
     }
     fn coordinate(x: Interval) -> f64 {
         f64::from(x.middle())

@@ -1,6 +1,11 @@
 //! Intervals of floats and integers, and booleans that may be undecided.
 
+mod chain;
+
 use std::f64::consts::PI;
+use std::fmt;
+
+use chain::{Chain, Ends};
 
 /// What a float may be, by the WGSL specification: every `f32` from `lo` to `hi`, or anything at
 /// all, NaN included, when it is unbounded.
@@ -8,12 +13,25 @@ use std::f64::consts::PI;
 /// A result that overflows, or whose accuracy the specification doesn't bound, is unbounded, and so
 /// is all that is computed from it: an implementation may assume that neither infinities nor NaN
 /// occur. Bounds are rounded outwards to `f32`.
-#[derive(Clone, Copy, Debug)]
+///
+/// A sum or a product holds what each order of its operations gives, through bindings, variables and
+/// calls: it remembers its terms or factors.
+#[derive(Clone, Copy)]
 pub struct Interval {
     lo: f32,
     hi: f32,
-    /// One more than the site that made it unbounded; 0 when there is none.
+    /// One more than the site that made it unbounded, 0 when there is none; and [`REORDERED`].
     cause: u32,
+    chain: Chain,
+}
+
+/// The bit of a cause that says that the operation is bounded in the order in which it is written.
+const REORDERED: u32 = 1 << 31;
+
+impl fmt::Debug for Interval {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:?} to {:?}", self.lo, self.hi)
+    }
 }
 
 impl Default for Interval {
@@ -31,7 +49,8 @@ impl PartialEq for Interval {
 
 impl Interval {
     /// Anything at all.
-    pub const UNBOUNDED: Self = Self { lo: f32::NEG_INFINITY, hi: f32::INFINITY, cause: 0 };
+    pub const UNBOUNDED: Self =
+        Self { lo: f32::NEG_INFINITY, hi: f32::INFINITY, cause: 0, chain: Chain::Single };
 
     /// One float, or anything when it isn't finite.
     #[must_use]
@@ -43,7 +62,7 @@ impl Interval {
     #[must_use]
     pub fn between(lo: f32, hi: f32) -> Self {
         if lo.is_finite() && hi.is_finite() && lo <= hi {
-            Self { lo, hi, cause: 0 }
+            Self { lo, hi, ..Self::UNBOUNDED }
         } else {
             Self::UNBOUNDED
         }
@@ -73,13 +92,43 @@ impl Interval {
         !self.is_bounded() || (f64::from(self.lo) <= x && x <= f64::from(self.hi))
     }
 
+    /// Whether it is bounded but for another order of some operations, which WGSL allows (15.7.5): there
+    /// an intermediate result may overflow, or become a divisor that has no bound.
+    #[must_use]
+    pub fn is_reordered(self) -> bool {
+        self.cause & REORDERED != 0
+    }
+
     /// The site of the operation that made it unbounded, where it is.
     pub(crate) fn cause(self) -> Option<u32> {
-        self.cause.checked_sub(1)
+        (self.cause & !REORDERED).checked_sub(1)
     }
 
     pub(crate) fn caused_by(self, site: u32) -> Self {
-        Self { cause: site + 1, ..self }
+        Self { cause: (self.cause & REORDERED) | (site + 1), ..self }
+    }
+
+    /// Unbounded as what it was computed of.
+    pub(crate) fn caused_as(self, other: Self) -> Self {
+        Self { cause: other.cause, ..self }
+    }
+
+    /// This, which is of any order, where the written order is bounded.
+    fn unless_written(self, written: Self) -> Self {
+        match (self.is_bounded(), written.is_bounded()) {
+            (true, true) => self,
+            (false, true) => Self { cause: REORDERED, ..Self::UNBOUNDED },
+            (_, false) => written,
+        }
+    }
+
+    /// Unbounded, of two values of which one is.
+    fn lost(self, other: Self) -> Self {
+        Self { cause: (self.cause | other.cause) & REORDERED, ..Self::UNBOUNDED }
+    }
+
+    fn chained(self) -> Option<(Ends, Chain)> {
+        Some((self.bounds()?, self.chain))
     }
 
     pub(crate) fn middle(self) -> f32 {
@@ -102,7 +151,7 @@ impl Interval {
         if !(low.is_finite() && high.is_finite()) {
             return Self::UNBOUNDED;
         }
-        Self { lo: low, hi: high, cause: 0 }.flushed()
+        Self { lo: low, hi: high, ..Self::UNBOUNDED }.flushed()
     }
 
     /// With zero where one of its values is subnormal.
@@ -120,8 +169,10 @@ impl Interval {
 
     /// What holds both.
     pub(crate) fn join(self, other: Self) -> Self {
-        if self.is_bounded() && other.is_bounded() {
-            return Self { lo: self.lo.min(other.lo), hi: self.hi.max(other.hi), cause: 0 };
+        if let (Some(ends), Some(others)) = (self.bounds(), other.bounds()) {
+            let chain = self.chain.join(ends, other.chain, others);
+            let (lo, hi) = (self.lo.min(other.lo), self.hi.max(other.hi));
+            return Self { lo, hi, cause: 0, chain };
         }
         Self { cause: if self.cause == 0 { other.cause } else { self.cause }, ..Self::UNBOUNDED }
     }
@@ -134,7 +185,7 @@ impl Interval {
             (false, true) => other,
             (true, true) => {
                 let (lo, hi) = (self.lo.max(other.lo), self.hi.min(other.hi));
-                if lo <= hi { Self { lo, hi, cause: 0 } } else { self }
+                if lo <= hi { Self { lo, hi, ..Self::UNBOUNDED } } else { self }
             }
         }
     }
@@ -158,14 +209,14 @@ impl Interval {
     }
 
     pub(crate) fn add(self, other: Self) -> Self {
-        let (Some((a, b)), Some((c, d))) = (self.bounds(), other.bounds()) else {
-            return Self::UNBOUNDED;
-        };
-        Self::outwards(lower_sum(a, c), upper_sum(b, d))
+        match (self.chained(), other.chained()) {
+            (Some(x), Some(y)) => chain::add(x, y),
+            _ => self.lost(other),
+        }
     }
 
     pub(crate) fn neg(self) -> Self {
-        Self { lo: -self.hi, hi: -self.lo, ..self }
+        Self { lo: -self.hi, hi: -self.lo, chain: self.chain.neg(), ..self }
     }
 
     pub(crate) fn sub(self, other: Self) -> Self {
@@ -173,26 +224,26 @@ impl Interval {
     }
 
     pub(crate) fn mul(self, other: Self) -> Self {
-        let (Some((a, b)), Some((c, d))) = (self.bounds(), other.bounds()) else {
-            return Self::UNBOUNDED;
-        };
-        // Products of two f32 are exact in f64.
-        let products = [a * c, a * d, b * c, b * d];
-        Self::outwards(least(&products), greatest(&products))
+        match (self.chained(), other.chained()) {
+            (Some(x), Some(y)) => chain::multiply(x, y, false),
+            _ => self.lost(other),
+        }
     }
 
     /// x * x, which is never negative.
     pub(crate) fn square(self) -> Self {
-        let Some((lo, hi)) = self.bounds() else { return Self::UNBOUNDED };
-        let least = if lo <= 0.0 && hi >= 0.0 { 0.0 } else { (lo * lo).min(hi * hi) };
-        Self::outwards(least, (lo * lo).max(hi * hi))
+        match self.chained() {
+            Some(x) => chain::multiply(x, x, true),
+            None => self.lost(self),
+        }
     }
 
     /// 2.5 ulp for divisors of magnitude 2^-126 to 2^126.
     pub(crate) fn div(self, other: Self) -> Self {
-        let (Some((a, b)), Some((c, d))) = (self.bounds(), other.bounds()) else {
-            return Self::UNBOUNDED;
+        let (Some(x), Some(y)) = (self.chained(), other.chained()) else {
+            return self.lost(other);
         };
+        let ((a, b), (c, d)) = (x.0, y.0);
         let least_divisor = c.abs().min(d.abs());
         let greatest_divisor = c.abs().max(d.abs());
         if (c <= 0.0 && d >= 0.0)
@@ -212,7 +263,7 @@ impl Interval {
             (false, true) => (below, above.min(0.0)),
             (false, false) => (below, above),
         };
-        Self::outwards(below, above)
+        chain::divide(x, y, Self::outwards(below, above))
     }
 
     /// Exact: either argument, as they are ordered.
@@ -224,12 +275,22 @@ impl Interval {
         self.both(other, f32::max)
     }
 
+    /// What an integer of a normalised format reads as: 3 ulp about the exact quotient, which is the bound
+    /// of `unpack4x8unorm` and its like (15.7.4). 0 has nothing to be rounded.
+    pub(crate) fn normalized(exact: f64) -> Self {
+        let error = 3.0 * ulp(exact);
+        match exact == 0.0 {
+            true => Self::point(0.0),
+            false => Self::outwards(exact - error, exact + error),
+        }
+    }
+
     fn both(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
         if !self.is_bounded() || !other.is_bounded() {
             return Self::UNBOUNDED;
         }
         let (a, b) = (self.flushed(), other.flushed());
-        Self { lo: f(a.lo, b.lo), hi: f(a.hi, b.hi), cause: 0 }
+        Self { lo: f(a.lo, b.lo), hi: f(a.hi, b.hi), ..Self::UNBOUNDED }
     }
 
     /// 2 ulp, for what is above zero.

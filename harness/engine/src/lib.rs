@@ -53,7 +53,7 @@
 //! clamped, and an [`Observer`] is told.
 //!
 //! **Textures** (`texture`) are data. The specification bounds no filter, so the interval of a
-//! sample goes from the least texel to the greatest: any weighted mean lies in it.
+//! sample goes from the least texel to the greatest, and a little further: any weighted mean lies in it.
 //!
 //! **Accuracy** (`accuracy`). Where the specification is loose or silent, [`Options::accuracy`] narrows
 //! the bounds of built-in functions to twice what was measured on an adapter.

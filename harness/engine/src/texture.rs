@@ -73,6 +73,8 @@ pub struct Texture {
     levels: Vec<Texels>,
     /// The least and the greatest value of each channel.
     hull: [(f32, f32); 4],
+    /// Whether channels are integers that read as numbers from -1 to 1.
+    normalized: bool,
 }
 
 impl Texture {
@@ -100,7 +102,8 @@ impl Texture {
         if levels.len() > 32 {
             return Err(TextureError::Shape("a texture of more than 32 levels"));
         }
-        let mut texture = Self { dimension, size, samples, levels, hull: [(0.0, 0.0); 4] };
+        let mut texture =
+            Self { dimension, size, samples, levels, hull: [(0.0, 0.0); 4], normalized: false };
         for (level, texels) in texture.levels.iter().enumerate() {
             let [w, h, d] = texture.level_size(level as u32).map(u64::from);
             let needed = w
@@ -114,6 +117,19 @@ impl Texture {
         }
         texture.hull = std::array::from_fn(|channel| texture.hull_of(channel));
         Ok(texture)
+    }
+
+    /// The same in a format such as `rgba8unorm`. WGSL gives its value as `v / 255` (6.5.1), and no accuracy;
+    /// bounds are those of `unpack4x8unorm`, which computes the same.
+    #[must_use]
+    pub fn normalized(self) -> Self {
+        Self { normalized: true, ..self }
+    }
+
+    /// A channel, by its word.
+    pub(crate) fn channel<A: crate::arithmetic::sealed::Rules>(&self, word: u32) -> A::Float {
+        let x = f32::from_bits(word);
+        if self.normalized { A::normalized(x) } else { A::float(x) }
     }
 
     fn hull_of(&self, channel: usize) -> (f32, f32) {

@@ -48,7 +48,14 @@ impl Session<'_> {
         let Some((least, most)) = bound.ends() else {
             let cause = witness.cause(bound);
             let cause = cause.map_or_else(String::new, |(span, text)| {
-                format!(": it doesn't bound `{}` ({span})", one_line(&text))
+                let text = one_line(&text);
+                match bound.is_reordered() {
+                    true => format!(
+                        ": `{text}` ({span}) is bounded in the order in which it is written, but may be \
+                         evaluated in another (15.7.5), which overflows or divides by what is too near to 0"
+                    ),
+                    false => format!(": it doesn't bound `{text}` ({span})"),
+                }
             });
             lines.push(("WGSL", format!("allows anything{cause}")));
             return Ok(lines);

@@ -43,7 +43,7 @@ impl Grants {
         *left -= cases.len();
         let rows: Vec<u32> =
             cases.iter().flat_map(|case| batch.arguments(*case)).copied().collect();
-        Ok(Self { bounds: witness.bounds(cases.len(), &rows)?, cases })
+        Ok(Self { bounds: witness.driver_bounds(cases.len(), &rows)?, cases })
     }
 
     /// Compares what is allowed with a tolerance about the `expected` lanes of all cases.
@@ -53,10 +53,12 @@ impl Grants {
         expected: &[f64],
         tolerance: &Tolerance,
     ) -> Grant {
-        let mut grant = Grant { cases: self.cases.len() as u64, wider: 0, worst: Some(0.0) };
+        let cases = self.cases.len() as u64;
+        let mut grant = Grant { cases, wider: 0, worst: Some(0.0), unbounded: 0 };
         for (case, bounds) in self.cases.iter().zip(self.bounds.chunks(scalars.len())) {
             let expected = &expected[case * scalars.len()..][..scalars.len()];
             let ratio = allowed(scalars, bounds, expected, tolerance);
+            grant.unbounded += u64::from(bounds.iter().any(|bound| bound.ends().is_none()));
             grant.wider += u64::from(!(ratio <= 1.0));
             grant.worst = grant.worst.map(|worst| worst.max(ratio)).filter(|x| x.is_finite());
         }
@@ -115,6 +117,11 @@ mod tests {
         assert!(tight.worst.is_some_and(|worst| worst > 1000.0), "{tight:?}");
         // Of 100 cases the first is 0, to a power.
         let unbounded = grant("pow(x, 5.0)", |x| x.powi(5), Abs(1e-3));
-        assert_eq!((unbounded.wider, unbounded.worst), (1, None));
+        assert_eq!((unbounded.wider, unbounded.worst, unbounded.unbounded), (1, None, 1));
+        // A driver has the constant that the shader has; the reference alone may have another 0.3.
+        let constant = grant("0.3", |_| f64::from(0.3_f32), Ulp(0.0));
+        assert_eq!((constant.wider, constant.worst), (0, Some(0.0)));
+        let inexact = grant("0.3 * x", |x| f64::from(0.3_f32) * x, Ulp(0.0));
+        assert!(inexact.wider > 50 && inexact.unbounded == 0, "{inexact:?}");
     }
 }

@@ -43,6 +43,10 @@ impl Bound {
         match *self {}
     }
 
+    pub(crate) fn is_reordered(&self) -> bool {
+        match *self {}
+    }
+
     pub(crate) fn ends(&self) -> Option<(f64, f64)> {
         match *self {}
     }
@@ -59,6 +63,10 @@ impl Interpreted {
     }
 
     pub(crate) fn bounds(&self, _: usize, _: &[u32]) -> Result<Vec<Bound>, ProbeError> {
+        match *self {}
+    }
+
+    pub(crate) fn driver_bounds(&self, _: usize, _: &[u32]) -> Result<Vec<Bound>, ProbeError> {
         match *self {}
     }
 

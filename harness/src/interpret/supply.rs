@@ -102,7 +102,10 @@ fn texture(binding: &Binding, view: &View<'_>) -> Result<engine::Texture, String
         Dimension::Cube => engine::Dimension::Cube,
     };
     let size = [first.width, first.height, first.depth * view.layers];
-    engine::Texture::new(dimension, size, view.samples, levels).map_err(|error| error.to_string())
+    let texture = engine::Texture::new(dimension, size, view.samples, levels)
+        .map_err(|error| error.to_string())?;
+    let normalized = format.is_some_and(|name| name.ends_with("norm"));
+    Ok(if normalized { texture.normalized() } else { texture })
 }
 
 /// The words of texels, four each.

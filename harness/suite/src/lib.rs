@@ -38,7 +38,7 @@ use karat::diagnostic::Span;
 pub use find::FindError;
 pub use fixtures::fixture;
 pub use json::{json, lanes_of_json};
-pub use numbers::{expected, hexadecimal};
+pub use numbers::{Wanted, expected, hexadecimal};
 pub use run::Groups;
 pub use tolerances::tolerance;
 

@@ -1,6 +1,7 @@
 //! Numbers in tables.
 
 use karat::value::{Scalar, format_f32};
+use karat::{Tolerance, Ulp};
 
 /// A hexadecimal float of C99, as WGSL and Karat write it; exact in `f64` with up to 13 digits behind the
 /// point, which are more than an f32 has.
@@ -35,27 +36,55 @@ pub(crate) fn argument(scalar: Scalar, cell: &str) -> Option<u32> {
     (f64::from(single).to_bits() == value.to_bits()).then_some(single.to_bits())
 }
 
+/// How results are compared with an author's number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wanted {
+    /// They equal it.
+    Equal,
+    /// They are near to it.
+    Near,
+}
+
+impl From<&Tolerance> for Wanted {
+    fn from(tolerance: &Tolerance) -> Self {
+        if *tolerance == Ulp(0.0).into() { Self::Equal } else { Self::Near }
+    }
+}
+
 /// What a cell of a table expects of a component; `None` if it is no finite number, `true` or `false`.
 ///
-/// A decimal that an `f32` is printed as stands for that `f32`, so that what was returned once is expected
-/// exactly. Any other number is what it says, with all its digits.
+/// A decimal that an `f32` is printed as stands for that `f32`, and so does each other one where
+/// results have to equal it.
 #[must_use]
-pub fn expected(scalar: Scalar, cell: &str) -> Option<f64> {
-    let value = match cell {
-        "true" => return Some(1.0),
-        "false" => return Some(0.0),
+pub fn expected(scalar: Scalar, cell: &str, wanted: Wanted) -> Option<f64> {
+    match cell {
+        "true" => Some(1.0),
+        "false" => Some(0.0),
         cell => match hexadecimal(cell) {
-            Some(value) => return Some(value),
-            None => cell.parse().ok().filter(|value: &f64| value.is_finite())?,
+            Some(value) => Some(value),
+            None => {
+                let value = cell.parse().ok().filter(|value: &f64| value.is_finite())?;
+                Some(meant(scalar, value, wanted))
+            }
         },
-    };
-    if !scalar.is_float() {
-        return Some(value);
     }
-    #[expect(clippy::cast_possible_truncation, reason = "it is compared")]
+}
+
+/// The number that an author's decimal stands for beside results of this type: in a table, as `equals`, as
+/// `is` or `at_most`.
+///
+/// A decimal that an `f32` is printed as stands for that `f32`: `0.3` is what `return 0.3;` returns. One of
+/// more digits, such as `0.3333333333333333`, is the exact value that a tolerance is about; where results
+/// have to equal it, it is the nearest `f32`, as no other number can be returned.
+pub(crate) fn meant(scalar: Scalar, value: f64, wanted: Wanted) -> f64 {
+    #[expect(clippy::cast_possible_truncation, reason = "the nearest is wanted")]
     let single = value as f32;
-    let printed = format_f32(single).parse() == Ok(value);
-    Some(if printed && single.is_finite() { single.into() } else { value })
+    let printed = || format_f32(single).parse() == Ok(value);
+    if scalar.is_float() && single.is_finite() && (wanted == Wanted::Equal || printed()) {
+        single.into()
+    } else {
+        value
+    }
 }
 
 #[cfg(test)]
@@ -64,12 +93,19 @@ mod tests {
 
     #[test]
     fn what_an_f32_prints_is_that_f32() {
+        let expected = |scalar, cell: &str| expected(scalar, cell, Wanted::Near);
         for value in [0.1_f32, 1.9999999, 1e-40, f32::MAX, -3.0, 16_777_216.0] {
             assert_eq!(expected(Scalar::F32, &format_f32(value)), Some(value.into()), "{value}");
             assert_eq!(argument(Scalar::F32, &format_f32(value)), Some(value.to_bits()));
         }
         let third = expected(Scalar::F32, "0.3333333333333333").expect("a number");
         assert!((third - 1.0 / 3.0).abs() < 1e-16 && third != f64::from(third as f32));
+        // What has to be equal is the nearest f32, however many digits it has.
+        let third =
+            super::expected(Scalar::F32, "0.3333333333333333", Wanted::from(&Ulp(0.0).into()));
+        assert_eq!(third, Some(f64::from(1.0_f32 / 3.0)));
+        assert_eq!(meant(Scalar::F32, 1e39, Wanted::Equal), 1e39, "no f32 is as large");
+        assert_eq!(meant(Scalar::I32, 16_777_217.0, Wanted::Equal), 16_777_217.0);
         assert_eq!(expected(Scalar::F32, "0x1.8p-1"), Some(0.75));
         assert_eq!(argument(Scalar::F32, "0x1.8p-1"), Some(0.75_f32.to_bits()));
         assert_eq!(argument(Scalar::F32, "0x1.00000001p+0"), None, "no f32");

@@ -21,6 +21,7 @@ use crate::declared::{
 };
 use crate::domains::{lanes, no_such, over, parts};
 use crate::fixtures::fixture;
+use crate::numbers::{self, Wanted};
 use crate::table;
 use crate::tolerances::{criterion, tolerance};
 use crate::{Broken, Kind, Suite, Test};
@@ -311,6 +312,8 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
     let required = || tolerance(assertion.tolerance()?).map_err(of_key);
     let or_exact = || tolerance(test.tolerance.as_deref().unwrap_or("exact")).map_err(of_key);
     let wanted = || criterion(assertion.tolerance()?).map_err(of_key);
+    let plain = test.tolerance.as_deref().and_then(|text| tolerance(text).ok());
+    let near = plain.as_ref().map_or(Wanted::Near, Wanted::from);
     match what {
         What::AgreesWith(reference) => {
             let reference = assertion.of_module(reference);
@@ -323,7 +326,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
             if !test.over.is_empty() {
                 return Err("a table has its arguments: leave `over` out".to_owned());
             }
-            let table = table::read(&folder.join(file), &parameters, &result)?;
+            let table = table::read(&folder.join(file), &parameters, &result, near)?;
             // The rows as they are: a column of one parameter isn't mixed with others.
             let mut parts: Vec<Vec<Part>> = shapes.iter().map(|_| Vec::new()).collect();
             match parts.first_mut() {
@@ -347,7 +350,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
         }
         What::Equals(value) => {
             let criterion = wanted()?;
-            let expected = wide(&result, value)?;
+            let expected = wide(&result, value, near)?;
             let expect = |_: &[u32], lanes: &mut Vec<f64>| lanes.extend(&expected);
             Ok(settled(probe.over_dynamic(domain(all)?), test)?.agrees_with(&expect, criterion))
         }
@@ -402,7 +405,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
             let steps: Vec<f32> = through.iter().map(|step| *step as f32).collect();
             #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
             let limit = Limit::toward(*toward as f32, steps);
-            let expected = wide(&result, is)?;
+            let expected = wide(&result, is, near)?;
             let expect = |_: &[u32], lanes: &mut Vec<f64>| lanes.extend(&expected);
             let tolerance = required()?;
             Ok(settled(probe.over_dynamic(domain(all)?), test)?.at_limit(
@@ -430,7 +433,8 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
                 return Err(format!("over: `{last}` is what is integrated over: leave it out"));
             }
             let check = settled(probe.over_dynamic(domain(shapes.len() - 1)?), test)?;
-            let expected = wide(&result, is.as_ref().or(at_most.as_ref()).expect("one of them"))?;
+            let value = is.as_ref().or(at_most.as_ref()).expect("one of them");
+            let expected = wide(&result, value, near)?;
             let expect = |_: &[u32], lanes: &mut Vec<f64>| lanes.extend(&expected);
             match is {
                 Some(_) => {
@@ -478,8 +482,9 @@ fn place(parameters: &[(String, Shape)], name: &str) -> Result<(usize, usize), S
 }
 
 /// The lanes of an expected value in `f64`. A number stands for each component.
-fn wide(shape: &Shape, value: &Value) -> Result<Vec<f64>, String> {
+fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f64>, String> {
     let scalars = shape.lanes();
+    let meant = |(scalar, value): (&Scalar, f64)| numbers::meant(*scalar, value, wanted);
     let number = |value: &Value| match value {
         Value::Float(number) => Some(*number),
         #[expect(clippy::cast_precision_loss, reason = "no i32 or u32 loses a digit")]
@@ -488,12 +493,12 @@ fn wide(shape: &Shape, value: &Value) -> Result<Vec<f64>, String> {
         _ => None,
     };
     if let Some(number) = number(value) {
-        return Ok(vec![number; scalars.len()]);
+        return Ok(scalars.iter().map(|scalar| meant((scalar, number))).collect());
     }
     let list =
         value.as_array().and_then(|list| list.iter().map(number).collect::<Option<Vec<_>>>());
     if let Some(list) = list.filter(|list| list.len() == scalars.len()) {
-        return Ok(list);
+        return Ok(scalars.iter().zip(list).map(meant).collect());
     }
     // Structs, arrays and matrices: as the shader would have them.
     let words = lanes(shape, value)?;

@@ -7,7 +7,7 @@ use karat::diagnostic::{nearest, shown};
 use karat::domain::Part;
 use karat::value::{Scalar, Shape};
 
-use crate::numbers;
+use crate::numbers::{self, Wanted};
 
 /// Arguments with what is expected of them.
 #[derive(Debug)]
@@ -26,6 +26,7 @@ pub(crate) fn read(
     file: &Path,
     parameters: &[(String, Shape)],
     result: &Shape,
+    compared: Wanted,
 ) -> Result<Table, String> {
     let name = file.display();
     let text = std::fs::read(file).map_err(|error| format!("`{name}`: {error}"))?;
@@ -92,7 +93,7 @@ pub(crate) fn read(
         let mut lanes = Vec::with_capacity(results.len());
         for (column, scalar) in &results {
             let cell = record.get(*column).unwrap_or_default();
-            let value = numbers::expected(*scalar, cell);
+            let value = numbers::expected(*scalar, cell, compared);
             lanes.push(value.ok_or_else(|| wrong(*column, "is no finite number"))?);
         }
         if let Some(other) = expected.insert(words.clone(), lanes.clone())
@@ -160,7 +161,8 @@ mod tests {
         std::fs::write(&file, text).expect("a file");
         let float = Shape::Scalar(Scalar::F32);
         let vector = Shape::Vector { size: 2, scalar: Scalar::F32 };
-        read(&file, &[("a".to_owned(), float.clone()), ("v".to_owned(), vector)], &float)
+        let parameters = [("a".to_owned(), float.clone()), ("v".to_owned(), vector)];
+        read(&file, &parameters, &float, Wanted::Near)
     }
 
     #[test]

@@ -829,3 +829,36 @@ fn integers_have_no_tolerance() {
     // WGSL allows the one result, which is wrong.
     assert!(!failed.out.contains("anything"), "{failed:?}");
 }
+
+/// `0.3` is what WGSL makes of it, under every key; a fault is seen under every key.
+#[test]
+fn decimals_are_what_the_shader_has() {
+    const TEXT: &str = "fn third() -> f32 { return 0.3; }\n\
+        fn same(x: f32) -> f32 { return 0.3 + x; }\n\
+        fn stepped(x: f32) -> f32 { return select(0.3, 0.5, abs(x) > 0.05); }\n\
+        fn turn() -> f32 { return 3.14159265358979; }\n\
+        fn both() -> vec2f { return vec2f(0.3, 0.1); }\n\
+        fn glow(n: vec3f) -> f32 { return 0.3 + 0.0 * n.x; }\n";
+    const DECLARED: &str = "[[test]]\nfunction = \"third\"\nequals = 0.3\ntolerance = \"exact\"\n\
+        [[test]]\nfunction = \"both\"\nequals = [0.3, 0.1]\ntolerance = \"exact\"\n\
+        [[test]]\nfunction = \"turn\"\nequals = 3.14159265358979\ntolerance = \"exact\"\n\
+        [[test]]\nname = \"ends\"\nfunction = \"third\"\nin_range = [0.3, 0.3]\n\
+        [[test]]\nname = \"rows\"\nfunction = \"same\"\ntable = \"rows.csv\"\ntolerance = \"exact\"\n\
+        [[test]]\nname = \"near\"\nfunction = \"stepped\"\ntolerance = \"exact\"\n\
+        limit = { x = 0, through = [0.1, 0.01], is = 0.3 }\n\
+        [[test]]\nname = \"light\"\nfunction = \"glow\"\ntolerance = \"1 ulp\"\n\
+        integral = { over = \"sphere\", is = 3.7699113 }\n";
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write(folder.path(), "own.wgsl", TEXT);
+    write(folder.path(), "own.test.toml", DECLARED);
+    write(folder.path(), "rows.csv", "x,result\n0,0.3\n");
+    let ran = cpu(folder.path(), &[]);
+    assert!(ran.out.contains("0 failed"), "{ran:?}");
+    write(folder.path(), "own.wgsl", &TEXT.replace("0.3", "0.30000004"));
+    let ran = cpu(folder.path(), &[]);
+    assert_eq!(
+        ran.out.matches("... FAILED").count(),
+        6,
+        "all but `turn`, which has no 0.3: {ran:?}"
+    );
+}

@@ -145,7 +145,7 @@ impl<A: Rules> Machine<'_, A> {
             let words = texture.texel(level, at, sample);
             for (channel, &out) in operands.outs.iter().enumerate() {
                 if op.outs[0] > 0 {
-                    let x = A::float(f32::from_bits(words[channel]));
+                    let x = texture.channel::<A>(words[channel]);
                     let x = if one { x } else { A::filtered(&[(1.0, 0.0)], texture.hull(channel)) };
                     self.floats.get_mut(out)[lane] = x;
                 } else {

@@ -348,8 +348,5 @@ fn packed<const N: usize>(_: [Interval; N]) -> Range {
 /// 3 ulp about each component.
 fn unpacked<const N: usize>(x: Range, f: impl Fn(u32) -> [f64; N]) -> [Interval; N] {
     let Some(word) = x.word() else { return [Interval::between(-1.0, 1.0); N] };
-    f(word).map(|x| {
-        let error = 3.0 * crate::interval::ulp(x);
-        if x == 0.0 { Interval::point(0.0) } else { Interval::outwards(x - error, x + error) }
-    })
+    f(word).map(Interval::normalized)
 }

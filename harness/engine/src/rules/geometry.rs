@@ -158,43 +158,17 @@ float_rules! {
     }
 }
 
-/// Every order of summation gives the same bounds but for rounding; each partial sum is rounded
-/// outwards, and the whole is widened by what another order may have lost.
+/// "Inherited from sum of x[i] * y[i]", in any order as every sum.
 fn dot(x: &[Interval], y: &[Interval]) -> Interval {
-    let products: Vec<Interval> = x.iter().zip(y).map(|(x, y)| product(*x, *y)).collect();
-    sum_in_any_order(&products)
+    sum(x.iter().zip(y).map(|(x, y)| x.mul(*y)))
 }
 
-fn product(x: Interval, y: Interval) -> Interval {
-    x.mul(y)
-}
-
-/// What holds the sum of at most four terms in every order and grouping.
-fn sum_in_any_order(terms: &[Interval]) -> Interval {
-    match terms {
-        [] => Interval::point(0.0),
-        [one] => *one,
-        [a, b] => a.add(*b),
-        _ => {
-            // The last addition joins two parts, of which one holds the first term.
-            let mut all: Option<Interval> = None;
-            for mask in 0..(1u32 << (terms.len() - 1)) - 1 {
-                let in_first = |k: usize| k == 0 || mask & (1 << (k - 1)) != 0;
-                let part = |first: bool| -> Vec<Interval> {
-                    let kept = terms.iter().enumerate().filter(|(k, _)| in_first(*k) == first);
-                    kept.map(|(_, term)| *term).collect()
-                };
-                let sum = sum_in_any_order(&part(true)).add(sum_in_any_order(&part(false)));
-                all = Some(all.map_or(sum, |all| all.join(sum)));
-            }
-            all.unwrap_or(Interval::UNBOUNDED)
-        }
-    }
+fn sum(terms: impl Iterator<Item = Interval>) -> Interval {
+    terms.reduce(Interval::add).unwrap_or_default()
 }
 
 fn length(x: &[Interval]) -> Interval {
-    let squares: Vec<Interval> = x.iter().map(|x| x.square()).collect();
-    sum_in_any_order(&squares).sqrt()
+    sum(x.iter().map(|x| x.square())).sqrt()
 }
 
 fn normalize<const N: usize>(x: [Interval; N]) -> [Interval; N] {

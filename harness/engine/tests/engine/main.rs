@@ -9,5 +9,6 @@ mod intervals;
 mod memory;
 mod observed;
 mod random;
+mod reassociation;
 mod table;
 mod textures;

@@ -14,6 +14,7 @@ use karat::probe::Probed;
 use karat::reflect::Function;
 use karat::value::{Scalar, Shape, format_f32, format_lane, hexfloat};
 use karat::{Path, Tolerance};
+use karat_suite::Wanted;
 
 use super::arguments::parse;
 use super::{BAD, Ending, Outcome};
@@ -61,7 +62,7 @@ pub(super) fn evaluate(request: &Request<'_>, input: &FilePath, out: &mut dyn Wr
         "`{}` takes no arguments, so a table has no columns",
         function.name
     );
-    let table = read(input, &columns, function, request.expect.as_ref().map(|(name, _)| *name))?;
+    let table = read(input, &columns, function, request.expect.as_ref())?;
     ensure!(!table.rows.is_empty(), "`{}` holds no case", input.display());
     let results = results(request, &table.rows)?;
     match &request.expect {
@@ -311,8 +312,10 @@ fn read(
     input: &FilePath,
     columns: &[(String, Scalar)],
     function: &Function,
-    expect: Option<&str>,
+    expect: Option<&(&str, Tolerance)>,
 ) -> anyhow::Result<Table> {
+    let near = expect.map_or(Wanted::Near, |(_, tolerance)| Wanted::from(tolerance));
+    let expect = expect.map(|(name, _)| *name);
     let shown = input.display();
     let text = text(input)?;
     let mut reader = csv::ReaderBuilder::new()
@@ -370,7 +373,7 @@ fn read(
         let wanted = places.expected.iter().zip(&expected).zip(scalars);
         let wanted = wanted.map(|((place, name), scalar)| {
             let word = record[*place].trim();
-            let value = karat_suite::expected(scalar, word);
+            let value = karat_suite::expected(scalar, word, near);
             let wrong = || format!("`{word}` is no finite number, so nothing is compared with it");
             value.with_context(wrong).with_context(|| at(name))
         });

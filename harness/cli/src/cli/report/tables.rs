@@ -257,9 +257,14 @@ fn add_rows(
 }
 
 /// The largest error that WGSL allows over its bound, and in how much of the cases it is above it:
-/// `40%`, `300% in 12%`, `anything in 3%`.
+/// `40%`, `300% in 12%`, `anything in 3%`. Any error is infinitely more than a tolerance of nothing:
+/// `more in 12%`.
 fn grant(grant: &Grant) -> String {
-    let worst = grant.worst.map_or_else(|| "anything".to_owned(), percentage);
+    let worst = match grant.worst {
+        Some(worst) => percentage(worst),
+        None if grant.unbounded == 0 => "more".to_owned(),
+        None => "anything".to_owned(),
+    };
     #[expect(clippy::cast_precision_loss, reason = "a share to two digits")]
     let share = 100.0 * grant.wider as f64 / grant.cases as f64;
     match grant.wider {
@@ -321,15 +326,18 @@ mod tests {
 
     #[test]
     fn tolerances_below_what_wgsl_allows_are_told() {
-        let grant = |wider, worst| grant(&Grant { cases: 200, wider, worst });
+        let grant = |wider, worst| grant(&Grant { cases: 200, wider, worst, unbounded: wider });
         assert_eq!(grant(0, Some(0.4)), "40%");
         assert_eq!(grant(50, Some(3.0)), "300% in 25%");
         assert_eq!(grant(1, None), "anything in <1%");
+        let inexact = Grant { cases: 200, wider: 100, worst: None, unbounded: 0 };
+        assert_eq!(self::grant(&inexact), "more in 50%");
         let mut records = [record(Verdict::Pass, 0, None)];
         let mut text = Vec::new();
         write_grants(&records.iter().collect::<Vec<_>>(), &mut text).expect("memory");
         assert!(text.is_empty(), "nothing is known");
-        records[0].paths[0].granted = Some(Grant { cases: 200, wider: 1, worst: None });
+        records[0].paths[0].granted =
+            Some(Grant { cases: 200, wider: 1, worst: None, unbounded: 1 });
         write_grants(&records.iter().collect::<Vec<_>>(), &mut text).expect("memory");
         let text = String::from_utf8(text).expect("UTF-8");
         assert!(text.contains("tolerances of 1 of 1 checks are below what WGSL allows"), "{text}");

@@ -1,0 +1,404 @@
+//! Sums and products in any order.
+//!
+//! WGSL, 15.7.5 "Reassociation and Fusion": "Reassociation is the reordering of operations in an
+//! expression such that the answer is the same if computed exactly." Its examples are sums with
+//! differences, and products with quotients. "However, the result may not be the same when computed
+//! in floating point. The reassociated result may be inaccurate due to approximation, or may trigger
+//! an overflow or NaN when computing intermediate results. An implementation may reassociate
+//! operations." No condition follows: that the result is at least as accurate is asked of fusing
+//! alone. None of the examples distributes a product over a sum, so no bound follows that.
+//!
+//! So a value remembers what it is a sum or a product of, through bindings, variables and calls. Of
+//! three terms each order is tried. Of more terms, and of factors, what is remembered is enough to
+//! bound each order at once.
+
+use super::{Interval, LEAST_DIVISOR, greatest, least, lower_sum, upper_sum};
+
+/// The least and the greatest of a term or a factor, with zero where it may be flushed.
+pub(super) type Ends = (f64, f64);
+
+/// What a value was computed of last.
+#[derive(Clone, Copy, Default)]
+pub(super) enum Chain {
+    /// Neither a sum nor a product.
+    #[default]
+    Single,
+    /// A sum of two.
+    Pair([(f32, f32); 2]),
+    /// A sum of more, or of what joins several sums.
+    Sum(Sum),
+    Product(Product),
+}
+
+impl Chain {
+    /// With the other sign.
+    pub(super) fn neg(self) -> Self {
+        match self {
+            Self::Single => Self::Single,
+            Self::Pair(terms) => Self::Pair(terms.map(|(lo, hi)| (-hi, -lo))),
+            Self::Sum(sum) => Self::Sum(sum.neg()),
+            Self::Product(product) => {
+                let (lo, hi) = (-product.exact.1, -product.exact.0);
+                Self::Product(Product { exact: (lo, hi), ..product })
+            }
+        }
+    }
+
+    /// The terms of a value with these ends.
+    fn sum(self, ends: Ends) -> Sum {
+        match self {
+            Self::Single | Self::Product(_) => Sum::of(ends),
+            Self::Pair([a, b]) => Sum::of(wide(a)).and(Sum::of(wide(b))),
+            Self::Sum(sum) => sum,
+        }
+    }
+
+    /// The factors of a value with these ends.
+    fn product(self, ends: Ends) -> Product {
+        match self {
+            Self::Product(product) => product,
+            _ => Product::of(ends),
+        }
+    }
+
+    fn is_sum(self) -> bool {
+        matches!(self, Self::Pair(_) | Self::Sum(_))
+    }
+
+    fn is_product(self) -> bool {
+        matches!(self, Self::Product(_))
+    }
+
+    /// Of what is one value or the other.
+    pub(super) fn join(self, ends: Ends, other: Self, others: Ends) -> Self {
+        match self.is_sum() || other.is_sum() {
+            true => Self::Sum(self.sum(ends).join(other.sum(others))),
+            false => Self::Single,
+        }
+    }
+}
+
+fn wide((lo, hi): (f32, f32)) -> Ends {
+    (f64::from(lo), f64::from(hi))
+}
+
+/// Ends that are `f32`.
+fn narrow((lo, hi): Ends) -> (f32, f32) {
+    (lo as f32, hi as f32)
+}
+
+fn above(x: f64) -> f32 {
+    let y = x as f32;
+    if f64::from(y) < x { y.next_up() } else { y }
+}
+
+fn below(x: f64) -> f32 {
+    let y = x as f32;
+    if f64::from(y) > x { y.next_down() } else { y }
+}
+
+fn size((lo, hi): Ends) -> Ends {
+    let (a, b) = (lo.abs(), hi.abs());
+    (if lo <= 0.0 && hi >= 0.0 { 0.0 } else { a.min(b) }, a.max(b))
+}
+
+/// An addition, rounded either way.
+fn added(a: Ends, b: Ends) -> Interval {
+    Interval::outwards(lower_sum(a.0, b.0), upper_sum(a.1, b.1))
+}
+
+/// Two values, added.
+pub(super) fn add(x: (Ends, Chain), y: (Ends, Chain)) -> Interval {
+    let ((a, of_a), (b, of_b)) = (x, y);
+    let written = added(a, b);
+    let (terms, third) = match (of_a, of_b) {
+        (of_a, of_b) if !of_a.is_sum() && !of_b.is_sum() => {
+            return Interval { chain: Chain::Pair([narrow(a), narrow(b)]), ..written };
+        }
+        (Chain::Pair(terms), of_b) if !of_b.is_sum() => (terms, b),
+        (of_a, Chain::Pair(terms)) if !of_a.is_sum() => (terms, a),
+        _ => {
+            let sum = of_a.sum(a).and(of_b.sum(b));
+            let any = sum.in_any_order();
+            return Interval { chain: Chain::Sum(sum), ..any }.unless_written(written);
+        }
+    };
+    let [first, second] = terms.map(wide);
+    let mut any = written;
+    for (first, second) in [(first, second), (second, first)] {
+        match added(first, third).bounds() {
+            Some(inner) => any = any.join(added(inner, second)),
+            None => any = Interval::UNBOUNDED,
+        }
+    }
+    let sum = Sum::of(first).and(Sum::of(second)).and(Sum::of(third));
+    Interval { chain: Chain::Sum(sum), ..any }.unless_written(written)
+}
+
+/// Two values, multiplied. `same`: they are one value, whose square is never negative.
+pub(super) fn multiply(x: (Ends, Chain), y: (Ends, Chain), same: bool) -> Interval {
+    let ((a, of_a), (b, of_b)) = (x, y);
+    let products = [a.0 * b.0, a.0 * b.1, a.1 * b.0, a.1 * b.1];
+    let lo = if same { size(a).0 * size(a).0 } else { least(&products) };
+    // Products of two f32 are exact in f64.
+    let written = Interval::outwards(lo, greatest(&products));
+    let product = of_a.product(a).times(of_b.product(b), same);
+    let chain = Chain::Product(product);
+    match of_a.is_product() || of_b.is_product() {
+        true => Interval { chain, ..product.in_any_order() }.unless_written(written),
+        false => Interval { chain, ..written },
+    }
+}
+
+/// What `written` says of two values, divided, in any order.
+pub(super) fn divide(x: (Ends, Chain), y: (Ends, Chain), written: Interval) -> Interval {
+    let ((a, of_a), (b, of_b)) = (x, y);
+    if !written.is_bounded() {
+        return written;
+    }
+    let product = of_a.product(a).over(of_b.product(b));
+    let chain = Chain::Product(product);
+    match of_a.is_product() || of_b.is_product() {
+        true => Interval { chain, ..product.in_any_order() }.unless_written(written),
+        false => Interval { chain, ..written },
+    }
+}
+
+/// Some terms of a sum.
+#[derive(Clone, Copy)]
+pub(super) struct Sum {
+    /// What they add up to, exactly.
+    exact: Ends,
+    /// What any of them add up to lies between these.
+    least: f32,
+    most: f32,
+    count: u32,
+    /// Each term is a multiple of 2 to this power, and so is each sum of them, rounded or not.
+    step: i16,
+}
+
+/// Of zero, which is a multiple of each power of two.
+const ANY_STEP: i16 = i16::MAX;
+
+/// The exponents of the least subnormal and of the least normal number.
+const LEAST_STEP: i16 = -149;
+const LEAST_NORMAL: i16 = -126;
+
+impl Sum {
+    fn of(ends: Ends) -> Self {
+        let (lo, hi) = ends;
+        let step = match (size(ends).0, lo == hi) {
+            (_, true) if lo == 0.0 => ANY_STEP,
+            (0.0, _) => LEAST_STEP,
+            (x, one) => {
+                let (_, exponent) = significand(x);
+                let trailing = if one { significand(x).0.trailing_zeros() } else { 0 };
+                exponent + trailing as i16
+            }
+        };
+        let (least, most) = (lo.min(0.0) as f32, hi.max(0.0) as f32);
+        Self { exact: ends, least, most, count: 1, step }
+    }
+
+    fn neg(self) -> Self {
+        let exact = (-self.exact.1, -self.exact.0);
+        Self { exact, least: -self.most, most: -self.least, ..self }
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            exact: (lower_sum(self.exact.0, other.exact.0), upper_sum(self.exact.1, other.exact.1)),
+            least: below(f64::from(self.least) + f64::from(other.least)),
+            most: above(f64::from(self.most) + f64::from(other.most)),
+            count: self.count.saturating_add(other.count),
+            step: self.step.min(other.step),
+        }
+    }
+
+    fn join(self, other: Self) -> Self {
+        Self {
+            exact: (self.exact.0.min(other.exact.0), self.exact.1.max(other.exact.1)),
+            least: self.least.min(other.least),
+            most: self.most.max(other.most),
+            count: self.count.max(other.count),
+            step: self.step.min(other.step),
+        }
+    }
+
+    /// `count` terms need `count - 1` additions in any order, of which the last one rounds the result.
+    /// Each other one rounds a sum of some of the terms to a neighbour, which is nearer than the distance
+    /// between floats as large as the largest such sum, and no nearer than a multiple of 2^`step`.
+    fn in_any_order(self) -> Interval {
+        let reach = f64::from(self.most.max(-self.least));
+        let count = f64::from(self.count);
+        if reach <= power(self.step.saturating_add(24)).min(f64::from(f32::MAX)) {
+            // No sum of terms is rounded.
+            return Interval::outwards(self.exact.0, self.exact.1);
+        }
+        // Rounding may add to a sum of terms.
+        let reach = reach * (count / 4_194_304.0/* 2^22 */).exp();
+        if !(reach <= f64::from(f32::MAX)) {
+            return Interval::UNBOUNDED;
+        }
+        let spacing = power((libm::ilogb(reach) as i16 - 23).max(LEAST_STEP));
+        let flushed = if self.step < LEAST_NORMAL { power(LEAST_NORMAL) } else { 0.0 };
+        let error = (spacing - power(self.step)).max(0.0) + flushed;
+        let error = (count - 2.0).max(0.0) * error;
+        Interval::outwards((self.exact.0 - error).next_down(), (self.exact.1 + error).next_up())
+    }
+}
+
+/// 2 to a power that is an `f32`'s; infinity beyond.
+fn power(exponent: i16) -> f64 {
+    if exponent > 127 { f64::INFINITY } else { 2f64.powi(i32::from(exponent)) }
+}
+
+/// The whole number of up to 24 bits, and the power of two, that an `f32` above zero is made of.
+fn significand(x: f64) -> (u32, i16) {
+    let exponent = (libm::ilogb(x).max(-126) - 23) as i16;
+    ((x / power(exponent)) as u32, exponent)
+}
+
+/// Some factors of a product, of which some are divisors.
+#[derive(Clone, Copy)]
+pub(super) struct Product {
+    /// What they make, exactly.
+    exact: Ends,
+    /// The size of what any of them make lies between these.
+    least: f32,
+    most: f32,
+    /// The size of what any of the divisors make, and of what any others make, isn't above these.
+    divisor: f32,
+    dividend: f32,
+    divisors: u16,
+    dividends: u16,
+    /// Divisions at most, in any order.
+    divisions: u16,
+    /// Factors by which a product is rounded: those that aren't powers of two.
+    rounding: u16,
+    /// Digits of all such factors. Products of up to 24 digits are exact.
+    digits: u16,
+}
+
+impl Product {
+    fn of(ends: Ends) -> Self {
+        let (least, most) = size(ends);
+        let (rounding, digits) = match ends.0 == ends.1 {
+            true if least == 0.0 => (0, 0),
+            true => {
+                let digits = 32
+                    - significand(least).0.trailing_zeros()
+                    - significand(least).0.leading_zeros();
+                if digits == 1 { (0, 0) } else { (1, digits as u16) }
+            }
+            false => (1, 24),
+        };
+        Self {
+            exact: ends,
+            least: (least as f32).min(1.0),
+            most: (most as f32).max(1.0),
+            divisor: 1.0,
+            dividend: (most as f32).max(1.0),
+            divisors: 0,
+            dividends: 1,
+            divisions: 0,
+            rounding,
+            digits,
+        }
+    }
+
+    fn times(self, other: Self, same: bool) -> Self {
+        let (a, b) = (self.exact, other.exact);
+        let products = [a.0 * b.0, a.0 * b.1, a.1 * b.0, a.1 * b.1];
+        let lo = if same { size(a).0 * size(a).0 } else { least(&products) };
+        let hi = greatest(&products);
+        let digits = self.digits.saturating_add(other.digits);
+        // What has at most the digits of an f64 is exact in it, and so is zero.
+        let is_exact = digits <= 53 && self.divisors == 0 && other.divisors == 0;
+        let exact = (
+            if is_exact || lo == 0.0 { lo } else { lo.next_down() },
+            if is_exact || hi == 0.0 { hi } else { hi.next_up() },
+        );
+        Self {
+            exact,
+            least: below(f64::from(self.least) * f64::from(other.least)),
+            most: above(f64::from(self.most) * f64::from(other.most)),
+            divisor: above(f64::from(self.divisor) * f64::from(other.divisor)),
+            dividend: above(f64::from(self.dividend) * f64::from(other.dividend)),
+            divisors: self.divisors.saturating_add(other.divisors),
+            dividends: self.dividends.saturating_add(other.dividends),
+            divisions: self.divisions.saturating_add(other.divisions),
+            rounding: self.rounding.saturating_add(other.rounding),
+            digits,
+        }
+    }
+
+    /// Divided by a product that isn't zero. `a / (b / c)` is `a c / b`, as `a - (b - c)` is `a + c - b`.
+    fn over(self, other: Self) -> Self {
+        let (lo, hi) = other.exact;
+        let inverse = Self {
+            exact: ((1.0 / hi).next_down(), (1.0 / lo).next_up()),
+            least: below(1.0 / f64::from(other.most)),
+            most: above(1.0 / f64::from(other.least)),
+            divisor: other.dividend,
+            dividend: other.divisor,
+            divisors: other.dividends,
+            dividends: other.divisors,
+            // Each of its factors may be divided by on its own.
+            divisions: other.divisions.saturating_add(other.dividends),
+            ..other
+        };
+        self.times(inverse, false)
+    }
+
+    /// `count` factors need `count - 1` operations in any order. Each rounds by less than 2^-23 of its
+    /// result, a quotient by 2.5 times that, and not at all where a power of two multiplies.
+    fn in_any_order(self) -> Interval {
+        const ROUNDED: f64 = 1.0 / 8_388_608.0; // 2^-23
+        let operations = self.dividends.saturating_add(self.divisors).saturating_sub(1);
+        if operations >= u16::MAX - 1 {
+            // They aren't counted any further.
+            return Interval::UNBOUNDED;
+        }
+        let divisions = self.divisions.min(operations);
+        let greatest = if divisions > 0 { 1.0 / LEAST_DIVISOR } else { f64::from(f32::MAX) };
+        let rounded = 1.0 + f64::from(operations) / 2_097_152.0; // 2^-21
+        if !(f64::from(self.most) * rounded <= greatest)
+            || !(f64::from(self.divisor) * rounded <= 1.0 / LEAST_DIVISOR)
+        {
+            return Interval::UNBOUNDED;
+        }
+        let multiplications = (operations - divisions).min(self.rounding.saturating_sub(1));
+        let exponents = match divisions {
+            // The last one rounds the result.
+            0 if self.digits <= 24 => (0, 0),
+            0 => (i32::from(multiplications) - 1, 0),
+            _ => (i32::from(multiplications), i32::from(divisions)),
+        };
+        let error = |by: f64| {
+            (1.0 + by * ROUNDED).powi(exponents.0.max(0))
+                * (1.0 + 2.5 * by * ROUNDED).powi(exponents.1)
+        };
+        let (lo, hi) = self.exact;
+        let (less, more) = (error(-1.0), error(1.0));
+        // What falls below the least normal number on the way is 0, or off by 2.5 of the least steps, which
+        // grow with the factors that follow.
+        let underflows = f64::from(self.least) < LEAST_DIVISOR * rounded && (lo, hi) != (0.0, 0.0);
+        let tiny = match underflows {
+            true => f64::from(operations) * 2.5 * power(LEAST_STEP) * f64::from(self.most),
+            false => 0.0,
+        };
+        // Neither rounding nor flushing changes a sign.
+        let below = match lo {
+            _ if lo > 0.0 && underflows => 0.0,
+            _ if lo >= 0.0 => lo * less,
+            _ => lo * more - tiny,
+        };
+        let above = match hi {
+            _ if hi < 0.0 && underflows => 0.0,
+            _ if hi <= 0.0 => hi * less,
+            _ => hi * more + tiny,
+        };
+        Interval::outwards(below, above)
+    }
+}
