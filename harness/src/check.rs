@@ -349,6 +349,26 @@ where
         self
     }
 
+    /// Declares that a path refuses the function, and why: its compiler doesn't know what the function is
+    /// made of, or the path lacks what it reads. If it runs there, whatever its values, the check fails
+    /// until the declaration is removed. Wrong values are what [`fails_on`](Self::fails_on) declares.
+    ///
+    /// ```no_run
+    /// # use karat::prelude::*;
+    /// # static SHADERS: Package = karat::package!("shaders");
+    /// # let (depths, depth) = (Texture::from_fn(2, 2, |x, _| x as f32), |i: u32| f64::from(i));
+    /// SHADERS
+    ///     .function("shadow::depth_of")
+    ///     .with("shadow", depths)
+    ///     .over(Integers(0..=1_u32))
+    ///     .refused_on(Path::GL, "naga's GLSL has no textureLoad of depths")
+    ///     .agrees_with(depth, Abs(0.0));
+    /// ```
+    pub fn refused_on(mut self, on: impl Into<Selector>, reason: &str) -> Self {
+        self.plan.known_issues.declare_refusal(on.into(), reason);
+        self
+    }
+
     /// The arguments without their types.
     fn stream(&self) -> Typed<'_, D> {
         Typed::arguments(&self.domain)

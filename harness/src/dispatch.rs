@@ -77,6 +77,19 @@ pub enum DispatchError {
     },
 }
 
+impl DispatchError {
+    /// Whether a path refuses what it is given before any of it runs.
+    pub(crate) fn is_refusal(&self) -> bool {
+        match self {
+            Self::Path(PathError::Route { .. } | PathError::Driver { .. }) => true,
+            Self::Fixture(error) => error.is_unsupported(),
+            Self::Probe(error) => error.is_refusal(),
+            Self::Unable { .. } => true,
+            _ => false,
+        }
+    }
+}
+
 /// The most workgroups in a direction, on every device.
 const MOST_WORKGROUPS: u32 = 65_535;
 

@@ -300,17 +300,17 @@ impl ProbeError {
     /// ```
     #[must_use]
     pub fn is_of_path(&self) -> bool {
-        let unsupported = |error: &FixtureError| match error {
-            FixtureError::Declared { source, .. } => {
-                matches!(**source, FixtureError::Unsupported { .. })
-            }
-            other => matches!(other, FixtureError::Unsupported { .. }),
-        };
         match self {
             Self::F16 { .. } | Self::Compile { .. } => true,
-            Self::Fixture(error) => unsupported(error),
+            Self::Fixture(error) => error.is_unsupported(),
             _ => false,
         }
+    }
+
+    /// Whether a path refuses what it is given before any of it runs: by its compiler, its route, or what it
+    /// lacks.
+    pub(crate) fn is_refusal(&self) -> bool {
+        self.is_of_path() || matches!(self, Self::Path(PathError::Route { .. }))
     }
 }
 
