@@ -397,6 +397,8 @@ pub enum ProbeError {
         count: usize,
         /// Of how many.
         words: usize,
+        /// What was written.
+        partial: Partial,
     },
     /// The executor has no room for even one case.
     #[error("the executor of path `{path}` has room for no case of `{function}`")]
@@ -416,6 +418,16 @@ pub enum ProbeError {
         /// Words that were returned.
         found: usize,
     },
+}
+
+/// Results of which some words were never written. They still are a NaN.
+#[derive(Debug)]
+pub struct Partial {
+    /// The words of each case, and one more.
+    pub(crate) words: Vec<u32>,
+    pub(crate) stride: usize,
+    /// Which of them weren't written.
+    pub(crate) unwritten: Vec<usize>,
 }
 
 /// The shapes of a function's parameters.

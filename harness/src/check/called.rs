@@ -52,7 +52,7 @@ impl Fitting {
     pub(super) fn on<'e>(
         self,
         executor: &'e dyn Executor,
-        fixtures: &Fixtures,
+        fixtures: &'e Fixtures,
         calls: usize,
     ) -> Result<Called<'e>, Failure> {
         let Self(probed) = self;
@@ -67,7 +67,7 @@ impl Fitting {
             return Err(ProbeError::NoRoom { function, path }.into());
         }
         let ready = Ready { path, adapter: executor::adapter(executor), prepared, width };
-        Ok(Called { probed, ready, words })
+        Ok(Called { probed, ready, words, fixtures })
     }
 }
 
@@ -78,6 +78,8 @@ pub(super) struct Called<'e> {
     pub(super) ready: Ready<'e>,
     /// Words of all arguments.
     pub(super) words: usize,
+    /// What it reads.
+    fixtures: &'e Fixtures,
 }
 
 /// A function on one executor.
@@ -90,43 +92,39 @@ pub(super) struct Ready<'e> {
 }
 
 impl Ready<'_> {
-    /// Calls of one batch.
-    pub(super) fn capacity(&self) -> usize {
-        self.prepared.capacity()
-    }
-
     pub(super) fn reads_half_floats(&self) -> bool {
         self.prepared.reads_half_floats()
     }
 
-    /// Starts calls, whose arguments follow one another in `rows`.
-    pub(super) fn start(&self, rows: &[u32], calls: usize) -> Result<Running<'_>, Failure> {
-        let started = self.prepared.start(calls, rows)?;
-        Ok(Running { started, calls, width: self.width, path: self.path })
-    }
 }
 
 /// Calls that run on one executor.
 #[must_use]
 pub(super) struct Running<'p> {
+    called: &'p Called<'p>,
     started: Started<'p>,
     calls: usize,
-    width: usize,
-    path: Path,
+    rows: Vec<u32>,
 }
 
 impl Running<'_> {
     /// Waits for the results, and lends them to `read`.
     pub(super) fn view<T>(self, mut read: impl FnMut(View<'_>) -> T) -> Result<T, Failure> {
-        let Self { started, calls, width, path } = self;
+        let Self { called, started, calls, rows } = self;
+        let Ready { width, path, .. } = called.ready;
         let mut value = None;
-        started(&mut |words, stride| {
+        let mut view = |words: &[u32], stride: usize| {
             let (expected, found) = (calls * stride.max(width), words.len());
             value = Some(match found == expected && stride >= width {
                 true => Ok(read(View { words, stride, width })),
                 false => Err(ProbeError::Length { path, expected, found }),
             });
-        })?;
+        };
+        if let Err(error) = started(&mut view) {
+            let of = (&called.probed, called.fixtures);
+            let partial = executor::left_open(of, (calls, &rows), error)?;
+            view(&partial.words, partial.stride);
+        }
         let none = || Err(ProbeError::Length { path, expected: calls * width, found: 0 });
         Ok(value.unwrap_or_else(none)?)
     }
@@ -202,12 +200,13 @@ impl Called<'_> {
 
     /// Calls of one dispatch.
     pub(super) fn capacity(&self) -> usize {
-        self.ready.capacity()
+        self.ready.prepared.capacity()
     }
 
-    /// Starts calls.
+    /// Starts calls, whose arguments follow one another in `rows`.
     pub(super) fn start(&self, rows: &[u32], calls: usize) -> Result<Running<'_>, Failure> {
-        self.ready.start(rows, calls)
+        let started = self.ready.prepared.start(calls, rows)?;
+        Ok(Running { called: self, started, calls, rows: rows.to_vec() })
     }
 
     /// Calls, and waits.

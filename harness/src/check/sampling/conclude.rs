@@ -102,7 +102,8 @@ pub(super) fn conclude(
                 *location = session.called.function().span.to_string();
             }
             read.extend(session.called.files(&plan.probe.fixtures));
-            let mut open = |Other { probe, shapes, .. }: &Other<'_>| {
+            let mut opened: Vec<Called<'_>> = Vec::new();
+            for Other { probe, shapes, .. } in others {
                 let function = (probe.package, &*probe.name);
                 let given = (&probe.fixtures, &probe.overrides);
                 let fitting = Fitting::find(function, given, inputs, shapes, "it is given")?;
@@ -112,11 +113,9 @@ pub(super) fn conclude(
                 // Where the sampler runs: what they return is compared with its samples.
                 let called = fitting.on(executor, &probe.fixtures, BATCH)?;
                 read.extend(called.files(&probe.fixtures));
-                Ok(called)
-            };
-            let others: Vec<Called<'_>> =
-                others.iter().map(&mut open).collect::<Result<_, Failure>>()?;
-            let functions = Functions { sampler: &session.called, others: &others };
+                opened.push(called);
+            }
+            let functions = Functions { sampler: &session.called, others: &opened };
             expect(&functions)?;
             threshold = sidak(settings.significance, session.count() * hypothesis.tests);
             let selected = session.selected()?;

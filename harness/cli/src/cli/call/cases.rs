@@ -9,8 +9,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use karat::diagnostic::nearest;
 use karat::fixture::Fixtures;
 use karat::image::write_whole;
-use karat::output::counted;
-use karat::probe::Probed;
+use karat::output::{counted, visible};
+use karat::probe::{ProbeError, Probed};
 use karat::reflect::Function;
 use karat::value::{Scalar, Shape, format_f32, format_lane, hexfloat};
 use karat::{Path, Tolerance};
@@ -63,43 +63,76 @@ pub(super) fn evaluate(request: &Request<'_>, input: &FilePath, out: &mut dyn Wr
     );
     let table = read(input, &columns, function, request.expect.as_ref().map(|(name, _)| *name))?;
     ensure!(!table.rows.is_empty(), "`{}` holds no case", input.display());
-    let results = results(request, &table.rows)?;
+    let given = results(request, &table.rows)?;
     match &request.expect {
         None => {
-            write_table(request, &table.rows, &results, &table.others, out)?;
-            Ok(Ending::Good)
+            write_table(request, &table.rows, &given.results, &table.others, out)?;
+            given.ending()
         }
         Some((_, tolerance)) => {
             if request.output.is_some() {
-                write_table(request, &table.rows, &results, &table.others, out)?;
+                write_table(request, &table.rows, &given.results, &table.others, out)?;
             }
-            compare(request, &columns, &table, &results, tolerance, input, out)
+            let ending = compare(request, &columns, &table, &given.results, tolerance, input, out)?;
+            Ok(if given.ending()? == Ending::Good { ending } else { Ending::Bad })
         }
     }
 }
 
-/// The results on each path.
-pub(super) fn results(
-    request: &Request<'_>,
-    rows: &[Vec<u32>],
-) -> anyhow::Result<Vec<Vec<Vec<u32>>>> {
+/// A path's results, each case a row.
+pub(super) type OfPath = (Path, Vec<Vec<u32>>);
+
+/// What paths gave.
+pub(super) struct Given {
+    pub(super) results: Vec<OfPath>,
+    /// Paths that gave nothing, and why.
+    stopped: Vec<(Path, ProbeError)>,
+}
+
+impl Given {
+    /// Says which paths gave nothing.
+    pub(super) fn ending(&self) -> Outcome {
+        for (path, error) in &self.stopped {
+            let error = error.to_string();
+            eprintln!("error: no result on {path}: {}", visible(error.trim_start_matches("error: ")));
+        }
+        Ok(if self.stopped.is_empty() { Ending::Good } else { Ending::Bad })
+    }
+}
+
+/// The results on each path, whatever becomes of the others. It is an error if all fail.
+pub(super) fn results(request: &Request<'_>, rows: &[Vec<u32>]) -> anyhow::Result<Given> {
     let steps = (rows.len() * request.paths.len()) as u64;
     let bar = ProgressBar::new(steps).with_style(
         ProgressStyle::with_template("{bar:40} {human_pos} of {human_len} cases, {eta} left")
             .expect("the template is valid"),
     );
-    let mut results: Vec<Vec<Vec<u32>>> = Vec::new();
-    for path in request.paths {
+    let of = |path: Path| {
         let mut values = Vec::with_capacity(rows.len());
         for batch in rows.chunks(STEP) {
             let fixtures = request.fixtures;
-            values.extend(karat::executor::call(request.probed, *path, batch, fixtures)?);
+            values.extend(karat::executor::call(request.probed, path, batch, fixtures)?);
             bar.inc(batch.len() as u64);
         }
-        results.push(values);
+        Ok::<_, ProbeError>(values)
+    };
+    let (mut results, mut stopped) = (Vec::new(), Vec::new());
+    for path in request.paths {
+        match of(*path) {
+            Ok(values) => results.push((*path, values)),
+            Err(error) => stopped.push((*path, error)),
+        }
     }
     bar.finish_and_clear();
-    Ok(results)
+    if results.is_empty() && !stopped.is_empty() {
+        let mut told: Vec<String> = stopped.iter().map(|(_, error)| error.to_string()).collect();
+        told.dedup();
+        match &*told {
+            [_] => return Err(stopped.swap_remove(0).1.into()),
+            _ => bail!("{}", told.join("\n")),
+        }
+    }
+    Ok(Given { results, stopped })
 }
 
 /// A lane as decimals that read back to it, or in hexadecimal.
@@ -124,7 +157,7 @@ fn wanted(scalar: Scalar, value: f64) -> String {
 pub(super) fn write_table(
     request: &Request<'_>,
     rows: &[Vec<u32>],
-    results: &[Vec<Vec<u32>>],
+    results: &[OfPath],
     others: &[(String, Vec<String>)],
     out: &mut dyn Write,
 ) -> anyhow::Result<()> {
@@ -132,7 +165,7 @@ pub(super) fn write_table(
     let columns = columns(function);
     let mut head: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
     let mut results_head = Vec::new();
-    for path in request.paths {
+    for (path, _) in results {
         let lanes = function.result.lane_names().into_iter();
         results_head.extend(lanes.map(|lane| format!("{path}{lane}")));
     }
@@ -150,7 +183,7 @@ pub(super) fn write_table(
         let inputs =
             row.iter().zip(&columns).map(|(lane, (_, scalar))| shown(*scalar, *lane, exact));
         let others = others.iter().map(|(_, words)| words[index].clone());
-        let values = results.iter().flat_map(|values| {
+        let values = results.iter().flat_map(|(_, values)| {
             let lanes = values[index].iter().zip(&scalars);
             lanes.map(|(lane, scalar)| shown(*scalar, *lane, exact))
         });
@@ -170,7 +203,7 @@ fn compare(
     request: &Request<'_>,
     columns: &[(String, Scalar)],
     table: &Table,
-    results: &[Vec<Vec<u32>>],
+    results: &[OfPath],
     tolerance: &Tolerance,
     input: &FilePath,
     out: &mut dyn Write,
@@ -178,7 +211,7 @@ fn compare(
     let function = request.probed.function();
     let (scalars, names) = (function.result.lanes(), function.result.lane_names());
     let mut ending = Ending::Good;
-    for (path, values) in request.paths.iter().zip(results) {
+    for (path, values) in results {
         let mut failing = 0;
         for (index, (actual, expected)) in values.iter().zip(&table.expected).enumerate() {
             let wrong = scalars.iter().enumerate().find_map(|(lane, scalar)| {
