@@ -154,6 +154,15 @@ pub enum ComputeError {
     /// There is nothing to compare.
     #[error("nothing is compared: {0}")]
     Nothing(String),
+    /// What passes leave is what there was before.
+    #[error(
+        "`{variable}` holds after the passes what it held before, word for word, so nothing shows that they \
+         did anything: give it other contents"
+    )]
+    Unchanged {
+        /// The variable.
+        variable: String,
+    },
     /// The reference isn't finite.
     #[error("the reference of `{variable}` is {value} at [{index}]; a reference is finite")]
     Reference {
@@ -165,7 +174,9 @@ pub enum ComputeError {
         value: f64,
     },
     /// A bound that bounds nothing.
-    #[error("the tolerance {tolerance} has the bound {bound}: use a finite number of at least 0")]
+    #[error(
+        "the tolerance {tolerance} has the bound {bound}: use a number of at least 0 that an error can exceed"
+    )]
     Bound {
         /// The tolerance.
         tolerance: Tolerance,

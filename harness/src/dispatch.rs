@@ -12,7 +12,7 @@ use crate::fixture::{self, Fixture, FixtureError, Fixtures};
 use crate::package::{LinkedModule, Package};
 use crate::path::{Path, PathError};
 use crate::probe::{self, ProbeError};
-use crate::reflect::{Binding, BindingKind, Overrides, Program, ReflectError};
+use crate::reflect::{Binding, BindingKind, Overrides, Program, ReflectError, lanes_of};
 use crate::value::Shape;
 
 /// Why nothing was dispatched.
@@ -308,6 +308,13 @@ impl Passes {
             reason: "no host can read it".to_owned(),
         })?;
         Ok((number, shape))
+    }
+
+    /// The lanes of what a buffer that is written holds before all passes.
+    pub(crate) fn before(&self, resource: usize) -> Option<Vec<u32>> {
+        let (pass, binding) = self.writer(resource)?;
+        let bytes = self.resources[resource].fixture.bytes(&pass.program, binding)?.ok()?;
+        lanes_of(pass.program.module(), binding.ty, &bytes)
     }
 
     /// The files that it depends on.

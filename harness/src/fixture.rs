@@ -217,11 +217,15 @@ fn named(binding: &Binding, name: &str) -> bool {
     binding.path == name || binding.name() == name
 }
 
-/// Refuses a fixture that no variable is called by: a misspelt name would be ignored otherwise.
+/// Refuses a fixture that no variable is called by, and a second one of a variable: either would be ignored.
 pub(crate) fn check_used(bindings: &[Binding], fixtures: &Fixtures) -> Result<(), FixtureError> {
     let unknown = |name: &String| !bindings.iter().any(|binding| named(binding, name));
-    match fixtures.iter().map(|(name, _)| name).find(|name| unknown(name)) {
-        Some(name) => Err(FixtureError::unused(name, bindings.iter().map(Binding::name))),
+    if let Some((name, _)) = fixtures.iter().find(|(name, _)| unknown(name)) {
+        return Err(FixtureError::unused(name, bindings.iter().map(Binding::name)));
+    }
+    let of = |binding: &Binding| fixtures.iter().filter(|(name, _)| named(binding, name)).count();
+    match bindings.iter().find(|binding| of(binding) > 1) {
+        Some(binding) => Err(FixtureError::Twice { variable: binding.path.clone() }.at(binding)),
         None => Ok(()),
     }
 }

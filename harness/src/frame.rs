@@ -138,6 +138,15 @@ pub enum FrameError {
         /// What was declared.
         reason: String,
     },
+    /// No draw touches a pixel.
+    #[error(
+        "no draw touches a pixel: each still is what the frame was cleared to, {clear:?}; look at what the \
+         vertex function returns, at culling and at depth"
+    )]
+    Untouched {
+        /// What the frame was cleared to.
+        clear: [f32; 4],
+    },
     /// A path draws what it is declared to refuse.
     #[error(
         "`{case}` is drawn on {path}, which is declared to refuse it: {reason}\n\

@@ -222,6 +222,16 @@ impl Plan<'_> {
             if function.result.lanes().iter().all(|lane| *lane == Scalar::Bool) {
                 return Err(unsuited(&function, "which is no number"));
             }
+            // Every integer of a type is from its least to its largest.
+            let holds_all = |lane: &Scalar| match lane {
+                Scalar::U32 => least <= 0.0 && f64::from(u32::MAX) <= most,
+                Scalar::I32 => least <= f64::from(i32::MIN) && f64::from(i32::MAX) <= most,
+                Scalar::Bool => true,
+                Scalar::F32 | Scalar::F16 => false,
+            };
+            if function.result.lanes().iter().all(holds_all) {
+                return Err(Mismatch::Range { least, most }.of(&function));
+            }
             Ok(function)
         };
         let begun = self.function().and_then(suited);
@@ -276,9 +286,14 @@ impl Plan<'_> {
         recording: Recording,
     ) -> Result<Agreement, Failure> {
         let asserted = ("agrees_with", &*criterion.to_string());
-        let begun = self.shadow(demand, reference);
+        let begun = self.shadow(demand, reference).and_then(|shadow| {
+            let own = self.function()?;
+            // What WGSL allows of a function is for a driver to keep to.
+            let itself = own.linked == shadow.linked && matches!(criterion, Criterion::Within(_));
+            if itself { Err(Mismatch::Itself.of(&own)) } else { Ok(shadow) }
+        });
         self.with(begun, asserted, (stream, demand), recording, |shadow| {
-            let Shadow { shape, interpreted, kept } = shadow;
+            let Shadow { shape, interpreted, kept, .. } = shadow;
             let expect = |rows: Rows<'_>, lanes: &mut Vec<f64>| {
                 // What isn't finite is told as an error of the reference.
                 let none = || vec![f64::NAN; rows.len() * shape.lanes().len()];
@@ -351,12 +366,15 @@ impl Plan<'_> {
                 from..from + own.lanes().len()
             })
             .collect();
-        Ok(Shadow { shape, interpreted, kept: (kept.len() < first).then_some(kept) })
+        let linked = probed.function.linked.clone();
+        Ok(Shadow { linked, shape, interpreted, kept: (kept.len() < first).then_some(kept) })
     }
 }
 
 /// Another function in `f64`.
 struct Shadow {
+    /// Its name in the text.
+    linked: String,
     /// Its result's type.
     shape: Shape,
     interpreted: Interpreted,

@@ -228,6 +228,10 @@ impl After<'_> {
                 return Err(ComputeError::Nothing(reason));
             }
             let sum = self.sum(assertion, own, &element, &found, function)?;
+            // What fails has shown something.
+            if sum.failures == 0 && passes.before(number).is_some_and(|before| before == found) {
+                return Err(ComputeError::Unchanged { variable: self.variable.clone() });
+            }
             let record = PathRecord {
                 adapter: adapter.clone(),
                 cases: elements as u64,

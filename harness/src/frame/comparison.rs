@@ -94,6 +94,11 @@ impl Frame<'_> {
             };
             let known_issue = frame.known_issue;
             let compared = goldens.check(case, &frame);
+            // A golden that shows something, or can't be used, says more.
+            let passes = matches!(compared, Ok(_) | Err(GoldenError::Missing { .. }));
+            if let Some(clear) = self.scene.untouched(&image).filter(|_| passes) {
+                return Err(FrameError::Untouched { clear });
+            }
             let record = PathRecord {
                 adapter: adapter.clone(),
                 cases: u64::from(self.scene.width) * u64::from(self.scene.height),
