@@ -175,7 +175,7 @@ pub enum ComputeError {
     },
     /// A bound that bounds nothing.
     #[error(
-        "the tolerance {tolerance} has the bound {bound}: use a number of at least 0 that an error can exceed"
+        "the tolerance {tolerance} has the bound {bound:e}: use a number of at least 0 that an error can exceed"
     )]
     Bound {
         /// The tolerance.

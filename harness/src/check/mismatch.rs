@@ -56,7 +56,7 @@ pub enum Mismatch {
     },
     /// A tolerance bounds nothing.
     #[error(
-        "has the tolerance {tolerance}, but {bound} isn't a bound: use a number of at least 0 that an \
+        "has the tolerance {tolerance}, but {bound:e} isn't a bound: use a number of at least 0 that an \
          error can exceed"
     )]
     Bound {

@@ -7,6 +7,7 @@ use super::demand::Demand;
 use super::plan::{Plan, Recording};
 use super::session::{Asserted, Session};
 use super::{Agreement, Check, Failure, Mismatch, Vacuous};
+use crate::diagnostic::Span;
 use crate::domain::{Domain, Stream};
 use crate::fixture::Fixtures;
 use crate::interpret::Interpreted;
@@ -289,7 +290,9 @@ impl Plan<'_> {
         let begun = self.shadow(demand, reference).and_then(|shadow| {
             let own = self.function()?;
             // What WGSL allows of a function is for a driver to keep to.
-            let itself = own.linked == shadow.linked && matches!(criterion, Criterion::Within(_));
+            let declared = |span: &Span| (span.file.name.clone(), span.range.clone());
+            let itself = declared(&own.span) == declared(&shadow.span)
+                && matches!(criterion, Criterion::Within(_));
             if itself { Err(Mismatch::Itself.of(&own)) } else { Ok(shadow) }
         });
         self.with(begun, asserted, (stream, demand), recording, |shadow| {
@@ -366,15 +369,15 @@ impl Plan<'_> {
                 from..from + own.lanes().len()
             })
             .collect();
-        let linked = probed.function.linked.clone();
-        Ok(Shadow { linked, shape, interpreted, kept: (kept.len() < first).then_some(kept) })
+        let span = probed.function.span.clone();
+        Ok(Shadow { span, shape, interpreted, kept: (kept.len() < first).then_some(kept) })
     }
 }
 
 /// Another function in `f64`.
 struct Shadow {
-    /// Its name in the text.
-    linked: String,
+    /// Where it is declared.
+    span: Span,
     /// Its result's type.
     shape: Shape,
     interpreted: Interpreted,

@@ -143,7 +143,7 @@ impl Group {
         index: usize,
         (sum, control): (&Sum, &Sum),
     ) -> Option<Failure> {
-        let (case, path) = (&self.cases[index], session.called.ready.path);
+        let case = &self.cases[index];
         let bound = assertion.on(&session.called);
         let nodes = case.nodes.weights.len() - case.own;
         if nodes == 0 || sum.bad.is_some() || control.bad.is_some() {
@@ -161,7 +161,7 @@ impl Group {
             (!doubt.passes()).then(|| {
                 let expected = case.expected[lane];
                 let reason = format!(
-                    "gives {value} with {} nodes and {control} with {nodes} on {path}, {doubt} \
+                    "gives {value} with {} nodes and {control} with {nodes}, {doubt} \
                      apart, where {expected} is {}, so there is no verdict: use more rings, or a \
                      rule of your own with `.integral(...)`,",
                     case.own,

@@ -452,3 +452,55 @@ fn line(text: &str, start: usize) -> usize {
     let start = start + skipped.map(str::len).sum::<usize>();
     text.get(..start).unwrap_or_default().matches('\n').count() + 1
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use karat::{Abs, Package};
+
+    /// Each path's rows are compared, and not the first one's alone.
+    #[test]
+    fn rows_that_differ_on_the_second_path_alone_are_bad() {
+        let package = Package::from_source("m", "fn twice(x: f32) -> f32 { return 2.0 * x; }");
+        let probed = Probed::new(&package, "twice").expect("valid");
+        let (fixtures, paths) = (Fixtures::new(), [Path::CPU, Path::VULKAN]);
+        let (probed, fixtures, tolerance) = (&probed, &fixtures, Tolerance::from(Abs(0.0)));
+        let expect = Some(("wanted", tolerance.clone()));
+        let paths = &paths[..];
+        let request = Request { probed, fixtures, paths, output: None, exact: false, expect };
+        let row = |x: f32| vec![x.to_bits()];
+        let table = Table {
+            rows: vec![row(1.0), row(2.0)],
+            text: "x,wanted\n1,2\n2,4\n".to_owned(),
+            starts: vec![9, 13],
+            expected: vec![vec![2.0], vec![4.0]],
+            others: Vec::new(),
+        };
+        let columns = columns(probed.function());
+        let right = vec![row(2.0), row(4.0)];
+        for wrong in [None, Some(0), Some(1)] {
+            let mut results: Vec<OfPath> = paths.iter().map(|path| (*path, right.clone())).collect();
+            if let Some(wrong) = wrong {
+                results[wrong].1[1] = row(5.0);
+            }
+            let mut out = Vec::new();
+            let input = FilePath::new("t.csv");
+            let ending =
+                compare(&request, &columns, &table, &results, &tolerance, input, &mut out);
+            let text = String::from_utf8_lossy(&out).into_owned();
+            let good = if wrong.is_some() { Ending::Bad } else { Ending::Good };
+            assert_eq!(ending.expect("it is written"), good, "{text}");
+            let guilty = wrong.map(|path| format!("{}: 1 of 2 rows differ", paths[path]));
+            assert!(guilty.is_none_or(|guilty| text.contains(&guilty)), "{text}");
+        }
+    }
+
+    /// A path that gives nothing makes the command fail, whatever the others give.
+    #[test]
+    fn a_path_without_results_is_bad() {
+        let (path, expected, found) = (Path::VULKAN, 1, 0);
+        let stopped = vec![(path, ProbeError::Length { path, expected, found })];
+        let given = Given { results: vec![(Path::CPU, Vec::new())], stopped };
+        assert_eq!(given.ending().expect("it is said"), Ending::Bad);
+    }
+}
