@@ -421,6 +421,20 @@ pub enum ProbeError {
 }
 
 /// Results of which some words were never written. They still are a NaN.
+///
+/// ```
+/// use karat::probe::ProbeError;
+///
+/// fn told(error: &ProbeError) -> String {
+///     match error {
+///         ProbeError::ResultNotWritten { path, partial, .. } => format!("{path}: {partial:?}"),
+///         other => other.to_string(),
+///     }
+/// }
+/// # let package = karat::Package::from_source("m", "fn f() -> f32 { return 1.0; }");
+/// # let error = karat::probe::Probed::new(&package, "g").unwrap_err();
+/// # assert!(told(&error).contains("no function `g`"), "{}", told(&error));
+/// ```
 #[derive(Debug)]
 pub struct Partial {
     /// The words of each case, and one more.
