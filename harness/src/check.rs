@@ -155,7 +155,7 @@ impl Package {
 }
 
 impl<'a> Probe<'a> {
-    /// Supplies a texture, sampler or buffer for the resource variable `name`.
+    /// Supplies a texture, sampler or buffer for the resource variable `name`. Each variable is given once.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -331,9 +331,10 @@ where
     /// Declares that the check fails on a path, and why: a driver's bug by its number.
     ///
     /// On that path at least one case must fail; if none does, the check fails until the
-    /// declaration is removed. The declaration covers every failure there, so for lost digits
-    /// prefer [`tolerance_on`](Self::tolerance_on). Other paths are judged as usual. `karat test`
-    /// counts the check as a known issue, never as one that passes.
+    /// declaration is removed. The declaration covers every wrong value there, NaN included, so for lost
+    /// digits prefer [`tolerance_on`](Self::tolerance_on). What stops the path, such as an endless loop, is
+    /// an error all the same. Other paths are judged as usual. `karat test` counts the check as a known
+    /// issue, never as one that passes.
     ///
     /// ```no_run
     /// # use karat::prelude::*;

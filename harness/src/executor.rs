@@ -18,8 +18,8 @@ use crate::dispatch::{Afterwards, DispatchError, Passes};
 use crate::draw::{DrawError, Drawing};
 use crate::fixture::{self, Fixtures};
 use crate::image::Image;
-use crate::path::{self, Adapter, Device, Path, PathError};
 use crate::interpret::Interpreted;
+use crate::path::{self, Adapter, Device, Path, PathError};
 use crate::probe::{BATCH, Call, Partial, Prepared, ProbeError, Probed, Runner};
 
 /// Something that runs WGSL: a driver, or whatever stands in for one.
@@ -174,12 +174,9 @@ pub fn call(
         let mut read = |words: &[u32], stride: usize| {
             results.extend(words.chunks_exact(stride).map(|case| case[..width].to_vec()));
         };
-        match started(&mut read) {
-            Err(error) => {
-                let partial = left_open((probed, fixtures), (batch.len(), &rows), error)?;
-                read(&partial.words, partial.stride);
-            }
-            Ok(()) => {}
+        if let Err(error) = started(&mut read) {
+            let partial = left_open((probed, fixtures), (batch.len(), &rows), error)?;
+            read(&partial.words, partial.stride);
         }
     }
     Ok(results)
@@ -193,10 +190,8 @@ pub(crate) fn left_open(
     (cases, rows): (usize, &[u32]),
     error: ProbeError,
 ) -> Result<Partial, ProbeError> {
-    let ProbeError::ResultNotWritten { partial: Partial { stride, unwritten, .. }, .. } = &error
-    else {
-        return Err(error);
-    };
+    let ProbeError::ResultNotWritten { partial, .. } = &error else { return Err(error) };
+    let Partial { stride, unwritten, .. } = &**partial;
     let (width, lanes) = (rows.len() / cases.max(1), probed.function().result.lanes().len());
     let mut named: Vec<usize> = unwritten.iter().map(|place| place / stride).collect();
     named.dedup();
@@ -211,7 +206,7 @@ pub(crate) fn left_open(
     };
     match error {
         ProbeError::ResultNotWritten { partial, .. } if partial.unwritten.iter().all(is_open) => {
-            Ok(partial)
+            Ok(*partial)
         }
         error => Err(error),
     }
@@ -262,7 +257,7 @@ mod tests {
         let (fixtures, rows) = (Fixtures::new(), [1.0_f32, 2.0, 1.0, 3.0].map(f32::to_bits));
         let left = |unwritten: Vec<usize>| {
             let (count, function) = (unwritten.len(), "open".to_owned());
-            let partial = Partial { words: vec![7; 6], stride: 3, unwritten };
+            let partial = Box::new(Partial { words: vec![7; 6], stride: 3, unwritten });
             let (path, component) = (Path::VULKAN, ".y".to_owned());
             let error = ProbeError::ResultNotWritten {
                 function,

@@ -223,11 +223,15 @@ pub(crate) fn check_used(bindings: &[Binding], fixtures: &Fixtures) -> Result<()
     if let Some((name, _)) = fixtures.iter().find(|(name, _)| unknown(name)) {
         return Err(FixtureError::unused(name, bindings.iter().map(Binding::name)));
     }
-    let of = |binding: &Binding| fixtures.iter().filter(|(name, _)| named(binding, name)).count();
-    match bindings.iter().find(|binding| of(binding) > 1) {
-        Some(binding) => Err(FixtureError::Twice { variable: binding.path.clone() }.at(binding)),
-        None => Ok(()),
+    let given = |binding: &Binding| fixtures.iter().rposition(|(name, _)| named(binding, name));
+    let used: Vec<usize> = bindings.iter().filter_map(given).collect();
+    for (place, (name, _)) in fixtures.iter().enumerate().filter(|(at, _)| !used.contains(at)) {
+        let other = |binding: &&Binding| named(binding, name) && given(binding) > Some(place);
+        if let Some(binding) = bindings.iter().find(other) {
+            return Err(FixtureError::Twice { variable: binding.path.clone() }.at(binding));
+        }
     }
+    Ok(())
 }
 
 /// The fixture of each variable, the last one given where there are several.

@@ -189,10 +189,9 @@ impl FrameError {
     fn is_verdict(&self) -> bool {
         match self {
             Self::Mean { .. } | Self::UnexpectedPass { .. } | Self::NotRefused { .. } => true,
-            Self::Golden { source, .. } => matches!(
-                **source,
-                GoldenError::Differs { .. } | GoldenError::Unacceptable { .. }
-            ),
+            Self::Golden { source, .. } => {
+                matches!(**source, GoldenError::Differs { .. } | GoldenError::Unacceptable { .. })
+            }
             Self::Paths(paths) => paths.all().any(Self::is_verdict),
             _ => false,
         }

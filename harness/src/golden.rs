@@ -395,7 +395,8 @@ impl Goldens {
         } else {
             match self.write_pending(case, frame, against) {
                 Ok(pending) if frame.other_waits => {
-                    let of_another = "which is the frame of another path: decide about that one first";
+                    let of_another =
+                        "which is the frame of another path: decide about that one first";
                     (of_another.to_owned(), Some(pending))
                 }
                 Ok(pending) => (self.advice(&pending, &difference, golden), Some(pending)),

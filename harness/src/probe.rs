@@ -398,7 +398,7 @@ pub enum ProbeError {
         /// Of how many.
         words: usize,
         /// What was written.
-        partial: Partial,
+        partial: Box<Partial>,
     },
     /// The executor has no room for even one case.
     #[error("the executor of path `{path}` has room for no case of `{function}`")]

@@ -210,7 +210,9 @@ const VERBS: [Verb; 20] = [
         check(fakes, "twice", 0.0..=1.0, |c| c.try_satisfies("is positive", |_, y: f32| y >= 0.0))
     }),
     ("is_finite, or stays_within", |fakes| {
-        check(fakes, "twice", 0.0..=1.0, |c| c.clone().try_is_finite().and(c.try_stays_within(0.0, 2.0)))
+        check(fakes, "twice", 0.0..=1.0, |c| {
+            c.clone().try_is_finite().and(c.try_stays_within(0.0, 2.0))
+        })
     }),
     ("is_unit", |fakes| check(fakes, "same", UnitVector, |c| c.try_is_unit())),
     ("invariant_under", |fakes| {
@@ -226,9 +228,7 @@ const VERBS: [Verb; 20] = [
         })
     }),
     ("is_monotone_in", |fakes| {
-        check(fakes, "twice", 0.0..=1.0, |c| {
-            c.try_is_monotone_in("x", Trend::Increasing, Ulp(0.0))
-        })
+        check(fakes, "twice", 0.0..=1.0, |c| c.try_is_monotone_in("x", Trend::Increasing, Ulp(0.0)))
     }),
     ("at_limit", |fakes| {
         let limit = Limit::toward(0.0, [0.1, 0.01, 0.001]);
@@ -275,7 +275,10 @@ const VERBS: [Verb; 20] = [
         let right = two(Fault::None, Fault::None);
         let matches = |fakes: &[Fake; 2]| {
             let package = package();
-            let part = Part::listed(vec![Scalar::F32], [0.25_f32, 0.5].map(|x| vec![x.to_bits()]).to_vec());
+            let part = Part::listed(
+                vec![Scalar::F32],
+                [0.25_f32, 0.5].map(|x| vec![x.to_bits()]).to_vec(),
+            );
             let x = Dynamic::new(&[("x".to_owned(), Shape::Scalar(Scalar::F32))], vec![vec![part]]);
             let probe = package.function("twice").on(&fakes[0]).on(&fakes[1]);
             told(probe.over_dynamic(x).matches(&goldens, "twice", Ulp(0.0)))
@@ -333,7 +336,10 @@ fn a_path_that_stops_leaves_the_others_their_verdict() {
                 _ => ["vulkan@two", "vulkan@one"],
             };
             let no_verdict = " of two there is no verdict\n";
-            assert!(error.contains(&format!("on {stops}: ")) && error.contains(no_verdict), "{verb}: {error}");
+            assert!(
+                error.contains(&format!("on {stops}: ")) && error.contains(no_verdict),
+                "{verb}: {error}"
+            );
             assert!(error.contains(&format!("on {differs}: ")), "{verb}: {error}");
         }
         let error = run(&two(Fault::Stops, Fault::None)).expect_err(verb);

@@ -68,7 +68,8 @@ fn integers_have_an_upper_bound_too() {
 #[test]
 fn an_allowed_interval_is_wide_at_either_end() {
     for (function, side) in [("max", 1.0), ("min", -1.0)] {
-        let text = format!("fn f(x: f32) -> f32 {{ return {function}(1.0, 1.0 + 1000.0 * sin(x)); }}");
+        let text =
+            format!("fn f(x: f32) -> f32 {{ return {function}(1.0, 1.0 + 1000.0 * sin(x)); }}");
         let package = package(&text);
         let reference = move |x: f64| {
             let wave = 1.0 + 1000.0 * x.sin();
@@ -109,9 +110,8 @@ fn the_floor_of_a_gate() {
         Image::new(64, 64, pixels)
     };
     let gate = FrameTolerance::gate(1e-2);
-    let passes = |dark: f32, alpha: f32| {
-        gate.compare(&image(0.0, 0.0), &image(dark, alpha), None).is_ok()
-    };
+    let passes =
+        |dark: f32, alpha: f32| gate.compare(&image(0.0, 0.0), &image(dark, alpha), None).is_ok();
     // 1e-2 of a ten-thousandth of the key, which is 1; of alpha, of a hundredth.
     assert!(passes(0.9e-6, 0.9e-4), "less than the floor");
     assert!(!passes(1.5e-6, 0.0), "more than the floor of a colour");
@@ -156,7 +156,8 @@ fn bounds_that_nothing_exceeds_are_refused() {
     for bound in [Rel(1e30), Rel(1e-30)] {
         half(bound.into()).expect("it is equal");
     }
-    let all = |most: f64| package.function("u").over(Integers(0..=9_u32)).try_stays_within(0.0, most);
+    let all =
+        |most: f64| package.function("u").over(Integers(0..=9_u32)).try_stays_within(0.0, most);
     let error = all(f64::from(u32::MAX)).expect_err("every u32 is there").to_string();
     assert!(error.contains("no result, or every one, would"), "{error}");
     all(f64::from(u32::MAX) - 1.0).expect("they do");

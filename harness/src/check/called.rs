@@ -95,7 +95,6 @@ impl Ready<'_> {
     pub(super) fn reads_half_floats(&self) -> bool {
         self.prepared.reads_half_floats()
     }
-
 }
 
 /// Calls that run on one executor.

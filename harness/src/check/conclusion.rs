@@ -2,9 +2,7 @@
 
 use super::path_tally::PathTally;
 use super::session::{Asserted, Session};
-use super::{
-    Agreement, Disagreement, Failure, PathDisagreement, Plan, Simplest, Vacuous,
-};
+use super::{Agreement, Disagreement, Failure, PathDisagreement, Plan, Simplest, Vacuous};
 use crate::path::Adapter;
 use crate::probe::Inputs;
 use crate::reflect::Function;

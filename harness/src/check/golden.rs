@@ -157,7 +157,9 @@ impl Plan<'_> {
                     }
                     (Err(failure), Left::Nothing) => Err(failure),
                     (Err(failure), Left::Differs(source)) => Err(failure.with_golden(source)),
-                    (_, Left::Other(source) | Left::Differs(source)) => Err(Failure::golden(source)),
+                    (_, Left::Other(source) | Left::Differs(source)) => {
+                        Err(Failure::golden(source))
+                    }
                 }
             },
         )
@@ -304,11 +306,7 @@ impl Comparison<'_> {
     }
 
     /// What the function returns for these arguments.
-    fn made<'a>(
-        &self,
-        session: &'a Session<'_>,
-        rows: &[Vec<u32>],
-    ) -> Result<Made<'a>, Failure> {
+    fn made<'a>(&self, session: &'a Session<'_>, rows: &[Vec<u32>]) -> Result<Made<'a>, Failure> {
         let called = &session.called;
         let mut words = Vec::new();
         for rows in rows.chunks(called.capacity().max(1)) {

@@ -196,7 +196,8 @@ impl Plan<'_> {
                 let factors = scaling.factors(session, batch)?;
                 // What the plain arguments gave is what the transformed ones should, but for the factor.
                 let expected = |case: usize| -> Vec<f64> {
-                    let decoded = scalars.iter().zip(before.of(case)).map(|(s, word)| s.decode(*word));
+                    let decoded =
+                        scalars.iter().zip(before.of(case)).map(|(s, word)| s.decode(*word));
                     let factor = factors.as_ref().map_or(1.0, |factors| factors[case]);
                     decoded.map(|lane| lane * factor).collect()
                 };

@@ -83,8 +83,7 @@ pub(super) type Expect<'e> = &'e (dyn Fn(Rows<'_>, &mut Vec<f64>) + Sync);
 
 impl<'a> Session<'a> {
     pub(super) fn open(
-        plan: &'a Plan<'_>,
-        executor: &'a dyn Executor,
+        (plan, executor): (&'a Plan<'_>, &'a dyn Executor),
         stream: &'a dyn Stream,
         demand: &Demand,
         identity: &'a Identity,

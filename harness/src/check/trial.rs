@@ -94,7 +94,13 @@ impl Plan<'_> {
                 let judge = &mut |executor: &dyn Executor, adapter: &Adapter| {
                     let asserted = asserted.clone();
                     let session = Session::open(
-                        self, executor, stream, demand, identity, seed, asserted, inputs,
+                        (self, executor),
+                        stream,
+                        demand,
+                        identity,
+                        seed,
+                        asserted,
+                        inputs,
                     )?;
                     let session = session.remembering(memory.as_ref());
                     if let Subject::Function { location, .. } = &mut subject {

@@ -7,7 +7,8 @@ use crate::diagnostic::FileRead;
 use crate::draw::Source;
 use crate::executor::Executor;
 use crate::golden::{
-    COLOR, FrameDifference, FrameMargin, FrameTolerance, GoldenError, Goldens, MASK, Rendered, VARIANCE,
+    COLOR, FrameDifference, FrameMargin, FrameTolerance, GoldenError, Goldens, MASK, Rendered,
+    VARIANCE,
 };
 use crate::image::{Image, Part};
 use crate::metric::{Gate, Mask};

@@ -131,8 +131,12 @@ impl Frame<'_> {
         };
         let all = self.known_issues.conclude(&executors, false, records, on_path);
         let differ = |differing: Vec<(Adapter, Mean)>, _: &[(Adapter, Mean)]| {
-            let off = |(adapter, (mean, worst)): (Adapter, Mean)| {
-                FrameError::Mean { adapter: Box::new(adapter), rect, expected, mean, worst }
+            let off = |(adapter, (mean, worst)): (Adapter, Mean)| FrameError::Mean {
+                adapter: Box::new(adapter),
+                rect,
+                expected,
+                mean,
+                worst,
             };
             differing.into_iter().map(off).collect()
         };

@@ -338,7 +338,7 @@ impl<'d> Dispatcher<'d> {
             first: u32::try_from(first / self.stride_out).expect("a batch fits in 32 bits"),
             count: unwritten.len(),
             words: dispatch.cases * (self.stride_out - 1),
-            partial: Partial { words, stride: self.stride_out, unwritten },
+            partial: Box::new(Partial { words, stride: self.stride_out, unwritten }),
         })
     }
 

@@ -64,9 +64,10 @@ impl<E> PathFailures<E> {
 impl<E: Display> Display for PathFailures<E> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let failures = self.failures.iter().map(|failure| format!("{failure}"));
-        let stopped = self.stopped.iter().map(|(adapter, error)| {
-            format!("on {adapter} there is no verdict\n{error}")
-        });
+        let stopped = self
+            .stopped
+            .iter()
+            .map(|(adapter, error)| format!("on {adapter} there is no verdict\n{error}"));
         let agreeing = self.agreeing.iter().map(|adapter| format!("on {adapter}\n  it agrees"));
         let all: Vec<String> = failures.chain(stopped).chain(agreeing).collect();
         let all: Vec<&str> = all.iter().map(|one| one.trim_end_matches('\n')).collect();
@@ -138,7 +139,7 @@ impl KnownIssues {
         executors: &[&dyn Executor],
         replays: bool,
         records: &mut Vec<PathRecord>,
-        judge: &mut dyn FnMut(&dyn Executor, &Adapter) -> Result<Judged<V>, E>,
+        judge: JudgePath<'_, V, E>,
     ) -> Conclusion<V, E> {
         let mut all = Conclusion::default();
         for executor in executors {
@@ -224,6 +225,10 @@ pub(crate) struct Judged<V> {
     pub(crate) record: PathRecord,
     pub(crate) values: V,
 }
+
+/// Has one path judged.
+pub(crate) type JudgePath<'j, V, E> =
+    &'j mut dyn FnMut(&dyn Executor, &Adapter) -> Result<Judged<V>, E>;
 
 /// Why a check, a frame or passes fail.
 pub(crate) trait Stop: Display {

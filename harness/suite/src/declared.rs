@@ -488,22 +488,11 @@ const TAKEN: [(&str, &[&str]); 3] = [
 ];
 
 /// The assertions that take a tolerance.
-const WITHIN: [&str; 8] = [
-    "agrees_with",
-    "table",
-    "golden",
-    "equals",
-    "symmetric_in",
-    "monotone",
-    "limit",
-    "integral",
-];
+const WITHIN: [&str; 8] =
+    ["agrees_with", "table", "golden", "equals", "symmetric_in", "monotone", "limit", "integral"];
 
 /// A key that is written and that none of a test's assertions takes, with what is wrong: it would be ignored.
-fn idle_key(
-    whats: &[What],
-    written: &dyn Fn(&str) -> bool,
-) -> Option<(&'static str, String)> {
+fn idle_key(whats: &[What], written: &dyn Fn(&str) -> bool) -> Option<(&'static str, String)> {
     let idle = |(key, _): &&(&str, _)| written(key) && !whats.iter().any(|what| what.takes(key));
     let (key, takers) = TAKEN.iter().find(idle)?;
     let own: Vec<String> = whats.iter().map(|what| format!("`{}`", what.form())).collect();
@@ -583,7 +572,8 @@ fn whats(test: &Declared) -> Result<Vec<What>, String> {
         match (&integral.is, &integral.at_most) {
             (Some(_), None) if integral.slack.is_some() => {
                 return Err(
-                    "`slack` does nothing beside `is`, which has a `tolerance`: leave it out".to_owned()
+                    "`slack` does nothing beside `is`, which has a `tolerance`: leave it out"
+                        .to_owned(),
                 );
             }
             (Some(_), None) | (None, Some(_)) => all.push(What::Integral(integral.clone())),
@@ -700,7 +690,10 @@ mod tests {
                  limit = { a = 0, through = [0.1, 0.01], is = 1 }\ntolerance = \"4 ulp\"\n",
                 "`a` in `over` does nothing",
             ),
-            ("[[test]]\nfunction = \"f\"\nfinite = true\nwith = { d = 1, d = 2 }\n", "duplicate key"),
+            (
+                "[[test]]\nfunction = \"f\"\nfinite = true\nwith = { d = 1, d = 2 }\n",
+                "duplicate key",
+            ),
             (
                 "[[test]]\nfunction = \"f\"\nsymmetric_in = [\"a\", \"b\", \"c\"]\n",
                 "test.toml:3:16",

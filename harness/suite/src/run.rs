@@ -345,13 +345,15 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
         What::Golden(name) => {
             let tolerance = required()?;
             let goldens = Goldens::open(&folder.join(GOLDEN));
-            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.matches(&goldens, name, tolerance))
+            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?
+                .matches(&goldens, name, tolerance))
         }
         What::Equals(value) => {
             let criterion = wanted()?;
             let expected = wide(&result, value)?;
             let expect = |_: &[u32], lanes: &mut Vec<f64>| lanes.extend(&expected);
-            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.agrees_with(&expect, criterion))
+            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?
+                .agrees_with(&expect, criterion))
         }
         What::Finite => {
             if !result.lanes().iter().any(|lane| lane.is_float()) {
@@ -383,7 +385,8 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
                 out.extend(swapped);
             };
             let tolerance = or_exact()?;
-            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.invariant_under(&swap, tolerance))
+            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?
+                .invariant_under(&swap, tolerance))
         }
         What::Monotone(argument, direction) => {
             place(&parameters, argument)?;
@@ -445,7 +448,9 @@ fn function(package: &Package, assertion: &Assertion) -> Judged {
                 }
             }
         }
-        What::NoHazards => Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.has_no_hazards()),
+        What::NoHazards => {
+            Ok(settled(probe.over_dynamic(domain(all)?), assertion)?.has_no_hazards())
+        }
     }
 }
 

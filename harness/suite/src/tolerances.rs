@@ -79,9 +79,8 @@ fn bound(text: &str) -> Result<Tolerance, String> {
         "abs" => Abs(number).into(),
         _ => return Err(unknown(text)),
     };
-    let passes = |actual: f32, expected: f32| {
-        bound.measure(0, actual, f64::from(expected)).passes()
-    };
+    let passes =
+        |actual: f32, expected: f32| bound.measure(0, actual, f64::from(expected)).passes();
     let farthest = [(f32::MAX, f32::MIN), (f32::MIN, f32::from_bits(1))];
     match farthest.into_iter().all(|(actual, expected)| passes(actual, expected)) {
         true => Err(format!("`{text}` bounds nothing: no two numbers are farther apart")),
@@ -115,7 +114,8 @@ mod tests {
             assert!(criterion(text).is_err(), "{text}");
         }
         // Nothing could be off by more.
-        for text in ["rel 1e300", "abs 1e39", "1e10 ulp", "spec or rel 1e300", "4 ulp or abs 1e300"] {
+        for text in ["rel 1e300", "abs 1e39", "1e10 ulp", "spec or rel 1e300", "4 ulp or abs 1e300"]
+        {
             assert!(criterion(text).expect_err(text).contains("bounds nothing"), "{text}");
         }
         for text in ["rel 1e30", "abs 1e38", "1e9 ulp"] {

@@ -89,8 +89,7 @@ pub(super) fn conclude(
         let on_path = &mut |executor: &dyn Executor, adapter: &Adapter| {
             let asserted = asserted.clone();
             let session = Session::open(
-                plan,
-                executor,
+                (plan, executor),
                 configurations,
                 &demand,
                 &identity,

@@ -94,7 +94,10 @@ impl Given {
     pub(super) fn ending(&self) -> Outcome {
         for (path, error) in &self.stopped {
             let error = error.to_string();
-            eprintln!("error: no result on {path}: {}", visible(error.trim_start_matches("error: ")));
+            eprintln!(
+                "error: no result on {path}: {}",
+                visible(error.trim_start_matches("error: "))
+            );
         }
         Ok(if self.stopped.is_empty() { Ending::Good } else { Ending::Bad })
     }
@@ -479,14 +482,14 @@ mod tests {
         let columns = columns(probed.function());
         let right = vec![row(2.0), row(4.0)];
         for wrong in [None, Some(0), Some(1)] {
-            let mut results: Vec<OfPath> = paths.iter().map(|path| (*path, right.clone())).collect();
+            let mut results: Vec<OfPath> =
+                paths.iter().map(|path| (*path, right.clone())).collect();
             if let Some(wrong) = wrong {
                 results[wrong].1[1] = row(5.0);
             }
             let mut out = Vec::new();
             let input = FilePath::new("t.csv");
-            let ending =
-                compare(&request, &columns, &table, &results, &tolerance, input, &mut out);
+            let ending = compare(&request, &columns, &table, &results, &tolerance, input, &mut out);
             let text = String::from_utf8_lossy(&out).into_owned();
             let good = if wrong.is_some() { Ending::Bad } else { Ending::Good };
             assert_eq!(ending.expect("it is written"), good, "{text}");
